@@ -16,13 +16,15 @@ if TYPE_CHECKING:  # slow to import, and --help does not need it
 
 _MEASURING = ("calibration", "record")
 _CALIBRATING = ("board", "spacing")
+_OF_CALIBRATION = (*_CALIBRATING, "charuco")
+_OF_MEASURING = (*_MEASURING, "tag")
 
 
 @reports_errors("depth")
 def main(argv: Sequence[str]) -> int:
     """Run the command; return 0, or 2 if the video, the record, the calibration or the options are bad."""
     arguments = _parser().parse_args(argv)
-    wanted, other = (_CALIBRATING, _MEASURING) if arguments.calibrate else (_MEASURING, _CALIBRATING)
+    wanted, other = (_CALIBRATING, _OF_MEASURING) if arguments.calibrate else (_MEASURING, _OF_CALIBRATION)
     what = "with --calibrate" if arguments.calibrate else "to measure a video"
     for name in wanted:
         if getattr(arguments, name) is None:
@@ -38,15 +40,18 @@ def main(argv: Sequence[str]) -> int:
 
 def _calibrate(arguments: argparse.Namespace) -> int:
     from cutenv.recording.columns import parse_length
-    from cutenv.vision.camera_calibration import CalibrationBoard, calibrate_cameras, read_image
+    from cutenv.vision.calibration_board import CalibrationBoard, read_image
+    from cutenv.vision.camera_calibration import calibrate_cameras
 
     if arguments.out is None or arguments.out.suffix != ".json":
         raise ValueError("--calibrate writes one file: give --out cam.json.")
     if not arguments.stereo and arguments.plane is None:
         raise ValueError("one camera needs --plane IMAGE, the board standing in the plane of the cut; a pair --stereo.")
-    board = CalibrationBoard.parse(
-        arguments.board, parse_length("--spacing", arguments.spacing), "circles" if arguments.circles else "chessboard"
-    )
+    if arguments.circles and arguments.charuco is not None:
+        raise ValueError("--circles and --charuco are two kinds of board: give one.")
+    kind = "circles" if arguments.circles else "chessboard" if arguments.charuco is None else "charuco"
+    tag = None if arguments.charuco is None else parse_length("--charuco", arguments.charuco)
+    board = CalibrationBoard.parse(arguments.board, parse_length("--spacing", arguments.spacing), kind, tag)
     made_folder("folder", arguments.out.parent)
     plane = None if arguments.plane is None else (str(arguments.plane), read_image(arguments.plane))
     images = ((str(path), read_image(path)) for path in watched(arguments.files, "finding the board", "image"))
@@ -68,9 +73,9 @@ def _measure(arguments: argparse.Namespace) -> int:
     from cutenv.recording.columns import parse_length
     from cutenv.report.depth_page import FilmedRecord, write_depth_page, write_frame_table
     from cutenv.vision.blade_depth import BladeCameras
+    from cutenv.vision.blade_mark import MarkedBlade
     from cutenv.vision.cameras import CalibratedCameras
     from cutenv.vision.depth_record import filmed_depth
-    from cutenv.vision.marked_blade import MarkedBlade
     from cutenv.vision.video import video_facts, video_frames
 
     if len(arguments.files) != 1:
@@ -79,7 +84,7 @@ def _measure(arguments: argparse.Namespace) -> int:
         raise ValueError(f"--rate {arguments.rate:g} is no number of frames a second: 0.1 to 10000.")
     video = arguments.files[0]
     lengths = {name: parse_length(f"--{name}", getattr(arguments, name)) for name in ("total", "strip", "width")}
-    blade = MarkedBlade(**lengths)
+    blade = MarkedBlade(**lengths, tag=arguments.tag)
     cameras = CalibratedCameras.load(arguments.calibration)
     trace = _record(arguments.record)
     trace.require("position", by="cutenv depth")
@@ -169,16 +174,25 @@ def _parser() -> argparse.ArgumentParser:
         help="way the blade goes in the images when it cuts; default right",
     )
     blade = parser.add_argument_group("the blade")
-    sizes = {"total": ("42.5mm", "strip's centre to the blade's end"), "strip": ("4mm", "strip, along the blade")}
+    sizes = {
+        "total": ("42.5mm", "centre of strip or tag to the blade's end"),
+        "strip": ("4mm", "strip along the blade, or side of the tag"),
+    }
     for name, (default, about) in (sizes | {"width": ("8mm", "blade, across")}).items():
         blade.add_argument(
             f"--{name}", default=default, metavar="LENGTH", help=f"length with unit: {about}; default {default}"
         )
+    blade.add_argument(
+        "--tag", type=int, metavar="N", help="number of the ArUco tag (4X4_50) that the blade has in place of a strip"
+    )
     board = parser.add_argument_group("calibration from images of a board")
     board.add_argument("--calibrate", action="store_true", help="calibrate from images of a board instead of measuring")
     board.add_argument("--board", metavar="NxM", help="columns and rows of its inner corners, or of its circles")
     board.add_argument("--spacing", metavar="LENGTH", help="distance between these, with its unit")
     board.add_argument("--circles", action="store_true", help="take a board of circles, not a chessboard")
+    board.add_argument(
+        "--charuco", metavar="LENGTH", help="take a ChArUco board, whose tags (4X4) have sides of this length"
+    )
     board.add_argument("--stereo", action="store_true", help="calibrate a pair; its images stand side by side")
     board.add_argument(
         "--plane", type=Path, metavar="IMAGE", help="image of the board standing in the plane of the cut"

@@ -31,7 +31,8 @@ class Knowledge:
 
     depth_noise: float = parameter(
         0.5e-3, unit="m", low=0.0, high=0.01, provenance="assumed",
-        source="a depth profile from images of the blade, thesis 3.4", sensitivity=(0.0, 2e-3),
+        source="a depth profile from images of the blade, thesis 3.4; six times the error on rendered video (page "
+        "Depth of cut from video): blood, other cameras, calipers", sensitivity=(0.0, 2e-3),
     )  # fmt: skip
     depth_noise_length: float = parameter(
         0.010, unit="m", low=0.002, high=0.1, provenance="assumed", source="correlation of its error along the cut"

@@ -398,6 +398,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             stop = report.to_dict() if report is not None and not self._ended else self._stop
             self._ended = True
             self._source.end_record(plant, end="closed", success=False, stop=stop)
+            self._source.close_camera()
 
 
 _CLOSED = "the rig is being closed"

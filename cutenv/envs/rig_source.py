@@ -22,6 +22,7 @@ from cutenv.rig.config.imitated_rig import fake_settings
 from cutenv.rig.config.settings import RigSettings, SensorCalibration
 from cutenv.rig.connection import EMULATOR, FAKE, operator_of
 from cutenv.rig.contradictions import refuse_contradictions
+from cutenv.rig.devices.camera import CAMERA_NOTE, RigCamera
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.operator import AutomaticOperator, Operator
 from cutenv.rig.operation.session import RigSession
@@ -184,6 +185,7 @@ class RigSource:
         self.emulator: RunningEmulator | None = None
         """Running emulator, if there is one."""
         self._record: AppendingRecord | None = None
+        self._camera: RigCamera | None = None
         self.records: list[Path] = []
         """Files of the finished cuts."""
 
@@ -206,6 +208,8 @@ class RigSource:
             supply = EmulatedSpecimens(emulator.control)
             return RigSession(rig_plant(self.settings), operator, supply, release=emulator.close)
         operator = self._operator or operator_of(self.settings)
+        if self.settings.camera is not None:
+            self._camera = RigCamera(self.settings.camera)
         return RigSession(
             rig_plant(self.settings), operator, SpecimensByHand(lambda: read_rig_file(self._rig), operator)
         )
@@ -252,14 +256,27 @@ class RigSource:
                 plant.supervisor.trip(Cause.EXCEPTION, f"the record cannot be kept: {error}")
 
         plant.keep = keep
+        if self._camera is not None:
+            self._camera.begin()
 
     def end_record(self, plant: RigPlant, **metadata: Any) -> None:
         """Finish the record of a cut, if one is being written."""
         plant.keep = _forget
         record, self._record = self._record, None  # only once, if another thread closes the rig meanwhile
         if record is not None:
-            record.close({**metadata, "overruns": plant.timing.overruns})
+            told = (
+                {} if self._camera is None else {CAMERA_NOTE: "its process did not answer: the depth is the profile's"}
+            )
+            record.close({**metadata, "overruns": plant.timing.overruns, **told})
             self.records.append(record.path)
+            if self._camera is not None:
+                self._camera.put_depth(record.path)
+
+    def close_camera(self) -> None:
+        """End the camera, if there is one."""
+        camera, self._camera = self._camera, None
+        if camera is not None:
+            camera.close()
 
 
 def _forget(readings: StructArray) -> None:

@@ -27,10 +27,12 @@ _BEGINNING = """\
 _UNFINISHED = f"""\
 #
 # Not finished: replace each line that begins with '{_TO_FILL.strip()}' by the true value for this rig, without that
-# beginning.  Until then the file is refused, and the missing keys are listed.  The section [angle] may stay as it is.
+# beginning.  Until then the file is refused, and the missing keys are listed.  The sections [angle] and [camera] may
+# stay as they are.
 """
 _EMULATED_BUSES, _HERE = ("socketcand", "virtual"), ("127.0.0.1", "localhost", "::1")
 _NAMED = {section.name: section for section in SECTIONS}
+_OPTIONAL = ("angle", "camera")
 _WIDTH = 116  # characters of a comment, after its mark
 
 
@@ -170,14 +172,14 @@ def _check_emulated(settings: RigSettings) -> None:
 
 
 def _tables(content: Mapping[str, Any], path: Path) -> dict[str, Mapping[str, Any]]:
-    """Return names and values of every section, the top one under ""; a second axis only if it is there."""
+    """Return names and values of every section, the top one under ""; second axis and camera only if they are there."""
     sections = {name: section for name, section in _NAMED.items() if name}
     for name, value in content.items():
         one_of(f"{path}: name", name, [key.name for key in _NAMED[""].keys] + list(sections))
         if (name in sections) != isinstance(value, dict):
             kind = f"a section, [{name}]" if name in sections else f"a line, {name} = ..., above the first section"
             raise ValueError(f"{path}: {name} must be {kind}.")
-    tables = {name: content.get(name, {}) for name in sections if name != "angle" or name in content}
+    tables = {name: content.get(name, {}) for name in sections if name not in _OPTIONAL or name in content}
     for name, table in tables.items():
         for key in table:
             one_of(f"{path}: in [{name}] the name", key, [each.name for each in sections[name].keys])
@@ -246,7 +248,7 @@ def _text(settings: RigSettings, *, to_fill: bool) -> str:
     lines = (_BEGINNING + (_UNFINISHED if to_fill else "")).splitlines()
     for section in SECTIONS:
         part = getattr(settings, section.name) if section.name else settings
-        if part is None:  # no second axis
+        if part is None:  # no second axis, no camera
             lines += ["", *(f"# {line}".rstrip() for line in _lines(section, section.of(), to_fill=True))]
         else:
             lines += ["", *_lines(section, part, to_fill=to_fill)]

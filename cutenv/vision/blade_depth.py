@@ -10,12 +10,16 @@ import cv2
 import numpy as np
 
 from cutenv._base.arrays import Array
+from cutenv.vision.blade_mark import MarkedBlade
 from cutenv.vision.cameras import CalibratedCameras, Camera, GreyImage
-from cutenv.vision.marked_blade import BladeInView, Chart, MarkedBlade, UnusableFrame, measure_view
+from cutenv.vision.edge_lines import UnusableFrame
+from cutenv.vision.marked_blade import BladeInView, Chart, measure_view
 from cutenv.vision.video import VideoFrame
 
 _EPIPOLAR = 1.5  # rows by which the two views of a point may differ [px]
 _STRIP_ERROR = 0.15  # relative error of the strip's length from which on it is another strip or calibration
+_SCALE = 1e-3  # standard error of all lengths by the calibration, relative
+_OFF_PLANE = 0.5e-3  # standard deviation of a blade's distance from the plane of the board, for one camera [m]
 _BEYOND = 1.5e-3  # length by which a blade may seem longer than it is [m]
 
 
@@ -62,6 +66,8 @@ class BladeCameras:
     def __init__(self, cameras: CalibratedCameras, blade: MarkedBlade) -> None:
         self.cameras, self.blade = cameras, blade
         self._charts = [_chart(cameras, k) for k in range(len(cameras.cameras))]
+        off = 0.0 if cameras.plane is None else _OFF_PLANE / float(np.linalg.norm(cameras.plane.translation))
+        self._scale_sd = math.hypot(_SCALE, 0.0 if cameras.second is not None else off)
 
     def measure(self, image: GreyImage) -> BladeInSpace:
         """Measure the blade in a frame; images of a pair stand side by side.
@@ -82,7 +88,7 @@ class BladeCameras:
         length = float(np.linalg.norm(ends[0] - ends[1]))
         if abs(length / self.blade.strip - 1.0) > _STRIP_ERROR:
             given = 1e3 * self.blade.strip
-            raise UnusableFrame(f"the strip seems {1e3 * length:.1f} mm long and not {given:g}")
+            raise UnusableFrame(f"the {self.blade.mark} seems {1e3 * length:.1f} mm long and not {given:g}")
         if len(views) == 2 and float(np.abs(points[0, :, 1] - points[1, :, 1]).max()) > _EPIPOLAR:
             raise UnusableFrame("the two cameras do not see the same blade or surface")
         exposed = float(np.linalg.norm(surface - strip))
@@ -99,6 +105,7 @@ class BladeCameras:
                     there = place(moved)
                     slope[axis] = (float(np.linalg.norm(there[1] - there[0])) - exposed) / step
                 variance += float(slope @ covariance @ slope)
+        variance += (self._scale_sd * exposed) ** 2
         to_pixels = self._charts[0][1]
         return BladeInSpace(strip, surface, exposed, math.sqrt(variance), _in_pixels(views[0], to_pixels))
 

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 
-from cutenv._base.arrays import Array
-from cutenv._base.validation import in_range, one_of
+from cutenv.vision.calibration_board import BoardPoints, CalibrationBoard, halves
 from cutenv.vision.cameras import CalibratedCameras, Camera, GreyImage, Pose, angle_between
 
 FEWEST_BOARDS = 8
@@ -22,76 +18,9 @@ LARGEST_RESIDUAL = 0.5
 """Largest root mean square residual of a calibration [px]."""
 LARGEST_IMAGE_RESIDUAL = 1.0
 """Largest root mean square residual of a single image [px]."""
+_FEWEST_SHARED = 12  # points that both cameras of a pair see in an image
 _LEAST_TILT_DEG = 15.0  # between the first board and the one that faces another way most
 _FOCAL_SD = 0.01  # largest standard error of the focal length, relative: boards that are all alike do not determine it
-BOARD_KINDS = ("chessboard", "circles")
-"""Boards that are known; circles stand in a square grid."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class CalibrationBoard:
-    """Flat board with ``columns`` times ``rows`` points, ``spacing`` [m] apart.
-
-    The points are the inner corners of a chessboard, or the centres of circles.
-    """
-
-    columns: int
-    rows: int
-    spacing: float
-    kind: str = "chessboard"
-
-    def __post_init__(self) -> None:
-        one_of("kind of board", self.kind, BOARD_KINDS)
-        in_range("columns of the board", self.columns, 3, 100, "1")
-        in_range("rows of the board", self.rows, 3, 100, "1")
-        in_range("spacing of the board", self.spacing, 1e-4, 1.0, "m", "Write it with its unit: 5mm.")
-
-    @classmethod
-    def parse(cls, points: str, spacing: float, kind: str = "chessboard") -> CalibrationBoard:
-        """Return the board of a text such as ``9x6`` (columns and rows of points) and a spacing [m]."""
-        found = re.fullmatch(r"(\d{1,3})x(\d{1,3})", points.strip())
-        if found is None:
-            raise ValueError(f"--board {points!r} is not columns x rows of its inner corners or circles; write 9x6.")
-        return cls(columns=int(found[1]), rows=int(found[2]), spacing=spacing, kind=kind)
-
-    @property
-    def points(self) -> Array:
-        """Places of its points on it, shape (n, 3) [m], row by row."""
-        row, column = np.mgrid[: self.rows, : self.columns]
-        return self.spacing * np.stack([column.ravel(), row.ravel(), 0 * row.ravel()], axis=1).astype(np.float64)
-
-    def find(self, image: GreyImage) -> Array | None:
-        """Return its points in a grey image to a fraction of a pixel, shape (n, 2) [px]; None if it is not there."""
-        size = (self.columns, self.rows)
-        if self.kind == "circles":
-            found, points = cv2.findCirclesGrid(image, size, flags=cv2.CALIB_CB_SYMMETRIC_GRID)
-        else:
-            found, points = cv2.findChessboardCornersSB(image, size, flags=cv2.CALIB_CB_ACCURACY)
-        return np.asarray(points, np.float64).reshape(-1, 2) if found else None
-
-
-def read_image(path: Path | str) -> GreyImage:
-    """Read an image as grey values, shape (height, width).
-
-    Raises
-    ------
-    ValueError
-        If the file is no image.
-    """
-    raw = np.frombuffer(Path(path).read_bytes(), np.uint8)
-    try:
-        image = cv2.imdecode(raw, cv2.IMREAD_GRAYSCALE) if raw.size else None
-    except cv2.error:
-        image = None
-    if image is None:
-        raise ValueError(f"{path} is no image, or it is damaged.")
-    return np.asarray(image, np.uint8)
-
-
-def halves(image: GreyImage) -> tuple[GreyImage, GreyImage]:
-    """Return the left and the right image of a pair that stands side by side."""
-    middle = image.shape[1] // 2
-    return np.ascontiguousarray(image[:, :middle]), np.ascontiguousarray(image[:, middle : 2 * middle])
 
 
 def calibrate_cameras(
@@ -120,7 +49,7 @@ def calibrate_cameras(
         If the board is found in fewer than :data:`FEWEST_BOARDS` images, the sizes differ, a residual is too large
         (names the image), or the boards are too much alike to determine the focal length.
     """
-    found: dict[str, tuple[Array, ...]] = {}
+    found: dict[str, tuple[BoardPoints, ...]] = {}
     missed: list[str] = []
     size: tuple[int, int] | None = None
     for name, image in images:
@@ -155,10 +84,10 @@ def calibrate_cameras(
 
 
 def _one_camera(
-    seen: Mapping[str, Array], board: CalibrationBoard, size: tuple[int, int], side: str
+    seen: Mapping[str, BoardPoints], board: CalibrationBoard, size: tuple[int, int], side: str
 ) -> tuple[Camera, dict[str, float]]:
-    pixels = [points.astype(np.float32) for points in seen.values()]
-    places = [board.points.astype(np.float32)] * len(pixels)
+    pixels = [points.pixels.astype(np.float32) for points in seen.values()]
+    places = [board.points[points.number].astype(np.float32) for points in seen.values()]
     residual, matrix, distortion, turns, _, sd, _, each = cv2.calibrateCameraExtended(
         places, pixels, size, np.eye(3), np.zeros(5)
     )
@@ -186,11 +115,22 @@ def _one_camera(
     return camera, by_image
 
 
-def _second(cameras: Sequence[Camera], seen: Sequence[tuple[Array, ...]], board: CalibrationBoard) -> Pose:
+def _second(cameras: Sequence[Camera], seen: Sequence[tuple[BoardPoints, ...]], board: CalibrationBoard) -> Pose:
     left, right = cameras
-    first, other = ([points[k].astype(np.float32) for points in seen] for k in range(2))
+    places, first, other = [], [], []
+    for one, two in seen:
+        both, k, j = np.intersect1d(one.number, two.number, return_indices=True)
+        if len(both) >= _FEWEST_SHARED:
+            places.append(board.points[both].astype(np.float32))
+            first.append(one.pixels[k].astype(np.float32))
+            other.append(two.pixels[j].astype(np.float32))
+    if len(places) < FEWEST_BOARDS:
+        raise ValueError(
+            f"in {len(places)} images both cameras see {_FEWEST_SHARED} points or more in common; {FEWEST_BOARDS} are "
+            "needed. Hold the board where both see it."
+        )
     residual, _, _, _, _, rotation, translation = cv2.stereoCalibrate(
-        [board.points.astype(np.float32)] * len(first), first, other, left.matrix.copy(), left.distortion.copy(),
+        places, first, other, left.matrix.copy(), left.distortion.copy(),
         right.matrix.copy(), right.distortion.copy(), (left.width, left.height), flags=cv2.CALIB_FIX_INTRINSIC,
     )[:7]  # fmt: skip
     if not residual <= LARGEST_RESIDUAL:
@@ -213,9 +153,10 @@ def _plane(camera: Camera, plane: tuple[str, GreyImage], board: CalibrationBoard
     points = board.find(view)
     if points is None:
         raise ValueError(f"{name}: the board in the plane of the cut is not found. It has to be seen whole.")
-    found, turn, shift = cv2.solvePnP(board.points, points, camera.matrix, camera.distortion)
+    places = board.points[points.number]
+    found, turn, shift = cv2.solvePnP(places, points.pixels, camera.matrix, camera.distortion)
     rotation = np.array(cv2.Rodrigues(turn)[0], np.float64)
-    far = camera.pixels(board.points @ rotation.T + np.ravel(shift)) - points
+    far = camera.pixels(places @ rotation.T + np.ravel(shift)) - points.pixels
     residual = float(np.sqrt((far**2).sum(axis=1).mean()))
     if not found or not residual <= LARGEST_IMAGE_RESIDUAL:
         raise ValueError(f"{name}: the board in the plane of the cut leaves {residual:.2f} px: is it of this camera?")

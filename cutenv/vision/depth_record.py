@@ -16,8 +16,8 @@ from cutenv._base.validation import one_of
 from cutenv.measurement.depth import DEPTH_SD_KEY
 from cutenv.trace import Trace
 from cutenv.vision.blade_depth import BladeInSpace, DepthFrame
+from cutenv.vision.blade_mark import MarkedBlade
 from cutenv.vision.cameras import angle_between
-from cutenv.vision.marked_blade import MarkedBlade
 
 TRAVELS = ("right", "left")
 """Ways in which the blade can go in the images when it cuts."""
@@ -32,7 +32,7 @@ _LONGEST_GAP = 0.015  # motion of the blade without a usable frame [m]
 _GRID = 0.02  # of lags tried [s]
 _OTHER_RATES = (0.25, 0.5, 0.8, 25.0 / 30.0, 1.2, 1.25, 2.0, 4.0)
 _NEIGHBOURS, _APART = 4, 1e-4  # to either side in place, and least distance of two of them that gives a slope [m]
-_JUMP_SD, _JUMP = 8.0, 0.7e-3  # from the neighbours' line on which a frame is left out [1], [m]
+_JUMP_SD, _JUMP = 5.0, 0.7e-3  # from the neighbours' line on which a frame is left out [1], [m]
 
 
 @dataclass(frozen=True, kw_only=True)

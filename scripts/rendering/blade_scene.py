@@ -57,6 +57,8 @@ class Blade:
     yaw: float
     grain: Array
     steel: float
+    tag: NDArray[np.uint8] | None = None
+    """Cells of a tag, 0 for black, that is stuck on in place of the strip: its side is ``strip``."""
 
     @property
     def down(self) -> Array:
@@ -74,7 +76,14 @@ class Blade:
         """Return the brightness of its face at s below the strip's centre and t across, and where there is a face."""
         brushed = np.interp(t, np.linspace(-1, 1, len(self.grain)) * self.width, self.grain)
         steel = self.steel * (1.0 + 0.06 * brushed + 3.0 * s + 8.0 * t)
-        value = np.where(np.abs(s) <= 0.5 * self.strip, 0.06 * (1.0 + 0.3 * brushed), steel)
+        black = 0.06 * (1.0 + 0.3 * brushed)
+        on = np.abs(s) <= 0.5 * self.strip
+        if self.tag is not None:
+            on &= np.abs(t) <= 0.5 * self.strip
+            cells = len(self.tag)
+            row, column = (np.clip((each / self.strip + 0.5) * cells, 0, cells - 1).astype(int) for each in (s, t))
+            black = np.where(self.tag[row, column] == 0, black, 0.75)
+        value = np.where(on, black, steel)
         holder = s < -0.013
         half = np.where(holder, 1.0, 0.5) * self.width
         return np.where(holder, 0.3, value), (np.abs(t) <= half) & (s <= self.total) & (s > -0.05)
@@ -181,12 +190,15 @@ def draw_slab(rng: np.random.Generator, place: Array, height: Array) -> Slab:
     )  # fmt: skip
 
 
-def draw_blade(rng: np.random.Generator, *, angle: float, total: float, strip: float, width: float) -> Blade:
+def draw_blade(
+    rng: np.random.Generator, *, angle: float, total: float, strip: float, width: float,
+    tag: NDArray[np.uint8] | None = None,
+) -> Blade:  # fmt: skip
     """Draw the look and the mounting of a blade of known size [m]."""
     return Blade(
         total=total, strip=strip, width=width, angle=angle, lean=float(rng.choice([-1.0, 1.0])),
         yaw=np.radians(rng.normal(0.0, 0.5)), grain=gaussian_filter(rng.normal(size=200), 2.0) * 3.0,
-        steel=rng.uniform(0.62, 0.8),
+        steel=rng.uniform(0.62, 0.8), tag=tag,
     )  # fmt: skip
 
 

@@ -70,12 +70,17 @@ class FilmedCut:
             noise = self.noise * np.sqrt(0.5 + 0.5 * np.clip(counts, 0, 255) / 128.0)  # read noise and shot noise
             yield np.clip(np.rint(counts + noise * rng.normal(size=counts.shape)), 0, 255).astype(np.uint8)
 
-    def boards(self, count: int, seed: int = 0) -> tuple[list[NDArray[np.uint8]], NDArray[np.uint8]]:
-        """Render a board of 10 x 7 corners, 5.3 % of the field apart: held at random, and in the plane of the cut."""
+    def boards(
+        self, count: int, seed: int = 0, tags: NDArray[np.uint8] | None = None
+    ) -> tuple[list[NDArray[np.uint8]], NDArray[np.uint8]]:
+        """Render a board of 10 x 7 corners, 5.3 % of the field apart: held at random, and in the plane of the cut.
+
+        With ``tags``, shape (n, 6, 6), it is a ChArUco board.
+        """
         rng = np.random.default_rng([self.seed, 2, seed])
         square = 0.053 * self.field
-        held = held_boards(self.cameras, self.target, count, rng, square=square)
-        return held, standing_board(self.cameras, self.target, rng, square=square)
+        held = held_boards(self.cameras, self.target, count, rng, square=square, tags=tags)
+        return held, standing_board(self.cameras, self.target, rng, square=square, tags=tags)
 
     def write(self, path: Path, left: Path | None = None, watched: Callable[[Array], Iterable[float]] = iter) -> None:
         """Write the film as H.264, and the left camera's half into another file; ``watched`` may show progress."""
@@ -124,6 +129,7 @@ def film_cut(
     time: Array, position: Array, depth: Array, *, angle: float, seed: int, rate: float = 15.0, noise: float = 5.0,
     spoilt: float = 0.05, total: float = 0.0425, strip: float = 0.004, width: float = 0.008,
     size: tuple[int, int] = (512, 384), field: float = 0.17, lag: float | None = None,
+    tag: NDArray[np.uint8] | None = None,
 ) -> FilmedCut:  # fmt: skip
     """Film a cut.
 
@@ -147,9 +153,11 @@ def film_cut(
         Width of the scene that an image shows [m].
     lag : float, optional
         Time on the record's clock at the video's time 0 [s]; drawn by default.
+    tag : ndarray of uint8, optional
+        Cells of a tag that is on the blade in place of the strip, 0 for black; its side is ``strip``.
     """
     rng = np.random.default_rng([seed, 0])
-    blade = draw_blade(rng, angle=angle, total=total, strip=strip, width=width)
+    blade = draw_blade(rng, angle=angle, total=total, strip=strip, width=width, tag=tag)
     places = 0.0005 * np.arange(len(depth))
     reached = places <= position.max() + 0.02  # a liver falls steeply at its free end, where no blade comes
     slab = _slab(rng, blade, places[reached], depth[reached])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from pathlib import Path
 from types import SimpleNamespace
@@ -21,15 +22,17 @@ def filmed(tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespace:
 
     from cutenv.recording import save
     from cutenv.trace import Trace
-    from cutenv.vision.camera_calibration import CalibrationBoard, calibrate_cameras, halves
+    from cutenv.vision.calibration_board import CalibrationBoard, halves
+    from cutenv.vision.camera_calibration import calibrate_cameras
 
     folder: Path = tmp_path_factory.mktemp("film")
     time = np.arange(0.0, 3.6, 1e-3)
     position = np.interp(time, [0.0, 0.5, 1.7, 2.0, 3.1, 3.6], [0.0, 0.0, 0.03, 0.03, 0.0, 0.0])
     depth = 0.005 + 0.004 * (1.0 - np.cos(np.pi * np.clip(5e-4 * np.arange(301) / 0.03, 0.0, 1.0)))
-    film = film_cut(
-        time, position, depth, angle=math.pi / 4, seed=11, rate=10.0, noise=6.0, spoilt=0.12, size=(320, 240), field=0.1
-    )
+    render = functools.partial(
+        film_cut, time, position, depth, angle=math.pi / 4, seed=11, noise=6.0, size=(320, 240), field=0.1
+    )  # by the same cameras
+    film = render(rate=10.0, spoilt=0.12)
     images, plane = film.boards(10)
     board = CalibrationBoard(columns=10, rows=7, spacing=SPACING)
     boards = [(f"board_{k}.png", image) for k, image in enumerate(images)]
@@ -46,5 +49,5 @@ def filmed(tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespace:
     one.save(folder / "one.json")
     return SimpleNamespace(
         film=film, frames=list(film.frames()), boards=boards, lefts=lefts, board=board, pair=pair, one=one, trace=trace,
-        folder=folder,
+        folder=folder, render=render,
     )  # fmt: skip

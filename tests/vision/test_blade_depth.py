@@ -11,12 +11,15 @@ import pytest
 pytest.importorskip("cv2", reason="cv2 is an extra: pip install 'cutenv[vision]'")
 pytest.importorskip("av", reason="av is an extra: pip install 'cutenv[vision]'")
 
+import cv2
+
 from cutenv.measurement import estimate_fracture_resistance
 from cutenv.measurement.depth import depth_sd
 from cutenv.scoring import score
 from cutenv.vision.blade_depth import BladeCameras
+from cutenv.vision.blade_mark import MarkedBlade
 from cutenv.vision.depth_record import filmed_depth
-from cutenv.vision.marked_blade import MarkedBlade, UnusableFrame
+from cutenv.vision.edge_lines import UnusableFrame
 from cutenv.vision.video import VideoFrame
 
 BLADE = MarkedBlade()
@@ -134,6 +137,40 @@ def test_a_film_that_misses_half_of_the_cut_is_refused(filmed, measured):
 def test_a_record_without_position_is_refused(filmed, measured):
     with pytest.raises(ValueError, match="depth needs position"):
         filmed_depth(measured["pair"], dataclasses.replace(filmed.trace, position=None), BLADE)
+
+
+@pytest.fixture(scope="module")
+def tagged(filmed):
+    """Film of a blade with tag 7 in place of the strip, and its frames."""
+    tag = cv2.aruco.generateImageMarker(cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50), 7, 6)
+    film = filmed.render(rate=3.0, spoilt=0.0, strip=0.006, tag=tag)
+    return film, list(film.frames())
+
+
+def test_a_tag_does_what_a_strip_does(filmed, tagged):
+    film, frames = tagged
+    measure = BladeCameras(filmed.pair, MarkedBlade(strip=0.006, tag=7)).measure
+    error = 1e3 * (0.0425 - np.array([measure(image).exposed for image in frames]) - film.along)
+    assert np.sqrt(np.mean(error**2)) < 0.3
+    assert abs(error.mean()) < 0.1
+
+
+def test_another_tag_and_two_alike_are_told(filmed, tagged):
+    frames, cameras = tagged[1], filmed.pair
+    with pytest.raises(UnusableFrame, match="the tag is not seen"):
+        BladeCameras(cameras, MarkedBlade(strip=0.006, tag=8)).measure(frames[4])
+    blade = MarkedBlade(strip=0.006, tag=7)
+    u, v = np.rint(BladeCameras(cameras, blade).measure(frames[4]).view.strip).astype(int)
+    doubled, size, to = frames[4].copy(), 14, 60 if u > 160 else 250
+    doubled[60 - size : 60 + size, to - size : to + size] = frames[4][v - size : v + size, u - size : u + size]
+    with pytest.raises(UnusableFrame, match="two tags are seen"):
+        BladeCameras(cameras, blade).measure(doubled)
+
+
+@pytest.mark.parametrize("given", [{"tag": 50}, {"tag": 3, "strip": 0.008}])
+def test_a_tag_that_does_not_fit_is_refused(given):
+    with pytest.raises(ValueError, match=r"tag = 50 is outside 0 to 49|is the side of a tag on a blade 0.008 m wide"):
+        MarkedBlade(**given)
 
 
 def test_two_strips_are_not_told_apart_by_guessing(filmed):

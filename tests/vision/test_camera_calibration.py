@@ -10,9 +10,13 @@ import pytest
 
 cv2 = pytest.importorskip("cv2", reason="cv2 is an extra: pip install 'cutenv[vision]'")
 
-from cutenv.vision.camera_calibration import CalibrationBoard, calibrate_cameras, read_image  # noqa: E402
+from rendering.board_images import held_boards  # noqa: E402
+
+from cutenv.vision.calibration_board import CalibrationBoard, halves, read_image  # noqa: E402
+from cutenv.vision.camera_calibration import calibrate_cameras  # noqa: E402
 from cutenv.vision.cameras import CalibratedCameras  # noqa: E402
 
+TAGS = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
 PHOTOGRAPH = Path(__file__).parent / "data" / "chessboard.jpg"
 
 
@@ -78,6 +82,7 @@ def test_corners_in_a_photograph_are_where_scikit_image_finds_them():
     image = read_image(PHOTOGRAPH)
     ours = CalibrationBoard(columns=36, rows=25, spacing=0.005).find(image)
     assert ours is not None
+    ours = ours.pixels
     theirs = feature.corner_subpix(image, np.rint(ours[:, ::-1]).astype(int), window_size=9)[:, ::-1]
     apart = np.hypot(*(ours - theirs).T)
     assert np.median(apart) < 0.2
@@ -92,8 +97,32 @@ def test_circles_are_found_as_well(filmed):
             cv2.circle(image, (60 + 45 * column, 50 + 45 * row), 12, 20, -1, cv2.LINE_AA)
     found = board.find(image)
     assert found is not None
+    found = found.pixels
     by_row = found[np.lexsort((found[:, 0], np.rint(found[:, 1] / 20)))]
     assert np.abs(by_row[0] - (60, 50)).max() < 0.2
+
+
+def test_a_charuco_board_may_be_seen_in_part(filmed):
+    tags = np.stack([cv2.aruco.generateImageMarker(TAGS, k, 6) for k in range(15)])
+    square, film = 0.011, filmed.film
+    held = held_boards(
+        film.cameras, film.target, 12, np.random.default_rng(5), square=square, corners=(5, 4), tags=tags
+    )
+    board = CalibrationBoard.parse("5x4", square, "charuco", 0.7 * square)
+    seen = [board.find(halves(image)[0]) for image in held]
+    assert any(points is not None and len(points.number) < 20 for points in seen)
+    found = calibrate_cameras([(str(k), image) for k, image in enumerate(held)], board, stereo=True)
+    for camera, true in zip(found.cameras, film.cameras, strict=True):
+        assert camera.residual < 0.3
+        assert camera.matrix[0, 0] == pytest.approx(true.focal, rel=0.02)
+    left, right = (camera.place for camera in film.cameras)
+    assert np.linalg.norm(found.second.translation) == pytest.approx(np.linalg.norm(right - left), rel=0.01)
+
+
+@pytest.mark.parametrize("tag", [None, 0.002, 0.02])
+def test_a_charuco_board_without_tags_that_fit_is_refused(tag):
+    with pytest.raises(ValueError, match=r"side of a ChArUco board's tags|side of the board's tags"):
+        CalibrationBoard.parse("9x6", 0.01, "charuco", tag)
 
 
 @pytest.mark.parametrize("text", ["9by6", "", "2x6", "9x6x3"])

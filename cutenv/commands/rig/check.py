@@ -1,4 +1,4 @@
-"""Look at a rig without moving it: connections, limits, rates, noise. No drive is powered.
+"""Look at a rig without moving it: connections, limits, rates, noise, the camera. No drive is powered.
 
 Nothing may touch the blade meanwhile: the sensor's zero is taken.
 """
@@ -14,6 +14,7 @@ from typing import Any
 from cutenv.commands.options import RIG, command_parser, reports_errors
 from cutenv.rig.connection import connected, settings_of
 from cutenv.rig.errors import RigError
+from cutenv.rig.operation.camera_check import inspect_camera
 from cutenv.rig.operation.preflight import Check, may_move
 from cutenv.rig.operation.self_check import Inspection, inspect
 
@@ -22,12 +23,16 @@ from cutenv.rig.operation.self_check import Inspection, inspect
 def main(argv: Sequence[str]) -> int:
     """Run the command; return 0, 1 if a check fails, or 2 if the rig's file cannot be used."""
     arguments = _parser().parse_args(argv)
-    said = may_move(settings_of(arguments.rig), date.today())  # what the file says needs no connection
+    settings = settings_of(arguments.rig)
+    said = may_move(settings, date.today())  # what the file says needs no connection
     try:
         with connected(arguments.rig) as rig:
             found = inspect(rig.plant, date.today())
     except RigError as error:
         found = Inspection(checks=(*said, Check("connection", False, str(error))), told={})
+    if settings.camera is not None:
+        seen = inspect_camera(settings.camera)
+        found = Inspection(checks=found.checks + seen.checks, told=found.told | seen.told)
     if arguments.json:
         print(json.dumps(as_json(found), indent=2))
     else:

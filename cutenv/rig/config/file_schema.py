@@ -79,6 +79,7 @@ _ABOUT = {
     "sensor": "The force sensor (Net F/T), and how the cut lies in its axes.",
     "limits": "Limits at which the blade is stopped, whatever the policy commands.",
     "calibration": "When and how the force sensor was last checked with known weights.",
+    "camera": "A camera that measures the depth of cut: optional.",
     "identified": "What 'cutenv rig identify' has measured, and written here; the simulator adopts it.",
 }
 

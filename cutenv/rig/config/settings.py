@@ -266,6 +266,29 @@ class SensorCalibration:
 
 
 @dataclass(frozen=True, kw_only=True)
+class CameraSettings:
+    """Camera that films the blade, and the blade's mark."""
+
+    source: str = setting(
+        "0", "1", "Number of the camera, address of its stream, or a video file that is played in its place.",
+        example='"0"',
+    )  # fmt: skip
+    calibration: str = setting(
+        "cam.json", "1", "File that 'cutenv depth --calibrate' has written.", example='"cam.json"'
+    )
+    travel: Literal["right", "left"] = setting("right", "1", "Way in which the blade goes in the images when it cuts.")
+    total: float = setting(0.0425, "mm", "Centre of strip or tag to the blade's end.", 0.005, 0.2)
+    strip: float = setting(0.004, "mm", "Strip along the blade, or side of the tag.", 0.0005, 0.1)
+    width: float = setting(0.008, "mm", "Blade, across.", 0.001, 0.05)
+    tag: int = setting(-1, "1", "Number of the ArUco tag (4X4_50) that the blade has in place of a strip; -1: a strip.")
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+        one_of("travel", self.travel, ("right", "left"))
+        in_range("tag", self.tag, -1, 49, "1", "-1 is a strip.")
+
+
+@dataclass(frozen=True, kw_only=True)
 class RigSettings:
     """All settings of a rig, in the order of its file.
 
@@ -292,6 +315,7 @@ class RigSettings:
     sensor: SensorSettings = field(default_factory=SensorSettings)
     limits: SafetyLimits = field(default_factory=SafetyLimits)
     calibration: SensorCalibration = field(default_factory=SensorCalibration)
+    camera: CameraSettings | None = None
     identified: Identified = field(default_factory=Identified)
 
     def __post_init__(self) -> None:

@@ -1,0 +1,171 @@
+"""A blade's mark in an image: a black strip across the blade, or an ArUco tag on it."""
+
+from __future__ import annotations
+
+import functools
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv._base.arrays import Array
+from cutenv._base.validation import in_range
+from cutenv.vision.cameras import GreyImage
+from cutenv.vision.edge_lines import LEAST_CONTRAST, UnusableFrame
+
+_COARSE = 400  # width of the image in which the strip is looked for first [px]
+_RIVAL = 0.6  # contrast of a second strip, relative, from which on there are two
+
+
+TAGS = 50
+"""Number of tags of the dictionary, OpenCV's ``DICT_4X4_50``."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MarkedBlade:
+    """Blade with a black strip across it, or with an ArUco tag.
+
+    Parameters
+    ----------
+    total : float
+        Length from the mark's centre to the blade's end [m]; the thesis has 4.25 cm.
+    strip : float
+        Length of the strip along the blade, or side of the tag with its black border [m].
+    width : float
+        Width of the blade, across which the strip goes [m].
+    tag : int, optional
+        Number of the tag, of OpenCV's dictionary ``DICT_4X4_50``; its upper side is toward the holder. None: a strip.
+    """
+
+    total: float = 0.0425
+    strip: float = 0.004
+    width: float = 0.008
+    tag: int | None = None
+
+    def __post_init__(self) -> None:
+        in_range("total", self.total, 0.005, 0.2, "m", "4.25 cm is 0.0425.")
+        in_range("strip", self.strip, 0.0005, 0.5 * self.total, "m", "4 mm is 0.004.")
+        in_range("width", self.width, 0.001, 0.05, "m", "8 mm is 0.008.")
+        if self.tag is not None:
+            in_range("tag", self.tag, 0, TAGS - 1, "1", f"A tag's number is 0 to {TAGS - 1}.")
+            if not 0.25 * self.width <= self.strip <= 0.9 * self.width:
+                raise ValueError(
+                    f"strip = {self.strip:g} m is the side of a tag on a blade {self.width:g} m wide: it must be 0.25 "
+                    "to 0.9 of that, so that bright steel is seen on both sides of it."
+                )
+
+    @property
+    def mark(self) -> str:
+        """Name of the mark: strip or tag."""
+        return "strip" if self.tag is None else "tag"
+
+    @property
+    def mark_width(self) -> float:
+        """Extent of the mark across the blade [m]."""
+        return self.width if self.tag is None else self.strip
+
+
+def find_mark(image: GreyImage, blade: MarkedBlade) -> tuple[Array, Array, float]:
+    """Find the mark: its centre, shape (2,), direction down the blade, shape (2,), and the blade's width there [px].
+
+    Raises
+    ------
+    UnusableFrame
+        If there is none, or more than one.
+    """
+    return _find_strip(image, blade) if blade.tag is None else _find_tag(image, blade)
+
+
+def _tags(image: GreyImage, number: int | None, enlarged: int) -> list[Array]:
+    """Return the corners, shape (4, 2) [px], of every tag of this number, from its upper left one clockwise."""
+    if enlarged > 1:
+        image = np.asarray(cv2.resize(image, None, fx=enlarged, fy=enlarged, interpolation=cv2.INTER_CUBIC), np.uint8)
+    corners, numbers, _ = _tag_detector().detectMarkers(image)
+    found = zip(corners, () if numbers is None else numbers.ravel(), strict=False)
+    return [(np.asarray(each, np.float64).reshape(4, 2) + 0.5) / enlarged - 0.5 for each, n in found if n == number]
+
+
+@functools.cache
+def _tag_detector() -> cv2.aruco.ArucoDetector:
+    return cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50))
+
+
+def _find_tag(image: GreyImage, blade: MarkedBlade) -> tuple[Array, Array, float]:
+    seen = _tags(image, blade.tag, 1) or _tags(image, blade.tag, 2)  # some are too small for OpenCV as they are
+    if len(seen) != 1:
+        raise UnusableFrame("two tags are seen" if seen else "the tag is not seen")
+    upper_left, upper_right, lower_right, lower_left = seen[0]
+    down = 0.5 * (lower_left + lower_right - upper_left - upper_right)
+    across = 0.5 * (upper_right + lower_right - upper_left - lower_left)
+    centre = 0.25 * (upper_left + upper_right + lower_right + lower_left)
+    return centre, down / np.hypot(*down), float(np.hypot(*across)) * blade.width / blade.strip
+
+
+def _find_strip(image: GreyImage, blade: MarkedBlade) -> tuple[Array, Array, float]:
+    coarse = max(1, round(image.shape[1] / _COARSE))
+    small = cv2.resize(image, (image.shape[1] // coarse, image.shape[0] // coarse), interpolation=cv2.INTER_AREA)
+    smooth: GreyImage = np.asarray(cv2.GaussianBlur(small, (0, 0), 1.2), np.uint8)
+    dark, middle = (float(each) for each in np.percentile(smooth, [0.2, 50.0]))
+    found: list[tuple[float, Array, Array, float]] = []
+    for level in (dark + 6.0, *np.linspace(dark + 12.0, max(middle, dark + 24.0), 4)[:3]):
+        mask = (smooth < level).astype(np.uint8)
+        contours, _ = cv2.findContours(mask, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
+        for contour in contours:
+            if 12 <= len(contour) <= 0.25 * sum(smooth.shape) and cv2.contourArea(contour) >= 10.0:
+                found += _candidates(smooth, contour, blade)
+    if not found:
+        raise UnusableFrame("the strip is not seen")
+    found.sort(key=lambda each: -each[0])
+    contrast, centre, down, width = found[0]
+    if any(c > _RIVAL * contrast and np.hypot(*(other - centre)) > 1.5 * width for c, other, _, _ in found[1:]):
+        raise UnusableFrame("two strips are seen")
+    return coarse * centre + 0.5 * (coarse - 1), down, coarse * width
+
+
+def _candidates(
+    smooth: GreyImage, contour: NDArray[np.int32], blade: MarkedBlade
+) -> list[tuple[float, Array, Array, float]]:
+    """Return contrast, centre, direction and width of a dark contour if it can be the strip."""
+    (x, y), sides, turn = cv2.minAreaRect(contour)
+    if min(sides) < 3.0 or cv2.contourArea(contour) < 0.6 * sides[0] * sides[1]:
+        return []
+    cosine, sine = math.cos(math.radians(turn)), math.sin(math.radians(turn))
+    made = []
+    for dx, dy, along, across in ((cosine, sine, *sides), (-sine, cosine, sides[1], sides[0])):
+        if dy < 0.0:
+            dx, dy = -dx, -dy
+        if not 0.5 < (along / across) / (blade.strip / blade.width) < 2.0 or dy < 0.2:
+            continue
+        far = 0.5 * along + 4.0
+        quick = [_grey(smooth, x + k * far * dx, y + k * far * dy) for k in (0, -1, 1)]  # most are dark tissue
+        if min(quick[1:]) < quick[0] + 1.5 * LEAST_CONTRAST:
+            continue
+        centre, down = np.array([x, y]), np.array([dx, dy])
+        right = np.array([down[1], -down[0]])
+        ahead = (0.5 * along + 3.0 + np.array([0.0, 2.0]))[:, None, None]
+        aside = (across * np.array([-0.25, 0.0, 0.25]))[None, :, None]
+        below, above, within = (
+            _sampled(smooth, centre + sign * ahead * down + aside * right) for sign in (1.0, -1.0, 0.0)
+        )
+        if min(below.size, above.size, within.size) == 0:
+            continue
+        contrast = float(min(below.min(), above.min()) - within.mean())
+        if contrast > 1.5 * LEAST_CONTRAST and below.mean() < 2.5 * above.mean() < 6.0 * below.mean():
+            made.append((contrast, centre, down, float(across)))
+    return made
+
+
+def _grey(image: GreyImage, x: float, y: float) -> float:
+    """Return the grey value at a point; -inf outside."""
+    u, v = round(x), round(y)
+    return float(image[v, u]) if 0 <= v < image.shape[0] and 0 <= u < image.shape[1] else -math.inf
+
+
+def _sampled(image: GreyImage, points: Array) -> Array:
+    """Return grey values at points, shape (..., 2); none if one is outside."""
+    u, v = np.rint(points.T).astype(int)
+    if u.min() < 0 or v.min() < 0 or u.max() >= image.shape[1] or v.max() >= image.shape[0]:
+        return np.empty(0)
+    return np.asarray(image[v, u], np.float64)
