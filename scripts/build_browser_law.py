@@ -2,6 +2,9 @@
 
     python scripts/build_browser_law.py            # build it
     python scripts/build_browser_law.py --check    # build it and compare with the one that is kept; 1 if they differ
+    python scripts/build_browser_law.py --out FILE # build it elsewhere
+
+Another Python or Numba may give other instructions for the same arithmetic.
 
 Numba translates the kernels to LLVM's intermediate code, without optimising and for no processor in particular;
 llvmlite's own back end makes WebAssembly of it, and the linker comes from the wheel ``ziglang``.  Nothing is computed
@@ -32,15 +35,16 @@ def main() -> int:
     """Build; return 1 if the result is to be compared and differs."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--check", action="store_true", help="compare with the file that is kept")
+    parser.add_argument("--out", type=Path, default=BUILT, metavar="FILE", help="file to write; default the one kept")
     arguments = parser.parse_args()
     content = linked(compiled(intermediate_code()))
     if arguments.check:
         same = BUILT.read_bytes() == content
         print(f"{BUILT.name}: {len(content)} bytes, {'as kept' if same else 'NOT as kept: build it again'}")
         return 0 if same else 1
-    BUILT.parent.mkdir(parents=True, exist_ok=True)
-    BUILT.write_bytes(content)
-    print(f"{BUILT}: {len(content)} bytes")
+    arguments.out.parent.mkdir(parents=True, exist_ok=True)
+    arguments.out.write_bytes(content)
+    print(f"{arguments.out}: {len(content)} bytes")
     return 0
 
 

@@ -27,7 +27,7 @@ MILLISECONDS = 12_000
 
 
 class CompiledCut:
-    """A copy of a cut, advanced by the program that the page carries.
+    """A copy of a cut, advanced by a compiled program, by default the one that the page carries.
 
     Attributes
     ----------
@@ -35,9 +35,10 @@ class CompiledCut:
         Addresses of the two records of its state.
     """
 
-    def __init__(self, cut: HandCut) -> None:
+    def __init__(self, cut: HandCut, program: bytes | None = None) -> None:
         self._store = wasmtime.Store(_ENGINE)
-        instance = wasmtime.Instance(self._store, _MODULE, [])
+        module = CARRIED if program is None else wasmtime.Module(_ENGINE, program)
+        instance = wasmtime.Instance(self._store, module, [])
         self._exports: Any = instance.exports(self._store)
         self._hand = cut.hand
         begin: Any = self._exports["__heap_base"]
@@ -69,9 +70,8 @@ class CompiledCut:
 
 
 _ENGINE = wasmtime.Engine()
-_MODULE = wasmtime.Module(_ENGINE, resources.path(LAW_PROGRAM).read_bytes())
-IMPORTS = list(_MODULE.imports)
-"""Functions that the program asks its surroundings for: none."""
+CARRIED = wasmtime.Module(_ENGINE, resources.path(LAW_PROGRAM).read_bytes())
+"""The program that the page carries."""
 
 
 def wandering(seed: int, count: int = MILLISECONDS) -> Any:
@@ -82,9 +82,9 @@ def wandering(seed: int, count: int = MILLISECONDS) -> Any:
     return np.stack([np.clip(np.cumsum(steps.repeat(200)[:count] * 3e-5), 0.0, 0.149), angles], axis=-1)
 
 
-def same(cut: HandCut, stylus: Any) -> bool:
+def same(cut: HandCut, stylus: Any, program: bytes | None = None) -> bool:
     """Return whether a cut and its copy in WebAssembly agree in every byte after the same movements."""
-    compiled = CompiledCut(cut)
+    compiled = CompiledCut(cut, program)
     return (
         compiled.follow(stylus) == cut.follow(stylus).tobytes()
         and compiled.bytes_at(compiled.cut, cut.cuts.nbytes) == cut.cuts.tobytes()
