@@ -19,14 +19,16 @@ from cutenv.task_quantities import (
     wedge,
 )
 
-WAY_POINTS, ACCURACY_POINTS, SUCCESS_POINTS = 30.0, 10.0, 20.0
+LIMIT_POINTS = 5.0
+"""ScorePoints for a cut within the limits of the task."""
+WAY_POINTS, ACCURACY_POINTS, SUCCESS_POINTS = 25.0, 10.0, 20.0
 """ScorePoints for the tip's way to the target, for a tip near it, and for a success."""
 TISSUE_POINTS, STEADINESS_POINTS, TIME_POINTS = 25.0, 10.0, 5.0
 """ScorePoints for sparing the tissue, for a steady force, and for the time, of a success."""
 MISSED = 0.375
 """Share of these that counts where the target was missed, so that every success has more than any failure."""
-BEYOND_LIMIT = 0.2
-"""Share of the points for the way that counts after a cut beyond a limit, which nothing else makes up for."""
+BEYOND_LIMIT = 0.16
+"""Share of the points for the way that counts after a cut beyond a limit: less than a cut not begun has."""
 DEADLINE = 30.0
 """Duration of a cut that has no points for the time [s]."""
 _RUNS, _LONG_RUN, _PRESSED, _LAG = 0.7, 0.020, 1000.0, 0.020  # per share, [m], [N/m], [m]: each takes all the points
@@ -91,6 +93,7 @@ def task_points(cut: ScoredCut, metrics: Mapping[str, float]) -> tuple[ScorePoin
     less = "" if success else "; counts for less, because the target was missed"
     side = "short of" if end < length else "beyond"
     gained = (
+        ScorePoints(part="limits", points=LIMIT_POINTS, most=LIMIT_POINTS, reason="not too long, not too much force"),
         ScorePoints(
             part="way", points=WAY_POINTS * way, most=WAY_POINTS, reason=f"{way:.0%} of the way to the target was cut"
         ),

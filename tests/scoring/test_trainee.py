@@ -13,7 +13,7 @@ from cutenv.scoring.points import ScorePoints
 from cutenv.scoring.study.trainee import mean_points, next_tries, outcome_counts
 from cutenv.scoring.technique import TechniqueFault
 
-BEST = {"way": 30.0, "accuracy": 10.0, "success": 20.0, "tissue": 25.0, "steadiness": 10.0, "time": 5.0}
+BEST = {"limits": 5.0, "way": 25.0, "accuracy": 10.0, "success": 20.0, "tissue": 25.0, "steadiness": 10.0, "time": 5.0}
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +60,7 @@ def test_a_loss_without_a_fault_has_its_own_advice(card: ScoreCard) -> None:
 def test_a_cut_beyond_a_limit_has_no_points_but_for_the_way(card: ScoreCard) -> None:
     beyond = dataclasses.replace(
         filled(card, {"force": "slow down"}),
-        points=(ScorePoints(part="way", points=3.0, most=30.0, reason="too much force"),),
+        points=(ScorePoints(part="way", points=3.0, most=25.0, reason="too much force"),),
         outcome="the force exceeded the limit",
     )
     cards = [filled(card, {}), beyond]

@@ -12,7 +12,7 @@ RECENT = 3
 _MOST = 3  # pieces of advice
 _LITTLE = 0.1  # fraction of a part's points whose loss needs no advice
 _CAUSES = {
-    "target": (("way", "accuracy", "success"), ("short", "overshoot", "wedge", "force")),
+    "target": (("limits", "way", "accuracy", "success"), ("short", "overshoot", "wedge", "force")),
     "tissue": (("tissue",), ("lurch", "force")),
     "steadiness": (("steadiness",), ("reversal",)),
     "time": (("time",), ("pause",)),
