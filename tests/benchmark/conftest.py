@@ -1,4 +1,4 @@
-"""Ratios of two things that are measured in turns, in one process: a busy machine slows both.
+"""Ratios of the processor time of two things that are measured in turns, in one process: a busy machine slows both.
 
 pytest-benchmark times the turns and keeps the ratio beside them (``--benchmark-json``, under ``extra_info``).  Without
 xdist, as in ``pytest tests/benchmark``, it repeats them and prints a table; under ``pytest -n 2`` the turns are taken
@@ -23,7 +23,7 @@ Ratio = Callable[[Way, Way], float]
 
 @pytest.fixture
 def ratio(benchmark: Any) -> Ratio:
-    """How many times longer the first way takes than the second; of each the fastest turn counts."""
+    """How many times as much processor time the first way takes as the second; of each the fastest turn counts."""
 
     def measured(way: Way, other: Way) -> float:
         best = [np.inf, np.inf]
@@ -31,9 +31,9 @@ def ratio(benchmark: Any) -> Ratio:
         def take_turns() -> None:
             for _ in range(TURNS):
                 for i, one in enumerate((way, other)):
-                    start = time.perf_counter()
+                    start = time.process_time()
                     one()
-                    best[i] = min(best[i], time.perf_counter() - start)
+                    best[i] = min(best[i], time.process_time() - start)
 
         way(), other()  # what is compiled, opened or made at the first time
         benchmark.pedantic(take_turns, rounds=REPEATS, iterations=1)

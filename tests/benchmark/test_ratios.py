@@ -75,7 +75,9 @@ def test_a_step_is_about_a_step_of_pendulum(ratio):
 def test_a_slow_step_is_noticed(ratio):
     class Slow(gymnasium.Wrapper[Any, Any, Any, Any]):
         def step(self, action: Any) -> Any:
-            time.sleep(0.0005)
+            end = time.process_time() + 0.0005
+            while time.process_time() < end:
+                pass
             return super().step(action)
 
     with pytest.raises(AssertionError):
@@ -108,8 +110,8 @@ def in_rows_and_in_single_file() -> tuple[Way, Way]:
 
 
 def check_rows(ratio: Ratio, rows: Way, files: Way) -> None:
-    """Rows of cuts take less than 0.8 of the time; measured: 0.4, and 1.0 where no loop becomes vector instructions."""
-    assert ratio(rows, files) < 0.8
+    """Rows of cuts take less than 0.7 of the time; measured: 0.4, and 1.0 where no loop becomes vector instructions."""
+    assert ratio(rows, files) < 0.7
 
 
 def test_rows_of_cuts_are_faster_than_single_file(ratio):
