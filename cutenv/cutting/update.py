@@ -57,17 +57,17 @@ def cut_row(row: Struct, profiles: StructArray, dt: float) -> None:
     ``row.elastic``, and of friction on its faces, positive toward the clamp [N]; ``row.jump`` the unstable growth [m].
     """
     if row.turns > 0:
-        _turn(row, profiles)
+        turn_row(row, profiles)
     if row.relaxing > 0:
-        _relax(row, dt)
-    _load(row, dt)
+        relax_row(row, dt)
+    load_row(row, dt)
     if row.leaps > 0:
-        _leap(row, profiles)
+        leap_row(row, profiles)
     if row.points > 0:
-        _look(row, profiles)
-    _grow(row)
+        look_row(row, profiles)
+    grow_row(row)
     if row.runs > 0:
-        _run(row, profiles)
+        run_row(row, profiles)
     for n in range(len(row.blade)):
         row.force[n] = row.elastic[n] + row.rubbing[n]
 
@@ -105,7 +105,7 @@ def _drive(row: Struct, dt: float) -> None:
 
 
 @njit_inline
-def _turn(row: Struct, profiles: StructArray) -> None:
+def turn_row(row: Struct, profiles: StructArray) -> None:
     for n in range(len(row.blade)):
         row.blade_point[n], row.blade_share[n] = grid_index(row.blade[n])
     for n in range(len(row.blade)):
@@ -120,7 +120,7 @@ def _turn(row: Struct, profiles: StructArray) -> None:
 
 
 @njit_inline
-def _relax(row: Struct, dt: float) -> None:
+def relax_row(row: Struct, dt: float) -> None:
     for n in range(row.taken):
         if row.relaxing_share[n] > 0.0:
             row.creep[n], row.locked[n], row.ledger[n], row.loss[n] = relaxed(
@@ -130,7 +130,7 @@ def _relax(row: Struct, dt: float) -> None:
 
 
 @njit_inline
-def _load(row: Struct, dt: float) -> None:
+def load_row(row: Struct, dt: float) -> None:
     """Compute the elastic motion, and the position to which the tip would follow."""
     points = leaps = 0
     for n in range(len(row.blade)):
@@ -164,7 +164,7 @@ def _load(row: Struct, dt: float) -> None:
 
 
 @njit_inline
-def _leap(row: Struct, profiles: StructArray) -> None:
+def leap_row(row: Struct, profiles: StructArray) -> None:
     """Integrate all but the last part of long advances of the tip."""
     for n in range(row.taken):
         if row.going[n] == 0 or row.da[n] <= LONGEST_ADVANCE:
@@ -190,7 +190,7 @@ def _leap(row: Struct, profiles: StructArray) -> None:
 
 
 @njit_inline
-def _look(row: Struct, profiles: StructArray) -> None:
+def look_row(row: Struct, profiles: StructArray) -> None:
     """Gather the profile at the blade and at the tip's next position, for cuts that reach another grid point."""
     for n in range(len(row.blade)):
         i, j = row.tip_point[n], row.blade_point[n]
@@ -205,7 +205,7 @@ def _look(row: Struct, profiles: StructArray) -> None:
 
 
 @njit_inline
-def _grow(row: Struct) -> None:
+def grow_row(row: Struct) -> None:
     """Advance the tip where the ledger admits it, and add friction on the blade."""
     runs = 0
     for n in range(len(row.blade)):
@@ -248,7 +248,7 @@ def _rub(row: Struct, n: int) -> None:
 
 
 @njit_inline
-def _run(row: Struct, profiles: StructArray) -> None:
+def run_row(row: Struct, profiles: StructArray) -> None:
     for n in range(row.taken):
         if row.going[n] == 0 or row.waits[n] == 1:
             continue

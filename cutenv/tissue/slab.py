@@ -160,8 +160,22 @@ def _fill_local(rows: Array, local: Array) -> None:
 @njit_internal
 def fill_stiffness(slab: Struct, modulus: Array, effective: Array, share: Array, stiffness: Array) -> None:
     """Fill ``stiffness``, shape (301,), with K [N/m]; ``effective`` and ``share`` are from :func:`partial_depth`."""
-    rows, local, plane = np.empty(ROWS), np.empty(ROWS), np.empty(ROWS)
     far, near = np.empty(N_POINTS), np.empty(N_POINTS)
+    mean = cut_through(slab, modulus, far, near)
+    for i in range(N_POINTS):
+        stiffness[i] = mean * (far[i] + share[i] * (near[i] - far[i])) * effective[i]
+
+
+@njit
+def cut_through_along(slabs: Array, modulus: Array, far: Array, near: Array) -> float:
+    """Fill k and l, shape (301,), as :func:`cut_through` does; return the mean modulus [Pa]."""
+    return cut_through(slabs[0], modulus, far, near)  # type: ignore[no-any-return]
+
+
+@njit_internal
+def cut_through(slab: Struct, modulus: Array, far: Array, near: Array) -> float:
+    """Fill k and l over the mean modulus, shape (301,), of a slab that is cut through; return that mean [Pa]."""
+    rows, local, plane = np.empty(ROWS), np.empty(ROWS), np.empty(ROWS)
     _fill_rows(modulus, rows)
     total = 0.0
     for j in range(ROWS):
@@ -176,8 +190,7 @@ def fill_stiffness(slab: Struct, modulus: Array, effective: Array, share: Array,
         local[j] *= slab.tips[j]
     between_tips(plane, far)
     between_tips(local, near)
-    for i in range(N_POINTS):
-        stiffness[i] = mean * (far[i] + share[i] * (near[i] - far[i])) * effective[i]
+    return mean
 
 
 @njit_internal
