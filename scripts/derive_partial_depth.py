@@ -51,10 +51,13 @@ FIELD_CV, FIELDS, CHECKED = 0.4, 12, 6
 CORRELATION = 0.020  # [m]
 
 
-def stiffness_by_depth(borders: Array, row_modulus: Array, across: int = 4, along: int = ROWS) -> Array:
+def stiffness_by_depth(
+    borders: Array, row_modulus: Array, across: int = 4, along: int = ROWS, layer_modulus: Array | None = None
+) -> Array:
     """Return K over width-independent modulus, for each tip and each border as depth, shape (along, n_borders) [m].
 
-    ``row_modulus``, shape (15,), is that of each centimetre along the cut, relative to a common one.
+    ``row_modulus``, shape (15,), is that of each centimetre along the cut, and ``layer_modulus``, shape
+    (n_borders - 1,), that of each layer of bricks, relative to a common one.
     """
     mesh = MeshHex.init_tensor(
         np.linspace(0.0, WIDTH / 2, across + 1), np.linspace(0.0, LENGTH, along + 1), np.asarray(borders)
@@ -62,6 +65,8 @@ def stiffness_by_depth(borders: Array, row_modulus: Array, across: int = 4, alon
     basis = Basis(mesh, ElementVector(ElementHexS2()), intorder=5)
     centres = mesh.p[:, mesh.t].mean(axis=1)
     modulus = row_modulus[(centres[1] / LENGTH * ROWS).astype(int)]
+    if layer_modulus is not None:
+        modulus = modulus * layer_modulus[np.searchsorted(borders, centres[2]) - 1]
     stiffness = elastic_form("solid", POISSON, modulus).assemble(basis).tocsc()
 
     component = np.empty(stiffness.shape[0], dtype=int)

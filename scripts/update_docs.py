@@ -31,6 +31,7 @@ from types import ModuleType
 from typing import Any
 
 import baseline_table
+import check_descent
 import check_score
 import declared_tables
 import gymnasium
@@ -50,6 +51,7 @@ import tip_errors
 from benchmark.table import markdown_table
 
 from cutenv._base.parameter import parameter_table
+from cutenv.cutting.descent import DescentParameters
 from cutenv.cutting.drive import Rig
 from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.sensor import SensorParameters
@@ -62,7 +64,7 @@ from cutenv.rig.toml_file import template
 from cutenv.scoring import INVARIANCES, METRICS
 from cutenv.task.reward import CUT_ENDS, REWARD
 from cutenv.task.weights import Limits
-from cutenv.tissue import measured_liver
+from cutenv.tissue import Layers, measured_liver
 from cutenv.tissue import tables as thesis_tables
 from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.specimen import CLASSES
@@ -92,6 +94,7 @@ PAGES = {
     "field": "docs/validation/field.md",
     "depth": "docs/validation/depth.md",
     "errata": "docs/validation/errata.md",
+    "descent": "docs/validation/descent.md",
     "parameters": "docs/reference/constants.md",
     "metrics": "docs/reference/metrics.md",
     "weights": "docs/how-to/train.md",
@@ -110,7 +113,9 @@ def parameters(_: argparse.Namespace) -> str:
     """Return every constant of tissue, law, drive, sensor and task, with provenance."""
     liver = measured_liver()
     rows = []
-    for row in parameter_table(TissueDescription, LawParameters, Rig, SensorParameters, Knowledge, Limits):
+    for row in parameter_table(
+        TissueDescription, LawParameters, Rig, SensorParameters, Knowledge, Limits, Layers, DescentParameters
+    ):
         value = getattr(liver, row["name"], row["default"])
         sweep = "" if row["sensitivity"] is None else f"{row['sensitivity'][0]:.4g} to {row['sensitivity'][1]:.4g}"
         rows.append((f"`{row['name']}`", f"{value:.4g}", row["unit"], row["provenance"], row["source"], sweep))
@@ -373,6 +378,7 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "memory": lambda _: memory_gap.report(memory_gap.kept(ROOT / memory_gap.FOLDER)),
     "benchmark": benchmark,
     "measures": lambda _: measure_codebase.comparison(),
+    "descent": lambda _: check_descent.markdown(),
     "check-score": lambda _: check_score.report(check_score.kept(ROOT / check_score.FOLDER)),
     "depth": lambda _: measure_depth_accuracy.report(measure_depth_accuracy.kept(ROOT / measure_depth_accuracy.KEPT)),
     "errata": errata,

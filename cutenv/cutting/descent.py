@@ -24,17 +24,14 @@ from typing import Any
 
 import numpy as np
 
-from cutenv._base.arrays import Array, Struct, StructArray
+from cutenv._base.arrays import Struct, StructArray
 from cutenv._base.parameter import check_parameters, parameter
 from cutenv._engine.jit import njit, njit_inline, njit_internal
-from cutenv._engine.lanes import first_row
-from cutenv.cutting.dtypes import PROFILE
+from cutenv.cutting.dtypes import PROFILE, TICK
 from cutenv.cutting.law import LONGEST_ADVANCE, depth_at, grid_index, stiffness_at, toughness_at
-from cutenv.cutting.row import ONE, begin, note, plain_views, put, take_tissue
-from cutenv.cutting.simulate import Physics
 from cutenv.cutting.update import grow_row, leap_row, load_row, look_row, relax_row, run_row, turn_row
-from cutenv.tissue.grid import LENGTH, N_POINTS, POINTS_PER_METRE, SPACING
-from cutenv.tissue.layers import Layers, summed, within
+from cutenv.tissue.grid import N_POINTS, POINTS_PER_METRE, SPACING
+from cutenv.tissue.layers import Layers, layered_depth, summed_toughness, toughness_within
 from cutenv.tissue.slab import at_depth, cut_through_along
 from cutenv.tissue.specimen import Specimen
 
@@ -53,8 +50,17 @@ class DescentParameters:
     )  # fmt: skip
     bedding: float = parameter(
         1.0, unit="1", low=0.05, high=50.0, provenance="assumed",
-        source="stiffness of the floor under an edge, per length, over the tissue's modulus: near 1 for a long indenter",
+        source="stiffness of the floor under an edge, per length, over the modulus: near 1 for a long indenter",
         sensitivity=(0.5, 2.0),
+    )  # fmt: skip
+
+    vertical_lag: float = parameter(
+        0.040, unit="s", low=0.001, high=1.0, provenance="assumed", source="as that of the motion along the cut",
+        sensitivity=(0.010, 0.080),
+    )  # fmt: skip
+    vertical_acceleration: float = parameter(
+        0.1, unit="m/s2", low=0.001, high=10.0, provenance="assumed", source="as that of the motion along the cut",
+        sensitivity=(0.05, 0.5),
     )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -66,6 +72,9 @@ DESCENT: np.dtype[Any] = np.dtype(
         np.record,
         [
             ("level", "f8"),  # h: of the blade's lower end [m], upwards; 0 cuts as deep as the profile says
+            ("level_speed", "f8"),  # upwards [m/s]
+            ("gain", "f8"),  # of the vertical drive's velocity loop, in a millisecond
+            ("acceleration", "f8"),  # its limit [m/s2]
             ("engaged", "f8"),  # e: level down to which the tip is cut and the blade engaged [m]
             ("pressed", "f8"),  # energy in the bed [J]
             ("vertical", "f8"),  # force of the tissue on the blade, upwards [N]
@@ -104,6 +113,8 @@ def descent_records(
         record["toughness"] = (1.0 - specimen.tissue.friction_share) * specimen.fracture_resistance
         record["thickness"] = specimen.thickness
         record["edge_length"], record["bed"] = parameters.edge_length, parameters.bedding * record["modulus"]
+        record["gain"] = -math.expm1(-TICK / parameters.vertical_lag)
+        record["acceleration"] = parameters.vertical_acceleration
         for name in Layers.__dataclass_fields__:
             record[name] = getattr(layers, name)
     return records
@@ -132,10 +143,9 @@ def renew(profile: Struct, descent: Struct, slab: Struct, i: int) -> None:
     descent.belongs[i] = descent.version
     D = min(max(descent.surface[i] - descent.engaged, LEAST_DEPTH), descent.thickness)
     effective, share = at_depth(slab, i, D, descent.thickness)
-    toughness, modulus = summed(descent, D)
-    uniform = descent.modulus * (descent.far[i] + share * (descent.near[i] - descent.far[i])) * effective
-    profile.stiffness[i] = uniform * (modulus / D)
-    profile.toughness[i] = descent.toughness[i] * toughness
+    per_depth = descent.modulus * (descent.far[i] + share * (descent.near[i] - descent.far[i]))
+    profile.stiffness[i] = per_depth * layered_depth(descent, D, effective)
+    profile.toughness[i] = descent.toughness[i] * summed_toughness(descent, D)
     profile.depth[i] = D
 
 
@@ -255,12 +265,14 @@ def press(descent: Struct, at: float, a: float, level: float, slip: float) -> tu
         low, high = (i - 0.5) * SPACING, (i + 0.5) * SPACING
         under = max(min(high, at) - max(low, start), 0.0)  # length of edge over this cell
         cell = min(high, a) - max(low, 0.0)  # of it that is behind the tip: deepened as a whole
-        R = descent.toughness[i] * within(descent, depth)[0]
+        R = descent.toughness[i] * toughness_within(descent, depth)
         left = given_way(p, R / bed, slip)
         energy += 0.5 * bed * under * p**2
         if left < p and under > 0.0:
             deeper = min(depth + (p - left), descent.thickness)
-            spent += cell * descent.toughness[i] * (summed(descent, deeper)[0] - summed(descent, depth)[0])
+            spent += (
+                cell * descent.toughness[i] * (summed_toughness(descent, deeper) - summed_toughness(descent, depth))
+            )
             descent.opened += cell * (deeper - depth)
             descent.floor[i] = descent.surface[i] - deeper
             released += 0.5 * bed * under * (p**2 - left**2)
@@ -285,52 +297,3 @@ def given_way(p: float, most: float, slip: float) -> float:
         else:
             high = u
     return 0.5 * (low + high)
-
-
-@njit
-def follow_levels(
-    cuts: Physics,
-    descents: StructArray,
-    slabs: StructArray,
-    path: StructArray,
-    dt: float,
-    readings: StructArray,
-    vertical: Array,
-) -> None:
-    """Move the blade of one cut exactly along a path, one row of it every ``dt`` [s]; no drive, no sensor.
-
-    Parameters
-    ----------
-    cuts : Physics
-        One cut, each part of shape (1,); its states and profiles are changed in place.
-    descents, slabs : Records
-        Its vertical motion, :data:`DESCENT` of shape (1,), changed; its slab, shape (1,).
-    path : array, shape (n, 3)
-        Position [m], level [m] and angle [rad], within the specimen.
-    dt : float
-        [s]
-    readings : Records
-        :data:`~cutenv.cutting.dtypes.READING`, shape (n,), filled.
-    vertical : array, shape (n,)
-        Filled with the force of the tissue on the blade, upwards [N].
-
-    Raises
-    ------
-    ValueError
-        If the path leaves the specimen.
-    """
-    rows, levels = np.zeros(1, ONE), np.empty(1)
-    row = first_row(rows)
-    plain = plain_views(rows, cuts.states, cuts.laws, cuts.drives)
-    take_tissue(row, plain, cuts.profiles[0], 0, 0)
-    begin(row, plain, 1)
-    for i in range(len(path)):
-        if not 0.0 <= path[i, 0] <= LENGTH:
-            raise ValueError("positions leave the specimen: give metres from the clamp, 0 to 0.15")
-        row.dx[0], levels[0], row.next_angle[0] = path[i, 0] - row.blade[0], path[i, 1], path[i, 2]
-        row.turns = 1 if path[i, 2] != row.angle[0] else 0
-        descending_row(row, cuts.profiles, descents, slabs, levels, dt)
-        row.felt[0] = row.force[0]
-        note(row, 0, readings[i], dt)
-        vertical[i] = descents[0].vertical
-    put(row, plain, 0, 0)

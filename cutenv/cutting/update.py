@@ -44,7 +44,7 @@ def update_row(row: Struct, profiles: StructArray, sensors: StructArray, dt: flo
 
     ``first`` is True for the first update since the row was loaded.
     """
-    _drive(row, dt)
+    drive_row(row, dt)
     cut_row(row, profiles, dt)
     feel_row(row, sensors, first)
 
@@ -73,7 +73,8 @@ def cut_row(row: Struct, profiles: StructArray, dt: float) -> None:
 
 
 @njit_inline
-def _drive(row: Struct, dt: float) -> None:
+def drive_row(row: Struct, dt: float) -> None:
+    """Advance every drive in a row; the blades' motion is ``row.dx``."""
     for n in range(len(row.blade)):
         row.command[n] = row.given[n]
     if row.late > 0:
@@ -106,6 +107,7 @@ def _drive(row: Struct, dt: float) -> None:
 
 @njit_inline
 def turn_row(row: Struct, profiles: StructArray) -> None:
+    """Turn the blades to ``row.next_angle``."""
     for n in range(len(row.blade)):
         row.blade_point[n], row.blade_share[n] = grid_index(row.blade[n])
     for n in range(len(row.blade)):
@@ -121,6 +123,7 @@ def turn_row(row: Struct, profiles: StructArray) -> None:
 
 @njit_inline
 def relax_row(row: Struct, dt: float) -> None:
+    """Let relaxing tissue creep."""
     for n in range(row.taken):
         if row.relaxing_share[n] > 0.0:
             row.creep[n], row.locked[n], row.ledger[n], row.loss[n] = relaxed(
@@ -249,6 +252,7 @@ def _rub(row: Struct, n: int) -> None:
 
 @njit_inline
 def run_row(row: Struct, profiles: StructArray) -> None:
+    """Run the cracks whose force has reached initiation."""
     for n in range(row.taken):
         if row.going[n] == 0 or row.waits[n] == 1:
             continue

@@ -1,8 +1,9 @@
 """Plants: one interface for the simulator, a replayed record and a rig."""
 
+from cutenv.plant.descending_plant import DescendingPlant
 from cutenv.plant.interface import Plant
 from cutenv.plant.protocol import Leg, forward_backward, run, to_trace
 from cutenv.plant.replay import ReplayPlant
 from cutenv.plant.simulator import SimulatedPlant
 
-__all__ = ["Leg", "Plant", "ReplayPlant", "SimulatedPlant", "forward_backward", "run", "to_trace"]
+__all__ = ["DescendingPlant", "Leg", "Plant", "ReplayPlant", "SimulatedPlant", "forward_backward", "run", "to_trace"]

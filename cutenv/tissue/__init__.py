@@ -4,10 +4,12 @@ from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.description import TissueDescription, load_description, measured_liver
 from cutenv.tissue.effective_modulus import local_effective_modulus, quasi_static_modulus
 from cutenv.tissue.fracture_resistance import measured_fracture_resistance
+from cutenv.tissue.layers import Layers
 from cutenv.tissue.specimen import Specimen, draw_liver
 
 __all__ = [
     "CutModel",
+    "Layers",
     "Specimen",
     "TissueDescription",
     "draw_liver",

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from cutenv._base.arrays import Struct
 from cutenv._base.parameter import check_parameters, parameter
+from cutenv._engine.elementary import exp
 from cutenv._engine.jit import njit_inline
 
 
@@ -31,7 +32,7 @@ class Layers:
         sensitivity=(1.0, 20.0),
     )  # fmt: skip
     boundary: float = parameter(
-        0.1, unit="m", low=0.0, high=0.1, provenance="assumed", source="depth of the layer below; off: deeper than slabs",
+        0.1, unit="m", low=0.0, high=0.1, provenance="assumed", source="depth of the layer below; off: below any slab",
         sensitivity=(0.005, 0.02),
     )  # fmt: skip
     deep_toughness: float = parameter(
@@ -47,23 +48,43 @@ class Layers:
         check_parameters(self)
 
 
+_AT_EDGE, _REACH = 0.6, 0.004
+"""Weight of the layer at the blade's lower end in what is below it, and reach [m] of the rest: fitted to bricks."""
+
+
 @njit_inline
-def within(layers: Struct, depth: float) -> tuple[float, float]:
-    """Return toughness and modulus at ``depth`` [m] below the surface, over those of the tissue [1]."""
+def toughness_within(layers: Struct, depth: float) -> float:
+    """Return the toughness at ``depth`` [m] below the surface, over that of the tissue [1]."""
     if depth < layers.capsule_thickness:
-        return layers.capsule_toughness, layers.capsule_modulus
+        return layers.capsule_toughness  # type: ignore[no-any-return]
     if depth > layers.boundary:
-        return layers.deep_toughness, layers.deep_modulus
-    return 1.0, 1.0
+        return layers.deep_toughness  # type: ignore[no-any-return]
+    return 1.0
 
 
 @njit_inline
-def summed(layers: Struct, depth: float) -> tuple[float, float]:
-    """Return the integrals of toughness and modulus from the surface to ``depth`` [m], over the tissue's [m].
+def summed_toughness(layers: Struct, depth: float) -> float:
+    """Return the integral of the toughness from the surface to ``depth`` [m], over the tissue's [m].
 
-    Both are exactly ``depth`` where the layers are alike.
+    It is exactly ``depth`` where the layers are alike.
     """
     capsule, deep = min(depth, layers.capsule_thickness), max(depth - layers.boundary, 0.0)
-    toughness = depth + (layers.capsule_toughness - 1.0) * capsule + (layers.deep_toughness - 1.0) * deep
-    modulus = depth + (layers.capsule_modulus - 1.0) * capsule + (layers.deep_modulus - 1.0) * deep
-    return toughness, modulus
+    total: float = depth + ((layers.capsule_toughness - 1.0) * capsule + (layers.deep_toughness - 1.0) * deep)
+    return total
+
+
+@njit_inline
+def layered_depth(layers: Struct, depth: float, effective: float) -> float:
+    """Return the effective depth [m] of a slab in layers, from that of a uniform one, T g [m].
+
+    The blade engages each layer down to ``depth`` [m] in proportion to its modulus.  The rest, T g - D, is what the
+    tissue at and below its lower end adds, where the modulus is a mean over that place and the layers below.  It is
+    exactly ``effective`` where the layers are alike.
+    """
+    capsule, deep = layers.capsule_modulus - 1.0, layers.deep_modulus - 1.0
+    over = layers.capsule_thickness - depth  # length to the end of the capsule
+    above = layers.boundary - depth  # length to the layer below
+    engaged = capsule * min(depth, layers.capsule_thickness) + deep * max(-above, 0.0)
+    here = capsule if over > 0.0 else (deep if above <= 0.0 else 0.0)
+    below = capsule * (1.0 - exp(-max(over, 0.0) / _REACH)) + deep * exp(-max(above, 0.0) / _REACH)
+    return effective + engaged + (effective - depth) * (_AT_EDGE * here + (1.0 - _AT_EDGE) * below)  # type: ignore[no-any-return]

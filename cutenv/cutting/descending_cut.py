@@ -1,0 +1,124 @@
+"""Loops over updates of the law where depth is a degree of freedom: a prescribed path, and commanded speeds."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cutenv._base.arrays import Array, StructArray
+from cutenv._engine.jit import njit
+from cutenv._engine.lanes import first_row
+from cutenv.cutting.descent import descending_row
+from cutenv.cutting.drive import velocity_loop_step
+from cutenv.cutting.dtypes import TICK
+from cutenv.cutting.row import ONE, begin, note, plain_views, put, take, take_tissue
+from cutenv.cutting.sensor import feel_row
+from cutenv.cutting.simulate import EnergyAccount, Physics, account
+from cutenv.cutting.update import drive_row
+from cutenv.tissue.specimen import LENGTH
+
+LOWEST, HIGHEST = -0.025, 0.025
+"""Ends of the blade's vertical travel [m]."""
+
+
+@njit
+def account_of_descending(cuts: Physics, descents: StructArray) -> EnergyAccount:
+    """Return the energy account of a cut, shape (1,); what presses on the floor is stored, too."""
+    found = account(cuts.states[0], cuts.profiles[0])
+    pressed = descents[0].pressed
+    return EnergyAccount(
+        found.work, found.stored + pressed, found.fracture, found.friction, found.loss, found.ledger,
+        found.residual - pressed,
+    )  # fmt: skip
+
+
+@njit
+def follow_levels(
+    cuts: Physics,
+    descents: StructArray,
+    slabs: StructArray,
+    path: StructArray,
+    dt: float,
+    readings: StructArray,
+    vertical: Array,
+) -> None:
+    """Move the blade of one cut exactly along a path, one row of it every ``dt`` [s]; no drive, no sensor.
+
+    Parameters
+    ----------
+    cuts : Physics
+        One cut, each part of shape (1,); its states and profiles are changed in place.
+    descents, slabs : Records
+        Its vertical motion, :data:`~cutenv.cutting.descent.DESCENT` of shape (1,), changed; its slab, shape (1,).
+    path : array, shape (n, 3)
+        Position [m], level [m] and angle [rad], within the specimen.
+    dt : float
+        [s]
+    readings : Records
+        :data:`~cutenv.cutting.dtypes.READING`, shape (n,), filled.
+    vertical : array, shape (n,)
+        Filled with the force of the tissue on the blade, upwards [N].
+
+    Raises
+    ------
+    ValueError
+        If the path leaves the specimen.
+    """
+    rows, levels = np.zeros(1, ONE), np.empty(1)
+    row = first_row(rows)
+    plain = plain_views(rows, cuts.states, cuts.laws, cuts.drives)
+    take_tissue(row, plain, cuts.profiles[0], 0, 0)
+    begin(row, plain, 1)
+    for i in range(len(path)):
+        if not 0.0 <= path[i, 0] <= LENGTH:
+            raise ValueError("positions leave the specimen: give metres from the clamp, 0 to 0.15")
+        row.dx[0], levels[0], row.next_angle[0] = path[i, 0] - row.blade[0], path[i, 1], path[i, 2]
+        row.turns = 1 if path[i, 2] != row.angle[0] else 0
+        descending_row(row, cuts.profiles, descents, slabs, levels, dt)
+        row.felt[0] = row.force[0]
+        note(row, 0, readings[i], dt)
+        vertical[i] = descents[0].vertical
+    put(row, plain, 0, 0)
+
+
+@njit
+def hold_descending(
+    cuts: Physics,
+    descents: StructArray,
+    slabs: StructArray,
+    speed: float,
+    angle: float,
+    descent_speed: float,
+    readings: StructArray,
+    vertical: Array,
+) -> None:
+    """Simulate one cut under one command for ``len(readings)`` milliseconds.
+
+    Parameters
+    ----------
+    cuts : Physics
+        One cut, each part of shape (1,), changed in place.
+    descents, slabs : Records
+        Its vertical motion, :data:`~cutenv.cutting.descent.DESCENT` of shape (1,), changed; its slab, shape (1,).
+    speed, angle, descent_speed : float
+        Command [m/s], [rad], [m/s]; the last one downwards.
+    readings, vertical : Records, array
+        Filled, one for each millisecond; ``vertical`` is the true force upwards on the blade [N].
+    """
+    rows, levels = np.zeros(1, ONE), np.empty(1)
+    row, plain = first_row(rows), plain_views(rows, cuts.states, cuts.laws, cuts.drives)
+    take(row, plain, cuts.profiles[0], cuts.drives[0], cuts.sensors[0], 0, 0)
+    row.given[0], row.aim[0] = speed, angle
+    begin(row, plain, 1)
+    descent = descents[0]
+    for i in range(len(readings)):
+        drive_row(row, TICK)
+        level, descent.level_speed = velocity_loop_step(
+            descent.level - LOWEST, descent.level_speed, -descent_speed, descent.gain, descent.acceleration,
+            HIGHEST - LOWEST, TICK,
+        )  # fmt: skip
+        levels[0] = level + LOWEST if descent.level_speed != 0.0 else descent.level
+        descending_row(row, cuts.profiles, descents, slabs, levels, TICK)
+        feel_row(row, cuts.sensors, i == 0)
+        note(row, 0, readings[i], TICK)
+        vertical[i] = descent.vertical
+    put(row, plain, 0, 0)

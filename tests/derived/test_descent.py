@@ -1,0 +1,75 @@
+"""The law where the blade also moves up and down: scripts/check_descent.py over one specimen, and broken on purpose."""
+
+from __future__ import annotations
+
+import check_descent
+import numpy as np
+import pytest
+from adversarial_motions import FEED, TICKS, UPRIGHT
+from check_physics import drawn
+
+from cutenv.plant import DescendingPlant, SimulatedPlant
+from cutenv.tissue import Layers, Specimen
+
+
+@pytest.mark.parametrize("part", ["level-zero", "account", "limits"])
+def test_every_promise_is_kept(part: str) -> None:
+    rows = list(check_descent.CHECKS[part](drawn(1)))
+    assert [str(row) for row in rows if row.holds is not True] == []
+
+
+@pytest.mark.parametrize(
+    "layers", [Layers(boundary=0.006, deep_toughness=3.0), Layers(capsule_toughness=5.0, capsule_thickness=1e-3)]
+)
+def test_a_tougher_layer_costs_more_and_is_cut_less_deep(layers: Layers) -> None:
+    specimen = Specimen.drawn(0, specimen_class="uniform")
+    levels = np.full(TICKS, -0.002)
+    soft, tough = (check_descent.led(specimen, 2.0 * FEED, levels, UPRIGHT, each) for each in (None, layers))
+    assert tough.energies()["fracture"] > 1.1 * soft.energies()["fracture"]
+
+
+def test_a_drawn_edge_cuts_deeper_than_a_pressed_one() -> None:
+    """Slice and push: at the same pressing, which alone does not cut, a blade that is drawn back sinks in."""
+    specimen = Specimen.drawn(0, specimen_class="uniform")
+    lead = np.concatenate((FEED, FEED[-1] - 5e-6 * np.arange(2000)))  # until it is in the open cut
+    press = np.concatenate((np.zeros(len(lead)), np.linspace(0.0, -1e-3, 500), np.full(2000, -1e-3)))
+    rest = np.full(2500, lead[-1])
+    drawn_back = lead[-1] - np.minimum(np.maximum(np.arange(2500) - 500, 0) * 5e-6, 0.008)
+    opened = [
+        check_descent.led(specimen, np.concatenate((lead, way)), press, UPRIGHT).descents[0]["opened"]
+        for way in (rest, drawn_back)
+    ]
+    assert opened[0] == 0.0
+    assert opened[1] > 1e-6
+
+
+def test_a_raised_blade_cuts_less_deep_and_the_floor_shows_it() -> None:
+    plant = DescendingPlant(Specimen.drawn(0, specimen_class="uniform"))
+    for k in range(200):
+        plant.advance(0.02, UPRIGHT, 20, -0.004 if 60 <= k < 110 else 0.0)
+    cut = plant.floor[: int(plant.cuts.states[0]["tip"] / 5e-4)]
+    assert plant.level == pytest.approx(0.004, abs=2e-4)
+    assert cut[5] == pytest.approx(cut[-5] + plant.level, abs=2e-4)
+
+
+def test_at_level_zero_the_driven_blade_is_the_simulated_plants() -> None:
+    specimen = Specimen.drawn(3)
+    ours, other = DescendingPlant(specimen, seed=5), SimulatedPlant(specimen, seed=5)
+    for speed, angle in ((0.01, 1.5), (0.02, 0.9), (-0.005, 1.2)):
+        for _ in range(40):
+            assert np.array_equal(ours.advance(speed, angle, 20), other.advance(speed, angle, 20))
+    assert ours.energy()["work"] == other.energy()["work"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ((0.6, 1.5, 20, 0.0), "speed"),
+        ((0.01, 1.5, 20, 0.6), "descent_speed"),
+        ((0.01, 0.1, 20, 0.0), "angle"),
+        ((0.01, 1.5, 0, 0.0), "ticks"),
+    ],
+)
+def test_a_bad_command_is_named(arguments: tuple[float, float, int, float], says: str) -> None:
+    with pytest.raises(ValueError, match=says):
+        DescendingPlant(Specimen.drawn(0)).advance(*arguments)
