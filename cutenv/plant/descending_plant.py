@@ -13,7 +13,7 @@ from cutenv.cutting.dtypes import READING, new_state
 from cutenv.cutting.parameters import LawParameters, law_records
 from cutenv.cutting.sensor import SensorParameters, sensor_records
 from cutenv.cutting.simulate import Physics
-from cutenv.plant.simulator import ANGLE_RANGE, FASTEST_COMMAND, check_angle
+from cutenv.plant.simulator import ANGLE_RANGE, MAX_SPEED, check_angle
 from cutenv.tissue.layers import Layers
 from cutenv.tissue.specimen import LENGTH, SPACING, Specimen
 
@@ -101,12 +101,12 @@ class DescendingPlant:
         ValueError
             If a command is out of range, or ``ticks`` is less than 1.
         """
-        in_range("speed", speed, -FASTEST_COMMAND, FASTEST_COMMAND, "m/s", "Speeds are in m/s: 2.54 cm/s is 0.0254.")
+        in_range("speed", speed, -MAX_SPEED, MAX_SPEED, "m/s", "Speeds are in m/s: 2.54 cm/s is 0.0254.")
         in_range(
             "descent_speed",
             descent_speed,
-            -FASTEST_COMMAND,
-            FASTEST_COMMAND,
+            -MAX_SPEED,
+            MAX_SPEED,
             "m/s",
             "Speeds are in m/s: 5 mm/s is 0.005.",
         )

@@ -20,7 +20,7 @@ ANGLE_RANGE = (math.radians(45.0), math.radians(90.0))
 """Measured angles of the blade [rad]."""
 
 _ANGLE_LOW, _ANGLE_HIGH = ANGLE_RANGE[0] - 1e-9, ANGLE_RANGE[1] + 1e-9  # slack for rounding through degrees and back
-FASTEST_COMMAND = 0.5
+MAX_SPEED = 0.5
 """Largest commanded speed [m/s]."""
 
 
@@ -79,10 +79,8 @@ class SimulatedPlant:
 
     def advance(self, speed: float, angle: float, ticks: int) -> StructArray:
         """Command ``speed`` [m/s] and ``angle`` [rad] for ``ticks`` milliseconds; see :class:`~cutenv.plant.Plant`."""
-        if not (-FASTEST_COMMAND <= speed <= FASTEST_COMMAND and _ANGLE_LOW <= angle <= _ANGLE_HIGH):
-            in_range(
-                "speed", speed, -FASTEST_COMMAND, FASTEST_COMMAND, "m/s", "Speeds are in m/s: 2.54 cm/s is 0.0254."
-            )
+        if not (-MAX_SPEED <= speed <= MAX_SPEED and _ANGLE_LOW <= angle <= _ANGLE_HIGH):
+            in_range("speed", speed, -MAX_SPEED, MAX_SPEED, "m/s", "Speeds are in m/s: 2.54 cm/s is 0.0254.")
             check_angle(angle)
         if len(self._readings) != ticks or ticks == 0:
             if in_range("ticks", ticks, 1, 10**7, "1", "Give a whole number of milliseconds.") % 1.0:
