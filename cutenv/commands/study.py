@@ -43,7 +43,7 @@ def main(argv: Sequence[str]) -> int:
         metrics=tuple(arguments.metric or ()),
         groups=None if arguments.groups is None else tuple(arguments.groups),
         target_group=arguments.criterion_group,
-        target=arguments.criterion,
+        target=_criterion(arguments),
     )
     print("\n".join([*table_lines(study), *crossover_lines(study)]))
     for each in refused:
@@ -60,13 +60,25 @@ def main(argv: Sequence[str]) -> int:
     return 0
 
 
+def _criterion(arguments: argparse.Namespace) -> float | None:
+    """Return the target of the learning curves, in SI units."""
+    from cutenv._base.unit_table import shown_unit
+    from cutenv.scoring import METRICS
+    from cutenv.scoring.study.study import OVERALL
+
+    value: float | None = arguments.criterion
+    if value is None or len(arguments.metric or ()) != 1 or arguments.metric[0] == OVERALL:
+        return value
+    return shown_unit(METRICS[arguments.metric[0]].unit.replace("F", "N")).to_si(value)
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = command_parser(
         "study",
         __doc__,
         examples=(
             "cuts/ --out study.html --sheets sheets",
-            "records/ --operators operators.csv --metric tip_error --criterion 0.003",
+            "records/ --operators operators.csv --metric tip_error --criterion 3",
             "records/ --operators operators.csv --criterion-group expert --target-length 80mm --mark 60",
         ),
         note="Training feedback for research; not validated for assessment or credentialing of people.",
@@ -96,6 +108,6 @@ def _parser() -> argparse.ArgumentParser:
         "--criterion",
         type=float,
         metavar="VALUE",
-        help="target value of the learning curves itself, in the SI unit of the one --metric",
+        help="target value of the learning curves itself, in the unit in which the one --metric is shown: mm, N, s",
     )
     return parser

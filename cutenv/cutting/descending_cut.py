@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from cutenv._base.arrays import Array, StructArray
-from cutenv._engine.jit import njit
+from cutenv._base.arrays import Array, Struct, StructArray
+from cutenv._engine.intrinsics import without_refcount
+from cutenv._engine.jit import njit, njit_inline, njit_nogil
 from cutenv._engine.lanes import first_row
+from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
 from cutenv.cutting.descent import descending_row
 from cutenv.cutting.drive import velocity_loop_step
 from cutenv.cutting.dtypes import TICK
-from cutenv.cutting.row import ONE, begin, note, plain_views, put, take, take_tissue
+from cutenv.cutting.row import LANES, ONE, ROW, begin, note, plain_views, put, take, take_tissue
 from cutenv.cutting.sensor import feel_row
 from cutenv.cutting.simulate import EnergyAccount, Physics, account
 from cutenv.cutting.update import drive_row
@@ -80,6 +82,16 @@ def follow_levels(
     put(row, plain, 0, 0)
 
 
+@njit_inline
+def next_level(descent: Struct, descent_speed: float) -> float:
+    """Return the level [m] after a millisecond of the vertical drive under a commanded speed downwards [m/s]."""
+    height, descent.level_speed = velocity_loop_step(
+        descent.level - LOWEST, descent.level_speed, -descent_speed, descent.gain, descent.acceleration,
+        HIGHEST - LOWEST, TICK,
+    )  # fmt: skip
+    return height + LOWEST if descent.level_speed != 0.0 else descent.level
+
+
 @njit
 def hold_descending(
     cuts: Physics,
@@ -112,13 +124,61 @@ def hold_descending(
     descent = descents[0]
     for i in range(len(readings)):
         drive_row(row, TICK)
-        level, descent.level_speed = velocity_loop_step(
-            descent.level - LOWEST, descent.level_speed, -descent_speed, descent.gain, descent.acceleration,
-            HIGHEST - LOWEST, TICK,
-        )  # fmt: skip
-        levels[0] = level + LOWEST if descent.level_speed != 0.0 else descent.level
+        levels[0] = next_level(descent, descent_speed)
         descending_row(row, cuts.profiles, descents, slabs, levels, TICK)
         feel_row(row, cuts.sensors, i == 0)
         note(row, 0, readings[i], TICK)
         vertical[i] = descent.vertical
     put(row, plain, 0, 0)
+
+
+@njit_nogil
+def hold_some_descending(
+    passed: WorkQueue,
+    core: int,
+    cuts: Physics,
+    descents: StructArray,
+    slabs: StructArray,
+    commands: StructArray,
+    ticks: int,
+    felt: StructArray,
+) -> None:
+    """Advance n cuts by ``ticks`` updates, each under one constant command; the bare physics loop, without a task.
+
+    Parameters
+    ----------
+    passed, core : WorkQueue, int
+        Work queue and number of the thread, see :func:`cutenv._engine.parallel.parallel_for`.
+    cuts, descents : Physics, Records
+        The cuts and their vertical motions, changed in place.
+    slabs : Records
+        The slab of them all, shape (1,).
+    commands : array, shape (n, 3)
+        Speed [m/s], angle [rad], speed downwards [m/s].
+    ticks : int
+        Number of updates, one millisecond each.
+    felt : array, shape (n, 2)
+        Filled with the last force measured along the cut, and the true one upwards [N].
+    """
+    cuts = without_refcount(cuts)
+    rows, levels = np.zeros(1, ROW), np.empty(len(descents))
+    row, plain = first_row(rows), plain_views(rows, cuts.states, cuts.laws, cuts.drives)
+    begun, end = next_chunk(passed, core, LANES)
+    while begun < end:
+        taken = end - begun
+        for k in range(taken):
+            n = begun + k
+            take(row, plain, cuts.profiles[n], cuts.drives[n], cuts.sensors[n], k, n)
+            row.given[k], row.aim[k] = commands[n, 0], commands[n, 1]
+        begin(row, plain, taken)
+        for i in range(ticks):
+            drive_row(row, TICK)
+            for n in range(begun, end):
+                levels[n] = next_level(descents[n], commands[n, 2])
+            descending_row(row, cuts.profiles, descents, slabs, levels, TICK)
+            feel_row(row, cuts.sensors, i == 0)
+        for k in range(taken):
+            put(row, plain, k, begun + k)
+            felt[begun + k, 0], felt[begun + k, 1] = row.felt[k], descents[begun + k].vertical
+        mark_done(passed, core, taken)
+        begun, end = next_chunk(passed, core, LANES)

@@ -37,7 +37,7 @@ from cutenv.tissue.specimen import Specimen
 
 LEAST_DEPTH = 5e-4
 """Depth [m] to which the blade stays engaged, however far it is raised: a task ends before."""
-_HALVINGS = 40
+_MOST_STEPS, _EXACT = 60, 1e-12  # of the search for the depth that is left, [m]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,6 +81,7 @@ DESCENT: np.dtype[Any] = np.dtype(
             ("drag", "f8"),  # force of slicing against the motion along the cut [N]
             ("opened", "f8"),  # area opened by deepening, beyond what advancing opens [m2]
             ("tip", "f8"),  # where the tip stood at the last update [m]
+            ("under", "i8"),  # cell under the leading end of the edge
             ("cell", "i8"),  # cell of the grid in which the tip stands
             ("version", "i8"),  # number of changes of e; a point of the profile belongs to one:
             ("belongs", "i8", (N_POINTS,)),
@@ -207,13 +208,16 @@ def descend(row: Struct, profile: Struct, descent: Struct, slab: Struct, n: int,
         descent.floor[i] = descent.engaged
     descent.cell, descent.tip = cell, a
 
-    fall = descent.level - level
-    descent.level = level
+    at = min(reach, a)  # of the leading end of the edge, in the tissue
+    fall, under = descent.level - level, int(at * POINTS_PER_METRE + 0.5)
+    if fall == 0.0 and descent.pressed == 0.0 and under == descent.under:
+        descent.drag, descent.vertical = 0.0, 0.0
+        return
+    descent.level, descent.under = level, under
     rubbed = friction_per_depth * row.depth[n] * abs(fall)
     row.work[n] += rubbed
     row.friction[n] += rubbed
 
-    at = min(reach, a)  # of the leading end of the edge, in the tissue
     pressing, released, spent, force = press(descent, at, a, level, slip)
     row.work[n] += pressing - descent.pressed
     descent.pressed = pressing - released
@@ -290,10 +294,17 @@ def given_way(p: float, most: float, slip: float) -> float:
     if slip <= 0.0:
         return min(p, most)
     low, high = 0.0, min(p, most)
-    for _ in range(_HALVINGS):
-        u = 0.5 * (low + high)
-        if (p - u) ** 2 * (most - u) > slip**2 * u:
+    u = max(high - slip, 0.5 * high)
+    for _ in range(_MOST_STEPS):  # Newton's method, halving where it leaves the bracket
+        value = (p - u) ** 2 * (most - u) - slip**2 * u
+        if value > 0.0:
             low = u
         else:
             high = u
-    return 0.5 * (low + high)
+        new = u + value / ((p - u) * (2.0 * (most - u) + (p - u)) + slip**2)
+        if not low <= new <= high:
+            new = 0.5 * (low + high)
+        if abs(new - u) < _EXACT:
+            return new
+        u = new
+    return u

@@ -8,6 +8,9 @@ import pytest
 from adversarial_motions import FEED, TICKS, UPRIGHT
 from check_physics import drawn
 
+from cutenv._engine.work_queue import make_queue
+from cutenv.cutting.descending_cut import hold_some_descending
+from cutenv.cutting.simulate import Physics
 from cutenv.plant import DescendingPlant, SimulatedPlant
 from cutenv.tissue import Layers, Specimen
 
@@ -73,3 +76,17 @@ def test_at_level_zero_the_driven_blade_is_the_simulated_plants() -> None:
 def test_a_bad_command_is_named(arguments: tuple[float, float, int, float], says: str) -> None:
     with pytest.raises(ValueError, match=says):
         DescendingPlant(Specimen.drawn(0)).advance(*arguments)
+
+
+def test_a_batch_is_its_cuts_one_by_one() -> None:
+    plants = [DescendingPlant(Specimen.drawn(k), seed=k, layers=Layers(boundary=0.01)) for k in range(40)]
+    cuts = Physics(*(np.concatenate([plant.cuts[part] for plant in plants]) for part in range(5)))
+    descents = np.concatenate([plant.descents for plant in plants])
+    rng, felt = np.random.default_rng(0), np.zeros((40, 2))
+    for _ in range(40):
+        commands = rng.uniform((-0.002, 0.8, -0.003), (0.02, 1.57, 0.005), (40, 3))
+        slabs = plants[0].specimen.tissue.slab()
+        hold_some_descending(make_queue(40), 0, cuts, descents, slabs, commands, 20, felt)
+        for plant, (speed, angle, down), forces in zip(plants, commands, felt, strict=True):
+            readings = plant.advance(speed, angle, 20, down)
+            assert (readings["force"][-1], plant.vertical_force[-1]) == tuple(forces)

@@ -156,6 +156,12 @@ def test_what_does_not_fit_is_exit_code_2_and_named(
     assert message in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(("metric", "target"), [("tip_error", 0.003), ("overall_score", 3.0), ("duration", 3.0)])
+def test_the_criterion_is_in_the_unit_that_is_shown(metric: str, target: float) -> None:
+    arguments = command._parser().parse_args(["cuts/", "--metric", metric, "--criterion", "3"])
+    assert command._criterion(arguments) == pytest.approx(target)
+
+
 def test_a_folder_without_records_is_exit_code_2(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     table = few(tmp_path, "record,operator", "a,P1")
     (tmp_path / "empty").mkdir()
