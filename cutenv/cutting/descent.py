@@ -294,7 +294,8 @@ def given_way(p: float, most: float, slip: float) -> float:
     if slip <= 0.0:
         return min(p, most)
     low, high = 0.0, min(p, most)
-    u = max(high - slip, 0.5 * high)
+    u = p - slip * math.sqrt(p / (most - p)) if p < most else most - (slip / max(p - most, slip)) ** 2 * most
+    u = u if 0.0 < u < high else 0.5 * high
     for _ in range(_MOST_STEPS):  # Newton's method, halving where it leaves the bracket
         value = (p - u) ** 2 * (most - u) - slip**2 * u
         if value > 0.0:

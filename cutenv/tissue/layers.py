@@ -82,6 +82,8 @@ def layered_depth(layers: Struct, depth: float, effective: float) -> float:
     exactly ``effective`` where the layers are alike.
     """
     capsule, deep = layers.capsule_modulus - 1.0, layers.deep_modulus - 1.0
+    if capsule == 0.0 and deep == 0.0:
+        return effective
     over = layers.capsule_thickness - depth  # length to the end of the capsule
     above = layers.boundary - depth  # length to the layer below
     engaged = capsule * min(depth, layers.capsule_thickness) + deep * max(-above, 0.0)
