@@ -144,10 +144,11 @@ def teacher_routes(
 
     async def analysis(request: Request) -> Response:
         made = lesson.analyses.find(request.path_params["number"])
-        shown: dict[str, Any] = {"said": made.said(), "files": made.files(), "marks": made.marks()}
+        state = made.state  # first of all: it may end while the page is made
+        shown: dict[str, Any] = {"state": state, "said": made.said(), "files": made.files(), "marks": made.marks()}
         source = f"{made.title}, {date.today().isoformat()}"
         answer = page("analysis.html", analysis=made, source=source, root="../../", mark=lesson.pass_mark, **shown)
-        if made.state in ("waiting", "working"):
+        if state in ("waiting", "working"):
             answer.headers["Refresh"] = "2"  # the page has no script that could ask
         return answer
 
