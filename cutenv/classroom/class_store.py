@@ -14,7 +14,7 @@ from sqlalchemy import Connection, Engine, create_engine, delete, event, insert,
 from sqlalchemy.exc import IntegrityError
 
 from cutenv._base.validation import in_range
-from cutenv.classroom.class_tables import BACKED_UP, CLASS_METADATA, CUTS, PASS_MARKS, PEOPLE, PLACES, SESSIONS
+from cutenv.classroom.class_tables import BACKED_UP, CLASS_METADATA, CLASS_PLACES, CUTS, PASS_MARKS, PEOPLE, SESSIONS
 from cutenv.recording.provenance import check_operator
 
 TEACHER = ""
@@ -137,7 +137,7 @@ class ClassStore:
     def delete(self, code: str) -> bool:
         """Delete a person: code, sessions and cuts; return False if there was none. The records are the caller's."""
         with self._transaction() as connection:
-            for table in (CUTS, PLACES):
+            for table in (CUTS, CLASS_PLACES):
                 connection.execute(delete(table).where(table.c.code == code))
             connection.execute(delete(SESSIONS).where(SESSIONS.c.code == code))
             return connection.execute(delete(PEOPLE).where(PEOPLE.c.code == code)).rowcount > 0
@@ -145,7 +145,7 @@ class ClassStore:
     def places(self) -> dict[str, Place]:
         """Return class and group of everybody who has one, by code."""
         with self._transaction() as connection:
-            return {row.code: Place(row.class_name, row.group_name) for row in connection.execute(select(PLACES))}
+            return {row.code: Place(row.class_name, row.group_name) for row in connection.execute(select(CLASS_PLACES))}
 
     def put(self, codes: Sequence[str], *, class_name: str | None = None, group: str | None = None) -> None:
         """Put people into a class, a group or both; None leaves what is there, "" takes them out.
@@ -167,9 +167,9 @@ class ClassStore:
                     "class_name": old.class_name if class_name is None else class_name,
                     "group_name": old.group if group is None else group,
                 }
-                connection.execute(delete(PLACES).where(PLACES.c.code == code))
+                connection.execute(delete(CLASS_PLACES).where(CLASS_PLACES.c.code == code))
                 if any(new.values()):
-                    connection.execute(insert(PLACES).values(code=code, **new))
+                    connection.execute(insert(CLASS_PLACES).values(code=code, **new))
 
     # Pass marks
 

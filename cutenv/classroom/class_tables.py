@@ -12,7 +12,7 @@ PEOPLE = Table(
     Column("created", String(32), nullable=False),
     Column("consented", String(32)),
 )
-PLACES = Table(  # where a person belongs; whoever is in no class and no group has no row
+CLASS_PLACES = Table(  # where a person belongs; whoever is in no class and no group has no row
     "places",
     CLASS_METADATA,
     Column("code", String(64), ForeignKey("people.code", ondelete="CASCADE"), primary_key=True),
@@ -53,5 +53,5 @@ SESSIONS = Table(
 )
 
 
-BACKED_UP = (PEOPLE, PLACES, CUTS, PASS_MARKS)
+BACKED_UP = (PEOPLE, CLASS_PLACES, CUTS, PASS_MARKS)
 """Tables of a backup, in the order in which they are filled; nobody stays signed in."""

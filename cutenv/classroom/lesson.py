@@ -324,11 +324,11 @@ def shown_card(
 
     Of a card that is to be ``hidden`` nothing is shown but whether it passes.
     """
-    overall = card.overall_score
+    overall = None if card.overall_score is None else round(card.overall_score)  # what is shown decides
     return {
         "pass_mark": None if mark is None else mark.mark,
         "passed": None if mark is None or overall is None else overall >= mark.mark,
-        "score": None if hidden or overall is None else round(overall),
+        "score": None if hidden else overall,
         "outcome": "" if hidden else card.outcome,
         "points": [] if hidden else [dataclasses.asdict(each) for each in card.points],
         "verdict": "" if progress is None else progress.verdict,

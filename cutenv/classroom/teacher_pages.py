@@ -47,7 +47,9 @@ def overview(lesson: Lesson) -> dict[str, Any]:
         )
         for name in classes
     }
-    return {"people": rows, "mark": mark, "curves": {name: curve for name, curve in curves.items() if curve}}
+    return {"people": rows, "mark": mark, "course": lesson.course_name} | {
+        "curves": {name: curve for name, curve in curves.items() if curve}
+    }
 
 
 def _people(lesson: Lesson) -> list[tuple[str, bool, list[HandedOutCut]]]:
@@ -171,7 +173,7 @@ def teacher_routes(
     async def set_mark(request: Request) -> Response:
         form = await request.form()
         try:
-            mark = None if form.get("withdraw") else _mark(form, "mark")
+            mark = None if form.get("withdraw") else _mark(form, words)
             if mark is None and not form.get("withdraw"):
                 raise ValueError(words["no_mark"])
             source = _text(form, "source") or words["mark_by_teacher"]
@@ -265,7 +267,7 @@ def _begun(lesson: Lesson, form: FormData, words: Mapping[str, str]) -> str:
     """Begin the study or the setting of pass marks that a form asks for; return its id, ValueError if it cannot be."""
     kind = PASS_MARK_KIND if form.get("kind") == PASS_MARK_KIND else STUDY_KIND
     classes, codes = form.getlist("class"), form.getlist("code")
-    passing, failing, mark = _text(form, "passing"), _text(form, "failing"), _mark(form, "mark")
+    passing, failing, mark = _text(form, "passing"), _text(form, "failing"), _mark(form, words)
     if passing and passing == failing:
         raise ValueError(words["same_group"])
     compared = (passing, failing) if passing and failing else None
@@ -295,12 +297,12 @@ def _begun(lesson: Lesson, form: FormData, words: Mapping[str, str]) -> str:
     return lesson.analyses.start(kind, title, rows, options).id
 
 
-def _mark(form: FormData, name: str) -> float | None:
-    text = _text(form, name).strip().replace(",", ".")
+def _mark(form: FormData, words: Mapping[str, str]) -> float | None:
+    text = _text(form, "mark").strip().replace(",", ".")
     if not text:
         return None
     if not re.fullmatch(r"\d{1,3}(\.\d{1,3})?", text) or float(text) > 100.0:
-        raise ValueError(f"mark = {text[:40]!r} is outside 0 to 100. Give an overall score, such as 60.")
+        raise ValueError(words["no_mark"])
     return float(text)
 
 

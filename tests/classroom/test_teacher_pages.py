@@ -159,7 +159,7 @@ def test_where_feedback_is_never_shown_the_history_hides_it_too(room: Room, tmp_
         ({"kind": "pass-mark", "class": "2b"}, f"takes {FEWEST_PEOPLE} people with cuts in each"),
         ({"kind": "pass-mark", "class": "2b", "passing": "a", "failing": "b"}, "here: a 1, b 2"),
         ({"kind": "study", "class": "2b", "passing": "a", "failing": "a"}, "are the same"),
-        ({"kind": "pass-mark", "class": "2b", "mark": "much"}, "outside 0 to 100"),
+        ({"kind": "pass-mark", "class": "2b", "mark": "much"}, "score of 0 to 100"),
     ],
 )
 def test_too_few_people_are_told_in_plain_words(room: Room, form: dict[str, str], why: str) -> None:
