@@ -40,7 +40,7 @@ _EXTRAS_OF_MODULE = {
     "statsmodels": ("stats",),
     "tomlkit": ("rig",),
     "torch": ("rl",),
-    "tqdm": ("view", "data", "rl", "vision"),
+    "tqdm": ("view", "data", "rl", "serve", "vision"),
     "umsgpack": ("view3d",),
 }
 """Extras that bring a module; the first is named unless the command has one of the others."""

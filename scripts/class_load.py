@@ -3,8 +3,9 @@
     python scripts/class_load.py [--people 100] [--cuts 10] [--kills 10]    some minutes
 
 First all people cut at the same time against one server on this machine, each cut sent as the page sends it; printed
-are the cuts lost and how long saving takes.  Then the server is killed (SIGKILL) in the middle of cuts and started
-again: whatever it said was saved must be there, and whatever was going on must be noted as unfinished.
+are the cuts lost and how long saving takes, then also while a study is worked out.  Then the server is killed (SIGKILL)
+in the middle of cuts and started again: whatever it said was saved must be there, and whatever was going on must be
+noted as unfinished.
 """
 
 from __future__ import annotations
@@ -102,6 +103,27 @@ def full_class(folder: Path, people: int, cuts: int) -> tuple[int, list[float]]:
     return len(list(folder.rglob("records/*/*.csv"))), waits
 
 
+def beside_a_study(folder: Path, people: int) -> tuple[list[float], list[float]]:
+    """Let everybody cut twice, the second time while a study is worked out; return the times of saving of each [s]."""
+    store = ClassStore(f"sqlite:///{folder / 'class.db'}")
+    codes = store.add_codes(people)
+    store.close()
+    served = Served(folder)
+    clients = [served.person(code) for code in codes]
+    teacher = served.client()
+    assert teacher.post("teacher", data={"token": served.token}).status_code == 303
+    with ThreadPoolExecutor(people) as pool:
+        alone = list(pool.map(cut_once, clients))
+        begun = teacher.post("teacher/studies", data={"kind": "study", "code": codes})
+        beside = list(pool.map(cut_once, clients))
+    study = f"teacher/{begun.headers['location']}"
+    assert "refresh" in teacher.get(study).headers, "the study ended before the cuts: nothing was measured"
+    for client in [*clients, teacher]:
+        client.close()
+    assert served.end() == 0
+    return alone, beside
+
+
 def killed(folder: Path, people: int) -> tuple[int, int, int]:
     """Kill the server while everybody cuts; return cuts that it said were saved, that are, and unfinished ones."""
     store = ClassStore(f"sqlite:///{folder / 'class.db'}")
@@ -152,6 +174,13 @@ def main() -> int:
         print(
             f"{arguments.people} people at once, {asked} cuts of 4 s: {asked - found} lost; "
             f"saved after {middle:.2f} s (median), {slow:.2f} s (99 of 100)"
+        )
+    with tempfile.TemporaryDirectory() as folder:
+        alone, beside = beside_a_study(Path(folder), 20)
+        lost += int(np.isnan(alone + beside).sum())
+        print(
+            f"20 people at once, two cuts each: saved after {np.nanmedian(alone):.2f} s (median), "
+            f"and after {np.nanmedian(beside):.2f} s while a study is worked out"
         )
     with tempfile.TemporaryDirectory() as folder:
         totals = np.zeros(3, int)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from cutenv._base.atomic_file import atomic_write
-from cutenv.classroom.class_store import SAVED, ClassStore
+from cutenv.classroom.class_store import KEPT, ClassStore
 
 BACKUP_SCHEMA = "cutenv-class/1"
 _ROWS = "class.json"
@@ -27,7 +27,7 @@ def write_backup(store: ClassStore, records: Path, path: Path) -> int:
         archive.writestr(_ROWS, json.dumps({"schema": BACKUP_SCHEMA, **content}, indent=1))
         for row in content["cuts"]:
             record = records / row["code"] / str(row["record"])
-            if row["state"] == SAVED and record.is_file():
+            if row["state"] in KEPT and record.is_file():
                 archive.write(record, f"records/{row['code']}/{row['record']}")
                 count += 1
     return count

@@ -23,8 +23,11 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from cutenv._base.document import render
 from cutenv.browser.page_alone import page_data, page_text
-from cutenv.classroom.class_store import TEACHER
+from cutenv.classroom.class_store import SAVED, TEACHER
+from cutenv.classroom.foreign_upload import LARGEST_UPLOAD
 from cutenv.classroom.lesson import LONGEST_CUT, Lesson, RefusedCut
+from cutenv.classroom.score_curve import score_curve
+from cutenv.classroom.teacher_pages import UPLOAD_PATH, overview, teacher_routes
 
 LARGEST_BODY = 16 * LONGEST_CUT + 4096
 """Largest body of a request that is read [bytes]: the movements of the longest cut."""
@@ -82,13 +85,13 @@ class Guard:
         if refused is not None:
             await refused(scope, receive, send)
             return
-        size = 0
+        size, largest = 0, _largest(request)
 
         async def limited() -> Message:
             nonlocal size
             message = await receive()
             size += len(message.get("body", b""))
-            if size > LARGEST_BODY:
+            if size > largest:
                 raise HTTPException(413, "The request is too large.")
             return message
 
@@ -104,9 +107,13 @@ class Guard:
         await self._app(scope, limited, guarded)
 
 
+def _largest(request: Request) -> int:
+    return LARGEST_UPLOAD if request.url.path == UPLOAD_PATH else LARGEST_BODY
+
+
 def _refused(request: Request) -> Response | None:
     length = request.headers.get("content-length", "0")
-    if not length.isdigit() or int(length) > LARGEST_BODY:
+    if not length.isdigit() or int(length) > _largest(request):
         return JSONResponse({"error": "The request is too large."}, 413)
     origin = request.headers.get("origin")
     if request.method not in ("GET", "HEAD") and origin is not None and urlsplit(origin).netloc != request.url.netloc:
@@ -223,11 +230,13 @@ def class_app(
         return JSONResponse(said)
 
     async def history(request: Request) -> Response:
-        code = await person(request)
-        cuts = await run_in_threadpool(lesson.store.cuts, code)
-        return JSONResponse(
-            [{"when": cut.handed_out, "state": cut.state, "outcome": cut.outcome, "score": cut.score} for cut in cuts]
-        )
+        return JSONResponse(await run_in_threadpool(lesson.history, await person(request)))
+
+    async def curve(request: Request) -> Response:
+        cuts = await run_in_threadpool(lesson.history, await person(request))
+        mark = await run_in_threadpool(lambda: lesson.pass_mark)
+        scores = [cut["score"] for cut in cuts if cut["state"] == SAVED]
+        return JSONResponse({"curve": score_curve([scores], mark=None if mark is None else mark.mark)})
 
     # Teacher
 
@@ -244,27 +253,20 @@ def class_app(
     async def teacher_page(request: Request) -> Response:
         if await signed_in(request, _TEACHER) != TEACHER:
             return page("teacher_sign_in.html", trouble="")
-        return page("teacher.html", people=await run_in_threadpool(overview), most=_MOST_CODES)
-
-    def overview() -> list[dict[str, Any]]:
-        by_code: dict[str, list[Any]] = {}
-        for cut in lesson.store.cuts():
-            by_code.setdefault(cut.code, []).append(cut)
-        return [
-            {"code": code, "consented": consented, "cuts": by_code.get(code, []), "ahead": ahead(code)}
-            for code, consented in lesson.store.codes()
-        ]
-
-    def ahead(code: str) -> str:
-        progress = lesson.progress(code)
-        return "" if progress is None else progress.ahead()
+        return page("teacher.html", most=_MOST_CODES, root="", **await run_in_threadpool(overview, lesson))
 
     async def add_codes(request: Request) -> Response:
         await teacher(request)
-        count = str((await request.form()).get("count", ""))
+        form = await request.form()
+        count, class_name = str(form.get("count", "")), str(form.get("class_name", "")).strip()
         if not count.isdigit() or not 1 <= int(count) <= _MOST_CODES:
             raise HTTPException(422, f"count = {count!r} is outside 1 to {_MOST_CODES}. Give how many codes.")
-        await run_in_threadpool(lesson.store.add_codes, int(count))
+        try:
+            await run_in_threadpool(lesson.store.put, [], class_name=class_name)  # a bad name makes no codes
+        except ValueError as error:
+            raise HTTPException(422, str(error)) from None
+        codes = await run_in_threadpool(lesson.store.add_codes, int(count))
+        await run_in_threadpool(lesson.store.put, codes, class_name=class_name)
         return RedirectResponse("../teacher", 303)
 
     async def sheet(request: Request) -> Response:
@@ -303,6 +305,8 @@ def class_app(
 
     async def failed(request: Request, error: Exception) -> Response:
         assert isinstance(error, HTTPException)
+        if "text/html" in request.headers.get("accept", ""):  # a person asked, not the page's script
+            return page("trouble.html", error.status_code, trouble=error.detail)
         return JSONResponse({"error": error.detail}, error.status_code)
 
     def get(path: str, answer: Callable[[Request], Awaitable[Response]]) -> Route:
@@ -314,10 +318,11 @@ def class_app(
     return Starlette(
         routes=[
             get("/", enter_page), post("/", enter), post("/leave", leave), get("/cut", cut_page),
-            post("/cuts", begin), get("/cuts", history), post("/cuts/{number:str}", finish),
+            post("/cuts", begin), get("/cuts", history), get("/curve", curve), post("/cuts/{number:str}", finish),
             post("/cuts/{number:str}/begun", begun),
             get("/teacher", teacher_page), post("/teacher", teacher_sign_in), post("/teacher/codes", add_codes),
             get("/teacher/sheet", sheet), get("/teacher/records.zip", records), post("/teacher/delete", remove),
+            *teacher_routes(lesson, teacher, page, words),
             get("/teacher/{code:str}/records.zip", records), get("/teacher/{code:str}/{number:str}", card),
         ],
         middleware=[Middleware(Guard)],

@@ -1,74 +1,48 @@
-"""Database of a class, beside its records: codes, consents, cuts that were handed out, and who is signed in."""
+"""Database of a class, beside its records: codes and their groups, consents, cuts, pass marks, who is signed in."""
 
 from __future__ import annotations
 
 import hashlib
+import re
 import secrets
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
 from typing import Any, NamedTuple
 
-from sqlalchemy import (
-    Column,
-    Connection,
-    Engine,
-    ForeignKey,
-    Index,
-    Integer,
-    MetaData,
-    String,
-    Table,
-    create_engine,
-    delete,
-    event,
-    insert,
-    select,
-    update,
-)
+from sqlalchemy import Connection, Engine, create_engine, delete, event, insert, select, update
 from sqlalchemy.exc import IntegrityError
 
+from cutenv._base.validation import in_range
+from cutenv.classroom.class_tables import BACKED_UP, CLASS_METADATA, CLASS_PLACES, CUTS, PASS_MARKS, PEOPLE, SESSIONS
 from cutenv.recording.provenance import check_operator
 
 TEACHER = ""
 """Code of the teacher's sessions."""
 PREPARED, GOING_ON, SAVED, REFUSED, UNFINISHED = "prepared", "going on", "saved", "refused", "unfinished"
 """States of a cut that was handed out."""
+FOREIGN = "foreign"
+"""State of a cut that another program recorded: it was not handed out, and no law confirms it."""
+KEPT = (SAVED, FOREIGN)
+"""States of a cut that has a record."""
 _SESSION = timedelta(hours=12)
+_NAME = re.compile(r"[^\W_][\w .+-]{0,31}")
 _LETTERS = "ABCDEFGHJKLMNPQRSTUVWXYZ"  # no I and no O, which look like digits
 
-_metadata = MetaData()
-_people = Table(
-    "people",
-    _metadata,
-    Column("code", String(64), primary_key=True),
-    Column("created", String(32), nullable=False),
-    Column("consented", String(32)),
-)
-_cuts = Table(
-    "cuts",
-    _metadata,
-    Column("id", String(32), primary_key=True),
-    Column("code", String(64), ForeignKey("people.code", ondelete="CASCADE"), nullable=False),
-    Column("specimen_class", String(16), nullable=False),
-    Column("seed", Integer, nullable=False),
-    Column("target_length_um", Integer),  # whole, so that every database gives it back
-    Column("task", String(200)),
-    Column("handed_out", String(32), nullable=False),
-    Column("state", String(16), nullable=False),
-    Column("record", String(200)),
-    Column("outcome", String(200)),
-    Column("score", Integer),
-    Column("reason", String(500)),
-    Index("cuts_by_code", "code", "handed_out"),
-)
-_sessions = Table(
-    "sessions",
-    _metadata,
-    Column("token_hash", String(64), primary_key=True),
-    Column("code", String(64), nullable=False),
-    Column("expires", String(32), nullable=False),
-)
+
+class Place(NamedTuple):
+    """Place of a person: class, and group in studies; "" if there is none."""
+
+    class_name: str = ""
+    group: str = ""
+
+
+class MarkInForce(NamedTuple):
+    """Pass mark of the overall score that a teacher has put into force: its source in words, and since when."""
+
+    mark: float
+    source: str
+    since: str
 
 
 class HandedOutCut(NamedTuple):
@@ -106,7 +80,7 @@ class ClassStore:
         self._engine: Engine = create_engine(url)
         if self._engine.dialect.name == "sqlite":
             event.listen(self._engine, "connect", _prepare_sqlite)
-        _metadata.create_all(self._engine)
+        CLASS_METADATA.create_all(self._engine)
 
     def close(self) -> None:
         """Close all connections."""
@@ -139,7 +113,7 @@ class ClassStore:
         check_operator(code)
         try:
             with self._transaction() as connection:
-                connection.execute(insert(_people).values(code=code, created=_now()))
+                connection.execute(insert(PEOPLE).values(code=code, created=_now()))
         except IntegrityError:
             return False
         return True
@@ -147,25 +121,79 @@ class ClassStore:
     def codes(self) -> list[tuple[str, bool]]:
         """Return all codes in order, and whether their people consented."""
         with self._transaction() as connection:
-            rows = connection.execute(select(_people).order_by(_people.c.created, _people.c.code)).all()
+            rows = connection.execute(select(PEOPLE).order_by(PEOPLE.c.created, PEOPLE.c.code)).all()
         return [(row.code, row.consented is not None) for row in rows]
 
     def knows(self, code: str) -> bool:
         """Return whether there is such a code."""
         with self._transaction() as connection:
-            return connection.execute(select(_people.c.code).where(_people.c.code == code)).first() is not None
+            return connection.execute(select(PEOPLE.c.code).where(PEOPLE.c.code == code)).first() is not None
 
     def consent(self, code: str) -> None:
         """Note that the person agreed to what is stored."""
         with self._transaction() as connection:
-            connection.execute(update(_people).where(_people.c.code == code).values(consented=_now()))
+            connection.execute(update(PEOPLE).where(PEOPLE.c.code == code).values(consented=_now()))
 
     def delete(self, code: str) -> bool:
         """Delete a person: code, sessions and cuts; return False if there was none. The records are the caller's."""
         with self._transaction() as connection:
-            connection.execute(delete(_cuts).where(_cuts.c.code == code))
-            connection.execute(delete(_sessions).where(_sessions.c.code == code))
-            return connection.execute(delete(_people).where(_people.c.code == code)).rowcount > 0
+            for table in (CUTS, CLASS_PLACES):
+                connection.execute(delete(table).where(table.c.code == code))
+            connection.execute(delete(SESSIONS).where(SESSIONS.c.code == code))
+            return connection.execute(delete(PEOPLE).where(PEOPLE.c.code == code)).rowcount > 0
+
+    def places(self) -> dict[str, Place]:
+        """Return class and group of everybody who has one, by code."""
+        with self._transaction() as connection:
+            return {row.code: Place(row.class_name, row.group_name) for row in connection.execute(select(CLASS_PLACES))}
+
+    def put(self, codes: Sequence[str], *, class_name: str | None = None, group: str | None = None) -> None:
+        """Put people into a class, a group or both; None leaves what is there, "" takes them out.
+
+        Raises
+        ------
+        ValueError
+            If a name is not 1 to 32 letters, digits and blanks, beginning with a letter or digit.
+        """
+        for what, name in (("class", class_name), ("group", group)):
+            if name and not _NAME.fullmatch(name):
+                raise ValueError(f"{what} {name!r} is no name: give up to 32 letters, digits and blanks, such as 2b.")
+        there = self.places()
+        with self._transaction() as connection:
+            known = {row.code for row in connection.execute(select(PEOPLE.c.code))}
+            for code in (each for each in codes if each in known):
+                old = there.get(code, Place())
+                new = {
+                    "class_name": old.class_name if class_name is None else class_name,
+                    "group_name": old.group if group is None else group,
+                }
+                connection.execute(delete(CLASS_PLACES).where(CLASS_PLACES.c.code == code))
+                if any(new.values()):
+                    connection.execute(insert(CLASS_PLACES).values(code=code, **new))
+
+    # Pass marks
+
+    def pass_mark(self, course: str) -> MarkInForce | None:
+        """Return the pass mark in force for a course ("" without one), or None."""
+        with self._transaction() as connection:
+            row = connection.execute(select(PASS_MARKS).where(PASS_MARKS.c.course == course)).first()
+        return None if row is None else MarkInForce(row.tenths / 10, row.source, row.since)
+
+    def set_pass_mark(self, course: str, mark: float | None, source: str = "") -> None:
+        """Put a pass mark of the overall score into force for a course, or with None withdraw it.
+
+        Raises
+        ------
+        ValueError
+            If it is outside 0 to 100.
+        """
+        if mark is not None:
+            in_range("mark", mark, 0.0, 100.0, "1", "Give an overall score, such as 60.")
+        with self._transaction() as connection:
+            connection.execute(delete(PASS_MARKS).where(PASS_MARKS.c.course == course))
+            if mark is not None:
+                row = {"course": course, "tenths": round(10 * mark), "source": source[:200], "since": _now()}
+                connection.execute(insert(PASS_MARKS).values(**row))
 
     # Sessions
 
@@ -174,29 +202,29 @@ class ClassStore:
         token = secrets.token_urlsafe(32)
         expires = (datetime.now(UTC) + _SESSION).isoformat(timespec="seconds")
         with self._transaction() as connection:
-            connection.execute(delete(_sessions).where(_sessions.c.expires < _now()))
-            connection.execute(insert(_sessions).values(token_hash=_hash(token), code=code, expires=expires))
+            connection.execute(delete(SESSIONS).where(SESSIONS.c.expires < _now()))
+            connection.execute(insert(SESSIONS).values(token_hash=_hash(token), code=code, expires=expires))
         return token
 
     def signed_in(self, token: str) -> str | None:
         """Return whose token it is; None if it is nobody's, or too old."""
         with self._transaction() as connection:
-            row = connection.execute(select(_sessions).where(_sessions.c.token_hash == _hash(token))).first()
+            row = connection.execute(select(SESSIONS).where(SESSIONS.c.token_hash == _hash(token))).first()
         return None if row is None or row.expires < _now() else str(row.code)
 
     def sign_out(self, token: str) -> None:
         """Forget a token."""
         with self._transaction() as connection:
-            connection.execute(delete(_sessions).where(_sessions.c.token_hash == _hash(token)))
+            connection.execute(delete(SESSIONS).where(SESSIONS.c.token_hash == _hash(token)))
 
     # Cuts
 
     def prepared(self, code: str) -> HandedOutCut | None:
         """Return the cut that was handed out to a person and not begun, or None; one left unfinished is noted so."""
-        left = (_cuts.c.code == code) & (_cuts.c.state == GOING_ON)
+        left = (CUTS.c.code == code) & (CUTS.c.state == GOING_ON)
         with self._transaction() as connection:
-            connection.execute(update(_cuts).where(left).values(state=UNFINISHED))
-        return next(self._found(_cuts.c.code == code, _cuts.c.state == PREPARED), None)
+            connection.execute(update(CUTS).where(left).values(state=UNFINISHED))
+        return next(self._found(CUTS.c.code == code, CUTS.c.state == PREPARED), None)
 
     def hand_out(
         self, code: str, specimen_class: str, seed: int, target_length: float | None = None, task: str = ""
@@ -209,14 +237,14 @@ class ClassStore:
                 id=number, code=code, specimen_class=specimen_class, seed=seed, target_length_um=length, task=task,
                 handed_out=_now(), state=PREPARED,
             )  # fmt: skip
-            connection.execute(insert(_cuts).values(**values))
+            connection.execute(insert(CUTS).values(**values))
         return self.cut(number, code)
 
     def begun(self, number: str, code: str) -> None:
         """Note that a person has begun a cut; does nothing if there is no such cut to begin."""
-        mine = (_cuts.c.id == number) & (_cuts.c.code == code) & (_cuts.c.state == PREPARED)
+        mine = (CUTS.c.id == number) & (CUTS.c.code == code) & (CUTS.c.state == PREPARED)
         with self._transaction() as connection:
-            connection.execute(update(_cuts).where(mine).values(state=GOING_ON))
+            connection.execute(update(CUTS).where(mine).values(state=GOING_ON))
 
     def cut(self, number: str, code: str) -> HandedOutCut:
         """Return a person's own cut.
@@ -226,7 +254,7 @@ class ClassStore:
         LookupError
             If the person has no such cut.
         """
-        for cut in self._found(_cuts.c.id == number, _cuts.c.code == code):
+        for cut in self._found(CUTS.c.id == number, CUTS.c.code == code):
             return cut
         raise LookupError(f"no cut {number!r} was handed out to this person.")
 
@@ -249,18 +277,30 @@ class ClassStore:
             "reason": reason[:500],
         }
         with self._transaction() as connection:
-            connection.execute(update(_cuts).where(_cuts.c.id == number).values(**values))
+            connection.execute(update(CUTS).where(CUTS.c.id == number).values(**values))
+
+    def add_foreign(
+        self, code: str, record: str, *, outcome: str = "", score: float | None = None, reason: str = ""
+    ) -> str:
+        """Note a cut that another program recorded, with the ``reason`` if it has no score; return its number."""
+        number = secrets.token_hex(16)
+        values = dict(
+            id=number, code=code, specimen_class="", seed=0, handed_out=_now(), state=FOREIGN, record=record,
+            outcome=outcome[:200], score=None if score is None else round(score), reason=reason[:500],
+        )  # fmt: skip
+        with self._transaction() as connection:
+            connection.execute(insert(CUTS).values(**values))
+        return number
 
     def cuts(self, code: str | None = None) -> list[HandedOutCut]:
         """Return the cuts of a person, or of all, in order."""
-        return list(self._found(*([] if code is None else [_cuts.c.code == code])))
+        return list(self._found(*([] if code is None else [CUTS.c.code == code])))
 
     def content(self) -> dict[str, list[dict[str, Any]]]:
         """Return everything but the sessions, as rows by table, for a backup."""
         with self._transaction() as connection:
             return {
-                table.name: [dict(row) for row in connection.execute(select(table)).mappings()]
-                for table in (_people, _cuts)
+                table.name: [dict(row) for row in connection.execute(select(table)).mappings()] for table in BACKED_UP
             }
 
     def fill(self, content: dict[str, list[dict[str, Any]]]) -> None:
@@ -272,22 +312,22 @@ class ClassStore:
             If it is not empty.
         """
         with self._transaction() as connection:
-            if connection.execute(select(_people.c.code)).first() is not None:
+            if connection.execute(select(PEOPLE.c.code)).first() is not None:
                 raise ValueError("the database holds a class already. Restore into a new folder or an empty database.")
-            for table in (_people, _cuts):
-                if rows := content[table.name]:
+            for table in BACKED_UP:
+                if rows := content.get(table.name):
                     connection.execute(insert(table), rows)
 
     def close_unfinished(self) -> int:
         """Note every cut that goes on as unfinished, after a restart; return how many there were."""
         with self._transaction() as connection:
-            changed = update(_cuts).where(_cuts.c.state == GOING_ON).values(state=UNFINISHED)
+            changed = update(CUTS).where(CUTS.c.state == GOING_ON).values(state=UNFINISHED)
             return int(connection.execute(changed).rowcount)
 
     def _found(self, *conditions: Any) -> Iterator[HandedOutCut]:
         with self._transaction() as connection:
             rows: Sequence[Any] = connection.execute(
-                select(_cuts).where(*conditions).order_by(_cuts.c.handed_out, _cuts.c.id)
+                select(CUTS).where(*conditions).order_by(CUTS.c.handed_out, CUTS.c.id)
             ).all()
         for row in rows:
             length = None if row.target_length_um is None else row.target_length_um / 1e6

@@ -20,19 +20,37 @@ import numpy as np
 import cutenv
 from cutenv.browser.page_alone import specimen_data
 from cutenv.browser.stylus_steps import HandCut
-from cutenv.classroom.class_store import GOING_ON, PREPARED, REFUSED, SAVED, ClassStore, HandedOutCut
+from cutenv.classroom.analysis import Analyses
+from cutenv.classroom.class_store import (
+    FOREIGN,
+    GOING_ON,
+    KEPT,
+    PREPARED,
+    REFUSED,
+    SAVED,
+    ClassStore,
+    HandedOutCut,
+    MarkInForce,
+    Place,
+)
+from cutenv.classroom.foreign_upload import Uploads
 from cutenv.plant.protocol import recorded_trace
 from cutenv.play.course import Course
 from cutenv.play.course_progress import GIVEN_UP, CourseProgress
 from cutenv.recording import Provenance, load_one, save
 from cutenv.report.score_page import ScoredRecord, write_score_page
 from cutenv.scoring import ReferenceSet, ScoreCard, score
+from cutenv.scoring.reference import fitting_reference
 from cutenv.scoring.scored_cut import TIP_AT_END
+from cutenv.trace import Trace
 
 LONGEST_CUT = 30_000
 """Longest cut [ms]: the deadline of the task."""
 FEWEST_MOVEMENTS = 100
 """Least number of milliseconds that makes an abandoned cut a record."""
+
+# Facts that a record of another program may claim, and that only this server's own records may have.
+_FACTS_OF_A_CONFIRMED_CUT = frozenset(("course", "task", "feedback", "crossover", "hand", "stalled_s", TIP_AT_END))
 
 
 class RefusedCut(ValueError):
@@ -59,10 +77,28 @@ class Lesson:
     ) -> None:
         self.store, self.folder, self.course, self.specimen_class = store, folder, course, specimen_class
         folder.mkdir(parents=True, exist_ok=True)
+        self.analyses = Analyses(folder.parent / "studies", folder)
+        self.uploads = Uploads()
         self._reference = ReferenceSet.shipped()
         self._progress: dict[str, CourseProgress] = {}
         self._locks: dict[str, threading.Lock] = {}
         self._guard = threading.Lock()
+
+    def close(self) -> None:
+        """End what is being worked out, delete uploads that nobody kept, and close the store."""
+        self.analyses.close()
+        self.uploads.close()
+        self.store.close()
+
+    @property
+    def course_name(self) -> str:
+        """Name of the course; "" without one."""
+        return "" if self.course is None else self.course.name
+
+    @property
+    def pass_mark(self) -> MarkInForce | None:
+        """Pass mark in force, or None."""
+        return self.store.pass_mark(self.course_name)
 
     def lock(self, code: str) -> threading.Lock:
         """Return the lock of a person: one cut at a time."""
@@ -163,7 +199,7 @@ class Lesson:
             hidden = progress is not None and progress.metadata()["feedback"] == "never"
             if progress is not None:
                 progress.add(card, end)
-            return shown_card(card, progress, hidden=hidden)
+            return shown_card(card, progress, hidden=hidden, mark=self.pass_mark)
 
     def _repeated(self, handed_out: HandedOutCut, movements: bytes, digest: str) -> tuple[HandCut, Any]:
         if len(movements) % 16 or not FEWEST_MOVEMENTS <= len(movements) // 16 <= LONGEST_CUT:
@@ -186,47 +222,113 @@ class Lesson:
     def card_page(self, code: str, number: str) -> str:
         """Return the page of a person's cut that was saved, as from ``cutenv score``; LookupError if there is none."""
         trace = load_one(self._path(self.store.cut(number, code)))
-        target = float(trace.metadata["target_length_m"])
-        card = score(trace, target_length=target, reference=self._reference)
+        target = trace.metadata.get("target_length_m")  # a record of another program may have none
+        card = score(trace, target_length=target, reference=fitting_reference(self._reference, trace))
         with tempfile.TemporaryDirectory() as folder, self._guard:  # one figure at a time
             page = Path(folder) / "card.html"
             write_score_page(page, ScoredRecord(trace=trace, card=card, target_length=target))
             return page.read_text(encoding="utf-8")
 
     def _path(self, cut: HandedOutCut) -> Path:
-        if cut.state != SAVED:
+        if cut.state not in KEPT:
             raise LookupError(f"cut {cut.id} is {cut.state}: it has no record.")
         return self.folder / cut.code / cut.record
 
+    def add_foreign(self, code: str, trace: Trace, target_length: float | None = None) -> str:
+        """Keep a cut that another program recorded as one of a person's, scored and marked as not confirmed.
+
+        Parameters
+        ----------
+        code : str
+            The person.
+        trace : Trace
+            The record, whose person agreed to its being kept.
+        target_length : float, optional
+            Length aimed at [m].
+
+        Returns
+        -------
+        str
+            Number of the cut.
+
+        Raises
+        ------
+        LookupError
+            If there is no such person.
+        TypeError, ValueError
+            If the record cannot be scored or kept.
+        """
+        if not self.store.knows(code):
+            raise LookupError("There is no such code.")
+        facts = {key: value for key, value in trace.metadata.items() if key not in _FACTS_OF_A_CONFIRMED_CUT}
+        facts |= {} if target_length is None else {"target_length_m": target_length}
+        name = f"{datetime.now().astimezone():%Y%m%dT%H%M%S}_foreign_{secrets.token_hex(3)}"
+        facts |= {"name": name, "operator": code, "consent": True, "confirmed_by_law": False}
+        kept = trace.with_metadata(facts)
+        card = score(kept, target_length=target_length, reference=fitting_reference(self._reference, kept))
+        with self.lock(code):
+            place = self.folder / code
+            place.mkdir(exist_ok=True)
+            save(kept, place / f"{name}.csv")
+            return self.store.add_foreign(
+                code, f"{name}.csv", outcome=card.outcome, score=card.overall_score, reason=card.no_score
+            )
+
+    def history(self, code: str) -> list[dict[str, Any]]:
+        """Return a person's cuts as the person may see them: without result where the task shows no feedback."""
+        tasks = () if self.course is None else self.course.for_operator(code).tasks
+        silent = {task.name for task in tasks if task.feedback == "never"}
+        return [
+            {"when": cut.handed_out, "state": cut.state}
+            | {"outcome": "" if cut.task in silent else cut.outcome, "score": None if cut.task in silent else cut.score}
+            for cut in self.store.cuts(code)
+        ]
+
+    def table(self, code: str | None = None) -> str:
+        """Return the cuts of a person, or of all, as CSV."""
+        header = "record,operator,class,group,task,handed_out_utc,state,confirmed_by_law,outcome,score"
+        rows, places = [header], self.store.places()
+        for cut in self.store.cuts(code):
+            place = places.get(cut.code, Place())
+            confirmed = {SAVED: "yes", FOREIGN: "no, from another program"}.get(cut.state, "no")
+            person = (cut.record, cut.code, place.class_name, place.group)
+            result = (cut.outcome, "" if cut.score is None else str(cut.score))
+            rows.append(",".join(map(_cell, (*person, cut.task, cut.handed_out, cut.state, confirmed, *result))))
+        return "\n".join(rows) + "\n"
+
     def records(self, code: str | None = None) -> bytes:
-        """Return the records of a person, or of all, as a ZIP of CSV files, with a table of the cuts."""
+        """Return the records of a person, or of all, as a ZIP of CSV files, with the table of the cuts."""
         packed = io.BytesIO()
         with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
-            cuts = self.store.cuts(code)
-            rows = ["record,operator,task,handed_out_utc,state,outcome,score"]
-            for cut in cuts:
-                score_words = "" if cut.score is None else str(cut.score)
-                texts = (cut.record, cut.code, cut.task, cut.handed_out, cut.state, cut.outcome, score_words)
-                rows.append(",".join(_cell(text) for text in texts))
-                if cut.state == SAVED and self._path(cut).is_file():
+            for cut in self.store.cuts(code):
+                if cut.state in KEPT and self._path(cut).is_file():
                     archive.write(self._path(cut), f"{cut.code}/{cut.record}")
-            archive.writestr("cuts.csv", "\n".join(rows) + "\n")
+            archive.writestr("cuts.csv", self.table(code))
         return packed.getvalue()
 
     def delete(self, code: str) -> bool:
         """Delete all that is stored about a person; return False if there was nobody."""
         with self.lock(code):
             known = self.store.delete(code)
+            self.analyses.forget(code)
             if known and re.fullmatch(r"[\w-]+", code):
                 shutil.rmtree(self.folder / code, ignore_errors=True)
             self._progress.pop(code, None)
             return known
 
 
-def shown_card(card: ScoreCard, progress: CourseProgress | None, *, hidden: bool = False) -> dict[str, Any]:
-    """Return what the page shows of a card, and what comes next; nothing of the card if it is to be ``hidden``."""
+def shown_card(
+    card: ScoreCard, progress: CourseProgress | None, *, hidden: bool = False, mark: MarkInForce | None = None
+) -> dict[str, Any]:
+    """Return what the page shows of a card, whether it passes the ``mark``, and what comes next.
+
+    Of a card that is to be ``hidden`` nothing is shown but whether it passes.
+    """
+    overall = None if card.overall_score is None else round(card.overall_score)  # what is shown decides
     return {
-        "score": None if hidden or card.overall_score is None else round(card.overall_score),
+        "pass_mark": None if mark is None else mark.mark,
+        "passed": None if mark is None or overall is None else overall >= mark.mark,
+        "score": None if hidden else overall,
         "outcome": "" if hidden else card.outcome,
         "points": [] if hidden else [dataclasses.asdict(each) for each in card.points],
         "verdict": "" if progress is None else progress.verdict,

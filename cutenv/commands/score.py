@@ -21,7 +21,6 @@ from cutenv.commands.options import (
 
 if TYPE_CHECKING:  # what scores is slow to import, and --help does not need it
     from cutenv.scoring import ReferenceSet
-    from cutenv.trace import Trace
 
 _SUFFIXES = (".csv", ".parquet", ".h5", ".hdf5")
 
@@ -34,6 +33,7 @@ def main(argv: Sequence[str]) -> int:
     from cutenv.envs.difficulty import scripts_on_specimen_of
     from cutenv.report.score_page import ScoredRecord, write_score_page, write_summary
     from cutenv.scoring import score
+    from cutenv.scoring.reference import fitting_reference
 
     made_folder("--out", arguments.out)
     target = target_length(arguments)
@@ -97,18 +97,6 @@ def reference_set(given: str) -> ReferenceSet | None:
             f"{FEWEST_REFERENCE_CUTS} or more, of one unit."
         )
     return ReferenceSet.of(rows, name=path.name, about=f"records in {path.name}", force_unit=units.pop())
-
-
-def fitting_reference(reference: ReferenceSet | None, trace: Trace) -> ReferenceSet | None:
-    """Return the reference set for a record; None if its force is in another unit and cannot be compared.
-
-    A record of force alone is compared with the set for such records.
-    """
-    from cutenv.scoring import ReferenceSet
-
-    if reference is not None and reference.name == "baselines" and trace.position is None:
-        reference = ReferenceSet.shipped("force-alone")
-    return reference if reference is not None and reference.force_unit == trace.force_unit else None
 
 
 def _parser() -> argparse.ArgumentParser:

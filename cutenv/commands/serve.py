@@ -72,7 +72,7 @@ def main(argv: Sequence[str]) -> int:
     except KeyboardInterrupt:
         pass  # it has let the requests at hand end
     finally:
-        store.close()
+        lesson.close()
     return 0
 
 

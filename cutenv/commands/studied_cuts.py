@@ -9,10 +9,11 @@ from pathlib import Path
 
 from cutenv.commands.inputs import LoadedTraces, Source, read_records, without_target
 from cutenv.commands.options import made_folder, target_length, watched
-from cutenv.commands.score import fitting_reference, reference_set
+from cutenv.commands.score import reference_set
 from cutenv.measurement.calibration import RefusedRecord
 from cutenv.recording import OperatorRow, recorded_operators
 from cutenv.scoring import score
+from cutenv.scoring.reference import fitting_reference
 from cutenv.scoring.study import StudiedCut, condition_of
 
 SUFFIXES = (".csv", ".parquet", ".h5", ".hdf5")

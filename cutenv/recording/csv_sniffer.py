@@ -30,7 +30,7 @@ _NUMBERS = {
 }
 _POINT, _COMMA = re.compile(r"\d\.\d"), re.compile(r"\d,\d")
 _MISSING = re.compile(r"|--?|[+-]?(nan|inf(inity)?)|#?n/?a|#value!|#div/0!|null|none", re.IGNORECASE)
-_BRACKETS = re.compile(r"(.*\S)\s*[\[(]\s*([^\[\]()]*?)\s*[\])]")
+_BRACKETS = re.compile(r"(.*\S)\s*[\[(]([^\[\]()]*)[\])]")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -226,7 +226,7 @@ def load_foreign(
 
 def _how_to_map(table: SniffedTable) -> str:
     """Return the columns of a table and, last, the ``--map`` that is guessed for it."""
-    time, force, position = _guessed(table)
+    time, force, position = guessed_columns(table)
     items = ["rate=1000Hz" if time is None else f"time={_name(table, time)}", f"force={_name(table, force)}"]
     items += [] if position is None else [f"position={_name(table, position)}"]
     unit = "" if _unit(table, force, "force") else " --unit N"
@@ -235,7 +235,7 @@ def _how_to_map(table: SniffedTable) -> str:
     return f"{names}Correct this where it is wrong; it is kept beside the files for the next time: {guess}"
 
 
-def _guessed(table: SniffedTable) -> tuple[int | None, int, int | None]:
+def guessed_columns(table: SniffedTable) -> tuple[int | None, int, int | None]:
     """Return the columns that are probably time, force and position."""
     columns = range(table.n_columns)
     force = next((k for k in columns if _unit(table, k, "force")), None)

@@ -14,6 +14,7 @@ from cutenv._base.arrays import Array
 from cutenv._base.resources import path as resource
 from cutenv._base.validation import one_of
 from cutenv.scoring.metric import METRICS
+from cutenv.trace import Trace
 
 REFERENCE_SCHEMA = "cutenv-reference/1"
 SHIPPED_REFERENCES = {"baselines": "reference/baselines.csv", "force-alone": "reference/force_alone.csv"}
@@ -122,3 +123,13 @@ class ReferenceSet:
             )
         except (KeyError, IndexError, TypeError, ValueError) as error:
             raise ValueError(f"{path} is not a reference set ({error}); ReferenceSet.save writes one.") from None
+
+
+def fitting_reference(reference: ReferenceSet | None, trace: Trace) -> ReferenceSet | None:
+    """Return the reference set for a record; None if its force is in another unit and cannot be compared.
+
+    A record of force alone is compared with the set for such records.
+    """
+    if reference is not None and reference.name == "baselines" and trace.position is None:
+        reference = ReferenceSet.shipped("force-alone")
+    return reference if reference is not None and reference.force_unit == trace.force_unit else None

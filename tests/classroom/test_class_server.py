@@ -17,60 +17,21 @@ import pytest
 pytest.importorskip("starlette", reason="the server is an extra: pip install 'cutenv[serve]'")
 pytest.importorskip("httpx2", reason="asks the server in its tests: pip install 'cutenv[dev]'")
 
-from starlette.testclient import TestClient
+from class_room import Room, cut_once, hand
 
 from cutenv.browser import HandCut
-from cutenv.classroom import ClassStore, Lesson
-from cutenv.classroom.class_server import LARGEST_BODY, Trials, class_app
+from cutenv.classroom import Lesson
+from cutenv.classroom.class_server import LARGEST_BODY, Trials
 from cutenv.play.course import named_course
 from cutenv.recording import load_one
 from cutenv.scoring import score
-
-TOKEN = "the teacher's secret"
-
-
-class Room:
-    """A class with its server, its clients, and hands that move by a script."""
-
-    def __init__(self, folder: Path, course: str | None = None) -> None:
-        self.store = ClassStore(f"sqlite:///{folder / 'class.db'}")
-        self.lesson = Lesson(self.store, folder / "records", None if course is None else named_course(course))
-        self.app = class_app(self.lesson, TOKEN)
-
-    def client(self) -> TestClient:
-        return TestClient(self.app, base_url="http://class", follow_redirects=False)
-
-    def person(self, code: str) -> TestClient:
-        self.store.add_code(code)
-        client = self.client()
-        assert client.post("/", data={"code": code, "consent": "yes"}).status_code == 303
-        return client
-
-    def teacher(self) -> TestClient:
-        client = self.client()
-        assert client.post("/teacher", data={"token": TOKEN}).status_code == 303
-        return client
 
 
 @pytest.fixture
 def room(tmp_path: Path) -> Iterator[Room]:
     made = Room(tmp_path)
     yield made
-    made.store.close()
-
-
-def hand(count: int = 900, speed: float = 2e-5) -> Any:
-    return np.stack([np.arange(count) * speed, np.full(count, np.pi / 2)], axis=-1)
-
-
-def cut_once(client: TestClient, movements: Any = None, **changed: Any) -> tuple[Any, dict[str, Any]]:
-    """Begin and finish a cut as the page does; the answer, and what was handed out."""
-    handed_out = client.post("/cuts").json()
-    stylus = hand() if movements is None else movements
-    made = HandCut(specimen_class=handed_out["specimen_class"], seed=handed_out["seed"])
-    digest = f"{zlib.crc32(made.follow(stylus).tobytes()):08x}"
-    sent = {"content": stylus.astype("<f8").tobytes(), "headers": {"X-Readings": digest}} | changed
-    return client.post(f"/cuts/{handed_out['id']}", **sent), handed_out
+    made.lesson.close()
 
 
 def test_a_cut_is_repeated_scored_and_kept(room: Room) -> None:

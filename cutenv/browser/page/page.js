@@ -94,7 +94,8 @@
       if (said.status === 0 || said.status >= 500) byId("kept").append(" ", again);
     } else {
       const told = said.score === null ? texts.saved_no_score : say(texts.saved, { score: fixed(said.score, 0) });
-      byId("kept").textContent = [told, said.verdict].filter(Boolean).join(" ");
+      const verdict = said.passed === null ? "" : say(said.passed ? texts.passed : texts.not_passed, { mark: said.pass_mark });
+      byId("kept").textContent = [told, verdict, said.verdict].filter(Boolean).join(" ");
       byId("ahead-words").textContent = said.ahead;
       byId("points").hidden = !said.points.length;
       byId("points").replaceChildren(...said.points.map(({ part, points, most }) =>
@@ -115,8 +116,10 @@
     const cuts = await ask("GET", "cuts");
     const rows = Object.values(cuts).filter(each => each?.state && each.state !== "prepared").reverse().map(({ when, state, outcome, score }) =>
       row("td", new Date(when).toLocaleString(document.documentElement.lang),
-        state === "saved" ? outcome : texts[`state_${state}`], score ?? "–"));
+        [state !== "saved" && texts[`state_${state}`], outcome].filter(Boolean).join(": "), score ?? "–"));
     byId("history").replaceChildren(row("th", texts.when, texts.outcome, texts.score), ...rows);
+    byId("curve").innerHTML = (await ask("GET", "curve")).curve ?? "";
+    byId("curve").firstChild?.setAttribute("aria-label", texts.curve);
   }
 
   function row(kind, ...cells) {
