@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
 from cutenv.tissue import CutModel, Specimen
 from cutenv.tissue.grid import LENGTH, N_POINTS
+from cutenv.tissue.zoned_model import zoned_model
 from cutenv.trace import Trace
 from cutenv.vision import BeadTracks
 
@@ -83,7 +84,7 @@ def filmed_cut(
     force = np.interp(tip, PLACES, specimen.stiffness()) * np.maximum(blade - tip, 0.0)
     changes = np.flatnonzero(np.diff(specimen.modulus)) + 1
     borders = 0.5 * (PLACES[changes] + PLACES[changes - 1])
-    truth = CutModel.of_zones(borders, specimen.modulus[[0, *changes]], divisions=divisions, **model)
+    truth = zoned_model(CutModel(divisions=divisions, **model), borders, specimen.modulus[[0, *changes]])
     beads = beads[(np.abs(beads[:, 0] + truth.offset) < 0.5 * truth.width) & (beads[:, 1] < truth.length)]
     rng = np.random.default_rng(seed)
     here, number = np.unique(np.round(tip, 5), return_inverse=True)  # the crack rests while the blade loads it

@@ -178,10 +178,10 @@ def _kept(text: str, kept: bool) -> str:
     return text if kept else f"**{text} (miss)**"
 
 
-def kept(path: Path = KEPT) -> list[dict[str, Any]]:
-    """Return the results of the last measurement; SystemExit if there are none."""
+def kept(path: Path) -> list[dict[str, Any]]:
+    """Return the results that a script left in the file that has its name; SystemExit if there are none."""
     if not path.is_file():
-        raise SystemExit(f"{path} is missing: run scripts/measure_depth_accuracy.py")
+        raise SystemExit(f"{path} is missing: run scripts/measure_{path.stem}.py")
     found: list[dict[str, Any]] = json.loads(path.read_text(encoding="utf-8"))
     return found
 

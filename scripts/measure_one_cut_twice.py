@@ -32,6 +32,7 @@ import numpy as np
 from carm_measurement import BEAD_PX, Array, calibrated, swept
 from numpy.typing import NDArray
 from rendering.filmed_cut import FilmedCut, film_cut
+from rendering.moved_tissue import MovedTissue
 from rendering.xray_session import THICKNESS, CutHistory, Session
 from tqdm import tqdm
 
@@ -82,10 +83,11 @@ class RenderedCut:
 
     @cached_property
     def _scene(self) -> FilmedCut:
-        position = self._cut[1]["position"].astype(float)
+        position, tip = (self._cut[1][name].astype(float) for name in ("position", "tip"))
         clock = 1e-3 * np.arange(len(position))
         B, angle = self.specimen.depth, math.pi / 2
-        return film_cut(clock, position, B, angle=angle, seed=self.seed, rate=FILMED, field=FIELD)
+        tissue = MovedTissue(model=CutModel(), time=clock, tip=tip, lead=np.maximum(position - tip, 0.0))
+        return film_cut(clock, position, B, angle=angle, seed=self.seed, rate=FILMED, field=FIELD, tissue=tissue)
 
     def boards(self, path: Path) -> None:
         """Write the images of the board that stand before the one of this name, and that one last."""

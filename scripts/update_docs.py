@@ -5,7 +5,7 @@
     python scripts/update_docs.py ladder learned-stop stock safe-cut memory check-score  what scripts left in runs/
     python scripts/update_docs.py benchmark                 what scripts/leaderboard.py --publish has kept
     python scripts/update_docs.py rig-faults rig-soak       what their scripts left in runs/ (--json)
-    python scripts/update_docs.py depth                     what scripts/measure_depth_accuracy.py left in runs/
+    python scripts/update_docs.py depth seen-runs           what measure_depth_accuracy.py and measure_seen_runs.py left
     python scripts/update_docs.py bead-tracking             what scripts/measure_bead_tracking.py left in runs/
     python scripts/update_docs.py errata tissue-file rig-file metrics weights ends
     python scripts/update_docs.py --docstring               tables in the docstring of cutenv/envs/gentle_cut.py
@@ -41,6 +41,7 @@ import learned_stop
 import measure_bead_tracking as bead_tracking
 import measure_codebase
 import measure_depth_accuracy
+import measure_seen_runs
 import memory_gap
 import numpy as np
 import rig_faults
@@ -93,6 +94,7 @@ PAGES = {
     "pass-marks": "docs/validation/pass-marks.md",
     "field": "docs/validation/field.md",
     "depth": "docs/validation/depth.md",
+    "seen-runs": "docs/validation/depth.md",
     "errata": "docs/validation/errata.md",
     "descent": "docs/validation/descent.md",
     "parameters": "docs/reference/constants.md",
@@ -270,16 +272,6 @@ def left_by(script: ModuleType) -> dict[str, Any]:
     return kept
 
 
-def rig_faults_block(_: argparse.Namespace) -> str:
-    """Return the table that ``scripts/rig_faults.py`` has measured."""
-    return rig_faults.markdown(left_by(rig_faults))
-
-
-def rig_soak_block(_: argparse.Namespace) -> str:
-    """Return the times that ``scripts/rig_soak.py`` has measured."""
-    return "```\n" + rig_soak.text(left_by(rig_soak)) + "\n```"
-
-
 def results(_: argparse.Namespace) -> str:
     """Return the short table of the README, taken from the blocks of the page on training."""
     block = block_of((ROOT / PAGES["training"]).read_text(encoding="utf-8"), "training")
@@ -381,6 +373,7 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "descent": lambda _: check_descent.markdown(),
     "check-score": lambda _: check_score.report(check_score.kept(ROOT / check_score.FOLDER)),
     "depth": lambda _: measure_depth_accuracy.report(measure_depth_accuracy.kept(ROOT / measure_depth_accuracy.KEPT)),
+    "seen-runs": lambda _: measure_seen_runs.report(measure_depth_accuracy.kept(ROOT / measure_seen_runs.KEPT)),
     "errata": errata,
     "metrics": metrics,
     "weights": weights,
@@ -389,8 +382,8 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "tissue-file": tissue_file,
     "rig-file": rig_file,
     "bead-tracking": lambda _: bead_tracking.markdown(*bead_tracking.kept(ROOT / bead_tracking.FOLDER)),
-    "rig-faults": rig_faults_block,
-    "rig-soak": rig_soak_block,
+    "rig-faults": lambda _: rig_faults.markdown(left_by(rig_faults)),
+    "rig-soak": lambda _: "```\n" + rig_soak.text(left_by(rig_soak)) + "\n```",
 }
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,7 +12,10 @@ from cutenv.commands.options import command_parser, made_folder, reports_errors,
 
 if TYPE_CHECKING:  # slow to import, and --help does not need it
     from cutenv.trace import Trace
+    from cutenv.vision.cameras import GreyImage
+    from cutenv.vision.crack_runs import RunsAndDrops
     from cutenv.vision.depth_record import FilmedDepth
+    from cutenv.vision.video import VideoFrame
 
 _MEASURING = ("calibration", "record")
 _CALIBRATING = ("board", "spacing")
@@ -75,6 +78,7 @@ def _measure(arguments: argparse.Namespace) -> int:
     from cutenv.vision.blade_depth import BladeCameras
     from cutenv.vision.blade_mark import MarkedBlade
     from cutenv.vision.cameras import CalibratedCameras
+    from cutenv.vision.crack_runs import runs_and_drops, seen_runs
     from cutenv.vision.depth_record import filmed_depth
     from cutenv.vision.video import video_facts, video_frames
 
@@ -97,18 +101,18 @@ def _measure(arguments: argparse.Namespace) -> int:
     measured = list(watched(BladeCameras(cameras, blade).measure_all(frames), "measuring", "frame", total=total))
     filmed = filmed_depth(measured, trace, blade, travel=arguments.travel)
     with_depth = filmed.onto(trace)
-    chosen = _shown(filmed)
+    pictures: dict[int, GreyImage] = {}
+    again = watched(video_frames(video, rate=arguments.rate), "watching the tissue", "frame", total=total)
     width = cameras.cameras[0].width
-    pictures = {
-        frame.number: frame.image[:, :width]
-        for frame in video_frames(video, rate=arguments.rate)
-        if frame.number in chosen
-    }
+    kept = _keeping(again, _shown(filmed), pictures, width)
+    found = runs_and_drops(seen_runs(kept, filmed, trace, width), trace)
     page, table = target.with_suffix(".html"), target.with_name(f"{target.stem}_frames.csv")
-    write_depth_page(page, FilmedRecord(name=arguments.record.stem, trace=with_depth, filmed=filmed, pictures=pictures))
+    about = FilmedRecord(name=arguments.record.stem, trace=with_depth, filmed=filmed, found=found, pictures=pictures)
+    write_depth_page(page, about)
     write_frame_table(table, filmed)
     save(with_depth, target)
     print(filmed_summary(filmed))
+    print(run_summary(found))
     print(f"record: {target}\nframes: {table}\npage: {page}")
     return 0
 
@@ -125,6 +129,12 @@ def filmed_summary(filmed: FilmedDepth) -> str:
     return "\n".join(lines + [f"left out: {reason}: {count} frames" for reason, count in filmed.left_out.items()])
 
 
+def run_summary(found: RunsAndDrops) -> str:
+    """Return how many runs of the crack were seen, and how many of them are drops of the force, as text."""
+    told = f"runs of the crack: {len(found.runs)} seen; sudden drops of the force: {len(found.drops)}"
+    return told + (f"; at the same time: {len(found.pairs)}, F1 {found.f1:.2f}" if found.runs and found.drops else "")
+
+
 def _record(path: Path) -> Trace:
     """Return the one cut of a record.
 
@@ -139,6 +149,16 @@ def _record(path: Path) -> Trace:
     if len(imported.traces) != 1:
         raise ValueError(f"{path} holds {len(imported.traces)} cuts; give a record of the one that was filmed.")
     return imported.traces[0]
+
+
+def _keeping(
+    frames: Iterable[VideoFrame], numbers: Container[int], kept: dict[int, GreyImage], width: int
+) -> Iterator[VideoFrame]:
+    """Yield all frames, and keep the first camera's images of some numbers."""
+    for frame in frames:
+        if frame.number in numbers:
+            kept[frame.number] = frame.image[:, :width]
+        yield frame
 
 
 def _shown(filmed: FilmedDepth) -> set[int]:

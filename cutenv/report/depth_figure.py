@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from cutenv.trace import Trace
     from cutenv.vision.blade_depth import DepthFrame
+    from cutenv.vision.crack_runs import RunsAndDrops
     from cutenv.vision.depth_record import FilmedDepth
 
 _STRIP, _SURFACE, _BLADE, _ALONG, _OUT = "#e69f00", "#56b4e9", "#d55e00", "#8a3ffc", "#b00020"
@@ -62,8 +63,8 @@ def _draw_frame(axes: Axes, frame: DepthFrame, picture: NDArray[np.uint8]) -> No
     axes.set_title(f"{frame.time:.2f} s: {1e3 * frame.blade.exposed:.2f} mm\nexposed", fontsize=7)
 
 
-def depth_figure(trace: Trace, filmed: FilmedDepth, width: float) -> Figure:
-    """Draw depth and length along the blade over time with the frames left out, above the force."""
+def depth_figure(trace: Trace, filmed: FilmedDepth, found: RunsAndDrops, width: float) -> Figure:
+    """Draw depth and length along the blade over time with the frames left out, above the force with the runs seen."""
     figure = new_figure(width, 5.0)
     depth, force = figure.subplots(2, 1, sharex=True, height_ratios=(1.6, 1.0))
     band: dict[str, Any] = {"color": _SURFACE, "alpha": 0.35, "linewidth": 0.0}
@@ -77,6 +78,10 @@ def depth_figure(trace: Trace, filmed: FilmedDepth, width: float) -> Figure:
     depth.plot(out, np.zeros(len(out)), "|", markersize=8.0, color=_OUT, label="frames left out")
     depth.set_ylabel("depth of cut [mm]")
     force.plot(trace.time[::step], trace.force[::step], color="0.4", linewidth=0.9)
+    marks = (([run.time for run in found.runs], "v", "run seen"), (found.drops, "|", "force drops"))
+    for (times, marker, label), height, colour in zip(marks, (1.16, 1.08), (_STRIP, "0.4"), strict=True):
+        at = np.full(len(times), height * float(trace.force.max()))
+        force.plot(times, at, marker, markersize=5.0, color=colour, label=label)
     force.set_ylabel("force [N]" if trace.force_unit == "N" else "force")
     force.set_xlabel("time [s]")
     for axes in (depth, force):

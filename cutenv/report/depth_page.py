@@ -18,6 +18,7 @@ from cutenv.report.page import write_page
 from cutenv.trace import Trace
 
 if TYPE_CHECKING:
+    from cutenv.vision.crack_runs import RunsAndDrops
     from cutenv.vision.depth_record import FilmedDepth
 
 FRAME_COLUMNS = (
@@ -29,11 +30,12 @@ FRAME_COLUMNS = (
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FilmedRecord:
-    """Record with the depth from a film, and some of its frames by number, shape (height, width)."""
+    """Record with the depth from a film, the runs seen in it, and some of its frames by number, (height, width)."""
 
     name: str
     trace: Trace
     filmed: FilmedDepth
+    found: RunsAndDrops
     pictures: Mapping[int, NDArray[np.uint8]]
 
 

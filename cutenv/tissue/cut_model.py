@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import Any, overload
+from typing import overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,7 +18,6 @@ from cutenv.tissue.model_arguments import (
     POSITIVE_MODULUS,
     checked_points,
     checked_relative_modulus,
-    element_moduli,
     unit_force,
     whole_elements,
 )
@@ -124,53 +122,6 @@ class CutModel:
             object.__setattr__(self, "relative_modulus", modulus)
         object.__setattr__(self, "earlier_cuts", tuple((float(x), float(a)) for x, a in self.earlier_cuts))
         _ = self._lines  # raises for lines that are no element edges
-
-    @classmethod
-    def of_zones(
-        cls,
-        borders: ArrayLike,
-        moduli: ArrayLike,
-        *,
-        depth: Callable[[NDArray[np.float64]], ArrayLike] | None = None,
-        **arguments: Any,
-    ) -> CutModel:
-        """Make a model whose modulus, and in 2-D its thickness, differ by zone along the cut.
-
-        Each row of elements across the specimen gets the mean of modulus times thickness over its length.
-
-        Parameters
-        ----------
-        borders : array_like of shape (k - 1,)
-            Borders between the zones [m], increasing, between 0 and the length.
-        moduli : array_like of shape (k,)
-            Modulus of each zone, from the clamp on, over a common one [1]; or in pascals, and then the methods take
-            ``modulus=1``.
-        depth : callable, optional
-            Thickness [m] of a plane model at distances from the clamp [m], as `cutenv.measurement.DepthProfile.at`;
-            the methods then take ``thickness=model.thickness``. By default uniform.
-        **arguments
-            Other parameters of the class, but for `relative_modulus`.
-
-        Raises
-        ------
-        ValueError, TypeError
-            If borders do not increase or leave the specimen, there are not as many moduli as zones, a value is out of
-            range, or ``depth`` is given for bricks.
-
-        Examples
-        --------
-        >>> soft, stiff = 20e3, 60e3  # Pa
-        >>> model = CutModel.of_zones([0.05], [soft, stiff])
-        >>> round(model.stiffness(0.04) / (CutModel().stiffness(0.04) * soft), 2)
-        1.07
-        """
-        uniform = cls(**arguments)
-        if depth is not None and uniform.dim == 3:
-            raise ValueError("depth goes with plane models: bricks have one thickness. Ask for element='quad8'.")
-        rows = element_moduli(borders, moduli, uniform.tips, depth, uniform.thickness)
-        shape = np.ones(uniform._divisions)
-        relative = shape * rows.reshape(-1, *[1] * (uniform.dim - 2))
-        return cls(**arguments, relative_modulus=relative.ravel())
 
     def __reduce__(self) -> tuple[type[CutModel], tuple[object, ...]]:
         # The arguments are the model; a copy computes its results again.
@@ -296,7 +247,7 @@ class CutModel:
     @overload
     def stiffness(self, cut_length: ArrayLike) -> float | NDArray[np.float64]: ...
     def stiffness(self, cut_length: ArrayLike) -> float | NDArray[np.float64]:
-        """Return the unit stiffness kappa: blade force over displacement, modulus and thickness.
+        """Return the unit stiffness kappa [1]: blade force over displacement, modulus and thickness.
 
         Computed where the tip stands on element corners and interpolated in between with shape-preserving cubics
         (PCHIP). Between the clamp and the first corner it is constant, because there is no tip.
@@ -305,11 +256,6 @@ class CutModel:
         ----------
         cut_length : array_like
             Distance of the tip from the clamp [m], 0 to `length`.
-
-        Returns
-        -------
-        float or ndarray
-            kappa [1], of the shape of `cut_length`.
 
         Raises
         ------
@@ -321,7 +267,7 @@ class CutModel:
         return float(kappa) if a.ndim == 0 else kappa
 
     def displacement(self, cut_length: float, force: float, modulus: float, thickness: float) -> NDArray[np.float64]:
-        """Return the displacement of every node under a blade force.
+        """Return the displacement of every node under a blade force [m], shape (n_nodes, dim).
 
         The tip moves by force / (kappa modulus thickness). Between two element corners the fields for a tip
         on either are blended linearly and scaled to that; the tip is then taken on the straight line between
@@ -338,11 +284,6 @@ class CutModel:
             Young's modulus [Pa] where `relative_modulus` is 1, up to 1e12.
         thickness : float
             Depth of the cut [m], up to 1 m.
-
-        Returns
-        -------
-        ndarray of shape (n_nodes, dim)
-            Displacement [m].
 
         Raises
         ------
@@ -362,7 +303,7 @@ class CutModel:
         modulus: float | None = None,
         thickness: float | None = None,
     ) -> NDArray[np.float64]:
-        """Return the displacement at any points of the specimen, by the shape functions of their elements.
+        """Return the displacement at any points [m], shape (n, dim), by the shape functions of their elements.
 
         With the tip on element corners it is, at a node, that of `displacement`, and on a cut line that of the right
         face. Between corners these share the force: beyond the elements at the tip that is the displacement by the
@@ -379,11 +320,6 @@ class CutModel:
             Displacement of the tip along +y [m], -1 to 1: the force is what `stiffness` gives for it.
         force, modulus, thickness : float, optional
             Without it: blade force [N], Young's modulus [Pa] and depth of the cut [m], as for `displacement`.
-
-        Returns
-        -------
-        ndarray of shape (n, dim)
-            Displacement [m].
 
         Raises
         ------
@@ -410,10 +346,10 @@ class CutModel:
         return self._mesh.interpolated(load * self._interpolation.shared(a), places)
 
     def strain_energy_density(self, displacement: NDArray[np.float64], modulus: float) -> NDArray[np.float64]:
-        """Return the mean strain energy per volume of each element.
+        """Return the mean strain energy per volume of each element [J/m3], shape (n_elements,).
 
-        Summed over the elements times their volumes it is half the blade's force times the displacement of the tip, if
-        the tip is on element corners.
+        They are in the order of `element_centres`. Summed over the elements times their volumes it is half the blade's
+        force times the displacement of the tip, if the tip is on element corners.
 
         Parameters
         ----------
@@ -421,11 +357,6 @@ class CutModel:
             Displacement of the nodes [m], from `displacement`.
         modulus : float
             Young's modulus [Pa] where `relative_modulus` is 1, up to 1e12.
-
-        Returns
-        -------
-        ndarray of shape (n_elements,)
-            Strain energy density [J/m3], in the order of `element_centres`.
 
         Raises
         ------
@@ -457,11 +388,6 @@ class CutModel:
             The model that will use it.
         cut_length : array_like
             Cut length at which it was found [m], 0 to the length of the shorter model; broadcasts with `modulus`.
-
-        Returns
-        -------
-        float or ndarray
-            Local effective modulus of the other model [Pa].
 
         Raises
         ------

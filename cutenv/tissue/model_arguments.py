@@ -1,8 +1,8 @@
-"""Arguments of a model: moduli of zones as moduli of rows of elements, lines counted in elements, points inside."""
+"""Arguments of a model: lines counted in elements, points inside, moduli of elements."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,45 +14,7 @@ METRES = "Lengths are in metres: 5 cm is 0.05."
 """Cure of a length that is out of range."""
 POSITIVE_MODULUS = "It is Young's modulus in pascals, and positive."
 """Cure of a modulus that is out of range."""
-_PARTS = 50  # parts of a row over which its thickness is averaged
 _WHOLE = 1e-6  # of an element: a line that is so close to an edge lies on it
-
-
-def element_moduli(
-    borders: ArrayLike,
-    moduli: ArrayLike,
-    tips: NDArray[np.float64],
-    depth: Callable[[NDArray[np.float64]], ArrayLike] | None,
-    thickness: float,
-) -> NDArray[np.float64]:
-    """Return the modulus of each row of elements that ends at ``tips`` [m], shape (n_rows,), see `CutModel.of_zones`.
-
-    With a ``depth`` it is the mean of modulus times depth over ``thickness`` [m].
-
-    Raises
-    ------
-    ValueError
-        If borders do not increase or leave the specimen, there are not as many moduli as zones, or the depth is not
-        positive.
-    """
-    length = float(tips[-1])
-    inner = np.atleast_1d(np.asarray(borders, dtype=np.float64))
-    values = np.atleast_1d(array_in_range("moduli", moduli, 1e-6, 1e6, "1", "They are moduli of zones, or in pascals."))
-    edges = np.concatenate(([0.0], inner, [length]))
-    if inner.ndim != 1 or not (np.diff(edges) > 0.0).all():
-        raise ValueError(f"borders = {inner.tolist()} m must increase between 0 and the length, {length:g} m.")
-    if values.shape != (len(inner) + 1,):
-        raise ValueError(f"{len(inner)} borders make {len(inner) + 1} zones; {values.size} moduli were given.")
-    rows = np.concatenate(([0.0], tips))
-    # Every part of a row lies in one zone: the parts end at the borders too.
-    cuts = np.unique(np.concatenate((np.linspace(0.0, length, _PARTS * len(tips) + 1), rows, edges)))
-    middle, part = 0.5 * (cuts[:-1] + cuts[1:]), np.diff(cuts)
-    product = values[np.searchsorted(inner, middle)]
-    if depth is not None:
-        cure = "The depth along the cut is a thickness in metres, and positive."
-        product = product * array_in_range("depth", depth(middle), 1e-5, 1.0, "m", cure) / thickness
-    row = np.searchsorted(tips, middle)
-    return np.asarray(np.bincount(row, product * part) / np.bincount(row, part))
 
 
 def whole_elements(

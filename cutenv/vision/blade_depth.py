@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from cutenv._base.arrays import Array
-from cutenv.vision.blade_mark import MarkedBlade
+from cutenv.vision.blade_mark import MarkedBlade, Neighbourhood
 from cutenv.vision.cameras import CalibratedCameras, Camera, GreyImage
 from cutenv.vision.edge_lines import UnusableFrame
 from cutenv.vision.marked_blade import BladeInView, Chart, measure_view
@@ -20,6 +20,7 @@ _EPIPOLAR = 1.5  # rows by which the two views of a point may differ [px]
 _STRIP_ERROR = 0.15  # relative error of the strip's length from which on it is another strip or calibration
 _SCALE = 1e-3  # standard error of all lengths by the calibration, relative
 _OFF_PLANE = 0.5e-3  # standard deviation of a blade's distance from the plane of the board, for one camera [m]
+_AROUND = 2.5  # reach of the neighbourhood in which the mark is looked for next, over its length and the blade's width
 _BEYOND = 1.5e-3  # length by which a blade may seem longer than it is [m]
 
 
@@ -53,7 +54,7 @@ class DepthFrame(NamedTuple):
 
 
 class BladeCameras:
-    """Calibrated cameras that measure a marked blade.
+    """Calibrated cameras that measure a marked blade, and look for its mark first where they saw it last.
 
     Parameters
     ----------
@@ -66,6 +67,7 @@ class BladeCameras:
     def __init__(self, cameras: CalibratedCameras, blade: MarkedBlade) -> None:
         self.cameras, self.blade = cameras, blade
         self._charts = [_chart(cameras, k) for k in range(len(cameras.cameras))]
+        self._seen: list[Neighbourhood | None] = [None] * len(self._charts)
         off = 0.0 if cameras.plane is None else _OFF_PLANE / float(np.linalg.norm(cameras.plane.translation))
         self._scale_sd = math.hypot(_SCALE, 0.0 if cameras.second is not None else off)
 
@@ -81,7 +83,11 @@ class BladeCameras:
         views = []
         for k, (to_chart, to_pixels) in enumerate(self._charts):
             half = np.ascontiguousarray(image[:, k * width : (k + 1) * width])
-            views.append(measure_view(half, self.blade, to_chart, to_pixels))
+            view = measure_view(half, self.blade, to_chart, to_pixels, self._seen[k])
+            views.append(view)
+            upper, lower = to_pixels(view.strip_ends)
+            reach = _AROUND * (1.0 + self.blade.width / self.blade.strip) * float(np.hypot(*(lower - upper)))
+            self._seen[k] = Neighbourhood(0.5 * (upper + lower), reach)
         place = self._triangulated if len(views) == 2 else self._on_plane
         points = np.array([[view.strip, view.surface, *view.strip_ends] for view in views])
         strip, surface, *ends = place(points)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -67,15 +69,31 @@ class MarkedBlade:
         return self.width if self.tag is None else self.strip
 
 
-def find_mark(image: GreyImage, blade: MarkedBlade) -> tuple[Array, Array, float]:
+class Neighbourhood(NamedTuple):
+    """Square of an image: its middle, shape (2,), and how far it reaches to every side [px]."""
+
+    middle: Array
+    reach: float
+
+
+def find_mark(image: GreyImage, blade: MarkedBlade, near: Neighbourhood | None = None) -> tuple[Array, Array, float]:
     """Find the mark: its centre, shape (2,), direction down the blade, shape (2,), and the blade's width there [px].
+
+    It is looked for in the neighbourhood first, where it was in the frame before, say, and then in the whole image.
 
     Raises
     ------
     UnusableFrame
         If there is none, or more than one.
     """
-    return _find_strip(image, blade) if blade.tag is None else _find_tag(image, blade)
+    find = _find_strip if blade.tag is None else _find_tag
+    if near is not None:
+        left, top = np.maximum(np.rint(near.middle - near.reach), 0).astype(int)
+        right, bottom = np.maximum(np.rint(near.middle + near.reach), 1).astype(int)
+        with contextlib.suppress(UnusableFrame):
+            centre, down, across = find(image[top:bottom, left:right], blade)
+            return centre + np.array([left, top]), down, across
+    return find(image, blade)
 
 
 def _tags(image: GreyImage, number: int | None, enlarged: int) -> list[Array]:
@@ -107,7 +125,8 @@ def _find_strip(image: GreyImage, blade: MarkedBlade) -> tuple[Array, Array, flo
     coarse = max(1, round(image.shape[1] / _COARSE))
     small = cv2.resize(image, (image.shape[1] // coarse, image.shape[0] // coarse), interpolation=cv2.INTER_AREA)
     smooth: GreyImage = np.asarray(cv2.GaussianBlur(small, (0, 0), 1.2), np.uint8)
-    dark, middle = (float(each) for each in np.percentile(smooth, [0.2, 50.0]))
+    darker = np.cumsum(np.bincount(smooth.ravel(), minlength=256)) / smooth.size
+    dark, middle = (float(np.searchsorted(darker, share)) for share in (0.002, 0.5))
     found: list[tuple[float, Array, Array, float]] = []
     for level in (dark + 6.0, *np.linspace(dark + 12.0, max(middle, dark + 24.0), 4)[:3]):
         mask = (smooth < level).astype(np.uint8)

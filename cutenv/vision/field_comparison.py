@@ -133,7 +133,7 @@ def compare_field(measured: FilmedMeasurement, borders: ArrayLike = (), moduli: 
     measured : FilmedMeasurement
         Cut, see :func:`~cutenv.vision.filmed_measurement.measure_filmed_cut`.
     borders, moduli : array_like
-        Zones along the cut, see `CutModel.of_zones`; only the ratios of the moduli count. By default one zone.
+        Zones along the cut, see `cutenv.tissue.zoned_model`; only the ratios of the moduli count. By default one zone.
     """
     slab, rises = measured.slab, measured.rises
     zoned, dim = slab.zoned(borders, moduli), slab.model.dim
@@ -167,7 +167,7 @@ def compare_displacements(
     tracks, trace, model, thickness
         See :func:`measure_filmed_cut`.
     borders, moduli : array_like
-        Zones of moduli along the cut, see `CutModel.of_zones` and `zones_as_measured`; by default one.
+        Zones of moduli along the cut, see `cutenv.tissue.zoned_model` and `zones_as_measured`; by default one.
 
     Returns
     -------

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,6 +12,7 @@ from cutenv._base.validation import in_range
 from cutenv.measurement import DepthProfile
 from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.slab import effective_depth
+from cutenv.tissue.zoned_model import zoned_model
 from cutenv.vision.bead_rises import RampLoad
 
 
@@ -52,9 +53,8 @@ class SlabModel:
         return self.model.thickness if self.thickness is None else self.thickness
 
     def zoned(self, borders: ArrayLike, moduli: ArrayLike) -> CutModel:
-        """Return the model with a modulus for each zone [Pa], see `CutModel.of_zones`; its methods take modulus 1."""
-        arguments = {f.name: getattr(self.model, f.name) for f in fields(self.model) if f.name != "relative_modulus"}
-        return CutModel.of_zones(borders, moduli, depth=self.depth.at if self._cut_through else None, **arguments)
+        """Return the model with a modulus for each zone [Pa], see `zoned_model`; its methods take modulus 1."""
+        return zoned_model(self.model, borders, moduli, depth=self.depth.at if self._cut_through else None)
 
     def stiffness(self, zoned: CutModel, tip: Array) -> Array:
         """Return blade force over displacement of the tip of a zoned model [N/m], of the shape of ``tip`` [m]."""

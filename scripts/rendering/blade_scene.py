@@ -6,6 +6,7 @@ without the blade is cast once for every camera; a frame casts the surroundings 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -129,8 +130,13 @@ class FilmedScene:
         self._on = on
         self._background = self._still.mean(axis=(2, 3))
 
-    def frame(self, end: Array, velocity: Array, exposure: float) -> Array:
-        """Return the picture, shape (height, width), 1 for white; the blade's end is at ``end`` [m] in its middle."""
+    def frame(
+        self, end: Array, velocity: Array, exposure: float, to_rest: Callable[[Array, Array], Array] | None = None
+    ) -> Array:
+        """Return the picture, shape (height, width), 1 for white; the blade's end is at ``end`` [m] in its middle.
+
+        ``to_rest`` returns the shift, shape (2, ...) [m], that takes the tissue at some places back to where it rested.
+        """
         blade, camera = self.blade, self.camera
         strip = end - blade.total * blade.down
         line = camera.project(np.array([strip - 0.05 * blade.down, end + 0.02 * blade.down]))
@@ -138,12 +144,23 @@ class FilmedScene:
         aside = np.abs(to[0] * from_[..., 1] - to[1] * from_[..., 0]) / np.hypot(*to)
         near = aside < np.hypot(*to) / (blade.total + 0.07) * 1.2 * blade.width + 4.0
         near &= (from_ @ to > -10.0 * np.hypot(*to)) & (from_ @ to < to @ to)
-        picture = self._background.copy()
-        picture[near] = self._patch(near, strip, velocity * exposure).mean(axis=(1, 2))
+        picture = self._background.copy() if to_rest is None else self._moved(to_rest)
+        still = self._still[near] if to_rest is None else picture[near][:, None, None]
+        picture[near] = self._patch(near, strip, velocity * exposure, still).mean(axis=(1, 2))
         return np.asarray(gaussian_filter(picture, self.blur))
 
-    def _patch(self, window: NDArray[np.bool_], strip: Array, moved: Array) -> Array:
-        """Return the brightness of the points of some pixels, shape (n, 3, 3)."""
+    def _moved(self, to_rest: Callable[[Array, Array], Array]) -> Array:
+        """Return the picture without the blade, of tissue that was moved; its height stays."""
+        on = self._on[:, :, 1, 1]
+        at = self.camera.place + self._reach[on][:, 1, 1, None] * self._rays[on][:, 1, 1]
+        at[:, :2] += to_rest(at[:, 0], at[:, 1]).T
+        at[:, 2] = self.slab.top(at[:, 0], at[:, 1])
+        picture = self._background.copy()
+        picture[on] = map_coordinates(self._background, self.camera.project(at).T[::-1], order=3, mode="nearest")
+        return picture
+
+    def _patch(self, window: NDArray[np.bool_], strip: Array, moved: Array, still: Array) -> Array:
+        """Return the brightness of the points of some pixels, shape (n, 3, 3); ``still`` is that of tissue there."""
         blade, rays = self.blade, self._rays[window]
         late = TIMES[..., None] * moved
         face = np.cross(blade.down, blade.across)
@@ -160,7 +177,7 @@ class FilmedScene:
         steep = np.clip(-(rays * normal).sum(-1), 0.0, 1.0)
         share = 0.04 + 0.96 * (1.0 - steep) ** 5
         near = np.exp(-np.abs(reach) / 2e-3)
-        still = self._still[window] * np.where(self._on[window] & image, 1.0 - 0.25 * near, 1.0)
+        still = still * np.where(self._on[window] & image, 1.0 - 0.25 * near, 1.0)
         return np.where(seen, colour, still + np.where(image, 0.7 * share * wet, 0.0))
 
     def embedded(self, end: Array) -> float:

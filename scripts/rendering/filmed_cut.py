@@ -17,6 +17,7 @@ from scipy.ndimage import gaussian_filter
 from rendering.blade_scene import Blade, FilmedScene, Slab, draw_blade, draw_slab
 from rendering.board_images import held_boards, standing_board
 from rendering.lens import Array, RenderedCamera, draw_pair
+from rendering.moved_tissue import MovedTissue
 
 BED = 0.004
 """Height of the blade's end over the plate [m]: tissue that is not cut."""
@@ -57,6 +58,7 @@ class FilmedCut:
     noise: float
     field: float
     seed: int
+    tissue: MovedTissue | None = None
 
     def frames(self) -> Iterator[NDArray[np.uint8]]:
         """Render every frame; the images of both cameras stand side by side."""
@@ -64,7 +66,8 @@ class FilmedCut:
         exposure = rng.uniform(2e-3, 8e-3)
         for k, end in enumerate(self.ends):
             flicker = rng.normal(1.0, 0.01)
-            pictures = [scene.frame(end, self.velocity[k], exposure) * flicker for scene in self.scenes]
+            to_rest = None if self.tissue is None else self.tissue.at_rest(float(self.time[k]) + self.lag)
+            pictures = [scene.frame(end, self.velocity[k], exposure, to_rest) * flicker for scene in self.scenes]
             pictures = [self._spoil(p, c, k, rng) for p, c in zip(pictures, self.cameras, strict=True)]
             counts = 255.0 * np.hstack(pictures)
             noise = self.noise * np.sqrt(0.5 + 0.5 * np.clip(counts, 0, 255) / 128.0)  # read noise and shot noise
@@ -129,7 +132,7 @@ def film_cut(
     time: Array, position: Array, depth: Array, *, angle: float, seed: int, rate: float = 15.0, noise: float = 5.0,
     spoilt: float = 0.05, total: float = 0.0425, strip: float = 0.004, width: float = 0.008,
     size: tuple[int, int] = (512, 384), field: float = 0.17, lag: float | None = None,
-    tag: NDArray[np.uint8] | None = None,
+    tag: NDArray[np.uint8] | None = None, tissue: MovedTissue | None = None,
 ) -> FilmedCut:  # fmt: skip
     """Film a cut.
 
@@ -155,6 +158,8 @@ def film_cut(
         Time on the record's clock at the video's time 0 [s]; drawn by default.
     tag : ndarray of uint8, optional
         Cells of a tag that is on the blade in place of the strip, 0 for black; its side is ``strip``.
+    tissue : MovedTissue, optional
+        Tissue that the cut moves; by default it stands still.
     """
     rng = np.random.default_rng([seed, 0])
     blade = draw_blade(rng, angle=angle, total=total, strip=strip, width=width, tag=tag)
@@ -181,7 +186,7 @@ def film_cut(
     return FilmedCut(
         cameras=cameras, scenes=scenes, blade=blade, time=shots, lag=lag, along=along,
         vertical=along * math.sin(angle), spoilt=kinds, ends=ends, velocity=velocity, target=target, noise=noise,
-        field=field, seed=seed,
+        field=field, seed=seed, tissue=tissue,
     )  # fmt: skip
 
 

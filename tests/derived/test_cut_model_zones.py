@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from cutenv.tissue import CutModel
 from cutenv.tissue.mesh import ELEMENT_KINDS, CutMesh
 from cutenv.tissue.tip_response import stiffness_matrix, tip_responses
+from cutenv.tissue.zoned_model import zoned_model
 
 Array = NDArray[np.float64]
 PLACES = np.linspace(0.005, 0.15, 24)
@@ -19,26 +20,26 @@ CENTIMETRES = np.arange(1, 13) * 0.01
 
 
 def test_equal_zones_are_no_zones_to_the_last_bit() -> None:
-    zones = CutModel.of_zones([0.031, 0.1], [1.0, 1.0, 1.0])
+    zones = zoned_model(CutModel(), [0.031, 0.1], [1.0, 1.0, 1.0])
     assert (zones.stiffness(PLACES) == CutModel().stiffness(PLACES)).all()
     assert (zones.unit_fields == CutModel().unit_fields).all()
 
 
 def test_bricks_have_zones_too() -> None:
     bricks: dict[str, Any] = {"element": "hex20", "formulation": "solid", "divisions": (2, 6, 2)}
-    zones = CutModel.of_zones([0.075], [1.0, 3.0], **bricks)
+    zones = zoned_model(CutModel(**bricks), [0.075], [1.0, 3.0])
     assert zones.relative_modulus is not None
     assert (zones.relative_modulus.reshape(2, 6, 2)[0, :, 0] == [1, 1, 1, 3, 3, 3]).all()
 
 
 def test_a_border_inside_a_row_weighs_its_parts() -> None:
-    rows = CutModel.of_zones([0.0325], [1.0, 3.0]).relative_modulus
+    rows = zoned_model(CutModel(), [0.0325], [1.0, 3.0]).relative_modulus
     assert rows is not None
     assert rows.reshape(8, 15)[0, :5] == pytest.approx([1.0, 1.0, 1.0, 2.5, 3.0])
 
 
 def test_moduli_in_pascals_are_a_stiffness_in_pascals() -> None:
-    relative, pascals = (CutModel.of_zones([0.05], np.array([1.0, 2.0]) * unit) for unit in (1.0, 20e3))
+    relative, pascals = (zoned_model(CutModel(), [0.05], np.array([1.0, 2.0]) * unit) for unit in (1.0, 20e3))
     assert pascals.stiffness(PLACES) == pytest.approx(20e3 * relative.stiffness(PLACES), rel=1e-9)
 
 
@@ -54,13 +55,13 @@ def depth_of_the_slice(y: Array) -> Array:
 
 
 def test_a_slice_hangs_on_its_thin_edge() -> None:
-    model = CutModel.of_zones([], [1.0], depth=depth_of_the_slice)
+    model = zoned_model(CutModel(), [], [1.0], depth=depth_of_the_slice)
     K = model.stiffness(CENTIMETRES) * model.thickness
     check_thin_edge(K / (CutModel().stiffness(CENTIMETRES) * depth_of_the_slice(CENTIMETRES)))
 
 
 def test_a_slice_of_one_thickness_does_not() -> None:
-    model = CutModel.of_zones([], [1.0], depth=lambda y: np.full_like(y, 0.01))
+    model = zoned_model(CutModel(), [], [1.0], depth=lambda y: np.full_like(y, 0.01))
     assert model.stiffness(PLACES) == pytest.approx(CutModel().stiffness(PLACES), rel=1e-12)
     with pytest.raises(AssertionError):
         check_thin_edge(model.stiffness(CENTIMETRES) / CutModel().stiffness(CENTIMETRES))
@@ -77,12 +78,17 @@ def test_a_slice_of_one_thickness_does_not() -> None:
 )
 def test_bad_zones_are_refused(arguments: tuple[Any, Any], told: str) -> None:
     with pytest.raises(ValueError, match=told):
-        CutModel.of_zones(*arguments)
+        zoned_model(CutModel(), *arguments)
+
+
+def test_zones_of_zones_are_refused() -> None:
+    with pytest.raises(ValueError, match="has a relative_modulus already"):
+        zoned_model(zoned_model(CutModel(), [0.05], [1.0, 2.0]), [], [1.0])
 
 
 def test_bricks_take_no_thickness_along_the_cut() -> None:
     with pytest.raises(ValueError, match="depth goes with plane models"):
-        CutModel.of_zones([], [1.0], depth=depth_of_the_slice, element="hex20", formulation="solid")
+        zoned_model(CutModel(element="hex20", formulation="solid"), [], [1.0], depth=depth_of_the_slice)
 
 
 # ------------------------------------------------------------------------------------------ cuts beside each other

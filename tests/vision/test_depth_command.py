@@ -34,7 +34,9 @@ def test_a_film_becomes_a_record_with_depth_a_table_and_a_page(filmed, tmp_path,
     page = (tmp_path / "cut_depth.html").read_text(encoding="utf-8")
     assert "Depth of cut: cut" in page
     assert page.count("<img") == 2
-    assert "left out:" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "left out:" in told
+    assert "runs of the crack: 0 seen; sudden drops of the force: 0" in told
 
 
 def test_boards_become_a_calibration(filmed, tmp_path, capsys):
