@@ -16,6 +16,8 @@ from cutenv._base.validation import array_in_range, one_of
 FORCE_UNITS = ("N", "1")
 """Units of force: newtons, or "1" for a record whose force was normalised."""
 
+SPEED_WINDOW = 0.025
+"""Time to either side over which speed is the difference of positions, which averages encoder steps [s]."""
 _SENSED = ("position", "speed", "angle", "depth")
 _RANGES: dict[str, tuple[float, float, str, str]] = {
     "time": (-1e12, 1e12, "s", "Give seconds."),
@@ -33,7 +35,6 @@ _LONGEST_STEP = 0.5  # [s]
 _GAP = 10.0  # median steps: a longer step is a gap in the record, over which speed is not integrated
 _DISAGREEMENT = 10.0  # a wrong unit is off by 10 or more, a noisy or commanded speed by less
 _STILL = 1e-3  # [m] to which noise of the speed may integrate
-_WINDOW = 0.025  # [s] to either side: speed is the difference of positions over it, which averages encoder steps
 
 
 def limits(name: str, force_unit: str = "N") -> tuple[float, float]:
@@ -309,7 +310,7 @@ class Trace:
 def blade_speed(time: NDArray[np.float64], position: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the speed [m/s] from positions [m] at times [s], shape (n,): difference over 50 ms, or two samples."""
     n = len(time)
-    half = max(1, round(_WINDOW * (n - 1) / float(time[-1] - time[0])))
+    half = max(1, round(SPEED_WINDOW * (n - 1) / float(time[-1] - time[0])))
     before = np.maximum(np.arange(n) - half, 0)
     after = np.minimum(np.arange(n) + half, n - 1)
     return np.asarray((position[after] - position[before]) / (time[after] - time[before]))
