@@ -133,7 +133,9 @@ class Course:
         self.browser.value(f"""void (({{ page, stylus }}) => {{
           const {{ cut }} = page;
           let at = 0;
-          const feed = (pace, most) => { for (let i = 0; i < most && !cut.end; i++) cut.advance([[at += pace, 0.5 * Math.PI]]); };
+          const feed = (pace, most) => {{
+            for (let i = 0; i < most && !cut.end; i++) cut.advance([[at += pace, 0.5 * Math.PI]]);
+          }};
           while (cut.tip < cut.target + {beyond} && !cut.end) feed(1e-5, 20);
           while (cut.last("force") > 0.2 && !cut.end) feed(-4e-6, 20);
           feed(0, 30000);
