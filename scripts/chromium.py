@@ -78,7 +78,7 @@ class Browser:
             self.tell(f"{domain}.enable")
 
     def tell(self, method: str, **parameters: Any) -> dict[str, Any]:
-        """Send a command; its result."""
+        """Send a command; return its result."""
         self._number += 1
         message = {"id": self._number, "method": method, "params": parameters}
         if self._session is not None:
@@ -104,7 +104,7 @@ class Browser:
             self.events.append(self._hear())
 
     def value(self, expression: str) -> Any:
-        """What a JavaScript expression is worth in the page; a promise is waited for."""
+        """Return what a JavaScript expression is worth in the page; a promise is waited for."""
         result = self.tell("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
         assert "exceptionDetails" not in result, result["exceptionDetails"]
         return result["result"].get("value")
@@ -147,17 +147,17 @@ class Browser:
         return sum(not each["ignored"] for each in found)
 
     def requests(self) -> list[str]:
-        """Every address that the page asked for since it was opened."""
+        """Return every address that the page asked for since it was opened."""
         asked = (event for event in self.events if event.get("method") == "Network.requestWillBeSent")
         return [event["params"]["request"]["url"] for event in asked]
 
     def complaints(self) -> list[str]:
-        """What the browser logged since the page was opened: refused fetches and errors."""
+        """Return what the browser logged since the page was opened: refused fetches and errors."""
         logged = (event for event in self.events if event.get("method") == "Log.entryAdded")
         return [event["params"]["entry"]["text"] for event in logged]
 
     def errors(self) -> list[str]:
-        """What scripts threw, and what they wrote to the console as an error, since the page was opened."""
+        """Return what scripts threw, and what they wrote to the console as an error, since the page was opened."""
         thrown = [
             event["params"]["exceptionDetails"].get("exception", {}).get("description", "an exception")
             for event in self.events
@@ -180,7 +180,7 @@ class Browser:
 
 @contextlib.contextmanager
 def browser(profile: Path, *, graphics: bool = False) -> Iterator[Browser]:
-    """A browser with a fresh profile folder, ended when it is left; with ``graphics`` WebGL, drawn in software."""
+    """Start a browser with a fresh profile folder, end it when left; with ``graphics`` WebGL, drawn in software."""
     assert PROGRAM is not None
     read_here, write_there = os.pipe()
     read_there, write_here = os.pipe()

@@ -34,7 +34,7 @@ class Browser:
         self._window = self.tell("browsingContext.getTree", **{"moz:scope": "chrome"})["contexts"][0]["context"]
 
     def tell(self, method: str, **parameters: Any) -> dict[str, Any]:
-        """Send a command; its result."""
+        """Send a command; return its result."""
         self._number += 1
         self._socket.send(json.dumps({"id": self._number, "method": method, "params": parameters}))
         while True:
@@ -53,7 +53,7 @@ class Browser:
         self.tell("browsingContext.navigate", context=self._page, url=path.as_uri(), wait="complete")
 
     def value(self, expression: str) -> Any:
-        """What a JavaScript expression is worth in the page; a promise is waited for."""
+        """Return what a JavaScript expression is worth in the page; a promise is waited for."""
         worth = self._evaluate(f"(async () => JSON.stringify(await ({expression})))()", self._page)
         return json.loads(worth["value"]) if "value" in worth else None
 
@@ -94,16 +94,16 @@ class Browser:
         return len(self.tell("browsingContext.locateNodes", context=self._page, locator=locator)["nodes"])
 
     def requests(self) -> list[str]:
-        """Every address that the page asked for since it was opened."""
+        """Return every address that the page asked for since it was opened."""
         asked = (event for event in self.events if event["method"] == "network.beforeRequestSent")
         return [event["params"]["request"]["url"] for event in asked]
 
     def complaints(self) -> list[str]:
-        """What the browser logged since the page was opened: errors of scripts and of its own."""
+        """Return what the browser logged since the page was opened: errors of scripts and of its own."""
         return self._logged("javascript")
 
     def errors(self) -> list[str]:
-        """What scripts wrote to the console as an error or a warning since the page was opened."""
+        """Return what scripts wrote to the console as an error or a warning since the page was opened."""
         return self._logged("console")
 
     def _logged(self, kind: str) -> list[str]:
@@ -132,7 +132,7 @@ def _to(x: float, y: float) -> dict[str, Any]:
 
 @contextlib.contextmanager
 def browser(profile: Path) -> Iterator[Browser]:
-    """A browser with a fresh profile folder, ended when it is left."""
+    """Start a browser with a fresh profile folder, and end it when it is left."""
     from websockets.sync.client import connect
 
     assert PROGRAM is not None

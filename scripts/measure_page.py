@@ -30,7 +30,7 @@ from cutenv.plant.protocol import recorded_trace
 from cutenv.scoring import Truth, score
 from cutenv.scoring.scored_cut import TIP_AT_END
 
-DEFAULT = "runs/measure_page.json"
+DEFAULT = Path("runs") / "measure_page.json"
 BROWSERS = {"Chromium": chromium, "Firefox": firefox}
 TIMED = """(() => {
   const kept = { pictures: [], drawing: [], delays: [] }, native = requestAnimationFrame;
@@ -153,6 +153,7 @@ def measure(cuts: int, seconds: float) -> dict[str, Any]:
 
 def markdown(kept: dict[str, Any]) -> str:
     """Return the block of the documentation."""
+
     def both(pair: list[float]) -> str:
         return f"{pair[0]:.1f}, {pair[1]:.1f}"
 
@@ -164,16 +165,18 @@ def markdown(kept: dict[str, Any]) -> str:
     off = kept["off_record"]
     return (
         f"{markdown_table(columns, rows)}\n\n"
-        f"Over {kept['cuts']} seeded cuts the page's score is Python's by the true tip to {kept['off_truth']:.0e} points; "
-        f"that of `cutenv score`, from the record alone, is {off[0]:.1f} points away in the median, and {off[1]:.1f} "
-        "in 95 % at most."
+        f"Over {kept['cuts']} seeded cuts the page's score differs from Python's by the true tip by {kept['off_truth']:.0e} "
+        f"points at most; from that of `cutenv score`, by the record alone, by {off[0]:.1f} points in the median and by "
+        f"{off[1]:.1f} at most in 95 % of the cuts."
     )
 
 
 def main() -> None:
     """Measure, print, and keep."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--json", type=Path, metavar="FILE", help="file to keep the numbers in")
+    parser.add_argument(
+        "--json", type=Path, metavar="FILE", help=f"keep the numbers there; the page is made from {DEFAULT}"
+    )
     parser.add_argument("--cuts", type=int, default=300, metavar="N", help="cuts whose scores are compared")
     parser.add_argument("--seconds", type=float, default=12.0, metavar="S", help="duration of a timed cut")
     arguments = parser.parse_args()

@@ -23,8 +23,8 @@ from cutenv._base.validation import in_range, one_of
 from cutenv.browser.stylus_steps import HandCut
 from cutenv.cutting.dtypes import READING
 from cutenv.cutting.simulate import CUT
-from cutenv.play.devices import INCLINED, LEAD, NOTCH, TRAVEL
 from cutenv.measurement.strokes import STANDSTILL_SPEED
+from cutenv.play.devices import INCLINED, LEAD, NOTCH, TRAVEL
 from cutenv.play.hand_model import PLAYED_HAND
 from cutenv.scoring import points
 from cutenv.scoring.scored_cut import BANDWIDTH, RATE, SHORTEST_FORCE

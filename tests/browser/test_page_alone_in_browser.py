@@ -277,6 +277,12 @@ def test_it_fits_a_telephone_and_can_be_read(browser: Browser, written: Path, la
     give_up(browser)
     assert browser.value("document.documentElement.scrollWidth") <= 400
     assert browser.value(chromium.LEAST_CONTRAST) >= 4.5
+    paper = "getComputedStyle(document.documentElement).getPropertyValue('--paper').trim()"
+    assert (browser.value(paper) != "#fff") == dark
+    browser.value("dispatchEvent(new Event('beforeprint'))")
+    assert browser.value(paper) == "#fff", "it prints dark on white"
+    browser.value("dispatchEvent(new Event('afterprint'))")
+    assert (browser.value(paper) != "#fff") == dark
 
 
 def test_both_languages_have_the_same_texts() -> None:

@@ -94,9 +94,7 @@ class Course:
     def __init__(self, folder: Path, browser: Browser) -> None:
         self.folder, self.browser = folder, browser
         quiet = type("Quiet", (http.server.SimpleHTTPRequestHandler,), {"log_message": lambda *_: None})
-        self.server = http.server.ThreadingHTTPServer(
-            ("127.0.0.1", 0), functools.partial(quiet, directory=str(folder))
-        )
+        self.server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(quiet, directory=str(folder)))
         threading.Thread(target=self.server.serve_forever, daemon=True).start()
 
     def as_uri(self) -> str:
@@ -107,7 +105,9 @@ class Course:
         write_scorm_package(self.folder / "cut.zip", specimen_classes=["liver"], seed=3, **options)
         with zipfile.ZipFile(self.folder / "cut.zip") as package:
             package.extractall(self.folder)
-        page = f"<!DOCTYPE html><title>platform</title><iframe width=1000 height=800></iframe><script>{runtime}</script>"
+        page = (
+            f"<!DOCTYPE html><title>platform</title><iframe width=1000 height=800></iframe><script>{runtime}</script>"
+        )
         (self.folder / "platform.html").write_text(page, encoding="utf-8")
         self.browser.open(self, 1100)  # type: ignore[arg-type]
         self.launch()
@@ -279,10 +279,15 @@ def test_the_command_writes_the_package_beside_the_page(tmp_path: Path, capsys: 
 
 
 @pytest.mark.parametrize(
-    ("arguments", "named"), [(["--pass-mark", "60"], "--scorm"), (["--scorm", "x.zip", "--pass-mark", "101"], "pass_mark")]
+    ("arguments", "named"),
+    [(["--pass-mark", "60"], "--scorm"), (["--scorm", "x.zip", "--pass-mark", "101"], "pass_mark")],
 )
 def test_bad_options_of_a_package_are_named(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, arguments: list[str], named: str
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    arguments: list[str],
+    named: str,
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert single_page.main(["cut.html", *arguments]) == 2

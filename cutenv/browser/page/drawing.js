@@ -5,7 +5,7 @@ const BLADE = { length: 0.0425, chord: 0.007, thickness: 0.002, belly: 0.006 };
 const OPENED = { widest: 0.0025, perLength: 0.05 }; // half the gap of the cut drawn open: illustration
 const DARKEST = 0.012; // m of displacement
 const FINER = 3; // cells drawn for one element, each way
-const SHADES = 24; // of displaced tissue: cells of one shade are drawn at once
+const SHADES = 64; // of displaced tissue: cells of one shade are drawn at once
 const CHART = { low: -1, high: 6, step: 2 }; // N
 
 class Drawing {

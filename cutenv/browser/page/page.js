@@ -21,7 +21,7 @@
   const fixed = (value, count) => {
     const language = document.documentElement.lang;
     formats[language + count] ??= new Intl.NumberFormat(language, { minimumFractionDigits: count, maximumFractionDigits: count });
-    return formats[language + count].format(value);
+    return formats[language + count].format(Math.abs(value) < 0.5 / 10 ** count ? 0 : value); // no minus before zero
   };
 
   const page = { phase: "ready", chosen: 0, cut: null, practised: false, from: 0, given: 0 };
@@ -188,12 +188,25 @@
       }
       if (page.cut.end) finish(page.cut.end);
     }
+    paint();
+    if (page.phase !== "ended") tell();
+    requestAnimationFrame(frame);
+  }
+
+  // Draw, unless the picture would be the same: that would cost a tablet its battery.
+  function paint() {
     const seen = shown(), showTip = practising() || (page.phase === "ended" && seen.result);
     const looks = [page.cut.count, showTip, page.phase, document.documentElement.lang, drawing.looks()].join();
     if (page.cut !== page.drawn || looks !== page.looks) drawing.draw(page.cut, { texts, seen, showTip });
-    [page.drawn, page.looks] = [page.cut, looks]; // a picture that would be the same costs a tablet its battery
-    if (page.phase !== "ended") tell();
-    requestAnimationFrame(frame);
+    [page.drawn, page.looks] = [page.cut, looks];
+  }
+
+  for (const [name, printed] of [["beforeprint", true], ["afterprint", false]]) {
+    addEventListener(name, () => {
+      document.documentElement.classList.toggle("printed", printed); // on paper everything is light
+      drawing.readColours();
+      if (page.cut) paint();
+    });
   }
 
   // Words and numbers beside the picture
