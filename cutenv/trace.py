@@ -22,7 +22,7 @@ _SENSED = ("position", "speed", "angle", "depth")
 _RANGES: dict[str, tuple[float, float, str, str]] = {
     "time": (-1e12, 1e12, "s", "Give seconds."),
     "position": (-0.05, 0.5, "m", "Give metres from the clamp: 5 looks like centimetres, which is 0.05."),
-    "speed": (-1.0, 1.0, "m/s", "Give metres per second: 2.54 looks like cm/s, which is 0.0254."),
+    "speed": (-2.0, 2.0, "m/s", "Give metres per second: 2.54 looks like cm/s, which is 0.0254."),
     "angle": (0.0, np.pi, "rad", "Give radians: 90 looks like degrees, which is math.radians(90)."),
     "depth": (0.0, 0.1, "m", "Give the depth of cut in metres: 2 looks like centimetres, which is 0.02."),
 }
@@ -88,7 +88,7 @@ class Trace:
     position : array_like of shape (n,), optional
         Position of the blade [m], growing from the clamp, -0.05 to 0.5.
     speed : array_like of shape (n,), optional
-        Speed of the blade [m/s], -1 to 1; must agree with `position` within a factor of 10.
+        Speed of the blade [m/s], -2 to 2 (a sudden run reaches 1); must agree with `position` within a factor of 10.
     angle : array_like of shape (n,), optional
         Angle of the blade against the surface [rad], 0 to pi; upright is pi/2.
     depth : array_like of shape (n,), optional

@@ -50,7 +50,7 @@ LANGUAGES = ("en", "de")
 OFFERED = ("liver", "uniform", "vascular")
 """Classes of specimens that a page offers by default."""
 _HERE = Path(__file__).parent / "page"
-_SCRIPTS = ("law.js", "record.js", "score.js", "platform.js", "drawing.js", "page.js")
+_SCRIPTS = ("law.js", "words.js", "record.js", "score.js", "platform.js", "drawing.js", "page.js")
 _TIPS = 61  # positions of the tip for which the page holds the field; between them it is interpolated
 
 

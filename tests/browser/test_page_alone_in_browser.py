@@ -81,7 +81,7 @@ def test_a_record_of_the_page_is_pythons(page: Browser, tmp_path: Path, number: 
     assert card.outcome
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", [*range(5), 173])  # the last lets the blade lurch at more than 1 m/s
 def test_the_score_of_the_page_is_pythons_by_the_true_tip(page: Browser, seed: int) -> None:
     shown, known, _ = measure_page.scores(page, seed)
     assert shown == pytest.approx(known, abs=1e-9)

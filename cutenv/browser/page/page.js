@@ -16,13 +16,6 @@
   const upright = 0.5 * Math.PI;
   const FEWEST = 100; // ms that make a cut a record
   const within = (value, low, high) => Math.min(Math.max(value, low), high);
-  const say = (text, values = {}) => text.replace(/\{(\w+)\}/g, (_, name) => values[name]);
-  const formats = {}; // of numbers, by language and decimals: slow to make
-  const fixed = (value, count) => {
-    const language = document.documentElement.lang;
-    formats[language + count] ??= new Intl.NumberFormat(language, { minimumFractionDigits: count, maximumFractionDigits: count });
-    return formats[language + count].format(Math.abs(value) < 0.5 / 10 ** count ? 0 : value); // no minus before zero
-  };
 
   const page = { phase: "ready", chosen: 0, cut: null, practised: false, from: 0, given: 0 };
   const stylus = { position: 0, angle: upright, keys: new Set(), pointer: null };
@@ -94,11 +87,6 @@
 
   // The server
 
-  const CRC = Array.from({ length: 256 }, (_, value) => {
-    for (let bit = 0; bit < 8; bit++) value = value & 1 ? 0xedb88320 ^ (value >>> 1) : value >>> 1;
-    return value >>> 0;
-  });
-
   async function ask(method, path, body, headers = {}) {
     try {
       const answer = await fetch(path, { method, body, headers });
@@ -134,25 +122,12 @@
     show();
   }
 
-  // CRC-32 as in zlib: the browser's own digests exist only under https.
-  function crc32(numbers) {
-    let sum = 0xffffffff;
-    for (const byte of new Uint8Array(numbers.buffer)) sum = CRC[(sum ^ byte) & 0xff] ^ (sum >>> 8);
-    return ((sum ^ 0xffffffff) >>> 0).toString(16).padStart(8, "0");
-  }
-
   async function tellHistory() {
     const cuts = await ask("GET", "cuts");
     const rows = Object.values(cuts).filter(each => each?.state && each.state !== "prepared").reverse().map(({ when, state, outcome, score }) =>
       row("td", new Date(when).toLocaleString(document.documentElement.lang),
         state === "saved" ? outcome : texts[`state_${state}`], score ?? "–"));
     byId("history").replaceChildren(row("th", texts.when, texts.outcome, texts.score), ...rows);
-  }
-
-  function row(kind, ...cells) {
-    const made = document.createElement("tr");
-    made.append(...cells.map(cell => element(kind, cell)));
-    return made;
   }
 
   // What a course's rule shows of the force now, as cutenv.play.course.shown_feedback.
@@ -290,12 +265,6 @@
     const rested = progress("quiet");
     if (rested > 0) return say(texts.missing_still, { time: fixed(Math.max(told.time_at_rest - rested, 0), 1) });
     return say(texts.missing_back, { force: shown().force ? fixed(Math.max(force, 0), 1) : "…" });
-  }
-
-  function element(kind, text) {
-    const made = document.createElement(kind);
-    made.textContent = text;
-    return made;
   }
 
   // The hand: pointer, wheel, keys, gamepad, slider
