@@ -16,11 +16,13 @@ from cutenv._base.validation import array_in_range, one_of
 FORCE_UNITS = ("N", "1")
 """Units of force: newtons, or "1" for a record whose force was normalised."""
 
+SPEED_WINDOW = 0.025
+"""Time to either side over which speed is the difference of positions, which averages encoder steps [s]."""
 _SENSED = ("position", "speed", "angle", "depth")
 _RANGES: dict[str, tuple[float, float, str, str]] = {
     "time": (-1e12, 1e12, "s", "Give seconds."),
     "position": (-0.05, 0.5, "m", "Give metres from the clamp: 5 looks like centimetres, which is 0.05."),
-    "speed": (-1.0, 1.0, "m/s", "Give metres per second: 2.54 looks like cm/s, which is 0.0254."),
+    "speed": (-2.0, 2.0, "m/s", "Give metres per second: 2.54 looks like cm/s, which is 0.0254."),
     "angle": (0.0, np.pi, "rad", "Give radians: 90 looks like degrees, which is math.radians(90)."),
     "depth": (0.0, 0.1, "m", "Give the depth of cut in metres: 2 looks like centimetres, which is 0.02."),
 }
@@ -33,7 +35,6 @@ _LONGEST_STEP = 0.5  # [s]
 _GAP = 10.0  # median steps: a longer step is a gap in the record, over which speed is not integrated
 _DISAGREEMENT = 10.0  # a wrong unit is off by 10 or more, a noisy or commanded speed by less
 _STILL = 1e-3  # [m] to which noise of the speed may integrate
-_WINDOW = 0.025  # [s] to either side: speed is the difference of positions over it, which averages encoder steps
 
 
 def limits(name: str, force_unit: str = "N") -> tuple[float, float]:
@@ -87,7 +88,7 @@ class Trace:
     position : array_like of shape (n,), optional
         Position of the blade [m], growing from the clamp, -0.05 to 0.5.
     speed : array_like of shape (n,), optional
-        Speed of the blade [m/s], -1 to 1; must agree with `position` within a factor of 10.
+        Speed of the blade [m/s], -2 to 2 (a sudden run reaches 1); must agree with `position` within a factor of 10.
     angle : array_like of shape (n,), optional
         Angle of the blade against the surface [rad], 0 to pi; upright is pi/2.
     depth : array_like of shape (n,), optional
@@ -309,7 +310,7 @@ class Trace:
 def blade_speed(time: NDArray[np.float64], position: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the speed [m/s] from positions [m] at times [s], shape (n,): difference over 50 ms, or two samples."""
     n = len(time)
-    half = max(1, round(_WINDOW * (n - 1) / float(time[-1] - time[0])))
+    half = max(1, round(SPEED_WINDOW * (n - 1) / float(time[-1] - time[0])))
     before = np.maximum(np.arange(n) - half, 0)
     after = np.minimum(np.arange(n) + half, n - 1)
     return np.asarray((position[after] - position[before]) / (time[after] - time[before]))

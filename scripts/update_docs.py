@@ -7,6 +7,7 @@
     python scripts/update_docs.py rig-faults rig-soak       what their scripts left in runs/ (--json)
     python scripts/update_docs.py depth seen-runs           what measure_depth_accuracy.py and measure_seen_runs.py left
     python scripts/update_docs.py bead-tracking             what scripts/measure_bead_tracking.py left in runs/
+    python scripts/update_docs.py browser-page              what scripts/measure_page.py left in runs/ (--json)
     python scripts/update_docs.py errata tissue-file rig-file metrics weights ends
     python scripts/update_docs.py --docstring               tables in the docstring of cutenv/envs/gentle_cut.py
     python scripts/update_docs.py --check parameters        fails if a block is not what it would print
@@ -42,6 +43,7 @@ import measure_bead_tracking as bead_tracking
 import measure_codebase
 import measure_depth_accuracy
 import measure_seen_runs
+import measure_page
 import memory_gap
 import numpy as np
 import rig_faults
@@ -107,6 +109,7 @@ PAGES = {
     "bead-tracking": "docs/validation/beads.md",
     "rig-faults": "docs/rig/what-stops-it.md",
     "rig-soak": "docs/rig/what-stops-it.md",
+    "browser-page": "docs/how-to/browser.md",
 }
 """Block and the page that holds it."""
 
@@ -384,6 +387,7 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "bead-tracking": lambda _: bead_tracking.markdown(*bead_tracking.kept(ROOT / bead_tracking.FOLDER)),
     "rig-faults": lambda _: rig_faults.markdown(left_by(rig_faults)),
     "rig-soak": lambda _: "```\n" + rig_soak.text(left_by(rig_soak)) + "\n```",
+    "browser-page": lambda _: measure_page.markdown(left_by(measure_page)),
 }
 
 

@@ -7,11 +7,12 @@ import dataclasses
 import hashlib
 import itertools
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.signal import butter, sosfilt_zi
 
 import cutenv
 from cutenv._base import resources
@@ -22,14 +23,25 @@ from cutenv._base.validation import in_range, one_of
 from cutenv.browser.stylus_steps import HandCut
 from cutenv.cutting.dtypes import READING
 from cutenv.cutting.simulate import CUT
+from cutenv.measurement.strokes import STANDSTILL_SPEED
 from cutenv.play.devices import INCLINED, LEAD, NOTCH, TRAVEL
 from cutenv.play.hand_model import PLAYED_HAND
+from cutenv.scoring import points
+from cutenv.scoring.scored_cut import BANDWIDTH, RATE, SHORTEST_FORCE
 from cutenv.task.assessment import NEAR_TARGET
 from cutenv.task.cuts import EPISODE
 from cutenv.task.reward import ENDS, FORCE_ALLOWED, TERMS, TIME_AT_REST
-from cutenv.task_quantities import ANGLE_TOLERANCE, TIP_TOLERANCE
+from cutenv.task_quantities import (
+    ANGLE_TOLERANCE,
+    CLOSE,
+    FORCE_LIMIT_PER_DEPTH,
+    OVERSHOOT_ALLOWED,
+    SHALLOWEST,
+    TIP_TOLERANCE,
+)
 from cutenv.tissue import measured_liver
 from cutenv.tissue.specimen import CLASSES, LENGTH, SPACING
+from cutenv.trace import SPEED_WINDOW
 from cutenv.viewer.drawn_slab import Slab
 
 LAW_PROGRAM = "browser/law.wasm"
@@ -38,7 +50,7 @@ LANGUAGES = ("en", "de")
 OFFERED = ("liver", "uniform", "vascular")
 """Classes of specimens that a page offers by default."""
 _HERE = Path(__file__).parent / "page"
-_SCRIPTS = ("law.js", "record.js", "drawing.js", "page.js")
+_SCRIPTS = ("law.js", "words.js", "record.js", "score.js", "platform.js", "drawing.js", "page.js")
 _TIPS = 61  # positions of the tip for which the page holds the field; between them it is interpolated
 
 
@@ -64,7 +76,12 @@ def write_page_alone(path: Path, **options: Any) -> int:
 
 
 def page_alone(
-    *, specimen_classes: Sequence[str] = OFFERED, count: int = 4, seed: int = 0, language: str = "en"
+    *,
+    specimen_classes: Sequence[str] = OFFERED,
+    count: int = 4,
+    seed: int = 0,
+    language: str = "en",
+    platform: Mapping[str, float | None] | None = None,
 ) -> str:
     """Return a page that cuts, shows numbers and saves records.
 
@@ -78,6 +95,8 @@ def page_alone(
         Seed of specimens, targets and noise.
     language : {"en", "de"}
         Language until the reader chooses.
+    platform : mapping, optional
+        Given for a page in a learning platform's package: "mark" is the score to pass with, or None.
 
     Raises
     ------
@@ -93,6 +112,8 @@ def page_alone(
     numbers = range(round(in_range("count", count, 1, 100, "1", "Give how many specimens of each class.")))
     told = page_data() | {
         "language": language,
+        "platform": platform,
+        "scoring": scoring_data(),
         "specimens": [specimen_data(each, seed, k) for each, k in itertools.product(specimen_classes, numbers)],
     }
     return page_text("page_alone.html", told)
@@ -143,6 +164,37 @@ def specimen_data(specimen_class: str, seed: int, episode: int, target_length: f
         "episode": episode,
         "cut": _base64(cut.cuts.tobytes()),
         "task": _base64(cut.episodes.tobytes()),
+    }
+
+
+def scoring_data() -> dict[str, Any]:
+    """Return the numbers of the overall score, for a page that computes it from the true tip; SI units."""
+    lowpass = butter(2, BANDWIDTH, fs=RATE, output="sos")
+    return {
+        "points": {
+            "limits": points.LIMIT_POINTS,
+            "way": points.WAY_POINTS,
+            "accuracy": points.ACCURACY_POINTS,
+            "success": points.SUCCESS_POINTS,
+            "tissue": points.TISSUE_POINTS,
+            "steadiness": points.STEADINESS_POINTS,
+            "time": points.TIME_POINTS,
+        },
+        "tissue": [(name, *limits) for name, limits in points.TISSUE_HARMED.items()],
+        "missed": points.MISSED,
+        "beyond_limit": points.BEYOND_LIMIT,
+        "deadline": points.DEADLINE,
+        "restless": points.RESTLESS,
+        "close": CLOSE,
+        "overshoot_allowed": OVERSHOOT_ALLOWED,
+        "force_limit_per_depth": FORCE_LIMIT_PER_DEPTH,
+        "shallowest": SHALLOWEST,
+        "standstill": STANDSTILL_SPEED,
+        "speed_window": SPEED_WINDOW,
+        "rate": RATE,
+        "shortest": SHORTEST_FORCE,
+        # scipy.signal.sosfiltfilt continues a signal by three times the filter's three taps.
+        "filter": {"section": lowpass[0].tolist(), "start": sosfilt_zi(lowpass)[0].tolist(), "pad": 9},
     }
 
 

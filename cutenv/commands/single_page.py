@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cutenv.browser.page_alone import LANGUAGES, OFFERED, write_page_alone
+from cutenv.browser.scorm_package import write_scorm_package
 from cutenv.commands.options import command_parser, made_folder, reports_errors
 from cutenv.tissue.specimen import CLASSES
 
@@ -15,14 +16,20 @@ from cutenv.tissue.specimen import CLASSES
 def main(argv: Sequence[str]) -> int:
     """Run the command; return 0, or 2 if an option is bad."""
     arguments = _parser().parse_args(argv)
+    if arguments.pass_mark is not None and arguments.scorm is None:
+        raise ValueError("--pass-mark is for a learning platform's package: give --scorm PACKAGE too.")
     made_folder("PAGE", arguments.page.parent)
-    size = write_page_alone(
-        arguments.page,
-        specimen_classes=arguments.specimen_class or OFFERED,
-        count=arguments.count,
-        seed=arguments.seed,
-        language=arguments.language,
-    )
+    options = {
+        "specimen_classes": arguments.specimen_class or OFFERED,
+        "count": arguments.count,
+        "seed": arguments.seed,
+        "language": arguments.language,
+    }
+    if arguments.scorm is not None:
+        made_folder("PACKAGE", arguments.scorm.parent)
+        size = write_scorm_package(arguments.scorm, pass_mark=arguments.pass_mark, **options)
+        print(f"package: {arguments.scorm} ({size / 1e6:.1f} MB, SCORM 1.2); add it to a course of a learning platform")
+    size = write_page_alone(arguments.page, **options)
     print(f"page: {arguments.page} ({size / 1e6:.1f} MB); open it in a browser, also from a stick or by mail")
     if arguments.open:
         import webbrowser
@@ -35,7 +42,11 @@ def _parser() -> argparse.ArgumentParser:
     parser = command_parser(
         "single-page",
         __doc__,
-        examples=("cut.html --open", "klasse.html --language de --specimen-class vascular --count 10 --seed 7"),
+        examples=(
+            "cut.html --open",
+            "klasse.html --language de --specimen-class vascular --count 10 --seed 7",
+            "cut.html --scorm cut.zip --pass-mark 60",
+        ),
         note="The page saves records that 'cutenv score' and 'cutenv study' read.",
     )
     parser.add_argument("page", type=Path, metavar="PAGE", help="page to write (.html)")
@@ -48,5 +59,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--count", type=int, default=4, metavar="N", help="specimens of each class; default 4")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of specimens and targets; default 0")
     parser.add_argument("--language", choices=LANGUAGES, default="en", help="language of the page; default en")
+    parser.add_argument(
+        "--scorm", type=Path, metavar="PACKAGE", help="write it as a SCORM 1.2 package for a learning platform, too"
+    )
+    parser.add_argument("--pass-mark", type=float, metavar="SCORE", help="score that passes there, 0 to 100")
     parser.add_argument("--open", action="store_true", help="open the page in the browser")
     return parser

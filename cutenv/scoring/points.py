@@ -31,10 +31,16 @@ BEYOND_LIMIT = 0.16
 """Share of the points for the way that counts after a cut beyond a limit: less than a cut not begun has."""
 DEADLINE = 30.0
 """Duration of a cut that has no points for the time [s]."""
-_RUNS, _LONG_RUN, _PRESSED, _LAG = 0.7, 0.020, 1000.0, 0.020  # per share, [m], [N/m], [m]: each takes all the points
-_LAG_ALLOWED, _PRESSED_ALLOWED = 0.008, 600.0  # [m], [N/m]
+TISSUE_HARMED = {
+    "uncontrolled_share": (0.0, 1.0 / 0.7),
+    "largest_jump": (RUN_ALLOWED, 0.020),
+    "peak_force_per_depth": (600.0, 1000.0),
+    "mean_lag": (0.008, 0.020),
+}
+"""Metrics that take points for the tissue: value up to which nothing is taken, and how far beyond it all is."""
+RESTLESS = 2.0
+"""RMS rate of the force over its peak that has no points for steadiness [1/s]."""
 _LEAST_ANGLE = 0.5 * math.pi - ANGLE_TOLERANCE  # [rad]
-_RESTLESS = 2.0  # [1/s]: RMS rate of the force over its peak that has no points
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -181,19 +187,13 @@ def _success(cut: ScoredCut, *, success: bool) -> str:
 
 def _tissue(metrics: Mapping[str, float]) -> float:
     """Return 1 for tissue that was spared, less for runs, pressing and dragging."""
-    return (
-        1.0
-        - _RUNS * metrics.get("uncontrolled_share", 0.0)
-        - max(metrics.get("largest_jump", 0.0) - RUN_ALLOWED, 0.0) / _LONG_RUN
-        - max(metrics.get("peak_force_per_depth", 0.0) - _PRESSED_ALLOWED, 0.0) / _PRESSED
-        - max(metrics.get("mean_lag", 0.0) - _LAG_ALLOWED, 0.0) / _LAG
-    )
+    return 1.0 - sum(max(metrics.get(name, 0.0) - free, 0.0) / most for name, (free, most) in TISSUE_HARMED.items())
 
 
 def _steadiness(metrics: Mapping[str, float]) -> float:
     """Return 1 for a force that does not change, less for its rate over its peak."""
     peak = metrics.get("peak_force", 0.0)
-    return 1.0 - metrics.get("force_rate", 0.0) / peak / _RESTLESS if peak > 0.0 else 0.0
+    return 1.0 - metrics.get("force_rate", 0.0) / peak / RESTLESS if peak > 0.0 else 0.0
 
 
 def _share(value: float) -> float:

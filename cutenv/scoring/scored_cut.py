@@ -36,11 +36,12 @@ BANDWIDTH = 5.0
 """Low-pass cut-off of the force for its rate and jerk [Hz]: Butterworth of order 2, forward and backward, no delay."""
 TIP_AT_END = "tip_end_m"
 """Metadata in which a simulator notes the true crack tip at the end of its record [m]."""
+SHORTEST_FORCE = 30
+"""Samples at :data:`RATE` that a change at :data:`BANDWIDTH` needs."""
 _FARTHEST = 0.5  # [m]
 _UNDER_FORCE = 0.1  # fraction of the rise from the unloaded force to the peak at which a cut without position begins
 _AT_ENDS = 5  # samples at 100 Hz averaged at either end
 _FEWEST_HZ = 20.0  # readings a second, below which 5 Hz cannot be resolved
-_SHORTEST = 30  # samples at 100 Hz, needed to resolve a change at 5 Hz
 _DROP = 0.03  # fraction of the peak force by which a fall ends a loading ramp
 _FEWEST_RAMPS = 3  # loading ramps needed for the cut's own modulus
 _TRUSTED = 0.65  # exponent of that over the tissue's: between 0.5 and 0.8 the tip is known best at any feed
@@ -264,7 +265,7 @@ class ScoredCut:
     def _even(self) -> Array:
         if self.trace.sample_rate < _FEWEST_HZ:
             raise Unavailable(f"fewer than {_FEWEST_HZ:g} readings a second")
-        if len(self.even_time) < _SHORTEST:
+        if len(self.even_time) < SHORTEST_FORCE:
             raise Unavailable("shorter than 0.3 s")
         # Means over 10 ms, so that noise above 50 Hz is not aliased to lower frequencies.
         impulse = cumulative_trapezoid(self.trace.force, self.time, initial=0)

@@ -1,26 +1,30 @@
-"""The page that cuts, in a real browser: whole cuts by pointer, touch and keys, and records equal to Python's."""
+"""The page that cuts, in real browsers: whole cuts by pointer, touch, keys and gamepad; records equal to Python's."""
 
 from __future__ import annotations
 
+import itertools
 import json
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import chromium
+import firefox
+import measure_page
 import numpy as np
 import pytest
 
 pytest.importorskip("jinja2", reason="pages are an extra: pip install 'cutenv[view]'")
 
 from cutenv.browser import HandCut, write_page_alone
+from cutenv.browser.page_alone import specimen_data
 from cutenv.commands import single_page
 from cutenv.plant.protocol import recorded_trace
 from cutenv.recording import load
 from cutenv.scoring import score
 
-pytestmark = pytest.mark.skipif(chromium.PROGRAM is None, reason="needs a browser: Debian's chromium")
+Browser = chromium.Browser | firefox.Browser
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +35,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def page(browser: chromium.Browser, written: Path) -> Iterator[chromium.Browser]:
+def page(browser: Browser, written: Path) -> Iterator[Browser]:
     browser.open(written, 1100)
     yield browser
     assert browser.errors() == []
@@ -56,7 +60,7 @@ LED = """(() => {
 
 
 @pytest.mark.parametrize("number", range(3))
-def test_a_record_of_the_page_is_pythons(page: chromium.Browser, tmp_path: Path, number: int) -> None:
+def test_a_record_of_the_page_is_pythons(page: Browser, tmp_path: Path, number: int) -> None:
     specimen_class = ("liver", "uniform", "vascular")[number]
     stylus = hands(number, 9000)
     text, end, success, numbers = page.value(LED % (number, json.dumps(stylus)))
@@ -77,7 +81,13 @@ def test_a_record_of_the_page_is_pythons(page: chromium.Browser, tmp_path: Path,
     assert card.outcome
 
 
-def start(page: chromium.Browser) -> tuple[float, float]:
+@pytest.mark.parametrize("seed", [*range(5), 173])  # the last lets the blade lurch at more than 1 m/s
+def test_the_score_of_the_page_is_pythons_by_the_true_tip(page: Browser, seed: int) -> None:
+    shown, known, _ = measure_page.scores(page, seed)
+    assert shown == pytest.approx(known, abs=1e-9)
+
+
+def start(page: Browser) -> tuple[float, float]:
     """Press Start and wait for the countdown; a place in the picture."""
     page.value("document.getElementById('start').click()")
     wait(page, "cutenvPage.page.phase === 'cutting'")
@@ -85,7 +95,11 @@ def start(page: chromium.Browser) -> tuple[float, float]:
     return left + 60, top + 60
 
 
-def wait(page: chromium.Browser, condition: str) -> None:
+def give_up(page: Browser) -> None:
+    page.value("document.getElementById('stop').click()")
+
+
+def wait(page: Browser, condition: str) -> None:
     until = time.monotonic() + chromium.PATIENCE_S
     while not page.value(condition):
         assert time.monotonic() < until, condition
@@ -93,67 +107,146 @@ def wait(page: chromium.Browser, condition: str) -> None:
 
 
 BLADE = "cutenvPage.page.cut.blade"
+SHORT = specimen_data("liver", 0, 0, target_length=0.02)
+"""A cut that a hand makes in some seconds."""
 
 
-def test_a_whole_cut_by_mouse_ends_with_a_card(page: chromium.Browser) -> None:
-    x, y = start(page)
-    page.tell("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
-    page.tell("Input.dispatchMouseEvent", type="mouseWheel", x=x, y=y, deltaX=0, deltaY=120)
-    until = time.monotonic() + 60.0
-    while page.value("cutenvPage.page.phase") == "cutting" and time.monotonic() < until:
-        x = x + 8 if x < 1000 else 100.0  # lifts the mouse and goes on, as a person does
-        kind = {"type": "mouseMoved", "x": x, "y": y}
-        page.tell("Input.dispatchMouseEvent", **kind)
-    assert page.value("cutenvPage.page.phase") == "ended"
-    angles = page.value("cutenvPage.page.cut.columns.angle")
-    assert min(angles) < np.radians(87.0), "the wheel did not tilt the blade"
-    assert page.value("document.getElementById('verdict').textContent") != ""
-    assert page.value("document.getElementById('results').children.length") == 10
+def by_mouse(page: Browser, x: float, y: float) -> Callable[[int], None]:
+    places = itertools.count()
+    at = [x]
+
+    def lead(way: int) -> None:
+        if next(places) == 0:
+            page.move_mouse(x, y)
+        at[0] += 3 * way
+        page.move_mouse(at[0], y)
+
+    return lead
+
+
+def by_finger(page: Browser, x: float, y: float) -> Callable[[int], None]:
+    return lambda way: page.stroke([(x, y), (x + 3 * way, y)]) if way else None
+
+
+def by_keys(page: Browser, _x: float, _y: float) -> Callable[[int], None]:
+    held: list[str] = []
+
+    def lead(way: int) -> None:
+        wanted = [{1: "ArrowRight", -1: "ArrowLeft"}[way]] if way else []
+        if held != wanted:
+            for key in held:
+                page.release(key)
+            for key in wanted:
+                page.press(key)
+            held[:] = wanted
+
+    return lead
+
+
+@pytest.mark.parametrize("device", [by_mouse, by_finger, by_keys])
+def test_a_whole_cut_ends_in_success_and_a_card(page: Browser, device: Callable[..., Callable[[int], None]]) -> None:
+    page.value(f"void (cutenvPage.told.specimens[0] = {json.dumps(SHORT)})")
+    page.value("void document.getElementById('specimen').dispatchEvent(new Event('change'))")
+    lead = device(page, *start(page))
+    way = 1
+    while True:
+        now = "(({ phase, cut }) => [phase, cut.target - cut.tip, cut.last('force')])(cutenvPage.page)"
+        phase, left, force = page.value(now)
+        if phase != "cutting":
+            break
+        way = 1 if way == 1 and left > 0.001 else -1 if force > 0.2 else 0
+        lead(way)
+    assert page.value("cutenvPage.page.cut.end") == "finished"
+    assert page.value("document.getElementById('verdict').textContent") == "Finished: success"
+    assert page.value("document.getElementById('results').children.length") == 12
+    assert page.value("document.getElementById('points').rows.length") == 6
     assert page.value("document.getElementById('card').hidden") is False
 
 
-def test_a_finger_leads_the_hand_and_giving_up_keeps_the_record(page: chromium.Browser) -> None:
+def test_the_wheel_tilts_the_blade(page: Browser) -> None:
     x, y = start(page)
-    page.tell("Input.dispatchTouchEvent", type="touchStart", touchPoints=[{"x": x, "y": y}])
-    for step in range(40):
-        point = {"x": x + 3 * step, "y": y}
-        page.tell("Input.dispatchTouchEvent", type="touchMove", touchPoints=[point])
-    page.tell("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
-    assert page.value("cutenvPage.page.cut.hand") > 0.0
-    wait(page, "cutenvPage.page.cut.count > 100")
-    page.value("document.getElementById('stop').click()")
+    page.move_mouse(x, y)
+    page.turn_wheel(x, y, 120)
+    wait(page, f"cutenvPage.page.cut.angle < {np.radians(87.0)}")
+    give_up(page)
+
+
+def test_a_finger_leads_the_hand_and_giving_up_keeps_the_record(page: Browser) -> None:
+    x, y = start(page)
+    page.stroke([(x + 3 * step, y) for step in range(40)])
+    assert page.value("cutenvPage.stylus.position") > 0.0
+    wait(page, "cutenvPage.page.cut.count > 100 && cutenvPage.page.cut.hand > 0")
+    give_up(page)
     assert page.value("cutenvPage.page.cut.end") == "given up"
     assert page.value("document.getElementById('save').disabled") is False
     assert '"end":"given up"' in page.value("cutenvPage.page.cut.csv('', true)")
 
 
-def test_keys_start_move_and_tilt(page: chromium.Browser) -> None:
+def test_keys_alone_start_move_and_tilt(page: Browser) -> None:
     page.value("document.getElementById('picture').focus()")
-
-    def press(key: str, code: int, kind: str = "rawKeyDown") -> None:
-        page.tell("Input.dispatchKeyEvent", type=kind, key=key, windowsVirtualKeyCode=code)
-
-    press(" ", 32)
+    page.press(" ")
+    page.release(" ")
     wait(page, "cutenvPage.page.phase === 'cutting'")
-    press("ArrowDown", 40)
-    press("ArrowRight", 39)
+    page.press("ArrowDown")
+    page.release("ArrowDown")
+    page.press("ArrowRight")
     wait(page, f"{BLADE} > 0.002")
-    press("ArrowRight", 39, "keyUp")
+    page.release("ArrowRight")
     assert page.value("cutenvPage.stylus.angle") == pytest.approx(np.radians(85.0))
     assert page.value("cutenvPage.stylus.keys.size") == 0
-    page.value("document.getElementById('stop').click()")
+    page.press("Tab")
+    page.release("Tab")
+    assert page.value("document.activeElement.id") == "stop"
+    give_up(page)
+    assert page.value("document.activeElement.id") == "card", "the card is read out, and Tab goes on from there"
 
 
-def test_a_fast_flick_does_not_run_the_cut_away(page: chromium.Browser) -> None:
+def test_a_gamepad_moves_and_tilts(page: Browser) -> None:
+    buttons = "Array.from({ length: 8 }, (_, k) => ({ value: k === 7 ? 0.5 : 0 }))"
+    page.value(f"void (navigator.getGamepads = () => [null, {{ axes: [0.8], buttons: {buttons} }}])")
+    start(page)
+    wait(page, f"{BLADE} > 0.002")
+    assert page.value("cutenvPage.stylus.angle") == pytest.approx(np.radians(67.5))
+    page.value("void (navigator.getGamepads = () => [])")
+    at = page.value("cutenvPage.stylus.position")
+    page.value("new Promise(done => setTimeout(done, 100))")
+    assert page.value("cutenvPage.stylus.position") == at, "without a gamepad the hand rests"
+    give_up(page)
+
+
+def test_a_screen_reader_finds_everything_by_name(page: Browser) -> None:
+    for role, name in (
+        ("heading", "Cut gently"),
+        ("button", "Start"),
+        ("combobox", "Specimen"),
+        ("combobox", "Language, Sprache"),
+        ("slider", "Tilt of the blade"),
+        ("checkbox", "practice: show the tip"),
+    ):
+        assert page.accessible(role, name) == 1, (role, name)
+    start(page)
+    wait(page, "cutenvPage.page.cut.count > 100")
+    assert page.accessible("button", "Give up") == 1
+    told = page.value("document.getElementById('picture').getAttribute('aria-label')")
+    assert "newtons" in told
+    assert "millimetres to the target" in told
+    give_up(page)
+    assert page.accessible("heading", "Given up") == 1
+    assert page.accessible("textbox", "Code, no name (optional)") == 1
+    assert page.accessible("button", "Save the record (CSV)") == 1
+    assert page.accessible("button", "Next specimen") == 1
+
+
+def test_a_fast_flick_does_not_run_the_cut_away(page: Browser) -> None:
     x, y = start(page)
     for place in (x, x + 700):
-        page.tell("Input.dispatchMouseEvent", type="mouseMoved", x=place, y=y)
+        page.move_mouse(place, y)
     wait(page, "cutenvPage.page.cut.count > 500")
     assert page.value("cutenvPage.page.cut.hand") < 0.02
-    page.value("document.getElementById('stop').click()")
+    give_up(page)
 
 
-def test_near_the_target_it_says_what_is_still_missing(page: chromium.Browser) -> None:
+def test_near_the_target_it_says_what_is_still_missing(page: Browser) -> None:
     start(page)
     assert page.value("document.getElementById('missing').textContent") == ""
     to_the_target = """(() => {
@@ -165,15 +258,13 @@ def test_near_the_target_it_says_what_is_still_missing(page: chromium.Browser) -
     wait(page, "document.getElementById('missing').textContent.includes('still pull')")
     page.value("cutenvPage.page.cut.advance(Array.from({ length: 200 }, () => [cutenvPage.page.cut.hand, 1.2]))")
     wait(page, "/upright|pull/.test(document.getElementById('missing').textContent)")
-    page.value("document.getElementById('stop').click()")
+    give_up(page)
     assert page.value("document.getElementById('missing').textContent") == ""
 
 
 @pytest.mark.parametrize("language", ["en", "de"])
 @pytest.mark.parametrize("dark", [False, True])
-def test_it_fits_a_telephone_and_can_be_read(
-    browser: chromium.Browser, written: Path, language: str, dark: bool
-) -> None:
+def test_it_fits_a_telephone_and_can_be_read(browser: Browser, written: Path, language: str, dark: bool) -> None:
     browser.open(written, 400, dark=dark)
     wait(browser, "window.cutenvPage !== undefined")
     chosen = f"e.value = '{language}'; e.dispatchEvent(new Event('change'));"
@@ -183,9 +274,15 @@ def test_it_fits_a_telephone_and_can_be_read(
     assert browser.value(chromium.LEAST_CONTRAST) >= 4.5
     start(browser)
     wait(browser, "cutenvPage.page.cut.count > 100")
-    browser.value("document.getElementById('stop').click()")
+    give_up(browser)
     assert browser.value("document.documentElement.scrollWidth") <= 400
     assert browser.value(chromium.LEAST_CONTRAST) >= 4.5
+    paper = "getComputedStyle(document.documentElement).getPropertyValue('--paper').trim()"
+    assert (browser.value(paper) != "#fff") == dark
+    browser.value("dispatchEvent(new Event('beforeprint'))")
+    assert browser.value(paper) == "#fff", "it prints dark on white"
+    browser.value("dispatchEvent(new Event('afterprint'))")
+    assert (browser.value(paper) != "#fff") == dark
 
 
 def test_both_languages_have_the_same_texts() -> None:

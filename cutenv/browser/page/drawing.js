@@ -5,6 +5,7 @@ const BLADE = { length: 0.0425, chord: 0.007, thickness: 0.002, belly: 0.006 };
 const OPENED = { widest: 0.0025, perLength: 0.05 }; // half the gap of the cut drawn open: illustration
 const DARKEST = 0.012; // m of displacement
 const FINER = 3; // cells drawn for one element, each way
+const SHADES = 64; // of displaced tissue: cells of one shade are drawn at once
 const CHART = { low: -1, high: 6, step: 2 }; // N
 
 class Drawing {
@@ -23,12 +24,15 @@ class Drawing {
   }
 
   readColours() {
-    const style = getComputedStyle(document.documentElement);
-    this.colour = new Proxy({}, { get: (_, name) => style.getPropertyValue(`--${name}`).trim() });
-    const three = name => this.colour[name].split(/\s+/).map(Number);
-    this.pale = three("tissue-pale");
-    this.deep = three("tissue-deep");
+    const style = getComputedStyle(document.documentElement); // slow to ask, so each colour is asked for once
+    this.colour = new Proxy({}, { get: (known, name) => known[name] ??= style.getPropertyValue(`--${name}`).trim() });
+    const [pale, deep] = ["tissue-pale", "tissue-deep"].map(name => this.colour[name].split(/\s+/).map(Number));
+    this.shades = Array.from({ length: SHADES }, (_, n) =>
+      `rgb(${pale.map((value, k) => Math.round(value + n / (SHADES - 1) * (deep[k] - value))).join()})`);
   }
+
+  // What a picture depends on beside the cut.
+  looks() { return [this.canvas.clientWidth, devicePixelRatio, this.shades[0], this.colour.ink]; }
 
   // Fit the canvas to its box; lengths are in CSS pixels from here on.
   fit() {
@@ -57,19 +61,23 @@ class Drawing {
     return [this.left + this.scale * along, this.chartBottom - (this.chartBottom - this.chartTop) * share];
   }
 
-  trace(points, close = false) {
+  trace(lines, close = false) {
     this.pen.beginPath();
-    points.forEach(([x, y], i) => i ? this.pen.lineTo(x, y) : this.pen.moveTo(x, y));
-    if (close) this.pen.closePath();
+    for (const points of lines) {
+      points.forEach(([x, y], i) => i ? this.pen.lineTo(x, y) : this.pen.moveTo(x, y));
+      if (close) this.pen.lineTo(...points[0]); // closePath takes the longer, the more outlines the path has
+    }
   }
-  area(points, fill, edge) {
-    this.trace(points, true);
+  area(points, fill, edge) { this.areas([points], fill, edge); }
+  areas(outlines, fill, edge) {
+    this.trace(outlines, true);
     this.pen.fillStyle = fill;
     this.pen.fill();
     if (edge) { this.pen.strokeStyle = edge; this.pen.lineWidth = 1; this.pen.stroke(); }
   }
-  stroke(points, colour, width = 1, dash = []) {
-    this.trace(points);
+  stroke(points, colour, width = 1, dash = []) { this.strokes([points], colour, width, dash); }
+  strokes(lines, colour, width = 1, dash = []) {
+    this.trace(lines);
     this.pen.strokeStyle = colour;
     this.pen.lineWidth = width;
     this.pen.setLineDash(dash);
@@ -122,6 +130,7 @@ class Drawing {
       const aside = this.halfGap(y, cut.tip) * (1 - Math.abs(x) / half) ** 2;
       return { point: this.above(x + dx + (side ? aside : -aside), y + dy), size: Math.hypot(dx, dy) };
     };
+    const cells = this.shades.map(() => []), mesh = [];
     for (let side = 0; side < sides; side++) {
       const rows = FINER * (across - 1), columns = FINER * (along - 1);
       const lattice = Array.from({ length: rows + 1 }, (_, i) =>
@@ -130,13 +139,14 @@ class Drawing {
         for (let j = 0; j < columns; j++) {
           const corners = [lattice[i][j], lattice[i + 1][j], lattice[i + 1][j + 1], lattice[i][j + 1]];
           const share = Math.min(corners.reduce((sum, corner) => sum + corner.size, 0) / 4 / DARKEST, 1);
-          const colour = `rgb(${this.pale.map((value, k) => Math.round(value + share * (this.deep[k] - value))).join()})`;
-          this.area(corners.map(corner => corner.point), colour, colour);
+          cells[Math.round(share * (SHADES - 1))].push(corners.map(corner => corner.point));
         }
       }
-      for (let i = 0; i <= rows; i += FINER) this.stroke(lattice[i].map(each => each.point), this.colour.mesh, 0.6);
-      for (let j = 0; j <= columns; j += FINER) this.stroke(lattice.map(row => row[j].point), this.colour.mesh, 0.6);
+      for (let i = 0; i <= rows; i += FINER) mesh.push(lattice[i].map(each => each.point));
+      for (let j = 0; j <= columns; j += FINER) mesh.push(lattice.map(row => row[j].point));
     }
+    cells.forEach((outlines, n) => { if (outlines.length) this.areas(outlines, this.shades[n], this.shades[n]); });
+    this.strokes(mesh, this.colour.mesh, 0.6);
     // The target is a mark on the tissue, so it moves with it.
     const marked = position => [0, 1].flatMap(side => Array.from({ length: FINER * (across - 1) + 1 }, (_, i) =>
       place(side, i / FINER, position / this.told.length * (along - 1)).point));
@@ -185,9 +195,10 @@ class Drawing {
   hatch(top, bottom) {
     const { pen } = this, x = this.left - 12;
     pen.save();
-    this.trace([[x, top], [this.left, top], [this.left, bottom], [x, bottom]], true);
+    this.trace([[[x, top], [this.left, top], [this.left, bottom], [x, bottom]]], true);
     pen.clip();
-    for (let y = top - 12; y < bottom + 12; y += 6) this.stroke([[x, y + 12], [this.left, y]], this.colour.quiet, 1);
+    const slanted = Array.from({ length: Math.ceil((bottom - top + 24) / 6) }, (_, n) => top - 12 + 6 * n);
+    this.strokes(slanted.map(y => [[x, y + 12], [this.left, y]]), this.colour.quiet);
     pen.restore();
     this.stroke([[this.left, top], [this.left, bottom]], this.colour.quiet, 1.5);
   }
@@ -245,7 +256,7 @@ class Drawing {
       this.words(String(force), this.left - 5, this.charted(0, force)[1] + 4, { colour: this.colour.ink, align: "right" });
     }
     pen.save();
-    this.trace([this.charted(0, this.low), this.charted(end, this.low), this.charted(end, this.high), this.charted(0, this.high)], true);
+    this.trace([[this.charted(0, this.low), this.charted(end, this.low), this.charted(end, this.high), this.charted(0, this.high)]], true);
     pen.clip();
     const allowed = perDepth => Array.from(cut.depth, (depth, i) => this.charted(i * this.told.spacing, perDepth * depth));
     this.stroke(allowed(this.told.force_allowed_per_depth), this.colour.costs, 1.5, [6, 4]);

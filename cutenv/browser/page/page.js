@@ -14,9 +14,8 @@
   }
   const drawing = new Drawing(canvas, told);
   const upright = 0.5 * Math.PI;
+  const FEWEST = 100; // ms that make a cut a record
   const within = (value, low, high) => Math.min(Math.max(value, low), high);
-  const say = (text, values = {}) => text.replace(/\{(\w+)\}/g, (_, name) => values[name]);
-  const fixed = (value, count) => value.toLocaleString(document.documentElement.lang, { minimumFractionDigits: count, maximumFractionDigits: count });
 
   const page = { phase: "ready", chosen: 0, cut: null, practised: false, from: 0, given: 0 };
   const stylus = { position: 0, angle: upright, keys: new Set(), pointer: null };
@@ -56,17 +55,37 @@
   function finish(end) {
     page.cut.end ||= end;
     page.phase = "ended";
+    page.points = told.served || page.cut.count < FEWEST ? null : taskPoints(page.cut, told);
     if (told.served) keep();
+    if (platform?.open && !page.practised) platform.report(page.chosen, page.points && sum(page.points), page.cut.end !== "given up");
     show();
     byId("card").focus({ preventScroll: false });
   }
 
-  // The server
+  const sum = points => points.reduce((total, each) => total + each.points, 0);
 
-  const CRC = Array.from({ length: 256 }, (_, value) => {
-    for (let bit = 0; bit < 8; bit++) value = value & 1 ? 0xedb88320 ^ (value >>> 1) : value >>> 1;
-    return value >>> 0;
-  });
+  function showPoints(points) {
+    byId("points").hidden = !points.length;
+    byId("points").replaceChildren(...points.map(({ part, points: gained, most }) =>
+      row("td", texts[`part_${part}`] ?? part, say(texts.points_of, { value: fixed(gained, 0), most: fixed(most, 0) }))));
+  }
+
+  // What the learning platform was told, if the page lies in a package for one.
+  function tellPlatform() {
+    if (!told.platform) return;
+    const line = byId("platform"), { mark } = told.platform, { best } = platform?.progress ?? {};
+    if (!platform) line.textContent = texts.platform_none;
+    else if (platform.refused || !platform.open) line.textContent = say(texts.platform_refused, { reason: platform.refused });
+    else if (page.phase === "ended" && page.practised) line.textContent = texts.platform_practice;
+    else {
+      const known = say(best === null ? texts.platform_ready : texts.platform,
+        { best: fixed(best ?? 0, 1), done: platform.done, all: told.specimens.length });
+      const passed = platform.status === "passed" ? texts.platform_passed : say(texts.platform_mark, { mark: fixed(mark ?? 0, 0) });
+      line.textContent = mark === null ? known : `${known} ${passed}`;
+    }
+  }
+
+  // The server
 
   async function ask(method, path, body, headers = {}) {
     try {
@@ -80,10 +99,11 @@
   // Send the movements of the hand; the server repeats the cut, and keeps it if its law finds these readings.
   async function keep() {
     const { cut, handedOut } = page, movements = new Float64Array(cut.inputs.flat());
-    if (cut.count < 100) { byId("kept").textContent = ""; return; }
+    if (cut.count < FEWEST) { byId("kept").textContent = ""; return; }
     page.busy = true;
     show();
     byId("kept").textContent = texts.saving;
+    showPoints([]);
     const digest = crc32(cut.bytes());
     const said = await ask("POST", `cuts/${handedOut.id}`, movements, { "X-Readings": digest, "X-Stalled": String(cut.stalled) });
     page.busy = false;
@@ -97,19 +117,10 @@
       const verdict = said.passed === null ? "" : say(said.passed ? texts.passed : texts.not_passed, { mark: said.pass_mark });
       byId("kept").textContent = [told, verdict, said.verdict].filter(Boolean).join(" ");
       byId("ahead-words").textContent = said.ahead;
-      byId("points").hidden = !said.points.length;
-      byId("points").replaceChildren(...said.points.map(({ part, points, most }) =>
-        row("td", part, say(texts.points_of, { value: fixed(points, 0), most: fixed(most, 0) }))));
+      showPoints(said.points);
     }
     await tellHistory();
     show();
-  }
-
-  // CRC-32 as in zlib: the browser's own digests exist only under https.
-  function crc32(numbers) {
-    let sum = 0xffffffff;
-    for (const byte of new Uint8Array(numbers.buffer)) sum = CRC[(sum ^ byte) & 0xff] ^ (sum >>> 8);
-    return ((sum ^ 0xffffffff) >>> 0).toString(16).padStart(8, "0");
   }
 
   async function tellHistory() {
@@ -120,12 +131,6 @@
     byId("history").replaceChildren(row("th", texts.when, texts.outcome, texts.score), ...rows);
     byId("curve").innerHTML = (await ask("GET", "curve")).curve ?? "";
     byId("curve").firstChild?.setAttribute("aria-label", texts.curve);
-  }
-
-  function row(kind, ...cells) {
-    const made = document.createElement("tr");
-    made.append(...cells.map(cell => element(kind, cell)));
-    return made;
   }
 
   // What a course's rule shows of the force now, as cutenv.play.course.shown_feedback.
@@ -161,10 +166,25 @@
       }
       if (page.cut.end) finish(page.cut.end);
     }
-    const seen = shown();
-    drawing.draw(page.cut, { texts, seen, showTip: practising() || (page.phase === "ended" && seen.result) });
+    paint();
     if (page.phase !== "ended") tell();
     requestAnimationFrame(frame);
+  }
+
+  // Draw, unless the picture would be the same: that would cost a tablet its battery.
+  function paint() {
+    const seen = shown(), showTip = practising() || (page.phase === "ended" && seen.result);
+    const looks = [page.cut.count, showTip, page.phase, document.documentElement.lang, drawing.looks()].join();
+    if (page.cut !== page.drawn || looks !== page.looks) drawing.draw(page.cut, { texts, seen, showTip });
+    [page.drawn, page.looks] = [page.cut, looks];
+  }
+
+  for (const [name, printed] of [["beforeprint", true], ["afterprint", false]]) {
+    addEventListener(name, () => {
+      document.documentElement.classList.toggle("printed", printed); // on paper everything is light
+      drawing.readColours();
+      if (page.cut) paint();
+    });
   }
 
   // Words and numbers beside the picture
@@ -188,20 +208,23 @@
     byId("card").hidden = at !== "ended";
     byId("advice").hidden = at === "ended";
     tell();
+    tellPlatform();
     if (at !== "ended") return;
     const found = cut.numbers(), millimetres = value => fixed(1e3 * Math.abs(value), 1);
     const off = say(found.off > 0 ? texts.beyond : texts.short, { value: millimetres(found.off) });
     byId("verdict").textContent = verdict(cut, found, millimetres);
     byId("card").className = cut.success ? "card good" : "card bad";
     const reward = law.numbers("episode", "totals", told.terms.length).reduce((sum, term) => sum + term, 0);
-    const rows = [[texts.result_off, off], [texts.result_peak, `${fixed(found.peak, 1)} N`],
+    const scored = page.points ? [[texts.score, say(texts.points_of, { value: fixed(sum(page.points), 0), most: 100 })]] : [];
+    const rows = [...scored, [texts.result_off, off], [texts.result_peak, `${fixed(found.peak, 1)} N`],
       [texts.result_longest, `${millimetres(found.longest)} mm`], [texts.result_time, `${fixed(found.time, 1)} s`],
       [texts.result_return, fixed(reward, 2)]];
     const toldRows = shown().result ? rows : [];
     if (!shown().result) byId("verdict").textContent = texts.ended;
     byId("results").replaceChildren(...toldRows.flatMap(([name, value]) => [element("dt", name), element("dd", value)]));
+    if (!told.served) showPoints(page.points ?? []);
     byId("practised").hidden = !page.practised;
-    if (byId("save")) byId("save").disabled = cut.count < 100;
+    if (byId("save")) byId("save").disabled = cut.count < FEWEST;
   }
 
   function verdict(cut, found, millimetres) {
@@ -213,22 +236,27 @@
     return say(texts.end_finished_tilted, { angle: fixed(cut.angle * 180 / Math.PI, 0) });
   }
 
+  // Only what has changed: a text that is written anew is laid out anew.
+  function put(name, text) {
+    if (byId(name).textContent !== text) byId(name).textContent = text;
+  }
+
   function tell() {
     const { cut } = page, force = cut.last("force"), depth = cut.depthAt(cut.depth, cut.blade);
     const limit = cut.limitPerDepth * depth, distance = 1e3 * (cut.target - cut.blade);
     const seen = shown().force;
-    byId("force").textContent = seen ? `${fixed(force, 1)} N` : "–";
+    put("force", seen ? `${fixed(force, 1)} N` : "–");
     byId("bar").style.width = seen ? `${100 * within(Math.abs(force) / limit, 0, 1)}%` : "0";
     byId("bar").className = force > told.force_allowed_per_depth * depth ? "costs" : "";
     for (const name of ["costs", "costs-word"]) byId(name).style.left = `${100 * told.force_allowed_per_depth / cut.limitPerDepth}%`;
-    byId("distance").textContent = `${fixed(distance, 1)} mm`;
-    byId("ahead").textContent = `${fixed(1e3 * (cut.hand - cut.blade), 1)} mm`;
-    byId("speed").textContent = `${fixed(1e2 * cut.last("speed"), 1)} cm/s`;
-    byId("angle").textContent = say(texts.degrees, { value: fixed(cut.angle * 180 / Math.PI, 0) });
-    byId("time").textContent = say(texts.of, { value: fixed(cut.last("time"), 1), most: fixed(cut.deadline, 0) });
+    put("distance", `${fixed(distance, 1)} mm`);
+    put("ahead", `${fixed(1e3 * (cut.hand - cut.blade), 1)} mm`);
+    put("speed", `${fixed(1e2 * cut.last("speed"), 1)} cm/s`);
+    put("angle", say(texts.degrees, { value: fixed(cut.angle * 180 / Math.PI, 0) }));
+    put("time", say(texts.of, { value: fixed(cut.last("time"), 1), most: fixed(cut.deadline, 0) }));
     byId("tilt").value = Math.round(stylus.angle * 180 / Math.PI);
-    byId("countdown").textContent = page.phase === "countdown" ? String(Math.max(1, Math.ceil((1500 - (performance.now() - page.from)) / 500))) : "";
-    byId("missing").textContent = page.phase === "cutting" ? missing(cut, force) : "";
+    put("countdown", page.phase === "countdown" ? String(Math.max(1, Math.ceil((1500 - (performance.now() - page.from)) / 500))) : "");
+    put("missing", page.phase === "cutting" ? missing(cut, force) : "");
     canvas.setAttribute("aria-label", say(texts.picture, { force: seen ? fixed(force, 1) : "–", distance: fixed(distance, 0) }));
   }
 
@@ -240,12 +268,6 @@
     const rested = progress("quiet");
     if (rested > 0) return say(texts.missing_still, { time: fixed(Math.max(told.time_at_rest - rested, 0), 1) });
     return say(texts.missing_back, { force: shown().force ? fixed(Math.max(force, 0), 1) : "…" });
-  }
-
-  function element(kind, text) {
-    const made = document.createElement(kind);
-    made.textContent = text;
-    return made;
   }
 
   // The hand: pointer, wheel, keys, gamepad, slider
@@ -354,6 +376,13 @@
     option.value = code;
     return option;
   }));
+  const api = told.platform && Platform.find();
+  const platform = api && new Platform(api, told.specimens.length, told.platform.mark);
+  if (platform) {
+    page.chosen = platform.next;
+    addEventListener("pagehide", () => platform.leave());
+    addEventListener("pageshow", event => { if (event.persisted) location.reload(); }); // its session has ended
+  }
   const wanted = navigator.language?.slice(0, 2);
   await prepare();
   speak(told.language === "en" && wanted in told.texts ? wanted : told.language);

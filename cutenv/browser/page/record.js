@@ -116,3 +116,15 @@ function localTime(date) {
   return `${date.getFullYear()}-${two(date.getMonth() + 1)}-${two(date.getDate())}T${two(date.getHours())}:` +
     `${two(date.getMinutes())}:${two(date.getSeconds())}${away < 0 ? "-" : "+"}${two(Math.floor(size / 60))}:${two(size % 60)}`;
 }
+
+const CRC = Array.from({ length: 256 }, (_, value) => {
+  for (let bit = 0; bit < 8; bit++) value = value & 1 ? 0xedb88320 ^ (value >>> 1) : value >>> 1;
+  return value >>> 0;
+});
+
+// CRC-32 as in zlib: the browser's own digests exist only under https.
+function crc32(numbers) {
+  let sum = 0xffffffff;
+  for (const byte of new Uint8Array(numbers.buffer)) sum = CRC[(sum ^ byte) & 0xff] ^ (sum >>> 8);
+  return ((sum ^ 0xffffffff) >>> 0).toString(16).padStart(8, "0");
+}

@@ -26,6 +26,7 @@ _OPTIONS = (
     "--remote-debugging-pipe",
 )
 
+_KEYS = {"Tab": 9, " ": 32, "ArrowLeft": 37, "ArrowUp": 38, "ArrowRight": 39, "ArrowDown": 40}
 _WITHOUT_GRAPHICS = ("--disable-gpu",)
 _SOFTWARE_GRAPHICS = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 
@@ -63,6 +64,8 @@ os.execv(sys.argv[3], sys.argv[3:])
 class Browser:
     """One page in one browser; answers come in order, and what happened meanwhile is kept in ``events``."""
 
+    name = "Chromium"
+
     def __init__(self, to_browser: int, from_browser: int) -> None:
         self._to, self._from = to_browser, from_browser
         self._unread = b""
@@ -75,7 +78,7 @@ class Browser:
             self.tell(f"{domain}.enable")
 
     def tell(self, method: str, **parameters: Any) -> dict[str, Any]:
-        """Send a command; its result."""
+        """Send a command; return its result."""
         self._number += 1
         message = {"id": self._number, "method": method, "params": parameters}
         if self._session is not None:
@@ -101,7 +104,7 @@ class Browser:
             self.events.append(self._hear())
 
     def value(self, expression: str) -> Any:
-        """What a JavaScript expression is worth in the page; a promise is waited for."""
+        """Return what a JavaScript expression is worth in the page; a promise is waited for."""
         result = self.tell("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
         assert "exceptionDetails" not in result, result["exceptionDetails"]
         return result["result"].get("value")
@@ -111,18 +114,50 @@ class Browser:
         shot = self.tell("Page.captureScreenshot", captureBeyondViewport=True)
         path.write_bytes(base64.b64decode(shot["data"]))
 
+    def print(self, path: Path) -> None:
+        """Write what the page prints (.pdf)."""
+        path.write_bytes(base64.b64decode(self.tell("Page.printToPDF", printBackground=False)["data"]))
+
+    def move_mouse(self, x: float, y: float) -> None:
+        """Move the mouse to a place in the window [px], no button down."""
+        self.tell("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
+
+    def turn_wheel(self, x: float, y: float, by: int) -> None:
+        """Turn the mouse's wheel at a place in the window [px]; positive is towards the person."""
+        self.tell("Input.dispatchMouseEvent", type="mouseWheel", x=x, y=y, deltaX=0, deltaY=by)
+
+    def stroke(self, places: list[tuple[float, float]]) -> None:
+        """Lead a finger along places in the window [px]: down at the first, up at the last."""
+        for kind, (x, y) in zip(("Start", *["Move"] * (len(places) - 1)), places, strict=True):
+            self.tell("Input.dispatchTouchEvent", type=f"touch{kind}", touchPoints=[{"x": x, "y": y}])
+        self.tell("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
+
+    def press(self, key: str) -> None:
+        """Press a key, named as in the DOM."""
+        self.tell("Input.dispatchKeyEvent", type="rawKeyDown", key=key, windowsVirtualKeyCode=_KEYS[key])
+
+    def release(self, key: str) -> None:
+        """Release a key."""
+        self.tell("Input.dispatchKeyEvent", type="keyUp", key=key, windowsVirtualKeyCode=_KEYS[key])
+
+    def accessible(self, role: str, name: str) -> int:
+        """Count what a screen reader finds by its role and its whole name."""
+        root = self.tell("DOM.getDocument")["root"]["nodeId"]
+        found = self.tell("Accessibility.queryAXTree", nodeId=root, role=role, accessibleName=name)["nodes"]
+        return sum(not each["ignored"] for each in found)
+
     def requests(self) -> list[str]:
-        """Every address that the page asked for since it was opened."""
+        """Return every address that the page asked for since it was opened."""
         asked = (event for event in self.events if event.get("method") == "Network.requestWillBeSent")
         return [event["params"]["request"]["url"] for event in asked]
 
     def complaints(self) -> list[str]:
-        """What the browser logged since the page was opened: refused fetches and errors."""
+        """Return what the browser logged since the page was opened: refused fetches and errors."""
         logged = (event for event in self.events if event.get("method") == "Log.entryAdded")
         return [event["params"]["entry"]["text"] for event in logged]
 
     def errors(self) -> list[str]:
-        """What scripts threw, and what they wrote to the console as an error, since the page was opened."""
+        """Return what scripts threw, and what they wrote to the console as an error, since the page was opened."""
         thrown = [
             event["params"]["exceptionDetails"].get("exception", {}).get("description", "an exception")
             for event in self.events
@@ -145,7 +180,7 @@ class Browser:
 
 @contextlib.contextmanager
 def browser(profile: Path, *, graphics: bool = False) -> Iterator[Browser]:
-    """A browser with a fresh profile folder, ended when it is left; with ``graphics`` WebGL, drawn in software."""
+    """Start a browser with a fresh profile folder, end it when left; with ``graphics`` WebGL, drawn in software."""
     assert PROGRAM is not None
     read_here, write_there = os.pipe()
     read_there, write_here = os.pipe()
