@@ -35,9 +35,9 @@ PATIENCE = 120.0
 class Served:
     """A server of a class in a process of its own."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, *options: str) -> None:
         self.folder = folder
-        command = [sys.executable, "-m", "cutenv", "serve", str(folder), "--port", "0"]
+        command = [sys.executable, "-m", "cutenv", "serve", str(folder), "--port", "0", *options]
         self._process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
         assert self._process.stdout is not None
         self.notes: list[str] = []
@@ -46,6 +46,8 @@ class Served:
                 self.address = line.split()[1]
             elif found := re.search(r"with the token (\S+)", line):
                 self.token = found[1]
+            elif found := re.search(r"--watch (\d+)", line):
+                self.watched = int(found[1])
             elif line.startswith("end with"):
                 break
             else:

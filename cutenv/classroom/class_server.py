@@ -22,9 +22,11 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from cutenv._base.document import render
-from cutenv.browser.page_alone import page_data, page_text
+from cutenv.browser.page_alone import page_data, page_text, script_digest
 from cutenv.classroom.class_store import TEACHER
 from cutenv.classroom.lesson import LONGEST_CUT, Lesson, RefusedCut
+from cutenv.classroom.live_rig import LiveRig, live_routes
+from cutenv.classroom.xapi_statements import Courier
 
 LARGEST_BODY = 16 * LONGEST_CUT + 4096
 """Largest body of a request that is read [bytes]: the movements of the longest cut."""
@@ -115,7 +117,14 @@ def _refused(request: Request) -> Response | None:
 
 
 def class_app(
-    lesson: Lesson, teacher_token: str, *, title: str = "cutenv", language: str = "en", secure: bool = False
+    lesson: Lesson,
+    teacher_token: str,
+    *,
+    title: str = "cutenv",
+    language: str = "en",
+    secure: bool = False,
+    live: LiveRig | None = None,
+    courier: Courier | None = None,
 ) -> Starlette:
     """Return the ASGI application of a class.
 
@@ -131,14 +140,18 @@ def class_app(
         Language until the reader chooses.
     secure : bool
         True if it is served over TLS: cookies are never sent without.
+    live : LiveRig, optional
+        Rig that the teacher may watch.
+    courier : Courier, optional
+        Who delivers statements of cuts to a learning record store; whoever enters is told, and agrees.
     """
     common = page_data()
     trials = Trials()
     words = common["texts"][language]
 
     def page(name: str, status: int = 200, **values: Any) -> HTMLResponse:
-        filled = {"title": title, "words": words, "language": language, **values}
-        return HTMLResponse(render(_PAGES / name, filled), status)
+        filled = {"title": title, "words": words, "language": language, "courier": courier, **values}
+        return HTMLResponse(render(_PAGES / name, filled, filters={"digest": script_digest}), status)
 
     def sign(response: Response, name: str, token: str) -> Response:
         response.set_cookie(name, token, max_age=12 * 3600, httponly=True, samesite="strict", secure=secure)
@@ -176,6 +189,8 @@ def class_app(
         if form.get("consent") != "yes":
             return page("enter.html", 403, trouble=words["no_consent"])
         await run_in_threadpool(lesson.store.consent, code)
+        if courier is not None:
+            await run_in_threadpool(courier.queue.agree, code)
         token = await run_in_threadpool(lesson.store.sign_in, code)
         return sign(RedirectResponse("cut", 303), _PERSON, token)
 
@@ -244,7 +259,7 @@ def class_app(
     async def teacher_page(request: Request) -> Response:
         if await signed_in(request, _TEACHER) != TEACHER:
             return page("teacher_sign_in.html", trouble="")
-        return page("teacher.html", people=await run_in_threadpool(overview), most=_MOST_CODES)
+        return page("teacher.html", people=await run_in_threadpool(overview), most=_MOST_CODES, rig=live)
 
     def overview() -> list[dict[str, Any]]:
         by_code: dict[str, list[Any]] = {}
@@ -313,6 +328,7 @@ def class_app(
 
     return Starlette(
         routes=[
+            *live_routes(live, teacher, page),
             get("/", enter_page), post("/", enter), post("/leave", leave), get("/cut", cut_page),
             post("/cuts", begin), get("/cuts", history), post("/cuts/{number:str}", finish),
             post("/cuts/{number:str}/begun", begun),

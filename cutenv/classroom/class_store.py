@@ -37,17 +37,18 @@ PREPARED, GOING_ON, SAVED, REFUSED, UNFINISHED = "prepared", "going on", "saved"
 _SESSION = timedelta(hours=12)
 _LETTERS = "ABCDEFGHJKLMNPQRSTUVWXYZ"  # no I and no O, which look like digits
 
-_metadata = MetaData()
+TABLES = MetaData()
+"""Tables of the database."""
 _people = Table(
     "people",
-    _metadata,
+    TABLES,
     Column("code", String(64), primary_key=True),
     Column("created", String(32), nullable=False),
     Column("consented", String(32)),
 )
 _cuts = Table(
     "cuts",
-    _metadata,
+    TABLES,
     Column("id", String(32), primary_key=True),
     Column("code", String(64), ForeignKey("people.code", ondelete="CASCADE"), nullable=False),
     Column("specimen_class", String(16), nullable=False),
@@ -64,7 +65,7 @@ _cuts = Table(
 )
 _sessions = Table(
     "sessions",
-    _metadata,
+    TABLES,
     Column("token_hash", String(64), primary_key=True),
     Column("code", String(64), nullable=False),
     Column("expires", String(32), nullable=False),
@@ -96,6 +97,11 @@ class ClassStore:
     url : str
         Address as SQLAlchemy has it: ``sqlite:///class.db``, ``postgresql+psycopg://...``.
 
+    Attributes
+    ----------
+    engine : sqlalchemy.Engine
+        Its connections.
+
     Raises
     ------
     sqlalchemy.exc.SQLAlchemyError
@@ -103,18 +109,18 @@ class ClassStore:
     """
 
     def __init__(self, url: str) -> None:
-        self._engine: Engine = create_engine(url)
-        if self._engine.dialect.name == "sqlite":
-            event.listen(self._engine, "connect", _prepare_sqlite)
-        _metadata.create_all(self._engine)
+        self.engine: Engine = create_engine(url)
+        if self.engine.dialect.name == "sqlite":
+            event.listen(self.engine, "connect", _prepare_sqlite)
+        TABLES.create_all(self.engine)
 
     def close(self) -> None:
         """Close all connections."""
-        self._engine.dispose()
+        self.engine.dispose()
 
     @contextmanager
     def _transaction(self) -> Iterator[Connection]:
-        with self._engine.begin() as connection:
+        with self.engine.begin() as connection:
             yield connection
 
     # People

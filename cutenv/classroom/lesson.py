@@ -28,6 +28,7 @@ from cutenv.recording import Provenance, load_one, save
 from cutenv.report.score_page import ScoredRecord, write_score_page
 from cutenv.scoring import ReferenceSet, ScoreCard, score
 from cutenv.scoring.scored_cut import TIP_AT_END
+from cutenv.trace import Trace
 
 LONGEST_CUT = 30_000
 """Longest cut [ms]: the deadline of the task."""
@@ -183,11 +184,15 @@ class Lesson:
             raise RefusedCut("its readings are not those of the law for these movements.")
         return cut, readings
 
+    def scored(self, cut: HandedOutCut) -> tuple[Trace, ScoreCard]:
+        """Return the record of a saved cut and its score card; LookupError if it was not saved."""
+        trace = load_one(self._path(cut))
+        return trace, score(trace, target_length=float(trace.metadata["target_length_m"]), reference=self._reference)
+
     def card_page(self, code: str, number: str) -> str:
         """Return the page of a person's cut that was saved, as from ``cutenv score``; LookupError if there is none."""
-        trace = load_one(self._path(self.store.cut(number, code)))
+        trace, card = self.scored(self.store.cut(number, code))
         target = float(trace.metadata["target_length_m"])
-        card = score(trace, target_length=target, reference=self._reference)
         with tempfile.TemporaryDirectory() as folder, self._guard:  # one figure at a time
             page = Path(folder) / "card.html"
             write_score_page(page, ScoredRecord(trace=trace, card=card, target_length=target))
