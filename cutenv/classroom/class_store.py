@@ -37,18 +37,18 @@ PREPARED, GOING_ON, SAVED, REFUSED, UNFINISHED = "prepared", "going on", "saved"
 _SESSION = timedelta(hours=12)
 _LETTERS = "ABCDEFGHJKLMNPQRSTUVWXYZ"  # no I and no O, which look like digits
 
-TABLES = MetaData()
+CLASS_METADATA = MetaData()
 """Tables of the database."""
 _people = Table(
     "people",
-    TABLES,
+    CLASS_METADATA,
     Column("code", String(64), primary_key=True),
     Column("created", String(32), nullable=False),
     Column("consented", String(32)),
 )
 _cuts = Table(
     "cuts",
-    TABLES,
+    CLASS_METADATA,
     Column("id", String(32), primary_key=True),
     Column("code", String(64), ForeignKey("people.code", ondelete="CASCADE"), nullable=False),
     Column("specimen_class", String(16), nullable=False),
@@ -65,7 +65,7 @@ _cuts = Table(
 )
 _sessions = Table(
     "sessions",
-    TABLES,
+    CLASS_METADATA,
     Column("token_hash", String(64), primary_key=True),
     Column("code", String(64), nullable=False),
     Column("expires", String(32), nullable=False),
@@ -112,7 +112,7 @@ class ClassStore:
         self.engine: Engine = create_engine(url)
         if self.engine.dialect.name == "sqlite":
             event.listen(self.engine, "connect", _prepare_sqlite)
-        TABLES.create_all(self.engine)
+        CLASS_METADATA.create_all(self.engine)
 
     def close(self) -> None:
         """Close all connections."""

@@ -8,18 +8,18 @@ from datetime import UTC, datetime
 from sqlalchemy import Column, ForeignKey, String, Table, func, insert, select
 from sqlalchemy.exc import IntegrityError
 
-from cutenv.classroom.class_store import SAVED, TABLES, ClassStore, HandedOutCut
+from cutenv.classroom.class_store import SAVED, CLASS_METADATA, ClassStore, HandedOutCut
 
-_cuts = TABLES.tables["cuts"]
+_cuts = CLASS_METADATA.tables["cuts"]
 _agreed = Table(
     "agreed_to_statements",
-    TABLES,
+    CLASS_METADATA,
     Column("code", String(64), ForeignKey("people.code", ondelete="CASCADE"), primary_key=True),
     Column("since", String(32), nullable=False),
 )
 _delivered = Table(
     "delivered_statements",
-    TABLES,
+    CLASS_METADATA,
     Column("cut", String(32), ForeignKey("cuts.id", ondelete="CASCADE"), primary_key=True),
     Column("trouble", String(300), nullable=False),
 )
@@ -44,7 +44,7 @@ class StatementQueue:
 
     def __init__(self, store: ClassStore) -> None:
         self._store = store
-        TABLES.create_all(store.engine, tables=[_agreed, _delivered])
+        CLASS_METADATA.create_all(store.engine, tables=[_agreed, _delivered])
 
     def agree(self, code: str) -> None:
         """Note that a person agreed that statements of the cuts from now on are sent."""
