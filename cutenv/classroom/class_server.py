@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hmac
 import secrets
+import sys
 import threading
 import time
 from collections import deque
@@ -12,6 +13,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
+from sqlalchemy.exc import SQLAlchemyError
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
@@ -33,6 +35,7 @@ LARGEST_BODY = 16 * LONGEST_CUT + 4096
 _PAGES = Path(__file__).parent / "pages"
 _PERSON, _TEACHER = "cutenv_person", "cutenv_teacher"
 _TRIALS, _MINUTE = 10, 60.0  # wrong codes and tokens that one address may try in a minute
+_MOST_ADDRESSES = 10_000  # whose failures are remembered
 _MOST_CODES = 500
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; form-action 'self'; frame-ancestors 'none'"
 _HEADERS = {
@@ -65,6 +68,8 @@ class Trials:
     def failed(self, address: str) -> None:
         """Count a failed trial."""
         with self._lock:
+            if len(self._failed) >= _MOST_ADDRESSES:
+                self._failed.clear()
             self._failed.setdefault(address, deque(maxlen=self._most)).append(self._clock())
 
 
@@ -108,7 +113,7 @@ class Guard:
 
 def _refused(request: Request) -> Response | None:
     length = request.headers.get("content-length", "0")
-    if not length.isdigit() or int(length) > LARGEST_BODY:
+    if not length.isdecimal() or int(length) > LARGEST_BODY:
         return JSONResponse({"error": "The request is too large."}, 413)
     origin = request.headers.get("origin")
     if request.method not in ("GET", "HEAD") and origin is not None and urlsplit(origin).netloc != request.url.netloc:
@@ -125,6 +130,7 @@ def class_app(
     secure: bool = False,
     live: LiveRig | None = None,
     courier: Courier | None = None,
+    ticket: str | None = None,
 ) -> Starlette:
     """Return the ASGI application of a class.
 
@@ -144,9 +150,11 @@ def class_app(
         Rig that the teacher may watch.
     courier : Courier, optional
         Who delivers statements of cuts to a learning record store; whoever enters is told, and agrees.
+    ticket : str, optional
+        Secret that signs the teacher in once, by the address ``teacher/open/TICKET``, within the first minute.
     """
     common = page_data()
-    trials = Trials()
+    trials, opened = Trials(), time.monotonic()
     words = common["texts"][language]
 
     def page(name: str, status: int = 200, **values: Any) -> HTMLResponse:
@@ -183,7 +191,7 @@ def class_app(
         trials.check(address)
         form = await request.form()
         code = str(form.get("code", "")).strip().upper()
-        if not code or not await run_in_threadpool(lesson.store.knows, code):
+        if not (code and code.isprintable()) or not await run_in_threadpool(lesson.store.knows, code):
             trials.failed(address)
             return page("enter.html", 403, trouble=words["wrong_code"])
         if form.get("consent") != "yes":
@@ -256,6 +264,15 @@ def class_app(
         token = await run_in_threadpool(lesson.store.sign_in, TEACHER)
         return sign(RedirectResponse("teacher", 303), _TEACHER, token)
 
+    async def open_once(request: Request) -> Response:
+        nonlocal ticket
+        given = request.path_params["ticket"].encode()
+        if ticket is None or time.monotonic() > opened + _MINUTE or not hmac.compare_digest(given, ticket.encode()):
+            return RedirectResponse("../../teacher", 303)
+        ticket = None
+        token = await run_in_threadpool(lesson.store.sign_in, TEACHER)
+        return sign(RedirectResponse("../../teacher", 303), _TEACHER, token)
+
     async def teacher_page(request: Request) -> Response:
         if await signed_in(request, _TEACHER) != TEACHER:
             return page("teacher_sign_in.html", trouble="")
@@ -277,7 +294,7 @@ def class_app(
     async def add_codes(request: Request) -> Response:
         await teacher(request)
         count = str((await request.form()).get("count", ""))
-        if not count.isdigit() or not 1 <= int(count) <= _MOST_CODES:
+        if not count.isdecimal() or not 1 <= int(count) <= _MOST_CODES:
             raise HTTPException(422, f"count = {count!r} is outside 1 to {_MOST_CODES}. Give how many codes.")
         await run_in_threadpool(lesson.store.add_codes, int(count))
         return RedirectResponse("../teacher", 303)
@@ -320,6 +337,10 @@ def class_app(
         assert isinstance(error, HTTPException)
         return JSONResponse({"error": error.detail}, error.status_code)
 
+    async def unwritten(request: Request, error: Exception) -> Response:
+        print(f"cutenv serve: {error}", file=sys.stderr, flush=True)
+        return JSONResponse({"error": "The class's database cannot be read or written; the server says why."}, 507)
+
     def get(path: str, answer: Callable[[Request], Awaitable[Response]]) -> Route:
         return Route(path, answer, methods=["GET"])
 
@@ -328,7 +349,7 @@ def class_app(
 
     return Starlette(
         routes=[
-            *live_routes(live, teacher, page),
+            *live_routes(live, teacher, page), get("/teacher/open/{ticket:str}", open_once),
             get("/", enter_page), post("/", enter), post("/leave", leave), get("/cut", cut_page),
             post("/cuts", begin), get("/cuts", history), post("/cuts/{number:str}", finish),
             post("/cuts/{number:str}/begun", begun),
@@ -337,7 +358,7 @@ def class_app(
             get("/teacher/{code:str}/records.zip", records), get("/teacher/{code:str}/{number:str}", card),
         ],
         middleware=[Middleware(Guard)],
-        exception_handlers={HTTPException: failed},
+        exception_handlers={HTTPException: failed, SQLAlchemyError: unwritten},
     )  # fmt: skip
 
 

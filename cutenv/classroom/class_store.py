@@ -245,8 +245,11 @@ class ClassStore:
         outcome: str = "",
         score: float | None = None,
         reason: str = "",
-    ) -> None:
-        """Note how a cut ended: :data:`SAVED` with the name of its record, or :data:`REFUSED` with the reason."""
+    ) -> bool:
+        """Note how a cut ended: :data:`SAVED` with the name of its record, or :data:`REFUSED` with the reason.
+
+        Return False, and change nothing, if it had ended before, perhaps on another server.
+        """
         values = {
             "state": state,
             "record": record,
@@ -254,8 +257,9 @@ class ClassStore:
             "score": None if score is None else round(score),
             "reason": reason[:500],
         }
+        goes_on = (_cuts.c.id == number) & _cuts.c.state.in_((PREPARED, GOING_ON))
         with self._transaction() as connection:
-            connection.execute(update(_cuts).where(_cuts.c.id == number).values(**values))
+            return connection.execute(update(_cuts).where(goes_on).values(**values)).rowcount > 0
 
     def cuts(self, code: str | None = None) -> list[HandedOutCut]:
         """Return the cuts of a person, or of all, in order."""

@@ -61,7 +61,7 @@ class Lesson:
         self.store, self.folder, self.course, self.specimen_class = store, folder, course, specimen_class
         folder.mkdir(parents=True, exist_ok=True)
         self._reference = ReferenceSet.shipped()
-        self._progress: dict[str, CourseProgress] = {}
+        self._progress: dict[str, tuple[int, CourseProgress]] = {}  # with the number of records that it has seen
         self._locks: dict[str, threading.Lock] = {}
         self._guard = threading.Lock()
 
@@ -74,9 +74,12 @@ class Lesson:
         """Return a person's progress through the course, read from the records; None without a course."""
         if self.course is None:
             return None
-        if code not in self._progress:
-            self._progress[code] = CourseProgress(self.course, code, self.folder / code)
-        return self._progress[code]
+        there = sum(1 for _ in (self.folder / code).glob("*.csv"))
+        seen, progress = self._progress.get(code, (-1, None))
+        if progress is None or seen != there:  # at first, or if another server has saved a cut
+            progress = CourseProgress(self.course, code, self.folder / code)
+            self._progress[code] = (there, progress)
+        return progress
 
     def begin(self, code: str) -> dict[str, Any]:
         """Hand out the next cut: what the page needs to know; only ``ahead`` and ``done`` if the course is done."""
@@ -157,14 +160,25 @@ class Lesson:
             card = score(trace, target_length=cut.target_length, reference=self._reference)
             place = self.folder / code
             place.mkdir(exist_ok=True)
-            save(trace, place / f"{name}.csv")
-            self.store.finish(
-                number, SAVED, record=f"{name}.csv", outcome=card.outcome or end, score=card.overall_score
-            )
+            path = place / f"{name}.csv"
+            save(trace, path)
+            self._note_saved(number, path, outcome=card.outcome or end, score=card.overall_score)
             hidden = progress is not None and progress.metadata()["feedback"] == "never"
             if progress is not None:
                 progress.add(card, end)
+                self._progress[code] = (self._progress[code][0] + 1, progress)
             return shown_card(card, progress, hidden=hidden)
+
+    def _note_saved(self, number: str, path: Path, **result: Any) -> None:
+        """Note that a cut was saved, or delete its record: there is none that the database does not know."""
+        try:
+            noted = self.store.finish(number, SAVED, record=path.name, **result)
+        except BaseException:
+            path.unlink(missing_ok=True)
+            raise
+        if not noted:
+            path.unlink(missing_ok=True)
+            raise RefusedCut("this cut is finished already.")
 
     def _repeated(self, handed_out: HandedOutCut, movements: bytes, digest: str) -> tuple[HandCut, Any]:
         if len(movements) % 16 or not FEWEST_MOVEMENTS <= len(movements) // 16 <= LONGEST_CUT:

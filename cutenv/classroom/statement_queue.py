@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from sqlalchemy import Column, ForeignKey, String, Table, func, insert, select
 from sqlalchemy.exc import IntegrityError
 
-from cutenv.classroom.class_store import SAVED, CLASS_METADATA, ClassStore, HandedOutCut
+from cutenv.classroom.class_store import CLASS_METADATA, SAVED, ClassStore, HandedOutCut
 
 _cuts = CLASS_METADATA.tables["cuts"]
 _agreed = Table(

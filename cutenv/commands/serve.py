@@ -32,6 +32,13 @@ def main(argv: Sequence[str]) -> int:
             raise ValueError(f"{option} {path} is no file. Give the path of one.")
     course = None if arguments.course is None else named_course(arguments.course)
     made_folder("FOLDER", arguments.folder)
+    if arguments.shortcut:
+        from cutenv.classroom.desktop_shortcut import write_shortcut
+
+        options = [each for each in argv if each not in ("--shortcut", "--open")]
+        command = [sys.executable, "-m", "cutenv", "serve", *options, "--open"]
+        print(f"shortcut: {write_shortcut(command, f'{arguments.title} {arguments.folder.name}')}")
+        return 0
 
     import uvicorn
 
@@ -55,7 +62,7 @@ def main(argv: Sequence[str]) -> int:
     lost = store.close_unfinished()
     lesson = Lesson(store, arguments.folder / "records", course, arguments.specimen_class)
     secure = arguments.certificate is not None
-    token = new_token()
+    token, ticket = new_token(), new_token()
     live = None if arguments.watch is None else LiveRig(arguments.watch)
     listening = _listening(arguments.host, port)
     address = f"http{'s' * secure}://{_shown_host(arguments.host)}:{listening.getsockname()[1]}/"
@@ -72,6 +79,7 @@ def main(argv: Sequence[str]) -> int:
         secure=secure,
         live=live,
         courier=courier,
+        ticket=ticket,
     )
     if lost:
         print(f"note: {lost} cut{'s were' * (lost > 1) or ' was'} not finished when the server ended", file=sys.stderr)
@@ -84,7 +92,7 @@ def main(argv: Sequence[str]) -> int:
     if arguments.open:
         import webbrowser
 
-        webbrowser.open(f"{address}teacher")
+        webbrowser.open(f"{address}teacher/open/{ticket}")
     tls: dict[str, Any] = {"ssl_certfile": arguments.certificate, "ssl_keyfile": arguments.key} if secure else {}
     settings = uvicorn.Config(
         app,
@@ -172,5 +180,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--lrs-login", type=Path, metavar="FILE", help='file with one line, "key:secret", its login')
     parser.add_argument("--backup", type=Path, metavar="ZIP", help="write all that is stored to a file, and end")
     parser.add_argument("--restore", type=Path, metavar="ZIP", help="fill a new FOLDER from such a file, and end")
-    parser.add_argument("--open", action="store_true", help="open the teacher's page in the browser")
+    parser.add_argument("--open", action="store_true", help="open the teacher's page in the browser, signed in")
+    parser.add_argument(
+        "--shortcut", action="store_true", help="put a shortcut with these options on the desktop, and end"
+    )
     return parser

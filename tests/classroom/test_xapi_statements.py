@@ -14,11 +14,12 @@ import pytest
 
 pytest.importorskip("starlette", reason="the server is an extra: pip install 'cutenv[serve]'")
 pytest.importorskip("httpx2", reason="asks the server in its tests: pip install 'cutenv[dev]'")
-rules = pytest.importorskip(
+pytest.importorskip(
     "ralph.models.xapi.base.statements", reason="xAPI's rules by others, of the tests: pip install 'cutenv[dev]'"
 )
 
 import numpy as np
+from ralph.models.xapi.base import statements as rules
 from starlette.testclient import TestClient
 from test_class_server import TOKEN, Room, cut_once, hand
 
