@@ -294,7 +294,7 @@ def class_app(
     async def add_codes(request: Request) -> Response:
         await teacher(request)
         count = str((await request.form()).get("count", ""))
-        if not count.isdecimal() or not 1 <= int(count) <= _MOST_CODES:
+        if not (count.isascii() and count.isdecimal()) or not 1 <= int(count) <= _MOST_CODES:
             raise HTTPException(422, f"count = {count!r} is outside 1 to {_MOST_CODES}. Give how many codes.")
         await run_in_threadpool(lesson.store.add_codes, int(count))
         return RedirectResponse("../teacher", 303)

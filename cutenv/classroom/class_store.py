@@ -257,7 +257,7 @@ class ClassStore:
             "score": None if score is None else round(score),
             "reason": reason[:500],
         }
-        goes_on = (_cuts.c.id == number) & _cuts.c.state.in_((PREPARED, GOING_ON))
+        goes_on = (_cuts.c.id == number) & _cuts.c.state.in_((PREPARED, GOING_ON, UNFINISHED))
         with self._transaction() as connection:
             return connection.execute(update(_cuts).where(goes_on).values(**values)).rowcount > 0
 

@@ -20,7 +20,7 @@ import numpy as np
 import cutenv
 from cutenv.browser.page_alone import specimen_data
 from cutenv.browser.stylus_steps import HandCut
-from cutenv.classroom.class_store import GOING_ON, PREPARED, REFUSED, SAVED, ClassStore, HandedOutCut
+from cutenv.classroom.class_store import GOING_ON, PREPARED, REFUSED, SAVED, UNFINISHED, ClassStore, HandedOutCut
 from cutenv.plant.protocol import recorded_trace
 from cutenv.play.course import Course
 from cutenv.play.course_progress import GIVEN_UP, CourseProgress
@@ -121,7 +121,7 @@ class Lesson:
         """
         with self.lock(code):
             handed_out = self.store.cut(number, code)
-            if handed_out.state not in (PREPARED, GOING_ON):
+            if not self._is_open(handed_out):
                 raise RefusedCut(f"this cut is {handed_out.state} already.")
             try:
                 cut, readings = self._repeated(handed_out, movements, digest)
@@ -131,7 +131,7 @@ class Lesson:
             progress = self.progress(code)
             end = cut.end or GIVEN_UP
             date = datetime.now().astimezone()
-            name = f"{date:%Y%m%dT%H%M%S}_{handed_out.specimen_class}_{handed_out.seed}-0_{number[:6]}"
+            name = _record_name(handed_out)
             origin = Provenance(
                 rig="cutenv serve, simulated",
                 sensor="simulated, 1 kHz",
@@ -155,30 +155,43 @@ class Lesson:
                 success=cut.success,
                 device="browser",
                 hand=dataclasses.asdict(cut.hand),
-                stalled_s=round(min(max(stalled, 0.0), 3600.0), 3),
+                stalled_s=round(min(max(0.0, stalled), 3600.0), 3),  # in this order: of NaN it is 0
             )
             card = score(trace, target_length=cut.target_length, reference=self._reference)
             place = self.folder / code
             place.mkdir(exist_ok=True)
-            path = place / f"{name}.csv"
-            save(trace, path)
-            self._note_saved(number, path, outcome=card.outcome or end, score=card.overall_score)
+            save(trace, place / f"{name}.csv")
+            self._note_saved(handed_out, card, end)
             hidden = progress is not None and progress.metadata()["feedback"] == "never"
             if progress is not None:
                 progress.add(card, end)
                 self._progress[code] = (self._progress[code][0] + 1, progress)
             return shown_card(card, progress, hidden=hidden)
 
-    def _note_saved(self, number: str, path: Path, **result: Any) -> None:
-        """Note that a cut was saved, or delete its record: there is none that the database does not know."""
-        try:
-            noted = self.store.finish(number, SAVED, record=path.name, **result)
-        except BaseException:
-            path.unlink(missing_ok=True)
-            raise
-        if not noted:
-            path.unlink(missing_ok=True)
+    def _is_open(self, cut: HandedOutCut) -> bool:
+        """Return whether a cut may be finished: also the person's last one, if the server ended while it went on."""
+        return cut.state in (PREPARED, GOING_ON) or (
+            cut.state == UNFINISHED and self.store.cuts(cut.code)[-1].id == cut.id
+        )
+
+    def _note_saved(self, cut: HandedOutCut, card: ScoreCard, end: str) -> None:
+        record = f"{_record_name(cut)}.csv"
+        if not self.store.finish(cut.id, SAVED, record=record, outcome=card.outcome or end, score=card.overall_score):
             raise RefusedCut("this cut is finished already.")
+
+    def recover(self) -> int:
+        """Put in order what an end of the server left: return how many cuts are unfinished.
+
+        A cut whose record was written just before is saved; every other one that went on is noted as unfinished, and
+        can still be finished by a page that has gone on without the server.
+        """
+        for cut in self.store.cuts():
+            path = self.folder / cut.code / f"{_record_name(cut)}.csv"
+            if cut.state == GOING_ON and path.is_file():
+                trace = load_one(path)
+                card = score(trace, target_length=float(trace.metadata["target_length_m"]), reference=self._reference)
+                self._note_saved(cut, card, str(trace.metadata["end"]))
+        return self.store.close_unfinished()
 
     def _repeated(self, handed_out: HandedOutCut, movements: bytes, digest: str) -> tuple[HandCut, Any]:
         if len(movements) % 16 or not FEWEST_MOVEMENTS <= len(movements) // 16 <= LONGEST_CUT:
@@ -252,6 +265,12 @@ def shown_card(card: ScoreCard, progress: CourseProgress | None, *, hidden: bool
         "ahead": "" if progress is None else progress.ahead(),
         "done": progress is not None and progress.task is None,
     }
+
+
+def _record_name(cut: HandedOutCut) -> str:
+    """Return the name of a cut's record; it follows from the cut, so that one sent again is not kept twice."""
+    handed_out = datetime.fromisoformat(cut.handed_out).astimezone()
+    return f"{handed_out:%Y%m%dT%H%M%S}_{cut.specimen_class}_{cut.seed}-0_{cut.id[:6]}"
 
 
 def _cell(text: str) -> str:

@@ -59,8 +59,8 @@ def main(argv: Sequence[str]) -> int:
         count = restore_backup(store, arguments.folder / "records", arguments.restore)
         print(f"restored: {count} records into {arguments.folder}; 'cutenv serve {arguments.folder}' goes on")
         return 0
-    lost = store.close_unfinished()
     lesson = Lesson(store, arguments.folder / "records", course, arguments.specimen_class)
+    lost = lesson.recover()
     secure = arguments.certificate is not None
     token, ticket = new_token(), new_token()
     live = None if arguments.watch is None else LiveRig(arguments.watch)
