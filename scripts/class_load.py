@@ -1,15 +1,19 @@
-"""Fill a class's server with people who cut at once, kill it amid cuts, and count what was lost.
+"""Fill a class's server with people who cut at once, kill it amid cuts, send it nonsense, and count what was lost.
 
-    python scripts/class_load.py [--people 100] [--cuts 10] [--kills 10]    some minutes
+    python scripts/class_load.py                              ten minutes or more
+    python scripts/class_load.py --json runs/class-load.json  for scripts/update_docs.py class-load
 
-First all people cut at the same time against one server on this machine, each cut sent as the page sends it; printed
-are the cuts lost and how long saving takes.  Then the server is killed (SIGKILL) in the middle of cuts and started
-again: whatever it said was saved must be there, and whatever was going on must be noted as unfinished.
+A server on this machine gets malformed messages and bytes: it must go on, store nothing and not grow.  Then it is
+killed (SIGKILL) in the middle of cuts and started again: whatever it said was saved must be there, and whatever was
+going on must be noted as unfinished.  At last all people cut at the same time, each cut sent as the page sends it;
+printed are the cuts lost and how long saving takes.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
+import os
 import re
 import signal
 import subprocess
@@ -17,17 +21,21 @@ import sys
 import tempfile
 import time
 import zlib
+from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
+from datetime import date
 from pathlib import Path
 from typing import Any
 
 import httpx2
 import numpy as np
+from malformed_messages import malformed_bytes, malformed_message, send_bytes
 
 from cutenv.browser import HandCut
 from cutenv.classroom import ClassStore
 from cutenv.classroom.class_store import GOING_ON, SAVED, UNFINISHED
 
+DEFAULT = Path("runs") / "class-load.json"
 PATIENCE = 120.0
 """Seconds for one answer on a busy machine."""
 
@@ -62,6 +70,12 @@ class Served:
         client = self.client()
         assert client.post("", data={"code": code, "consent": "yes"}).status_code == 303
         return client
+
+    def memory(self) -> float:
+        """Return the memory in use [MB]; NaN where the system does not say."""
+        status = Path("/proc") / str(self._process.pid) / "status"
+        found = re.search(r"VmRSS:\s+(\d+)", status.read_text()) if status.is_file() else None
+        return int(found[1]) / 1000.0 if found else float("nan")
 
     def end(self, how: signal.Signals = signal.SIGINT) -> int:
         """End it, and return its exit status."""
@@ -136,36 +150,96 @@ def killed(folder: Path, people: int) -> tuple[int, int, int]:
     return said, there, sum(each.state == UNFINISHED for each in cuts)
 
 
+def nonsense(folder: Path, count: int) -> dict[str, Any]:
+    """Send malformed messages and bytes; return the answers by class, what was stored, and the memory [MB]."""
+    store = ClassStore(f"sqlite:///{folder / 'class.db'}")
+    (code,) = store.add_codes(1)
+    served = Served(folder)
+    random = np.random.default_rng(27)
+    answers: Counter[str] = Counter()
+    memory = []
+    person, teacher, nobody = served.person(code), served.client(), served.client()
+    teacher.post("teacher", data={"token": served.token})
+    number = person.post("cuts").json()["id"]
+    for sent in range(count):
+        if sent % 5 == 0:
+            answer = send_bytes(served.address, malformed_bytes(random))
+            answers[f"{answer[9:10].decode()}xx" if answer.startswith(b"HTTP/1.1 ") else "hung up"] += 1
+        else:
+            message = malformed_message(random, (code, number))._asdict()
+            client = (person, teacher, nobody)[sent % 3]
+            answer = client.request(message.pop("method"), message.pop("path"), **message)
+            answers[f"{answer.status_code // 100}xx"] += 1
+        if sent in (count // 10, count - 1):
+            memory.append(served.memory())
+    alive = nobody.get("").status_code == 200
+    for client in (person, teacher, nobody):
+        client.close()
+    served.end()
+    stored = len(store.codes()) - 1 + len(list(folder.rglob("records/*/*.csv")))
+    store.close()
+    return {"count": count, "answers": dict(sorted(answers.items())), "stored": stored, "memory": memory, "up": alive}
+
+
+def markdown(kept: dict[str, Any]) -> str:
+    """Return the table of load and faults for the documentation."""
+    load, kills, sent = kept["load"], kept["kills"], kept["nonsense"]
+    answers = ", ".join(f"{count} {name}" for name, count in sent["answers"].items())
+    rows = [
+        (
+            f"{load['people']} people at once, {load['cuts']} cuts of 4 s without a pause between them",
+            f"{load['lost']} lost; one is saved after {load['median']:.1f} s (median), {load['slow']:.1f} s (99 %)",
+        ),
+        (
+            f"server killed {kills['times']} times amid 50 people who cut",
+            f"{kills['said']} cuts said to be saved, {kills['lost']} of them lost; "
+            f"{kills['unfinished']} that were going on noted as unfinished",
+        ),
+        (
+            f"{sent['count']} malformed messages and bytes",
+            f"{'the server goes on' if sent['up'] else 'THE SERVER ENDED'}; {sent['stored']} things stored; answers: "
+            f"{answers}; memory {' then '.join(f'{each:.0f}' for each in sent['memory'])} MB, after a tenth and all",
+        ),
+    ]
+    about = f"Measured {kept['date']} on {kept['cores']} cores, which the people's own computing shares.\n\n"
+    return about + "| what | result |\n|---|---|\n" + "\n".join(f"| {what} | {result} |" for what, result in rows)
+
+
 def main() -> int:
-    """Run both; return 1 if a finished cut was lost."""
+    """Run all three; return 1 if a finished cut was lost, or nonsense was stored or ended the server."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--people", type=int, default=100, metavar="N", help="people at once; default 100")
-    parser.add_argument("--cuts", type=int, default=10, metavar="N", help="cuts of each; default 10")
-    parser.add_argument(
-        "--kills", type=int, default=10, metavar="N", help="times that the server is killed; default 10"
-    )
+    add = parser.add_argument
+    add("--people", type=int, default=100, metavar="N", help="people at once; default 100")
+    add("--cuts", type=int, default=10, metavar="N", help="cuts of each; default 10")
+    add("--kills", type=int, default=10, metavar="N", help="times that the server is killed; default 10")
+    add("--messages", type=int, default=10_000, metavar="N", help="malformed messages; default 10000")
+    add("--json", type=Path, metavar="FILE", help=f"keep the numbers there; the documentation is made from {DEFAULT}")
     arguments = parser.parse_args()
-    lost = 0
+    kept: dict[str, Any] = {"date": date.today().isoformat(), "cores": os.cpu_count()}
     with tempfile.TemporaryDirectory() as folder:
-        found, waits = full_class(Path(folder), arguments.people, arguments.cuts)
-        asked = arguments.people * arguments.cuts
-        lost += asked - found
-        middle, slow = np.nanpercentile(waits, [50, 99])
-        print(
-            f"{arguments.people} people at once, {asked} cuts of 4 s: {asked - found} lost; "
-            f"saved after {middle:.2f} s (median), {slow:.2f} s (99 of 100)"
-        )
+        kept["nonsense"] = nonsense(Path(folder), arguments.messages)
+        print(kept["nonsense"], flush=True)
     with tempfile.TemporaryDirectory() as folder:
         totals = np.zeros(3, int)
         for _ in range(arguments.kills):
             totals += killed(Path(folder), 50)
+            print("killed:", *totals.tolist(), flush=True)
         said, found, unfinished = totals.tolist()
-        lost += max(said - found, 0)
-        print(
-            f"server killed {arguments.kills} times amid 50 people: {said} cuts said to be saved, "
-            f"{max(said - found, 0)} of them lost; {unfinished} noted as unfinished"
-        )
-    return 1 if lost else 0
+        lost = max(said - found, 0)
+        kept["kills"] = {"times": arguments.kills, "said": said, "lost": lost, "unfinished": unfinished}
+    with tempfile.TemporaryDirectory() as folder:
+        found, waits = full_class(Path(folder), arguments.people, arguments.cuts)
+        middle, slow = np.nanpercentile(waits, [50, 99]).tolist()
+        cuts = arguments.people * arguments.cuts
+        kept["load"] = {
+            "people": arguments.people, "cuts": cuts, "lost": cuts - found, "median": middle, "slow": slow,
+        }  # fmt: skip
+    print(markdown(kept))
+    if arguments.json is not None:
+        arguments.json.parent.mkdir(parents=True, exist_ok=True)
+        arguments.json.write_text(json.dumps(kept, indent=1))
+    bad = kept["load"]["lost"] + kept["kills"]["lost"] + kept["nonsense"]["stored"] + (not kept["nonsense"]["up"])
+    return 1 if bad or "5xx" in kept["nonsense"]["answers"] else 0
 
 
 if __name__ == "__main__":

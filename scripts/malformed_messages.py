@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import socket
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -97,8 +97,3 @@ def send_bytes(address: str, content: bytes) -> bytes:
             return line.recv(64)
         except OSError:  # the server has hung up, or waits for more
             return b""
-
-
-def status_of(answer: Any) -> str:
-    """Return the class of an answer: "2xx" to "5xx"."""
-    return f"{answer.status_code // 100}xx"

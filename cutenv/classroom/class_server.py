@@ -289,7 +289,7 @@ def class_app(
 
     def ahead(code: str) -> str:
         progress = lesson.progress(code)
-        return "" if progress is None else progress.ahead()
+        return "" if progress is None else progress.ahead(language)
 
     async def add_codes(request: Request) -> Response:
         await teacher(request)

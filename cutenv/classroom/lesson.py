@@ -24,6 +24,7 @@ from cutenv.classroom.class_store import GOING_ON, PREPARED, REFUSED, SAVED, UNF
 from cutenv.plant.protocol import recorded_trace
 from cutenv.play.course import Course
 from cutenv.play.course_progress import GIVEN_UP, CourseProgress
+from cutenv.play.course_words import COURSE_WORDS
 from cutenv.recording import Provenance, load_one, save
 from cutenv.report.score_page import ScoredRecord, write_score_page
 from cutenv.scoring import ReferenceSet, ScoreCard, score
@@ -86,14 +87,14 @@ class Lesson:
         with self.lock(code):
             progress = self.progress(code)
             if progress is not None and progress.task is None:
-                return {"done": True, "ahead": progress.ahead()}
+                return {"done": True, "ahead": ahead_words(progress)}
             cut = self.store.prepared(code)  # whoever loads the page again gets the same specimen
             if progress is None or progress.task is None:
                 cut = cut or self.store.hand_out(code, self.specimen_class, secrets.randbelow(2**31))
-                said = {"ahead": "", "feedback": "always"}
+                said: dict[str, Any] = {"ahead": {}, "feedback": "always"}
             else:
                 cut = cut or self.store.hand_out(code, *progress.specimen(), task=progress.task.name)
-                said = {"ahead": progress.ahead(), "feedback": progress.task.feedback}
+                said = {"ahead": ahead_words(progress), "feedback": progress.task.feedback}
             data = specimen_data(cut.specimen_class, cut.seed, 0, cut.target_length)
             return data | said | {"id": cut.id, "done": False}
 
@@ -261,10 +262,15 @@ def shown_card(card: ScoreCard, progress: CourseProgress | None, *, hidden: bool
         "score": None if hidden or card.overall_score is None else round(card.overall_score),
         "outcome": "" if hidden else card.outcome,
         "points": [] if hidden else [dataclasses.asdict(each) for each in card.points],
-        "verdict": "" if progress is None else progress.verdict,
-        "ahead": "" if progress is None else progress.ahead(),
+        "verdict": {} if progress is None else progress.verdicts,
+        "ahead": ahead_words(progress),
         "done": progress is not None and progress.task is None,
     }
+
+
+def ahead_words(progress: CourseProgress | None) -> dict[str, str]:
+    """Return what comes next in a course, by language; empty without a course."""
+    return {} if progress is None else {language: progress.ahead(language) for language in COURSE_WORDS}
 
 
 def _record_name(cut: HandedOutCut) -> str:
