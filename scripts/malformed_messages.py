@@ -63,7 +63,9 @@ def malformed_message(random: np.random.Generator, numbers: Sequence[str] = ()) 
     for name in ("X-Readings", "X-Stalled", "Last-Event-ID", "Cookie", "Origin", "X-Forwarded-For", "Accept-Language"):
         if random.random() < 0.3:
             prefix = f"{random.choice(['cutenv_person', 'cutenv_teacher'])}=" if name == "Cookie" else ""
-            headers[name] = prefix + text().encode("ascii", "ignore").decode().replace("\r\n", " ").replace("\x00", "")
+            headers[name] = (
+                prefix + text().encode("ascii", "ignore").decode().replace("\r\n", " ").replace("\x00", "").strip()
+            )
     return Message(str(random.choice(METHODS)), path, content, headers)
 
 

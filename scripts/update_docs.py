@@ -4,10 +4,10 @@
     python scripts/update_docs.py training results --runs runs/NAME ...  one run for each training seed
     python scripts/update_docs.py ladder learned-stop stock safe-cut memory check-score  what scripts left in runs/
     python scripts/update_docs.py benchmark                 what scripts/leaderboard.py --publish has kept
-    python scripts/update_docs.py rig-faults rig-soak       what their scripts left in runs/ (--json)
+    python scripts/update_docs.py rig-faults rig-soak class-load  what their scripts left in runs/ (--json)
     python scripts/update_docs.py depth                     what scripts/measure_depth_accuracy.py left in runs/
     python scripts/update_docs.py bead-tracking             what scripts/measure_bead_tracking.py left in runs/
-    python scripts/update_docs.py errata tissue-file rig-file metrics weights ends
+    python scripts/update_docs.py errata tissue-file rig-file metrics weights ends class-attacks
     python scripts/update_docs.py --docstring               tables in the docstring of cutenv/envs/gentle_cut.py
     python scripts/update_docs.py --check parameters        fails if a block is not what it would print
     python scripts/update_docs.py --picture                 draws assets/pictures/cut.png
@@ -32,6 +32,8 @@ from typing import Any
 
 import baseline_table
 import check_score
+import class_attacks
+import class_load
 import declared_tables
 import gymnasium
 import ladder
@@ -102,6 +104,8 @@ PAGES = {
     "bead-tracking": "docs/validation/beads.md",
     "rig-faults": "docs/rig/what-stops-it.md",
     "rig-soak": "docs/rig/what-stops-it.md",
+    "class-load": "docs/how-to/class.md",
+    "class-attacks": "docs/how-to/class.md",
 }
 """Block and the page that holds it."""
 
@@ -385,6 +389,8 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "bead-tracking": lambda _: bead_tracking.markdown(*bead_tracking.kept(ROOT / bead_tracking.FOLDER)),
     "rig-faults": rig_faults_block,
     "rig-soak": rig_soak_block,
+    "class-load": lambda _: class_load.markdown(left_by(class_load)),
+    "class-attacks": lambda _: class_attacks.markdown(),
 }
 
 

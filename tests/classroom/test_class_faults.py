@@ -20,6 +20,7 @@ pytest.importorskip("starlette", reason="the server is an extra: pip install 'cu
 pytest.importorskip("httpx2", reason="asks the server in its tests: pip install 'cutenv[dev]'")
 
 import httpx2
+from class_attacks import ATTACKS
 from class_load import Served
 from malformed_messages import malformed_message
 from sqlalchemy import event
@@ -215,6 +216,14 @@ def test_whoever_fails_from_many_addresses_fills_no_memory() -> None:
     for number in range(20_001):
         trials.failed(str(number))
     assert len(trials._failed) <= 10_000
+
+
+@pytest.mark.parametrize(
+    ("attack", "test"), [(attack, test) for attack, _, test in ATTACKS], ids=lambda part: part[:30]
+)
+def test_every_attack_of_the_table_has_its_test(attack: str, test: str) -> None:
+    name, _, function = test.partition("::")
+    assert f"\ndef {function}(" in (Path(__file__).parent / name).read_text(encoding="utf-8"), attack
 
 
 # Over TLS, by a real server
