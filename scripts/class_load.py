@@ -61,6 +61,14 @@ class Served:
             else:
                 self.notes.append(line.strip())
 
+    def __enter__(self) -> Served:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._process.poll() is None:
+            self._process.kill()
+            self._process.wait()
+
     def client(self) -> httpx2.Client:
         """Return a client that is not signed in."""
         return httpx2.Client(base_url=self.address, timeout=PATIENCE)
@@ -108,13 +116,12 @@ def full_class(folder: Path, people: int, cuts: int) -> tuple[int, list[float]]:
     store = ClassStore(f"sqlite:///{folder / 'class.db'}")
     codes = store.add_codes(people)
     store.close()
-    served = Served(folder)
-    clients = [served.person(code) for code in codes]
-    with ThreadPoolExecutor(people) as pool:
+    with Served(folder) as served, ThreadPoolExecutor(people) as pool:
+        clients = [served.person(code) for code in codes]
         waits = [wait for waits in pool.map(lambda c: [cut_once(c) for _ in range(cuts)], clients) for wait in waits]
-    for client in clients:
-        client.close()
-    assert served.end() == 0
+        for client in clients:
+            client.close()
+        assert served.end() == 0
     return len(list(folder.rglob("records/*/*.csv"))), waits
 
 
@@ -123,26 +130,25 @@ def killed(folder: Path, people: int) -> tuple[int, int, int]:
     store = ClassStore(f"sqlite:///{folder / 'class.db'}")
     codes = store.add_codes(people)
     before = len(list(folder.rglob("records/*/*.csv")))
-    served = Served(folder)
-    clients = [served.person(code) for code in codes]
 
     def until_killed(client: httpx2.Client) -> int:
         saved = 0
         try:
             while True:
                 saved += not np.isnan(cut_once(client))
-        except (httpx2.HTTPError, ValueError):
+        except (httpx2.HTTPError, ValueError, KeyError):  # it is gone, or says that it cannot hand out a cut
             return saved
 
-    with ThreadPoolExecutor(people) as pool:
+    with Served(folder) as served, ThreadPoolExecutor(people) as pool:
+        clients = [served.person(code) for code in codes]
         going = [pool.submit(until_killed, client) for client in clients]
         until = time.monotonic() + PATIENCE
         while len(list(folder.rglob("records/*/*.csv"))) < before + people and time.monotonic() < until:
             time.sleep(0.05)
         served.end(signal.SIGKILL)
         said = sum(each.result() for each in going)
-    again = Served(folder)
-    assert again.end() in (0, 130)  # ended before or after it began to serve
+    with Served(folder) as again:
+        assert again.end() in (0, 130)  # ended before or after it began to serve
     cuts = [each for code in codes for each in store.cuts(code)]
     store.close()
     assert all(each.state != GOING_ON for each in cuts)
@@ -154,28 +160,28 @@ def nonsense(folder: Path, count: int) -> dict[str, Any]:
     """Send malformed messages and bytes; return the answers by class, what was stored, and the memory [MB]."""
     store = ClassStore(f"sqlite:///{folder / 'class.db'}")
     (code,) = store.add_codes(1)
-    served = Served(folder)
     random = np.random.default_rng(27)
     answers: Counter[str] = Counter()
     memory = []
-    person, teacher, nobody = served.person(code), served.client(), served.client()
-    teacher.post("teacher", data={"token": served.token})
-    number = person.post("cuts").json()["id"]
-    for sent in range(count):
-        if sent % 5 == 0:
-            answer = send_bytes(served.address, malformed_bytes(random))
-            answers[f"{answer[9:10].decode()}xx" if answer.startswith(b"HTTP/1.1 ") else "hung up"] += 1
-        else:
-            message = malformed_message(random, (code, number))._asdict()
-            client = (person, teacher, nobody)[sent % 3]
-            answer = client.request(message.pop("method"), message.pop("path"), **message)
-            answers[f"{answer.status_code // 100}xx"] += 1
-        if sent in (count // 10, count - 1):
-            memory.append(served.memory())
-    alive = nobody.get("").status_code == 200
-    for client in (person, teacher, nobody):
-        client.close()
-    served.end()
+    with Served(folder) as served:
+        person, teacher, nobody = served.person(code), served.client(), served.client()
+        teacher.post("teacher", data={"token": served.token})
+        number = person.post("cuts").json()["id"]
+        for sent in range(count):
+            if sent % 5 == 0:
+                answer = send_bytes(served.address, malformed_bytes(random))
+                answers[f"{answer[9:10].decode()}xx" if answer.startswith(b"HTTP/1.1 ") else "hung up"] += 1
+            else:
+                message = malformed_message(random, (code, number))._asdict()
+                client = (person, teacher, nobody)[sent % 3]
+                answer = client.request(message.pop("method"), message.pop("path"), **message)
+                answers[f"{answer.status_code // 100}xx"] += 1
+            if sent in (count // 10, count - 1):
+                memory.append(served.memory())
+        alive = nobody.get("").status_code == 200
+        for client in (person, teacher, nobody):
+            client.close()
+        served.end()
     stored = len(store.codes()) - 1 + len(list(folder.rglob("records/*/*.csv")))
     store.close()
     return {"count": count, "answers": dict(sorted(answers.items())), "stored": stored, "memory": memory, "up": alive}
@@ -183,63 +189,66 @@ def nonsense(folder: Path, count: int) -> dict[str, Any]:
 
 def markdown(kept: dict[str, Any]) -> str:
     """Return the table of load and faults for the documentation."""
-    load, kills, sent = kept["load"], kept["kills"], kept["nonsense"]
-    answers = ", ".join(f"{count} {name}" for name, count in sent["answers"].items())
-    rows = [
-        (
-            f"{load['people']} people at once, {load['cuts']} cuts of 4 s without a pause between them",
-            f"{load['lost']} lost; one is saved after {load['median']:.1f} s (median), {load['slow']:.1f} s (99 %)",
-        ),
-        (
-            f"server killed {kills['times']} times amid 50 people who cut",
-            f"{kills['said']} cuts said to be saved, {kills['lost']} of them lost; "
-            f"{kills['unfinished']} that were going on noted as unfinished",
-        ),
-        (
-            f"{sent['count']} malformed messages and bytes",
-            f"{'the server goes on' if sent['up'] else 'THE SERVER ENDED'}; {sent['stored']} things stored; answers: "
-            f"{answers}; memory {' then '.join(f'{each:.0f}' for each in sent['memory'])} MB, after a tenth and all",
-        ),
-    ]
-    about = f"Measured {kept['date']} on {kept['cores']} cores, which the people's own computing shares.\n\n"
+    rows = []
+    if load := kept.get("load"):
+        what = f"{load['people']} people at once, {load['cuts']} cuts of 4 s without a pause between them"
+        rows.append(
+            (what, f"{load['lost']} lost; saved after {load['median']:.1f} s (median), {load['slow']:.1f} s (99 %)")
+        )
+    if kills := kept.get("kills"):
+        what = f"server killed {kills['times']} times amid 50 people who cut"
+        lost = f"{kills['said']} cuts said to be saved, {kills['lost']} of them lost"
+        rows.append((what, f"{lost}; {kills['unfinished']} that were going on noted as unfinished"))
+    if sent := kept.get("nonsense"):
+        answers = ", ".join(f"{count} {name}" for name, count in sent["answers"].items())
+        memory = " MB, then ".join(f"{each:.0f}" for each in sent["memory"])
+        ends = "the server goes on" if sent["up"] else "THE SERVER ENDED"
+        result = f"{ends}; {sent['stored']} things stored; answers {answers}; memory after a tenth {memory} MB"
+        rows.append((f"{sent['count']:,} malformed messages and bytes", result))
+    about = f"On {kept['cores']} busy cores, which the people's own computing shares ({kept['date']}):\n\n"
     return about + "| what | result |\n|---|---|\n" + "\n".join(f"| {what} | {result} |" for what, result in rows)
 
 
 def main() -> int:
-    """Run all three; return 1 if a finished cut was lost, or nonsense was stored or ended the server."""
+    """Run what is asked for; return 1 if a finished cut was lost, or nonsense was stored or ended the server."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add = parser.add_argument
-    add("--people", type=int, default=100, metavar="N", help="people at once; default 100")
+    add("--people", type=int, default=100, metavar="N", help="people at once; default 100, 0 leaves the part out")
     add("--cuts", type=int, default=10, metavar="N", help="cuts of each; default 10")
     add("--kills", type=int, default=10, metavar="N", help="times that the server is killed; default 10")
     add("--messages", type=int, default=10_000, metavar="N", help="malformed messages; default 10000")
     add("--json", type=Path, metavar="FILE", help=f"keep the numbers there; the documentation is made from {DEFAULT}")
     arguments = parser.parse_args()
-    kept: dict[str, Any] = {"date": date.today().isoformat(), "cores": os.cpu_count()}
+    path: Path | None = arguments.json
+    kept: dict[str, Any] = json.loads(path.read_text()) if path is not None and path.is_file() else {}
+
+    def keep(part: str, numbers: dict[str, Any]) -> None:
+        kept.update({"date": date.today().isoformat(), "cores": os.cpu_count(), part: numbers})
+        print(f"{part}: {numbers}", flush=True)
+        if path is not None:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(json.dumps(kept, indent=1))
+
     with tempfile.TemporaryDirectory() as folder:
-        kept["nonsense"] = nonsense(Path(folder), arguments.messages)
-        print(kept["nonsense"], flush=True)
+        if arguments.messages:
+            keep("nonsense", nonsense(Path(folder), arguments.messages))
     with tempfile.TemporaryDirectory() as folder:
         totals = np.zeros(3, int)
-        for _ in range(arguments.kills):
+        for times in range(1, arguments.kills + 1):
             totals += killed(Path(folder), 50)
-            print("killed:", *totals.tolist(), flush=True)
-        said, found, unfinished = totals.tolist()
-        lost = max(said - found, 0)
-        kept["kills"] = {"times": arguments.kills, "said": said, "lost": lost, "unfinished": unfinished}
+            said, found, unfinished = totals.tolist()
+            keep("kills", {"times": times, "said": said, "lost": max(said - found, 0), "unfinished": unfinished})
     with tempfile.TemporaryDirectory() as folder:
-        found, waits = full_class(Path(folder), arguments.people, arguments.cuts)
-        middle, slow = np.nanpercentile(waits, [50, 99]).tolist()
-        cuts = arguments.people * arguments.cuts
-        kept["load"] = {
-            "people": arguments.people, "cuts": cuts, "lost": cuts - found, "median": middle, "slow": slow,
-        }  # fmt: skip
+        if arguments.people:
+            found, waits = full_class(Path(folder), arguments.people, arguments.cuts)
+            middle, slow = np.nanpercentile(waits, [50, 99]).tolist()
+            asked = arguments.people * arguments.cuts
+            facts = {"people": arguments.people, "cuts": asked, "lost": asked - found, "median": middle, "slow": slow}
+            keep("load", facts)
     print(markdown(kept))
-    if arguments.json is not None:
-        arguments.json.parent.mkdir(parents=True, exist_ok=True)
-        arguments.json.write_text(json.dumps(kept, indent=1))
-    bad = kept["load"]["lost"] + kept["kills"]["lost"] + kept["nonsense"]["stored"] + (not kept["nonsense"]["up"])
-    return 1 if bad or "5xx" in kept["nonsense"]["answers"] else 0
+    sent = kept.get("nonsense", {"stored": 0, "up": True, "answers": {}})
+    lost = kept.get("load", {"lost": 0})["lost"] + kept.get("kills", {"lost": 0})["lost"]
+    return 1 if lost or sent["stored"] or not sent["up"] or "5xx" in sent["answers"] else 0
 
 
 if __name__ == "__main__":

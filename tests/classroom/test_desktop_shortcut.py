@@ -59,7 +59,8 @@ def gio_launches(path: Path, folder: Path) -> None:
     (folder / "bin").mkdir()
     for name in ("xterm", "xdg-terminal-exec"):
         terminal = folder / "bin" / name
-        terminal.write_text(f'#!/bin/sh\n[ "$1" = -e ] && shift\necho $$ > {shlex.quote(str(folder))}/pid\nexec "$@"\n')
+        place = shlex.quote(str(folder))
+        terminal.write_text(f'#!/bin/sh\n[ "$1" = -e ] && shift\necho $$ > {place}/pid\nexec setsid "$@"\n')
         terminal.chmod(0o755)
     (folder / "bin" / "browse").write_text(f'#!/bin/sh\necho "$1" > {shlex.quote(str(folder))}/opened\n')
     (folder / "bin" / "browse").chmod(0o755)
@@ -110,5 +111,5 @@ def test_a_double_click_serves_the_class_and_opens_the_teachers_page_signed_in(
             assert 'action="teacher/codes"' in page.text, "the teacher is signed in"
             assert other.get(address, follow_redirects=True).text.count('type="password"') == 1, "once, and no more"
     finally:
-        os.kill(int(awaited(tmp_path / "pid")), signal.SIGINT)
+        os.killpg(int(awaited(tmp_path / "pid")), signal.SIGHUP)  # as a terminal's window that is closed
     assert (tmp_path / "my class" / "class.db").is_file()

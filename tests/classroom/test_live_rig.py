@@ -97,6 +97,13 @@ def test_a_port_that_is_taken_is_named(live: LiveRig) -> None:
         LiveRig(live.port)
 
 
+@pytest.mark.parametrize("port", ["x", "-1", "65536", "1.5"])
+def test_a_bad_port_is_named(port: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["rig", "run", "--policy", "fast then slow", "--rig", "fake", "--watch", port])
+    assert "--watch" in capsys.readouterr().err
+
+
 def test_the_teacher_alone_may_watch_and_nobody_can_send(live: LiveRig, tmp_path: Path) -> None:
     store = ClassStore(f"sqlite:///{tmp_path / 'class.db'}")
     client = TestClient(class_app(Lesson(store, tmp_path / "records"), "secret", live=live), base_url="http://class")

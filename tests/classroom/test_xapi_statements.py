@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import threading
+import time
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -199,6 +200,21 @@ def test_a_wrong_login_and_a_store_that_is_gone_lose_nothing(room: SendingRoom, 
     gone = Courier(room.lesson, room.courier.queue, "http://127.0.0.1:1/xapi", "key:secret", HOME)
     assert "cannot be reached" in gone.deliver()
     assert room.courier.queue.waiting() == 1
+
+
+def test_a_running_courier_says_once_what_is_wrong_and_delivers_by_itself(
+    room: SendingRoom, store: Store, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("cutenv.classroom.xapi_statements._EVERY", 0.05)
+    store.answers = [503, 503]
+    cut_once(room.person("P07"))
+    room.courier.start()
+    until = time.monotonic() + 30.0
+    while room.courier.queue.waiting() and time.monotonic() < until:
+        time.sleep(0.02)
+    room.courier.close()
+    assert len(store.kept) == 1
+    assert capsys.readouterr().err.count("answers 503") == 1
 
 
 def test_no_save_waits_for_a_store_that_never_answers(room: SendingRoom, store: Store) -> None:

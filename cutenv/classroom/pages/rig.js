@@ -7,7 +7,7 @@
   const words = JSON.parse(byId("words").textContent);
   const say = (text, values) => text.replace(/\{(\w+)\}/g, (_, name) => values[name]);
   const shown = (value, count) => value === null ? "–" : value.toLocaleString(document.documentElement.lang, { minimumFractionDigits: count, maximumFractionDigits: count });
-  const units = { force_N: "N", position_mm: "mm", speed_mm_s: "mm/s", angle_deg: "°" };
+  const units = { force_N: " N", position_mm: " mm", speed_mm_s: " mm/s", angle_deg: "°" };
   const colour = name => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
   let kept = [], heard = 0;
 
@@ -46,8 +46,11 @@
     const x = time => 34 + (width - 40) * (1 - (now - time) / SHOWN), y = force => 8 + (height - 16) * (high - force) / (high - low);
     for (let force = Math.ceil(low / 2) * 2; force <= high; force += 2) {
       line(pen, [[34, y(force)], [width, y(force)]], "rule");
-      pen.fillText(shown(force, 0), 6, y(force) + 4);
+      pen.fillText(shown(force || 0, 0), 6, y(force) + 4);
     }
+    pen.textAlign = "right";
+    pen.fillText(`${words.force} [N], ${SHOWN} s`, width - 6, 20);
+    pen.textAlign = "left";
     if (limit !== null && limit < high * 1.5) {
       line(pen, [[34, y(limit)], [width, y(limit)]], "bad", 1.5);
       pen.fillText(words.limit, 38, y(limit) - 4);
@@ -75,12 +78,12 @@
     requestAnimationFrame(show);
     const last = kept.at(-1), silent = (performance.now() - heard) / 1000;
     if (!last) return;
-    tell("name", last.rig ?? "");
+    tell("name", last.rig ? `: ${last.rig}` : "");
     const state = words[`rig_${last.phase}`] ?? last.phase;
     tell("state", silent > SILENT ? say(words.rig_silent, { time: Math.floor(silent / 5) * 5 || "1–5" }) : state);
     byId("state").className = last.phase === "stopped" ? "stopped" : "";
     tell("why", last.stop ?? "");
-    for (const [name, unit] of Object.entries(units)) tell(name, `${shown(last[name], name === "angle_deg" ? 0 : 2)} ${unit}`);
+    for (const [name, unit] of Object.entries(units)) tell(name, shown(last[name], name === "angle_deg" ? 0 : 2) + unit);
     drawForce(last.time_s + Math.min(silent, SHOWN));
     drawWay(last);
   }
