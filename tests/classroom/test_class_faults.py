@@ -107,7 +107,7 @@ def test_a_record_written_just_before_the_end_is_saved_and_sent_again_it_is_not_
 # A full disk
 
 
-def test_a_database_that_cannot_grow_is_told_and_the_cut_can_be_sent_again(room: Room) -> None:
+def test_a_database_that_cannot_be_written_is_told_and_the_cut_can_be_sent_again(room: Room) -> None:
     client = room.person("P07")
     handed_out = client.post("/cuts").json()
     client.post(f"/cuts/{handed_out['id']}/begun")
