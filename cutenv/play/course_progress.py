@@ -98,7 +98,7 @@ class CourseProgress:
 
     @property
     def verdict(self) -> str:
-        """What the last cut of this session reached, in English; "" before the first."""
+        """Verdict on the last cut of this session, in English; "" before the first."""
         return self.verdicts.get("en", "")
 
     def ahead(self, language: str = "en") -> str:
