@@ -1,16 +1,19 @@
-"""Fill a class's server with people who cut at once, kill it amid cuts, and count what was lost.
+"""Fill a class's server with people who cut at once, kill it amid cuts, send it nonsense, and count what was lost.
 
-    python scripts/class_load.py [--people 100] [--cuts 10] [--kills 10]    some minutes
+    python scripts/class_load.py                              ten minutes or more
+    python scripts/class_load.py --json runs/class-load.json  for scripts/update_docs.py class-load
 
-First all people cut at the same time against one server on this machine, each cut sent as the page sends it; printed
-are the cuts lost and how long saving takes, then also while a study is worked out.  Then the server is killed (SIGKILL)
-in the middle of cuts and started again: whatever it said was saved must be there, and whatever was going on must be
-noted as unfinished.
+A server on this machine gets malformed messages and bytes: it must go on, store nothing and not grow.  Then it is
+killed (SIGKILL) in the middle of cuts and started again: whatever it said was saved must be there, and whatever was
+going on must be noted as unfinished.  At last all people cut at the same time, each cut sent as the page sends it;
+printed are the cuts lost and how long saving takes, then also while a study is worked out.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
+import os
 import re
 import signal
 import subprocess
@@ -18,17 +21,21 @@ import sys
 import tempfile
 import time
 import zlib
+from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
+from datetime import date
 from pathlib import Path
 from typing import Any
 
 import httpx2
 import numpy as np
+from malformed_messages import malformed_bytes, malformed_message, send_bytes
 
 from cutenv.browser import HandCut
 from cutenv.classroom import ClassStore
 from cutenv.classroom.class_store import GOING_ON, SAVED, UNFINISHED
 
+DEFAULT = Path("runs") / "class-load.json"
 PATIENCE = 120.0
 """Seconds for one answer on a busy machine."""
 
@@ -36,9 +43,9 @@ PATIENCE = 120.0
 class Served:
     """A server of a class in a process of its own."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, *options: str) -> None:
         self.folder = folder
-        command = [sys.executable, "-m", "cutenv", "serve", str(folder), "--port", "0"]
+        command = [sys.executable, "-m", "cutenv", "serve", str(folder), "--port", "0", *options]
         self._process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
         assert self._process.stdout is not None
         self.notes: list[str] = []
@@ -47,10 +54,20 @@ class Served:
                 self.address = line.split()[1]
             elif found := re.search(r"with the token (\S+)", line):
                 self.token = found[1]
+            elif found := re.search(r"--watch (\d+)", line):
+                self.watched = int(found[1])
             elif line.startswith("end with"):
                 break
             else:
                 self.notes.append(line.strip())
+
+    def __enter__(self) -> Served:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._process.poll() is None:
+            self._process.kill()
+            self._process.wait()
 
     def client(self) -> httpx2.Client:
         """Return a client that is not signed in."""
@@ -61,6 +78,12 @@ class Served:
         client = self.client()
         assert client.post("", data={"code": code, "consent": "yes"}).status_code == 303
         return client
+
+    def memory(self) -> float:
+        """Return the memory in use [MB]; NaN where the system does not say."""
+        status = Path("/proc") / str(self._process.pid) / "status"
+        found = re.search(r"VmRSS:\s+(\d+)", status.read_text()) if status.is_file() else None
+        return int(found[1]) / 1000.0 if found else float("nan")
 
     def end(self, how: signal.Signals = signal.SIGINT) -> int:
         """End it, and return its exit status."""
@@ -93,13 +116,12 @@ def full_class(folder: Path, people: int, cuts: int) -> tuple[int, list[float]]:
     store = ClassStore(f"sqlite:///{folder / 'class.db'}")
     codes = store.add_codes(people)
     store.close()
-    served = Served(folder)
-    clients = [served.person(code) for code in codes]
-    with ThreadPoolExecutor(people) as pool:
+    with Served(folder) as served, ThreadPoolExecutor(people) as pool:
+        clients = [served.person(code) for code in codes]
         waits = [wait for waits in pool.map(lambda c: [cut_once(c) for _ in range(cuts)], clients) for wait in waits]
-    for client in clients:
-        client.close()
-    assert served.end() == 0
+        for client in clients:
+            client.close()
+        assert served.end() == 0
     return len(list(folder.rglob("records/*/*.csv"))), waits
 
 
@@ -129,26 +151,25 @@ def killed(folder: Path, people: int) -> tuple[int, int, int]:
     store = ClassStore(f"sqlite:///{folder / 'class.db'}")
     codes = store.add_codes(people)
     before = len(list(folder.rglob("records/*/*.csv")))
-    served = Served(folder)
-    clients = [served.person(code) for code in codes]
 
     def until_killed(client: httpx2.Client) -> int:
         saved = 0
         try:
             while True:
                 saved += not np.isnan(cut_once(client))
-        except (httpx2.HTTPError, ValueError):
+        except (httpx2.HTTPError, ValueError, KeyError):  # it is gone, or says that it cannot hand out a cut
             return saved
 
-    with ThreadPoolExecutor(people) as pool:
+    with Served(folder) as served, ThreadPoolExecutor(people) as pool:
+        clients = [served.person(code) for code in codes]
         going = [pool.submit(until_killed, client) for client in clients]
         until = time.monotonic() + PATIENCE
         while len(list(folder.rglob("records/*/*.csv"))) < before + people and time.monotonic() < until:
             time.sleep(0.05)
         served.end(signal.SIGKILL)
         said = sum(each.result() for each in going)
-    again = Served(folder)
-    assert again.end() in (0, 130)  # ended before or after it began to serve
+    with Served(folder) as again:
+        assert again.end() in (0, 130)  # ended before or after it began to serve
     cuts = [each for code in codes for each in store.cuts(code)]
     store.close()
     assert all(each.state != GOING_ON for each in cuts)
@@ -156,43 +177,107 @@ def killed(folder: Path, people: int) -> tuple[int, int, int]:
     return said, there, sum(each.state == UNFINISHED for each in cuts)
 
 
+def nonsense(folder: Path, count: int) -> dict[str, Any]:
+    """Send malformed messages and bytes; return the answers by class, what was stored, and the memory [MB]."""
+    store = ClassStore(f"sqlite:///{folder / 'class.db'}")
+    (code,) = store.add_codes(1)
+    random = np.random.default_rng(27)
+    answers: Counter[str] = Counter()
+    memory = []
+    with Served(folder) as served:
+        person, teacher, nobody = served.person(code), served.client(), served.client()
+        teacher.post("teacher", data={"token": served.token})
+        number = person.post("cuts").json()["id"]
+        for sent in range(count):
+            if sent % 5 == 0:
+                answer = send_bytes(served.address, malformed_bytes(random))
+                answers[f"{answer[9:10].decode()}xx" if answer.startswith(b"HTTP/1.1 ") else "hung up"] += 1
+            else:
+                message = malformed_message(random, (code, number))._asdict()
+                client = (person, teacher, nobody)[sent % 3]
+                answer = client.request(message.pop("method"), message.pop("path"), **message)
+                answers[f"{answer.status_code // 100}xx"] += 1
+            if sent in (count // 10, count - 1):
+                memory.append(served.memory())
+        alive = nobody.get("").status_code == 200
+        for client in (person, teacher, nobody):
+            client.close()
+        served.end()
+    stored = len(store.codes()) - 1 + len(list(folder.rglob("records/*/*.csv")))
+    store.close()
+    return {"count": count, "answers": dict(sorted(answers.items())), "stored": stored, "memory": memory, "up": alive}
+
+
+def markdown(kept: dict[str, Any]) -> str:
+    """Return the table of load and faults for the documentation."""
+    rows = []
+    if load := kept.get("load"):
+        what = f"{load['people']} people at once, {load['cuts']} cuts of 4 s without a pause between them"
+        rows.append(
+            (what, f"{load['lost']} lost; saved after {load['median']:.1f} s (median), {load['slow']:.1f} s (99 %)")
+        )
+    if study := kept.get("study"):
+        saved = f"saved after {study['alone']:.1f} s (median), and after {study['beside']:.1f} s while it is worked out"
+        rows.append(("20 people at once, alone and beside a study", f"{study['lost']} lost; {saved}"))
+    if kills := kept.get("kills"):
+        what = f"server killed {kills['times']} times amid 50 people who cut"
+        lost = f"{kills['said']} cuts said to be saved, {kills['lost']} of them lost"
+        rows.append((what, f"{lost}; {kills['unfinished']} that were going on noted as unfinished"))
+    if sent := kept.get("nonsense"):
+        answers = ", ".join(f"{count} {name}" for name, count in sent["answers"].items())
+        memory = " MB, then ".join(f"{each:.0f}" for each in sent["memory"])
+        ends = "the server goes on" if sent["up"] else "THE SERVER ENDED"
+        result = f"{ends}; {sent['stored']} things stored; answers {answers}; memory after a tenth {memory} MB"
+        rows.append((f"{sent['count']:,} malformed messages and bytes", result))
+    about = f"On {kept['cores']} busy cores, which the people's own computing shares ({kept['date']}):\n\n"
+    return about + "| what | result |\n|---|---|\n" + "\n".join(f"| {what} | {result} |" for what, result in rows)
+
+
 def main() -> int:
-    """Run both; return 1 if a finished cut was lost."""
+    """Run what is asked for; return 1 if a finished cut was lost, or nonsense was stored or ended the server."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--people", type=int, default=100, metavar="N", help="people at once; default 100")
-    parser.add_argument("--cuts", type=int, default=10, metavar="N", help="cuts of each; default 10")
-    parser.add_argument(
-        "--kills", type=int, default=10, metavar="N", help="times that the server is killed; default 10"
-    )
+    add = parser.add_argument
+    add("--people", type=int, default=100, metavar="N", help="people at once; default 100, 0 leaves the part out")
+    add("--cuts", type=int, default=10, metavar="N", help="cuts of each; default 10")
+    add("--kills", type=int, default=10, metavar="N", help="times that the server is killed; default 10")
+    add("--messages", type=int, default=10_000, metavar="N", help="malformed messages; default 10000")
+    add("--json", type=Path, metavar="FILE", help=f"keep the numbers there; the documentation is made from {DEFAULT}")
     arguments = parser.parse_args()
-    lost = 0
+    path: Path | None = arguments.json
+    kept: dict[str, Any] = json.loads(path.read_text()) if path is not None and path.is_file() else {}
+
+    def keep(part: str, numbers: dict[str, Any]) -> None:
+        kept.update({"date": date.today().isoformat(), "cores": os.cpu_count(), part: numbers})
+        print(f"{part}: {numbers}", flush=True)
+        if path is not None:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(json.dumps(kept, indent=1))
+
     with tempfile.TemporaryDirectory() as folder:
-        found, waits = full_class(Path(folder), arguments.people, arguments.cuts)
-        asked = arguments.people * arguments.cuts
-        lost += asked - found
-        middle, slow = np.nanpercentile(waits, [50, 99])
-        print(
-            f"{arguments.people} people at once, {asked} cuts of 4 s: {asked - found} lost; "
-            f"saved after {middle:.2f} s (median), {slow:.2f} s (99 of 100)"
-        )
+        if arguments.messages:
+            keep("nonsense", nonsense(Path(folder), arguments.messages))
     with tempfile.TemporaryDirectory() as folder:
-        alone, beside = beside_a_study(Path(folder), 20)
-        lost += int(np.isnan(alone + beside).sum())
-        print(
-            f"20 people at once, two cuts each: saved after {np.nanmedian(alone):.2f} s (median), "
-            f"and after {np.nanmedian(beside):.2f} s while a study is worked out"
-        )
+        if arguments.people:
+            alone, beside = beside_a_study(Path(folder), 20)
+            lost = int(np.isnan(alone + beside).sum())
+            keep("study", {"alone": float(np.nanmedian(alone)), "beside": float(np.nanmedian(beside)), "lost": lost})
     with tempfile.TemporaryDirectory() as folder:
         totals = np.zeros(3, int)
-        for _ in range(arguments.kills):
+        for times in range(1, arguments.kills + 1):
             totals += killed(Path(folder), 50)
-        said, found, unfinished = totals.tolist()
-        lost += max(said - found, 0)
-        print(
-            f"server killed {arguments.kills} times amid 50 people: {said} cuts said to be saved, "
-            f"{max(said - found, 0)} of them lost; {unfinished} noted as unfinished"
-        )
-    return 1 if lost else 0
+            said, found, unfinished = totals.tolist()
+            keep("kills", {"times": times, "said": said, "lost": max(said - found, 0), "unfinished": unfinished})
+    with tempfile.TemporaryDirectory() as folder:
+        if arguments.people:
+            found, waits = full_class(Path(folder), arguments.people, arguments.cuts)
+            middle, slow = np.nanpercentile(waits, [50, 99]).tolist()
+            asked = arguments.people * arguments.cuts
+            facts = {"people": arguments.people, "cuts": asked, "lost": asked - found, "median": middle, "slow": slow}
+            keep("load", facts)
+    print(markdown(kept))
+    sent = kept.get("nonsense", {"stored": 0, "up": True, "answers": {}})
+    lost = sum(kept.get(part, {"lost": 0})["lost"] for part in ("load", "study", "kills"))
+    return 1 if lost or sent["stored"] or not sent["up"] or "5xx" in sent["answers"] else 0
 
 
 if __name__ == "__main__":

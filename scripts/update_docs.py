@@ -4,11 +4,11 @@
     python scripts/update_docs.py training results --runs runs/NAME ...  one run for each training seed
     python scripts/update_docs.py ladder learned-stop stock safe-cut memory check-score  what scripts left in runs/
     python scripts/update_docs.py benchmark                 what scripts/leaderboard.py --publish has kept
-    python scripts/update_docs.py rig-faults rig-soak       what their scripts left in runs/ (--json)
+    python scripts/update_docs.py rig-faults rig-soak class-load  what their scripts left in runs/ (--json)
     python scripts/update_docs.py depth seen-runs           what measure_depth_accuracy.py and measure_seen_runs.py left
     python scripts/update_docs.py bead-tracking             what scripts/measure_bead_tracking.py left in runs/
     python scripts/update_docs.py browser-page              what scripts/measure_page.py left in runs/ (--json)
-    python scripts/update_docs.py errata tissue-file rig-file metrics weights ends
+    python scripts/update_docs.py errata tissue-file rig-file metrics weights ends class-attacks
     python scripts/update_docs.py --docstring               tables in the docstring of cutenv/envs/gentle_cut.py
     python scripts/update_docs.py --check parameters        fails if a block is not what it would print
     python scripts/update_docs.py --picture                 draws assets/pictures/cut.png
@@ -34,6 +34,8 @@ from typing import Any
 import baseline_table
 import check_descent
 import check_score
+import class_attacks
+import class_load
 import declared_tables
 import gymnasium
 import ladder
@@ -42,8 +44,8 @@ import learned_stop
 import measure_bead_tracking as bead_tracking
 import measure_codebase
 import measure_depth_accuracy
-import measure_seen_runs
 import measure_page
+import measure_seen_runs
 import memory_gap
 import numpy as np
 import rig_faults
@@ -110,6 +112,8 @@ PAGES = {
     "rig-faults": "docs/rig/what-stops-it.md",
     "rig-soak": "docs/rig/what-stops-it.md",
     "browser-page": "docs/how-to/browser.md",
+    "class-load": "docs/how-to/class.md",
+    "class-attacks": "docs/how-to/class.md",
 }
 """Block and the page that holds it."""
 
@@ -388,6 +392,8 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "rig-faults": lambda _: rig_faults.markdown(left_by(rig_faults)),
     "rig-soak": lambda _: "```\n" + rig_soak.text(left_by(rig_soak)) + "\n```",
     "browser-page": lambda _: measure_page.markdown(left_by(measure_page)),
+    "class-load": lambda _: class_load.markdown(left_by(class_load)),
+    "class-attacks": lambda _: class_attacks.markdown(),
 }
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hmac
 import secrets
+import sys
 import threading
 import time
 from collections import deque
@@ -12,6 +13,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
+from sqlalchemy.exc import SQLAlchemyError
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
@@ -22,18 +24,21 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from cutenv._base.document import render
-from cutenv.browser.page_alone import page_data, page_text
+from cutenv.browser.page_alone import page_data, page_text, script_digest
 from cutenv.classroom.class_store import SAVED, TEACHER
 from cutenv.classroom.foreign_upload import LARGEST_UPLOAD
 from cutenv.classroom.lesson import LONGEST_CUT, Lesson, RefusedCut
+from cutenv.classroom.live_rig import LiveRig, live_routes
 from cutenv.classroom.score_curve import score_curve
 from cutenv.classroom.teacher_pages import UPLOAD_PATH, overview, teacher_routes
+from cutenv.classroom.xapi_statements import Courier
 
 LARGEST_BODY = 16 * LONGEST_CUT + 4096
 """Largest body of a request that is read [bytes]: the movements of the longest cut."""
 _PAGES = Path(__file__).parent / "pages"
 _PERSON, _TEACHER = "cutenv_person", "cutenv_teacher"
 _TRIALS, _MINUTE = 10, 60.0  # wrong codes and tokens that one address may try in a minute
+_MOST_ADDRESSES = 10_000  # whose failures are remembered
 _MOST_CODES = 500
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; form-action 'self'; frame-ancestors 'none'"
 _HEADERS = {
@@ -66,6 +71,8 @@ class Trials:
     def failed(self, address: str) -> None:
         """Count a failed trial."""
         with self._lock:
+            if len(self._failed) >= _MOST_ADDRESSES:
+                self._failed.clear()
             self._failed.setdefault(address, deque(maxlen=self._most)).append(self._clock())
 
 
@@ -113,7 +120,7 @@ def _largest(request: Request) -> int:
 
 def _refused(request: Request) -> Response | None:
     length = request.headers.get("content-length", "0")
-    if not length.isdigit() or int(length) > _largest(request):
+    if not length.isdecimal() or int(length) > _largest(request):
         return JSONResponse({"error": "The request is too large."}, 413)
     origin = request.headers.get("origin")
     if request.method not in ("GET", "HEAD") and origin is not None and urlsplit(origin).netloc != request.url.netloc:
@@ -122,7 +129,15 @@ def _refused(request: Request) -> Response | None:
 
 
 def class_app(
-    lesson: Lesson, teacher_token: str, *, title: str = "cutenv", language: str = "en", secure: bool = False
+    lesson: Lesson,
+    teacher_token: str,
+    *,
+    title: str = "cutenv",
+    language: str = "en",
+    secure: bool = False,
+    live: LiveRig | None = None,
+    courier: Courier | None = None,
+    ticket: str | None = None,
 ) -> Starlette:
     """Return the ASGI application of a class.
 
@@ -138,14 +153,20 @@ def class_app(
         Language until the reader chooses.
     secure : bool
         True if it is served over TLS: cookies are never sent without.
+    live : LiveRig, optional
+        Rig that the teacher may watch.
+    courier : Courier, optional
+        Who delivers statements of cuts to a learning record store; whoever enters is told, and agrees.
+    ticket : str, optional
+        Secret that signs the teacher in once, by the address ``teacher/open/TICKET``, within the first minute.
     """
     common = page_data()
-    trials = Trials()
+    trials, opened = Trials(), time.monotonic()
     words = common["texts"][language]
 
     def page(name: str, status: int = 200, **values: Any) -> HTMLResponse:
-        filled = {"title": title, "words": words, "language": language, **values}
-        return HTMLResponse(render(_PAGES / name, filled), status)
+        filled = {"title": title, "words": words, "language": language, "courier": courier, **values}
+        return HTMLResponse(render(_PAGES / name, filled, filters={"digest": script_digest}), status)
 
     def sign(response: Response, name: str, token: str) -> Response:
         response.set_cookie(name, token, max_age=12 * 3600, httponly=True, samesite="strict", secure=secure)
@@ -177,12 +198,14 @@ def class_app(
         trials.check(address)
         form = await request.form()
         code = str(form.get("code", "")).strip().upper()
-        if not code or not await run_in_threadpool(lesson.store.knows, code):
+        if not (code and code.isprintable()) or not await run_in_threadpool(lesson.store.knows, code):
             trials.failed(address)
             return page("enter.html", 403, trouble=words["wrong_code"])
         if form.get("consent") != "yes":
             return page("enter.html", 403, trouble=words["no_consent"])
         await run_in_threadpool(lesson.store.consent, code)
+        if courier is not None:
+            await run_in_threadpool(courier.queue.agree, code)
         token = await run_in_threadpool(lesson.store.sign_in, code)
         return sign(RedirectResponse("cut", 303), _PERSON, token)
 
@@ -250,16 +273,26 @@ def class_app(
         token = await run_in_threadpool(lesson.store.sign_in, TEACHER)
         return sign(RedirectResponse("teacher", 303), _TEACHER, token)
 
+    async def open_once(request: Request) -> Response:
+        nonlocal ticket
+        given = request.path_params["ticket"].encode()
+        if ticket is None or time.monotonic() > opened + _MINUTE or not hmac.compare_digest(given, ticket.encode()):
+            return RedirectResponse("../../teacher", 303)
+        ticket = None
+        token = await run_in_threadpool(lesson.store.sign_in, TEACHER)
+        return sign(RedirectResponse("../../teacher", 303), _TEACHER, token)
+
     async def teacher_page(request: Request) -> Response:
         if await signed_in(request, _TEACHER) != TEACHER:
             return page("teacher_sign_in.html", trouble="")
-        return page("teacher.html", most=_MOST_CODES, root="", **await run_in_threadpool(overview, lesson))
+        shown = await run_in_threadpool(overview, lesson, language)
+        return page("teacher.html", most=_MOST_CODES, root="", rig=live, **shown)
 
     async def add_codes(request: Request) -> Response:
         await teacher(request)
         form = await request.form()
         count, class_name = str(form.get("count", "")), str(form.get("class_name", "")).strip()
-        if not count.isdigit() or not 1 <= int(count) <= _MOST_CODES:
+        if not (count.isascii() and count.isdecimal()) or not 1 <= int(count) <= _MOST_CODES:
             raise HTTPException(422, f"count = {count!r} is outside 1 to {_MOST_CODES}. Give how many codes.")
         try:
             await run_in_threadpool(lesson.store.put, [], class_name=class_name)  # a bad name makes no codes
@@ -309,6 +342,10 @@ def class_app(
             return page("trouble.html", error.status_code, trouble=error.detail)
         return JSONResponse({"error": error.detail}, error.status_code)
 
+    async def unwritten(request: Request, error: Exception) -> Response:
+        print(f"cutenv serve: {error}", file=sys.stderr, flush=True)
+        return JSONResponse({"error": "The class's database cannot be read or written; the server says why."}, 507)
+
     def get(path: str, answer: Callable[[Request], Awaitable[Response]]) -> Route:
         return Route(path, answer, methods=["GET"])
 
@@ -317,16 +354,17 @@ def class_app(
 
     return Starlette(
         routes=[
+            *live_routes(live, teacher, page), get("/teacher/open/{ticket:str}", open_once),
             get("/", enter_page), post("/", enter), post("/leave", leave), get("/cut", cut_page),
             post("/cuts", begin), get("/cuts", history), get("/curve", curve), post("/cuts/{number:str}", finish),
             post("/cuts/{number:str}/begun", begun),
             get("/teacher", teacher_page), post("/teacher", teacher_sign_in), post("/teacher/codes", add_codes),
             get("/teacher/sheet", sheet), get("/teacher/records.zip", records), post("/teacher/delete", remove),
-            *teacher_routes(lesson, teacher, page, words),
+            *teacher_routes(lesson, teacher, page, words, language),
             get("/teacher/{code:str}/records.zip", records), get("/teacher/{code:str}/{number:str}", card),
         ],
         middleware=[Middleware(Guard)],
-        exception_handlers={HTTPException: failed},
+        exception_handlers={HTTPException: failed, SQLAlchemyError: unwritten},
     )  # fmt: skip
 
 

@@ -70,6 +70,11 @@ class ClassStore:
     url : str
         Address as SQLAlchemy has it: ``sqlite:///class.db``, ``postgresql+psycopg://...``.
 
+    Attributes
+    ----------
+    engine : sqlalchemy.Engine
+        Its connections.
+
     Raises
     ------
     sqlalchemy.exc.SQLAlchemyError
@@ -77,18 +82,18 @@ class ClassStore:
     """
 
     def __init__(self, url: str) -> None:
-        self._engine: Engine = create_engine(url)
-        if self._engine.dialect.name == "sqlite":
-            event.listen(self._engine, "connect", _prepare_sqlite)
-        CLASS_METADATA.create_all(self._engine)
+        self.engine: Engine = create_engine(url)
+        if self.engine.dialect.name == "sqlite":
+            event.listen(self.engine, "connect", _prepare_sqlite)
+        CLASS_METADATA.create_all(self.engine)
 
     def close(self) -> None:
         """Close all connections."""
-        self._engine.dispose()
+        self.engine.dispose()
 
     @contextmanager
     def _transaction(self) -> Iterator[Connection]:
-        with self._engine.begin() as connection:
+        with self.engine.begin() as connection:
             yield connection
 
     # People
@@ -267,8 +272,11 @@ class ClassStore:
         outcome: str = "",
         score: float | None = None,
         reason: str = "",
-    ) -> None:
-        """Note how a cut ended: :data:`SAVED` with the name of its record, or :data:`REFUSED` with the reason."""
+    ) -> bool:
+        """Note how a cut ended: :data:`SAVED` with the name of its record, or :data:`REFUSED` with the reason.
+
+        Return False, and change nothing, if it had ended before, perhaps on another server.
+        """
         values = {
             "state": state,
             "record": record,
@@ -276,8 +284,9 @@ class ClassStore:
             "score": None if score is None else round(score),
             "reason": reason[:500],
         }
+        goes_on = (CUTS.c.id == number) & CUTS.c.state.in_((PREPARED, GOING_ON, UNFINISHED))
         with self._transaction() as connection:
-            connection.execute(update(CUTS).where(CUTS.c.id == number).values(**values))
+            return connection.execute(update(CUTS).where(goes_on).values(**values)).rowcount > 0
 
     def add_foreign(
         self, code: str, record: str, *, outcome: str = "", score: float | None = None, reason: str = ""

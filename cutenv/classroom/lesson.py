@@ -28,6 +28,7 @@ from cutenv.classroom.class_store import (
     PREPARED,
     REFUSED,
     SAVED,
+    UNFINISHED,
     ClassStore,
     HandedOutCut,
     MarkInForce,
@@ -37,6 +38,7 @@ from cutenv.classroom.foreign_upload import Uploads
 from cutenv.plant.protocol import recorded_trace
 from cutenv.play.course import Course
 from cutenv.play.course_progress import GIVEN_UP, CourseProgress
+from cutenv.play.course_words import COURSE_WORDS
 from cutenv.recording import Provenance, load_one, save
 from cutenv.report.score_page import ScoredRecord, write_score_page
 from cutenv.scoring import ReferenceSet, ScoreCard, score
@@ -80,7 +82,7 @@ class Lesson:
         self.analyses = Analyses(folder.parent / "studies", folder)
         self.uploads = Uploads()
         self._reference = ReferenceSet.shipped()
-        self._progress: dict[str, CourseProgress] = {}
+        self._progress: dict[str, tuple[int, CourseProgress]] = {}  # with the number of records that it has seen
         self._locks: dict[str, threading.Lock] = {}
         self._guard = threading.Lock()
 
@@ -109,23 +111,26 @@ class Lesson:
         """Return a person's progress through the course, read from the records; None without a course."""
         if self.course is None:
             return None
-        if code not in self._progress:
-            self._progress[code] = CourseProgress(self.course, code, self.folder / code)
-        return self._progress[code]
+        there = sum(1 for _ in (self.folder / code).glob("*.csv"))
+        seen, progress = self._progress.get(code, (-1, None))
+        if progress is None or seen != there:  # at first, or if another server has saved a cut
+            progress = CourseProgress(self.course, code, self.folder / code)
+            self._progress[code] = (there, progress)
+        return progress
 
     def begin(self, code: str) -> dict[str, Any]:
         """Hand out the next cut: what the page needs to know; only ``ahead`` and ``done`` if the course is done."""
         with self.lock(code):
             progress = self.progress(code)
             if progress is not None and progress.task is None:
-                return {"done": True, "ahead": progress.ahead()}
+                return {"done": True, "ahead": ahead_words(progress)}
             cut = self.store.prepared(code)  # whoever loads the page again gets the same specimen
             if progress is None or progress.task is None:
                 cut = cut or self.store.hand_out(code, self.specimen_class, secrets.randbelow(2**31))
-                said = {"ahead": "", "feedback": "always"}
+                said: dict[str, Any] = {"ahead": {}, "feedback": "always"}
             else:
                 cut = cut or self.store.hand_out(code, *progress.specimen(), task=progress.task.name)
-                said = {"ahead": progress.ahead(), "feedback": progress.task.feedback}
+                said = {"ahead": ahead_words(progress), "feedback": progress.task.feedback}
             data = specimen_data(cut.specimen_class, cut.seed, 0, cut.target_length)
             return data | said | {"id": cut.id, "done": False}
 
@@ -153,7 +158,7 @@ class Lesson:
         """
         with self.lock(code):
             handed_out = self.store.cut(number, code)
-            if handed_out.state not in (PREPARED, GOING_ON):
+            if not self._is_open(handed_out):
                 raise RefusedCut(f"this cut is {handed_out.state} already.")
             try:
                 cut, readings = self._repeated(handed_out, movements, digest)
@@ -163,7 +168,7 @@ class Lesson:
             progress = self.progress(code)
             end = cut.end or GIVEN_UP
             date = datetime.now().astimezone()
-            name = f"{date:%Y%m%dT%H%M%S}_{handed_out.specimen_class}_{handed_out.seed}-0_{number[:6]}"
+            name = _record_name(handed_out)
             origin = Provenance(
                 rig="cutenv serve, simulated",
                 sensor="simulated, 1 kHz",
@@ -187,19 +192,43 @@ class Lesson:
                 success=cut.success,
                 device="browser",
                 hand=dataclasses.asdict(cut.hand),
-                stalled_s=round(min(max(stalled, 0.0), 3600.0), 3),
+                stalled_s=round(min(max(0.0, stalled), 3600.0), 3),  # in this order: of NaN it is 0
             )
             card = score(trace, target_length=cut.target_length, reference=self._reference)
             place = self.folder / code
             place.mkdir(exist_ok=True)
             save(trace, place / f"{name}.csv")
-            self.store.finish(
-                number, SAVED, record=f"{name}.csv", outcome=card.outcome or end, score=card.overall_score
-            )
+            self._note_saved(handed_out, card, end)
             hidden = progress is not None and progress.metadata()["feedback"] == "never"
             if progress is not None:
                 progress.add(card, end)
+                self._progress[code] = (self._progress[code][0] + 1, progress)
             return shown_card(card, progress, hidden=hidden, mark=self.pass_mark)
+
+    def _is_open(self, cut: HandedOutCut) -> bool:
+        """Return whether a cut may be finished: also the person's last one, if the server ended while it went on."""
+        return cut.state in (PREPARED, GOING_ON) or (
+            cut.state == UNFINISHED and self.store.cuts(cut.code)[-1].id == cut.id
+        )
+
+    def _note_saved(self, cut: HandedOutCut, card: ScoreCard, end: str) -> None:
+        record = f"{_record_name(cut)}.csv"
+        if not self.store.finish(cut.id, SAVED, record=record, outcome=card.outcome or end, score=card.overall_score):
+            raise RefusedCut("this cut is finished already.")
+
+    def recover(self) -> int:
+        """Put in order what an end of the server left: return how many cuts are unfinished.
+
+        A cut whose record was written just before is saved; every other one that went on is noted as unfinished, and
+        can still be finished by a page that has gone on without the server.
+        """
+        for cut in self.store.cuts():
+            path = self.folder / cut.code / f"{_record_name(cut)}.csv"
+            if cut.state == GOING_ON and path.is_file():
+                trace = load_one(path)
+                card = score(trace, target_length=float(trace.metadata["target_length_m"]), reference=self._reference)
+                self._note_saved(cut, card, str(trace.metadata["end"]))
+        return self.store.close_unfinished()
 
     def _repeated(self, handed_out: HandedOutCut, movements: bytes, digest: str) -> tuple[HandCut, Any]:
         if len(movements) % 16 or not FEWEST_MOVEMENTS <= len(movements) // 16 <= LONGEST_CUT:
@@ -219,11 +248,16 @@ class Lesson:
             raise RefusedCut("its readings are not those of the law for these movements.")
         return cut, readings
 
+    def scored(self, cut: HandedOutCut) -> tuple[Trace, ScoreCard]:
+        """Return the record of a saved cut and its score card; LookupError if it was not saved."""
+        trace = load_one(self._path(cut))
+        target = trace.metadata.get("target_length_m")  # a record of another program may have none
+        return trace, score(trace, target_length=target, reference=fitting_reference(self._reference, trace))
+
     def card_page(self, code: str, number: str) -> str:
         """Return the page of a person's cut that was saved, as from ``cutenv score``; LookupError if there is none."""
-        trace = load_one(self._path(self.store.cut(number, code)))
+        trace, card = self.scored(self.store.cut(number, code))
         target = trace.metadata.get("target_length_m")  # a record of another program may have none
-        card = score(trace, target_length=target, reference=fitting_reference(self._reference, trace))
         with tempfile.TemporaryDirectory() as folder, self._guard:  # one figure at a time
             page = Path(folder) / "card.html"
             write_score_page(page, ScoredRecord(trace=trace, card=card, target_length=target))
@@ -331,10 +365,21 @@ def shown_card(
         "score": None if hidden else overall,
         "outcome": "" if hidden else card.outcome,
         "points": [] if hidden else [dataclasses.asdict(each) for each in card.points],
-        "verdict": "" if progress is None else progress.verdict,
-        "ahead": "" if progress is None else progress.ahead(),
+        "verdict": {} if progress is None else progress.verdicts,
+        "ahead": ahead_words(progress),
         "done": progress is not None and progress.task is None,
     }
+
+
+def ahead_words(progress: CourseProgress | None) -> dict[str, str]:
+    """Return what comes next in a course, by language; empty without a course."""
+    return {} if progress is None else {language: progress.ahead(language) for language in COURSE_WORDS}
+
+
+def _record_name(cut: HandedOutCut) -> str:
+    """Return the name of a cut's record; it follows from the cut, so that one sent again is not kept twice."""
+    handed_out = datetime.fromisoformat(cut.handed_out).astimezone()
+    return f"{handed_out:%Y%m%dT%H%M%S}_{cut.specimen_class}_{cut.seed}-0_{cut.id[:6]}"
 
 
 def _cell(text: str) -> str:

@@ -35,10 +35,10 @@ class ShownPage(Protocol):
         ...
 
 
-def overview(lesson: Lesson) -> dict[str, Any]:
-    """Return what the list of the class shows: a row for each person, a curve for each class, and the pass mark."""
+def overview(lesson: Lesson, language: str) -> dict[str, Any]:
+    """Return what the list of the class shows, in a language: people, a curve for each class, and the pass mark."""
     mark, places = lesson.pass_mark, lesson.store.places()
-    rows = [_person(lesson, mark, places.get(each[0], Place()), *each) for each in _people(lesson)]
+    rows = [_person(lesson, language, mark, places.get(each[0], Place()), *each) for each in _people(lesson)]
     classes = sorted({row["place"].class_name for row in rows})
     curves = {
         name: score_curve(
@@ -60,7 +60,13 @@ def _people(lesson: Lesson) -> list[tuple[str, bool, list[HandedOutCut]]]:
 
 
 def _person(
-    lesson: Lesson, mark: MarkInForce | None, place: Place, code: str, consented: bool, cuts: Sequence[HandedOutCut]
+    lesson: Lesson,
+    language: str,
+    mark: MarkInForce | None,
+    place: Place,
+    code: str,
+    consented: bool,
+    cuts: Sequence[HandedOutCut],
 ) -> dict[str, Any]:
     progress = lesson.progress(code)
     confirmed = [cut.score for cut in cuts if cut.state == SAVED]
@@ -74,12 +80,16 @@ def _person(
         "scores": confirmed,
         "passes": found,
         "curve": score_curve([confirmed], mark=None if mark is None else mark.mark) if confirmed else "",
-        "ahead": "" if progress is None else progress.ahead(),
+        "ahead": "" if progress is None else progress.ahead(language),
     }
 
 
 def teacher_routes(
-    lesson: Lesson, teacher: Callable[[Request], Awaitable[None]], page: ShownPage, words: Mapping[str, str]
+    lesson: Lesson,
+    teacher: Callable[[Request], Awaitable[None]],
+    page: ShownPage,
+    words: Mapping[str, str],
+    language: str,
 ) -> list[Route]:
     """Return the routes of these pages.
 
@@ -93,12 +103,14 @@ def teacher_routes(
         Answer with a page.
     words : mapping of str to str
         Words of the class's language.
+    language : {"en", "de"}
+        That language.
     """
     uploads = lesson.uploads
 
     async def person(request: Request) -> Response:
         code = request.path_params["code"]
-        rows = (await run_in_threadpool(overview, lesson))["people"]
+        rows = (await run_in_threadpool(overview, lesson, language))["people"]
         for row in (row for row in rows if row["code"] == code):
             return page("person.html", person=row, mark=lesson.pass_mark, root="../../")
         raise HTTPException(404, "There is no such code.")

@@ -15,6 +15,8 @@ T = TypeVar("T")
 Main = Callable[[Sequence[str]], int]
 """Entry point of a command: takes its arguments, returns the exit status."""
 
+LIVE_PORT = 8801
+"""Default port at which a rig's readings can be watched, on its own machine alone."""
 RIG = 'a rig\'s TOML file, "emulator" or "fake"'
 """Help of every argument that names a rig."""
 
@@ -93,6 +95,19 @@ def add_specimen_class(parser: argparse.ArgumentParser, default: str) -> None:
     parser.add_argument(
         "--specimen-class", choices=CLASSES, default=default, help=f"class of drawn specimens; default {default}"
     )
+
+
+def add_watch(parser: argparse.ArgumentParser, about: str) -> None:
+    """Add ``--watch``, the port of a rig's live readings; ``about`` says what is done with them."""
+    parser.add_argument(
+        "--watch", type=_port, nargs="?", const=LIVE_PORT, metavar="PORT", help=f"{about}; default port {LIVE_PORT}"
+    )
+
+
+def _port(text: str) -> int:
+    if not text.isdecimal() or not int(text) <= 65535:
+        raise argparse.ArgumentTypeError(f"{text!r} is no port. Give a whole number up to 65535, such as 8801.")
+    return int(text)
 
 
 def add_record_options(

@@ -12,7 +12,7 @@ from typing import Any
 
 from cutenv._base.validation import in_range
 from cutenv.browser.page_alone import LANGUAGES
-from cutenv.commands.options import command_parser, made_folder, reports_errors
+from cutenv.commands.options import add_watch, command_parser, made_folder, reports_errors
 from cutenv.play.course import SHIPPED_COURSES, named_course
 from cutenv.tissue.specimen import CLASSES
 
@@ -24,12 +24,21 @@ def main(argv: Sequence[str]) -> int:
     port = round(in_range("--port", arguments.port, 0, 65535, "1", "Give a port such as 8800; 0 takes a free one."))
     if (arguments.certificate is None) != (arguments.key is None):
         raise ValueError("--certificate and --key belong together: give the files of both, or of none.")
-    for option in ("certificate", "key"):
-        path = getattr(arguments, option)
+    if (arguments.lrs is None) != (arguments.lrs_login is None):
+        raise ValueError("--lrs and --lrs-login belong together: give the address and the file, or neither.")
+    files = {"--certificate": arguments.certificate, "--key": arguments.key, "--lrs-login": arguments.lrs_login}
+    for option, path in files.items():
         if path is not None and not path.is_file():
-            raise ValueError(f"--{option} {path} is no file. Give the path of a PEM file.")
+            raise ValueError(f"{option} {path} is no file. Give the path of one.")
     course = None if arguments.course is None else named_course(arguments.course)
     made_folder("FOLDER", arguments.folder)
+    if arguments.shortcut:
+        from cutenv.classroom.desktop_shortcut import write_shortcut
+
+        options = [each for each in argv if each not in ("--shortcut", "--open")]
+        command = [sys.executable, "-m", "cutenv", "serve", *options, "--open"]
+        print(f"shortcut: {write_shortcut(command, f'{arguments.title} {arguments.folder.name}')}")
+        return 0
 
     import uvicorn
 
@@ -37,6 +46,9 @@ def main(argv: Sequence[str]) -> int:
     from cutenv.classroom.class_server import class_app, new_token
     from cutenv.classroom.class_store import ClassStore
     from cutenv.classroom.lesson import Lesson
+    from cutenv.classroom.live_rig import LiveRig
+    from cutenv.classroom.statement_queue import StatementQueue
+    from cutenv.classroom.xapi_statements import Courier
 
     store = ClassStore(arguments.database or f"sqlite:///{arguments.folder / 'class.db'}")
     if arguments.backup is not None:
@@ -47,31 +59,60 @@ def main(argv: Sequence[str]) -> int:
         count = restore_backup(store, arguments.folder / "records", arguments.restore)
         print(f"restored: {count} records into {arguments.folder}; 'cutenv serve {arguments.folder}' goes on")
         return 0
-    lost = store.close_unfinished()
     lesson = Lesson(store, arguments.folder / "records", course, arguments.specimen_class)
+    lost = lesson.recover()
     secure = arguments.certificate is not None
-    token = new_token()
-    app = class_app(lesson, token, title=arguments.title, language=arguments.language, secure=secure)
+    token, ticket = new_token(), new_token()
+    live = None if arguments.watch is None else LiveRig(arguments.watch)
     listening = _listening(arguments.host, port)
     address = f"http{'s' * secure}://{_shown_host(arguments.host)}:{listening.getsockname()[1]}/"
+    courier = None
+    if arguments.lrs is not None:
+        login = arguments.lrs_login.read_text(encoding="utf-8").strip()
+        courier = Courier(lesson, StatementQueue(store), arguments.lrs, login, address)
+        courier.start()
+    app = class_app(
+        lesson,
+        token,
+        title=arguments.title,
+        language=arguments.language,
+        secure=secure,
+        live=live,
+        courier=courier,
+        ticket=ticket,
+    )
     if lost:
         print(f"note: {lost} cut{'s were' * (lost > 1) or ' was'} not finished when the server ended", file=sys.stderr)
     if not secure and not _is_loopback(arguments.host):
         print("note: without --certificate codes travel unencrypted; use it on a network of your own", file=sys.stderr)
-    print(f"class: {address}\nteacher: {address}teacher with the token {token}\nend with Ctrl-C", flush=True)
+    print(f"class: {address}\nteacher: {address}teacher with the token {token}")
+    if live is not None:
+        print(f"rig: {address}rig for the teacher, as soon as 'cutenv rig run ... --watch {live.port}' works")
+    print("end with Ctrl-C", flush=True)
     if arguments.open:
         import webbrowser
 
-        webbrowser.open(f"{address}teacher")
+        webbrowser.open(f"{address}teacher/open/{ticket}")
     tls: dict[str, Any] = {"ssl_certfile": arguments.certificate, "ssl_keyfile": arguments.key} if secure else {}
     settings = uvicorn.Config(
-        app, log_level="warning", server_header=False, timeout_keep_alive=30, limit_concurrency=500, **tls
+        app,
+        log_level="warning",
+        server_header=False,
+        timeout_keep_alive=30,
+        limit_concurrency=500,
+        proxy_headers=False,
+        **tls,
     )
+    server = uvicorn.Server(settings)
+    if live is not None:
+        live.ended = lambda: server.should_exit
     try:
-        uvicorn.Server(settings).run(sockets=[listening])
+        server.run(sockets=[listening])
     except KeyboardInterrupt:
         pass  # it has let the requests at hand end
     finally:
+        if courier is not None:
+            courier.close()
         lesson.close()
     return 0
 
@@ -134,7 +175,13 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--certificate", type=Path, metavar="FILE", help="certificate (PEM), for https")
     parser.add_argument("--key", type=Path, metavar="FILE", help="its private key (PEM)")
     parser.add_argument("--database", metavar="URL", help="postgresql+psycopg://...; default SQLite in FOLDER")
+    add_watch(parser, "show the teacher a rig's cuts live, from 'cutenv rig run --watch' on this machine")
+    parser.add_argument("--lrs", metavar="URL", help="learning record store that gets an xAPI statement of every cut")
+    parser.add_argument("--lrs-login", type=Path, metavar="FILE", help='file with one line, "key:secret", its login')
     parser.add_argument("--backup", type=Path, metavar="ZIP", help="write all that is stored to a file, and end")
     parser.add_argument("--restore", type=Path, metavar="ZIP", help="fill a new FOLDER from such a file, and end")
-    parser.add_argument("--open", action="store_true", help="open the teacher's page in the browser")
+    parser.add_argument("--open", action="store_true", help="open the teacher's page in the browser, signed in")
+    parser.add_argument(
+        "--shortcut", action="store_true", help="put a shortcut with these options on the desktop, and end"
+    )
     return parser

@@ -13,16 +13,12 @@ from typing import Any, NamedTuple
 from cutenv._base import resources
 from cutenv._base.unit_table import Unit, shown_unit
 from cutenv._base.validation import in_range, one_of
+from cutenv.play.course_words import course_words
 from cutenv.recording.provenance import check_operator
 from cutenv.scoring import METRICS, ScoreCard
 from cutenv.tissue.specimen import CLASSES
 
-FEEDBACK = {
-    "always": "shown",
-    "above-limit": "shown where it costs",
-    "afterwards": "shown after the cut",
-    "never": "not shown",
-}
+FEEDBACK = {rule: course_words("en", rule) for rule in ("always", "above-limit", "afterwards", "never")}
 """Rules of when a person sees the force, with their words."""
 
 
@@ -114,17 +110,17 @@ class CourseTask:
     target_length: float | None = None
     crossover: bool = False
 
-    def misses(self, card: ScoreCard) -> tuple[str, ...]:
+    def misses(self, card: ScoreCard, language: str = "en") -> tuple[str, ...]:
         """Return in words by what a cut misses the mark; () if it reaches it."""
-        return tuple(words for key, limit in self.mark.items() if (words := _missed(key, limit, card)))
+        return tuple(words for key, limit in self.mark.items() if (words := _missed(key, limit, card, language)))
 
-    def demand(self) -> str:
+    def demand(self, language: str = "en") -> str:
         """Return in words what has to be reached, and how often."""
-        times = f"{self.repetitions} cut{'s' * (self.repetitions > 1)}"
+        cuts = course_words(language, "cuts" if self.repetitions > 1 else "one cut", times=self.repetitions)
         if not self.mark:
-            return times
-        limits = " and ".join(_limit(key, limit) for key, limit in self.mark.items())
-        return limits + (f", {times} in a row" if self.repetitions > 1 else "")
+            return cuts
+        limits = course_words(language, "and").join(_limit(key, limit, language) for key, limit in self.mark.items())
+        return course_words(language, "in a row", limits=limits, cuts=cuts) if self.repetitions > 1 else limits
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -284,22 +280,24 @@ _TASK_KEYS: Mapping[str, Callable[[Any], Any]] = {
 """Keys of a task in the file, and what reads their values."""
 
 
-def _limit(key: str, limit: float) -> str:
+def _limit(key: str, limit: float, language: str) -> str:
     about = MARKED_METRICS[key]
-    name = "score" if key == _SCORE else about.name.replace("_", " ")
-    return f"{name} {_shown(limit, about)} or {'more' if about.more else 'less'}"
+    name, shown = course_words(language, about.name), _shown(limit, about, language)
+    return course_words(language, "at least" if about.more else "at most", name=name, limit=shown)
 
 
-def _missed(key: str, limit: float, card: ScoreCard) -> str:
+def _missed(key: str, limit: float, card: ScoreCard, language: str) -> str:
     """Return by what a cut misses a limit, in words; "" if it keeps it."""
     about = MARKED_METRICS[key]
     value = card.overall_score if key == _SCORE else card.metrics[about.name].value
+    asked = _limit(key, limit, language)
     if value is None:
-        return f"{_limit(key, limit)}: not known"
+        return course_words(language, "unknown", limit=asked)
     value = about.unit.from_si(value)
     kept = value >= limit if about.more else value <= limit
-    return "" if kept else f"{_limit(key, limit)}: here {_shown(value, about)}"
+    return "" if kept else course_words(language, "here", limit=asked, value=_shown(value, about, language))
 
 
-def _shown(value: float, about: MarkedMetric) -> str:
-    return f"{value:.3g}" + (f" {about.unit.sign}" if about.unit.sign != "1" else "")
+def _shown(value: float, about: MarkedMetric, language: str) -> str:
+    number = f"{value:.3g}" if language == "en" else f"{value:.3g}".replace(".", ",")
+    return number + (f" {about.unit.sign}" if about.unit.sign != "1" else "")

@@ -7,7 +7,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from cutenv.play.course import FEEDBACK, Course, CourseTask
+from cutenv.play.course import Course, CourseTask
+from cutenv.play.course_words import COURSE_WORDS, course_words
 from cutenv.recording import load_one, read_metadata
 from cutenv.scoring import ScoreCard, score
 
@@ -40,15 +41,15 @@ class CourseProgress:
     ----------
     unread : list of str
         Files in the folder that cannot be read, with the reasons; they do not count.
-    verdict : str
-        What the last cut of this session reached, in words; "" before the first.
+    verdicts : dict of str to str
+        What the last cut of this session reached, in words of each language; empty before the first.
     """
 
     def __init__(self, course: Course, operator: str, folder: Path | None = None) -> None:
         self.course = course.for_operator(operator)
         self.operator = operator
         self.unread: list[str] = []
-        self.verdict = ""
+        self.verdicts: dict[str, str] = {}
         self._counted: dict[str, list[bool]] = {task.name: [] for task in self.course.tasks}
         found = []
         for path in sorted(folder.glob("*.csv")) if folder is not None and folder.is_dir() else ():
@@ -89,38 +90,38 @@ class CourseProgress:
         return facts | ({"crossover": True} if task.crossover else {})
 
     def add(self, card: ScoreCard, end: str) -> None:
-        """Count a cut of the present task, and say in :attr:`verdict` whether it reached the mark."""
+        """Count a cut of the present task, and say in :attr:`verdicts` whether it reached the mark."""
         task = self.task
         assert task is not None
-        misses = self._count(task.name, card, end)
-        if not task.mark:
-            self.verdict = "Not counted: the cut was given up." if misses else "This cut counts."
-        elif task.feedback == "never":  # by how much would be feedback
-            self.verdict = "Mark missed." if misses else "Mark reached."
-        else:
-            self.verdict = f"Mark missed: {'; '.join(misses)}." if misses else "Mark reached."
+        missed = self._count(task.name, card, end)
+        self.verdicts = {language: _verdict(task, card, end, missed, language) for language in COURSE_WORDS}
 
-    def ahead(self) -> str:
+    @property
+    def verdict(self) -> str:
+        """Verdict on the last cut of this session, in English; "" before the first."""
+        return self.verdicts.get("en", "")
+
+    def ahead(self, language: str = "en") -> str:
         """Return in words what comes next."""
-        task = self.task
+        task, count = self.task, len(self.course.tasks)
         if task is None:
-            return f"Course {self.course.name!r}: all {len(self.course.tasks)} tasks are done."
-        number = self.course.tasks.index(task) + 1
-        done, many = self._in_row(task), task.repetitions > 1
-        so_far = f", {done} of {task.repetitions} so far" if many else ""
-        force = FEEDBACK[task.feedback]
-        return f"Task {number} of {len(self.course.tasks)}, {task.name}: {task.demand()}{so_far}. Force: {force}."
+            return course_words(language, "done", course=self.course.name, count=count)
+        number, many = self.course.tasks.index(task) + 1, task.repetitions > 1
+        so_far = course_words(language, "so far", done=self._in_row(task), times=task.repetitions) if many else ""
+        force = course_words(language, task.feedback)
+        facts = {"number": number, "count": count, "name": task.name, "so_far": so_far, "force": force}
+        return course_words(language, "ahead", demand=task.demand(language), **facts)
 
     def _is_ours(self, facts: dict[str, Any]) -> bool:
         named = (facts.get("course"), facts.get("operator"))
         return named == (self.course.name, self.operator) and facts.get("task") in self._counted
 
-    def _count(self, name: str, card: ScoreCard, end: str) -> tuple[str, ...]:
-        """Count a cut of a task; return why it does not count towards its repetitions, () if it does."""
+    def _count(self, name: str, card: ScoreCard, end: str) -> bool:
+        """Count a cut of a task; return whether it misses what counts towards the repetitions."""
         task = next(task for task in self.course.tasks if task.name == name)
-        misses = (GIVEN_UP,) if end == GIVEN_UP else task.misses(card)
-        self._counted[name].append(not misses)
-        return misses
+        missed = end == GIVEN_UP or bool(task.misses(card))
+        self._counted[name].append(not missed)
+        return missed
 
     def _in_row(self, task: CourseTask) -> int:
         """Return the number of cuts that count towards the repetitions now: in a row if there is a mark."""
@@ -132,6 +133,15 @@ class CourseProgress:
         if not task.mark:
             return sum(counted) >= task.repetitions
         return any(_longest_end(counted[: n + 1]) >= task.repetitions for n in range(len(counted)))
+
+
+def _verdict(task: CourseTask, card: ScoreCard, end: str, missed: bool, language: str) -> str:
+    if not task.mark:
+        return course_words(language, "counts not" if missed else "counts")
+    if not missed or task.feedback == "never":  # by how much would be feedback
+        return course_words(language, "missed" if missed else "reached")
+    misses = (course_words(language, GIVEN_UP),) if end == GIVEN_UP else task.misses(card, language)
+    return course_words(language, "missed by", misses="; ".join(misses))
 
 
 def _longest_end(counted: Iterable[bool]) -> int:

@@ -280,7 +280,7 @@ class Session:
     def _prepare(self, specimen_class: str | None = None) -> None:
         """Prepare the present specimen, of the chosen class or, for a repetition, of the class it had."""
         if self.course is not None:
-            self.course.verdict = ""
+            self.course.verdicts = {}
             self.chosen_class, self.seed, self._target_length = self.course.specimen()
             self._task, self._feedback = self.course.ahead(), self.course.metadata()["feedback"]
         self.cut = PlayedCut(

@@ -328,6 +328,10 @@ class RigPlant:
         """Last reported angle of the blade, or the angle set by hand [rad]."""
         return self._angle_now()
 
+    def strongest_since(self, moment: float) -> float | None:
+        """Return the force along the cut that was farthest from zero since ``moment`` [s], in N; None without any."""
+        return self._grid.strongest_since(moment)
+
     def _note_timing(self) -> None:
         now = self.clock.now()
         if self._commanded is not None and self._grid.ticks:

@@ -58,6 +58,11 @@ class ReadingGrid:
         """Keep a sample of an axis."""
         self._motions[axis].append(sample)
 
+    def strongest_since(self, moment: float) -> float | None:
+        """Return the force along the cut that was farthest from zero since ``moment`` [s], in N; None without any."""
+        along = [self._sign * sample.force[self._cut_axis] for sample in newest_since(self._forces, moment)]
+        return max(along, key=abs, default=None)
+
     def collect(self, ticks: int) -> StructArray:
         """Return the next ``ticks`` readings: the newest force at each, the motion interpolated between samples."""
         readings = np.zeros(ticks, READING)

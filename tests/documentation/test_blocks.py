@@ -18,7 +18,10 @@ ROOT = Path(__file__).parents[2]
 PROGRAM = ROOT / "scripts" / "update_docs.py"
 RECORDS = (ROOT / "docs" / "reference" / "files" / "records.md").read_text(encoding="utf-8")
 
-CHEAP = ("parameters", "benchmark", "results", "errata", "metrics", "weights", "ends", "tissue-file", "rig-file")
+CHEAP = (
+    "parameters", "benchmark", "results", "errata", "metrics", "weights", "ends", "tissue-file", "rig-file",
+    "class-attacks",
+)  # fmt: skip
 """Blocks that are printed from what is in the repository, in a second."""
 
 

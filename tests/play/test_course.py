@@ -9,8 +9,18 @@ import pytest
 from played import DATE, TARGET, run
 
 from cutenv import cli
-from cutenv.play.course import FEEDBACK, SHIPPED_COURSES, Course, CourseTask, named_course, read_course, shown_feedback
+from cutenv.play.course import (
+    FEEDBACK,
+    MARKED_METRICS,
+    SHIPPED_COURSES,
+    Course,
+    CourseTask,
+    named_course,
+    read_course,
+    shown_feedback,
+)
 from cutenv.play.course_progress import GIVEN_UP, CourseProgress
+from cutenv.play.course_words import COURSE_WORDS
 from cutenv.play.devices import simple_hand
 from cutenv.play.play_session import Session
 from cutenv.recording import load_one
@@ -152,6 +162,24 @@ def test_a_miss_breaks_the_row_and_a_cut_that_was_given_up_is_one(tmp_path: Path
         free.add(card, end)
     assert free.verdict == "Not counted: the cut was given up."
     assert "1 of 2 so far" in free.ahead()
+
+
+def test_a_course_speaks_german_too_and_has_a_word_for_every_metric(tmp_path: Path) -> None:
+    given = course(task(mark={"overall_score": 101.0, "tip_error_mm": 2.5}, repetitions=2, feedback="afterwards"))
+    progress = CourseProgress(given, "P07")
+    assert progress.ahead("de") == (
+        "Aufgabe 1 von 1, one: Punkte mindestens 101 und Abstand der Spitze vom Ziel höchstens 2,5 mm, 2 Schnitte "
+        "hintereinander, bisher 0 von 2. Kraft: nach dem Schnitt gezeigt."
+    )
+    played = cut(CourseProgress(course(task()), "P07"))
+    assert played.card is not None
+    progress.add(played.card, "finished")
+    assert progress.verdicts["de"].startswith("Vorgabe verfehlt: Punkte mindestens 101: hier ")
+    assert {each.name for each in MARKED_METRICS.values()} <= set(COURSE_WORDS["de"])
+    english = COURSE_WORDS["en"]
+    assert set(english) <= set(COURSE_WORDS["de"])
+    for key, words in COURSE_WORDS["de"].items():
+        assert words.count("{") == english.get(key, "").count("{"), key
 
 
 def test_a_damaged_record_is_named_and_does_not_count(tmp_path: Path) -> None:

@@ -24,7 +24,7 @@
   async function prepare() {
     if (told.served) {
       page.handedOut = await ask("POST", "cuts");
-      byId("course").textContent = page.handedOut.ahead ?? page.handedOut.error;
+      sayCourse();
       page.done = !page.handedOut.cut;
       if (page.done) { show(); return; }
     }
@@ -35,6 +35,17 @@
     stylus.angle = upright;
     stylus.pointer = null;
     show();
+  }
+
+  // What comes next in the course, and what the last cut reached, in the language of the moment.
+  function sayCourse() {
+    const language = document.documentElement.lang, { handedOut, kept } = page;
+    byId("course").textContent = handedOut?.error ?? handedOut?.ahead?.[language] ?? "";
+    byId("ahead-words").textContent = kept?.ahead?.[language] ?? "";
+    if (!kept) return;
+    const saved = kept.score === null ? texts.saved_no_score : say(texts.saved, { score: fixed(kept.score, 0) });
+    const passed = kept.passed === null ? "" : say(kept.passed ? texts.passed : texts.not_passed, { mark: kept.pass_mark });
+    byId("kept").textContent = [saved, passed, kept.verdict[language]].filter(Boolean).join(" ");
   }
 
   async function start() {
@@ -99,6 +110,7 @@
   // Send the movements of the hand; the server repeats the cut, and keeps it if its law finds these readings.
   async function keep() {
     const { cut, handedOut } = page, movements = new Float64Array(cut.inputs.flat());
+    page.kept = null;
     if (cut.count < FEWEST) { byId("kept").textContent = ""; return; }
     page.busy = true;
     show();
@@ -113,10 +125,8 @@
       again.addEventListener("click", keep);
       if (said.status === 0 || said.status >= 500) byId("kept").append(" ", again);
     } else {
-      const told = said.score === null ? texts.saved_no_score : say(texts.saved, { score: fixed(said.score, 0) });
-      const verdict = said.passed === null ? "" : say(said.passed ? texts.passed : texts.not_passed, { mark: said.pass_mark });
-      byId("kept").textContent = [told, verdict, said.verdict].filter(Boolean).join(" ");
-      byId("ahead-words").textContent = said.ahead;
+      page.kept = said;
+      sayCourse();
       showPoints(said.points);
     }
     await tellHistory();
@@ -359,7 +369,7 @@
     for (const each of document.querySelectorAll("[data-text]")) each.textContent = texts[each.dataset.text];
     for (const each of document.querySelectorAll("[data-label]")) each.setAttribute("aria-label", texts[each.dataset.label]);
     byId("language").value = language;
-    if (told.served) tellHistory();
+    if (told.served) { tellHistory(); sayCourse(); }
     if (page.cut) show();
     if (told.served) return;
     byId("operator").title = texts.bad_operator;

@@ -11,6 +11,7 @@ import math
 import shlex
 import sys
 from collections.abc import Sequence
+from contextlib import nullcontext
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,6 +20,7 @@ from cutenv.commands.options import (
     RIG,
     add_specimen_class,
     add_target_length,
+    add_watch,
     command_parser,
     reports_errors,
     target_length,
@@ -124,6 +126,7 @@ def _dry_run(arguments: argparse.Namespace) -> int:
 
 
 def _run(arguments: argparse.Namespace) -> int:
+    from cutenv.rig.operation.live_readings import published
     from cutenv.rig.safety.stop_causes import BY_PEOPLE
 
     policy, keywords = chosen_policy(arguments.policy)
@@ -134,19 +137,20 @@ def _run(arguments: argparse.Namespace) -> int:
     print("rehearsing on a fake rig ...", file=sys.stderr, flush=True)
     rehearse(env, policy, seed=arguments.seed)
     stopped = 0
-    try:
-        for number in range(arguments.cuts):
-            print(f"cut {number + 1} of {arguments.cuts} ...", file=sys.stderr, flush=True)
-            told = cut_and_report(env, policy, seed=arguments.seed, episode=number)
-            stopped += told["end"] == "stopped"
-            print(_line(number, told, env), flush=True)
-            if arguments.json is not None:
-                with arguments.json.open("a") as file:
-                    file.write(json.dumps(told) + "\n")
-            if told["stop"] is not None and told["stop"]["cause"] in BY_PEOPLE:
-                break
-    finally:
-        env.close()
+    with nullcontext() if arguments.watch is None else published(env.session.plant, arguments.watch):
+        try:
+            for number in range(arguments.cuts):
+                print(f"cut {number + 1} of {arguments.cuts} ...", file=sys.stderr, flush=True)
+                told = cut_and_report(env, policy, seed=arguments.seed, episode=number)
+                stopped += told["end"] == "stopped"
+                print(_line(number, told, env), flush=True)
+                if arguments.json is not None:
+                    with arguments.json.open("a") as file:
+                        file.write(json.dumps(told) + "\n")
+                if told["stop"] is not None and told["stop"]["cause"] in BY_PEOPLE:
+                    break
+        finally:
+            env.close()
     return _STOPPED if stopped else 0
 
 
@@ -231,6 +235,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--force-limit-N", type=float, metavar="N", help="limit of each axis of the force [N]")
     add("--speed-limit-cm-s", type=float, metavar="CM_S", help="limit of the blade's speed [cm/s]")
     add("--travel-limit-mm", type=float, metavar="MM", help="limit of the blade's travel from the clamp [mm]")
+    add_watch(parser, "publish force, position and stops on this machine, for 'cutenv serve FOLDER --watch'")
     add(
         "--dry-run", type=float, nargs="?", const=2.0, metavar="SECONDS",
         help="connect to nothing; print every frame that would command a drive in the first seconds (default 2)",

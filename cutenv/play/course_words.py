@@ -1,0 +1,82 @@
+"""Words about a course, in each language of the class's pages."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+COURSE_WORDS: Mapping[str, Mapping[str, str]] = {
+    "en": {
+        "done": "Course {course!r}: all {count} tasks are done.",
+        "ahead": "Task {number} of {count}, {name}: {demand}{so_far}. Force: {force}.",
+        "so far": ", {done} of {times} so far",
+        "one cut": "1 cut",
+        "cuts": "{times} cuts",
+        "in a row": "{limits}, {cuts} in a row",
+        "and": " and ",
+        "at least": "{name} {limit} or more",
+        "at most": "{name} {limit} or less",
+        "unknown": "{limit}: not known",
+        "here": "{limit}: here {value}",
+        "counts": "This cut counts.",
+        "counts not": "Not counted: the cut was given up.",
+        "reached": "Mark reached.",
+        "missed": "Mark missed.",
+        "missed by": "Mark missed: {misses}.",
+        "given up": "given up",
+        "always": "shown",
+        "above-limit": "shown where it costs",
+        "afterwards": "shown after the cut",
+        "never": "not shown",
+        "overall_score": "score",
+    },
+    "de": {
+        "done": "Kurs „{course}“: Alle {count} Aufgaben sind geschafft.",
+        "ahead": "Aufgabe {number} von {count}, {name}: {demand}{so_far}. Kraft: {force}.",
+        "so far": ", bisher {done} von {times}",
+        "one cut": "1 Schnitt",
+        "cuts": "{times} Schnitte",
+        "in a row": "{limits}, {cuts} hintereinander",
+        "and": " und ",
+        "at least": "{name} mindestens {limit}",
+        "at most": "{name} höchstens {limit}",
+        "unknown": "{limit}: nicht bekannt",
+        "here": "{limit}: hier {value}",
+        "counts": "Dieser Schnitt zählt.",
+        "counts not": "Zählt nicht: Der Schnitt wurde aufgegeben.",
+        "reached": "Vorgabe erreicht.",
+        "missed": "Vorgabe verfehlt.",
+        "missed by": "Vorgabe verfehlt: {misses}.",
+        "given up": "aufgegeben",
+        "always": "gezeigt",
+        "above-limit": "gezeigt, wo sie kostet",
+        "afterwards": "nach dem Schnitt gezeigt",
+        "never": "nicht gezeigt",
+        "overall_score": "Punkte",
+        "peak_force_per_depth": "größte Kraft je Tiefe",
+        "mean_force_per_depth": "mittlere Kraft je Tiefe",
+        "rms_force_per_depth": "quadratisches Mittel der Kraft je Tiefe",
+        "peak_force": "größte Kraft",
+        "force_time_integral": "Zeitintegral der Kraft",
+        "force_variation": "Schwankung der Kraft",
+        "force_drops": "plötzliche Abfälle der Kraft",
+        "mean_force_drop": "mittlerer Abfall der Kraft",
+        "force_rate": "Anstieg der Kraft",
+        "force_jerk": "Ruck der Kraft",
+        "duration": "Dauer",
+        "idle_time": "Zeit ohne Bewegung",
+        "reversals": "Richtungswechsel",
+        "tip_error": "Abstand der Spitze vom Ziel",
+        "overshoot": "Schnitt über das Ziel hinaus",
+        "wedge": "Keil",
+        "uncontrolled_share": "Anteil der plötzlichen Sprünge",
+        "largest_jump": "längster plötzlicher Sprung",
+        "mean_lag": "mittlerer Rückstand der Spitze",
+        "work_over_fracture": "Arbeit je Brucharbeit",
+    },
+}
+"""Sentences, rules of feedback and names of metrics; a metric without a word is called as in the table of metrics."""
+
+
+def course_words(language: str, key: str, **values: object) -> str:
+    """Return a sentence or a name of :data:`COURSE_WORDS`, filled with values."""
+    return COURSE_WORDS[language].get(key, key.replace("_", " ")).format(**values)
