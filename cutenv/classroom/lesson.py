@@ -11,6 +11,7 @@ import tempfile
 import threading
 import zipfile
 import zlib
+from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -225,9 +226,9 @@ class Lesson:
         for cut in self.store.cuts():
             path = self.folder / cut.code / f"{_record_name(cut)}.csv"
             if cut.state == GOING_ON and path.is_file():
-                trace = load_one(path)
-                card = score(trace, target_length=float(trace.metadata["target_length_m"]), reference=self._reference)
-                self._note_saved(cut, card, str(trace.metadata["end"]))
+                with suppress(KeyError, ValueError):  # somebody has damaged it: the cut is unfinished
+                    trace, card = self._scored(path)
+                    self._note_saved(cut, card, str(trace.metadata["end"]))
         return self.store.close_unfinished()
 
     def _repeated(self, handed_out: HandedOutCut, movements: bytes, digest: str) -> tuple[HandCut, Any]:
@@ -250,7 +251,10 @@ class Lesson:
 
     def scored(self, cut: HandedOutCut) -> tuple[Trace, ScoreCard]:
         """Return the record of a saved cut and its score card; LookupError if it was not saved."""
-        trace = load_one(self._path(cut))
+        return self._scored(self._path(cut))
+
+    def _scored(self, path: Path) -> tuple[Trace, ScoreCard]:
+        trace = load_one(path)
         target = trace.metadata.get("target_length_m")  # a record of another program may have none
         return trace, score(trace, target_length=target, reference=fitting_reference(self._reference, trace))
 

@@ -22,9 +22,9 @@ pytest.importorskip("httpx2", reason="asks the server in its tests: pip install 
 import httpx2
 from class_attacks import ATTACKS
 from class_load import Served
+from class_room import Room, cut_once, hand
 from malformed_messages import malformed_message
 from sqlalchemy import event
-from test_class_server import Room, cut_once, hand
 
 from cutenv.browser import HandCut
 from cutenv.classroom import ClassStore, class_store, lesson

@@ -17,7 +17,10 @@ pytest.importorskip("starlette", reason="the server is an extra: pip install 'cu
 pytest.importorskip("httpx2", reason="asks the server in its tests: pip install 'cutenv[dev]'")
 
 import httpx2
+from starlette.testclient import TestClient
 
+from cutenv.classroom import ClassStore, Lesson
+from cutenv.classroom.class_server import class_app
 from cutenv.classroom.desktop_shortcut import write_shortcut
 from cutenv.cli import main
 
@@ -52,6 +55,19 @@ def test_a_batch_file_quotes_every_argument_on_windows(tmp_path: Path) -> None:
 def test_what_no_shortcut_can_hold_is_named(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="no shortcut can hold"):
         write_shortcut(("a", "b\nExec=rm"), "class", place=tmp_path)
+
+
+@pytest.mark.parametrize(("ticket", "minute", "opens"), [("t", 60.0, True), ("x", 60.0, False), ("t", -1.0, False)])
+def test_the_address_of_a_double_click_holds_for_a_minute(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ticket: str, minute: float, opens: bool
+) -> None:
+    monkeypatch.setattr("cutenv.classroom.class_server._MINUTE", minute)
+    store = ClassStore(f"sqlite:///{tmp_path / 'class.db'}")
+    app = class_app(Lesson(store, tmp_path / "records"), "token", ticket="t")
+    answer = TestClient(app, base_url="http://class", follow_redirects=False).get(f"/teacher/open/{ticket}")
+    assert answer.headers["location"].endswith("teacher")
+    assert ("set-cookie" in answer.headers) is opens
+    store.close()
 
 
 def gio_launches(path: Path, folder: Path) -> None:

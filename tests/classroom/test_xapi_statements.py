@@ -20,9 +20,9 @@ pytest.importorskip(
 )
 
 import numpy as np
+from class_room import TOKEN, Room, cut_once, hand
 from ralph.models.xapi.base import statements as rules
 from starlette.testclient import TestClient
-from test_class_server import TOKEN, Room, cut_once, hand
 
 from cutenv.browser import HandCut
 from cutenv.classroom.class_server import class_app
