@@ -1,6 +1,6 @@
 """Measure how well C-arm images are corrected and beads followed, on rendered X-ray sessions; docs/validation/beads.md.
 
-python scripts/measure_bead_tracking.py                 all parts, one after the other: minutes of a processor
+python scripts/measure_bead_tracking.py                 all parts, one after the other: a quarter of an hour
 python scripts/measure_bead_tracking.py --part images   one part; each is kept in runs/bead_tracking as it is done
 python scripts/update_docs.py bead-tracking
 """
@@ -40,8 +40,6 @@ from cutenv.vision.fluoroscopy import CArmCalibration, deinterlaced
 from cutenv.vision.projection import project, triangulate
 from cutenv.vision.registration import clock_lag
 
-EVERY = 10
-"""Frames of the video for one that is used in the slow cut, of 2,100."""
 FOLDER = "runs/bead_tracking"
 """Folder where each part of the measurement is kept, relative to the repository."""
 
@@ -122,11 +120,10 @@ def followed(
     rest: Array,
     covariance: Array,
     *,
-    every: int = 1,
     fields: bool = False,
 ) -> Followed:
     """Track the beads of a whole cut, and compare with the truth."""
-    rate = calibration.frame_rate / every
+    rate = calibration.frame_rate
     time = np.arange(0.5, session.cut.time[-1] - 0.1, 1.0 / rate)
     frames = session.frames(time, first="bottom" if fields else None)
     if fields:
@@ -263,8 +260,7 @@ def rest_part() -> Part:
 def slow_part() -> Part:
     """Measure tracks of a cut at 0.1 cm/s."""
     session, calibration, rest, covariance = prepared()
-    result = followed(session, calibration, rest, covariance, every=EVERY)
-    return report(result, f"cut at 0.1 cm/s, {30 / EVERY:.0f} frames a second", 0.0)
+    return report(followed(session, calibration, rest, covariance), "cut at 0.1 cm/s", 0.0)
 
 
 def fast_part() -> Part:
