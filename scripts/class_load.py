@@ -190,8 +190,8 @@ def nonsense(folder: Path, count: int) -> dict[str, Any]:
         number = person.post("cuts").json()["id"]
         for sent in range(count):
             if sent % 5 == 0:
-                answer = send_bytes(served.address, malformed_bytes(random))
-                answers[f"{answer[9:10].decode()}xx" if answer.startswith(b"HTTP/1.1 ") else "hung up"] += 1
+                reply = send_bytes(served.address, malformed_bytes(random))
+                answers[f"{reply[9:10].decode()}xx" if reply.startswith(b"HTTP/1.1 ") else "hung up"] += 1
             else:
                 message = malformed_message(random, (code, number))._asdict()
                 client = (person, teacher, nobody)[sent % 3]
