@@ -5,6 +5,7 @@ const BLADE = { length: 0.0425, chord: 0.007, thickness: 0.002, belly: 0.006 };
 const OPENED = { widest: 0.0025, perLength: 0.05 }; // half the gap of the cut drawn open: illustration
 const DARKEST = 0.012; // m of displacement
 const FINER = 3; // cells drawn for one element, each way
+const OVERLAP = 1; // px, so that nothing shines through between cells
 const SHADES = 64; // of displaced tissue: cells of one shade are drawn at once
 const CHART = { low: -1, high: 6, step: 2 }; // N
 
@@ -130,7 +131,7 @@ class Drawing {
       const aside = this.halfGap(y, cut.tip) * (1 - Math.abs(x) / half) ** 2;
       return { point: this.above(x + dx + (side ? aside : -aside), y + dy), size: Math.hypot(dx, dy) };
     };
-    const cells = this.shades.map(() => []), mesh = [];
+    const cells = this.shades.map(() => []), mesh = [], grounds = [];
     for (let side = 0; side < sides; side++) {
       const rows = FINER * (across - 1), columns = FINER * (along - 1);
       const lattice = Array.from({ length: rows + 1 }, (_, i) =>
@@ -139,13 +140,18 @@ class Drawing {
         for (let j = 0; j < columns; j++) {
           const corners = [lattice[i][j], lattice[i + 1][j], lattice[i + 1][j + 1], lattice[i][j + 1]];
           const share = Math.min(corners.reduce((sum, corner) => sum + corner.size, 0) / 4 / DARKEST, 1);
-          cells[Math.round(share * (SHADES - 1))].push(corners.map(corner => corner.point));
+          cells[Math.round(share * (SHADES - 1))].push(corners.map(({ point: [x, y] }, k) =>
+            [x + (k > 1 ? OVERLAP : 0), y + (k === 1 || k === 2 ? OVERLAP : 0)]));
         }
       }
       for (let i = 0; i <= rows; i += FINER) mesh.push(lattice[i].map(each => each.point));
       for (let j = 0; j <= columns; j += FINER) mesh.push(lattice.map(row => row[j].point));
+      grounds.push([lattice[0], lattice.map(row => row[columns]), [...lattice[rows]].reverse(), lattice.map(row => row[0]).reverse()]
+        .flatMap(edge => edge.map(each => each.point)));
     }
-    cells.forEach((outlines, n) => { if (outlines.length) this.areas(outlines, this.shades[n], this.shades[n]); });
+    // Below the cells lies their commonest shade: edges of many cells, drawn at once, let a pixel here and there through.
+    this.areas(grounds, this.shades[cells.reduce((best, each, n) => each.length > cells[best].length ? n : best, 0)]);
+    cells.forEach((outlines, n) => { if (outlines.length) this.areas(outlines, this.shades[n]); });
     this.strokes(mesh, this.colour.mesh, 0.6);
     // The target is a mark on the tissue, so it moves with it.
     const marked = position => [0, 1].flatMap(side => Array.from({ length: FINER * (across - 1) + 1 }, (_, i) =>
