@@ -144,7 +144,9 @@ def by_keys(page: Browser, _x: float, _y: float) -> Callable[[int], None]:
 
 
 @pytest.mark.parametrize("device", [by_mouse, by_finger, by_keys])
-def test_a_whole_cut_is_finished_and_ends_with_a_card(page: Browser, device: Callable[..., Callable[[int], None]]) -> None:
+def test_a_whole_cut_is_finished_and_ends_with_a_card(
+    page: Browser, device: Callable[..., Callable[[int], None]]
+) -> None:
     page.value(f"void (cutenvPage.told.specimens[0] = {json.dumps(SHORT)})")
     page.value("void document.getElementById('specimen').dispatchEvent(new Event('change'))")
     lead = device(page, *start(page))
