@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 import time
 from collections.abc import Callable, Iterator
@@ -37,6 +36,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def page(browser: Browser, written: Path) -> Iterator[Browser]:
     browser.open(written, 1100)
+    wait(browser, "Boolean(window.cutenvPage?.page?.cut)")
     yield browser
     assert browser.errors() == []
     assert browser.complaints() == []
@@ -111,21 +111,38 @@ SHORT = specimen_data("liver", 0, 0, target_length=0.02)
 """A cut that a hand makes in some seconds."""
 
 
+def steps() -> Callable[[], float]:
+    """Steps of a hand that is as fast on a slow machine [px]."""
+    last = [time.monotonic()]
+
+    def step() -> float:
+        now = time.monotonic()
+        taken, last[0] = now - last[0], now
+        return min(max(60.0 * taken, 1.0), 15.0)
+
+    return step
+
+
 def by_mouse(page: Browser, x: float, y: float) -> Callable[[int], None]:
-    places = itertools.count()
-    at = [x]
+    at, step = [x], steps()
+    page.move_mouse(x, y)
 
     def lead(way: int) -> None:
-        if next(places) == 0:
-            page.move_mouse(x, y)
-        at[0] += 3 * way
+        at[0] += step() * way
         page.move_mouse(at[0], y)
 
     return lead
 
 
 def by_finger(page: Browser, x: float, y: float) -> Callable[[int], None]:
-    return lambda way: page.stroke([(x, y), (x + 3 * way, y)]) if way else None
+    step = steps()
+
+    def lead(way: int) -> None:
+        length = step()
+        if way:
+            page.stroke([(x, y), (x + length * way, y)])
+
+    return lead
 
 
 def by_keys(page: Browser, _x: float, _y: float) -> Callable[[int], None]:
