@@ -15,7 +15,7 @@ from cutenv.cutting.drive import Hand, Rig
 from cutenv.cutting.sensor import Sensor, SensorParameters
 from cutenv.envs.constants import Constants, Knowledge
 from cutenv.envs.gentle_cut import GentleCutEnv
-from cutenv.plant import Leg, SimulatedPlant, forward_backward
+from cutenv.plant import DescendingPlant, Leg, SimulatedPlant, forward_backward
 from cutenv.policy import (
     ConstantFeed,
     FastThenSlow,
@@ -31,7 +31,15 @@ from cutenv.policy import (
 )
 from cutenv.task.observation import in_units, to_action
 from cutenv.task.weights import Limits, RewardWeights
-from cutenv.tissue import CutModel, Specimen, TissueDescription, draw_liver, local_effective_modulus, measured_liver
+from cutenv.tissue import (
+    CutModel,
+    Layers,
+    Specimen,
+    TissueDescription,
+    draw_liver,
+    local_effective_modulus,
+    measured_liver,
+)
 
 NAN = math.nan
 DATA = (dict, tuple, str)
@@ -73,6 +81,8 @@ OUTSIDE: list[tuple[Callable[[], Any], str, str]] = [
     (lambda: MODEL.convert_modulus(NAN, MODEL, 0.05), "modulus", "nan Pa"),
     (lambda: MODEL.convert_modulus(48e3, MODEL, 5), "cut_length", "5 m"),
     (lambda: CutModel(poisson=0.5), "poisson", "0.5"),
+    (lambda: Layers(boundary=12), "boundary", "12 m"),
+    (lambda: DescendingPlant(SPECIMEN).advance(0.01, 1.5, 20, 5), "descent_speed", "5 m/s"),
     (lambda: CutModel(poisson=NAN), "poisson", "nan"),
     (lambda: CutModel(width=8), "width", "8 m"),
     (lambda: CutModel(length=15), "length", "15 m"),
