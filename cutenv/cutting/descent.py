@@ -36,7 +36,7 @@ from cutenv.tissue.slab import at_depth, cut_through_along
 from cutenv.tissue.specimen import Specimen
 
 LEAST_DEPTH = 5e-4
-"""Depth [m] to which the blade stays engaged, however far it is raised: a task ends before."""
+"""Depth [m] to which the blade stays engaged, however far it is raised."""
 _MOST_STEPS, _EXACT = 60, 1e-12  # of the search for the depth that is left, [m]
 
 
@@ -77,7 +77,7 @@ DESCENT: np.dtype[Any] = np.dtype(
             ("acceleration", "f8"),  # its limit [m/s2]
             ("engaged", "f8"),  # e: level down to which the tip is cut and the blade engaged [m]
             ("pressed", "f8"),  # energy in the bed [J]
-            ("vertical", "f8"),  # force of the tissue on the blade, upwards [N]
+            ("vertical", "f8"),  # force of the tissue on the blade, upwards [N]; its elastic part only while it moves
             ("drag", "f8"),  # force of slicing against the motion along the cut [N]
             ("opened", "f8"),  # area opened by deepening, beyond what advancing opens [m2]
             ("tip", "f8"),  # where the tip stood at the last update [m]

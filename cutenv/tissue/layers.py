@@ -49,7 +49,7 @@ class Layers:
 
 
 _AT_EDGE, _REACH = 0.6, 0.004
-"""Weight of the layer at the blade's lower end in what is below it, and reach [m] of the rest: fitted to bricks."""
+"""Weight of the layer at the blade's lower end in what is below it, and reach [m] of the rest: chosen by bricks."""
 
 
 @njit_inline

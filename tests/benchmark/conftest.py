@@ -23,7 +23,7 @@ Ratio = Callable[[Way, Way], float]
 
 @pytest.fixture
 def ratio(benchmark: Any) -> Ratio:
-    """How many times as much processor time the first way takes as the second; of each the fastest turn counts."""
+    """Return a function that divides the processor time of one way by that of another; the fastest turns count."""
 
     def measured(way: Way, other: Way) -> float:
         best = [np.inf, np.inf]

@@ -24,7 +24,7 @@ def test_every_promise_is_kept(part: str) -> None:
 @pytest.mark.parametrize(
     "layers", [Layers(boundary=0.006, deep_toughness=3.0), Layers(capsule_toughness=5.0, capsule_thickness=1e-3)]
 )
-def test_a_tougher_layer_costs_more_and_is_cut_less_deep(layers: Layers) -> None:
+def test_a_tougher_layer_costs_more(layers: Layers) -> None:
     specimen = Specimen.drawn(0, specimen_class="uniform")
     levels = np.full(TICKS, -0.002)
     soft, tough = (check_descent.led(specimen, 2.0 * FEED, levels, UPRIGHT, each) for each in (None, layers))
