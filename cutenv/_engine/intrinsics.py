@@ -94,6 +94,24 @@ def _fetch_ahead(context: Any, builder: Any, signature: Any, arguments: Any) -> 
     return context.get_dummy_value()
 
 
+def keep_alive(array: Any) -> None:
+    """Keep an array in memory until here: Numba frees one that a kernel has made after its last use.
+
+    A view without reference counting, such as that of :func:`cutenv._engine.lanes.first_row`, is no use of it.
+    A no-op in plain Python.
+    """
+
+
+@type_callable(keep_alive)
+def _type_of_kept(_: Any) -> Any:
+    return lambda array: numba.types.none
+
+
+@lower_builtin(keep_alive, numba.types.Array)
+def _kept(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    return context.get_dummy_value()
+
+
 def without_refcount(arrays: Arrays) -> Arrays:
     """Return a tuple of array views without reference counting; the caller must keep the arrays alive.
 

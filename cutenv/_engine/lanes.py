@@ -56,7 +56,11 @@ _rows: dict[Any, RowType] = {}
 
 
 def first_row(rows: Any) -> Any:
-    """Return the first record of an array of rows, so that kernels compile fast; its indices must not be negative."""
+    """Return the first record of an array of rows, so that kernels compile fast; its indices must not be negative.
+
+    It does not keep the array in memory: a kernel that made the array ends with
+    :func:`~cutenv._engine.intrinsics.keep_alive`.
+    """
     return rows[0]
 
 

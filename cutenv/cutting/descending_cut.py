@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cutenv._base.arrays import Array, Struct, StructArray
-from cutenv._engine.intrinsics import without_refcount
+from cutenv._engine.intrinsics import keep_alive, without_refcount
 from cutenv._engine.jit import njit, njit_inline, njit_nogil
 from cutenv._engine.lanes import first_row
 from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
@@ -80,6 +80,7 @@ def follow_levels(
         note(row, 0, readings[i], dt)
         vertical[i] = descents[0].vertical
     put(row, plain, 0, 0)
+    keep_alive(rows)
 
 
 @njit_inline
@@ -130,6 +131,7 @@ def hold_descending(
         note(row, 0, readings[i], TICK)
         vertical[i] = descent.vertical
     put(row, plain, 0, 0)
+    keep_alive(rows)
 
 
 @njit_nogil
@@ -182,3 +184,4 @@ def hold_some_descending(
             felt[begun + k, 0], felt[begun + k, 1] = row.felt[k], descents[begun + k].vertical
         mark_done(passed, core, taken)
         begun, end = next_chunk(passed, core, LANES)
+    keep_alive(rows)

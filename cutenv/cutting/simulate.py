@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cutenv._base.arrays import Struct, StructArray
-from cutenv._engine.intrinsics import without_refcount
+from cutenv._engine.intrinsics import keep_alive, without_refcount
 from cutenv._engine.jit import njit, njit_inline, njit_nogil
 from cutenv._engine.lanes import first_row
 from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
@@ -140,6 +140,7 @@ def follow(
         row.felt[0] = row.force[0]
         note(row, 0, readings[i], dt)
     put(row, plain, 0, 0)
+    keep_alive(rows)
 
 
 @njit_nogil
@@ -179,3 +180,4 @@ def hold_some(
             felt[begun + k] = row.felt[k]
         mark_done(passed, core, taken)
         begun, end = next_chunk(passed, core, LANES)
+    keep_alive(rows)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from cutenv._base.arrays import Struct, StructArray
+from cutenv._engine.intrinsics import keep_alive
 from cutenv._engine.jit import njit, njit_internal, njit_nogil
 from cutenv._engine.lanes import first_row
 from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
@@ -128,6 +129,8 @@ def roll_out_some(
                 break
         mark_done(passed, core, 1)
         group, none = next_chunk(passed, core, 1)
+    keep_alive(rows)
+    keep_alive(counts)
 
 
 @njit_internal

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cutenv._base.arrays import Struct, StructArray
-from cutenv._engine.intrinsics import as_float64_view, prefetch, without_refcount
+from cutenv._engine.intrinsics import as_float64_view, keep_alive, prefetch, without_refcount
 from cutenv._engine.jit import njit, njit_inline, njit_nogil
 from cutenv._engine.lanes import first_row
 from cutenv._engine.randomness import Integer
@@ -203,6 +203,8 @@ def step_some(
         )  # fmt: skip
         mark_done(passed, core, last - first)
         first, last = following
+    keep_alive(rows)
+    keep_alive(counts)
 
 
 @njit_inline
