@@ -17,6 +17,11 @@ gymnasium.register(
     entry_point="cutenv.envs.gentle_cut:GentleCutEnv",
     vector_entry_point="cutenv.envs.vector:GentleCutVectorEnv",
 )
+gymnasium.register(
+    id="cutenv/DepthCut-v1",
+    entry_point="cutenv.envs.depth_cut:DepthCutEnv",
+    vector_entry_point="cutenv.envs.depth_cut:DepthCutVectorEnv",
+)
 for _track in ("SafeCut", "GentleCutRaw"):
     gymnasium.register(
         id=f"cutenv/{_track}-v1",

@@ -7,14 +7,17 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from cutenv._engine.parallel import set_cores
+    from cutenv.envs.depth_cut import DepthCutEnv, DepthCutVectorEnv
     from cutenv.envs.gentle_cut import GentleCutEnv
     from cutenv.envs.rig_cut import RigCutEnv
     from cutenv.envs.vector import GentleCutVectorEnv
 
-__all__ = ["GentleCutEnv", "GentleCutVectorEnv", "RigCutEnv", "set_cores"]
+__all__ = ["DepthCutEnv", "DepthCutVectorEnv", "GentleCutEnv", "GentleCutVectorEnv", "RigCutEnv", "set_cores"]
 
 # Loaded when they are used: the simulator's environments need no module of the rig.
 _WHEN_USED = {
+    "DepthCutEnv": "cutenv.envs.depth_cut",
+    "DepthCutVectorEnv": "cutenv.envs.depth_cut",
     "GentleCutEnv": "cutenv.envs.gentle_cut",
     "GentleCutVectorEnv": "cutenv.envs.vector",
     "RigCutEnv": "cutenv.envs.rig_cut",

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
@@ -19,12 +19,13 @@ from cutenv._base.arrays import StructArray
 from cutenv._engine.parallel import MIN_CHUNK, parallel_for
 from cutenv._engine.randomness import check_key
 from cutenv.cutting.dtypes import READING
-from cutenv.envs.gentle_cut import GentleCutEnv, checked_episode, checked_length
+from cutenv.envs.gentle_cut import GentleCutEnv, checked_episode, checked_length, listed
 from cutenv.task.assessment import succeeded_all
 from cutenv.task.beginning import GIVEN, LIVER, LONGEST, MIXED, VASCULAR, begin_some
 from cutenv.task.cuts import Cuts, step_some
 from cutenv.task.info import INFO
-from cutenv.task.observation import COMPONENTS, all_within_reach
+from cutenv.task.observation import all_within_reach
+from cutenv.task.reward import ENDS
 from cutenv.tissue.description import measured_liver
 from cutenv.tissue.nominal import nominal_tissue
 from cutenv.tissue.sampling import sampler, tissue_modes
@@ -32,8 +33,10 @@ from cutenv.tissue.specimen import Specimen
 
 _SOURCES = {"liver": LIVER, "vascular": VASCULAR, "mixed": MIXED}
 _DRAWN = np.array(["liver", "vascular"], dtype=object)
-_NO_READINGS = np.zeros((0, 0), READING)
-_FEWEST_TICKS = 4000  # updates of all cuts, below which waking another thread costs more than it saves
+NO_READINGS = np.zeros((0, 0), READING)
+"""Given to a kernel that is to keep no readings."""
+FEWEST_TICKS = 4000
+"""Updates of all cuts, below which waking another thread costs more than it saves."""
 
 
 class CutBatch:
@@ -60,10 +63,13 @@ class CutBatch:
         True where a cut has begun.
     """
 
+    end_names: ClassVar[NDArray[Any]] = np.array(ENDS, dtype=object)
+    """Names of the ends by code."""
+
     def __init__(self, count: int, single: GentleCutEnv) -> None:
         self.single = single
         self.cuts = Cuts.empty(count)
-        self.observations = np.zeros((count, len(COMPONENTS)), np.float32)
+        self.observations = np.zeros((count, *(single.observation_space.shape or ())), np.float32)
         self.seeds, self.episodes = np.zeros(count, np.uint64), np.zeros(count, np.uint64)
         self.classes = np.full(count, None, dtype=object)
         self.begun = np.zeros(count, bool)
@@ -125,12 +131,16 @@ class CutBatch:
             GIVEN if given else _SOURCES[self.single.specimen_class], self.single.from_truth, target,
             self.single.start_before_target or 0.0, *self._drawn_by, self.observations, self._vascular,
         )  # fmt: skip
+        self._begin_rest(which, given)
         drawn = self._vascular[which]
         classes = self.classes.copy()  # callers keep the arrays they were given
         classes[which] = _DRAWN[drawn] if given is None else given
         classes.setflags(write=False)
         self.classes = classes
         self.episodes[which] += np.uint64(1)
+
+    def _begin_rest(self, which: NDArray[np.int64], given: str | None) -> None:
+        """Begin what a task has besides, for the cuts numbered ``which``; ``given``: class of a given specimen."""
 
     def decide(
         self,
@@ -168,28 +178,48 @@ class CutBatch:
         ValueError
             For actions of another shape, and for NaN.
         """
-        if not self._all_begun:
-            raise gymnasium.error.ResetNeeded("in some environments no cut is going on: call reset() before step().")
         count = len(self)
-        commands = np.array(actions, np.float64)
-        if commands.shape != (count, 2):
-            raise ValueError(f"actions have shape {commands.shape}; give ({count}, 2): speed and angle of each.")
         waiting = self._none_waits if waiting is None else waiting
-        bad = all_within_reach(commands, waiting, self.single.fixed_angle or math.nan)
-        if bad >= 0:
-            raise ValueError(
-                f"actions[{bad}] = {np.asarray(actions)[bad]} must hold 2 numbers in [-1, 1] (speed, angle), "
-                "and none may be NaN."
-            )
+        commands = self.checked_actions(actions, waiting)
         infos = np.empty(count, INFO) if infos is None else infos
         rewards, ends = np.empty(count), np.empty(count, np.int64)
         ticks = self.single.ticks
         parallel_for(
             step_some, count, self.cuts, ticks, self.single.from_truth, waiting, commands, self.observations, rewards,
-            ends, infos, _NO_READINGS if readings is None else readings,
-            fewest=max(MIN_CHUNK, _FEWEST_TICKS // ticks), meanwhile=meanwhile,
+            ends, infos, NO_READINGS if readings is None else readings,
+            fewest=max(MIN_CHUNK, FEWEST_TICKS // ticks), meanwhile=meanwhile,
         )  # fmt: skip
         return rewards, ends
+
+    def checked_actions(self, actions: ArrayLike, waiting: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """Return a copy of the actions, clipped to [-1, 1]; those of cuts that wait may be NaN.
+
+        Raises
+        ------
+        ResetNeeded
+            If some cuts were never begun.
+        ValueError
+            For actions of another shape, and for NaN.
+        """
+        if not self._all_begun:
+            raise gymnasium.error.ResetNeeded("in some environments no cut is going on: call reset() before step().")
+        commands = np.array(actions, np.float64)
+        names = self.single.action_names
+        if commands.shape != (len(self), len(names)):
+            raise ValueError(
+                f"actions have shape {commands.shape}; give ({len(self)}, {len(names)}): {listed(names)} of each."
+            )
+        bad = all_within_reach(commands, waiting, self.single.fixed_angle or math.nan)
+        if bad >= 0:
+            raise ValueError(
+                f"actions[{bad}] = {np.asarray(actions)[bad]} must hold {len(names)} numbers in [-1, 1] "
+                f"({', '.join(names)}), and none may be NaN."
+            )
+        return commands
+
+    def extra_terms(self) -> dict[str, NDArray[np.float64]]:
+        """Return the terms of the last step's reward that the infos do not hold, by name; each of shape (count,)."""
+        return {}
 
     def succeeded(self) -> NDArray[np.bool_]:
         """Return which cuts ended in success, shape (count,)."""

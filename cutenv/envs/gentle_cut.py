@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import inspect
 import math
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
@@ -168,6 +169,12 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 50}  # noqa: RUF012  as in Env
+    action_names: ClassVar[tuple[str, ...]] = ("speed", "angle")
+    """Names of the numbers of an action."""
+    component_count: ClassVar[int] = len(COMPONENTS)
+    """Number of components of an observation."""
+    other_keywords: ClassVar[tuple[str, ...]] = ()
+    """Keywords of a task that is made of this one."""
 
     def __init__(
         self,
@@ -201,8 +208,8 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.check_start(SHORTEST if self.target_length is None else self.target_length)
         self.render_mode = render_mode
         self.metadata = {**self.metadata, "render_fps": control_hz}
-        self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
-        self.observation_space = spaces.Box(-CLIP, CLIP, (len(COMPONENTS),), np.float32)
+        self.action_space = spaces.Box(-1.0, 1.0, (len(self.action_names),), np.float32)
+        self.observation_space = spaces.Box(-CLIP, CLIP, (self.component_count,), np.float32)
 
         self.specimen_class = specimen_class
         self.tissue = TissueSource(tissue)
@@ -210,7 +217,9 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.fixed_angle = math.radians(fixed_angle_deg) if angle_mode == "fixed" else None
         self.from_truth = reward_from == "truth"
         measured = {} if rig is None else identified_constants(rig, drive=drive)
-        self.constants = Constants.from_keywords({**measured, **constants}, drive=drive, others=_ARGUMENTS)
+        self.constants = Constants.from_keywords(
+            {**measured, **constants}, drive=drive, others=[*ARGUMENTS, *self.other_keywords]
+        )
         self._check_dead_time()
         self._seed: int | None = None
         self._episode = 0
@@ -297,7 +306,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             angle=self.start_angle,
             depth=depth,
         )
-        self.cutting = SimulatedCutting(
+        self.cutting = self.new_cutting(
             self.plant,
             tissue,
             constants.weights,
@@ -308,7 +317,12 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             target_length=length,
             deadline=self.deadline,
             ticks=self.ticks,
+            key=(seed, episode),
         )
+
+    def new_cutting(self, *arguments: Any, key: tuple[int, int], **keywords: Any) -> SimulatedCutting:
+        """Return a new cut of this task with the arguments of its class; ``key`` is seed and episode."""
+        return SimulatedCutting(*arguments, **keywords)
 
     @property
     def start_angle(self) -> float:
@@ -319,9 +333,12 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """Command target speed and angle until the next decision; see the class for everything else."""
         if self._ended:
             raise gymnasium.error.ResetNeeded("no cut is going on: call reset() before step().")
-        command = np.array(action, np.float64)
-        if command.shape != (2,) or not within_reach(command, self.fixed_angle or math.nan):
-            raise ValueError(f"action = {action!r} must hold 2 numbers in [-1, 1] (speed, angle), and none may be NaN.")
+        command, names = np.array(action, np.float64), self.action_names
+        if command.shape != (len(names),) or not within_reach(command, self.fixed_angle or math.nan):
+            raise ValueError(
+                f"action = {action!r} must hold {len(names)} numbers in [-1, 1] ({', '.join(names)}), "
+                "and none may be NaN."
+            )
         cutting = self.cutting
         observation, reward = cutting.step(command)
         if self.render_mode is not None and cutting.readings is not None:
@@ -379,11 +396,12 @@ def check_rate(control_hz: float) -> None:
         raise ValueError(f"control_hz = {control_hz:g} does not divide {_UPDATES_HZ}. Take one of {rates}.")
 
 
-_ARGUMENTS = [
+ARGUMENTS = [
     name
     for name, argument in inspect.signature(GentleCutEnv.__init__).parameters.items()
     if argument.kind is inspect.Parameter.KEYWORD_ONLY
 ]
+"""Keywords of the environment that are no constants."""
 
 
 def checked_episode(episode: float) -> int:
@@ -399,3 +417,8 @@ def checked_length(length: float) -> float:
     return in_range(
         "target_length", length, 0.015, 0.130, "m", "Lengths are in metres: 80 mm is 0.08; a specimen is 0.15 m long."
     )
+
+
+def listed(names: Sequence[str]) -> str:
+    """Return names as a text: "speed and angle"."""
+    return " and ".join([*([", ".join(names[:-1])] if len(names) > 1 else []), names[-1]])

@@ -20,14 +20,12 @@ from cutenv.envs.gentle_cut import RESET_OPTIONS, GentleCutEnv
 from cutenv.task.beginning import begin_some
 from cutenv.task.cuts import Cuts, step_some, tell_of_all
 from cutenv.task.info import GROUPS, INFO, column
-from cutenv.task.reward import ENDS
 
 _NAMED = tuple(
     (group, "_" + group, [(field.name, "_" + field.name, column(field)) for field in fields])
     for group, fields in GROUPS.items()
 )
 """Layout of the info: groups with their masks, and within each, names, masks and columns."""
-_END_NAMES = np.array(ENDS, dtype=object)
 
 Flags = NDArray[np.bool_]
 Numbers = NDArray[np.float64]
@@ -61,6 +59,8 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
 
     single_class: ClassVar[type[GentleCutEnv]] = GentleCutEnv
     """Class of the single environment."""
+    batch_class: ClassVar[type[CutBatch]] = CutBatch
+    """Class of the batch of its cuts."""
     metadata: dict[str, Any] = {  # noqa: RUF012  as in VectorEnv
         "render_modes": [],
         "render_fps": 50,
@@ -100,7 +100,7 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space: spaces.Space[Any] = batch_space(self.single_action_space, self.num_envs)
 
-        self.batch = CutBatch(self.num_envs, self.single)
+        self.batch = self.batch_class(self.num_envs, self.single)
         """Batch of the cuts, for callers without need of an info; do not mix its steps with these."""
         self._ended = np.zeros(self.num_envs, bool)
         self._none_waits = np.zeros(self.num_envs, bool)
@@ -205,7 +205,7 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         return info
 
     def _add_ends(self, info: dict[str, Any], ended: Flags, ends: NDArray[np.int64]) -> None:
-        info["end"], info["_end"] = _where(ended, _END_NAMES[ends]), ended
+        info["end"], info["_end"] = _where(ended, self.batch.end_names[ends]), ended
         info["is_success"], info["_is_success"] = self.batch.succeeded() & ended, ended
 
     def _final(

@@ -123,14 +123,14 @@ def step_one(
     )  # fmt: skip
     row, count = first_row(c.rows), first_row(e.counts)
     plain, numbers = plain_views(c.rows, c.states, c.laws, c.drives), as_float64_view(e.infos)
-    _take(one, row, plain, count, action, 0, 0)
+    take_cut(one, row, plain, count, action, 0, 0)
     begin(row, plain, 1)
     for i in range(ticks):
         _advance(one, row, count, from_truth, readings, i)
         if count.end[0] != 0:
             break
     put(row, plain, 0, 0)
-    _conclude(one, 0, row, count, 0, from_truth, action[0], observations[0], e.infos[0])
+    conclude_cut(one, 0, row, count, 0, from_truth, action[0], observations[0], e.infos[0])
     return add_terms(numbers, e.totals), count.end[0]
 
 
@@ -236,7 +236,7 @@ def step_row(
         if waiting[n]:
             rewards[n], ends[n] = 0.0, 0
         else:
-            _take(cuts, row, plain, count, actions, taken, n)
+            take_cut(cuts, row, plain, count, actions, taken, n)
             taken += 1
     if taken > 0:
         begin(row, plain, taken)
@@ -250,7 +250,7 @@ def step_row(
                 c = row.cut[k]
                 row.going[k] = 0
                 put(row, plain, k, c)
-                _conclude(cuts, c, row, count, k, from_truth, actions[c], observations[c], infos[c])
+                conclude_cut(cuts, c, row, count, k, from_truth, actions[c], observations[c], infos[c])
                 rewards[c], ends[c] = reward_of(fetched[-1], c), count.end[k]
 
 
@@ -264,7 +264,9 @@ def flat_views(cuts: Cuts, plain: Plain, infos: StructArray) -> tuple[StructArra
 
 
 @njit_inline
-def _take(cuts: Cuts, row: Struct, plain: Plain, count: Struct, actions: StructArray, k: Integer, n: Integer) -> None:
+def take_cut(
+    cuts: Cuts, row: Struct, plain: Plain, count: Struct, actions: StructArray, k: Integer, n: Integer
+) -> None:
     """Load cut number ``n`` and its action into lane ``k``."""
     take(row, plain, cuts.profiles[n], cuts.drives[n], cuts.sensors[n], k, n)
     begin_count(count, k, cuts.tasks[n], cuts.progresses[n])
@@ -285,7 +287,7 @@ def _advance(cuts: Cuts, row: Struct, count: Struct, from_truth: bool, readings:
             over += 1 if row.going[k] == 1 and count.end[k] != 0 else 0
     else:
         for k in range(row.taken):
-            _count_as_seen(cuts, row, count, k, from_truth)
+            count_as_seen(cuts, row, count, k, from_truth)
             over += 1 if row.going[k] == 1 and count.end[k] != 0 else 0
     for k in range(row.taken if len(readings) > 0 else 0):
         if row.going[k] == 1:
@@ -294,7 +296,7 @@ def _advance(cuts: Cuts, row: Struct, count: Struct, from_truth: bool, readings:
 
 
 @njit_inline
-def _count_as_seen(cuts: Cuts, row: Struct, count: Struct, k: int, from_truth: bool) -> None:
+def count_as_seen(cuts: Cuts, row: Struct, count: Struct, k: int, from_truth: bool) -> None:
     """Count a millisecond of lane ``k`` as a rig sees it: the motor's position, and the tip estimated unless known."""
     c, felt, position, speed = row.cut[k], row.felt[k], row.blade[k], row.speed[k]
     if row.backlash[k] > 0.0:  # the encoder sits at the motor
@@ -308,7 +310,7 @@ def _count_as_seen(cuts: Cuts, row: Struct, count: Struct, k: int, from_truth: b
 
 
 @njit_inline
-def _conclude(
+def conclude_cut(
     cuts: Cuts,
     c: int,
     row: Struct,

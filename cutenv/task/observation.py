@@ -144,8 +144,8 @@ def speed_action(speed: T) -> T:
 
 @njit
 def within_reach(action: StructArray, fixed_angle: float) -> bool:
-    """Clip an action, shape (2,), to [-1, 1], or fix its angle [rad] (NaN: free); return False if it has a NaN."""
-    for k in range(2):
+    """Clip an action, shape (2,) or more, to [-1, 1], or fix its angle [rad] (NaN: free); return False for NaN."""
+    for k in range(len(action)):
         if math.isnan(action[k]):
             return False
         action[k] = min(max(action[k], -1.0), 1.0)
@@ -156,14 +156,15 @@ def within_reach(action: StructArray, fixed_angle: float) -> bool:
 
 @njit
 def all_within_reach(actions: StructArray, waiting: StructArray, fixed_angle: float) -> int:
-    """Clip actions, shape (n, 2), like :func:`within_reach`, not waiting ones; return the first with NaN, or -1."""
+    """Clip actions, shape (n, 2) or more, like :func:`within_reach`, not waiting ones; return the first NaN, or -1."""
     numbers = actions.reshape(-1)
     missing = 0
     for k in range(len(numbers)):  # separate loops, so that they become vector instructions
         missing += 1 if math.isnan(numbers[k]) else 0
     for n in range(len(actions) if missing > 0 else 0):
-        if not waiting[n] and (math.isnan(actions[n, 0]) or math.isnan(actions[n, 1])):
-            return n
+        for k in range(actions.shape[1]):
+            if not waiting[n] and math.isnan(actions[n, k]):
+                return n
     for k in range(len(numbers)):
         numbers[k] = min(max(numbers[k], -1.0), 1.0)
     if not math.isnan(fixed_angle):

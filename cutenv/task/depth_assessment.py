@@ -1,0 +1,145 @@
+"""Assessment of the depth of cut: a map of its floor, costs, the end in the layer below, and what is observed."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from cutenv._base.arrays import Struct, StructArray
+from cutenv._engine.fuse import expression, fuse
+from cutenv._engine.jit import njit_fused, njit_inline, njit_internal
+from cutenv._engine.randomness import VERTICAL_NOISE, normal_at
+from cutenv.cutting.law import depth_at
+from cutenv.task import depth_terms
+from cutenv.task.depth_terms import (
+    AHEAD,
+    DEPTH_COMPONENTS,
+    DEPTH_COSTS,
+    DEPTH_TOLERANCE,
+    LAYER_TOLERANCE,
+    OF_DEPTH,
+    OF_MAP,
+)
+from cutenv.task.observation import CLIP, COMPONENTS
+from cutenv.tissue.grid import N_POINTS, POINTS_PER_METRE, SPACING
+
+_FIRST = len(COMPONENTS)  # component of the observation that depth adds first
+_NORMALS = 4  # random numbers of a decision
+
+
+def _fused(name: str, parameters: tuple[str, ...], lines: list[str]) -> Any:
+    return njit_fused(fuse(name, list(parameters), lines, [depth_terms, __name__]))
+
+
+def _charge_lines() -> list[str]:
+    lines = []
+    for cost in DEPTH_COSTS:
+        now = f"0.0 - depth.weight_{cost.name} * {expression(cost.value, OF_MAP)}"
+        lines += [
+            f"before = depth.total_{cost.name}",
+            f"depth.total_{cost.name} = {now}",
+            f"depth.term_{cost.name} = depth.total_{cost.name} - before",
+        ]
+    return lines
+
+
+def _observe_lines() -> list[str]:
+    return [
+        f"observation[{_FIRST + number}] = min(max({expression(one.value, OF_DEPTH)} / {one.scale!r}, {-CLIP}), {CLIP})"
+        for number, one in enumerate(DEPTH_COMPONENTS)
+    ]
+
+
+_charge = _fused("_charge", ("depth", *OF_MAP), _charge_lines())
+_fill = _fused("_fill", (*OF_DEPTH, "observation"), _observe_lines())
+
+
+@njit_internal
+def survey(depth: Struct, descent: Struct, low: float) -> None:
+    """Bring the map up to date from position ``low`` [m] to the tip, as deep as the floor of the cut is there."""
+    for i in range(min(max(int(low * POINTS_PER_METRE) - 1, 0), depth.counts), descent.cell + 1):
+        now, before, wanted = descent.surface[i] - descent.floor[i], depth.counted[i], depth.wanted[i]
+        if now == before:
+            continue
+        depth.deep += SPACING * max(now - wanted, 0.0)
+        depth.uncut += SPACING * max(wanted - now, 0.0)
+        depth.layer += SPACING * max(now - descent.boundary, 0.0)
+        if before >= 0.0:
+            depth.deep -= SPACING * max(before - wanted, 0.0)
+            depth.uncut -= SPACING * max(wanted - before, 0.0)
+            depth.layer -= SPACING * max(before - descent.boundary, 0.0)
+        depth.deepest = max(depth.deepest, now - descent.boundary)
+        depth.counted[i] = now
+    depth.counts = max(depth.counts, descent.cell + 1)
+
+
+@njit_inline
+def begin_depth_step(depth: Struct, command: float, position: float) -> None:
+    """Prepare the sums of a step with a commanded speed downwards [m/s] of a blade at ``position`` [m]."""
+    depth.command, depth.reached = command, position
+    depth.vertical_sum, depth.vertical_max = 0.0, -math.inf
+
+
+@njit_inline
+def count_depth(depth: Struct, position: float, vertical: float) -> None:
+    """Count a millisecond: position of the edge's leading end [m], true vertical force [N]."""
+    depth.reached = min(depth.reached, position)
+    depth.vertical_sum += vertical
+    depth.vertical_max = max(depth.vertical_max, vertical)
+
+
+@njit_inline
+def charge_depth(depth: Struct, target: float) -> None:
+    """Charge the costs of a step, of which the map is up to date."""
+    _charge(depth, depth.deep, depth.uncut, depth.layer, depth.deepest, target)
+
+
+@njit_inline
+def as_deep_as_wanted(depth: Struct, target: float) -> bool:
+    """Return True if mean error of the depth and depth into the layer below are within the tolerances of a success."""
+    mean: float = (depth.deep + depth.uncut) / target
+    return mean <= DEPTH_TOLERANCE and depth.deepest <= LAYER_TOLERANCE
+
+
+@njit_internal
+def wanted_at(depth: Struct, measured: Struct, position: float) -> float:
+    """Return the wanted depth [m] at ``position`` [m] as it is shown; the specimen's own profile as it was measured."""
+    if depth.level_wanted == 1:
+        return depth_at(measured, position)
+    at = min(max(position, 0.0) * POINTS_PER_METRE, N_POINTS - 1.0)
+    i = min(int(at), N_POINTS - 2)
+    return depth.wanted[i] + (at - i) * (depth.wanted[i + 1] - depth.wanted[i])  # type: ignore[no-any-return]
+
+
+@njit_internal
+def observe_depth(
+    depth: Struct, descent: Struct, measured: Struct, sensor: Struct, tick: int, updates: int, position: float,
+    last_descent: float, observation: StructArray,
+) -> None:  # fmt: skip
+    """Fill the components of ``observation`` that depth adds; ``updates`` 0: at the start, force tared to zero.
+
+    The sensor's noise is drawn once for each decision.
+    """
+    now = mean = largest = 0.0
+    if updates > 0:
+        key, counter = (sensor.seed, sensor.episode), _NORMALS * tick
+        first = normal_at(key[0], key[1], VERTICAL_NOISE, counter)
+        second = normal_at(key[0], key[1], VERTICAL_NOISE, counter + 1)
+        third = normal_at(key[0], key[1], VERTICAL_NOISE, counter + 2)
+        now = rounded(depth, descent.vertical + depth.vertical_noise * first)
+        mean = depth.vertical_sum / updates + depth.vertical_noise * second / math.sqrt(updates)
+        largest = rounded(depth, depth.vertical_max + depth.vertical_noise * third)
+    _fill(
+        now, mean, largest, depth_at(measured, position) - descent.level, -descent.level_speed,
+        wanted_at(depth, measured, position), wanted_at(depth, measured, position + AHEAD[0]),
+        wanted_at(depth, measured, position + AHEAD[1]), wanted_at(depth, measured, position + AHEAD[2]),
+        last_descent, observation,
+    )  # fmt: skip
+
+
+@njit_inline
+def rounded(depth: Struct, force: float) -> float:
+    """Return a vertical force [N] rounded to the sensor's resolution."""
+    if depth.vertical_resolution == 0.0:
+        return force
+    return depth.vertical_resolution * math.floor(force / depth.vertical_resolution + 0.5)  # type: ignore[no-any-return]

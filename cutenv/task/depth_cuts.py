@@ -1,0 +1,368 @@
+"""Beginning and stepping cuts whose depth is an action: one compiled call for one cut, or for many on all cores."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from cutenv._base.arrays import Array, Struct, StructArray
+from cutenv._engine.intrinsics import as_float64_view, keep_alive, without_refcount
+from cutenv._engine.jit import njit, njit_inline, njit_internal, njit_nogil
+from cutenv._engine.lanes import first_row
+from cutenv._engine.randomness import Integer
+from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
+from cutenv.cutting.descending_cut import next_level
+from cutenv.cutting.descent import descending_row, renew
+from cutenv.cutting.dtypes import TICK
+from cutenv.cutting.row import LANES, ROW, begin, note, plain_views, put
+from cutenv.cutting.sensor import feel_row
+from cutenv.cutting.update import drive_row
+from cutenv.task.assessment import COUNT, add_terms, count_lane, reward_of, succeeded
+from cutenv.task.cuts import Cuts, conclude_cut, count_as_seen, take_cut
+from cutenv.task.depth_assessment import (
+    as_deep_as_wanted,
+    begin_depth_step,
+    charge_depth,
+    count_depth,
+    observe_depth,
+    survey,
+)
+from cutenv.task.depth_terms import DEPTH_TERMS, DESCENT_SCALE, LAYER
+from cutenv.task.observation import DEAD_ZONE
+from cutenv.task.reward import ENDS, SAFETY_ENDS
+from cutenv.task.wanted_depth import LEVEL, draw_layer, draw_wanted
+from cutenv.tissue.grid import N_POINTS, POINTS_PER_METRE
+from cutenv.tissue.slab import cut_through
+
+_SAFETY = ENDS.index("force_limit")  # whose charges an end in the layer below shares
+_SAFETY_CODES = max(ENDS.index(name) for name in SAFETY_ENDS)  # the ends for safety are the first ones
+
+
+@njit_internal
+def commanded_descent(action: float) -> float:
+    """Return the speed downwards [m/s] that a descent action, -1 to 1, commands: 0 in the dead zone, linear beyond."""
+    return DESCENT_SCALE * ((action - min(max(action, -DEAD_ZONE), DEAD_ZONE)) / (1.0 - DEAD_ZONE))
+
+
+@njit_internal
+def begin_depth(
+    profile: Struct,
+    measured: Struct,
+    along: Struct,
+    state: Struct,
+    task: Struct,
+    descent: Struct,
+    depth: Struct,
+    slab: Struct,
+    shared: tuple[float, float],
+    kinds: tuple[int, int],
+    key: tuple[Integer, Integer],
+) -> None:
+    """Begin one cut, whose records were begun as those of gentle cutting: wanted depth, layer, place of the blade.
+
+    ``shared`` are the fracture part of the resistance and the bed's stiffness over the modulus; ``kinds`` the kind of
+    wanted depth, and 1 if the layer below is drawn; ``key`` seed and episode.
+    """
+    for i in range(N_POINTS):
+        descent.surface[i] = descent.floor[i] = profile.depth[i]
+        descent.toughness[i] = shared[0] * along.fracture_resistance[i]
+    descent.modulus = cut_through(slab, along.modulus, descent.far, descent.near)
+    descent.bed = shared[1] * descent.modulus
+    depth.level_wanted = 1 if kinds[0] == LEVEL else 0
+    if kinds[0] == LEVEL:
+        for i in range(N_POINTS):
+            depth.wanted[i] = profile.depth[i]
+    else:
+        draw_wanted(key[0], key[1], kinds[0], task.target, depth.wanted)
+    if kinds[1] == 1:
+        draw_layer(key[0], key[1], depth.wanted, descent)
+    cell = int(state.tip * POINTS_PER_METRE + 0.5)
+    for i in range(cell + 1):  # what is already cut is as deep as wanted, by the measured surface
+        descent.floor[i] = 0.0 if kinds[0] == LEVEL else measured.depth[i] - depth.wanted[i]
+        depth.counted[i] = -1.0
+    for i in range(N_POINTS):
+        depth.counted[i] = -1.0
+    descent.cell = descent.under = cell
+    descent.tip = state.tip
+    descent.level = descent.engaged = descent.floor[cell]
+    descent.version = 0
+    for i in range(N_POINTS):
+        descent.belongs[i] = -1
+        renew(profile, descent, slab, i)
+    survey(depth, descent, 0.0)
+
+
+@njit
+def begin_depth_one(
+    cuts: StructArray, episodes: StructArray, descents: StructArray, depths: StructArray, slabs: StructArray,
+    shared: tuple[float, float], kinds: tuple[int, int], key: tuple[Integer, Integer],
+) -> None:  # fmt: skip
+    """Begin one cut: :func:`begin_depth` for records of shape (1,)."""
+    c, e = cuts[0], episodes[0]
+    begin_depth(
+        c.profiles[0], e.nominals[0], e.specimens[0], c.states[0], e.tasks[0], descents[0], depths[0], slabs[0],
+        shared, kinds, key,
+    )  # fmt: skip
+
+
+@njit
+def observe_depth_at_start(
+    cuts: StructArray, episodes: StructArray, descents: StructArray, depths: StructArray, observation: StructArray
+) -> None:
+    """Fill what depth adds to the observation of one cut at its start."""
+    c, e = cuts[0], episodes[0]
+    observe_depth(depths[0], descents[0], e.nominals[0], c.sensors[0], 0, 0, e.progresses[0].position, 0.0, observation)
+
+
+@njit_nogil
+def begin_depth_some(
+    passed: WorkQueue,
+    core: int,
+    cuts: Cuts,
+    descents: StructArray,
+    depths: StructArray,
+    start: tuple[StructArray, StructArray, StructArray],
+    shared: tuple[float, float],
+    kinds: tuple[int, int],
+    which: StructArray,
+    seeds: StructArray,
+    episodes: StructArray,
+    observations: StructArray,
+) -> None:
+    """Begin the depth of the cuts with indices ``which``, after :func:`cutenv.task.beginning.begin_some`.
+
+    ``start`` has the records that all share, each of shape (1,): vertical motion, depth, slab.  The others are those
+    of :func:`begin_depth` and :func:`cutenv.task.beginning.begin_some`.
+    """
+    k, end = next_chunk(passed, core, 1)
+    while k < end:
+        n = which[k]
+        descents[n], depths[n] = start[0][0], start[1][0]
+        begin_depth(
+            cuts.profiles[n], cuts.nominals[n], cuts.specimens[n], cuts.states[n], cuts.tasks[n], descents[n],
+            depths[n], start[2][0], shared, kinds, (seeds[n], episodes[n]),
+        )  # fmt: skip
+        observe_depth(
+            depths[n], descents[n], cuts.nominals[n], cuts.sensors[n], 0, 0, cuts.progresses[n].position, 0.0,
+            observations[n],
+        )  # fmt: skip
+        mark_done(passed, core, 1)
+        k, end = next_chunk(passed, core, 1)
+
+
+@njit
+def step_depth_one(
+    cuts: StructArray,
+    episodes: StructArray,
+    descents: StructArray,
+    depths: StructArray,
+    slabs: StructArray,
+    ticks: int,
+    action: StructArray,
+    observations: StructArray,
+    readings: StructArray,
+    vertical: StructArray,
+) -> tuple[float, int]:
+    """Step one cut by one decision; return its reward and end, see :func:`step_depth_some`.
+
+    Parameters
+    ----------
+    cuts, episodes : Records, shape (1,)
+        :data:`~cutenv.cutting.simulate.CUT` and :data:`~cutenv.task.cuts.EPISODE`, changed in place.
+    descents, depths, slabs : Records, shape (1,)
+        Vertical motion, depth (both changed), slab.
+    ticks : int
+        Milliseconds until the next decision.
+    action, observations, readings, vertical : array, shape (1, 3), (1, 22) float32, (1, ticks), (1, ticks)
+        Action within [-1, 1]; observation, readings and true vertical force [N]: filled.
+    """
+    c, e = cuts[0], episodes[0]
+    one = Cuts(
+        c.states, c.profiles, c.laws, c.drives, c.sensors, e.tasks, e.progresses, e.nominals, e.specimens, e.tips
+    )  # fmt: skip
+    row, count = first_row(c.rows), first_row(e.counts)
+    plain, numbers, levels = plain_views(c.rows, c.states, c.laws, c.drives), as_float64_view(e.infos), np.empty(1)
+    take_cut(one, row, plain, count, action, 0, 0)
+    begin_depth_step(depths[0], commanded_descent(action[0, 2]), c.states[0].tip)
+    begin(row, plain, 1)
+    for i in range(ticks):
+        _advance_depth(one, descents, depths, slabs, levels, row, count, readings, vertical, i)
+        if count.end[0] != 0:
+            break
+    put(row, plain, 0, 0)
+    end = _conclude_depth(one, descents, depths, 0, row, count, 0, action[0], observations[0], e.infos[0])
+    return add_terms(numbers, e.totals) + terms_of(depths[0]), end
+
+
+@njit_nogil
+def step_depth_some(
+    passed: WorkQueue,
+    core: int,
+    cuts: Cuts,
+    descents: StructArray,
+    depths: StructArray,
+    slabs: StructArray,
+    ticks: int,
+    waiting: StructArray,
+    actions: StructArray,
+    observations: StructArray,
+    rewards: StructArray,
+    ends: StructArray,
+    infos: StructArray,
+    readings: StructArray,
+    vertical: StructArray,
+) -> None:
+    """Step n cuts by one decision, assessed by hidden state; as :func:`cutenv.task.cuts.step_some`.
+
+    Parameters
+    ----------
+    passed, core : WorkQueue, int
+        Work queue and number of the thread, see :func:`cutenv._engine.parallel.parallel_for`.
+    cuts, descents, depths : Cuts, Records
+        The cuts, their vertical motions and depths, changed in place.
+    slabs : Records
+        The slab of them all, shape (1,).
+    ticks, waiting, rewards, ends, infos, readings
+        See :func:`cutenv.task.cuts.step_some`; ``ends`` are indices in :data:`cutenv.task.depth_terms.DEPTH_ENDS`.
+    actions, observations : array, shape (n, 3), (n, 22) float32
+        Actions within [-1, 1]; observations: filled.
+    vertical : array, shape (n, ticks) or (0, 0)
+        Filled with the true vertical force [N], unless it has no rows.
+    """
+    cuts = without_refcount(cuts)
+    waiting, actions, observations, rewards, ends, infos, readings, vertical, descents, depths, slabs = (
+        without_refcount(
+            (waiting, actions, observations, rewards, ends, infos, readings, vertical, descents, depths, slabs)
+        )
+    )
+    rows, counts, levels = np.zeros(1, ROW), np.zeros(1, COUNT), np.empty(len(depths))
+    row, count = first_row(rows), first_row(counts)
+    plain, numbers = plain_views(rows, cuts.states, cuts.laws, cuts.drives), as_float64_view(infos)
+    first, last = next_chunk(passed, core, LANES)
+    while first < last:
+        taken = 0
+        for n in range(first, last):
+            if waiting[n]:
+                rewards[n], ends[n] = 0.0, 0
+            else:
+                take_cut(cuts, row, plain, count, actions, taken, n)
+                begin_depth_step(depths[n], commanded_descent(actions[n, 2]), cuts.states[n].tip)
+                taken += 1
+        if taken > 0:
+            begin(row, plain, taken)
+        for i in range(ticks + 1 if taken > 0 else 0):
+            over = taken  # after the last millisecond, all of them
+            if i < ticks:
+                over = _advance_depth(cuts, descents, depths, slabs, levels, row, count, readings, vertical, i)
+            for k in range(taken if over > 0 else 0):
+                if row.going[k] == 1 and (i == ticks or count.end[k] != 0):
+                    c = row.cut[k]
+                    row.going[k] = 0
+                    put(row, plain, k, c)
+                    ends[c] = _conclude_depth(
+                        cuts, descents, depths, c, row, count, k, actions[c], observations[c], infos[c]
+                    )
+                    rewards[c] = reward_of(numbers, c) + terms_of(depths[c])
+        mark_done(passed, core, last - first)
+        first, last = next_chunk(passed, core, LANES)
+    keep_alive(rows)
+    keep_alive(counts)
+
+
+@njit_inline
+def terms_of(depth: Struct) -> float:
+    """Return the sum of the costs that depth adds to the reward of a step; at most 0 but for what is refunded."""
+    return depth.term_too_deep + depth.term_uncut + depth.term_layer_area + depth.term_layer_depth  # type: ignore[no-any-return]
+
+
+@njit_inline
+def _advance_depth(
+    cuts: Cuts,
+    descents: StructArray,
+    depths: StructArray,
+    slabs: StructArray,
+    levels: StructArray,
+    row: Struct,
+    count: Struct,
+    readings: StructArray,
+    vertical: StructArray,
+    i: int,
+) -> int:
+    """Advance and count millisecond ``i`` of a row; return how many of its cuts end with it."""
+    drive_row(row, TICK)
+    for k in range(row.taken):
+        c = row.cut[k]
+        if row.going[k] == 1:
+            levels[c] = next_level(descents[c], depths[c].command)
+    descending_row(row, cuts.profiles, descents, slabs, levels, TICK)
+    feel_row(row, cuts.sensors, i == 0)
+    over = 0
+    for k in range(row.taken):
+        c = row.cut[k]
+        if row.slack == 0:
+            count_lane(
+                count, k, row.blade[k], row.speed[k], row.force[k], row.felt[k], row.tip[k], row.jump[k], row.depth[k]
+            )
+        else:
+            count_as_seen(cuts, row, count, k, True)
+        if row.going[k] == 1:
+            over += 1 if count.end[k] != 0 else 0
+            count_depth(depths[c], min(row.blade[k] - row.creep[k], row.tip[k]), descents[c].vertical)
+            if len(readings) > 0:
+                note(row, k, readings[c, i], TICK)
+            if len(vertical) > 0:
+                vertical[c, i] = descents[c].vertical
+    return over
+
+
+@njit_internal
+def _conclude_depth(
+    cuts: Cuts,
+    descents: StructArray,
+    depths: StructArray,
+    c: int,
+    row: Struct,
+    count: Struct,
+    k: int,
+    action: StructArray,
+    observation: StructArray,
+    info: Struct,
+) -> int:
+    """Compute reward terms, observation and info for the step of cut number ``c``, in lane ``k``; return its end."""
+    descent, depth, task, progress = descents[c], depths[c], cuts.tasks[c], cuts.progresses[c]
+    survey(depth, descent, depth.reached - descent.edge_length)
+    charge_depth(depth, task.target)
+    # It is charged as an end at the limit of force is: for all that stopping could still have cost.
+    in_layer = depth.deepest > depth.layer_limit and (count.end[k] == 0 or count.end[k] > _SAFETY_CODES)
+    if in_layer:
+        count.end[k] = _SAFETY
+    conclude_cut(cuts, c, row, count, k, True, action, observation, info)
+    depth.success = 1 if succeeded(task, progress) and as_deep_as_wanted(depth, task.target) else 0
+    if depth.success == 0:
+        info.reward_terms_success = 0.0
+    progress.end = LAYER if in_layer else progress.end
+    info.energy_stored += descent.pressed
+    info.energy_residual -= descent.pressed
+    observe_depth(
+        depth, descent, cuts.nominals[c], cuts.sensors[c], cuts.states[c].tick, progress.updates, progress.position,
+        action[2], observation,
+    )  # fmt: skip
+    return progress.end  # type: ignore[no-any-return]
+
+
+def depth_charges(depths: StructArray, prefix: str = "term") -> dict[str, Any]:
+    """Return the costs of the depth of the last step, or with "total" since reset, by name; each of shape (n,)."""
+    return {name: depths[f"{prefix}_{name}"] for name in DEPTH_TERMS}
+
+
+def depth_errors(depths: StructArray, targets: Array) -> dict[str, Any]:
+    """Return the depth of n cuts in numbers, each of shape (n,): areas [mm2], depth into the layer, mean error [mm]."""
+    areas = [np.maximum(depths[name], 0.0) for name in ("deep", "uncut", "layer")]  # rounding may leave -1e-20
+    return {
+        "too_deep_mm2": 1e6 * areas[0],
+        "uncut_mm2": 1e6 * areas[1],
+        "layer_mm2": 1e6 * areas[2],
+        "layer_mm": 1e3 * np.maximum(depths["deepest"], 0.0),
+        "mean_error_mm": 1e3 * (areas[0] + areas[1]) / targets,
+    }

@@ -1,0 +1,132 @@
+"""One episode of cutting along a wanted depth on a simulated plant."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv._base.arrays import Array, StructArray
+from cutenv.cutting.descent import DescentParameters, descent_records
+from cutenv.plant.simulator import SimulatedPlant
+from cutenv.task.depth_cuts import (
+    begin_depth_one,
+    depth_charges,
+    depth_errors,
+    observe_depth_at_start,
+    step_depth_one,
+)
+from cutenv.task.depth_terms import ALL_COMPONENTS, DEPTH, DEPTH_ENDS, DepthConstants
+from cutenv.task.gentle_cutting import SimulatedCutting
+from cutenv.task.observation import COMPONENTS
+
+
+def depth_record(constants: DepthConstants) -> StructArray:
+    """Return the record of a cut's depth before it begins, :data:`~cutenv.task.depth_terms.DEPTH` of shape (1,)."""
+    record = np.zeros(1, DEPTH)
+    for name in DepthConstants.__dataclass_fields__:
+        record[name] = getattr(constants, name)
+    return record
+
+
+class DepthCutting(SimulatedCutting):
+    """An episode: cut gently to a target length, along a wanted depth, without opening the layer below.
+
+    Parameters
+    ----------
+    plant : SimulatedPlant
+        The tissue and blade to control; the blade stands at the clamp.
+    wanted : int
+        Kind of wanted depth, a value of :data:`~cutenv.task.wanted_depth.WANTED`.
+    layer : bool
+        Whether there is another layer below.
+    constants : DepthConstants
+        Weights and limits of the depth.
+    descent : DescentParameters
+        Constants of the vertical motion.
+    key : tuple of int
+        Seed and episode.
+    arguments, keywords
+        Those of :class:`~cutenv.task.gentle_cutting.SimulatedCutting`.
+    """
+
+    def __init__(
+        self,
+        plant: SimulatedPlant,
+        *arguments: Any,
+        wanted: int,
+        layer: bool,
+        constants: DepthConstants,
+        descent: DescentParameters,
+        key: tuple[int, int],
+        **keywords: Any,
+    ) -> None:
+        super().__init__(plant, *arguments, **keywords)
+        specimen = plant.specimen
+        self.slabs = specimen.tissue.slab()
+        self.descents = descent_records([specimen], None, descent)
+        self.depths = depth_record(constants)
+        self.vertical: Array = np.zeros((1, self.ticks))
+        """True vertical force on the blade since the last decision, upwards [N]."""
+        begin_depth_one(
+            plant.cuts, self.episode, self.descents, self.depths, self.slabs,
+            (1.0 - specimen.tissue.friction_share, descent.bedding), (wanted, int(layer)),
+            (np.uint64(key[0]), np.uint64(key[1])),
+        )  # fmt: skip
+
+    def step(self, action: NDArray[np.float64]) -> tuple[NDArray[np.float32], float]:
+        """Command an action (3 numbers in [-1, 1]) for one decision; return observation, shape (22,), and reward."""
+        self.last_action = action
+        observation = np.empty((1, len(ALL_COMPONENTS)), np.float32)
+        reward, self._end = step_depth_one(
+            self.plant.cuts, self.episode, self.descents, self.depths, self.slabs, self.ticks, action.reshape(1, 3),
+            observation, self._recorded, self.vertical,
+        )  # fmt: skip
+        self._felt = self._recorded[0]
+        return observation[0], reward
+
+    def rest(self, angle: float) -> NDArray[np.float32]:
+        """Return the observation at the start: the blade at rest, forces tared to zero."""
+        observation = np.empty(len(ALL_COMPONENTS), np.float32)
+        observation[: len(COMPONENTS)] = super().rest(angle)
+        observe_depth_at_start(self.plant.cuts, self.episode, self.descents, self.depths, observation)
+        return observation
+
+    @property
+    def end(self) -> str:
+        """Name of the reason why the episode ended, or an empty string."""
+        return DEPTH_ENDS[self._end]
+
+    @property
+    def success(self) -> bool:
+        """True if it is a success of gentle cutting, as deep as wanted, and the layer below is not opened."""
+        return bool(self.depths["success"][0])
+
+    @property
+    def depth_terms(self) -> dict[str, float]:
+        """The costs of the depth in the last step's reward."""
+        return {name: float(value[0]) for name, value in depth_charges(self.depths).items()}
+
+    @property
+    def reward_terms(self) -> dict[str, float]:
+        """The reward of the last step by term; costs are negative; the sum is the reward."""
+        return super().reward_terms | self.depth_terms
+
+    @property
+    def reward_totals(self) -> dict[str, float]:
+        """The reward since the start by term; the sum is the return."""
+        totals = {name: float(value[0]) for name, value in depth_charges(self.depths, "total").items()}
+        return super().reward_totals | totals
+
+    @property
+    def depth_errors(self) -> dict[str, float]:
+        """The depth of the cut in numbers: areas [mm2], depth into the layer below and mean error [mm]."""
+        found = depth_errors(self.depths, np.array([self.target_length]))
+        return {name: float(value[0]) for name, value in found.items()}
+
+    @property
+    def floor(self) -> Array:
+        """Depth of the cut below the surface at each point [m], shape (301,); 0 where nothing is cut."""
+        cut: Array = self.descents["surface"][0] - self.descents["floor"][0]
+        return cut

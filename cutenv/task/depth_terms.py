@@ -1,0 +1,213 @@
+"""Declarations that ``cutenv/DepthCut-v1`` adds to those of gentle cutting: observation, costs, end, constants."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cutenv._base.parameter import check_parameters, parameter
+from cutenv._engine.fuse import Formula
+from cutenv.task.observation import COMPONENTS, Component
+from cutenv.task.reward import ENDS, TERMS
+from cutenv.tissue.grid import N_POINTS
+
+DESCENT_SCALE = 0.010
+"""Speed downwards of descent action 1 [m/s]."""
+AHEAD = (0.005, 0.010, 0.020)
+"""Distances ahead of the blade at which the wanted depth is observed [m]."""
+DEPTH_TOLERANCE = 0.0015
+"""Mean error of the depth of cut up to which a cut is a success [m]."""
+LAYER_TOLERANCE = 0.0005
+"""Depth to which a success may open the layer below [m]."""
+_PER_DEPTH = 0.001  # [m], error of the depth that costs its weight once
+
+
+@dataclass(frozen=True, kw_only=True)
+class DepthCost:
+    """One cost of the depth: ``weight`` times a quantity of the whole cut, charged as it grows.
+
+    What shrinks is refunded.  The map of the cut has the depth of its floor at each point that the tip has passed; the
+    formulas are of sums over it.
+    """
+
+    name: str
+    title: str
+    text: str
+    weight: float
+    per: str
+    value: Formula
+    """The quantity, of :data:`OF_MAP`."""
+
+
+OF_MAP = ("deep", "uncut", "layer", "deepest", "target")
+"""Quantities of the map: areas cut too deep, left uncut and opened in the layer below [m2]; largest depth into that
+layer [m]; target length [m]."""
+
+DEPTH_COSTS = (
+    DepthCost(
+        name="too_deep",
+        title="cut too deep",
+        text="area below the wanted depth / (L x 1 mm)",
+        weight=0.1,
+        per="per mm too deep along the whole cut",
+        value=lambda deep, target: deep / (target * _PER_DEPTH),
+    ),
+    DepthCost(
+        name="uncut",
+        title="left uncut",
+        text="area above the wanted depth, behind the tip, / (L x 1 mm)",
+        weight=0.1,
+        per="per mm too shallow along the whole cut",
+        value=lambda uncut, target: uncut / (target * _PER_DEPTH),
+    ),
+    DepthCost(
+        name="layer_area",
+        title="layer opened",
+        text="area opened in the layer below / (L x 1 mm)",
+        weight=0.2,
+        per="per mm of the layer below opened along the whole cut",
+        value=lambda layer, target: layer / (target * _PER_DEPTH),
+    ),
+    DepthCost(
+        name="layer_depth",
+        title="depth into the layer",
+        text="largest depth into the layer below / 1 mm",
+        weight=0.05,
+        per="per mm of the deepest place in the layer below",
+        value=lambda deepest: deepest / _PER_DEPTH,
+    ),
+)
+"""Costs of the depth, in order; none is charged for a cut as deep as wanted."""
+DEPTH_TERMS = tuple(cost.name for cost in DEPTH_COSTS)
+"""Names of the costs of the depth."""
+ALL_TERMS = (*TERMS, *DEPTH_TERMS)
+"""Names of all terms of the reward of ``cutenv/DepthCut-v1``."""
+
+OF_DEPTH = (
+    "vertical", "vertical_mean", "vertical_max", "blade_depth", "descent_speed", "wanted", "wanted_near",
+    "wanted_further", "wanted_far", "last_descent",
+)  # fmt: skip
+"""Quantities that the components below are made of, in SI units."""
+
+DEPTH_COMPONENTS = (
+    Component(
+        name="vertical", meaning="vertical force now, upwards", unit="N", scale=5.0, value=lambda vertical: vertical
+    ),
+    Component(
+        name="vertical_mean",
+        meaning="its mean since the last decision",
+        unit="N",
+        scale=5.0,
+        value=lambda vertical_mean: vertical_mean,
+    ),
+    Component(
+        name="vertical_max",
+        meaning="its maximum since the last decision",
+        unit="N",
+        scale=5.0,
+        value=lambda vertical_max: vertical_max,
+    ),
+    Component(
+        name="blade_depth",
+        meaning="blade's lower end below the surface, as measured beforehand",
+        unit="m",
+        scale=0.02,
+        value=lambda blade_depth: blade_depth,
+    ),
+    Component(
+        name="descent_speed",
+        meaning="of the blade, downwards",
+        unit="m/s",
+        scale=DESCENT_SCALE,
+        value=lambda descent_speed: descent_speed,
+    ),
+    Component(name="wanted", meaning="wanted depth at the blade", unit="m", scale=0.02, value=lambda wanted: wanted),
+    Component(name="wanted_near", meaning="5 mm further", unit="m", scale=0.02, value=lambda wanted_near: wanted_near),
+    Component(
+        name="wanted_further",
+        meaning="10 mm further",
+        unit="m",
+        scale=0.02,
+        value=lambda wanted_further: wanted_further,
+    ),
+    Component(name="wanted_far", meaning="20 mm further", unit="m", scale=0.02, value=lambda wanted_far: wanted_far),
+    Component(
+        name="last_descent",
+        meaning="last action: descent",
+        unit="1",
+        scale=1.0,
+        value=lambda last_descent: last_descent,
+    ),
+)
+"""Components of the observation that follow the 12 of gentle cutting, in order."""
+ALL_COMPONENTS = (*COMPONENTS, *DEPTH_COMPONENTS)
+"""All components of the observation of ``cutenv/DepthCut-v1``."""
+
+LAYER = len(ENDS)
+"""Code of the end for safety that depth adds: the layer below was opened too deep."""
+DEPTH_ENDS = (*ENDS, "layer")
+"""Names of the ends by code; code 0: not ended."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DepthConstants:
+    """Constants of the depth: weights of its costs, limit of the layer, sensor of the vertical force."""
+
+    layer_limit: float = parameter(
+        0.003, unit="m", low=0.0001, high=0.03, provenance="choice",
+        source="depth into the layer below at which a cut ends for safety", sensitivity=(0.001, 0.005),
+    )  # fmt: skip
+    vertical_noise: float = parameter(
+        0.02, unit="N", low=0.0, high=10.0, provenance="assumed", source="as along the cut", sensitivity=(0.0, 0.1),
+    )  # fmt: skip
+    vertical_resolution: float = parameter(
+        0.05, unit="N", low=0.0, high=10.0, provenance="assumed", source="as along the cut", sensitivity=(0.0, 0.1),
+    )  # fmt: skip
+    weight_too_deep: float = parameter(
+        DEPTH_COSTS[0].weight, unit="1", low=0.0, high=100.0, provenance="choice", source=DEPTH_COSTS[0].per
+    )
+    weight_uncut: float = parameter(
+        DEPTH_COSTS[1].weight, unit="1", low=0.0, high=100.0, provenance="choice", source=DEPTH_COSTS[1].per
+    )
+    weight_layer_area: float = parameter(
+        DEPTH_COSTS[2].weight, unit="1", low=0.0, high=100.0, provenance="choice", source=DEPTH_COSTS[2].per
+    )
+    weight_layer_depth: float = parameter(
+        DEPTH_COSTS[3].weight, unit="1", low=0.0, high=100.0, provenance="choice", source=DEPTH_COSTS[3].per
+    )
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+
+
+DEPTH: np.dtype[Any] = np.dtype(
+    (
+        np.record,
+        [
+            *((name, "f8") for name in DepthConstants.__dataclass_fields__),
+            ("level_wanted", "i8"),  # 1: the wanted depth is the specimen's own profile, level 0 of the blade
+            ("wanted", "f8", (N_POINTS,)),  # depth below the surface [m]
+            ("counted", "f8", (N_POINTS,)),  # depth of the floor as it is in the sums below [m]; -1: not yet
+            ("deep", "f8"),  # sums over the map, see OF_MAP
+            ("uncut", "f8"),
+            ("layer", "f8"),
+            ("deepest", "f8"),
+            ("counts", "i8"),  # number of points in the map
+            ("command", "f8"),  # speed downwards of this step [m/s]
+            ("reached", "f8"),  # least position of the edge's leading end in this step [m]
+            ("vertical_sum", "f8"),  # of this step [N]
+            ("vertical_max", "f8"),
+            ("success", "i8"),
+            *((f"term_{name}", "f8") for name in DEPTH_TERMS),  # of this step
+            *((f"total_{name}", "f8") for name in DEPTH_TERMS),  # since reset
+        ],
+    )
+)
+"""Record of a cut's wanted depth and of the map by which its depth is assessed."""
+
+assert math.isclose(AHEAD[0], 0.005), "the texts above say 5, 10 and 20 mm"
+assert math.isclose(AHEAD[1], 0.010), "the texts above say 5, 10 and 20 mm"
+assert math.isclose(AHEAD[2], 0.020), "the texts above say 5, 10 and 20 mm"
