@@ -221,6 +221,10 @@ class CutBatch:
         """Return the terms of the last step's reward that the infos do not hold, by name; each of shape (count,)."""
         return {}
 
+    def further_scores(self) -> dict[str, NDArray[np.float64]]:
+        """Return scores that the task adds to those of gentle cutting, by name; each of shape (count,)."""
+        return {}
+
     def succeeded(self) -> NDArray[np.bool_]:
         """Return which cuts ended in success, shape (count,)."""
         success: NDArray[np.bool_] = succeeded_all(self.cuts.tasks, self.cuts.progresses)

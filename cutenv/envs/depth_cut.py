@@ -250,6 +250,10 @@ class DepthBatch(CutBatch):
         """Return the costs of the depth in the last step's reward, by name; each of shape (count,)."""
         return depth_charges(self.depths)
 
+    def further_scores(self) -> dict[str, NDArray[np.float64]]:
+        """Return the depth of each cut in numbers: areas [mm2], depth into the layer and mean error [mm]."""
+        return depth_errors(self.depths, self.cuts.tasks["target"])
+
     def succeeded(self) -> NDArray[np.bool_]:
         """Return which cuts ended in success, shape (count,)."""
         success: NDArray[np.bool_] = self.depths["success"] == 1

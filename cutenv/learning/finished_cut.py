@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -44,6 +44,8 @@ class FinishedCut:
         ``true_force`` is enough.
     depth, measured_depth, resistance : array, shape (301,)
         Depth [m], as measured beforehand [m], and fracture resistance [J/m2] of the specimen along the line.
+    further : mapping of str to float
+        Scores that the task adds.
     """
 
     seed: int
@@ -58,6 +60,7 @@ class FinishedCut:
     depth: np.ndarray
     measured_depth: np.ndarray
     resistance: np.ndarray
+    further: Mapping[str, float] = field(default_factory=dict)
 
     def scores(self) -> dict[str, Any]:
         """Return the scores that follow from the task and from the hidden state."""
@@ -80,6 +83,7 @@ class FinishedCut:
             "largest_jump_mm": 1e3 * self.largest_jump_m,
             "runs": int(truth["units"]),
             **{f"reward_{name}": value for name, value in self.reward_totals.items()},
+            **self.further,
         }
 
     def metrics(self) -> dict[str, float | str]:

@@ -1,0 +1,298 @@
+"""cutenv/DepthCut-v1: depth is an action, and no trick of the third axis pays."""
+
+from __future__ import annotations
+
+import math
+
+import gymnasium
+import numpy as np
+import pytest
+from declared_tables import simple_table
+from gymnasium.utils.env_checker import check_env
+
+import cutenv  # noqa: F401
+from cutenv.envs.depth_cut import DepthBatch, DepthCutEnv, to_depth_action
+from cutenv.envs.learned_tasks import task_of
+from cutenv.learning.evaluation import Contestant, evaluate
+from cutenv.policy.depth_planner import DepthPlanner
+from cutenv.policy.depth_scripts import DEPTH_SCRIPTS, FollowDepth, HoldDepth
+from cutenv.task.depth_terms import ALL_TERMS, DEPTH_COMPONENTS, DEPTH_COSTS, DEPTH_TERMS
+from cutenv.task.observation import COMPONENTS
+from cutenv.task.wanted_depth import DEEP, LEAST_BELOW, LEAST_CHANGE, MOST_BELOW, SHALLOW
+
+UPRIGHT = math.pi / 2
+SPECIMENS = range(7000, 7030)
+
+
+def cut(policy, seed, *, env=None, **keywords):
+    """Cut the first specimen of a seed; return the environment, the return and the last info."""
+    env = env or DepthCutEnv(**keywords)
+    observation, info = env.reset(seed=seed)
+    policy.reset(np.random.default_rng(seed))
+    total, ended = 0.0, False
+    while not ended:
+        observation, reward, ended, _, info = env.step(policy(observation))
+        total += reward
+    return env, total, info
+
+
+def returns(policy, seeds=SPECIMENS, **keywords):
+    """Return of a policy on the first specimen of each seed."""
+    rows = evaluate({"it": Contestant(policy)}, seeds, {"task": "depth", **keywords}, processes=1)
+    return np.array([row["return"] for row in rows])
+
+
+@pytest.fixture(scope="module")
+def honest():
+    """Returns of the script that follows the wanted depth."""
+    return returns(FollowDepth())
+
+
+def test_at_level_0_it_is_gentle_cut_to_the_last_bit():
+    gentle = gymnasium.make("cutenv/GentleCut-v1")
+    deep = gymnasium.make("cutenv/DepthCut-v1", wanted="profile")
+    rng = np.random.default_rng(0)
+    for episode in range(4):
+        seen, info = gentle.reset(seed=3 if episode == 0 else None)
+        shown, _ = deep.reset(seed=3 if episode == 0 else None)
+        ended = False
+        while not ended:
+            np.testing.assert_array_equal(shown[: len(COMPONENTS)], seen)
+            action = np.array([rng.uniform(-0.3, 1.0), rng.uniform(-1.0, 1.0)], np.float32)
+            seen, reward, ended, _, info = gentle.step(action)
+            shown, same, too, _, found = deep.step(np.append(action, np.float32(0.0)))
+            assert (same, too) == (reward, ended)
+            for group in ("truth", "energy", "cost_terms"):
+                assert {name: found[group][name] for name in info[group]} == info[group]
+        assert (found["end"], found["is_success"]) == (info["end"], info["is_success"])
+        assert set(found["depth"].values()) == {0.0}
+
+
+@pytest.mark.parametrize("wanted", ["mixed", "profile"])
+def test_a_batch_is_bit_for_bit_single_cuts(wanted):
+    many = gymnasium.make_vec("cutenv/DepthCut-v1", num_envs=3, wanted=wanted)
+    singles = [gymnasium.make("cutenv/DepthCut-v1", wanted=wanted) for _ in range(3)]
+    shown, _ = many.reset(seed=10)
+    for n, single in enumerate(singles):
+        np.testing.assert_array_equal(single.reset(seed=10 + n)[0], shown[n])
+    rng, waits, ends = np.random.default_rng(1), np.zeros(3, bool), 0
+    while ends < 6:
+        actions = rng.uniform(-1.0, 1.0, (3, 3)).astype(np.float32)
+        actions[:, 0] = np.abs(actions[:, 0])
+        shown, rewards, ended, _, infos = many.step(actions)
+        for n, single in enumerate(singles):
+            if waits[n]:
+                np.testing.assert_array_equal(single.reset()[0], shown[n])
+                waits[n] = False
+                continue
+            seen, reward, over, _, info = single.step(actions[n])
+            np.testing.assert_array_equal(seen, shown[n])
+            assert (reward, over) == (rewards[n], ended[n])
+            for group in ("truth", "energy", "reward_terms", "depth"):
+                for name, value in info[group].items():
+                    assert infos[group][name][n] == value, (group, name)
+            assert sum(info["reward_terms"].values()) == pytest.approx(reward, abs=1e-12)
+            assert abs(info["energy"]["residual"]) <= 1e-12 * max(info["energy"]["work"], 1e-3)
+            if over:
+                assert infos["end"][n] == info["end"]
+                waits[n], ends = True, ends + 1
+
+
+def test_gymnasium_accepts_it():
+    check_env(DepthCutEnv(), skip_render_check=True)
+
+
+def test_the_docstring_has_the_declared_tables():
+    doc = " ".join((DepthCutEnv.__doc__ or "").split())
+    first = len(COMPONENTS)
+    for number, one in enumerate(DEPTH_COMPONENTS):
+        row = f"{first + number} {one.name} {one.meaning} {one.unit} {round(one.scale, 4):g} 0"
+        assert row in doc
+    for cost in DEPTH_COSTS:
+        assert f"{cost.name} {cost.weight:g} {cost.text}" in doc
+    assert simple_table([("a",), ("b",)])  # the tables above are of its kind
+
+
+def test_return_is_the_sum_of_the_terms_since_reset():
+    env, total, info = cut(FollowDepth(), 5)
+    assert tuple(info["reward_terms"]) == ALL_TERMS
+    assert sum(env.cutting.reward_totals.values()) == pytest.approx(total, abs=1e-9)
+
+
+def test_the_map_is_the_floor_of_the_cut():
+    env, _, info = cut(FollowDepth(), 6)
+    descent = env.cutting.descents[0]
+    passed = slice(0, descent["cell"] + 1)
+    error = (env.cutting.floor - env.cutting.depths["wanted"][0])[passed]
+    assert info["depth"]["too_deep_mm2"] == pytest.approx(0.5e3 * np.maximum(error, 0.0).sum(), abs=1e-9)
+    assert info["depth"]["uncut_mm2"] == pytest.approx(0.5e3 * np.maximum(-error, 0.0).sum(), abs=1e-9)
+    beyond = np.maximum(env.cutting.floor - descent["boundary"], 0.0)[passed]
+    assert info["depth"]["layer_mm2"] == pytest.approx(0.5e3 * beyond.sum(), abs=1e-9)
+
+
+def test_wanted_depths_are_as_told():
+    for kind in ("constant", "ramp", "step"):
+        for seed in range(20):
+            env = DepthCutEnv(wanted=kind)
+            _, info = env.reset(seed=seed)
+            wanted = env.cutting.depths["wanted"][0]
+            assert SHALLOW - 1e-12 <= wanted.min()
+            assert wanted.max() <= DEEP + 1e-12
+            below = info["truth"]["layer_m"] - wanted.max()
+            assert LEAST_BELOW - 1e-12 <= below <= MOST_BELOW + 1e-12
+            change = np.ptp(wanted[: int(info["truth"]["target_length_m"] / 0.5e-3) + 1])
+            if kind == "constant":
+                assert change == 0.0
+            else:
+                assert change >= 0.9 * LEAST_CHANGE
+
+
+def test_the_layer_below_is_hidden_at_the_start():
+    shown = [DepthCutEnv(wanted="constant", layer=layer).reset(seed=8)[0] for layer in (True, False)]
+    np.testing.assert_array_equal(*shown)
+
+
+class _Always(FollowDepth):
+    """It follows, but for one trick."""
+
+    def __init__(self, trick):
+        super().__init__()
+        self._trick = trick
+
+    def start(self, count):
+        self._decided = 0
+
+    def act(self, observations):
+        actions = super().act(observations)
+        self._trick(self._decided, actions)
+        self._decided += 1
+        return actions
+
+
+def hover(_, actions):
+    actions[:, 2] = np.where(_ < 100, -1.0, 0.0)
+
+
+def dip(decided, actions):
+    actions[:, 2] = 1.0 if decided % 2 == 0 else -1.0
+
+
+def saw(decided, actions):
+    actions[:, 0] = 0.5 if decided % 20 < 12 else -0.5
+    actions[:, 2] += 0.1
+
+
+def lean(_, actions):
+    actions[:, 1], actions[:, 2] = -1.0, np.minimum(actions[:, 2], 0.0)
+
+
+def dip_at_the_end(decided, actions):
+    actions[:, 2] = np.where(actions[:, 0] > 0.0, np.minimum(actions[:, 2], 0.0), 1.0)
+
+
+@pytest.mark.parametrize("trick", [hover, dip, saw, lean, dip_at_the_end])
+def test_no_trick_of_the_third_axis_pays(trick, honest):
+    gained = returns(_Always(trick)) - honest
+    assert gained.mean() + 1.96 * gained.std() / math.sqrt(len(gained)) < 0.0
+
+
+def test_a_dip_between_decisions_is_not_forgotten():
+    """What is cut stays cut: the map does not depend on how often decisions are made."""
+    found = []
+    for hz in (1, 50):
+        env = DepthCutEnv(wanted="constant", control_hz=hz, layer=False)
+        env.reset(seed=4)
+        for descent, seconds in ((0.0, 3), (0.5, 1), (-0.5, 1)):
+            for _ in range(seconds * hz):
+                info = env.step(to_depth_action(0.005, UPRIGHT, descent * 0.01))[-1]
+        found.append(info["depth"])
+    for name, value in found[0].items():
+        assert value == pytest.approx(found[1][name], abs=1e-9)
+    assert found[0]["too_deep_mm2"] > 1.0
+
+
+def test_pressing_on_ends_in_the_layer_and_costs_more_than_stopping():
+    env = DepthCutEnv(wanted="constant", force_limit_per_depth=1e5)
+    env.reset(seed=2)
+    total, ended = 0.0, False
+    while not ended:
+        _, reward, ended, _, info = env.step(to_depth_action(0.006, UPRIGHT, 0.004))
+        total += reward
+    assert info["end"] == "layer"
+    assert not info["is_success"]
+    assert info["depth"]["layer_mm"] > 3.0
+    assert info["reward_terms"]["safety"] < -0.4
+    assert total < -0.1  # the return of doing nothing
+
+
+def test_success_asks_for_the_depth():
+    shallow = [cut(HoldDepth(), seed, wanted="step")[2] for seed in range(20)]
+    assert any(info["end"] == "finished" for info in shallow)
+    for info in shallow:
+        if info["is_success"]:
+            assert info["depth"]["mean_error_mm"] <= 1.5
+        assert info["is_success"] == (info["reward_terms"]["success"] > 0.0)
+
+
+def test_following_beats_holding_and_the_planner_beats_both(honest):
+    gained = honest - returns(HoldDepth())
+    assert gained.mean() - 1.96 * gained.std() / math.sqrt(len(gained)) > 0.0
+    seeds = list(SPECIMENS)[:10]
+    planned = returns(DepthPlanner(rounds=5), seeds)
+    assert planned.mean() > honest[: len(seeds)].mean()
+
+
+@pytest.mark.parametrize("name", DEPTH_SCRIPTS)
+def test_scripts_cut_alone_as_in_a_batch(name):
+    alone = [cut(DEPTH_SCRIPTS[name](), seed)[1] for seed in (1, 2)]
+    np.testing.assert_allclose(returns(DEPTH_SCRIPTS[name](), (1, 2), specimen_class="mixed"), alone, atol=1e-12)
+
+
+def test_rows_have_the_depth_in_numbers():
+    (row,) = evaluate({"it": Contestant(FollowDepth())}, [3], {"task": "depth"}, processes=1)
+    assert {"mean_error_mm", "too_deep_mm2", "layer_mm", *(f"reward_{name}" for name in DEPTH_TERMS)} <= set(row)
+
+
+def test_a_cut_that_is_begun_is_as_deep_as_wanted():
+    env = DepthCutEnv(start_before_target=0.02)
+    _, info = env.reset(seed=9)
+    begun = env.cutting.descents["cell"][0]
+    error = (env.cutting.floor - env.cutting.depths["wanted"][0])[: begun + 1]
+    assert begun > 50
+    assert np.abs(error).max() < 3e-3  # the surface was measured with an error of 0.5 mm
+    assert info["depth"]["mean_error_mm"] > 0.0
+
+
+@pytest.mark.parametrize(
+    ("keywords", "message"),
+    [
+        ({"wanted": "deep"}, "wanted"),
+        ({"layer": 3}, "layer"),
+        ({"drive": "hand"}, "drive = 'hand'.*only drive=\"rig\""),
+        ({"reward_from": "estimate"}, "reward_from"),
+        ({"layer_limit": -1.0}, "layer_limit"),
+        ({"weight_uncat": 1.0}, "weight_uncut"),
+        ({"edge_length": 5.0}, "edge_length"),
+    ],
+)
+def test_bad_keywords_are_refused_by_name(keywords, message):
+    with pytest.raises(ValueError, match=message):
+        DepthCutEnv(**keywords)
+
+
+@pytest.mark.parametrize("action", [[0.0, 0.0], [0.0, 0.0, math.nan], [[0.0, 0.0, 0.0]]])
+def test_bad_actions_are_refused(action):
+    env = DepthCutEnv()
+    env.reset(seed=0)
+    with pytest.raises(ValueError, match="speed, angle, descent"):
+        env.step(np.array(action, np.float32))
+    batch = DepthBatch(1, env)
+    batch.give_seeds([0], np.arange(1), np.random.default_rng())
+    batch.begin(np.arange(1))
+    with pytest.raises(ValueError, match="speed, angle"):
+        batch.decide(np.array([action], np.float32))
+
+
+def test_unknown_tasks_are_refused():
+    with pytest.raises(ValueError, match="task"):
+        task_of({"task": "depht"})
