@@ -2,7 +2,7 @@
 
     python scripts/update_docs.py parameters agreement specimens calibration field pass-marks speed baselines
     python scripts/update_docs.py training results --runs runs/NAME ...  one run for each training seed
-    python scripts/update_docs.py ladder learned-stop stock safe-cut memory check-score  what scripts left in runs/
+    python scripts/update_docs.py ladder learned-stop stock safe-cut memory check-score depth-cut  left by scripts in runs/
     python scripts/update_docs.py benchmark                 what scripts/leaderboard.py --publish has kept
     python scripts/update_docs.py rig-faults rig-soak class-load  what their scripts left in runs/ (--json)
     python scripts/update_docs.py depth seen-runs           what measure_depth_accuracy.py and measure_seen_runs.py left
@@ -37,6 +37,7 @@ import check_score
 import class_attacks
 import class_load
 import declared_tables
+import depth_table
 import gymnasium
 import ladder
 import leaderboard
@@ -67,6 +68,7 @@ from cutenv.policy import CONSTANT_FEEDS, ORACLE, SCRIPTS, ConstantFeed
 from cutenv.report import draw_cut
 from cutenv.rig.toml_file import template
 from cutenv.scoring import INVARIANCES, METRICS
+from cutenv.task.depth_terms import DepthConstants
 from cutenv.task.reward import CUT_ENDS, REWARD
 from cutenv.task.weights import Limits
 from cutenv.tissue import Layers, measured_liver
@@ -90,6 +92,7 @@ PAGES = {
     "stock": "docs/results/stock-learners.md",
     "safe-cut": "docs/results/safe-cut.md",
     "memory": "docs/results/memory-gap.md",
+    "depth-cut": "docs/results/depth-cut.md",
     "speed": "docs/results/speed.md",
     "agreement": "docs/validation/agreement.md",
     "specimens": "docs/validation/specimens.md",
@@ -123,7 +126,15 @@ def parameters(_: argparse.Namespace) -> str:
     liver = measured_liver()
     rows = []
     for row in parameter_table(
-        TissueDescription, LawParameters, Rig, SensorParameters, Knowledge, Limits, Layers, DescentParameters
+        TissueDescription,
+        LawParameters,
+        Rig,
+        SensorParameters,
+        Knowledge,
+        Limits,
+        Layers,
+        DescentParameters,
+        DepthConstants,
     ):
         value = getattr(liver, row["name"], row["default"])
         sweep = "" if row["sensitivity"] is None else f"{row['sensitivity'][0]:.4g} to {row['sensitivity'][1]:.4g}"
@@ -376,6 +387,7 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "safe-cut": lambda _: safe_cut.report(safe_cut.kept(ROOT / safe_cut.FOLDER)),
     "memory": lambda _: memory_gap.report(memory_gap.kept(ROOT / memory_gap.FOLDER)),
     "benchmark": benchmark,
+    "depth-cut": lambda _: "\n".join(depth_table.table(depth_table.kept())),
     "measures": lambda _: measure_codebase.comparison(),
     "descent": lambda _: check_descent.markdown(),
     "check-score": lambda _: check_score.report(check_score.kept(ROOT / check_score.FOLDER)),

@@ -24,7 +24,7 @@ from cutenv.task.depth_terms import ALL_COMPONENTS, DEPTH, DEPTH_ENDS, DESCENT_S
 from cutenv.task.info import INFO
 from cutenv.task.observation import SPEED_SCALE as _SPEED_SCALE
 from cutenv.task.observation import speed_action, to_action
-from cutenv.task.wanted_depth import WANTED
+from cutenv.task.wanted_depth import WANTED_KINDS
 
 _NO_VERTICAL = np.zeros((0, 0))
 
@@ -132,7 +132,7 @@ class DepthCutEnv(GentleCutEnv):
     cutting: DepthCutting
 
     def __init__(self, *, wanted: str = "mixed", layer: bool | None = None, **keywords: Any) -> None:
-        self.wanted = WANTED[one_of("wanted", wanted, tuple(WANTED))]
+        self.wanted = WANTED_KINDS[one_of("wanted", wanted, tuple(WANTED_KINDS))]
         one_of("layer", layer, (None, True, False))
         self.layer = wanted != "profile" if layer is None else layer
         for name, only in (("drive", "rig"), ("reward_from", "truth")):

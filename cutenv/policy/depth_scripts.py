@@ -12,7 +12,7 @@ from cutenv._base.validation import in_range
 from cutenv.policy.interface import ArrayPolicy
 from cutenv.policy.one_return_stroke import OneReturnStroke
 from cutenv.policy.signals import DEPTH_COLUMN
-from cutenv.task.depth_terms import AHEAD, ALL_COMPONENTS, DEPTH_COMPONENTS, DESCENT_SCALE
+from cutenv.task.depth_terms import LOOK_AHEAD, ALL_COMPONENTS, DEPTH_COMPONENTS, DESCENT_SCALE
 from cutenv.task.observation import COMPONENTS, SPEED_SCALE, speed_action
 
 _SCALES = np.array([one.scale for one in DEPTH_COMPONENTS])
@@ -106,7 +106,7 @@ class FollowDepth(DepthScript):
 
     def __init__(self, along: ArrayPolicy | None = None, *, gain: float = 8.0, ahead: float = 0.001) -> None:
         super().__init__(along, gain=gain)
-        self._share = in_range("ahead", ahead, 0.0, AHEAD[0], "m", "1 mm is 0.001.") / AHEAD[0]
+        self._share = in_range("ahead", ahead, 0.0, LOOK_AHEAD[0], "m", "1 mm is 0.001.") / LOOK_AHEAD[0]
 
     def wanted(self, seen: Array) -> Array:
         """Return the depth to be followed [m], shape (n,)."""

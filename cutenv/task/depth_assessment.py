@@ -12,7 +12,7 @@ from cutenv._engine.randomness import VERTICAL_NOISE, normal_at
 from cutenv.cutting.law import depth_at
 from cutenv.task import depth_terms
 from cutenv.task.depth_terms import (
-    AHEAD,
+    LOOK_AHEAD,
     DEPTH_COMPONENTS,
     DEPTH_COSTS,
     DEPTH_TOLERANCE,
@@ -131,8 +131,8 @@ def observe_depth(
         largest = rounded(depth, depth.vertical_max + depth.vertical_noise * third)
     _fill(
         now, mean, largest, depth_at(measured, position) - descent.level, -descent.level_speed,
-        wanted_at(depth, measured, position), wanted_at(depth, measured, position + AHEAD[0]),
-        wanted_at(depth, measured, position + AHEAD[1]), wanted_at(depth, measured, position + AHEAD[2]),
+        wanted_at(depth, measured, position), wanted_at(depth, measured, position + LOOK_AHEAD[0]),
+        wanted_at(depth, measured, position + LOOK_AHEAD[1]), wanted_at(depth, measured, position + LOOK_AHEAD[2]),
         last_descent, observation,
     )  # fmt: skip
 

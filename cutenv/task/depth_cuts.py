@@ -31,7 +31,7 @@ from cutenv.task.depth_assessment import (
 from cutenv.task.depth_terms import DEPTH_TERMS, DESCENT_SCALE, LAYER
 from cutenv.task.observation import DEAD_ZONE
 from cutenv.task.reward import ENDS, SAFETY_ENDS
-from cutenv.task.wanted_depth import LEVEL, draw_layer, draw_wanted
+from cutenv.task.wanted_depth import AT_LEVEL, draw_layer, draw_wanted
 from cutenv.tissue.grid import N_POINTS, POINTS_PER_METRE
 from cutenv.tissue.slab import cut_through
 
@@ -69,8 +69,8 @@ def begin_depth(
         descent.toughness[i] = shared[0] * along.fracture_resistance[i]
     descent.modulus = cut_through(slab, along.modulus, descent.far, descent.near)
     descent.bed = shared[1] * descent.modulus
-    depth.level_wanted = 1 if kinds[0] == LEVEL else 0
-    if kinds[0] == LEVEL:
+    depth.level_wanted = 1 if kinds[0] == AT_LEVEL else 0
+    if kinds[0] == AT_LEVEL:
         for i in range(N_POINTS):
             depth.wanted[i] = profile.depth[i]
     else:
@@ -79,7 +79,7 @@ def begin_depth(
         draw_layer(key[0], key[1], depth.wanted, descent)
     cell = int(state.tip * POINTS_PER_METRE + 0.5)
     for i in range(cell + 1):  # what is already cut is as deep as wanted, by the measured surface
-        descent.floor[i] = 0.0 if kinds[0] == LEVEL else measured.depth[i] - depth.wanted[i]
+        descent.floor[i] = 0.0 if kinds[0] == AT_LEVEL else measured.depth[i] - depth.wanted[i]
         depth.counted[i] = -1.0
     for i in range(N_POINTS):
         depth.counted[i] = -1.0

@@ -38,7 +38,7 @@ class DepthCutting(SimulatedCutting):
     plant : SimulatedPlant
         The tissue and blade to control; the blade stands at the clamp.
     wanted : int
-        Kind of wanted depth, a value of :data:`~cutenv.task.wanted_depth.WANTED`.
+        Kind of wanted depth, a value of :data:`~cutenv.task.wanted_depth.WANTED_KINDS`.
     layer : bool
         Whether there is another layer below.
     constants : DepthConstants

@@ -16,7 +16,7 @@ from cutenv.tissue.grid import N_POINTS
 
 DESCENT_SCALE = 0.010
 """Speed downwards of descent action 1 [m/s]."""
-AHEAD = (0.005, 0.010, 0.020)
+LOOK_AHEAD = (0.005, 0.010, 0.020)
 """Distances ahead of the blade at which the wanted depth is observed [m]."""
 DEPTH_TOLERANCE = 0.0015
 """Mean error of the depth of cut up to which a cut is a success [m]."""
@@ -208,6 +208,6 @@ DEPTH: np.dtype[Any] = np.dtype(
 )
 """Record of a cut's wanted depth and of the map by which its depth is assessed."""
 
-assert math.isclose(AHEAD[0], 0.005), "the texts above say 5, 10 and 20 mm"
-assert math.isclose(AHEAD[1], 0.010), "the texts above say 5, 10 and 20 mm"
-assert math.isclose(AHEAD[2], 0.020), "the texts above say 5, 10 and 20 mm"
+assert math.isclose(LOOK_AHEAD[0], 0.005), "the texts above say 5, 10 and 20 mm"
+assert math.isclose(LOOK_AHEAD[1], 0.010), "the texts above say 5, 10 and 20 mm"
+assert math.isclose(LOOK_AHEAD[2], 0.020), "the texts above say 5, 10 and 20 mm"

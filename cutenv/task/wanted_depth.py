@@ -10,9 +10,9 @@ from cutenv._engine.jit import njit_internal
 from cutenv._engine.randomness import TASK, WANTED_DRAW, Integer, uniform_at
 from cutenv.tissue.grid import N_POINTS, SPACING
 
-LEVEL, CONSTANT, RAMP, STEP, MIXED_WANTED = range(5)
+AT_LEVEL, UNCHANGING, RAMPED, STEPPED, MIXED_WANTED = range(5)
 """Kinds of wanted depth: the specimen's own profile (a blade that stays at level 0), or a depth below the surface."""
-WANTED = {"profile": LEVEL, "constant": CONSTANT, "ramp": RAMP, "step": STEP, "mixed": MIXED_WANTED}
+WANTED_KINDS = {"profile": AT_LEVEL, "constant": UNCHANGING, "ramp": RAMPED, "step": STEPPED, "mixed": MIXED_WANTED}
 """Kinds by name; "mixed" draws one of constant, ramp and step."""
 SHALLOW, DEEP = 0.006, 0.014
 """Range from which wanted depths are drawn [m]."""
@@ -36,20 +36,20 @@ def draw(seed: Integer, episode: Integer, number: int) -> float:
 
 @njit_internal
 def draw_wanted(seed: Integer, episode: Integer, kind: int, target: float, wanted: Array) -> None:
-    """Fill ``wanted``, shape (301,), with the depth below the surface [m]; ``kind`` is CONSTANT to MIXED_WANTED."""
+    """Fill ``wanted``, shape (301,), with the depth below the surface [m]; ``kind`` is UNCHANGING to MIXED_WANTED."""
     if kind == MIXED_WANTED:
-        kind = CONSTANT + min(int(3.0 * draw(seed, episode, 0)), 2)
+        kind = UNCHANGING + min(int(3.0 * draw(seed, episode, 0)), 2)
     first = SHALLOW + (DEEP - SHALLOW) * draw(seed, episode, 1)
-    least = LEAST_CHANGE if kind != CONSTANT else 0.0
+    least = LEAST_CHANGE if kind != UNCHANGING else 0.0
     shallower, deeper = max(first - least - SHALLOW, 0.0), max(DEEP - first - least, 0.0)
     place = draw(seed, episode, 2) * (shallower + deeper)  # the range of depths that differ enough
     second = first - least - place if place < shallower else first + least + (place - shallower)
-    if kind == CONSTANT:
+    if kind == UNCHANGING:
         second = first
     changes = (0.3 + 0.4 * draw(seed, episode, 3)) * target
     for i in range(N_POINTS):
         x = i * SPACING
-        share = x / target if kind == RAMP else (x - changes) / STEP_LENGTH + 0.5
+        share = x / target if kind == RAMPED else (x - changes) / STEP_LENGTH + 0.5
         wanted[i] = first + min(max(share, 0.0), 1.0) * (second - first)
 
 
