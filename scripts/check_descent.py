@@ -111,7 +111,7 @@ def check_descent_account(specimens: Sequence[Specimen]) -> Iterator[Row]:
                 cut = led(specimen, positions, vertical(rng), angles, LAYERED)
                 energy = cut.energies()
                 worst = max(worst, abs(energy["residual"]) / max(abs(energy["work"]), 1e-3))
-                lowest = min(lowest, energy["loss"], energy["fracture"], energy["friction"])
+                lowest = min(lowest, *(energy[name] for name in ("loss", "fracture", "friction", "stored")))
                 gained = min(gained, energy["work"] - energy["friction"] - energy["stored"])
                 finite &= bool(np.isfinite(cut.readings["force"]).all() and np.isfinite(cut.vertical).all())
                 monotone &= bool((np.diff(cut.readings["tip"]) >= 0.0).all())
@@ -120,7 +120,9 @@ def check_descent_account(specimens: Sequence[Specimen]) -> Iterator[Row]:
         f"residual of the account over the work or 1 mJ ({paths})", f"{worst:.1e}", f"{RESIDUAL:.0e}", worst <= RESIDUAL
     )
     yield Row("least work beyond friction and what is stored [J]", f"{gained:.1e}", "not negative", gained >= -1e-12)
-    yield Row("least of fracture, friction and loss [J]", f"{lowest:g}", "not negative", bool(lowest >= 0.0))
+    yield Row(
+        "least of fracture, friction, loss and what is stored [J]", f"{lowest:g}", "not negative", bool(lowest >= 0.0)
+    )
     yield Row("forces finite, tip never backwards", f"{finite}, {monotone}", "True, True", finite and monotone)
 
 
@@ -137,6 +139,14 @@ def check_limits(specimens: Sequence[Specimen]) -> Iterator[Row]:
     ratio = stab.vertical[-1] / expected
     yield Row(
         "vertical force of a pure stab over R w plus friction",
+        f"{ratio:.4f}",
+        "1.00",
+        math.isclose(ratio, 1.0, abs_tol=0.01),
+    )
+
+    ratio = held_force_over_work(uniform)
+    yield Row(
+        "vertical force of a blade at rest over the work of raising it, per length",
         f"{ratio:.4f}",
         "1.00",
         math.isclose(ratio, 1.0, abs_tol=0.01),
@@ -169,6 +179,17 @@ def check_limits(specimens: Sequence[Specimen]) -> Iterator[Row]:
     found = f"{100 * min(works):+.2f} to {100 * max(works):+.2f} %"
     worst = float(max(map(abs, works)))
     yield Row("integral of both forces over the work, waving depth", found, "within 2 %", worst <= LEVEL_TOLERANCE)
+
+
+def held_force_over_work(specimen: Specimen) -> float:
+    """Return the vertical force at rest 2 mm above level 0, over the work of a raise from there by 50 um."""
+    x = np.append(FEED, np.full(40, FEED[-1]))
+    levels = 2e-3 * np.minimum(np.arange(len(x)) / TICKS, 1.0)
+    held = led(specimen, x, levels, UPRIGHT)
+    raised = led(specimen, np.append(x, np.full(20, x[-1])), np.append(levels, np.full(20, levels[-1] + 5e-5)), UPRIGHT)
+    before, after = held.energies(), raised.energies()
+    work = after["work"] - before["work"] - (after["friction"] - before["friction"])
+    return float(held.vertical[-1] / (-work / 5e-5))
 
 
 def check_layers(_: Sequence[Specimen]) -> Iterator[Row]:

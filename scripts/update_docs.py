@@ -104,6 +104,7 @@ PAGES = {
     "seen-runs": "docs/validation/depth.md",
     "errata": "docs/validation/errata.md",
     "descent": "docs/validation/descent.md",
+    "descent-speed": "docs/validation/descent.md",
     "parameters": "docs/reference/constants.md",
     "metrics": "docs/reference/metrics.md",
     "weights": "docs/how-to/train.md",
@@ -151,9 +152,10 @@ def agreement(_: argparse.Namespace) -> str:
         return table.read_text().strip()
 
 
-def speed(_: argparse.Namespace) -> str:
-    """Return the output of ``scripts/bench.py`` on this machine."""
-    program = [sys.executable, str(ROOT / "scripts" / "bench.py")]  # a fresh process: no threads yet, nothing loaded
+def speed_of(*parts: str) -> str:
+    """Return the output of ``scripts/bench.py`` on this machine; without ``parts``, all of it."""
+    # a fresh process: no threads yet, nothing loaded
+    program = [sys.executable, str(ROOT / "scripts" / "bench.py"), *parts]
     done = subprocess.run(program, check=True, stdout=subprocess.PIPE, text=True, cwd=ROOT)
     return "```\n" + done.stdout.rstrip() + "\n```"
 
@@ -377,7 +379,7 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "calibration": calibration,
     "pass-marks": pass_marks,
     "field": field,
-    "speed": speed,
+    "speed": lambda _: speed_of(),
     "training": training,
     "results": results,
     "baselines": baselines,
@@ -390,6 +392,7 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "depth-cut": lambda _: "\n".join(depth_table.table(depth_table.kept())),
     "measures": lambda _: measure_codebase.comparison(),
     "descent": lambda _: check_descent.markdown(),
+    "descent-speed": lambda _: speed_of("descent"),
     "check-score": lambda _: check_score.report(check_score.kept(ROOT / check_score.FOLDER)),
     "depth": lambda _: measure_depth_accuracy.report(measure_depth_accuracy.kept(ROOT / measure_depth_accuracy.KEPT)),
     "seen-runs": lambda _: measure_seen_runs.report(measure_depth_accuracy.kept(ROOT / measure_seen_runs.KEPT)),

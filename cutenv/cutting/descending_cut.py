@@ -86,6 +86,8 @@ def follow_levels(
 @njit_inline
 def next_level(descent: Struct, descent_speed: float) -> float:
     """Return the level [m] after a millisecond of the vertical drive under a commanded speed downwards [m/s]."""
+    if descent_speed == 0.0 and descent.level_speed == 0.0:
+        return descent.level  # type: ignore[no-any-return]
     height, descent.level_speed = velocity_loop_step(
         descent.level - LOWEST, descent.level_speed, -descent_speed, descent.gain, descent.acceleration,
         HIGHEST - LOWEST, TICK,

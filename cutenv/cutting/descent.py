@@ -12,8 +12,13 @@ slice-push ratio xi, drawn over pressed length (Atkins, The Science and Engineer
 
     V = R / (1 + xi^2),    H = R xi / (1 + xi^2)        per length of edge.
 
+Floor and tissue respond to the blade's depth every ten updates; between these the blade presses on springs.  Forces,
+crack and account go on in every update.  The work of slicing is told by the force along the cut over the next point of
+the grid, half a millimetre.  In a run, tissue passes the edge by millimetres at once; the edge is drawn through it as
+the blade moves on.
+
 The energy account stays exact.  Fracture grows by R dA, with the area that advancing and deepening open; work includes
-that of the vertical motion.  Bed, edge length and layers are assumed.
+that of the vertical motion.  Bed, edge length, layers and the ten updates are assumed.
 """
 
 from __future__ import annotations
@@ -28,16 +33,18 @@ from cutenv._base.arrays import Struct, StructArray
 from cutenv._base.parameter import check_parameters, parameter
 from cutenv._engine.jit import njit, njit_inline, njit_internal
 from cutenv.cutting.dtypes import PROFILE, TICK
+from cutenv.cutting.floor import press
 from cutenv.cutting.law import LONGEST_ADVANCE, depth_at, grid_index, stiffness_at, toughness_at
 from cutenv.cutting.update import grow_row, leap_row, load_row, look_row, relax_row, run_row, turn_row
-from cutenv.tissue.grid import N_POINTS, POINTS_PER_METRE, SPACING
-from cutenv.tissue.layers import Layers, layered_depth, summed_toughness, toughness_within
+from cutenv.tissue.grid import N_POINTS, POINTS_PER_METRE
+from cutenv.tissue.layers import Layers, layered_depth, summed_toughness
 from cutenv.tissue.slab import at_depth, cut_through_along
 from cutenv.tissue.specimen import Specimen
 
 LEAST_DEPTH = 5e-4
 """Depth [m] to which the blade stays engaged, however far it is raised."""
-_MOST_STEPS, _EXACT = 60, 1e-12  # of the search for the depth that is left, [m]
+_ASIDE = 0.25e-3  # depths on either side from which the stiffness's rise with depth is taken [m]
+_LEAST_CHANGE = 1e-6  # of the level engaged, from which that rise is taken [m]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,6 +61,11 @@ class DescentParameters:
         sensitivity=(0.5, 2.0),
     )  # fmt: skip
 
+    response_time: float = parameter(
+        0.010, unit="s", low=0.001, high=0.1, provenance="assumed",
+        source="between updates of the tissue's stiffness and toughness to the depth of a blade that moves up or down",
+        sensitivity=(0.001, 0.020),
+    )  # fmt: skip
     vertical_lag: float = parameter(
         0.040, unit="s", low=0.001, high=1.0, provenance="assumed", source="as that of the motion along the cut",
         sensitivity=(0.010, 0.080),
@@ -75,12 +87,23 @@ DESCENT: np.dtype[Any] = np.dtype(
             ("level_speed", "f8"),  # upwards [m/s]
             ("gain", "f8"),  # of the vertical drive's velocity loop, in a millisecond
             ("acceleration", "f8"),  # its limit [m/s2]
+            ("response", "i8"),  # updates between those of the tissue to the depth
+            ("waiting", "i8"),  # updates until the next one
             ("engaged", "f8"),  # e: level down to which the tip is cut and the blade engaged [m]
             ("pressed", "f8"),  # energy in the bed [J]
-            ("vertical", "f8"),  # force of the tissue on the blade, upwards [N]; its elastic part only while it moves
+            ("bearing", "f8"),  # force of the bed on the blade [N]
+            ("spring", "f8"),  # stiffness of the bed [N/m]
+            ("grip", "f8"),  # force of friction on a blade that moves up or down, upwards [N]
+            ("rise", "f8"),  # of the stiffness with depth, at the tip [N/m2]
+            ("vertical", "f8"),  # force of the tissue on the blade, upwards [N]
             ("drag", "f8"),  # force of slicing against the motion along the cut [N]
+            ("slicing", "f8"),  # its size while the blade moves [N]
+            ("untold", "f8"),  # work of slicing that the force has not yet told [J]
+            ("owed_slip", "f8"),  # advance of the tip through which the edge has not yet been drawn [m]
             ("opened", "f8"),  # area opened by deepening, beyond what advancing opens [m2]
-            ("tip", "f8"),  # where the tip stood at the last update [m]
+            ("settled", "f8"),  # level at the last response [m]
+            ("blade", "f8"),  # where blade and tip stood then [m]
+            ("tip", "f8"),
             ("under", "i8"),  # cell under the leading end of the edge
             ("cell", "i8"),  # cell of the grid in which the tip stands
             ("version", "i8"),  # number of changes of e; a point of the profile belongs to one:
@@ -114,6 +137,7 @@ def descent_records(
         record["toughness"] = (1.0 - specimen.tissue.friction_share) * specimen.fracture_resistance
         record["thickness"] = specimen.thickness
         record["edge_length"], record["bed"] = parameters.edge_length, parameters.bedding * record["modulus"]
+        record["response"] = record["waiting"] = round(parameters.response_time / TICK)
         record["gain"] = -math.expm1(-TICK / parameters.vertical_lag)
         record["acceleration"] = parameters.vertical_acceleration
         for name in Layers.__dataclass_fields__:
@@ -136,16 +160,38 @@ def _renew_all(profiles: StructArray, descents: StructArray, slabs: StructArray)
             renew(profiles[n], descents[n], slabs[0], i)
 
 
+@njit_inline
+def held_depth(descent: Struct, depth: float) -> float:
+    """Return a depth [m] within those to which a blade can be engaged."""
+    held: float = min(max(depth, LEAST_DEPTH), descent.thickness)
+    return held
+
+
+@njit_inline
+def stiffness_to(descent: Struct, slab: Struct, i: int, depth: float) -> float:
+    """Return K [N/m] at point ``i`` of a blade engaged down to ``depth`` [m]."""
+    effective, share = at_depth(slab, i, depth, descent.thickness)
+    per_depth = descent.modulus * (descent.far[i] + share * (descent.near[i] - descent.far[i]))
+    stiffness: float = per_depth * layered_depth(descent, depth, effective)
+    return stiffness
+
+
 @njit_internal
 def renew(profile: Struct, descent: Struct, slab: Struct, i: int) -> None:
     """Bring point ``i`` of a profile up to date with the level to which the blade is engaged."""
     if descent.belongs[i] == descent.version:
         return
     descent.belongs[i] = descent.version
-    D = min(max(descent.surface[i] - descent.engaged, LEAST_DEPTH), descent.thickness)
-    effective, share = at_depth(slab, i, D, descent.thickness)
-    per_depth = descent.modulus * (descent.far[i] + share * (descent.near[i] - descent.far[i]))
-    profile.stiffness[i] = per_depth * layered_depth(descent, D, effective)
+    D = held_depth(descent, descent.surface[i] - descent.engaged)
+    profile.stiffness[i] = stiffness_to(descent, slab, i, D)
+    profile.toughness[i] = descent.toughness[i] * summed_toughness(descent, D)
+    profile.depth[i] = D
+
+
+@njit_internal
+def renew_edge(profile: Struct, descent: Struct, i: int) -> None:
+    """Bring what a blade meets at point ``i``, depth and toughness, up to date; its stiffness is the tip's concern."""
+    D = held_depth(descent, descent.surface[i] - descent.engaged)
     profile.toughness[i] = descent.toughness[i] * summed_toughness(descent, D)
     profile.depth[i] = D
 
@@ -169,15 +215,17 @@ def descending_row(
     if row.relaxing > 0:
         relax_row(row, dt)
     load_row(row, dt)
-    for n in range(row.taken):
-        cut = row.cut[n]
-        profile, descent, tip, blade = profiles[cut], descents[cut], row.tip[n], row.blade[n]
-        if row.da[n] > LONGEST_ADVANCE:
-            renew_between(profile, descent, slab, tip, blade)
-        for i in range(row.tip_point[n], row.tip_point[n] + 2):
-            renew(profile, descent, slab, i)
-        for i in range(row.blade_point[n], row.blade_point[n] + 2):
-            renew(profile, descent, slab, i)
+    if row.points > 0 or row.leaps > 0:
+        for n in range(row.taken):
+            i, j, far = row.tip_point[n], row.blade_point[n], row.da[n] > LONGEST_ADVANCE
+            if i != row.seen_tip_point[n] or j != row.seen_blade_point[n] or far:
+                profile, descent = profiles[row.cut[n]], descents[row.cut[n]]
+                if far:
+                    renew_between(profile, descent, slab, row.tip[n], row.blade[n])
+                renew(profile, descent, slab, i)
+                renew(profile, descent, slab, i + 1)
+                renew_edge(profile, descent, j)
+                renew_edge(profile, descent, j + 1)
     if row.leaps > 0:
         leap_row(row, profiles)
     if row.points > 0:
@@ -188,124 +236,117 @@ def descending_row(
             if row.waits[n] == 0:
                 renew_between(profiles[row.cut[n]], descents[row.cut[n]], slab, row.tip[n], row.blade[n])
         run_row(row, profiles)
-    for n in range(row.taken):
-        if row.going[n] == 1:
-            descend(row, profiles[row.cut[n]], descents[row.cut[n]], slab, n, levels[row.cut[n]])
     for n in range(len(row.blade)):
         row.force[n] = row.elastic[n] + row.rubbing[n]
     for n in range(row.taken):
-        row.force[n] += descents[row.cut[n]].drag
+        if row.going[n] == 1:
+            descent = descents[row.cut[n]]
+            move_to_level(row, descent, n, levels[row.cut[n]])
+            descent.waiting -= 1
+            if descent.waiting <= 0:
+                respond(row, profiles[row.cut[n]], descent, slab, n)
+            tell_forces(row, descent, n)
+
+
+@njit_inline
+def move_to_level(row: Struct, descent: Struct, n: int, level: float) -> None:
+    """Move one blade to ``level`` [m]: it rubs, and its edge presses on springs."""
+    fall = descent.level - level
+    descent.level = level
+    descent.grip = 0.0
+    if fall != 0.0:
+        descent.grip = math.copysign(row.friction_per_depth[n] * row.depth[n], fall)
+        bearing, rubbed = descent.bearing + descent.spring * fall, descent.grip * fall
+        pressing = 0.5 * (descent.bearing + bearing) * fall
+        if bearing < 0.0:  # it leaves the floor on the way
+            bearing, pressing = 0.0, -0.5 * descent.bearing**2 / descent.spring
+        descent.bearing = bearing
+        descent.pressed += pressing
+        row.work[n] += pressing + rubbed
+        row.friction[n] += rubbed
+
+
+@njit_inline
+def tell_forces(row: Struct, descent: Struct, n: int) -> None:
+    """Tell the force upwards, and add that of slicing to the force along the cut."""
+    lag = max(row.blade[n] - row.creep[n] - row.tip[n], 0.0)
+    descent.vertical = descent.bearing + descent.grip + 0.5 * descent.rise * lag**2
+    descent.drag = 0.0
+    if descent.slicing > 0.0 and row.dx[n] != 0.0:
+        descent.drag = math.copysign(descent.slicing, row.dx[n])
+        row.force[n] += descent.drag
 
 
 @njit_internal
-def descend(row: Struct, profile: Struct, descent: Struct, slab: Struct, n: int, level: float) -> None:
-    """Move one blade to ``level`` [m]: it presses, deepens the cut, and engages the tip down to another depth."""
-    a, x, friction_per_depth = row.tip[n], row.blade[n], row.friction_per_depth[n]
-    reach = x - row.creep[n]
-    slip = a - descent.tip if reach >= a else abs(row.dx[n])  # a loading blade carries the tissue with it
-    cell = int(a * POINTS_PER_METRE + 0.5)
+def respond(row: Struct, profile: Struct, descent: Struct, slab: Struct, n: int) -> None:
+    """Let the floor of the cut and the tissue respond to the motion since they last did."""
+    a, x = row.tip[n], row.blade[n]
+    moved, fall = x - descent.blade, descent.settled - descent.level
+    lag, grown, cell = x - row.creep[n] - a, a - descent.tip, int(a * POINTS_PER_METRE + 0.5)
+    onwards = cell != descent.cell
     for i in range(descent.cell + 1, cell + 1):
         descent.floor[i] = descent.engaged
+    descent.waiting, descent.blade, descent.settled = descent.response, x, descent.level
     descent.cell, descent.tip = cell, a
-
-    at = min(reach, a)  # of the leading end of the edge, in the tissue
-    fall, under = descent.level - level, int(at * POINTS_PER_METRE + 0.5)
-    if fall == 0.0 and descent.pressed == 0.0 and under == descent.under:
-        descent.drag, descent.vertical = 0.0, 0.0
-        return
-    descent.level, descent.under = level, under
-    rubbed = friction_per_depth * row.depth[n] * abs(fall)
-    row.work[n] += rubbed
-    row.friction[n] += rubbed
-
-    pressing, released, spent, force = press(descent, at, a, level, slip)
-    row.work[n] += pressing - descent.pressed
-    descent.pressed = pressing - released
-    engaged = max(level, descent.floor[cell])
-    lag = max(reach - a, 0.0)
-    gained, up = 0.0, 0.0
-    if engaged != descent.engaged:
-        stiffness, toughness, change = row.K[n], row.toughness[n], engaged - descent.engaged
-        descent.engaged = engaged
-        descent.version += 1
-        renew_between(profile, descent, slab, a, a)
-        renew_between(profile, descent, slab, x, x)
-        row.K[n], row.dK[n] = stiffness_at(profile, a)
-        row.toughness[n], row.depth[n] = toughness_at(profile, a), depth_at(profile, x)
-        row.seen_tip_point[n], row.seen_blade_point[n] = -1, -1
-        row.held_force[n] *= row.toughness[n] / toughness
-        row.elastic[n] = row.K[n] * lag
-        gained = 0.5 * (row.K[n] - stiffness) * lag**2
-        up = -gained / change
-    balance = spent + gained - released
-    row.fracture[n] += spent
-    if spent > 0.0 and balance < 0.0:
-        row.loss[n] -= balance
+    # A loading blade carries the tissue with it: the edge is drawn through it as far as the tip advances.  What a run
+    # advances at once is drawn as the blade moves on, so that the force of slicing stays that of its motion.
+    if lag >= 0.0:
+        descent.owed_slip += grown
+        slip = min(descent.owed_slip, max(moved, 0.0))
+        descent.owed_slip -= slip
     else:
-        row.work[n] += balance
-    sliced = spent > 0.0 and balance > 0.0 and row.dx[n] != 0.0
-    descent.drag = balance / row.dx[n] if sliced else 0.0
-    descent.vertical = force + (up if spent == 0.0 else 0.0)
-    if fall != 0.0:
-        descent.vertical += math.copysign(friction_per_depth * row.depth[n], fall)
+        descent.owed_slip, slip = 0.0, abs(moved)
+
+    at, sliced = a + min(lag, 0.0), 0.0  # the leading end of the edge, in the tissue
+    under = int(at * POINTS_PER_METRE + 0.5)
+    if fall != 0.0 or descent.pressed != 0.0 or under != descent.under:
+        descent.under = under
+        pressing, released, spent, sliced, descent.bearing, descent.spring = press(descent, at, a, slip)
+        surplus = spent - released
+        row.work[n] += (pressing - descent.pressed) + max(surplus, 0.0)
+        row.fracture[n] += spent
+        row.loss[n] += max(-surplus, 0.0)
+        descent.pressed = pressing - released
+        sliced = max(surplus, 0.0) if fall <= 0.0 else min(max(surplus, 0.0), sliced)
+    engaged = max(descent.level, descent.floor[cell])
+    if engaged != descent.engaged:
+        gained = engage(row, profile, descent, slab, n, engaged, max(lag, 0.0))
+        row.work[n] += gained
+        sliced += max(gained, 0.0) if fall == 0.0 else 0.0
+    elif onwards:
+        descent.rise = rise_with_depth(descent, slab, cell)
+    descent.untold = max(descent.untold - descent.slicing * abs(moved), 0.0) + (sliced if moved != 0.0 else 0.0)
+    descent.slicing = descent.untold * POINTS_PER_METRE
 
 
 @njit_internal
-def press(descent: Struct, at: float, a: float, level: float, slip: float) -> tuple[float, float, float, float]:
-    """Press the edge, whose leading end is ``at`` [m], on the floor; it deepens the cut where its force suffices.
-
-    Returns the energy [J] in the bed before the floor gives way, what of it is then released, the fracture energy, and
-    the force [N] afterwards.
-    """
-    bed = descent.bed
-    energy = released = spent = force = 0.0
-    start = max(at - descent.edge_length, 0.0)
-    first, last = int(start * POINTS_PER_METRE + 0.5), min(int(at * POINTS_PER_METRE + 0.5), descent.cell)
-    for i in range(first, last + 1):
-        p = descent.floor[i] - level
-        depth = descent.surface[i] - descent.floor[i]
-        if p <= 0.0 or depth >= descent.thickness:
-            continue
-        low, high = (i - 0.5) * SPACING, (i + 0.5) * SPACING
-        under = max(min(high, at) - max(low, start), 0.0)  # length of edge over this cell
-        cell = min(high, a) - max(low, 0.0)  # of it that is behind the tip: deepened as a whole
-        R = descent.toughness[i] * toughness_within(descent, depth)
-        left = given_way(p, R / bed, slip)
-        energy += 0.5 * bed * under * p**2
-        if left < p and under > 0.0:
-            deeper = min(depth + (p - left), descent.thickness)
-            spent += (
-                cell * descent.toughness[i] * (summed_toughness(descent, deeper) - summed_toughness(descent, depth))
-            )
-            descent.opened += cell * (deeper - depth)
-            descent.floor[i] = descent.surface[i] - deeper
-            released += 0.5 * bed * under * (p**2 - left**2)
-        force += bed * under * left
-    return energy, released, spent, force
+def engage(row: Struct, profile: Struct, descent: Struct, slab: Struct, n: int, engaged: float, lag: float) -> float:
+    """Engage one blade down to another level ``engaged`` [m]; return the work that it takes [J]."""
+    a, x, K, toughness = row.tip[n], row.blade[n], row.K[n], row.toughness[n]
+    change = descent.engaged - engaged
+    descent.engaged = engaged
+    descent.version += 1
+    renew_between(profile, descent, slab, a, a)
+    j = grid_index(x)[0]
+    renew_edge(profile, descent, j)
+    renew_edge(profile, descent, j + 1)
+    row.K[n], row.dK[n] = stiffness_at(profile, a)
+    row.toughness[n], row.depth[n] = toughness_at(profile, a), depth_at(profile, x)
+    row.seen_tip_point[n], row.seen_blade_point[n] = -1, -1
+    row.held_force[n] *= row.toughness[n] / toughness
+    row.elastic[n] = row.K[n] * lag
+    row.force[n] += row.elastic[n] - K * lag
+    if abs(change) > _LEAST_CHANGE:
+        descent.rise = (row.K[n] - K) / change
+    else:
+        descent.rise = rise_with_depth(descent, slab, descent.cell)
+    return 0.5 * (row.K[n] - K) * lag**2  # type: ignore[no-any-return]
 
 
 @njit_internal
-def given_way(p: float, most: float, slip: float) -> float:
-    """Return what is left of a depth ``p`` [m] to which the floor is pressed, after it gave way.
-
-    ``most`` [m] is where force alone cuts, R over the bed's stiffness, and ``slip`` [m] the length by which the edge is
-    drawn.  The rest u solves u (1 + xi^2) = most with xi = slip/(p - u).
-    """
-    if slip <= 0.0:
-        return min(p, most)
-    low, high = 0.0, min(p, most)
-    u = p - slip * math.sqrt(p / (most - p)) if p < most else most - (slip / max(p - most, slip)) ** 2 * most
-    u = u if 0.0 < u < high else 0.5 * high
-    for _ in range(_MOST_STEPS):  # Newton's method, halving where it leaves the bracket
-        value = (p - u) ** 2 * (most - u) - slip**2 * u
-        if value > 0.0:
-            low = u
-        else:
-            high = u
-        new = u + value / ((p - u) * (2.0 * (most - u) + (p - u)) + slip**2)
-        if not low <= new <= high:
-            new = 0.5 * (low + high)
-        if abs(new - u) < _EXACT:
-            return new
-        u = new
-    return u
+def rise_with_depth(descent: Struct, slab: Struct, i: int) -> float:
+    """Return how the stiffness at point ``i`` rises with the depth to which the blade is engaged [N/m2]."""
+    D = descent.surface[i] - descent.engaged
+    low, high = held_depth(descent, D - _ASIDE), held_depth(descent, D + _ASIDE)
+    rise: float = (stiffness_to(descent, slab, i, high) - stiffness_to(descent, slab, i, low)) / (2.0 * _ASIDE)
+    return rise

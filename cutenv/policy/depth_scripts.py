@@ -12,7 +12,7 @@ from cutenv._base.validation import in_range
 from cutenv.policy.interface import ArrayPolicy
 from cutenv.policy.one_return_stroke import OneReturnStroke
 from cutenv.policy.signals import DEPTH_COLUMN
-from cutenv.task.depth_terms import LOOK_AHEAD, ALL_COMPONENTS, DEPTH_COMPONENTS, DESCENT_SCALE
+from cutenv.task.depth_terms import ALL_COMPONENTS, DEPTH_COMPONENTS, DESCENT_SCALE, LOOK_AHEAD
 from cutenv.task.observation import COMPONENTS, SPEED_SCALE, speed_action
 
 _SCALES = np.array([one.scale for one in DEPTH_COMPONENTS])

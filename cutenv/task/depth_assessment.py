@@ -12,11 +12,11 @@ from cutenv._engine.randomness import VERTICAL_NOISE, normal_at
 from cutenv.cutting.law import depth_at
 from cutenv.task import depth_terms
 from cutenv.task.depth_terms import (
-    LOOK_AHEAD,
     DEPTH_COMPONENTS,
     DEPTH_COSTS,
     DEPTH_TOLERANCE,
     LAYER_TOLERANCE,
+    LOOK_AHEAD,
     OF_DEPTH,
     OF_MAP,
 )

@@ -84,8 +84,8 @@ def begin_depth(
     for i in range(N_POINTS):
         depth.counted[i] = -1.0
     descent.cell = descent.under = cell
-    descent.tip = state.tip
-    descent.level = descent.engaged = descent.floor[cell]
+    descent.tip, descent.blade = state.tip, state.blade
+    descent.level = descent.settled = descent.engaged = descent.floor[cell]
     descent.version = 0
     for i in range(N_POINTS):
         descent.belongs[i] = -1

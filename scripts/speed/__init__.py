@@ -6,6 +6,7 @@ BENCHMARKS = {
     "first": "first_use",
     "step": "environment",
     "batch": "batch",
+    "descent": "vertical_motion",
     "tick": "tick",
     "picture": "picture",
     "field": "field",

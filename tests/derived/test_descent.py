@@ -21,6 +21,32 @@ def test_every_promise_is_kept(part: str) -> None:
     assert [str(row) for row in rows if row.holds is not True] == []
 
 
+ANYWHERE = {
+    "held above": lambda k: -0.005 if k < 20 else 0.0,
+    "held below": lambda k: 0.005 if k < 20 else 0.0,
+    "ramp down": lambda k: 0.001,
+    "ramp up": lambda k: -0.001,
+    "waving": lambda k: 0.004 * np.sin(0.12 * k),
+    "pressing in bursts": lambda k: 0.01 if k % 50 < 10 else 0.0,
+}
+
+
+@pytest.mark.parametrize("motion", ANYWHERE)
+def test_no_force_leaps_up_for_one_update(motion: str) -> None:
+    """A run lets the tissue pass the edge by millimetres in one update; that is not drawn over the blade's motion."""
+    plant = DescendingPlant(Specimen.drawn(0), layers=Layers(boundary=0.014, deep_toughness=3.0))
+    forces, upwards, runs = [], [], 0
+    for k in range(150):
+        readings = plant.advance(0.01, UPRIGHT, 20, ANYWHERE[motion](k))
+        forces.append(readings["true_force"])
+        upwards.append(plant.vertical_force)
+        runs += int((readings["jump"] > 0.0).sum())
+    force, upward = np.concatenate(forces), np.concatenate(upwards)
+    assert runs >= 5
+    assert np.minimum(force[1:-1] - force[:-2], force[1:-1] - force[2:]).max() < 0.03
+    assert np.minimum(np.abs(upward[1:-1] - upward[:-2]), np.abs(upward[1:-1] - upward[2:])).max() < 0.05
+
+
 @pytest.mark.parametrize(
     "layers", [Layers(boundary=0.006, deep_toughness=3.0), Layers(capsule_toughness=5.0, capsule_thickness=1e-3)]
 )

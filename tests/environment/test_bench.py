@@ -26,6 +26,7 @@ from speed import (
     ppo,
     reading,
     tick,
+    vertical_motion,
 )
 from speed.measured import Measured, Number
 
@@ -37,6 +38,7 @@ MODULES: dict[str, ModuleType] = {
     "reading": reading,
     "step": environment,
     "batch": batch,
+    "descent": vertical_motion,
     "tick": tick,
     "picture": picture,
     "field": field,
@@ -53,6 +55,12 @@ def test_rates_are_of_whole_batches():
     assert 0.0 < found.bare
     assert 0.0 < found.single_file
     assert 0.0 < found.resets
+
+
+def test_vertical_motions_are_of_whole_batches_and_each_is_driven():
+    for motion in vertical_motion.MOTIONS.values():
+        found = vertical_motion.descending_rates(motion, 64, rounds=1)
+        assert min(found) > 0.0
 
 
 @pytest.mark.parametrize("other", [gymnasium_vectors.SYNC, gymnasium_vectors.ASYNC, gymnasium_vectors.NATIVE])
@@ -156,6 +164,8 @@ def made_up(monkeypatch):
     monkeypatch.setattr(batch, "rates", lambda count: batch.Rates(1.0e6, 2.0e6, 0.5e6, 1.0e5))
     monkeypatch.setattr(batch, "step_rate", lambda other, count: 1.0e4)
     monkeypatch.setattr(batch, "limits", lambda native, bare: Measured({"bytes": Number(2816, "byte")}, ["limits"]))
+    bare = vertical_motion.DescendingRates(5.0e7, 8.0e7)
+    monkeypatch.setattr(vertical_motion, "descending_rates", lambda motion: bare)
     monkeypatch.setattr(tick, "durations", lambda: (np.full(1000, 50_000), np.full(1000, 100), 0))
     monkeypatch.setattr(picture, "picture_times", lambda: {"render": 0.01, "play": 0.02, "copy": 0.001})
     slow = np.full(100, 3000.0)
@@ -189,6 +199,7 @@ def made_up(monkeypatch):
         ("batch", 2, "as much as 10.0 steps of the batch; within the 100 allowed"),
         ("batch", 2, "  65536    1000.0         -         -      10.0      0.50            2.00"),
         ("batch", 2, "     16    1000.0      10.0      10.0      10.0      0.50            2.00"),
+        ("descent", 0, "  pressing down                             20             12     1.6"),
         ("tick", 1, "99.9 % are within 49.9 us of the empty loop's; MISSED: the 20 us allowed"),
         ("picture", 1, "play: 20.0 ms, 20 times a copy of the picture; MISSED: the 16.7 ms allowed"),
         ("field", 2, "99 % in 3000 us, 18.0 % of a picture's time; MISSED: the 10 % allowed"),
