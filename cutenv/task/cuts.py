@@ -241,7 +241,7 @@ def step_row(
     if taken > 0:
         begin(row, plain, taken)
     for i in range(ticks + 1 if taken > 0 else 0):
-        _fetch_some(cuts, fetched, i, following[0], following[1])
+        fetch_some(cuts, fetched, i, following[0], following[1])
         over = taken  # after the last millisecond, all of them
         if i < ticks:
             over = _advance(cuts, row, count, from_truth, readings, i)
@@ -331,7 +331,7 @@ def conclude_cut(
 
 
 @njit_inline
-def _fetch_some(cuts: Cuts, fetched: tuple[StructArray, ...], i: int, first: int, last: int) -> None:
+def fetch_some(cuts: Cuts, fetched: tuple[StructArray, ...], i: int, first: int, last: int) -> None:
     """Prefetch part of the next row, cuts ``first`` to before ``last``, during millisecond ``i`` of this row.
 
     Thousands of cuts do not fit into the first-level cache.  Their records come first, because these contain the grid

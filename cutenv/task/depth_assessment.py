@@ -8,7 +8,7 @@ from typing import Any
 from cutenv._base.arrays import Struct, StructArray
 from cutenv._engine.fuse import expression, fuse
 from cutenv._engine.jit import njit_fused, njit_inline, njit_internal
-from cutenv._engine.randomness import VERTICAL_NOISE, normal_at
+from cutenv._engine.randomness import VERTICAL_NOISE, Integer, normal_at
 from cutenv.cutting.law import depth_at
 from cutenv.task import depth_terms
 from cutenv.task.depth_terms import (
@@ -73,19 +73,25 @@ def survey(depth: Struct, descent: Struct, low: float) -> None:
     depth.counts = max(depth.counts, descent.cell + 1)
 
 
-@njit_inline
-def begin_depth_step(depth: Struct, command: float, position: float) -> None:
-    """Prepare the sums of a step with a commanded speed downwards [m/s] of a blade at ``position`` [m]."""
-    depth.command, depth.reached = command, position
-    depth.vertical_sum, depth.vertical_max = 0.0, -math.inf
+COMMAND, REACHED, VERTICAL_SUM, VERTICAL_MAX = range(4)
+"""Rows of what a step remembers of each lane: commanded speed downwards [m/s], least position of the edge's leading end
+[m], sum and maximum of the true vertical force [N]."""
+N_REMEMBERED = 4
 
 
 @njit_inline
-def count_depth(depth: Struct, position: float, vertical: float) -> None:
-    """Count a millisecond: position of the edge's leading end [m], true vertical force [N]."""
-    depth.reached = min(depth.reached, position)
-    depth.vertical_sum += vertical
-    depth.vertical_max = max(depth.vertical_max, vertical)
+def begin_depth_step(step: StructArray, k: Integer, command: float, position: float) -> None:
+    """Prepare a step of lane ``k`` with a commanded speed downwards [m/s] of a blade at ``position`` [m]."""
+    step[COMMAND, k], step[REACHED, k] = command, position
+    step[VERTICAL_SUM, k], step[VERTICAL_MAX, k] = 0.0, -math.inf
+
+
+@njit_inline
+def count_depth(step: StructArray, k: Integer, position: float, vertical: float) -> None:
+    """Count a millisecond of lane ``k``: position of the edge's leading end [m], true vertical force [N]."""
+    step[REACHED, k] = min(step[REACHED, k], position)
+    step[VERTICAL_SUM, k] += vertical
+    step[VERTICAL_MAX, k] = max(step[VERTICAL_MAX, k], vertical)
 
 
 @njit_inline
@@ -114,10 +120,11 @@ def wanted_at(depth: Struct, measured: Struct, position: float) -> float:
 @njit_internal
 def observe_depth(
     depth: Struct, descent: Struct, measured: Struct, sensor: Struct, tick: int, updates: int, position: float,
-    last_descent: float, observation: StructArray,
+    felt: tuple[float, float], last_descent: float, observation: StructArray,
 ) -> None:  # fmt: skip
     """Fill the components of ``observation`` that depth adds; ``updates`` 0: at the start, force tared to zero.
 
+    ``felt`` are sum and maximum of the true vertical force in the step [N].
     The sensor's noise is drawn once for each decision.
     """
     now = mean = largest = 0.0
@@ -127,8 +134,8 @@ def observe_depth(
         second = normal_at(key[0], key[1], VERTICAL_NOISE, counter + 1)
         third = normal_at(key[0], key[1], VERTICAL_NOISE, counter + 2)
         now = rounded(depth, descent.vertical + depth.vertical_noise * first)
-        mean = depth.vertical_sum / updates + depth.vertical_noise * second / math.sqrt(updates)
-        largest = rounded(depth, depth.vertical_max + depth.vertical_noise * third)
+        mean = felt[0] / updates + depth.vertical_noise * second / math.sqrt(updates)
+        largest = rounded(depth, felt[1] + depth.vertical_noise * third)
     _fill(
         now, mean, largest, depth_at(measured, position) - descent.level, -descent.level_speed,
         wanted_at(depth, measured, position), wanted_at(depth, measured, position + LOOK_AHEAD[0]),

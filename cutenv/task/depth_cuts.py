@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from cutenv._base.arrays import Array, Struct, StructArray
-from cutenv._engine.intrinsics import as_float64_view, keep_alive, without_refcount
+from cutenv._engine.intrinsics import as_float64_view, keep_alive, prefetch, without_refcount
 from cutenv._engine.jit import njit, njit_inline, njit_internal, njit_nogil
 from cutenv._engine.lanes import first_row
 from cutenv._engine.randomness import Integer
@@ -15,12 +15,18 @@ from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
 from cutenv.cutting.descending_cut import next_level
 from cutenv.cutting.descent import descending_row, renew
 from cutenv.cutting.dtypes import TICK
+from cutenv.cutting.law import grid_index
 from cutenv.cutting.row import LANES, ROW, begin, note, plain_views, put
 from cutenv.cutting.sensor import feel_row
 from cutenv.cutting.update import drive_row
 from cutenv.task.assessment import COUNT, add_terms, count_lane, reward_of, succeeded
-from cutenv.task.cuts import Cuts, conclude_cut, count_as_seen, take_cut
+from cutenv.task.cuts import Cuts, conclude_cut, count_as_seen, fetch_some, flat_views, take_cut
 from cutenv.task.depth_assessment import (
+    COMMAND,
+    N_REMEMBERED,
+    REACHED,
+    VERTICAL_MAX,
+    VERTICAL_SUM,
     as_deep_as_wanted,
     begin_depth_step,
     charge_depth,
@@ -36,6 +42,7 @@ from cutenv.tissue.grid import N_POINTS, POINTS_PER_METRE
 from cutenv.tissue.slab import cut_through
 
 _SAFETY = ENDS.index("force_limit")  # whose charges an end in the layer below shares
+_UNFELT = (0.0, 0.0)
 _SAFETY_CODES = max(ENDS.index(name) for name in SAFETY_ENDS)  # the ends for safety are the first ones
 
 
@@ -112,7 +119,9 @@ def observe_depth_at_start(
 ) -> None:
     """Fill what depth adds to the observation of one cut at its start."""
     c, e = cuts[0], episodes[0]
-    observe_depth(depths[0], descents[0], e.nominals[0], c.sensors[0], 0, 0, e.progresses[0].position, 0.0, observation)
+    observe_depth(
+        depths[0], descents[0], e.nominals[0], c.sensors[0], 0, 0, e.progresses[0].position, _UNFELT, 0.0, observation
+    )
 
 
 @njit_nogil
@@ -144,8 +153,8 @@ def begin_depth_some(
             depths[n], start[2][0], shared, kinds, (seeds[n], episodes[n]),
         )  # fmt: skip
         observe_depth(
-            depths[n], descents[n], cuts.nominals[n], cuts.sensors[n], 0, 0, cuts.progresses[n].position, 0.0,
-            observations[n],
+            depths[n], descents[n], cuts.nominals[n], cuts.sensors[n], 0, 0, cuts.progresses[n].position, _UNFELT,
+            0.0, observations[n],
         )  # fmt: skip
         mark_done(passed, core, 1)
         k, end = next_chunk(passed, core, 1)
@@ -183,15 +192,16 @@ def step_depth_one(
     )  # fmt: skip
     row, count = first_row(c.rows), first_row(e.counts)
     plain, numbers, levels = plain_views(c.rows, c.states, c.laws, c.drives), as_float64_view(e.infos), np.empty(1)
+    step = np.empty((N_REMEMBERED, 1))
     take_cut(one, row, plain, count, action, 0, 0)
-    begin_depth_step(depths[0], commanded_descent(action[0, 2]), c.states[0].tip)
+    begin_depth_step(step, 0, commanded_descent(action[0, 2]), c.states[0].tip)
     begin(row, plain, 1)
     for i in range(ticks):
-        _advance_depth(one, descents, depths, slabs, levels, row, count, readings, vertical, i)
+        _advance_depth(one, descents, depths, slabs, levels, row, count, step, readings, vertical, i)
         if count.end[0] != 0:
             break
     put(row, plain, 0, 0)
-    end = _conclude_depth(one, descents, depths, 0, row, count, 0, action[0], observations[0], e.infos[0])
+    end = _conclude_depth(one, descents, depths, 0, row, count, step, 0, action[0], observations[0], e.infos[0])
     return add_terms(numbers, e.totals) + terms_of(depths[0]), end
 
 
@@ -237,37 +247,59 @@ def step_depth_some(
         )
     )
     rows, counts, levels = np.zeros(1, ROW), np.zeros(1, COUNT), np.empty(len(depths))
+    step = np.empty((N_REMEMBERED, LANES))
     row, count = first_row(rows), first_row(counts)
     plain, numbers = plain_views(rows, cuts.states, cuts.laws, cuts.drives), as_float64_view(infos)
+    fetched = flat_views(cuts, plain, infos)
     first, last = next_chunk(passed, core, LANES)
     while first < last:
+        following = next_chunk(passed, core, LANES)
         taken = 0
         for n in range(first, last):
             if waiting[n]:
                 rewards[n], ends[n] = 0.0, 0
             else:
                 take_cut(cuts, row, plain, count, actions, taken, n)
-                begin_depth_step(depths[n], commanded_descent(actions[n, 2]), cuts.states[n].tip)
+                begin_depth_step(step, taken, commanded_descent(actions[n, 2]), cuts.states[n].tip)
                 taken += 1
         if taken > 0:
             begin(row, plain, taken)
         for i in range(ticks + 1 if taken > 0 else 0):
+            fetch_some(cuts, fetched, i, following[0], following[1])
+            fetch_depth(descents, depths, cuts, i, following[0], following[1])
             over = taken  # after the last millisecond, all of them
             if i < ticks:
-                over = _advance_depth(cuts, descents, depths, slabs, levels, row, count, readings, vertical, i)
+                over = _advance_depth(cuts, descents, depths, slabs, levels, row, count, step, readings, vertical, i)
             for k in range(taken if over > 0 else 0):
                 if row.going[k] == 1 and (i == ticks or count.end[k] != 0):
                     c = row.cut[k]
                     row.going[k] = 0
                     put(row, plain, k, c)
                     ends[c] = _conclude_depth(
-                        cuts, descents, depths, c, row, count, k, actions[c], observations[c], infos[c]
+                        cuts, descents, depths, c, row, count, step, k, actions[c], observations[c], infos[c]
                     )
                     rewards[c] = reward_of(numbers, c) + terms_of(depths[c])
         mark_done(passed, core, last - first)
-        first, last = next_chunk(passed, core, LANES)
+        first, last = following
     keep_alive(rows)
     keep_alive(counts)
+
+
+@njit_inline
+def fetch_depth(descents: StructArray, depths: StructArray, cuts: Cuts, i: int, first: int, last: int) -> None:
+    """Prefetch vertical motion and depth of two cuts of the next row, ``first`` to before ``last``."""
+    for c in range(first + 2 * i, min(first + 2 * (i + 1), last)):
+        descent, depth = descents[c], depths[c]
+        place = grid_index(cuts.states[c].tip)[0]
+        for k in (max(place - 8, 0), place):  # the edge lies behind the tip
+            prefetch(descent.belongs, k)
+            prefetch(descent.surface, k)
+            prefetch(descent.floor, k)
+            prefetch(descent.toughness, k)
+            prefetch(depth.counted, k)
+            prefetch(depth.wanted, k)
+        prefetch(descent.far, place)
+        prefetch(descent.near, place)
 
 
 @njit_inline
@@ -285,6 +317,7 @@ def _advance_depth(
     levels: StructArray,
     row: Struct,
     count: Struct,
+    step: StructArray,
     readings: StructArray,
     vertical: StructArray,
     i: int,
@@ -294,21 +327,24 @@ def _advance_depth(
     for k in range(row.taken):
         c = row.cut[k]
         if row.going[k] == 1:
-            levels[c] = next_level(descents[c], depths[c].command)
+            held = step[COMMAND, k] == 0.0 and descents[c].level_speed == 0.0
+            levels[c] = descents[c].level if held else next_level(descents[c], step[COMMAND, k])
     descending_row(row, cuts.profiles, descents, slabs, levels, TICK)
     feel_row(row, cuts.sensors, i == 0)
     over = 0
-    for k in range(row.taken):
-        c = row.cut[k]
-        if row.slack == 0:
+    if row.slack == 0:
+        for k in range(len(row.blade)):
             count_lane(
                 count, k, row.blade[k], row.speed[k], row.force[k], row.felt[k], row.tip[k], row.jump[k], row.depth[k]
             )
-        else:
+    else:
+        for k in range(row.taken):
             count_as_seen(cuts, row, count, k, True)
+    for k in range(row.taken):
         if row.going[k] == 1:
+            c = row.cut[k]
             over += 1 if count.end[k] != 0 else 0
-            count_depth(depths[c], min(row.blade[k] - row.creep[k], row.tip[k]), descents[c].vertical)
+            count_depth(step, k, min(row.blade[k] - row.creep[k], row.tip[k]), descents[c].vertical)
             if len(readings) > 0:
                 note(row, k, readings[c, i], TICK)
             if len(vertical) > 0:
@@ -324,6 +360,7 @@ def _conclude_depth(
     c: int,
     row: Struct,
     count: Struct,
+    step: StructArray,
     k: int,
     action: StructArray,
     observation: StructArray,
@@ -331,7 +368,7 @@ def _conclude_depth(
 ) -> int:
     """Compute reward terms, observation and info for the step of cut number ``c``, in lane ``k``; return its end."""
     descent, depth, task, progress = descents[c], depths[c], cuts.tasks[c], cuts.progresses[c]
-    survey(depth, descent, depth.reached - descent.edge_length)
+    survey(depth, descent, step[REACHED, k] - descent.edge_length)
     charge_depth(depth, task.target)
     # It is charged as an end at the limit of force is: for all that stopping could still have cost.
     in_layer = depth.deepest > depth.layer_limit and (count.end[k] == 0 or count.end[k] > _SAFETY_CODES)
@@ -346,7 +383,7 @@ def _conclude_depth(
     info.energy_residual -= descent.pressed
     observe_depth(
         depth, descent, cuts.nominals[c], cuts.sensors[c], cuts.states[c].tick, progress.updates, progress.position,
-        action[2], observation,
+        (step[VERTICAL_SUM, k], step[VERTICAL_MAX, k]), action[2], observation,
     )  # fmt: skip
     return progress.end  # type: ignore[no-any-return]
 

@@ -196,10 +196,6 @@ DEPTH: np.dtype[Any] = np.dtype(
             ("layer", "f8"),
             ("deepest", "f8"),
             ("counts", "i8"),  # number of points in the map
-            ("command", "f8"),  # speed downwards of this step [m/s]
-            ("reached", "f8"),  # least position of the edge's leading end in this step [m]
-            ("vertical_sum", "f8"),  # of this step [N]
-            ("vertical_max", "f8"),
             ("success", "i8"),
             *((f"term_{name}", "f8") for name in DEPTH_TERMS),  # of this step
             *((f"total_{name}", "f8") for name in DEPTH_TERMS),  # since reset
