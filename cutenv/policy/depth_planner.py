@@ -12,10 +12,10 @@ from cutenv._engine.jit import njit
 from cutenv.cutting.descent import renew
 from cutenv.policy.depth_scripts import BLADE_DEPTH, DepthByForce
 from cutenv.policy.planner import PlannerWithTruth, Search
-from cutenv.policy.signals import POSITION_COLUMN
+from cutenv.policy.signals import DEPTH_COLUMN, POSITION_COLUMN
 from cutenv.task.depth_cutting import DepthCutting
 from cutenv.task.gentle_cutting import GentleCutting
-from cutenv.task.observation import SCALES
+from cutenv.task.observation import COMPONENTS, SCALES
 from cutenv.tissue.grid import N_POINTS, SPACING
 
 
@@ -73,17 +73,15 @@ class DepthPlanner(DepthByForce):
 
     def act(self, observations: Array32) -> Array32:
         """Return the actions, shape (n, 3), for the observations of all cuts, shape (n, 22)."""
-        place = np.asarray(observations)[:, POSITION_COLUMN] * SCALES[POSITION_COLUMN] / SPACING
+        truth = np.array(observations, np.float32)  # with the true surface in the place of the measured one
+        place = truth[:, POSITION_COLUMN] * SCALES[POSITION_COLUMN] / SPACING
         point = np.clip(place.astype(int), 0, N_POINTS - 2)
         rows = np.arange(len(point))
         left, right = self._above[rows, point], self._above[rows, point + 1]
-        self._error = left + (place - point) * (right - left)
-        return super().act(observations)
-
-    def descent(self, seen: Array, actions: Array32) -> Array:
-        """Return the speeds that bring the floor to the wanted depth below the true surface."""
-        seen[:, BLADE_DEPTH] += self._error
-        return super().descent(seen, actions)
+        error = left + (place - point) * (right - left)
+        truth[:, DEPTH_COLUMN] += error / SCALES[DEPTH_COLUMN]
+        truth[:, len(COMPONENTS) + BLADE_DEPTH] += error / SCALES[DEPTH_COLUMN]
+        return super().act(truth)
 
 
 def _surface_error(cutting: GentleCutting) -> Array:

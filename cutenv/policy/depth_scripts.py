@@ -11,37 +11,47 @@ from cutenv._base.arrays import Array, Array32, Indices
 from cutenv._base.validation import in_range
 from cutenv.policy.interface import ArrayPolicy
 from cutenv.policy.one_return_stroke import OneReturnStroke
-from cutenv.policy.signals import DEPTH_COLUMN
-from cutenv.task.depth_terms import ALL_COMPONENTS, DEPTH_COMPONENTS, DESCENT_SCALE, LOOK_AHEAD
+from cutenv.policy.signals import DEPTH_COLUMN, POSITION_COLUMN, in_si
+from cutenv.policy.tip_estimate import TipEstimate
+from cutenv.task.depth_terms import ALL_COMPONENTS, DEPTH_COMPONENTS, DESCENT_SCALE
 from cutenv.task.observation import COMPONENTS, SPEED_SCALE, speed_action
+from cutenv.tissue.grid import N_POINTS, SPACING
 
 _SCALES = np.array([one.scale for one in DEPTH_COMPONENTS])
 _COLUMNS = {one.name: number for number, one in enumerate(DEPTH_COMPONENTS)}
-VERTICAL, VERTICAL_MEAN, BLADE_DEPTH, DESCENT_SPEED, WANTED, WANTED_NEAR = (
-    _COLUMNS[name] for name in ("vertical", "vertical_mean", "blade_depth", "descent_speed", "wanted", "wanted_near")
-)
+VERTICAL_MEAN, BLADE_DEPTH, WANTED = (_COLUMNS[name] for name in ("vertical_mean", "blade_depth", "wanted"))
 """Columns of what depth adds to an observation."""
 _DEPTH_SCALE = COMPONENTS[DEPTH_COLUMN].scale
 
 
 class DepthScript(ArrayPolicy):
-    """Base class: a policy of gentle cutting moves along the cut, and :meth:`descent` up and down.
+    """Base class: a policy of gentle cutting moves along the cut, and :meth:`depths` says how deep.
+
+    A cut is as deep as the blade is where the crack tip is, some millimetres behind.  So the surface and the wanted
+    depth are remembered as the blade passes, and the blade is as high as they ask for at the estimated tip.
 
     Parameters
     ----------
     along : ArrayPolicy, optional
         Policy of gentle cutting; it is shown the depth of the blade as the depth of cut.  Default: the best script.
     gain : float
-        Descent speed over the error of the depth [1/s].
+        Descent speed over the error of the level [1/s].
+    lead : float
+        Distance ahead of the tip at which the depth is followed, for the time that the blade takes [m].
     """
 
-    def __init__(self, along: ArrayPolicy | None = None, *, gain: float = 8.0) -> None:
+    def __init__(self, along: ArrayPolicy | None = None, *, gain: float = 4.0, lead: float = 0.004) -> None:
         self.along = along or OneReturnStroke()
-        self._gain = in_range("gain", gain, 0.1, 100.0, "1/s", "A drive with a lag of 40 ms follows 8 well.")
+        self._estimate = TipEstimate()
+        self._gain = in_range("gain", gain, 0.1, 100.0, "1/s", "A drive with a lag of 40 ms follows 4 well.")
+        self._lead = in_range("lead", lead, 0.0, 0.05, "m", "1 mm is 0.001.")
 
     def begin(self, rngs: Sequence[np.random.Generator]) -> None:
         """Forget all cuts, and begin ``len(rngs)``; a script uses no randomness."""
         self.along.begin(rngs)
+        self._estimate.begin(len(rngs))
+        self._surface, self._wanted = np.zeros((len(rngs), N_POINTS)), np.zeros((len(rngs), N_POINTS))
+        self._passed = np.full(len(rngs), -1)
         self.start(len(rngs))
 
     def start(self, count: int) -> None:
@@ -50,6 +60,8 @@ class DepthScript(ArrayPolicy):
     def forget(self, cuts: Indices) -> None:
         """Begin those cuts again that are given by index."""
         self.along.forget(cuts)
+        self._estimate.forget(cuts)
+        self._passed[cuts] = -1
 
     def act(self, observations: Array32) -> Array32:
         """Return the actions, shape (n, 3), for the observations of all cuts, shape (n, 22)."""
@@ -57,24 +69,41 @@ class DepthScript(ArrayPolicy):
         if observations.shape[1:] != (len(ALL_COMPONENTS),):
             raise ValueError(f"observations have shape {observations.shape}; give (n, {len(ALL_COMPONENTS)}).")
         shown, seen = observations[:, : len(COMPONENTS)].copy(), observations[:, len(COMPONENTS) :] * _SCALES
+        along = in_si(shown)
+        self._remember(along[:, POSITION_COLUMN], along[:, DEPTH_COLUMN], seen[:, WANTED])
         shown[:, DEPTH_COLUMN] = seen[:, BLADE_DEPTH] / _DEPTH_SCALE
+        tips = self._estimate.tips(in_si(shown))
+        point = np.minimum(((tips + self._lead) / SPACING + 0.5).astype(int), self._passed)
+        rows = np.arange(len(point))
         actions = np.empty((len(shown), 3), np.float32)
         actions[:, :2] = self.along.act(shown)
-        descent = self.descent(seen, actions)
+        depths = self.depths(self._wanted[rows, point], seen, actions)
+        level = along[:, DEPTH_COLUMN] - seen[:, BLADE_DEPTH]
+        descent = self._gain * (level - (self._surface[rows, point] - depths))
         actions[:, 2] = np.clip(speed_action(descent * (SPEED_SCALE / DESCENT_SCALE)), -1.0, 1.0)
         return actions
 
+    def _remember(self, position: Array, surface: Array, wanted: Array) -> None:
+        """Remember surface and wanted depth [m] at the points that the blades have passed."""
+        point = np.clip((position / SPACING + 0.5).astype(int), 0, N_POINTS - 1)
+        for n in np.flatnonzero(point > self._passed).tolist():
+            self._surface[n, self._passed[n] + 1 : point[n] + 1] = surface[n]
+            self._wanted[n, self._passed[n] + 1 : point[n] + 1] = wanted[n]
+            self._passed[n] = point[n]
+
     @abstractmethod
-    def descent(self, seen: Array, actions: Array32) -> Array:
-        """Return speeds downwards [m/s], shape (n,), for what depth adds to the observations, SI, shape (n, 10).
+    def depths(self, wanted: Array, seen: Array, actions: Array32) -> Array:
+        """Return the depths below the surface to which the blades are to go [m], shape (n,).
 
-        ``actions``, shape (n, 3), has the speeds and angles, which may be changed.
+        Parameters
+        ----------
+        wanted : array, shape (n,)
+            Wanted depths at the tips [m].
+        seen : array, shape (n, 10)
+            Components that depth adds to the observations, SI.
+        actions : array, shape (n, 3)
+            Actions with speeds and angles, which may be changed.
         """
-
-    def toward(self, wanted: Array, seen: Array) -> Array:
-        """Return the speeds downwards [m/s] that bring the blade to a wanted depth [m]."""
-        descent: Array = self._gain * (wanted - seen[:, BLADE_DEPTH])
-        return descent
 
 
 class HoldDepth(DepthScript):
@@ -89,36 +118,21 @@ class HoldDepth(DepthScript):
         super().forget(cuts)
         self._depth[cuts] = np.nan
 
-    def descent(self, seen: Array, actions: Array32) -> Array:
-        """Return the speeds that keep the blade as deep below the measured surface as it was."""
-        self._depth = np.where(np.isnan(self._depth), seen[:, WANTED], self._depth)
-        return self.toward(self._depth, seen)
+    def depths(self, wanted: Array, seen: Array, actions: Array32) -> Array:
+        """Return the depth that was wanted first."""
+        self._depth = np.where(np.isnan(self._depth), wanted, self._depth)
+        return self._depth
 
 
 class FollowDepth(DepthScript):
-    """The wanted depth, of which some is seen ahead.
+    """The wanted depth below the surface, as it was measured."""
 
-    Parameters
-    ----------
-    ahead : float
-        Distance ahead of the blade at which the wanted depth is followed [m], up to 5 mm.
-    """
-
-    def __init__(self, along: ArrayPolicy | None = None, *, gain: float = 8.0, ahead: float = 0.001) -> None:
-        super().__init__(along, gain=gain)
-        self._share = in_range("ahead", ahead, 0.0, LOOK_AHEAD[0], "m", "1 mm is 0.001.") / LOOK_AHEAD[0]
-
-    def wanted(self, seen: Array) -> Array:
-        """Return the depth to be followed [m], shape (n,)."""
-        wanted: Array = seen[:, WANTED] + self._share * (seen[:, WANTED_NEAR] - seen[:, WANTED])
+    def depths(self, wanted: Array, seen: Array, actions: Array32) -> Array:
+        """Return the wanted depths."""
         return wanted
 
-    def descent(self, seen: Array, actions: Array32) -> Array:
-        """Return the speeds that follow the wanted depth."""
-        return self.toward(self.wanted(seen), seen)
 
-
-class DepthByForce(FollowDepth):
+class DepthByForce(DepthScript):
     """The wanted depth, by the floor of the cut instead of the blade: where the floor resists, the blade presses on.
 
     The floor is above the blade by as much as it is pressed, which the vertical force tells.
@@ -135,22 +149,22 @@ class DepthByForce(FollowDepth):
         self,
         along: ArrayPolicy | None = None,
         *,
-        gain: float = 8.0,
-        ahead: float = 0.001,
+        gain: float = 4.0,
+        lead: float = 0.007,
         per_force: float = 0.002,
-        most: float = 0.002,
+        most: float = 0.0005,
     ) -> None:
-        super().__init__(along, gain=gain, ahead=ahead)
+        super().__init__(along, gain=gain, lead=lead)
         self._per_force = in_range("per_force", per_force, 0.0, 0.1, "m/N", "1 mm for each newton is 0.001.")
-        self._most = in_range("most", most, 0.0, 0.02, "m", "2 mm is 0.002.")
+        self._most = in_range("most", most, 0.0, 0.02, "m", "1 mm is 0.001.")
 
-    def descent(self, seen: Array, actions: Array32) -> Array:
-        """Return the speeds that bring the floor to the wanted depth."""
-        pressed = np.clip(self._per_force * seen[:, VERTICAL_MEAN], 0.0, self._most)
-        return self.toward(self.wanted(seen) + pressed, seen)
+    def depths(self, wanted: Array, seen: Array, actions: Array32) -> Array:
+        """Return the depths at which the floor comes to the wanted ones."""
+        pressed: Array = wanted + np.clip(self._per_force * seen[:, VERTICAL_MEAN], 0.0, self._most)
+        return pressed
 
 
-class ProbeDown(FollowDepth):
+class ProbeDown(DepthScript):
     """The wanted depth, with a stop every so often in which the blade goes down a little, is felt, and comes up again.
 
     The layer below tells itself by a force that differs from that of the tissue: where it was found, the blade keeps
@@ -170,15 +184,15 @@ class ProbeDown(FollowDepth):
         self,
         along: ArrayPolicy | None = None,
         *,
-        gain: float = 8.0,
-        ahead: float = 0.001,
-        every: float = 1.5,
+        gain: float = 4.0,
+        lead: float = 0.004,
+        every: float = 3.0,
         probe: float = 0.0008,
         margin: float = 0.0005,
         control_hz: int = 50,
     ) -> None:
-        super().__init__(along, gain=gain, ahead=ahead)
-        self._every = round(in_range("every", every, 0.1, 60.0, "s", "A second or two.") * control_hz)
+        super().__init__(along, gain=gain, lead=lead)
+        self._every = round(in_range("every", every, 0.1, 60.0, "s", "A few seconds.") * control_hz)
         self._probe = in_range("probe", probe, 0.0, 0.01, "m", "1 mm is 0.001.")
         self._margin = in_range("margin", margin, 0.0, 0.01, "m", "1 mm is 0.001.")
         self._lasts = round(0.2 * control_hz)
@@ -194,9 +208,9 @@ class ProbeDown(FollowDepth):
         self._decided[cuts], self._most[cuts] = 0, 0.0
         self._usual[cuts], self._floor[cuts] = np.nan, np.inf
 
-    def descent(self, seen: Array, actions: Array32) -> Array:
-        """Return the speeds of a probe, or those that follow the wanted depth above what was found."""
-        wanted, phase = self.wanted(seen), self._decided % self._every
+    def depths(self, wanted: Array, seen: Array, actions: Array32) -> Array:
+        """Return the depths of a probe, or the wanted ones above what was found."""
+        phase = self._decided % self._every
         self._decided += 1
         down = (phase < self._lasts) & (self._decided > self._lasts)
         felt = seen[:, VERTICAL_MEAN]
@@ -208,7 +222,8 @@ class ProbeDown(FollowDepth):
         self._usual = np.where(done & ~other, 0.5 * (usual + self._most), self._usual)
         self._most = np.where(done, 0.0, self._most)
         actions[down, 0] = np.minimum(actions[down, 0], 0.0)  # it stands while it goes down
-        return self.toward(np.where(down, wanted + self._probe, np.minimum(wanted, self._floor)), seen)
+        depths: Array = np.where(down, wanted + self._probe, np.minimum(wanted, self._floor))
+        return depths
 
 
 DEPTH_SCRIPTS: dict[str, Callable[[], ArrayPolicy]] = {
