@@ -313,7 +313,7 @@ def respond(row: Struct, profile: Struct, descent: Struct, slab: Struct, n: int)
         gained = engage(row, profile, descent, slab, n, engaged, max(lag, 0.0))
         row.work[n] += gained
         sliced += max(gained, 0.0) if fall == 0.0 else 0.0
-    elif onwards:
+    elif onwards or descent.rise == 0.0:
         descent.rise = rise_with_depth(descent, slab, cell)
     descent.untold = max(descent.untold - descent.slicing * abs(moved), 0.0) + (sliced if moved != 0.0 else 0.0)
     descent.slicing = descent.untold * POINTS_PER_METRE

@@ -47,6 +47,15 @@ def test_no_force_leaps_up_for_one_update(motion: str) -> None:
     assert np.minimum(np.abs(upward[1:-1] - upward[:-2]), np.abs(upward[1:-1] - upward[2:])).max() < 0.05
 
 
+def test_tissue_that_a_blade_at_level_zero_carries_along_lifts_it() -> None:
+    plant = DescendingPlant(Specimen.drawn(0, specimen_class="uniform"))
+    readings = plant.advance(0.01, UPRIGHT, 300)
+    assert readings["elastic_force"][-1] > 0.1
+    stiffness = readings["elastic_force"][-1] / (readings["position"][-1] - readings["tip"][-1])
+    lifted = 0.5 * readings["elastic_force"][-1] ** 2 / stiffness / plant.depth[0]  # if K were proportional to depth
+    assert 0.3 * lifted < plant.vertical_force[-1] < 1.5 * lifted
+
+
 @pytest.mark.parametrize(
     "layers", [Layers(boundary=0.006, deep_toughness=3.0), Layers(capsule_toughness=5.0, capsule_thickness=1e-3)]
 )
