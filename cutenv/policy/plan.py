@@ -109,7 +109,7 @@ def roll_out_some(
                 if plans[n].leader > 0:
                     left -= _take_over(cuts, plans, waits, returns, n)
                 if not waits[n]:
-                    _choose(plans[n], cuts.states[n], action[n])
+                    choose_action(plans[n], cuts.states[n], action[n])
                     if len(actions) > 0:
                         actions[n, decision, 0], actions[n, decision, 1] = action[n, 0], action[n, 1]
             begun = first
@@ -161,7 +161,7 @@ def _take_over(cuts: Cuts, plans: StructArray, waits: StructArray, returns: Stru
 
 
 @njit_internal
-def _choose(plan: Struct, state: Struct, action: StructArray) -> None:
+def choose_action(plan: Struct, state: Struct, action: StructArray) -> None:
     """Fill ``action`` with the plan's for the present state, rounded to float32 as an environment's is."""
     speed, angle = planned_command(plan, state.blade)
     if plan.stopping == 0 and state.blade >= plan.stop:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import ClassVar
 
 import numpy as np
 
@@ -162,8 +161,6 @@ class PlannerWithTruth(ArrayPolicy):
         self._rounds = int(in_range("rounds", rounds, 0, 10**6, "1", "20 come within 0.002 of 200."))
 
     privileged = True
-    search: ClassVar[type[Search]] = Search
-    """Class of its search."""
 
     def begin(self, rngs: Sequence[np.random.Generator]) -> None:
         """Forget all cuts, and begin ``len(rngs)``."""
@@ -182,7 +179,7 @@ class PlannerWithTruth(ArrayPolicy):
 
     def set_states(self, cuttings: Sequence[GentleCutting]) -> None:
         """Plan the cuts that are about to begin, on all cores."""
-        search = self.search(*cuttings)
+        search = Search(*cuttings)
         plans = [plan for plan, _ in search.best(self._rngs, rounds=self._rounds)]
         self._actions = [actions.astype(np.float32) for actions in search.commands(plans)]
         self._decided = np.zeros(len(cuttings), int)
