@@ -2,7 +2,7 @@
 
     python scripts/update_docs.py parameters agreement specimens calibration field pass-marks speed baselines
     python scripts/update_docs.py training results --runs runs/NAME ...  one run for each training seed
-    python scripts/update_docs.py ladder learned-stop stock safe-cut memory check-score depth-cut  left by scripts in runs/
+    python scripts/update_docs.py ladder learned-stop stock safe-cut memory check-score depth-cut  left in runs/
     python scripts/update_docs.py benchmark                 what scripts/leaderboard.py --publish has kept
     python scripts/update_docs.py rig-faults rig-soak class-load  what their scripts left in runs/ (--json)
     python scripts/update_docs.py depth seen-runs           what measure_depth_accuracy.py and measure_seen_runs.py left
