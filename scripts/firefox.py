@@ -31,7 +31,9 @@ class Browser:
         self.tell("session.new", capabilities={})
         self.tell("session.subscribe", events=["log.entryAdded", "network.beforeRequestSent"])
         self._page = self.tell("browsingContext.getTree")["contexts"][0]["context"]
-        self._window = self.tell("browsingContext.getTree", **{"moz:scope": "chrome"})["contexts"][0]["context"]
+        windows = self.tell("browsingContext.getTree", **{"moz:scope": "chrome"})["contexts"]
+        # Firefox 140 knows no such scope, and lists pages: it stays as light as its profile says.
+        self._window = next((each["context"] for each in windows if each["url"].startswith("chrome:")), None)
 
     def tell(self, method: str, **parameters: Any) -> dict[str, Any]:
         """Send a command; return its result."""
@@ -46,7 +48,9 @@ class Browser:
 
     def open(self, path: Path, width: int, *, dark: bool = False) -> None:
         """Open a file in a window of a width [px] and wait until it is loaded."""
-        self._evaluate(f"Services.prefs.setIntPref('{_COLOURS}', {0 if dark else 1})", self._window)
+        if self._window is not None:
+            self._evaluate(f"Services.prefs.setIntPref('{_COLOURS}', {0 if dark else 1})", self._window)
+        assert not dark or self._window is not None, "this Firefox cannot be told to be dark; take a later one"
         viewport = {"width": width, "height": 900}
         self.tell("browsingContext.setViewport", context=self._page, viewport=viewport, devicePixelRatio=1)
         self.events.clear()
@@ -136,6 +140,7 @@ def browser(profile: Path) -> Iterator[Browser]:
     from websockets.sync.client import connect
 
     assert PROGRAM is not None
+    (profile / "user.js").write_text(f'user_pref("{_COLOURS}", 1);\n', encoding="utf-8")
     options = ("--headless", "--no-remote", "--remote-debugging-port", "0", "--remote-allow-system-access")
     process = subprocess.Popen(
         [PROGRAM, *options, "--profile", str(profile)],

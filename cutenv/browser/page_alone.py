@@ -43,6 +43,7 @@ from cutenv.tissue import measured_liver
 from cutenv.tissue.specimen import CLASSES, LENGTH, SPACING
 from cutenv.trace import SPEED_WINDOW
 from cutenv.viewer.drawn_slab import Slab
+from cutenv.viewer.scene_parts import WORDS, scene_data
 
 LAW_PROGRAM = "browser/law.wasm"
 """The compiled task, below ``assets``."""
@@ -50,7 +51,7 @@ LANGUAGES = ("en", "de")
 OFFERED = ("liver", "uniform", "vascular")
 """Classes of specimens that a page offers by default."""
 _HERE = Path(__file__).parent / "page"
-_SCRIPTS = ("law.js", "words.js", "record.js", "score.js", "platform.js", "drawing.js", "page.js")
+_SCRIPTS = ("law.js", "words.js", "record.js", "score.js", "platform.js", "scene.js", "drawing.js", "page.js")
 _TIPS = 61  # positions of the tip for which the page holds the field; between them it is interpolated
 
 
@@ -151,8 +152,15 @@ def page_data() -> dict[str, Any]:
         "spacing": SPACING,
         "length": LENGTH,
         "slab": _slab_data(),
-        "texts": {each: json.loads((_HERE / f"texts.{each}.json").read_text(encoding="utf-8")) for each in LANGUAGES},
+        "scene": scene_data(),
+        "texts": {each: page_texts(each) for each in LANGUAGES},
     }
+
+
+def page_texts(language: str) -> dict[str, str]:
+    """Return the texts of a language by key; the scene's own words are English, which the file of another has too."""
+    own: dict[str, str] = json.loads((_HERE / f"texts.{language}.json").read_text(encoding="utf-8"))
+    return own if language != "en" else own | WORDS
 
 
 def specimen_data(specimen_class: str, seed: int, episode: int, target_length: float | None = None) -> dict[str, Any]:
@@ -217,7 +225,7 @@ def _slab_data() -> dict[str, Any]:
     return {
         "width": model.width,
         "shape": slab.rest.shape[:3],
-        "rest": _single(slab.rest),
+        "rest": _base64(slab.rest.astype("<f8").tobytes()),
         "tips": _TIPS,
         "fields": _single(fields),
     }

@@ -10,15 +10,11 @@ from cutenv.play.overlays import draw_countdown, draw_end_card, draw_ready_card
 from cutenv.play.play_session import ViewState
 from cutenv.tissue.grid import depth_below
 from cutenv.viewer import chart, palette, views
-from cutenv.viewer.canvas import Canvas, Colour, Points
+from cutenv.viewer.canvas import Canvas, Points
 from cutenv.viewer.drawn_slab import Slab, drawn_slab_of
+from cutenv.viewer.palette import Colour
 from cutenv.viewer.readout import draw_rows
-from cutenv.viewer.scene import (
-    ForceTrace,
-    Layout,
-    blade_from_the_side,
-    front_from_the_side,
-)
+from cutenv.viewer.scene import ForceTrace, Layout
 
 LAYOUT = Layout(
     scale=3200.0, cut_line=214.0, blade_end=572.0, chart_top=618.0, chart_bottom=692.0, column=600.0
@@ -29,21 +25,7 @@ _CHOICES = "r: again   c: class   p: practice   "
 _SMALL, _NORMAL = 16, 19
 _MARGIN = 16
 _SIDE_TOP = 358.0  # [px] top of the side view
-_GRIP = 0.058  # [m] height of the fingers above the blade's lower end
-_HANDLE_FROM, _HANDLE_WIDTH = 0.039, 0.011  # [m] where it begins along the edge
-_HANDLE_TOP = 0.060  # [m] height of its end, for which there is room
 _RECENT = 6.0  # [s] of the trace over time
-_HAND = (0, 158, 115)
-_CALM, _WARM, _HOT = palette.STEEL, palette.COST_COLOUR, palette.LIMIT
-
-
-def force_colour(force: float, allowed: float, limit: float) -> Colour:
-    """Return steel without force, amber where it begins to cost, vermilion at the limit; all in the force's unit."""
-    stops = (0.0, allowed, limit)
-    red, green, blue = (
-        round(float(np.interp(abs(force), stops, channel))) for channel in zip(_CALM, _WARM, _HOT, strict=True)
-    )
-    return red, green, blue
 
 
 class PlayPicture:
@@ -68,13 +50,13 @@ class PlayPicture:
         canvas.paste(self._standing)
         depth = depth_below(moment.depth, moment.blade)
         allowed, limit = moment.force_allowed_per_depth * depth, moment.force_limit_per_depth * depth
-        tint = force_colour(moment.force, allowed, limit) if sight.shown.force else palette.STEEL
-        views.draw_slab(canvas, layout, moment, self._slab)
-        _draw_hand(canvas, layout, sight)
-        views.draw_blade_from_above(canvas, layout, moment, tint)
-        if sight.practice:
-            views.draw_tip_from_above(canvas, layout, moment, "tip")
-        _draw_side(canvas, layout, sight, depth, tint)
+        shown = {"hand"} | ({"truth"} if sight.practice else set())
+        quantities = moment.quantities(hand=sight.hand, angle=None if sight.pose is None else sight.pose.angle)
+        tint = views.tint(moment.force, quantities) if sight.shown.force else palette.STEEL
+        views.draw_from_above(canvas, layout, quantities, self._slab, shown, tint)
+        box = _SIDE_TOP + 6.0, layout.column - 16
+        views.draw_from_the_side(canvas, layout, quantities, shown, tint, box=box)
+        views.draw_titles(canvas, layout, quantities, self._slab.model.width, _SIDE_TOP - 2)
         chart.draw_present(canvas, layout, moment, self._trace, force_shown=sight.shown.trace)
         _draw_header(canvas, layout, sight)
         _draw_title(canvas, layout, sight)
@@ -120,7 +102,7 @@ class PlayPicture:
         layout, model, moment = self.layout, self._slab.model, sight.moment
         canvas = Canvas(layout.width, layout.height, palette.PAPER)
         views.draw_clamp(canvas, layout, model.width)
-        views.draw_section_at_rest(canvas, layout, moment)
+        views.draw_parts(canvas, layout, moment.quantities(), "side", standing=True)
         views.draw_ruler(canvas, layout, model.length)
         chart.draw_axes(canvas, layout, moment, self._trace)
         words = HELP.format(choices="" if sight.task else _CHOICES)
@@ -146,66 +128,6 @@ def _draw_header(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
         canvas.text(
             "PRACTICE", badge, size=18, colour=palette.HEADER_COLOUR, anchor="midright", ground=palette.COST_COLOUR
         )
-
-
-def _draw_hand(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
-    """Draw the hand on the cut line, from above."""
-    at = layout.from_above(np.array([0.0, sight.hand]))
-    for side in (-1.0, 1.0):
-        outline = at + side * np.array([[0.0, 9.0], [-6.0, 20.0], [6.0, 20.0]])
-        canvas.area(outline, _HAND, palette.INK)
-
-
-def _draw_side(canvas: Canvas, layout: Layout, sight: ViewState, depth: float, tint: Colour) -> None:
-    """Draw blade and handle at their angle and the hand that leads them; in practice also the crack tip and its lag."""
-    moment = sight.moment
-    canvas.clip(0, _SIDE_TOP, layout.column - 16, layout.blade_end + 1)
-    views.draw_target(canvas, layout, moment, layout.blade_end - 84, layout.blade_end)
-    if sight.practice:
-        front = front_from_the_side(moment.tip, moment.angle, moment.depth)
-        canvas.area(layout.from_the_side(front), palette.CUT_FACE)
-    angle = moment.angle if sight.pose is None else sight.pose.angle
-    outline = _handle_from_the_side(moment.blade, angle, depth)
-    blade = blade_from_the_side(moment.blade, angle, depth)
-    canvas.area(layout.from_the_side(blade), tint, palette.INK)
-    canvas.area(layout.from_the_side(outline), palette.HEADER_COLOUR, palette.INK)
-    # The spring at the height of the fingers: from the hand to the handle.
-    reach = (_GRIP - depth) / math.tan(angle)
-    handle = layout.from_the_side(np.array([moment.blade + reach - 0.0035, _GRIP]))
-    hand = layout.from_the_side(np.array([sight.hand + reach - 0.0035, _GRIP]))
-    canvas.line(_zigzag(handle, hand), _HAND, 2.0)
-    canvas.disc(hand, 8.0, _HAND)
-    canvas.unclip()
-    if sight.practice:
-        tip = layout.from_the_side(np.array([moment.tip, depth_below(moment.depth, moment.tip)]))
-        edge = layout.from_the_side(np.array([moment.blade, depth]))
-        if moment.lag > 0.0:
-            canvas.line(np.stack([tip, edge]), palette.INK, 3.0)
-            canvas.text(f"lag {moment.lag * 1e3:.1f} mm", (float(edge[0]) + 8, float(edge[1]) + 14), size=_SMALL)
-        views.draw_tip(canvas, tip)
-    words = f"from the side: tissue at rest, blade at {math.degrees(moment.angle):.0f}°"
-    canvas.text(words, (layout.clamp, _SIDE_TOP - 2), size=_SMALL, colour=palette.QUIET)
-
-
-def _handle_from_the_side(blade: float, angle: float, depth: float) -> Points:
-    """Return the outline of the handle above the blade, (along, height) [m], shape (5, 2)."""
-    edge = np.array([math.cos(angle), math.sin(angle)])
-    back = np.array([-math.sin(angle), math.cos(angle)])
-    lower_end = np.array([blade - depth / math.tan(angle), 0.0])
-    start = lower_end + _HANDLE_FROM * edge + 0.0035 * back
-    half, length = 0.5 * _HANDLE_WIDTH, _HANDLE_TOP / edge[1] - _HANDLE_FROM
-    along = np.array([[0.0, 0.4], [0.006, 1.0], [length, 0.8], [length, -0.8], [0.006, -1.0], [0.0, -0.4]])
-    outline: Points = start + along[:, :1] * edge + half * along[:, 1:] * back
-    return outline
-
-
-def _zigzag(start: Points, end: Points) -> Points:
-    """Return the line of a spring between two points [px], shape (n, 2)."""
-    t = np.linspace(0.0, 1.0, 12)[:, None]
-    points = start + t * (end - start)
-    points[1:-1:2, 1] -= 4.0
-    points[2:-1:2, 1] += 4.0
-    return points
 
 
 def _draw_title(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
@@ -268,7 +190,11 @@ def _draw_numbers(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
     ahead = f"{round((sight.hand - moment.blade) * 1e3, 1) + 0.0:.1f} mm"
     rows: list[tuple[str, str, Colour]] = [
         ("blade to target", f"{round(to_target, 1) + 0.0:.1f} mm", palette.TARGET),
-        ("hand ahead of the blade", ahead if sight.shown.force else "not shown", _HAND),  # a spring: it tells the force
+        (
+            "hand ahead of the blade",
+            ahead if sight.shown.force else "not shown",
+            palette.HAND,
+        ),  # a spring: it tells the force
         ("speed of the blade", f"{round(moment.speed * 100, 1) + 0.0:.1f} cm/s", palette.INK),
         ("angle of the blade", f"{math.degrees(moment.angle):.0f}°", palette.INK),
     ]

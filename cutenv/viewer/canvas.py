@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Colour = tuple[int, int, int]
+from cutenv.viewer.palette import Colour
+
 Points = NDArray[np.float64]
 
 _HATCH = 7  # [px] between the lines of a hatch

@@ -14,6 +14,9 @@ from cutenv.viewer.drawn_slab import Slab, drawn_slab_of
 from cutenv.viewer.scene import ForceTrace, Layout, Moment
 from cutenv.viewer.window import Window
 
+_SHOWN = ("truth", "force")
+_SIDE_HEIGHT = 116  # [px] of the view from the side
+
 
 class CutViewer:
     """Viewer that draws a simulated cut as an array and, on request, in a window.
@@ -77,8 +80,11 @@ class CutViewer:
 
         canvas, layout = self._canvas, self.layout
         canvas.paste(self._standing)
-        views.draw_from_above(canvas, layout, moment, self._slab)
-        views.draw_from_the_side(canvas, layout, moment)
+        quantities = moment.quantities()
+        views.draw_from_above(canvas, layout, quantities, self._slab, _SHOWN, palette.STEEL)
+        box = layout.blade_end - _SIDE_HEIGHT, layout.column - 20
+        views.draw_from_the_side(canvas, layout, quantities, _SHOWN, palette.STEEL, box=box)
+        views.draw_titles(canvas, layout, quantities, self._slab.model.width, box[0] - 11)
         chart.draw_present(canvas, layout, moment, self._trace)
         readout.draw_header(canvas, layout, moment)
         readout.draw_numbers(canvas, layout, moment)
@@ -92,7 +98,7 @@ class CutViewer:
         layout, model = self.layout, self._slab.model
         canvas = Canvas(layout.width, layout.height, palette.PAPER)
         views.draw_clamp(canvas, layout, model.width)
-        views.draw_section_at_rest(canvas, layout, moment)
+        views.draw_parts(canvas, layout, moment.quantities(), "side", standing=True)
         views.draw_ruler(canvas, layout, model.length)
         chart.draw_axes(canvas, layout, moment, self._trace)
         readout.draw_legend(canvas, layout)

@@ -10,10 +10,7 @@ from scipy.sparse import csr_array
 
 from cutenv._base.arrays import Array
 from cutenv.tissue.cut_model import CutModel
-
-_WIDEST = 0.0025  # [m] half the gap of the widest cut: illustration
-_GAP_PER_LENGTH = 0.05  # [1] half the gap over the cut's length, while it is short: illustration
-_FACE_STEP = 0.5e-3  # [m] between the points of a drawn cut face
+from cutenv.viewer.scene_parts import HALF_GAP, OPENED_ASIDE
 
 
 class Slab:
@@ -78,24 +75,49 @@ class Slab:
 
     def opened(self, places: Array, tip: float) -> Array:
         """Return ``places`` of the lattice with the cut drawn open, which is not part of the model: an illustration."""
-        half = 0.5 * self.model.width
-        away = (1.0 - np.abs(self.rest[..., 0]) / half) ** 2
-        shift = half_gap(self.rest[..., 1], tip) * away
+        shift = self._aside(self.rest[..., 0], self.rest[..., 1], tip)
         drawn = places.copy()
         drawn[0, ..., 0] -= shift[0]
         drawn[1, ..., 0] += shift[1]
         return drawn
 
-    def cut_outline(self, displacement: Array, tip: float) -> Array:
-        """Return the outline of the cut, drawn open: along its left face to the tip and back, shape (n, 2) [m]."""
-        count = max(round(tip / _FACE_STEP), 2) + 1
-        y = 0.5 * tip * (1.0 - np.cos(np.linspace(0.0, np.pi, count)))  # denser at the rounded ends
-        gap = half_gap(y, tip)
-        left, right = (
-            np.stack([sign * gap, y + self._at(displacement[side, inner, :, 1], y)], axis=-1)
-            for side, inner, sign in ((0, -1, -1.0), (1, 0, 1.0))
-        )
-        return np.concatenate([left, right[::-1]])
+    def carried(self, displacement: Array, tip: float, side: Array, places: Array) -> Array:
+        """Return where places of the tissue at rest are drawn: displaced, and the cut open.
+
+        Parameters
+        ----------
+        displacement : ndarray, shape (2, n_across, n_along, 2)
+            Displacement of the lattice [m].
+        tip : float
+            Tip of the cut at rest [m].
+        side : ndarray, shape (n,)
+            Side of the cut line, -1 or 1: on it there are two places.
+        places : ndarray, shape (n, 2)
+            (across, along) at rest [m].
+
+        Returns
+        -------
+        ndarray, shape (n, 2)
+            (across, along) [m].
+        """
+        right = (side > 0).astype(np.int64)
+        x, y = places.T
+        lines = self.rest[:, :, 0, 0]
+        i = np.where(right > 0, _interval(lines[1], x), _interval(lines[0], x))
+        j = _interval(self._along, y)
+        s = ((x - lines[right, i]) / (lines[right, i + 1] - lines[right, i]))[:, None]
+        t = ((y - self._along[j]) / (self._along[j + 1] - self._along[j]))[:, None]
+        d = displacement
+        moved = (1 - t) * ((1 - s) * d[right, i, j] + s * d[right, i + 1, j])
+        moved += t * ((1 - s) * d[right, i, j + 1] + s * d[right, i + 1, j + 1])
+        drawn: Array = places + moved
+        drawn[:, 0] += side * self._aside(x, y, tip)
+        return drawn
+
+    def _aside(self, across: Array, along: Array, tip: float) -> Array:
+        """Return by how much the open cut pushes the tissue aside [m], of the shape of the places."""
+        away: Array = OPENED_ASIDE({"across": across, "half_width": 0.5 * self.model.width})
+        return half_gap(along, tip) * away
 
     def line_across(self, displacement: Array, along: float) -> Array:
         """Return the places of a straight line across the undisplaced tissue at ``along`` [m], shape (n, 2) [m]."""
@@ -106,10 +128,6 @@ class Slab:
         line = line.reshape(-1, 2)
         return line
 
-    def _at(self, values: Array, along: Array) -> Array:
-        found: Array = np.interp(along, self._along, values)
-        return found
-
 
 @lru_cache(maxsize=4)
 def drawn_slab_of(model: CutModel) -> Slab:
@@ -119,11 +137,14 @@ def drawn_slab_of(model: CutModel) -> Slab:
 
 def half_gap(along: Array, tip: float) -> Array:
     """Return half the gap [m] of a cut drawn open as an ellipse from the clamp to ``tip`` [m]; zero elsewhere."""
-    if tip <= 0.0:
-        return np.zeros_like(along)
-    t = np.clip(along / tip, 0.0, 1.0)
-    gap: Array = min(_WIDEST, _GAP_PER_LENGTH * tip) * 2.0 * np.sqrt(t * (1.0 - t))
+    gap: Array = HALF_GAP({"along": along, "tip": max(tip, 0.0)})
     return gap
+
+
+def _interval(lines: Array, places: Array) -> NDArray[np.int64]:
+    """Return the number of the interval between ascending ``lines`` in which each place is."""
+    found: NDArray[np.int64] = np.clip(np.searchsorted(lines, places, side="right") - 1, 0, len(lines) - 2)
+    return found
 
 
 def _lattice(first: int, count: int, subdivisions: int) -> tuple[NDArray[np.int64], Array]:

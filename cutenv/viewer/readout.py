@@ -9,9 +9,11 @@ import numpy as np
 
 from cutenv.tissue.grid import depth_below
 from cutenv.viewer import palette
-from cutenv.viewer.canvas import Canvas, Colour
+from cutenv.viewer.canvas import Canvas
+from cutenv.viewer.palette import Colour
 from cutenv.viewer.scene import Layout, Moment
-from cutenv.viewer.views import LARGEST_DISPLACEMENT, draw_band, draw_tip
+from cutenv.viewer.scene_parts import LARGEST_DISPLACEMENT
+from cutenv.viewer.views import draw_band, draw_tip
 
 _SMALL, _NORMAL = 16, 19
 _MARGIN = 16  # [px]

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,15 +15,19 @@ from cutenv.plant.simulator import SimulatedPlant
 from cutenv.task.gentle_cutting import GentleCutting
 from cutenv.task.reward import FORCE_ALLOWED
 from cutenv.task_quantities import TIP_TOLERANCE
-from cutenv.tissue.grid import SPACING, depth_below
-
-_BLADE_LENGTH = 0.0425  # [m] along its edge: thesis, section 3.4.1
-_BLADE_CHORD = 0.007  # [m] from edge to back
-_BLADE_THICKNESS = 0.0020  # [m] as drawn from above; a real one is 0.4 mm thick
-_BELLY = 0.006  # [m] by which the back is shorter than the edge
-_SAMPLES_PER_STROKE = 20  # 20 ms, in which a blade moves 2 px at most
-_CHART_CEILING, _CHART_FLOOR = 6.0, -1.0  # [N] least range of a force chart
-_CHART_STEP = 2.0  # [N] step by which it grows
+from cutenv.tissue.grid import depth_below
+from cutenv.viewer.formula import SceneFormula
+from cutenv.viewer.scene_parts import (
+    CHART_CEILING,
+    CHART_FILLED,
+    CHART_FLOOR,
+    CHART_SAMPLES,
+    CHART_STEP,
+    DERIVED,
+    NUMBERS,
+    WORDS,
+    ScenePart,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,6 +79,39 @@ class Moment:
         """Distance by which the blade has carried the tip from its place at rest [m]; zero in the open cut."""
         return max(self.blade - self.tip, 0.0)
 
+    def quantities(
+        self,
+        *,
+        hand: float = 0.0,
+        angle: float | None = None,
+        chart: tuple[float, float] = (CHART_FLOOR, CHART_CEILING),
+    ) -> dict[str, Any]:
+        """Return the scene's quantities by name; SI and radians.
+
+        Parameters
+        ----------
+        hand : float
+            Position of the hand that leads [m].
+        angle : float, optional
+            Angle at which the blade is drawn [rad], where it is not the measured one.
+        chart : tuple of float
+            Range of the force chart [N].
+        """
+        values = {
+            "blade": self.blade,
+            "tip": self.tip,
+            "angle": self.angle if angle is None else angle,
+            "force": self.force,
+            "target": self.target,
+            "hand": hand,
+            "force_limit_per_depth": self.force_limit_per_depth,
+            "force_allowed_per_depth": self.force_allowed_per_depth,
+            "chart_low": chart[0],
+            "chart_high": chart[1],
+            "depth_at": lambda along: depth_below(self.depth, along),
+        }
+        return derived_quantities(values)
+
     @property
     def verdict(self) -> str:
         """End of the cut in words, or an empty string while it goes on."""
@@ -102,32 +141,19 @@ class Layout:
     chart_bottom: float = 706.0
     column: float = 672.0  # of the numbers, from the left
 
-    def along(self, along: float) -> float:
-        """Return the horizontal position of a distance from the clamp [m], in pixels."""
+    def along(self, along: Any) -> Any:
+        """Return the horizontal position of distances from the clamp [m], in pixels."""
         return self.clamp + self.scale * along
 
-    def from_above(self, places: Array) -> Array:
-        """Return the pixels of places (across, along) [m], shape (..., 2)."""
-        return np.stack(
-            [self.clamp + self.scale * places[..., 1], self.cut_line + self.scale * places[..., 0]], axis=-1
-        )
-
-    def from_the_side(self, places: Array) -> Array:
-        """Return the pixels of places (along, height above the blade's lower end) [m], shape (..., 2)."""
-        return np.stack(
-            [self.clamp + self.scale * places[..., 0], self.blade_end - self.scale * places[..., 1]], axis=-1
-        )
-
-    def in_chart(self, points: Array, low: float, high: float) -> Array:
-        """Return the pixels of (position of the blade [m], force [N]), shape (..., 2), in a chart of that range."""
+    def place(self, view: str, places: Array, chart: tuple[float, float] = (CHART_FLOOR, CHART_CEILING)) -> Array:
+        """Return the pixels of a view's places, shape (..., 2); ``chart`` is the range of the force chart [N]."""
+        if view == "above":
+            return np.stack([self.along(places[..., 1]), self.cut_line + self.scale * places[..., 0]], axis=-1)
+        if view == "side":
+            return np.stack([self.along(places[..., 0]), self.blade_end - self.scale * places[..., 1]], axis=-1)
+        share = (places[..., 1] - chart[0]) / (chart[1] - chart[0])
         height = self.chart_bottom - self.chart_top
-        return np.stack(
-            [
-                self.clamp + self.scale * points[..., 0],
-                self.chart_bottom - height * (points[..., 1] - low) / (high - low),
-            ],
-            axis=-1,
-        )
+        return np.stack([self.along(places[..., 0]), self.chart_bottom - height * share], axis=-1)
 
 
 class ForceTrace:
@@ -142,7 +168,7 @@ class ForceTrace:
     def __init__(self) -> None:
         self._parts = [np.zeros((1, 2))]  # at the clamp, unloaded
         self._time = 0.0
-        self.low, self.high = _CHART_FLOOR, _CHART_CEILING
+        self.low, self.high = CHART_FLOOR, CHART_CEILING
 
     def add(self, readings: StructArray | None) -> bool:
         """Append new readings; return whether there were any."""
@@ -152,11 +178,16 @@ class ForceTrace:
         kept = _extremes(readings["force"])
         force = readings["force"][kept]
         self._parts.append(np.stack([readings["position"][kept], force], axis=-1))
-        while force.max() > 0.95 * self.high:
-            self.high += _CHART_STEP
-        while force.min() < 0.95 * self.low:
-            self.low -= _CHART_STEP
+        while force.max() > CHART_FILLED * self.high:
+            self.high += CHART_STEP
+        while force.min() < CHART_FILLED * self.low:
+            self.low -= CHART_STEP
         return True
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Least and greatest force of the chart [N]."""
+        return self.low, self.high
 
     def whole(self) -> Array:
         """Return (position [m], force [N]) since the start, shape (n, 2)."""
@@ -170,47 +201,33 @@ class ForceTrace:
 def _extremes(force: Array) -> NDArray[np.int64]:
     """Return the indices of least and greatest of every 20 samples, and of the last one: all that is visible."""
     kept = {len(force) - 1}
-    for start in range(0, len(force), _SAMPLES_PER_STROKE):
-        part = force[start : start + _SAMPLES_PER_STROKE]
+    for start in range(0, len(force), CHART_SAMPLES):
+        part = force[start : start + CHART_SAMPLES]
         kept |= {start + int(part.argmin()), start + int(part.argmax())}
     return np.array(sorted(kept))
 
 
-def surface(depth: Array) -> Array:
-    """Return the surface of the tissue at rest, (along, height above the blade's lower end) [m], shape (n, 2)."""
-    return np.stack([np.arange(len(depth)) * SPACING, depth], axis=-1)
+_DERIVED = {name: SceneFormula(text) for name, text in DERIVED.items()}
+_NUMBERS = {name: (SceneFormula(text), digits) for name, (text, digits) in NUMBERS.items()}
 
 
-def blade_from_the_side(blade: float, angle: float, depth: float) -> Array:
-    """Return the outline of the blade, (along, height) [m], shape (n, 2): the edge leads, over uncut tissue.
-
-    The edge passes through ``blade`` at the surface, ``depth`` above its lower end; an inclined blade leaves a wedge of
-    length depth times cot(angle) uncut. The data do not show which way a blade leans: here forward, as a hand draws it.
-    """
-    edge = np.array([math.cos(angle), math.sin(angle)])
-    back = np.array([-math.sin(angle), math.cos(angle)])
-    lower_end = np.array([blade - depth / math.tan(angle), 0.0])
-    t = np.linspace(0.0, 0.5 * math.pi, 9)[:, None]
-    belly = _BLADE_CHORD * np.sin(t) * back + _BELLY * (1.0 - np.cos(t)) * edge
-    upper = np.array([_BLADE_LENGTH * edge + _BLADE_CHORD * back, _BLADE_LENGTH * edge])
-    outline: Array = lower_end + np.concatenate([belly, upper])
-    return outline
+def derived_quantities(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the quantities of a moment with those that the scene derives from them."""
+    known = dict(values)
+    for name, formula in _DERIVED.items():
+        known[name] = formula(known)
+    return known
 
 
-def blade_from_above(blade: float, angle: float, depth: float) -> tuple[Array, Array]:
-    """Return the blade's section at the surface, and the part above it; (across, along) [m], shape (n, 2)."""
-    chord = _BLADE_CHORD / math.sin(angle)
-    half = 0.5 * _BLADE_THICKNESS
-    section = np.array([[0.0, 0.0], [-half, -0.4 * chord], [-half, -chord], [half, -chord], [half, -0.4 * chord]])
-    reach = max(_BLADE_LENGTH * math.sin(angle) - depth, 0.0) / math.tan(angle)
-    overhang = np.array([[-half, -chord], [-half, reach - chord], [0.0, reach], [half, reach - chord], [half, -chord]])
-    place = np.array([0.0, blade])
-    return section + place, overhang + place
+def rest_places(part: ScenePart, quantities: Mapping[str, Any]) -> tuple[Array, Array]:
+    """Return a part's places, for a carried one in tissue at rest, shape (n, 2); and its points' own numbers."""
+    own = np.array(part.rows, dtype=np.float64)
+    values = {**quantities, **dict(zip(part.own, own.T, strict=True))}
+    places = [np.broadcast_to(formula(values), len(own)) for formula in part.formulas]
+    return np.stack(places, axis=-1), own
 
 
-def front_from_the_side(tip: float, angle: float, depth: Array) -> Array:
-    """Return the outline of the cut part, (along, height) [m], shape (n, 2); its front is as inclined as the blade."""
-    top = surface(depth)
-    end = np.array([[tip, depth_below(depth, tip)]])
-    lower = max(tip - end[0, 1] / math.tan(angle), 0.0)
-    return np.concatenate([top[top[:, 0] < tip], end, [[lower, 0.0], [0.0, 0.0]]])
+def scene_label(key: str, quantities: Mapping[str, Any]) -> str:
+    """Return a title or label with its numbers."""
+    numbers = {name: f"{formula(quantities):.{digits}f}" for name, (formula, digits) in _NUMBERS.items()}
+    return WORDS[key].format(**numbers)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +17,9 @@ from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.grid import depth_below
 from cutenv.viewer import ForceTrace, Layout, Moment, Slab, palette
 from cutenv.viewer.drawn_slab import half_gap
-from cutenv.viewer.scene import blade_from_above, blade_from_the_side, front_from_the_side
+from cutenv.viewer.formula import SceneFormula
+from cutenv.viewer.scene import derived_quantities, rest_places
+from cutenv.viewer.scene_parts import PARTS, blade_edge
 
 LAYOUT = Layout()
 
@@ -31,6 +34,24 @@ def env() -> GentleCutEnv:
 def advance(env: GentleCutEnv, steps: int, speed: float = 0.55, angle: float = 1.0) -> None:
     for _ in range(steps):
         env.step(np.array([speed, angle], np.float32))
+
+
+PART = {part.name: part for part in PARTS}
+
+
+def quantities(depth: float = 0.018, **values: float) -> dict[str, Any]:
+    """Those of a moment, in tissue of even depth."""
+    moment = {"blade": 0.06, "tip": 0.06, "angle": math.pi / 2, "target": 0.08, "hand": 0.06, "half_width": 0.04}
+    return derived_quantities(moment | values | {"depth_at": lambda along: depth + 0.0 * along})
+
+
+def places(name: str, **values: float) -> NDArray[np.float64]:
+    return rest_places(PART[name], quantities(**values))[0]
+
+
+def carried(slab: Slab, displacement: NDArray[np.float64], name: str, **values: float) -> NDArray[np.float64]:
+    at_rest, own = rest_places(PART[name], quantities(**values))
+    return slab.carried(displacement, values.get("tip", 0.06), own[:, 0], at_rest)
 
 
 # The slab
@@ -102,7 +123,7 @@ def test_the_target_line_moves_with_the_tissue_on_which_it_is_marked(slab: Slab)
 
 def test_the_cut_is_drawn_open_between_clamp_and_tip_only(slab: Slab) -> None:
     tip, lag = 0.0537, 0.004
-    outline = slab.cut_outline(slab.displacement(tip, lag), tip)
+    outline = carried(slab, slab.displacement(tip, lag), "open cut", tip=tip)
     assert outline[:, 1].min() == pytest.approx(0.0, abs=1e-12)
     assert outline[:, 1].max() == pytest.approx(tip + lag, rel=1e-9)
     assert np.abs(outline[:, 0]).max() < 0.003
@@ -128,40 +149,61 @@ def test_an_element_of_any_kind_can_be_drawn() -> None:
 
 
 def check_edge(outline: NDArray[np.float64], blade: float, angle: float, depth: float) -> None:
-    """The edge runs from the lower end, a wedge behind, through the blade's place at the surface."""
-    lower, upper = outline[0], outline[-1]
-    assert lower[0] == pytest.approx(blade - depth / math.tan(angle), abs=1e-12)
-    assert lower[1] == 0.0
-    slope = math.atan2(upper[1] - lower[1], upper[0] - lower[0])
-    assert slope == pytest.approx(angle, abs=1e-12)
-    at_surface = lower[0] + (upper[0] - lower[0]) * depth / upper[1]
-    assert at_surface == pytest.approx(blade, abs=1e-12)
+    """The edge is straight and as inclined as the blade above its belly, and cuts the surface at the blade's place."""
+    edge = outline[: len(blade_edge())].copy()
+    edge[-1] += edge[-1] - edge[-2]  # prolonged beyond where the blade narrows
+    assert edge[:, 1].min() == pytest.approx(0.0, abs=1e-5)  # between two points of the belly
+    (along, height), (above, top) = edge[-2:]
+    assert math.atan2(top - height, above - along) == pytest.approx(angle, abs=1e-9)
+    lowest = int(edge[:, 1].argmin())
+    assert np.interp(depth, edge[lowest:, 1], edge[lowest:, 0]) == pytest.approx(blade, abs=1e-5)
 
 
 @pytest.mark.parametrize("degrees", [45.0, 60.0, 90.0])
-def test_the_edge_leans_at_its_angle_through_its_place_at_the_surface(degrees: float) -> None:
+@pytest.mark.parametrize("depth", [0.004, 0.018])
+def test_the_edge_leans_at_its_angle_through_its_place_at_the_surface(degrees: float, depth: float) -> None:
     angle = math.radians(degrees)
-    check_edge(blade_from_the_side(0.06, angle, 0.018), 0.06, angle, 0.018)
+    check_edge(places("blade", angle=angle, depth=depth), 0.06, angle, depth)
 
 
 def test_an_edge_at_another_angle_is_noticed() -> None:
     with pytest.raises(AssertionError):
-        check_edge(blade_from_the_side(0.06, math.radians(80), 0.018), 0.06, math.radians(90), 0.018)
+        check_edge(places("blade", angle=math.radians(80)), 0.06, math.radians(90), 0.018)
 
 
 def test_the_cut_front_stands_at_the_tip_and_leaves_the_wedge() -> None:
-    depth = np.full(301, 0.018)
-    front = front_from_the_side(0.06, math.radians(45), depth)
+    front = places("cut part", angle=math.radians(45))
     assert front[-3].tolist() == pytest.approx([0.06, 0.018])
     assert front[-2].tolist() == pytest.approx([0.06 - 0.018, 0.0])
-    assert front_from_the_side(0.0, math.radians(45), depth)[:, 0].max() == 0.0
+    assert places("cut part", angle=math.radians(45), tip=0.0)[:, 0].max() == 0.0
 
 
 def test_from_above_only_an_inclined_blade_stands_out_over_uncut_tissue() -> None:
     for degrees, ahead in ((90.0, False), (45.0, True)):
-        section, overhang = blade_from_above(0.06, math.radians(degrees), 0.01)
-        assert section[:, 1].max() == pytest.approx(0.06)
-        assert bool(overhang[:, 1].max() > 0.061) is ahead
+        values = {"angle": math.radians(degrees), "depth": 0.01}
+        assert places("blade from above", **values)[:, 1].max() == pytest.approx(0.06)
+        assert bool(places("blade above the tissue", **values)[:, 1].max() > 0.061) is ahead
+
+
+def test_the_hand_pulls_by_a_spring_at_the_handle() -> None:
+    spring, hand = places("spring", hand=0.065), places("hand", hand=0.065)
+    assert spring[-1].tolist() == pytest.approx(hand[0].tolist())
+    assert hand[0, 0] - spring[0, 0] == pytest.approx(0.005)
+
+
+def test_places_of_the_lattice_are_carried_with_it(slab: Slab) -> None:
+    displacement, tip = slab.displacement(0.05, 0.004), 0.05
+    opened = slab.opened(slab.rest + displacement, tip)
+    for side, sign in ((0, -1.0), (1, 1.0)):
+        at_rest = slab.rest[side].reshape(-1, 2)
+        drawn = slab.carried(displacement, tip, np.full(len(at_rest), sign), at_rest)
+        assert np.abs(drawn - opened[side].reshape(-1, 2)).max() < 1e-15
+
+
+@pytest.mark.parametrize("text", ["blade ** 2", "[blade]", "blade if tip else 0", "'blade'", "__import__('os').name"])
+def test_a_formula_of_anything_else_is_refused(text: str) -> None:
+    with pytest.raises(ValueError, match="formula = "):
+        SceneFormula(text)
 
 
 # Force, numbers and words
@@ -217,7 +259,7 @@ def test_the_chart_grows_with_the_force_and_never_cuts_it_off() -> None:
     assert trace.high > at_first[1]
     assert trace.low < -2.2
     assert trace.high > 17.3
-    pixels = LAYOUT.in_chart(trace.whole(), trace.low, trace.high)
+    pixels = LAYOUT.place("chart", trace.whole(), trace.range)
     assert pixels[:, 1].min() > LAYOUT.chart_top
     assert pixels[:, 1].max() < LAYOUT.chart_bottom
 

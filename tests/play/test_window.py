@@ -14,13 +14,14 @@ from played_window import FRAME, FakeClock, begin, post, press, show
 from cutenv import cli
 from cutenv.play.devices import GamepadDevice, Motion, ScriptedDevice
 from cutenv.play.overlays import fault_lines
-from cutenv.play.picture import LAYOUT, PlayPicture, force_colour
+from cutenv.play.picture import LAYOUT, PlayPicture
 from cutenv.play.play_session import GIVEN_UP, Session, ViewState
 from cutenv.play.play_window import PlayWindow
 from cutenv.recording import load_one
 from cutenv.scoring import TechniqueFault
 from cutenv.viewer import palette
 from cutenv.viewer.canvas import Canvas
+from cutenv.viewer.views import tint
 
 pygame = pytest.importorskip("pygame", reason='playing is an extra: pip install "cutenv[play]"')
 pytest.importorskip("pymunk", reason='playing is an extra: pip install "cutenv[play]"')
@@ -236,9 +237,10 @@ def test_the_same_advice_is_given_once() -> None:
 
 
 def test_the_colour_of_the_force_goes_from_steel_over_amber_to_vermilion() -> None:
-    assert force_colour(0.0, 4.0, 10.0) == palette.STEEL
-    assert force_colour(4.0, 4.0, 10.0) == palette.COST_COLOUR
-    assert force_colour(-12.0, 4.0, 10.0) == palette.LIMIT
+    quantities = {"depth": 0.02, "force_allowed_per_depth": 200.0, "force_limit_per_depth": 500.0}
+    assert tint(0.0, quantities) == palette.STEEL
+    assert tint(4.0, quantities) == palette.COST_COLOUR
+    assert tint(-12.0, quantities) == palette.LIMIT
 
 
 def test_the_same_moment_gives_the_same_picture_whatever_was_drawn_before() -> None:

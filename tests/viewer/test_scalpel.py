@@ -9,8 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from cutenv.viewer.scene_parts import BLADE_LENGTH, CHORD, blade_edge
 from cutenv.viewer.solid import scalpel
-from cutenv.viewer.solid.scalpel import ScalpelPose, blade, edge_outline, handle, pose
+from cutenv.viewer.solid.scalpel import ScalpelPose, blade, handle, pose
 from cutenv.viewer.solid.solids import Surface, box
 
 
@@ -30,7 +31,7 @@ def standing(vertices: np.ndarray, at: ScalpelPose) -> np.ndarray:
 
 def check_stands(at: ScalpelPose, position: float, depth: float) -> None:
     """The edge meets the surface at the position, and the lowest point is the depth below it, at the lower face."""
-    y, z = edge_outline(400).T
+    y, z = np.vstack([blade_edge(400), [0.0, 0.05]]).T  # prolonged beyond where the blade narrows
     edge = standing(np.stack([np.zeros_like(y), y, z], axis=-1), at)
     assert edge[:, 2].min() == pytest.approx(0.0, abs=2e-6)
     lowest = int(edge[:, 2].argmin())
@@ -77,12 +78,12 @@ def test_a_hole_is_noticed() -> None:
 
 def test_the_blade_has_the_measures_of_a_number_10() -> None:
     size = np.ptp(blade().vertices, axis=0)
-    assert size == pytest.approx([scalpel.BLADE_THICKNESS, scalpel.CHORD, scalpel.BLADE_LENGTH], rel=1e-9)
-    edge = edge_outline()
+    assert size == pytest.approx([scalpel.BLADE_THICKNESS, CHORD, BLADE_LENGTH], rel=1e-9)
+    edge = blade_edge()
     slope = np.diff(edge[:, 0]) / np.maximum(np.diff(edge[:, 1]), 1e-12)
     assert (np.diff(slope) <= 1e-9).all()  # the belly is convex, and straight at the end
     assert slope[-1] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_handle_and_blade_hold_together() -> None:
-    assert handle().vertices[:, 2].min() < scalpel.BLADE_LENGTH < handle().vertices[:, 2].max()
+    assert handle().vertices[:, 2].min() < BLADE_LENGTH < handle().vertices[:, 2].max()

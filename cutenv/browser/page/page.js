@@ -397,5 +397,5 @@
   await prepare();
   speak(told.language === "en" && wanted in told.texts ? wanted : told.language);
   if (page.cut) requestAnimationFrame(frame);
-  window.cutenvPage = { page, stylus, law, start, told }; // for tests, and for whoever looks inside
+  window.cutenvPage = { page, stylus, law, start, told, drawing }; // for tests, and for whoever looks inside
 })();

@@ -1,37 +1,31 @@
 """Model of a No. 10 blade in a No. 3 handle, made of triangles, and its position in the tissue.
 
-In the scalpel's own frame z runs up along the straight part of the edge from the blade's point, y toward the edge (the
-direction of the cut, 0 at that straight part), x through the blade's thickness. The measures are common ones, rounded:
-they serve the picture, and nothing is computed from them.
+Outline and pose are those of the scene (`cutenv.viewer.scene_parts`); x runs through the blade's thickness.
 """
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
-from cutenv._base.arrays import Array
+from cutenv.viewer.scene import derived_quantities
+from cutenv.viewer.scene_parts import (
+    BLADE_LENGTH,
+    CHORD,
+    EDGE_END,
+    HANDLE_START,
+    HANDLE_WIDTHS,
+    NARROWED,
+    blade_edge,
+)
 from cutenv.viewer.solid.solids import Surface, swept
 
-BLADE_LENGTH = 0.0425
-"""Length from the point to the end of the tang, in the handle [m]: thesis, section 3.4.1, as in
-`cutenv.viewer.scene`."""
-CHORD = 0.007
-"""Distance from the edge to the back [m]."""
-BELLY = 0.013
-"""Length over which the edge curves from the point, which is at the back [m]."""
 BLADE_THICKNESS = 0.0004
 """Thickness of the blade [m]."""
-HANDLE_LENGTH = 0.05
-"""Length of the part of the handle that is drawn [m]; a No. 3 handle has about 0.12."""
 
 _BEVEL = 0.0016  # [m] width of the ground bevel
-_EDGE_END = 0.031  # [m] from the point to where the blade narrows
-_HANDLE_START = 0.034  # [m] from the point
-_HANDLE_WIDTH, _HANDLE_THICKNESS = 0.009, 0.0024  # [m]
-_NECK_WIDTH = 0.0056  # [m]
+_HANDLE_THICKNESS = 0.0024  # [m]
 
 
 class ScalpelPose(NamedTuple):
@@ -40,13 +34,6 @@ class ScalpelPose(NamedTuple):
     along: float
     height: float
     angle: float
-
-
-def edge_outline(count: int = 24) -> Array:
-    """Return the edge from the point up, (y, z) [m], shape (count, 2): a quarter ellipse and a line."""
-    t = np.linspace(0.0, 0.5 * math.pi, count - 1)
-    belly = np.stack([-CHORD * (1.0 - np.sin(t)), BELLY * (1.0 - np.cos(t))], axis=-1)
-    return np.concatenate([belly, [[0.0, _EDGE_END]]])
 
 
 def pose(position: float, angle: float, depth: float) -> ScalpelPose:
@@ -61,20 +48,19 @@ def pose(position: float, angle: float, depth: float) -> ScalpelPose:
     depth : float
         Depth of the cut there [m]; the surface is that much above the specimen's lower face.
     """
-    outline = edge_outline(200)
-    y, z = (outline @ _turn(angle)).T
-    low = int(z.argmin())  # on a blade that leans forward, some way up the belly: from there on the edge only rises
-    meets = float(np.interp(depth, z[low:] - z[low], y[low:]))
-    return ScalpelPose(along=position - meets, height=-float(z[low]), angle=angle)
+    scene = derived_quantities(
+        {"blade": position, "tip": position, "angle": angle, "depth_at": lambda along: depth + 0.0 * along}
+    )
+    return ScalpelPose(along=float(scene["scalpel_along"]), height=float(scene["scalpel_height"]), angle=angle)
 
 
 def blade() -> Surface:
     """Return the blade, ground on both sides."""
-    edge = edge_outline()
-    shoulder = np.array([[-0.0012, _EDGE_END + 0.0022], [-0.0012, BLADE_LENGTH]])
+    edge = blade_edge()
+    shoulder = np.array([[-NARROWED, EDGE_END + 0.0022], [-NARROWED, BLADE_LENGTH]])
     front = np.concatenate([edge, shoulder])
     back = np.full(len(front), -CHORD)
-    back[-2:] = -CHORD + 0.0012
+    back[-2:] += NARROWED
     half = 0.5 * BLADE_THICKNESS
     sections = []
     for (y, z), spine in zip(front, back, strict=True):
@@ -86,12 +72,10 @@ def blade() -> Surface:
 def handle() -> Surface:
     """Return the lower part of the handle: a neck in the blade's slot, which widens to a flat bevelled bar."""
     middle = -0.5 * CHORD
+    thickness = (0.5, 1.0, 1.0, 1.3, 1.3)
     stations = [
-        (_HANDLE_START, 0.55 * _NECK_WIDTH, 0.5 * _HANDLE_THICKNESS),
-        (_HANDLE_START + 0.004, _NECK_WIDTH, _HANDLE_THICKNESS),
-        (_HANDLE_START + 0.013, _NECK_WIDTH, _HANDLE_THICKNESS),
-        (_HANDLE_START + 0.022, _HANDLE_WIDTH, 1.3 * _HANDLE_THICKNESS),
-        (_HANDLE_START + HANDLE_LENGTH, _HANDLE_WIDTH, 1.3 * _HANDLE_THICKNESS),
+        (HANDLE_START + z, width, share * _HANDLE_THICKNESS)
+        for (z, width), share in zip(HANDLE_WIDTHS, thickness, strict=True)
     ]
     return swept(np.array([_bar(middle, width, thickness, z) for z, width, thickness in stations]))
 
@@ -101,10 +85,3 @@ def _bar(middle: float, width: float, thickness: float, z: float) -> list[tuple[
     inner = 0.7 * y
     corners = [(x, inner), (0.55 * x, y), (-0.55 * x, y), (-x, inner), (-x, -inner), (-0.55 * x, -y), (0.55 * x, -y)]
     return [(a, middle + b, z) for a, b in [*corners, (x, -inner)]]
-
-
-def _turn(angle: float) -> Array:
-    """Return the matrix from (y, z) of the scalpel's frame to (along, height), for multiplication from the right."""
-    edge = (math.cos(angle), math.sin(angle))
-    forward = (math.sin(angle), -math.cos(angle))
-    return np.array([forward, edge])

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array
 from cutenv.viewer import palette
+from cutenv.viewer.scene_parts import BLADE_LENGTH, HANDLE_LENGTH
 from cutenv.viewer.solid import scalpel
 from cutenv.viewer.solid.slab_solid import SlabSolid
 from cutenv.viewer.solid.solids import Surface, box, swept
@@ -71,7 +72,7 @@ def in_picture(solid: SlabSolid) -> Array:
     low -= [_CLAMP_MARGIN, _CLAMP_LENGTH, _JAW]
     high[0] += _CLAMP_MARGIN
     corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
-    upper = float(np.max(cut.depth.depth)) + 0.7 * (scalpel.BLADE_LENGTH + scalpel.HANDLE_LENGTH)
+    upper = float(np.max(cut.depth.depth)) + 0.7 * (BLADE_LENGTH + HANDLE_LENGTH)
     return np.concatenate([corners, [[0.0, float(cut.position.min()), upper], [0.0, float(cut.position.max()), upper]]])
 
 

@@ -16,8 +16,9 @@ from cutenv._base.atomic_file import atomic_write
 from cutenv._base.document import render
 from cutenv._base.validation import one_of
 from cutenv.viewer import palette
+from cutenv.viewer.scene_parts import HANDLE_LENGTH
 from cutenv.viewer.solid import solid_scene
-from cutenv.viewer.solid.scalpel import HANDLE_LENGTH, pose
+from cutenv.viewer.solid.scalpel import pose
 from cutenv.viewer.solid.shown_cut import COLOURINGS, ShownCut
 from cutenv.viewer.solid.slab_solid import SlabSolid
 
