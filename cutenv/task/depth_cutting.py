@@ -17,7 +17,7 @@ from cutenv.task.depth_cuts import (
     observe_depth_at_start,
     step_depth_one,
 )
-from cutenv.task.depth_terms import ALL_COMPONENTS, DEPTH, DEPTH_ENDS, DepthConstants
+from cutenv.task.depth_terms import ALL_COMPONENTS, DEPTH, DEPTH_ENDS, DEPTH_TERMS, DepthConstants
 from cutenv.task.gentle_cutting import SimulatedCutting
 from cutenv.task.observation import COMPONENTS
 
@@ -118,6 +118,13 @@ class DepthCutting(SimulatedCutting):
         """The reward since the start by term; the sum is the return."""
         totals = {name: float(value[0]) for name, value in depth_charges(self.depths, "total").items()}
         return super().reward_totals | totals
+
+    @property
+    def shown_totals(self) -> dict[str, float]:
+        """The reward since the start by line of a picture, with one line for all costs of the depth."""
+        charges = depth_charges(self.depths, "total").values()
+        gentle = {name: total for name, total in self.reward_totals.items() if name not in DEPTH_TERMS}
+        return gentle | {"depth": sum(float(value[0]) for value in charges)}
 
     @property
     def depth_errors(self) -> dict[str, float]:

@@ -227,6 +227,11 @@ class GentleCutting:
         return dict(zip(TERMS, self.episode["totals"][0].tolist(), strict=True))
 
     @property
+    def shown_totals(self) -> dict[str, float]:
+        """The reward since the start by line of a picture."""
+        return self.reward_totals
+
+    @property
     def force_limit_per_depth(self) -> float:
         """Force per depth of cut above which the task ends [N/m]."""
         return float(self.task[0]["force_limit_per_depth"])

@@ -17,7 +17,7 @@ from cutenv.viewer.views import draw_band, draw_tip
 
 _SMALL, _NORMAL = 16, 19
 _MARGIN = 16  # [px]
-_NUMBERS, _REWARD, _LEGEND = 72, 298, 600  # [px] from the top to the parts of the column
+_NUMBERS, _REWARD, _LEGEND = 72, 286, 604  # [px] from the top to the parts of the column
 _TERM_HEIGHT = 20  # [px] height of a row of the reward
 _REWARD_REACH = 62  # [px] length of a bar for a term of 1
 

@@ -69,7 +69,7 @@ class Moment:
             time=cutting.time,
             deadline=cutting.deadline,
             force_limit_per_depth=cutting.force_limit_per_depth,
-            totals=cutting.reward_totals,
+            totals=cutting.shown_totals,
             end=cutting.end,
             success=cutting.success,
         )
