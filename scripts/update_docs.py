@@ -38,6 +38,7 @@ import class_attacks
 import class_load
 import declared_tables
 import depth_table
+import fit_layers
 import gymnasium
 import ladder
 import leaderboard
@@ -105,6 +106,7 @@ PAGES = {
     "errata": "docs/validation/errata.md",
     "descent": "docs/validation/descent.md",
     "descent-speed": "docs/validation/descent.md",
+    "layers-fit": "docs/validation/descent.md",
     "parameters": "docs/reference/constants.md",
     "metrics": "docs/reference/metrics.md",
     "weights": "docs/how-to/train.md",
@@ -393,6 +395,7 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "measures": lambda _: measure_codebase.comparison(),
     "descent": lambda _: check_descent.markdown(),
     "descent-speed": lambda _: speed_of("descent"),
+    "layers-fit": lambda _: fit_layers.markdown(),
     "check-score": lambda _: check_score.report(check_score.kept(ROOT / check_score.FOLDER)),
     "depth": lambda _: measure_depth_accuracy.report(measure_depth_accuracy.kept(ROOT / measure_depth_accuracy.KEPT)),
     "seen-runs": lambda _: measure_seen_runs.report(measure_depth_accuracy.kept(ROOT / measure_seen_runs.KEPT)),

@@ -97,7 +97,7 @@ DESCENT: np.dtype[Any] = np.dtype(
             ("rise", "f8"),  # of the stiffness with depth, at the tip [N/m2]
             ("vertical", "f8"),  # force of the tissue on the blade, upwards [N]
             ("drag", "f8"),  # force of slicing against the motion along the cut [N]
-            ("slicing", "f8"),  # its size while the blade moves [N]
+            ("slicing", "f8"),  # its size, where the bristles slip [N]
             ("untold", "f8"),  # work of slicing that the force has not yet told [J]
             ("owed_slip", "f8"),  # advance of the tip through which the edge has not yet been drawn [m]
             ("opened", "f8"),  # area opened by deepening, beyond what advancing opens [m2]
@@ -272,8 +272,8 @@ def tell_forces(row: Struct, descent: Struct, n: int) -> None:
     lag = max(row.blade[n] - row.creep[n] - row.tip[n], 0.0)
     descent.vertical = descent.bearing + descent.grip + 0.5 * descent.rise * lag**2
     descent.drag = 0.0
-    if descent.slicing > 0.0 and row.dx[n] != 0.0:
-        descent.drag = math.copysign(descent.slicing, row.dx[n])
+    if descent.slicing > 0.0:  # it reverses as friction on the faces does
+        descent.drag = descent.slicing * row.bristle[n] * row.per_presliding_length[n]
         row.force[n] += descent.drag
 
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from cutenv._base.arrays import Struct
 from cutenv._base.parameter import check_parameters, parameter
-from cutenv._engine.elementary import exp
+from cutenv._base.validation import in_range
 from cutenv._engine.jit import njit_inline
 
 
@@ -46,10 +47,11 @@ class Layers:
 
     def __post_init__(self) -> None:
         check_parameters(self)
+        in_range("boundary", self.boundary, self.capsule_thickness, 0.1, "m", "Give a depth below the capsule.")
 
 
-_AT_EDGE, _REACH = 0.6, 0.004
-"""Weight of the layer at the blade's lower end in what is below it, and reach [m] of the rest: chosen by bricks."""
+LAYER_REACH = 0.0011
+"""Length below a blade's lower end over which its surroundings lose influence [m]: ``scripts/fit_layers.py``."""
 
 
 @njit_inline
@@ -78,15 +80,30 @@ def layered_depth(layers: Struct, depth: float, effective: float) -> float:
     """Return the effective depth [m] of a slab in layers, from that of a uniform one, T g [m].
 
     The blade engages each layer down to ``depth`` [m] in proportion to its modulus.  The rest, T g - D, is what the
-    tissue at and below its lower end adds, where the modulus is a mean over that place and the layers below.  It is
-    exactly ``effective`` where the layers are alike.
+    tissue at and below its lower end adds.  Its modulus is a mean of the layers there: each weighs as it is near, by
+    the function 1/(1 + z/r) of the length z below the blade, and the mean is that of the fourth roots, as stiff tissue
+    behind soft tissue adds less than in proportion.  It is exactly ``effective`` where the layers are alike.
     """
-    capsule, deep = layers.capsule_modulus - 1.0, layers.deep_modulus - 1.0
-    if capsule == 0.0 and deep == 0.0:
+    return layered_depth_by(layers, depth, effective, LAYER_REACH)
+
+
+@njit_inline
+def layered_depth_by(layers: Struct, depth: float, effective: float, reach: float) -> float:
+    """Return :func:`layered_depth` with another ``reach`` r [m]."""
+    capsule, deep = layers.capsule_modulus, layers.deep_modulus
+    if capsule == 1.0 and deep == 1.0:
         return effective
-    over = layers.capsule_thickness - depth  # length to the end of the capsule
+    over = max(layers.capsule_thickness - depth, 0.0)  # length to the end of the capsule
     above = layers.boundary - depth  # length to the layer below
-    engaged = capsule * min(depth, layers.capsule_thickness) + deep * max(-above, 0.0)
-    here = capsule if over > 0.0 else (deep if above <= 0.0 else 0.0)
-    below = capsule * (1.0 - exp(-max(over, 0.0) / _REACH)) + deep * exp(-max(above, 0.0) / _REACH)
-    return effective + engaged + (effective - depth) * (_AT_EDGE * here + (1.0 - _AT_EDGE) * below)  # type: ignore[no-any-return]
+    engaged = depth + (capsule - 1.0) * min(depth, layers.capsule_thickness) + (deep - 1.0) * max(-above, 0.0)
+    root = 1.0
+    if capsule != 1.0:
+        root += (_fourth_root(capsule) - 1.0) * (over / (over + reach))
+    if deep != 1.0:
+        root += (_fourth_root(deep) - 1.0) * (reach / (max(above, 0.0) + reach))
+    return engaged + (effective - depth) * root**4  # type: ignore[no-any-return]
+
+
+@njit_inline
+def _fourth_root(value: float) -> float:
+    return math.sqrt(math.sqrt(value))

@@ -7,6 +7,7 @@ BENCHMARKS = {
     "step": "environment",
     "batch": "batch",
     "descent": "vertical_motion",
+    "depth": "depth_environment",
     "tick": "tick",
     "picture": "picture",
     "field": "field",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import check_descent
+import fit_layers
 import numpy as np
 import pytest
 from adversarial_motions import FEED, TICKS, UPRIGHT
@@ -13,6 +14,7 @@ from cutenv.cutting.descending_cut import hold_some_descending
 from cutenv.cutting.simulate import Physics
 from cutenv.plant import DescendingPlant, SimulatedPlant
 from cutenv.tissue import Layers, Specimen
+from cutenv.tissue.layers import layered_depth
 
 
 @pytest.mark.parametrize("part", ["level-zero", "account", "limits"])
@@ -97,6 +99,28 @@ def test_at_level_zero_the_driven_blade_is_the_simulated_plants() -> None:
         for _ in range(40):
             assert np.array_equal(ours.advance(speed, angle, 20), other.advance(speed, angle, 20))
     assert ours.energy()["work"] == other.energy()["work"]
+
+
+STIFF_LAYERS = [Layers(boundary=0.012, deep_modulus=5.0), Layers(capsule_thickness=1e-3, capsule_modulus=10.0)]
+
+
+@pytest.mark.parametrize("layers", STIFF_LAYERS)
+def test_stiffness_goes_on_without_a_step_through_layers(layers: Layers) -> None:
+    depths = np.linspace(5e-4, 0.02, 100_001)
+    stiffness = np.array([layered_depth(layers, depth, depth + 0.003) for depth in depths])
+    assert np.abs(np.diff(stiffness)).max() < 1e-5
+    assert stiffness.min() > depths[0] + 0.003
+
+
+def test_the_reach_is_found_again_in_slabs_that_it_made() -> None:
+    effective = np.add.outer(np.linspace(0.002, 0.004, 3), fit_layers.LAYERS[2:])
+    made = [(layers, fit_layers.ratio_by(layers, effective, 0.0031)) for layers in STIFF_LAYERS]
+    assert fit_layers.fitted_reach(effective, made) == pytest.approx(0.0031, rel=1e-4)
+
+
+def test_no_slab_is_fitted_and_held_out() -> None:
+    assert set(fit_layers.FITTED).isdisjoint(fit_layers.HELD_OUT)
+    assert set(check_descent.SLAB_LAYERS) <= set(fit_layers.HELD_OUT)
 
 
 @pytest.mark.parametrize(

@@ -82,6 +82,7 @@ OUTSIDE: list[tuple[Callable[[], Any], str, str]] = [
     (lambda: MODEL.convert_modulus(48e3, MODEL, 5), "cut_length", "5 m"),
     (lambda: CutModel(poisson=0.5), "poisson", "0.5"),
     (lambda: Layers(boundary=12), "boundary", "12 m"),
+    (lambda: Layers(boundary=0.001, capsule_thickness=0.002), "boundary", "0.001 m"),
     (lambda: DescendingPlant(SPECIMEN).advance(0.01, 1.5, 20, 5), "descent_speed", "5 m/s"),
     (lambda: CutModel(poisson=NAN), "poisson", "nan"),
     (lambda: CutModel(width=8), "width", "8 m"),
