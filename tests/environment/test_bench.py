@@ -15,6 +15,7 @@ from speed import (
     BENCHMARKS,
     batch,
     calibration,
+    depth_environment,
     environment,
     factorisation,
     field,
@@ -39,6 +40,7 @@ MODULES: dict[str, ModuleType] = {
     "step": environment,
     "batch": batch,
     "descent": vertical_motion,
+    "depth": depth_environment,
     "tick": tick,
     "picture": picture,
     "field": field,
@@ -61,6 +63,11 @@ def test_vertical_motions_are_of_whole_batches_and_each_is_driven():
     for motion in vertical_motion.MOTIONS.values():
         found = vertical_motion.descending_rates(motion, 64, rounds=1)
         assert min(found) > 0.0
+
+
+def test_depth_is_measured_in_whole_batches():
+    for motion in depth_environment.MOTIONS.values():
+        assert min(depth_environment.depth_rates(motion, 64, steps=3, rounds=1)) > 0.0
 
 
 @pytest.mark.parametrize("other", [gymnasium_vectors.SYNC, gymnasium_vectors.ASYNC, gymnasium_vectors.NATIVE])
@@ -166,6 +173,8 @@ def made_up(monkeypatch):
     monkeypatch.setattr(batch, "limits", lambda native, bare: Measured({"bytes": Number(2816, "byte")}, ["limits"]))
     bare = vertical_motion.DescendingRates(5.0e7, 8.0e7)
     monkeypatch.setattr(vertical_motion, "descending_rates", lambda motion: bare)
+    whole = depth_environment.DepthRates(4.0e5, 1.0e6)
+    monkeypatch.setattr(depth_environment, "depth_rates", lambda motion: whole)
     monkeypatch.setattr(tick, "durations", lambda: (np.full(1000, 50_000), np.full(1000, 100), 0))
     monkeypatch.setattr(picture, "picture_times", lambda: {"render": 0.01, "play": 0.02, "copy": 0.001})
     slow = np.full(100, 3000.0)
@@ -200,6 +209,11 @@ def made_up(monkeypatch):
         ("batch", 2, "  65536    1000.0         -         -      10.0      0.50            2.00"),
         ("batch", 2, "     16    1000.0      10.0      10.0      10.0      0.50            2.00"),
         ("descent", 0, "  pressing down                             20             12     1.6"),
+        (
+            "depth",
+            3,
+            "pressing down: 400 thousand decisions a second, 2.5 times GentleCut-v1's time; MISSED: the 2 allowed",
+        ),
         ("tick", 1, "99.9 % are within 49.9 us of the empty loop's; MISSED: the 20 us allowed"),
         ("picture", 1, "play: 20.0 ms, 20 times a copy of the picture; MISSED: the 16.7 ms allowed"),
         ("field", 2, "99 % in 3000 us, 18.0 % of a picture's time; MISSED: the 10 % allowed"),
