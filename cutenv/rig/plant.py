@@ -192,8 +192,8 @@ class RigPlant:
     def force(self, sample: ForceSample) -> None:
         """Take a reading of the force sensor."""
         if self._gain != 1.0:
-            x, y, z = sample.force
-            sample = sample._replace(force=(self._gain * x, self._gain * y, self._gain * z))
+            (x, y, z), (a, b, c), gain = sample.force, sample.torque, self._gain
+            sample = sample._replace(force=(gain * x, gain * y, gain * z), torque=(gain * a, gain * b, gain * c))
         self.supervisor.force(sample)
         self._grid.force(sample)
         if self.witness is not None:

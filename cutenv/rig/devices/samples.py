@@ -62,6 +62,8 @@ class ForceSample(NamedTuple):
         Number of the packet, counted by the sensor modulo 2**32.
     lost : int
         Number of packets missing since the last sample.
+    torque : tuple of 3 float
+        Torque in the sensor's axes, after tare [N m].
     """
 
     time: float
@@ -70,6 +72,7 @@ class ForceSample(NamedTuple):
     status: int
     sequence: int
     lost: int
+    torque: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 _Sample = TypeVar("_Sample", ForceSample, MotionSample)
