@@ -35,7 +35,7 @@ class EmulatedAxis:
     Parameters
     ----------
     name : str
-        "blade" or "angle".
+        "blade", "angle" or "height".
     settings : Axis
         Node, gear, lead, encoder, travel.
     mechanics : Mechanics
@@ -101,6 +101,10 @@ class EmulatedAxis:
         """Freeze the encoder at its present count, or release it."""
         self._stuck_at = self.increments()
         self.encoder_stuck = stuck
+
+    def shift(self, way: float) -> None:
+        """Let the encoder count from another zero, ``way`` [m or rad] further."""
+        self._shift += round(way / self._increment)
 
     # Commands of the drive to the motor.
 

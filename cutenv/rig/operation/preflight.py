@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from datetime import date
 
 from cutenv.rig.config.sensor_calibration import expired
-from cutenv.rig.config.settings import Axis, RigSettings
+from cutenv.rig.config.settings import Axis, HeightAxis, RigSettings
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.operator import Operator
 from cutenv.rig.plant import RigPlant
-from cutenv.rig.safety.motion_monitor import CREEP
+from cutenv.rig.safety.motion_history import CREEP
 
 SETTLE = 0.3
 """Time after switching on, before anything is checked [s]."""
@@ -59,7 +59,7 @@ def still_checks(plant: RigPlant, *, in_air: bool = True) -> list[Check]:
         checks.append(Check("force status", sample.status == 0, f"0x{sample.status:08X}"))
         if in_air:
             checks.append(Check("zero force", norm <= ZERO_FORCE, f"{norm:.3f} N, {ZERO_FORCE:g} N allowed"))
-    axes = {"blade": settings.blade} | ({"angle": settings.angle} if settings.angle is not None else {})
+    axes = settings.axes
     answered = plant.drive_limits()
     for name, axis in axes.items():
         moved = supervisor.axis(name)
@@ -79,6 +79,7 @@ def _limit(name: str, axis: Axis, what: str, answered: float) -> Check:
 
 def moving_checks(plant: RigPlant) -> list[Check]:
     """Move the released blade by a millimetre and back, and turn it by a degree; check that the encoders show it."""
+    checks = [] if plant.settings.height is None else [_raised_and_back(plant, plant.settings.height)]
     start = plant.position
     way = _NUDGE if start + _NUDGE < plant.settings.limits.high else -_NUDGE
     plant.travel(start + way, speed=_NUDGE_SPEED)
@@ -86,9 +87,8 @@ def moving_checks(plant: RigPlant) -> list[Check]:
     plant.travel(start, speed=_NUDGE_SPEED)
     back = plant.position - start
     well = there / way > _NUDGE_SHARE and abs(back) < (1.0 - _NUDGE_SHARE) * _NUDGE
-    checks = [
-        Check("encoder", well, f"moved {1e3 * there:+.3f} of {1e3 * way:+.2f} mm, and back to {1e3 * back:+.3f} mm")
-    ]
+    found = f"moved {1e3 * there:+.3f} of {1e3 * way:+.2f} mm, and back to {1e3 * back:+.3f} mm"
+    checks.append(Check("encoder", well, found))
     if plant.settings.angle is not None:
         begun = plant.angle
         turn = -_TURN if begun - _TURN > plant.settings.limits.angle_low else _TURN
@@ -98,6 +98,22 @@ def moving_checks(plant: RigPlant) -> list[Check]:
         found = f"turned {math.degrees(turned):+.2f} of {math.degrees(turn):+.1f} degrees"
         checks.append(Check("hinge", turned / turn > _NUDGE_SHARE, found))
     return checks
+
+
+def _raised_and_back(plant: RigPlant, axis: HeightAxis) -> Check:
+    """Raise the released blade by a millimetre and lower it again, against what was commanded.
+
+    Near the upper end of its travel it is lowered first.
+    """
+    start = plant.height
+    way = _NUDGE if start + _NUDGE < axis.highest else -_NUDGE
+    plant.raise_to(start + way, speed=_NUDGE_SPEED)
+    there = plant.height - start
+    plant.raise_to(start, speed=_NUDGE_SPEED)
+    back = plant.height - start
+    well = there / way > _NUDGE_SHARE and abs(back) < (1.0 - _NUDGE_SHARE) * _NUDGE
+    found = f"raised {1e3 * there:+.3f} of {1e3 * way:+.2f} mm, and back to {1e3 * back:+.3f} mm"
+    return Check("height encoder", well, found)
 
 
 def return_inside(plant: RigPlant) -> None:
@@ -111,7 +127,12 @@ def return_inside(plant: RigPlant) -> None:
     limits = plant.settings.limits
     plant.supervisor.release(returning=True)
     inside = min(max(plant.position, limits.low + _INSIDE), limits.high - _INSIDE)
-    plant.travel(inside, speed=CREEP)
+    if not limits.low <= plant.position <= limits.high:
+        plant.travel(inside, speed=CREEP)
+    if (axis := plant.settings.height) is not None:
+        within = min(max(plant.height, axis.lowest + _INSIDE), axis.highest - _INSIDE)
+        if not axis.lowest <= plant.height <= axis.highest:
+            plant.raise_to(within, speed=CREEP)
 
 
 def prepare(plant: RigPlant, operator: Operator, *, today: date, in_air: bool = True) -> list[Check]:
@@ -181,7 +202,11 @@ def _question(plant: RigPlant, in_air: bool) -> str:
     else:
         felt = ". May it move"
     where = f"According to its drive it stands {1e3 * plant.position:.1f} mm from the clamp"
-    return f"The blade of {plant.settings.name} will move. {where}{felt}, and is the stop button within reach?"
+    moves = "will move"
+    if (axis := plant.settings.height) is not None:
+        where += f", at a height of {1e3 * plant.height:+.1f} mm"
+        moves = f"will move: first up and down by 1 mm, then up to {1e3 * axis.raised:g} mm before it returns"
+    return f"The blade of {plant.settings.name} {moves}. {where}{felt}, and is the stop button within reach?"
 
 
 def _newtons(force: tuple[float, float, float]) -> str:
