@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 import rig_faults
 import rig_trials
+from height_trials import HEIGHT_FAULTS
 
 from cutenv.recording import load_one
 from cutenv.rig.emulator.faults import FAULTS
@@ -37,7 +38,9 @@ def trials() -> Iterator[rig_faults.Trials]:
 
 
 def test_every_fault_of_the_emulator_has_its_expected_causes():
-    assert set(rig_trials.EXPECTED) == {*FAULTS, *rig_trials.GAPS, *rig_trials.OWN}
+    of_height = {fault.emulated for fault in HEIGHT_FAULTS.values()}
+    assert set(rig_trials.EXPECTED) | of_height == {*FAULTS, *rig_trials.GAPS, *rig_trials.OWN}
+    assert set(HEIGHT_FAULTS) == set(rig_trials.EXPECTED_OF_HEIGHT)
 
 
 IN_ORDER = sorted(rig_trials.EXPECTED, key=lambda fault: (fault in rig_trials.IN_CHILD, fault == "slip"))
