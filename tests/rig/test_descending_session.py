@@ -24,8 +24,7 @@ from cutenv.trace import BESIDE, Reading
 UPRIGHT = math.pi / 2
 SPECIMEN = Specimen.drawn(3, 0, specimen_class="liver")
 KEY = SpecimenKey(seed=3, episode=0, specimen=SPECIMEN)
-MOVES = "will move: first up and down by 1 mm, then up to 20 mm before it returns"
-BELIEVED = "at a height of +0.0 mm"
+MOVES = "will move: up and down by 1 mm, and up to 20 mm before it returns"
 
 
 def source(answers: list[tuple[str, bool | str]], records: Path | None = None) -> RigSource:

@@ -56,6 +56,22 @@ def test_it_is_found_out_stopped_and_stays_stopped(trials, fault):
     assert done.wrong() == []
 
 
+@pytest.fixture(scope="module")
+def height_trials() -> Iterator[rig_faults.Trials]:
+    with rig_faults.Trials(height=True) as made:
+        yield made
+
+
+@pytest.mark.parametrize("fault", HEIGHT_FAULTS)
+def test_a_fault_of_the_height_axis_is_found_out_and_stops_both(height_trials, fault):
+    random = np.random.default_rng(list(fault.encode()))
+    for _ in range(ATTEMPTS):
+        done = height_trials.one(fault, random)
+        if not done.stalls:
+            break
+    assert done.wrong() == []
+
+
 def told(**changes):
     well = {
         "fault": "over_force", "seed": 0, "injected": 10.0, "speed": 0.015, "cause": "force limit", "stated": 0.011,

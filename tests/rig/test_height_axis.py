@@ -16,7 +16,7 @@ from cutenv.rig.devices.samples import DriveState
 from cutenv.rig.errors import RigError
 from cutenv.rig.fake.air_plant import AirPlant
 from cutenv.rig.fake.fake_rig import FakeRig, Faults
-from cutenv.rig.operation.preflight import moving_checks, return_inside
+from cutenv.rig.operation.preflight import moving_checks, return_inside, still_checks
 from cutenv.rig.safety.stop_causes import Cause, RigStopped, detection_times
 from cutenv.trace import COMPONENTS_OF_FORCE
 
@@ -223,6 +223,18 @@ def test_the_self_test_moves_it_up_and_back_and_measures_both():
     rig.faults.cannot_be_raised = True
     with pytest.raises(RigStopped, match="cannot be raised"):
         moving_checks(rig.plant)
+
+
+def test_a_drive_that_was_not_homed_is_not_moved():
+    rig = ready()
+    assert [check.passed for check in still_checks(rig.plant) if check.name == "height homed"] == [True]
+    rig.faults.height_not_homed = True
+    (check,) = [check for check in still_checks(rig.plant) if check.name == "height homed"]
+    assert not check.passed
+    assert "home it with the maker's tool" in check.found
+    rig = ready(homing="trusted")
+    assert "height homed" not in [check.name for check in still_checks(rig.plant)]
+    assert "height homed" not in [check.name for check in still_checks(ready_rig().plant)]
 
 
 def test_height_vertical_force_and_six_components_come_with_the_readings():

@@ -63,6 +63,7 @@ def test_only_a_person_knows_its_mechanics_and_ends(tmp_path: Path) -> None:
         ("fastest_cm_s = true", "fastest_cm_s must be one real number in cm/s, got True"),
         ('force_axis = "up"', "force_axis"),
         ("force_sign = 2", "force_sign"),
+        ('homing = "no"', "homing"),
         ("depth_mm = 3", "depth_mm"),
     ],
 )

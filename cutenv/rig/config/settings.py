@@ -175,11 +175,16 @@ class HeightAxis(Axis):
     vertical_force: float = setting(
         10.0, "N", "Vertical force, either way, at which the blade is stopped.", 0.1, 1000.0
     )
+    homing: Literal["checked", "trusted"] = setting(
+        "checked", "1", "Whether the drive has to report that it was homed (bit 15 of its statusword), or is trusted: "
+        "for a drive without that bit. Homing is the drive's own function."
+    )  # fmt: skip
     force_axis: Literal["x", "y", "z"] = setting("z", "1", "Axis of the sensor along the height.")
     force_sign: int = setting(1, "1", "1 or -1: sign of the reading when the tissue pushes the blade up.")
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        one_of("homing", self.homing, ("checked", "trusted"))
         one_of("force_axis", self.force_axis, ("x", "y", "z"))
         one_of("force_sign", self.force_sign, (1, -1))
         if not self.lowest < self.highest:

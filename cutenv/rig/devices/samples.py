@@ -31,7 +31,8 @@ class MotionSample(NamedTuple):
     time : float
         Arrival on the clock [s].
     position, speed : float
-        Position from the clamp [m] and speed [m/s] of the blade along the cut; of the angle axis [rad], [rad/s].
+        Position from the clamp [m] and speed [m/s] of the blade along the cut; of the angle axis [rad], [rad/s]; of the
+        height axis [m], [m/s], upwards.
     torque : float
         Torque of the motor over its rated torque [1].
     state : DriveState

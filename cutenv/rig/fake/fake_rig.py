@@ -86,6 +86,7 @@ class Faults:
     height_silent: bool = False
     """True if the height axis sends no samples."""
     height_heartbeat_silent: bool = False
+    height_not_homed: bool = False
     height_quick_stops_lost: int = 0
     """Number of quick stops that do not reach the height axis's drive."""
     vertical_force: float = 0.0
@@ -153,8 +154,9 @@ class FakeDrive:
         return drive_limits(self._rig.settings.axes[self.name])
 
     def about(self) -> dict[str, float | str]:
-        """Return that this is a fake drive."""
-        return {"kind": "fake drive"}
+        """Return that this is a fake drive, and of the height axis whether it was homed."""
+        homed = {"homed": "no" if self._rig.faults.height_not_homed else "yes"} if self.name == "height" else {}
+        return {"kind": "fake drive", **homed}
 
     def close(self) -> None:
         """Stop sending samples, and switch the power off."""

@@ -67,6 +67,12 @@ def still_checks(plant: RigPlant, *, in_air: bool = True) -> list[Check]:
             Check(f"{name} axis", moved is not None, "no sample" if moved is None else f'"{moved.state.value}"')
         )
         checks += [_limit(name, axis, what, value) for what, value in answered[name].items()]
+    if settings.height is not None and settings.height.homing == "checked":
+        homed = plant.about()["height"].get("homed") == "yes"
+        cure = (
+            "" if homed else '; home it with the maker\'s tool, or write homing = "trusted" for a drive without the bit'
+        )
+        checks.append(Check("height homed", homed, f"the drive says {'yes' if homed else 'no'}{cure}"))
     return checks
 
 
@@ -205,7 +211,7 @@ def _question(plant: RigPlant, in_air: bool) -> str:
     moves = "will move"
     if (axis := plant.settings.height) is not None:
         where += f", at a height of {1e3 * plant.height:+.1f} mm"
-        moves = f"will move: first up and down by 1 mm, then up to {1e3 * axis.raised:g} mm before it returns"
+        moves = f"will move: up and down by 1 mm, and up to {1e3 * axis.raised:g} mm before it returns"
     return f"The blade of {plant.settings.name} {moves}. {where}{felt}, and is the stop button within reach?"
 
 
