@@ -12,6 +12,7 @@ import pytest
 from cutenv.envs.constants import Constants
 from cutenv.envs.rig_source import RigSource
 from cutenv.recording import load_one
+from cutenv.rig.devices.samples import DriveState
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.operator import ScriptedOperator
 from cutenv.rig.operation.specimen_source import SpecimenKey
@@ -25,6 +26,7 @@ UPRIGHT = math.pi / 2
 SPECIMEN = Specimen.drawn(3, 0, specimen_class="liver")
 KEY = SpecimenKey(seed=3, episode=0, specimen=SPECIMEN)
 MOVES = "will move: up and down by 1 mm, and up to 20 mm before it returns"
+UP = ("Did it go up first, and then down?", True)
 
 
 def source(answers: list[tuple[str, bool | str]], records: Path | None = None) -> RigSource:
@@ -37,7 +39,7 @@ def source(answers: list[tuple[str, bool | str]], records: Path | None = None) -
 
 
 def test_a_cut_is_prepared_cut_and_recorded_with_height_and_six_components(tmp_path):
-    rig = source([(MOVES, "fake")], tmp_path)
+    rig = source([(MOVES, "fake"), UP], tmp_path)
     with rig.session() as session:
         rig.supply.layers = Layers(boundary=0.012, deep_toughness=3.0)
         session.next_cut(KEY, UPRIGHT)
@@ -66,7 +68,7 @@ def test_a_cut_is_prepared_cut_and_recorded_with_height_and_six_components(tmp_p
 
 
 def test_after_a_stop_nothing_is_raised_before_the_operators_yes():
-    rig = source([(MOVES, "fake"), ("The blade was stopped (operator", False)])
+    rig = source([(MOVES, "fake"), UP, ("The blade was stopped (operator", False)])
     with rig.session() as session:
         session.next_cut(KEY, UPRIGHT)
         session.start()
@@ -93,7 +95,7 @@ def test_after_a_stop_nothing_is_raised_before_the_operators_yes():
 
 
 def test_a_blade_that_cannot_be_raised_out_of_the_cut_is_stopped_and_stays_so():
-    rig = source([(MOVES, "fake")])
+    rig = source([(MOVES, "fake"), UP])
     with rig.session() as session:
         session.next_cut(KEY, UPRIGHT)
         session.start()
@@ -111,8 +113,18 @@ def test_a_blade_that_cannot_be_raised_out_of_the_cut_is_stopped_and_stays_so():
             plant.advance(0.0, UPRIGHT, 20, -0.001)
 
 
+def test_a_blade_that_went_the_other_way_is_not_raised():
+    rig = source([(MOVES, "fake"), (UP[0], False)])
+    with rig.session() as session:
+        with pytest.raises(RigError, match=r"If it went down, correct height.direction = 1 in the rig's file"):
+            session.next_cut(KEY, UPRIGHT)
+        assert session.plant.supervisor.phase == "unready"
+        assert {rig.fake.blade.state, rig.fake.height.state} == {DriveState.DISABLED}
+        assert abs(rig.fake.bench.height[0]) < 5e-5
+
+
 def test_an_axis_that_sinks_without_power_is_noticed():
-    rig = source([(MOVES, "fake")])
+    rig = source([(MOVES, "fake"), UP])
     with rig.session() as session:
         supply, mount = rig.supply, rig.supply.mount
 

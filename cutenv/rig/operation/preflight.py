@@ -106,13 +106,33 @@ def moving_checks(plant: RigPlant) -> list[Check]:
     return checks
 
 
+def _first_way(plant: RigPlant, axis: HeightAxis) -> float:
+    """Return the way by which the self-test moves the blade first [m], upwards."""
+    return _NUDGE if plant.height + _NUDGE < axis.highest else -_NUDGE
+
+
+def _ask_direction(plant: RigPlant, axis: HeightAxis, operator: Operator) -> None:
+    """Ask whether up is up: with a wrong ``direction`` the encoder agrees, and the blade would be driven down.
+
+    Raises
+    ------
+    RigError
+        If the operator does not agree.
+    """
+    first, then = ("up", "down") if _first_way(plant, axis) > 0.0 else ("down", "up")
+    if not operator.confirm(f"The blade has moved by {1e3 * _NUDGE:g} mm. Did it go {first} first, and then {then}?"):
+        raise RigError(
+            f"the operator has not confirmed that the blade went {first} first: nothing is raised. If it went {then}, "
+            f"correct height.direction = {axis.direction} in the rig's file."
+        )
+
+
 def _raised_and_back(plant: RigPlant, axis: HeightAxis) -> Check:
     """Raise the released blade by a millimetre and lower it again, against what was commanded.
 
     Near the upper end of its travel it is lowered first.
     """
-    start = plant.height
-    way = _NUDGE if start + _NUDGE < axis.highest else -_NUDGE
+    start, way = plant.height, _first_way(plant, axis)
     plant.raise_to(start + way, speed=_NUDGE_SPEED)
     there = plant.height - start
     plant.raise_to(start, speed=_NUDGE_SPEED)
@@ -145,7 +165,8 @@ def prepare(plant: RigPlant, operator: Operator, *, today: date, in_air: bool = 
     """Run every check that has to precede the first motion, in order; the rig is released at the end.
 
     Calibration and ``armed_by``; switching on; tare and self-test at rest; the operator's typed confirmation; for a
-    blade beyond an end of its travel, its slow return, if the operator agrees to that too; a millimetre to and fro.
+    blade beyond an end of its travel, its slow return, if the operator agrees to that too; a millimetre to and fro. On
+    a rig with a height axis a millimetre up and down comes first, and the operator confirms that up is up.
 
     Parameters
     ----------
@@ -188,6 +209,8 @@ def prepare(plant: RigPlant, operator: Operator, *, today: date, in_air: bool = 
             return_inside(plant)
         plant.supervisor.release()
         checks += _passed(moving_checks(plant))
+        if in_air and plant.settings.height is not None:
+            _ask_direction(plant, plant.settings.height, operator)
     except BaseException as error:
         plant.halt()
         try:
