@@ -19,12 +19,20 @@ FORCE_UNITS = ("N", "1")
 SPEED_WINDOW = 0.025
 """Time to either side over which speed is the difference of positions, which averages encoder steps [s]."""
 _SENSED = ("position", "speed", "angle", "depth")
+COMPONENTS_OF_FORCE = ("force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z")
+"""Fields of a :class:`Trace` for all six components that a force sensor measures, in its own axes [N], [N m]."""
+BESIDE = ("height", "vertical_force", *COMPONENTS_OF_FORCE)
+"""Fields that a :class:`Trace` may hold beside those of a :class:`Reading`; nothing that is scored needs them."""
 _RANGES: dict[str, tuple[float, float, str, str]] = {
     "time": (-1e12, 1e12, "s", "Give seconds."),
     "position": (-0.05, 0.5, "m", "Give metres from the clamp: 5 looks like centimetres, which is 0.05."),
     "speed": (-2.0, 2.0, "m/s", "Give metres per second: 2.54 looks like cm/s, which is 0.0254."),
     "angle": (0.0, np.pi, "rad", "Give radians: 90 looks like degrees, which is math.radians(90)."),
     "depth": (0.0, 0.1, "m", "Give the depth of cut in metres: 2 looks like centimetres, which is 0.02."),
+}
+_BESIDE_RANGES: dict[str, tuple[float, float, str, str]] = {
+    "height": (-0.2, 0.2, "m", "Give metres, upwards: 2 looks like millimetres, which is 0.002."),
+    **dict.fromkeys(COMPONENTS_OF_FORCE[3:], (-1e3, 1e3, "N m", "Give newton metres.")),
 }
 _FORCE_RANGES: dict[str, tuple[float, float, str, str]] = {
     "N": (-1e3, 1e3, "N", 'Give newtons; 2000 looks like millinewtons. Without a unit: force_unit="1".'),
@@ -46,8 +54,15 @@ def limits(name: str, force_unit: str = "N") -> tuple[float, float]:
         If a trace has no such field or unit.
     """
     one_of("force_unit", force_unit, FORCE_UNITS)
-    ranges = {"force": _FORCE_RANGES[force_unit]} | _RANGES
+    ranges = _ranges(force_unit)
     return ranges[one_of("field", name, ranges)][:2]
+
+
+def _ranges(force_unit: str) -> dict[str, tuple[float, float, str, str]]:
+    """Return least value, greatest value, unit and cure of every field."""
+    force = _FORCE_RANGES[force_unit]
+    forces = ("vertical_force", *COMPONENTS_OF_FORCE[:3])
+    return {"force": force} | _RANGES | dict.fromkeys(forces, force) | _BESIDE_RANGES
 
 
 class Reading(NamedTuple):
@@ -93,6 +108,12 @@ class Trace:
         Angle of the blade against the surface [rad], 0 to pi; upright is pi/2.
     depth : array_like of shape (n,), optional
         Depth of cut at the blade [m], 0 to 0.1.
+    height : array_like of shape (n,), optional
+        Height of the blade's lower end [m], upwards, as a rig with a height axis counts it; -0.2 to 0.2.
+    vertical_force : array_like of shape (n,), optional
+        Force of the tissue on the blade, upwards [N].
+    force_x, force_y, force_z, torque_x, torque_y, torque_z : array_like of shape (n,), optional
+        All six components in the sensor's own axes [N], [N m]; all or none. The score uses `force` alone.
     force_unit : {"N", "1"}
         "1": the force is normalised, and nothing that needs newtons can be computed from the trace.
     metadata : mapping
@@ -122,12 +143,20 @@ class Trace:
     speed: NDArray[np.float64] | None = None
     angle: NDArray[np.float64] | None = None
     depth: NDArray[np.float64] | None = None
+    height: NDArray[np.float64] | None = None
+    vertical_force: NDArray[np.float64] | None = None
+    force_x: NDArray[np.float64] | None = None
+    force_y: NDArray[np.float64] | None = None
+    force_z: NDArray[np.float64] | None = None
+    torque_x: NDArray[np.float64] | None = None
+    torque_y: NDArray[np.float64] | None = None
+    torque_z: NDArray[np.float64] | None = None
     force_unit: str = "N"
     metadata: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         one_of("force_unit", self.force_unit, FORCE_UNITS)
-        for name, limits in ({"force": _FORCE_RANGES[self.force_unit]} | _RANGES).items():
+        for name, limits in _ranges(self.force_unit).items():
             values = getattr(self, name)
             if values is not None:
                 object.__setattr__(self, name, _column(name, values, limits))
@@ -137,6 +166,8 @@ class Trace:
                 raise ValueError(
                     f"{name} has {len(values)} values and time has {len(self.time)}. Give one per instant."
                 )
+        if 0 < len(held := [name for name in COMPONENTS_OF_FORCE if getattr(self, name) is not None]) < 6:
+            raise ValueError(f"of the six components it holds {', '.join(held)} only. Give all six, or none.")
         _check_time(self.time)
         if self.speed is not None and self.position is not None:
             _check_speed(self.time, self.position, self.speed)
@@ -186,7 +217,14 @@ class Trace:
     @property
     def known(self) -> tuple[str, ...]:
         """Names of the fields that the trace holds, time and force among them."""
-        return tuple(name for name in Reading._fields if getattr(self, name) is not None)
+        return tuple(name for name in (*Reading._fields, *BESIDE) if getattr(self, name) is not None)
+
+    @property
+    def wrench(self) -> NDArray[np.float64] | None:
+        """All six components, shape (n, 6): three forces [N], three torques [N m]; None if it holds none."""
+        if self.force_x is None:
+            return None
+        return np.column_stack([getattr(self, name) for name in COMPONENTS_OF_FORCE])
 
     @property
     def duration(self) -> float:
@@ -211,7 +249,7 @@ class Trace:
         Parameters
         ----------
         *names : str
-            Names among "time", "force", "position", "speed", "angle", "depth".
+            Names among "time", "force", "position", "speed", "angle", "depth" and :data:`BESIDE`.
         by : str
             Name of the function that needs them, for the message.
 
@@ -226,7 +264,7 @@ class Trace:
             If one is missing from the trace, or is not a field of a trace.
         """
         for name in names:
-            one_of("field", name, Reading._fields)
+            one_of("field", name, (*Reading._fields, *BESIDE))
         missing = [name for name in names if getattr(self, name) is None]
         if missing:
             raise ValueError(

@@ -2,6 +2,7 @@
 
     python scripts/rig_faults.py                              10 trials of each fault, about a quarter of an hour
     python scripts/rig_faults.py --only kill_9 --trials 3
+    python scripts/rig_faults.py --height                     faults of a height axis, with the blade in air
     python scripts/rig_faults.py --json runs/rig-faults.json  for scripts/update_docs.py rig-faults
 
 The blade cuts sampled specimens at 1.5 cm/s when the fault occurs, at a random instant.  All times are of one clock.
@@ -9,8 +10,9 @@ The machine's own delays are counted (a thread of the rig or of the emulator tha
 times of such trials are kept apart.  If such a delay has stopped the rig before the fault, the trial does not
 count, and is repeated.  A machine that is too busy is refused at once (exit code 3), with what to ask for.
 
-Trials are stored as they are made, in runs/rig-faults.part.json.  An interrupted run continues where it left off when
-the command is given again; --anew starts from the beginning.
+Trials are stored as they are made, in runs/rig-faults.part.json, those of a height axis in
+runs/rig-faults-height.part.json.  An interrupted run continues where it left off when the command is given again;
+--anew starts from the beginning.
 """
 
 from __future__ import annotations
@@ -28,8 +30,9 @@ from typing import Any
 import numpy as np
 from busy_host import TooBusy, look
 from cutting_rig import CuttingRig
+from height_trials import RaisingRig, height_trial
 from rig_cut_process import trial_in_child
-from rig_trials import BY_THE_DRIVE, EXPECTED, GAP, IN_CHILD, WAY, Trial, trial
+from rig_trials import BY_THE_DRIVE, EXPECTED, EXPECTED_OF_HEIGHT, GAP, IN_CHILD, WAY, Trial, trial
 from tqdm import tqdm
 
 from cutenv._base.atomic_file import atomic_write
@@ -38,6 +41,10 @@ from cutenv.rig.errors import RigError
 
 DEFAULT = Path("runs") / "rig-faults.json"
 PART = Path("runs") / "rig-faults.part.json"
+DEFAULT_OF_HEIGHT, PART_OF_HEIGHT = (
+    Path("runs") / "rig-faults-height.json",
+    Path("runs") / "rig-faults-height.part.json",
+)
 _ATTEMPTS = 8  # at a trial that the host's stalls prevent
 _LOOKED_AT = (1, 4)  # failed attempts after which the machine's load is checked
 HEADER = (
@@ -53,6 +60,8 @@ class Trials:
     ----------
     check : callable, optional
         Called after failed attempts; raises :class:`TooBusy` if more would fail too.
+    height : bool
+        True for the faults of a height axis.
 
     Attributes
     ----------
@@ -60,8 +69,8 @@ class Trials:
         Number of times that the rig had stopped before the fault, by fault.
     """
 
-    def __init__(self, check: Callable[[], None] | None = None) -> None:
-        self._check = check
+    def __init__(self, check: Callable[[], None] | None = None, *, height: bool = False) -> None:
+        self._check, self._height = check, height
         self.before: Counter[str] = Counter()
         self._emulator: RunningEmulator | None = None
         self._rig: CuttingRig | None = None
@@ -95,6 +104,8 @@ class Trials:
         raise RigError(f"{fault}: {_ATTEMPTS} times the rig had stopped before the fault came: is this machine busy?")
 
     def _tried(self, fault: str, seed: int, after: float) -> Trial:
+        if self._height:
+            return self._tried_height(fault, seed, after)
         emulator = self._emulator = self._emulator or start()
         if fault in IN_CHILD:
             self._leave()
@@ -102,6 +113,12 @@ class Trials:
         if self._rig is None:
             self._rig = CuttingRig(emulator.settings, emulator.control)
         return trial(self._rig, emulator.control, fault, seed=seed, after=after)
+
+    def _tried_height(self, fault: str, seed: int, after: float) -> Trial:
+        emulator = self._emulator = self._emulator or start(height=True, free_air=True)
+        if not isinstance(self._rig, RaisingRig):
+            self._rig = RaisingRig(emulator.settings, emulator.control)
+        return height_trial(self._rig, emulator.control, fault, seed=seed, after=after)
 
     def _leave(self) -> None:
         if self._rig is not None:
@@ -199,6 +216,8 @@ def markdown(kept: dict[str, Any]) -> str:
     lines = [HEADER, tuple("---" for _ in HEADER), *rows(kept)]
     table = "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
     made = f"{len(kept['trials'])} trials, {sum(kept['before'].values())} more that a stop came before."
+    if kept["trials"][0]["fault"] in EXPECTED_OF_HEIGHT:
+        return f"{table}\n\n{made}"
     allowed = f"Found out counts as kept up to {1e3 * WAY:g} ms beyond the stated time: the ways of frames and events."
     gap = f"bus_gap is a bus that is off for {1e3 * GAP:g} ms: the first quick stop is lost, and sent again."
     return f"{table}\n\n{made} {allowed} {gap}"
@@ -209,31 +228,38 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add = parser.add_argument
     add("--trials", type=int, default=10, metavar="N", help="of each fault; default 10")
-    add("--only", choices=EXPECTED, nargs="+", default=list(EXPECTED), metavar="FAULT", help=", ".join(EXPECTED))
+    add("--height", action="store_true", help="faults of a height axis")
+    add("--only", nargs="+", metavar="FAULT", help=f"{', '.join(EXPECTED)}; of a height axis: "
+        f"{', '.join(EXPECTED_OF_HEIGHT)}")  # fmt: skip
     add("--seed", type=int, default=0, help="of specimens and instants; default 0")
-    add("--json", type=Path, metavar="FILE", help=f"keep every trial there; the documentation is made from {DEFAULT}")
+    add("--json", type=Path, metavar="FILE", help=f"keep every trial there; the documentation is made from {DEFAULT}"
+        f" and {DEFAULT_OF_HEIGHT}")  # fmt: skip
     add("--markdown", action="store_true", help="print the table as Markdown")
     add("--anew", action="store_true", help="begin from the first trial, though a run was broken off")
     arguments = parser.parse_args(argv)
-    trials, before = ([], Counter()) if arguments.anew else left_off(PART, arguments.seed)
+    known, part = (EXPECTED_OF_HEIGHT, PART_OF_HEIGHT) if arguments.height else (EXPECTED, PART)
+    arguments.only = arguments.only or list(known)
+    if unknown := [fault for fault in arguments.only if fault not in known]:
+        parser.error(f"no fault {unknown[0]!r}; there are {', '.join(known)}")
+    trials, before = ([], Counter()) if arguments.anew else left_off(part, arguments.seed)
     if trials:
-        print(f"{len(trials)} trials were made before ({PART}); it goes on from there.", file=sys.stderr)
+        print(f"{len(trials)} trials were made before ({part}); it goes on from there.", file=sys.stderr)
     try:
         check_host()
-        with Trials(check_host) as on:
+        with Trials(check_host, height=arguments.height) as on:
             on.before = before
             for fault, number in tqdm(planned(arguments, trials), unit="trial", leave=False):
                 trials.append(on.one(fault, np.random.default_rng([arguments.seed, number, *fault.encode()])))
-                write(as_json(trials, before, arguments.seed), PART)
+                write(as_json(trials, before, arguments.seed), part)
     except TooBusy as busy:
-        kept = f"{len(trials)} trials are kept in {PART}: give the command again, and it goes on from there."
-        print(f"rig_faults: {busy}\n{kept}", file=sys.stderr)
+        left = f"{len(trials)} trials are kept in {part}: give the command again, and it goes on from there."
+        print(f"rig_faults: {busy}\n{left}", file=sys.stderr)
         return 3
     trials = [each for fault in arguments.only for each in _of(fault, trials)[: arguments.trials]]
     kept = as_json(trials, Counter({fault: before[fault] for fault in arguments.only}), arguments.seed)
     if arguments.json is not None:
         write(kept, arguments.json)
-    PART.unlink(missing_ok=True)
+    part.unlink(missing_ok=True)
     wrong = [
         f"{fault}, trial {number}: {why}"
         for fault in arguments.only

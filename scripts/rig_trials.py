@@ -70,7 +70,23 @@ EXPECTED: dict[str, tuple[Cause, ...]] = {
 }
 """Causes as which each fault may be detected: for example, a stuck encoder with speed zero is an acceleration.  A
 carriage that slips behind its motor's encoder cannot be detected; it stands, or moves less than commanded."""
-BY_THE_DRIVE = ("bus_off", "power_loss", "kill_9")
+EXPECTED_OF_HEIGHT: dict[str, tuple[Cause, ...]] = {
+    "no answer": (Cause.HEARTBEAT,),
+    "cable out": (Cause.MOTION_STALE,),
+    "power loss": (Cause.MOTION_STALE,),
+    "wrong position": (Cause.SPEED,),
+    "stuck encoder": (Cause.STUCK, Cause.FOLLOWING, Cause.DRIVE),
+    "cannot be lowered": (Cause.STUCK, Cause.FOLLOWING, Cause.DRIVE),
+    "cannot be raised": (Cause.NOT_RAISED,),
+    "limit switch": (Cause.DRIVE,),
+    "error of the drive": (Cause.DRIVE,),
+    "runaway": (Cause.FOLLOWING, Cause.SPEED),
+    "second master": (Cause.FOREIGN,),
+    "quick stop not obeyed": (Cause.FORCE_STALE,),
+    "vertical force": (Cause.VERTICAL_FORCE,),
+}
+"""Causes as which the faults of a height axis may be detected, see ``scripts/height_trials.py``."""
+BY_THE_DRIVE = ("bus_off", "power_loss", "kill_9", "cable out", "power loss")
 """Faults in which no frame reaches the drive: its own watchdog for the heartbeat stops it, or it coasts."""
 
 
@@ -133,10 +149,15 @@ class Trial:
     """Lateness of the host's processes around the trial [s]."""
 
     @property
+    def expected(self) -> tuple[Cause, ...]:
+        """Causes as which the fault may be detected."""
+        return (EXPECTED | EXPECTED_OF_HEIGHT)[self.fault]
+
+    @property
     def before(self) -> bool:
         """True if the rig had stopped before the fault, or for the tissue's own force: not a trial of it."""
         early = self.detected is not None and self.detected < self.injected - WAY
-        by_tissue = self.crossed is not None and Cause.FORCE not in EXPECTED[self.fault] and self.cause == Cause.FORCE
+        by_tissue = self.crossed is not None and Cause.FORCE not in self.expected and self.cause == Cause.FORCE
         return early or by_tissue or self.speed < 0.5 * SPEED
 
     @property
@@ -164,7 +185,7 @@ class Trial:
         if self.fault == "slip":
             return [] if self.cause is None else [f"stopped for {self.cause}, which cannot be known"]
         found = []
-        if self.cause is None or (self.cause not in EXPECTED[self.fault] and not self.stalls):
+        if self.cause is None or (self.cause not in self.expected and not self.stalls):
             found.append(f"the cause is {self.cause} ({self.detail})")
         if not self.stopped:
             found.append("the blade does not come to rest")

@@ -4,7 +4,7 @@
     python scripts/update_docs.py training results --runs runs/NAME ...  one run for each training seed
     python scripts/update_docs.py ladder learned-stop stock safe-cut memory check-score depth-cut  left in runs/
     python scripts/update_docs.py benchmark                 what scripts/leaderboard.py --publish has kept
-    python scripts/update_docs.py rig-faults rig-soak class-load  what their scripts left in runs/ (--json)
+    python scripts/update_docs.py rig-faults rig-faults-height rig-soak class-load  what scripts left in runs/
     python scripts/update_docs.py depth seen-runs           what measure_depth_accuracy.py and measure_seen_runs.py left
     python scripts/update_docs.py bead-tracking             what scripts/measure_bead_tracking.py left in runs/
     python scripts/update_docs.py browser-page              what scripts/measure_page.py left in runs/ (--json)
@@ -116,6 +116,7 @@ PAGES = {
     "rig-file": "docs/reference/files/rig.md",
     "bead-tracking": "docs/validation/beads.md",
     "rig-faults": "docs/rig/what-stops-it.md",
+    "rig-faults-height": "docs/rig/what-stops-it.md",
     "rig-soak": "docs/rig/what-stops-it.md",
     "browser-page": "docs/how-to/browser.md",
     "class-load": "docs/how-to/class.md",
@@ -284,12 +285,12 @@ def benchmark(_: argparse.Namespace) -> str:
     return leaderboard.markdown(leaderboard.PUBLISHED)
 
 
-def left_by(script: ModuleType) -> dict[str, Any]:
+def left_by(script: ModuleType, file: Path | None = None) -> dict[str, Any]:
     """Return what a script has kept in its ``--json`` file; SystemExit with the cure where there is none."""
-    name = Path(str(script.__file__)).name
-    path = ROOT / script.DEFAULT
+    name, kept_in = Path(str(script.__file__)).name, script.DEFAULT if file is None else file
+    path = ROOT / kept_in
     if not path.is_file():
-        raise SystemExit(f"{script.DEFAULT} is missing; make it by: python scripts/{name} --json {script.DEFAULT}")
+        raise SystemExit(f"{kept_in} is missing; make it by: python scripts/{name} --json {kept_in}")
     kept: dict[str, Any] = json.loads(path.read_text())
     return kept
 
@@ -408,6 +409,7 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "rig-file": rig_file,
     "bead-tracking": lambda _: bead_tracking.markdown(*bead_tracking.kept(ROOT / bead_tracking.FOLDER)),
     "rig-faults": lambda _: rig_faults.markdown(left_by(rig_faults)),
+    "rig-faults-height": lambda _: rig_faults.markdown(left_by(rig_faults, rig_faults.DEFAULT_OF_HEIGHT)),
     "rig-soak": lambda _: "```\n" + rig_soak.text(left_by(rig_soak)) + "\n```",
     "browser-page": lambda _: measure_page.markdown(left_by(measure_page)),
     "class-load": lambda _: class_load.markdown(left_by(class_load)),

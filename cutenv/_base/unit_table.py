@@ -90,6 +90,7 @@ SPEEDS = (
     Unit("mm/s", "m/s", parts=1000),
     Unit("in/s", "m/s", 0.0254),
 )
+TORQUES = (Unit("N m", "N m", word="N_m"), Unit("N mm", "N m", parts=1000, word="N_mm"))
 ANGLES = (Unit("rad", "rad"), Unit("deg", "rad", _RADIANS, spellings=("\u00b0", "degree", "degrees")))
 _OTHERS = (
     Unit("m/s2", "m/s2"),
@@ -97,7 +98,6 @@ _OTHERS = (
     Unit("deg/s2", "rad/s2", _RADIANS),
     Unit("Hz", "Hz"),
     Unit("N/s", "N/s", word="N_per_s"),
-    Unit("N m", "N m", word="N_m"),
     Unit("N s/m2", "N s/m2", word="Ns_m2"),
     Unit("A", "A"),
     Unit("bit/s", "bit/s"),
@@ -107,7 +107,7 @@ _OTHERS = (
 )
 
 NAMED_UNITS: Mapping[str, Unit] = MappingProxyType(
-    {unit.name: unit for unit in (*LENGTHS, *TIMES, *FORCES, *SPEEDS, *ANGLES, *_OTHERS)}
+    {unit.name: unit for unit in (*LENGTHS, *TIMES, *FORCES, *SPEEDS, *ANGLES, *TORQUES, *_OTHERS)}
 )
 """Every unit by its name."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import re
 from datetime import datetime
 from pathlib import Path
@@ -18,44 +19,50 @@ from cutenv.cutting.drive import Rig
 from cutenv.envs.constants import Constants
 from cutenv.recording.appending import AppendingRecord, RecordingFailed
 from cutenv.recording.provenance import Provenance
-from cutenv.rig.config.imitated_rig import fake_settings
+from cutenv.rig.config.imitated_rig import HEIGHT, fake_settings
 from cutenv.rig.config.settings import RigSettings, SensorCalibration
 from cutenv.rig.connection import EMULATOR, FAKE, operator_of
 from cutenv.rig.contradictions import refuse_contradictions
 from cutenv.rig.devices.camera import CAMERA_NOTE, RigCamera
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.operator import AutomaticOperator, Operator
+from cutenv.rig.operation.recorded_rows import recorded_beside, recorded_rows
 from cutenv.rig.operation.session import RigSession
 from cutenv.rig.operation.specimen_source import SpecimenKey, SpecimensByHand
 from cutenv.rig.plant import RigPlant
 from cutenv.rig.safety.stop_causes import Cause
 from cutenv.rig.toml_file import read_rig_file
-from cutenv.tissue.grid import depth_below
-from cutenv.trace import Reading
 
 if TYPE_CHECKING:
     from cutenv.rig.emulator.control import EmulatorControl
     from cutenv.rig.emulator.process import RunningEmulator
     from cutenv.rig.fake.air_plant import AirPlant
     from cutenv.rig.fake.fake_rig import FakeRig
+    from cutenv.tissue.layers import Layers
 
 
 class FakeSpecimens:
-    """Supply that lays drawn specimens on a fake rig."""
+    """Supply that lays drawn specimens on a fake rig; on one with a height axis with the ``layers`` set last."""
 
     def __init__(self, rig: FakeRig, constants: Constants) -> None:
         self._rig, self._constants = rig, constants
+        self.layers: Layers | None = None
 
     def mount(self, key: SpecimenKey) -> NDArray[np.float64] | None:
         """Lay a specimen; return None, because the caller has drawn it and knows its depth."""
+        from cutenv.rig.fake.descending_bench import DescendingBench
         from cutenv.rig.fake.specimen_plant import SpecimenPlant
 
         specimen, constants = key.specimen, self._constants
         if specimen is None:
             raise RigError("a fake rig cuts drawn specimens only.")
         drive = constants.drive if constants.drive != Rig() else None  # otherwise the rig's own
+        if self._rig.settings.height is None:
+            laid: Any = SpecimenPlant
+        else:
+            laid = functools.partial(DescendingBench, layers=self.layers)
         self._rig.mount(
-            lambda settings: SpecimenPlant(
+            lambda settings: laid(
                 specimen,
                 settings,
                 drive=drive if isinstance(drive, Rig) else None,
@@ -69,16 +76,17 @@ class FakeSpecimens:
 
 
 class EmulatedSpecimens:
-    """Supply that lays drawn specimens on an emulated rig."""
+    """Supply that lays drawn specimens on an emulated rig; on one with a height axis with the ``layers`` set last."""
 
     def __init__(self, control: EmulatorControl) -> None:
         self._control = control
+        self.layers: Layers | None = None
 
     def mount(self, key: SpecimenKey) -> NDArray[np.float64] | None:
         """Lay a specimen; return None, because the caller has drawn it and knows its depth."""
         if key.specimen is None:
             raise RigError("an emulated rig cuts drawn specimens only.")
-        self._control.mount(key.specimen, seed=key.seed, episode=key.episode)
+        self._control.mount(key.specimen, seed=key.seed, episode=key.episode, layers=self.layers)
         return None
 
 
@@ -138,6 +146,9 @@ class RigSource:
         Limits to be lowered, see :meth:`cutenv.rig.config.settings.SafetyLimits.lowered`.
     dry_run : bool
         True to use a fake with the rig's settings instead of the rig.
+    needs_height : str
+        What needs a height axis, such as "DepthCut-v1": an emulated or fake rig then has one, and a file without the
+        section ``[height]`` is refused. Empty: nothing does.
 
     Attributes
     ----------
@@ -161,11 +172,15 @@ class RigSource:
         records: str | Path | None = None,
         lower_limits: dict[str, float] | None = None,
         dry_run: bool = False,
+        needs_height: str = "",
     ) -> None:
         self._rig, self._constants, self._operator = str(rig), constants, operator
         self._lower = dict(lower_limits or {})
         named = self._rig in (FAKE, EMULATOR)
-        self.settings = self._lowered(fake_settings(name=self._rig) if named else read_rig_file(rig))
+        own = fake_settings(name=self._rig, height=HEIGHT if needs_height else None)
+        self.settings = self._lowered(own if named else read_rig_file(rig))
+        if needs_height:
+            self.settings.require_height_axis(by=needs_height)
         if dry_run:
             from cutenv.rig.fake.fake_rig import FakeSensor
 
@@ -179,6 +194,8 @@ class RigSource:
             )
         self.draws = self._rig in (FAKE, EMULATOR)
         self._emulated = emulator_arguments(constants) if self._rig == EMULATOR else []
+        self.supply: FakeSpecimens | EmulatedSpecimens | None = None
+        """Supply of drawn specimens, once there is a session; its ``layers`` are those of the next specimen laid."""
         self.fake: FakeRig | None = None
         """Fake rig in use, if there is one."""
         self._folder = None if records is None else Path(records)
@@ -196,17 +213,18 @@ class RigSource:
 
             self.fake = fake = FakeRig(_at_clamp, self.settings)
             operator = self._operator or AutomaticOperator(self.settings)
-            return RigSession(fake.plant, operator, FakeSpecimens(fake, self._constants))
+            self.supply = FakeSpecimens(fake, self._constants)
+            return RigSession(fake.plant, operator, self.supply)
         from cutenv.rig.hardware import rig_plant
 
         if self._rig == EMULATOR:
             from cutenv.rig.emulator.process import start
 
-            emulator = start(free_air=True, arguments=self._emulated)
+            emulator = start(free_air=True, height=self.settings.height is not None, arguments=self._emulated)
             self.emulator, self.settings = emulator, self._lowered(emulator.settings)
             operator = self._operator or AutomaticOperator(self.settings)
-            supply = EmulatedSpecimens(emulator.control)
-            return RigSession(rig_plant(self.settings), operator, supply, release=emulator.close)
+            self.supply = EmulatedSpecimens(emulator.control)
+            return RigSession(rig_plant(self.settings), operator, self.supply, release=emulator.close)
         operator = self._operator or operator_of(self.settings)
         if self.settings.camera is not None:
             self._camera = RigCamera(self.settings.camera)
@@ -225,6 +243,7 @@ class RigSource:
             return
         self._folder.mkdir(parents=True, exist_ok=True)
         date, settings = datetime.now(), self.settings
+        axis = settings.height
         rig = re.sub(r"[^\w.-]+", "_", settings.name)
         name = f"{date:%Y%m%dT%H%M%S}_{rig}_{seed}-{episode}"
         origin = Provenance(
@@ -242,16 +261,16 @@ class RigSource:
                 "specimen_seed": seed,
                 "specimen_episode": episode,
                 "zero_N": list(plant.zero),
+                **({} if axis is None else {"vertical_axis": "-" * (axis.force_sign < 0) + axis.force_axis}),
                 **metadata,
             },
+            beside=recorded_beside(settings),
         )
         self._record = record
 
         def keep(readings: StructArray) -> None:
-            depth = depth_below(plant.depth, readings["position"])
-            columns = [readings[field].tolist() for field in ("time", "force", "position", "speed", "angle")]
             try:
-                record.append(map(Reading._make, zip(*columns, depth.tolist(), strict=True)))
+                record.append(*recorded_rows(plant, readings))
             except (RecordingFailed, TypeError, ValueError) as error:  # full disk, or invalid values
                 plant.supervisor.trip(Cause.EXCEPTION, f"the record cannot be kept: {error}")
 

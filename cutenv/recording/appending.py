@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import shutil
 import threading
@@ -17,7 +18,7 @@ from cutenv.recording.columns import header_of
 from cutenv.recording.csv_file import head_text
 from cutenv.recording.provenance import check_operator
 from cutenv.recording.record_errors import RecordError
-from cutenv.trace import Reading, limits
+from cutenv.trace import BESIDE, Reading, limits
 
 SYNCED_EVERY = 0.8
 """Time between two flushes to the disk [s]: with the duration of a flush, a second."""
@@ -46,6 +47,8 @@ class AppendingRecord:
         Fields of a :class:`cutenv.trace.Reading`, including time and force; every reading must hold them all.
     force_unit : {"N", "1"}
         Unit of the force, as in a :class:`cutenv.trace.Trace`.
+    beside : sequence of str
+        Further fields of the trace, of :data:`cutenv.trace.BESIDE`, which :meth:`append` is given with the readings.
 
     Attributes
     ----------
@@ -87,6 +90,7 @@ class AppendingRecord:
         *,
         fields: Iterable[str] = Reading._fields,
         force_unit: str = "N",
+        beside: Iterable[str] = (),
     ) -> None:
         self.path = Path(path)
         self.rows = 0
@@ -97,8 +101,9 @@ class AppendingRecord:
         if missing := [name for name in ("time", "force") if name not in self._fields]:
             raise ValueError(f"fields must hold time and force; {' and '.join(missing)} is missing. Add it.")
         self._picked = itemgetter(*map(Reading._fields.index, self._fields))
-        self._limits = tuple(limits(name, force_unit) for name in self._fields)
-        self._names = [header_of(name, force_unit) for name in self._fields]
+        self._beside = tuple(one_of("beside", name, BESIDE) for name in dict.fromkeys(beside))
+        self._limits = tuple(limits(name, force_unit) for name in (*self._fields, *self._beside))
+        self._names = [header_of(name, force_unit) for name in (*self._fields, *self._beside)]
         self._last = -float("inf")
         self._metadata = dict(metadata or {})
         self._head = self._head_with(None, self._metadata)
@@ -115,8 +120,15 @@ class AppendingRecord:
             self.abandon()
             raise
 
-    def append(self, readings: Iterable[Reading]) -> None:
+    def append(self, readings: Iterable[Reading], beside: Iterable[tuple[float, ...]] | None = None) -> None:
         """Write some readings, all or none; from one thread at a time.
+
+        Parameters
+        ----------
+        readings : iterable of Reading
+            In order of time.
+        beside : iterable of tuple of float, optional
+            For each reading the values of the fields named at the beginning as ``beside``, in that order.
 
         Raises
         ------
@@ -133,14 +145,19 @@ class AppendingRecord:
         if self.failed is not None:
             raise RecordingFailed(self.failed)
         last, lines = self._last, []
-        for reading in readings:
-            row = self._picked(reading)
+        more = itertools.repeat(()) if beside is None else beside
+        for reading, others in zip(readings, more, strict=beside is not None):
+            row = self._picked(reading) + tuple(others)
             try:
                 fits = all(low <= value <= high for value, (low, high) in zip(row, self._limits, strict=True))
             except TypeError:
                 fits = False
+            except ValueError:
+                raise ValueError(
+                    f"a row has {len(row)} values for {', '.join(self._names)}. Give one of each."
+                ) from None
             if not (fits and last < reading.time):  # false for NaN
-                self._refuse(reading, last)
+                self._refuse(row, reading.time, last)
             last = reading.time
             lines.append(",".join(map(repr, map(float, row))) + "\n")
         self._write("".join(lines).encode("ascii"))
@@ -217,11 +234,11 @@ class AppendingRecord:
                 "dicts of these."
             ) from None
 
-    def _refuse(self, reading: Reading, last: float) -> NoReturn:
+    def _refuse(self, row: tuple[float, ...], time: float, last: float) -> NoReturn:
         """Raise an error that describes what is wrong with a reading."""
-        for name, value, (low, high) in zip(self._names, self._picked(reading), self._limits, strict=True):
+        for name, value, (low, high) in zip(self._names, row, self._limits, strict=True):
             in_range(name, value, low, high, "1", "The reading was not recorded.")
-        raise ValueError(f"time goes from {last!r} s to {reading.time!r} s; a reading must be after the one before.")
+        raise ValueError(f"time goes from {last!r} s to {time!r} s; a reading must be after the one before.")
 
     def _write(self, data: bytes) -> None:
         left = memoryview(data)

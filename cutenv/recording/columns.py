@@ -11,8 +11,8 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv._base.unit_table import ANGLES, FORCES, LENGTHS, SPEEDS, TIMES, Unit
-from cutenv.trace import FORCE_UNITS
+from cutenv._base.unit_table import ANGLES, FORCES, LENGTHS, SPEEDS, TIMES, TORQUES, Unit
+from cutenv.trace import BESIDE, FORCE_UNITS
 
 _LENGTH = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\W\d]+)")
 
@@ -20,17 +20,18 @@ FIELD_UNITS: Mapping[str, tuple[Unit, ...]] = MappingProxyType(
     {"time": TIMES, "force": FORCES, "position": LENGTHS, "speed": SPEEDS, "angle": ANGLES, "depth": LENGTHS}
 )
 """Units of each field of a :class:`cutenv.trace.Trace`, the SI unit first."""
+_BESIDE_UNITS: Mapping[str, tuple[Unit, ...]] = {"height": LENGTHS, "vertical_force": FORCES, "torque": TORQUES}
 _BY_SPELLING = {  # people write the sign, with its slash; a header may have to do without
     field: {spelling: unit for unit in units for spelling in (unit.name, unit.sign)}
-    for field, units in FIELD_UNITS.items()
+    for field, units in {**FIELD_UNITS, **_BESIDE_UNITS}.items()
 }
 UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
-    {field: {spelling: unit.factor for spelling, unit in units.items()} for field, units in _BY_SPELLING.items()}
+    {field: {spelling: unit.factor for spelling, unit in _BY_SPELLING[field].items()} for field in FIELD_UNITS}
 )
-"""Size in SI units of each unit's spelling, by field of a :class:`cutenv.trace.Trace`."""
+"""Size in SI units of each unit's spelling, by field of a :class:`cutenv.trace.Reading`."""
 
 AXES = ("x", "y", "z")
-"""Directions of a force that was measured in components: ``force_x_N``, ``force_y_N``, ``force_z_N``."""
+"""Directions of a force or torque measured in components: ``force_x_N``, ``force_z_N``, ``torque_y_N_m``."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,11 +41,11 @@ class Column:
     Attributes
     ----------
     field : str
-        Field of the trace: a key of :data:`UNITS`.
+        Quantity: a key of :data:`UNITS`, "height", "vertical_force" or "torque".
     axis : {"x", "y", "z"} or None
-        Direction of a component of force; None for anything else.
+        Direction of a component of force or torque; None for anything else.
     unit : str
-        A key of ``UNITS[field]``.
+        Spelling of the unit, such as a key of ``UNITS[field]``.
     """
 
     field: str
@@ -54,12 +55,17 @@ class Column:
     @property
     def factor(self) -> float:
         """Number of SI units in one of the unit."""
-        return UNITS[self.field][self.unit]
+        return _BY_SPELLING[self.field][self.unit].factor
+
+    @property
+    def of_trace(self) -> str:
+        """Name of the field of a trace: ``force``, ``force_x``."""
+        return f"{self.field}_{self.axis}" if self.axis else self.field
 
     @property
     def force_unit(self) -> str | None:
         """Value of a trace's ``force_unit`` for this force, "N" or "1"; None if the column is not a force."""
-        if self.field != "force":
+        if self.field not in ("force", "vertical_force"):
             return None
         return "1" if self.unit == "1" else "N"
 
@@ -74,7 +80,8 @@ def parse_header(name: str) -> Column:
     Parameters
     ----------
     name : str
-        Such as ``time_ms``, ``force_N``, ``force_x_mN``, ``speed_cm_s``; blanks around it are ignored.
+        Such as ``time_ms``, ``force_N``, ``force_x_mN``, ``speed_cm_s``, ``torque_z_N_m``; blanks around it are
+        ignored.
 
     Raises
     ------
@@ -82,17 +89,21 @@ def parse_header(name: str) -> Column:
         If the quantity or the unit is unknown or missing; the message names the nearest known one.
     """
     field, _, unit = name.strip().partition("_")
-    if field not in UNITS:
+    if field == "vertical" and (unit == "force" or unit.startswith("force_")):
+        field, unit = "vertical_force", unit.removeprefix("force").removeprefix("_")
+    if field not in _BY_SPELLING:
         nearest = _nearest(field, UNITS)
         hint = f" Did you mean {nearest}_{unit or header_of(nearest).partition('_')[2]}?" if nearest else ""
         known = ", ".join(header_of(known) for known in UNITS)
         raise ValueError(f"column {name!r} is no quantity of a cut with its unit, such as {known}.{hint}")
     axis, _, rest = unit.partition("_")
-    if field == "force" and axis in AXES:
+    if field in ("force", "torque") and axis in AXES:
         unit = rest
+    elif field == "torque":
+        raise ValueError(f"column {name!r} names no axis. Write torque_x_N_m, torque_y_N_m or torque_z_N_m.")
     else:
         axis = ""
-    known_units = UNITS[field]
+    known_units = _BY_SPELLING[field]
     if unit not in known_units:
         stem = f"{field}_{axis}" if axis else field
         listed = ", ".join(f"{stem}_{known}" for known in known_units if "/" not in known)
@@ -134,7 +145,7 @@ def header_of(field: str, force_unit: str = "N") -> str:
     Parameters
     ----------
     field : str
-        A key of :data:`UNITS`.
+        Field of a :class:`cutenv.trace.Trace`, time and force among them.
     force_unit : {"N", "1"}
         Unit of the trace's force.
 
@@ -143,11 +154,19 @@ def header_of(field: str, force_unit: str = "N") -> str:
     ValueError
         If there is no such field or unit.
     """
-    if field not in UNITS:
-        raise ValueError(f"{field!r} is no field of a trace; its fields are {', '.join(UNITS)}.")
+    if field not in UNITS and field not in BESIDE:
+        raise ValueError(f"{field!r} is no field of a trace; its fields are {', '.join((*UNITS, *BESIDE))}.")
     if force_unit not in FORCE_UNITS:
         raise ValueError(f"force_unit must be one of {', '.join(FORCE_UNITS)}, got {force_unit!r}.")
-    return f"{field}_{force_unit if field == 'force' else FIELD_UNITS[field][0].name}"
+    return f"{field}_{unit_of(field, force_unit).name}"
+
+
+def unit_of(field: str, force_unit: str = "N") -> Unit:
+    """Return the SI unit of a field of a trace, for a force the trace's own."""
+    quantity = field if field in _BY_SPELLING else field.partition("_")[0]
+    if quantity in ("force", "vertical_force"):
+        return _BY_SPELLING["force"][force_unit]
+    return next(iter(_BY_SPELLING[quantity].values()))
 
 
 def _nearest(name: str, known: Iterable[str]) -> str:

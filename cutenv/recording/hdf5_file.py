@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cutenv._base.arrays import Array
-from cutenv.recording.columns import header_of
+from cutenv.recording.columns import unit_of
 from cutenv.recording.optional_import import optional_import
 from cutenv.recording.schema import SCHEMA, check_schema, mapping_from_json, shortened, to_json
 from cutenv.recording.table import CutTable, row_from_0
@@ -37,10 +37,9 @@ def write(traces: Sequence[Trace], path: Path) -> None:
             group = file.create_group(f"cut_{number}")
             group.attrs["metadata"] = np.bytes_(to_json(trace.metadata))
             for name in trace.known:
-                _, _, unit = header_of(name, trace.force_unit).partition("_")
                 values = getattr(trace, name)
                 kept = group.create_dataset(name, data=values, compression="gzip", shuffle=True, fletcher32=True)
-                kept.attrs["unit"] = np.bytes_(unit.replace("_", "/"))
+                kept.attrs["unit"] = np.bytes_(unit_of(name, trace.force_unit).sign)
 
 
 def read(path: Path) -> list[CutTable]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from cutenv._base.arrays import Array
 from cutenv.recording.columns import AXES, UNITS, Column, header_of, parse_header
-from cutenv.trace import Trace, limits
+from cutenv.trace import BESIDE, COMPONENTS_OF_FORCE, Trace, limits
 
 CUT_COLUMN = "cut"
 """Name of the column with the number of the cut."""
@@ -89,7 +89,7 @@ def table_of(traces: Sequence[Trace]) -> CutTable:
     any_of = dict.fromkeys(itertools.chain.from_iterable(headers_of))
     headers = tuple(
         header
-        for name in UNITS
+        for name in (*UNITS, *BESIDE)
         for header in dict.fromkeys((header_of(name), header_of(name, "1")))
         if header in any_of
     )
@@ -98,7 +98,7 @@ def table_of(traces: Sequence[Trace]) -> CutTable:
     values = [
         np.concatenate(
             [
-                getattr(trace, column.field) if header in holds else nan
+                getattr(trace, column.of_trace) if header in holds else nan
                 for trace, holds, nan in zip(traces, headers_of, nothing, strict=True)
             ]
         )
@@ -236,16 +236,17 @@ def _trace(
     """Make a trace of the rows of one cut."""
     fields: dict[str, Array] = {}
     components: dict[str, Array] = {}
+    all_six = {column.of_trace for column, _ in parts.values()}.issuperset(COMPONENTS_OF_FORCE)
     for header, (column, values) in parts.items():
         _check_finite(header, values, where)
         with np.errstate(over="ignore", under="ignore"):  # infinite values are refused as out of range below
             si = column.to_si(values)
-        if column.axis:
+        if column.axis and column.field == "force":
             components[column.axis] = si
-        else:
-            fields[column.field] = si
+        if all_six or not column.axis:
+            fields[column.of_trace] = si
     _check_time(fields["time"], where)
-    units = {column.force_unit for column, _ in parts.values() if column.field == "force"}
+    units = {column.force_unit for column, _ in parts.values()} - {None}
     if len(units) > 1:
         raise ValueError("it has a force in newtons and one without a unit. Keep one of them.")
     force_unit = "1" if units == {"1"} else "N"

@@ -11,13 +11,13 @@ from typing import NamedTuple
 
 from cutenv._base.validation import one_of
 from cutenv.rig.config.file_schema import setting_text
-from cutenv.rig.config.settings import Axis, RigSettings
+from cutenv.rig.config.settings import Axis, HeightAxis, RigSettings
 from cutenv.rig.devices.canopen.bus import INTERFACES, bus_arguments
 from cutenv.rig.devices.canopen.configuration import PRODUCER_PERIOD
 from cutenv.rig.devices.canopen.network import DRIVE_PATIENCE
 from cutenv.rig.devices.canopen.units import AxisUnits
 from cutenv.rig.operation.session import RETURN_SPEED
-from cutenv.rig.plant import REST_WITHIN, SLOW_TURN, TURN_RATE
+from cutenv.rig.plant import RAISE_SPEED, REST_WITHIN, SLOW_TURN, TURN_RATE
 from cutenv.rig.safety.force_monitor import RISE_OVER
 
 AHEAD = 0.010
@@ -82,12 +82,10 @@ def contradictions(settings: RigSettings) -> Found:
     yield from _forces(settings)
     yield from _turns(settings)
     yield from _measured(settings)
-    for name, axis in _axes(settings).items():
+    if settings.height is not None:
+        yield from _heights(settings, settings.height)
+    for name, axis in settings.axes.items():
         yield from _counts(name, axis)
-
-
-def _axes(settings: RigSettings) -> dict[str, Axis]:
-    return {"blade": settings.blade} | ({} if settings.angle is None else {"angle": settings.angle})
 
 
 def _names(settings: RigSettings) -> Found:
@@ -99,7 +97,7 @@ def _names(settings: RigSettings) -> Found:
 
 
 def _nodes(settings: RigSettings) -> Found:
-    nodes = {"bus.node": settings.bus.node} | {f"{name}.node": axis.node for name, axis in _axes(settings).items()}
+    nodes = {"bus.node": settings.bus.node} | {f"{name}.node": axis.node for name, axis in settings.axes.items()}
     keys = list(nodes)
     for i, one in enumerate(keys):
         for other in keys[i + 1 :]:
@@ -128,7 +126,7 @@ def _bus(settings: RigSettings) -> Found:
             ("limits.stale_motion", "bus.sync"),
             "samples come with every SYNC, and one may be late: allow two periods or more.",
         )
-    load = (_SYNC_BITS + _AXIS_BITS * len(_axes(settings))) / bus.bitrate / sync
+    load = (_SYNC_BITS + _AXIS_BITS * len(settings.axes)) / bus.bitrate / sync
     if load > _FULL:
         yield Contradiction(
             ("bus.bitrate", "bus.sync"),
@@ -181,7 +179,7 @@ def _speeds(settings: RigSettings) -> Found:
 
 
 def _brakes(settings: RigSettings) -> Found:
-    for name, axis in _axes(settings).items():
+    for name, axis in settings.axes.items():
         if axis.quick_stop < axis.acceleration:
             yield Contradiction(
                 (f"{name}.quick_stop", f"{name}.acceleration"), "a quick stop must not be gentler than a plain one."
@@ -265,6 +263,56 @@ def _turns(settings: RigSettings) -> Found:
         )
 
 
+def _heights(settings: RigSettings, axis: HeightAxis) -> Found:
+    limits, cut_axis = settings.limits, settings.sensor.cut_axis
+    if axis.lowest > -_CLAMP_ROOM:
+        yield Contradiction(("height.lowest",), f"a cut begins at height 0: give {-1e3 * _CLAMP_ROOM:g} mm or less.")
+    if not _CLAMP_ROOM < axis.raised <= axis.highest - _CLAMP_ROOM:
+        yield Contradiction(
+            ("height.raised", "height.highest"),
+            f"the blade is raised above height 0, and stays {1e3 * _CLAMP_ROOM:g} mm below its limit.",
+        )
+    if axis.low > axis.lowest:
+        yield Contradiction(("height.low", "height.lowest"), _drive_first("Lower height.low_mm, or raise the limit"))
+    if axis.high < axis.highest:
+        yield Contradiction(("height.high", "height.highest"), _drive_first("Raise height.high_mm, or lower the limit"))
+    if axis.following_error < axis.following:
+        yield Contradiction(
+            ("height.following_error", "height.following"), _drive_first("Widen the drive's window, or lower the limit")
+        )
+    if axis.following < axis.fastest * settings.bus.sync:
+        yield Contradiction(
+            ("height.following", "height.fastest", "bus.sync"),
+            "the blade moves further than that between two samples. Allow more.",
+        )
+    if axis.fastest > axis.speed:
+        yield Contradiction(
+            ("height.fastest", "height.speed"),
+            "the drive goes no faster than its own speed; the limit must be within it.",
+        )
+    if axis.fastest < RAISE_SPEED:
+        yield Contradiction(("height.fastest",), f"the blade is raised at {1e2 * RAISE_SPEED:g} cm/s. Allow that.")
+    if axis.most_acceleration < axis.acceleration:
+        yield Contradiction(
+            ("height.most_acceleration", "height.acceleration"),
+            "the drive accelerates beyond the limit by itself. Lower its own acceleration.",
+        )
+    if (resting := axis.fastest / axis.acceleration) > 0.5 * REST_WITHIN:
+        yield Contradiction(
+            ("height.acceleration", "height.fastest"),
+            f"at the end of a cut the blade takes {resting:.2g} s to rest, and may take {0.5 * REST_WITHIN:g}.",
+        )
+    if axis.vertical_force > limits.force:
+        yield Contradiction(
+            ("height.vertical_force", "limits.force"),
+            "the limit of each axis of the sensor is lower: this one would never count.",
+        )
+    if axis.force_axis == cut_axis:
+        yield Contradiction(
+            ("height.force_axis", "sensor.cut_axis"), "one axis of the sensor cannot lie along the cut and the height."
+        )
+
+
 def _measured(settings: RigSettings) -> Found:
     measured, told = settings.identified.acceleration, settings.blade.acceleration
     if measured and not 1.0 / _MEASURED_AS_TOLD <= measured / told <= _MEASURED_AS_TOLD:
@@ -289,7 +337,7 @@ def _counts(name: str, axis: Axis) -> Found:
         yield Contradiction(
             (*mechanics, f"{name}.following_error"), "the window is less than one increment of the encoder."
         )
-    elif name == "blade" and units.position(1) * axis.direction > _COARSEST:
+    elif name != "angle" and units.position(1) * axis.direction > _COARSEST:
         yield Contradiction(
             mechanics,
             f"an increment of the encoder is {1e3 * abs(units.position(1)):.2g} mm, and a creeping blade moves "

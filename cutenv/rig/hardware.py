@@ -14,6 +14,7 @@ def rig_plant(settings: RigSettings, clock: Clock | None = None) -> RigPlant:
     """Make the plant of a rig, real or emulated, without connecting to it."""
     clock = clock or SystemClock()
     network = CanNetwork(settings.bus, clock)
+    height = None if settings.height is None else CanopenAxis(network, settings.height, clock, name="height")
     angle = None if settings.angle is None else CanopenAxis(network, settings.angle, clock, name="angle")
     return RigPlant(
         settings,
@@ -21,4 +22,5 @@ def rig_plant(settings: RigSettings, clock: Clock | None = None) -> RigPlant:
         CanopenAxis(network, settings.blade, clock, name="blade"),
         NetftSensor(settings.sensor, clock),
         angle=angle,
+        height=height,
     )

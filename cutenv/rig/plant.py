@@ -29,6 +29,8 @@ _TURN_GAIN = 16.0  # [1/s] gain of the angle's position loop, closed at every SY
 _TURN_LAG = 0.040  # [s] lag of the hinge's own loop; this one looks ahead by it, to avoid overshoot
 TURN_RATE = math.radians(90.0)
 """Greatest rate of turn during a cut, equal to the simulated rig's [rad/s]."""
+RAISE_SPEED = 0.005
+"""Speed at which the blade is raised and lowered outside a cut [m/s]."""
 SLOW_TURN = math.radians(10.0)
 """Rate of turn outside a cut [rad/s]."""
 _SAME_RATE = 0.02  # relative difference allowed between the sensor's rate and the file's
@@ -54,6 +56,8 @@ class RigPlant:
         Driver of the force sensor.
     angle : MotionDriver, optional
         Driver that turns the blade; None if the angle is set by hand, and angle commands are ignored.
+    height : MotionDriver, optional
+        Driver that raises and lowers the blade; None if it stays at one height.
     depth : array of shape (301,), optional
         Depth of cut as measured beforehand, one value every 0.5 mm [m].
     follows : bool
@@ -83,12 +87,13 @@ class RigPlant:
         sensor: ForceDriver,
         *,
         angle: MotionDriver | None = None,
+        height: MotionDriver | None = None,
         depth: NDArray[np.float64] | None = None,
         follows: bool = True,
     ) -> None:
         self.settings, self.clock = settings, clock
         self._angle, self._sensor = angle, sensor
-        self._axes = [blade] if angle is None else [blade, angle]
+        self._axes = [axis for axis in (blade, angle, height) if axis is not None]
         self._gain = settings.calibration.gain
         self.supervisor = Supervisor(settings, clock, self._axes, rate=sensor.rate, follows=follows)
         self.depth = np.zeros(N_POINTS) if depth is None else depth
@@ -192,8 +197,8 @@ class RigPlant:
     def force(self, sample: ForceSample) -> None:
         """Take a reading of the force sensor."""
         if self._gain != 1.0:
-            x, y, z = sample.force
-            sample = sample._replace(force=(self._gain * x, self._gain * y, self._gain * z))
+            (x, y, z), (a, b, c), gain = sample.force, sample.torque, self._gain
+            sample = sample._replace(force=(gain * x, gain * y, gain * z), torque=(gain * a, gain * b, gain * c))
         self.supervisor.force(sample)
         self._grid.force(sample)
         if self.witness is not None:
@@ -237,11 +242,16 @@ class RigPlant:
         self._cutting = True
         self.timing = Timing()
 
-    def advance(self, speed: float, angle: float, ticks: int) -> StructArray:
+    def advance(self, speed: float, angle: float, ticks: int, descent_speed: float = 0.0) -> StructArray:
         """Command ``speed`` [m/s] and ``angle`` [rad] for ``ticks`` milliseconds; see :class:`~cutenv.plant.Plant`.
+
+        A rig with a height axis takes ``descent_speed`` [m/s], downwards, and has height and vertical force of the
+        readings in :attr:`beside`.
 
         Raises
         ------
+        ValueError
+            If ``ticks`` is not a whole number from 1, or the blade is to descend on a rig without a height axis.
         RigError
             If the rig is not released.
         RigStopped
@@ -249,6 +259,8 @@ class RigPlant:
         """
         if in_range("ticks", ticks, 1, 10**7, "1", "Give a whole number of milliseconds.") % 1.0:
             raise ValueError(f"ticks = {ticks:g} is not a whole number of milliseconds.")
+        if descent_speed:
+            self.settings.require_height_axis(by="descent_speed")
         period = ticks * TICK
         now = self.clock.now()
         start = now if self._due is None else self._due
@@ -262,7 +274,7 @@ class RigPlant:
                 self._grid.start += now - start
                 start = now
         self._raise_if_stopped()  # perhaps since the last command
-        turned = self._drive(speed, angle, hold=start + period - now)
+        turned = self._drive(speed, angle, hold=start + period - now, rise=-descent_speed)
         self._note_timing()
         self._due = start + period
         self._wait(self._due, turned)
@@ -315,6 +327,49 @@ class RigPlant:
         self._drive(0.0, wanted, hold=_SLICE)
         self._wait(self.clock.now() + _SLICE, wanted, fastest=SLOW_TURN)
 
+    def raise_to(self, height: float, *, speed: float = RAISE_SPEED) -> None:
+        """Move the blade up or down to ``height`` [m] at no more than ``speed`` [m/s], outside a cut.
+
+        Raises
+        ------
+        ValueError
+            If the rig has no height axis.
+        RigError, RigStopped
+            If the rig is not released, or the blade was stopped or does not arrive in time. A blade that cannot be
+            raised is a fault: it is stopped.
+        """
+        self.settings.require_height_axis(by="raise_to")
+        held, upwards = self._angle_now(), height > self.height
+        deadline = self.clock.now() + 3.0 * abs(height - self.height) / speed + 5.0
+        while abs(left := height - self.height) > _ARRIVED:
+            if self.clock.now() > deadline:
+                where = f"the blade stands at a height of {1e3 * self.height:.2f} mm, and not at {1e3 * height:g} mm"
+                if upwards:
+                    self.supervisor.trip(Cause.NOT_RAISED, where)
+                    self._raise_if_stopped()
+                raise RigError(f"{where}.")
+            self._drive(0.0, held, hold=_SLICE, rise=math.copysign(min(speed, 4.0 * abs(left)), left))
+            self._wait(self.clock.now() + _SLICE, held, fastest=SLOW_TURN)
+            self._raise_if_stopped()
+        self._drive(0.0, held, hold=_SLICE)
+        self._wait(self.clock.now() + _SLICE, held, fastest=SLOW_TURN)
+
+    @property
+    def height(self) -> float:
+        """Last reported height of the blade's lower end [m], upwards; raises RigError before the first sample."""
+        sample = self.supervisor.axis("height")
+        if sample is None:
+            raise RigError("the height axis has reported no position: open the rig first, if it has one.")
+        return sample.position
+
+    @property
+    def beside(self) -> StructArray | None:
+        """Height, vertical force and six components of the last readings; None for a rig without a height axis.
+
+        Of type :data:`~cutenv.rig.reading_grid.BESIDE_READINGS`, one for each reading that :meth:`advance` returned.
+        """
+        return self._grid.beside
+
     @property
     def position(self) -> float:
         """Last reported position of the blade [m]; raises RigError before the first sample."""
@@ -364,11 +419,11 @@ class RigPlant:
         sample = self.supervisor.axis("angle")
         return self.settings.fixed_angle if sample is None else sample.position
 
-    def _drive(self, speed: float, angle: float, *, hold: float) -> float:
+    def _drive(self, speed: float, angle: float, *, hold: float, rise: float = 0.0) -> float:
         """Send a command; raise :class:`RigStopped` if a thread has stopped the blade at this moment."""
         self.owner.check()
         try:
-            return self.supervisor.drive(speed, angle, hold)
+            return self.supervisor.drive(speed, angle, hold, rise)
         except RigError:
             self._raise_if_stopped()
             raise

@@ -4,19 +4,24 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cutenv._base.arrays import StructArray
 from cutenv.cutting.dtypes import READING, TICK
-from cutenv.rig.config.settings import RigSettings
+from cutenv.rig.config.settings import HeightAxis, RigSettings
 from cutenv.rig.devices.samples import ForceSample, MotionSample, interpolated, newest_since
-from cutenv.rig.safety.motion_monitor import REST_SPEED
+from cutenv.rig.safety.motion_history import REST_SPEED
+from cutenv.trace import BESIDE, COMPONENTS_OF_FORCE
 
 _OLDEST = 0.05  # [s] before a period, from which samples are still used
 _KEPT = 4.0  # [s] of samples kept
 _UNKNOWN = ("true_force", "elastic_force", "tip", "jump")
+
+BESIDE_READINGS: np.dtype[Any] = np.dtype([(name, "f8") for name in BESIDE])
+"""Measurements of a rig with a height axis beside a reading: the fields of :data:`cutenv.trace.BESIDE`."""
 
 
 class ReadingGrid:
@@ -39,6 +44,8 @@ class ReadingGrid:
         Number of readings collected since then.
     newest : float
         Time of the newest force that :meth:`collect` used [s].
+    beside : Records or None
+        :data:`BESIDE_READINGS` for the last readings that :meth:`collect` returned; None without a height axis.
     """
 
     def __init__(self, settings: RigSettings, rate: float, axes: Iterable[str]) -> None:
@@ -49,6 +56,8 @@ class ReadingGrid:
         self._motions: dict[str, deque[MotionSample]] = {axis: deque(maxlen=kept) for axis in axes}
         self.start = self.newest = 0.0
         self.ticks = 0
+        self._height = settings.height
+        self.beside = None if self._height is None else np.zeros(0, BESIDE_READINGS)
 
     def force(self, sample: ForceSample) -> None:
         """Keep a reading of the force sensor."""
@@ -74,10 +83,12 @@ class ReadingGrid:
         self.ticks += ticks
 
         forces = newest_since(self._forces, time[0] - _OLDEST)
+        newest = np.zeros(0, np.intp)
         if forces:
             sensed = np.array([sample.time for sample in forces])
             along = self._sign * np.array([sample.force[self._cut_axis] for sample in forces])
-            readings["force"] = along[np.maximum(np.searchsorted(sensed, time, side="right") - 1, 0)]
+            newest = np.maximum(np.searchsorted(sensed, time, side="right") - 1, 0)
+            readings["force"] = along[newest]
             self.newest = float(sensed[-1])
         readings["position"], readings["speed"] = self._interpolated("blade", time)
         readings["speed"][np.abs(readings["speed"]) < REST_SPEED] = 0.0
@@ -85,7 +96,22 @@ class ReadingGrid:
             readings["angle"], _ = self._interpolated("angle", time)
         else:
             readings["angle"] = self._fixed_angle
+        if self._height is not None:
+            self.beside = self._measured_beside(self._height, time, [forces[i] for i in newest.tolist()])
         return readings
+
+    def _measured_beside(
+        self, axis: HeightAxis, time: NDArray[np.float64], samples: list[ForceSample]
+    ) -> NDArray[np.void]:
+        """Return height, vertical force and all six components at times [s], of the force sample of each."""
+        beside = np.zeros(len(time), BESIDE_READINGS)
+        beside["height"], _ = self._interpolated("height", time)
+        if samples:
+            beside["vertical_force"] = [axis.vertical(sample.force) for sample in samples]
+            six = np.array([(*sample.force, *sample.torque) for sample in samples])
+            for number, name in enumerate(COMPONENTS_OF_FORCE):
+                beside[name] = six[:, number]
+        return beside
 
     def _interpolated(self, axis: str, time: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         return interpolated(time, newest_since(self._motions[axis], time[0] - _OLDEST))

@@ -27,12 +27,12 @@ _BEGINNING = """\
 _UNFINISHED = f"""\
 #
 # Not finished: replace each line that begins with '{_TO_FILL.strip()}' by the true value for this rig, without that
-# beginning.  Until then the file is refused, and the missing keys are listed.  The sections [angle] and [camera] may
-# stay as they are.
+# beginning.  Until then the file is refused, and the missing keys are listed.  The sections [angle], [height] and
+# [camera] may stay as they are.
 """
 _EMULATED_BUSES, _HERE = ("socketcand", "virtual"), ("127.0.0.1", "localhost", "::1")
 _NAMED = {section.name: section for section in SECTIONS}
-_OPTIONAL = ("angle", "camera")
+_OPTIONAL = ("angle", "height", "camera")
 _WIDTH = 116  # characters of a comment, after its mark
 
 
@@ -172,7 +172,7 @@ def _check_emulated(settings: RigSettings) -> None:
 
 
 def _tables(content: Mapping[str, Any], path: Path) -> dict[str, Mapping[str, Any]]:
-    """Return names and values of every section, the top one under ""; second axis and camera only if they are there."""
+    """Return names and values of every section, the top one under ""; optional ones only if they are there."""
     sections = {name: section for name, section in _NAMED.items() if name}
     for name, value in content.items():
         one_of(f"{path}: name", name, [key.name for key in _NAMED[""].keys] + list(sections))
@@ -197,7 +197,7 @@ def _part(section: FileSection, table: Mapping[str, Any], path: Path) -> Any:
             except TypeError as error:
                 raise ValueError(str(error)) from None
     names = {key.field: key for key in section.keys}
-    for low, high in (("low", "high"), ("angle_low", "angle_high")):
+    for low, high in (("low", "high"), ("angle_low", "angle_high"), ("lowest", "highest")):
         if low in names:
             least, most = (values.get(end, names[end].default) for end in (low, high))
             if not least < most:
@@ -248,7 +248,7 @@ def _text(settings: RigSettings, *, to_fill: bool) -> str:
     lines = (_BEGINNING + (_UNFINISHED if to_fill else "")).splitlines()
     for section in SECTIONS:
         part = getattr(settings, section.name) if section.name else settings
-        if part is None:  # no second axis, no camera
+        if part is None:  # no axis of that kind, no camera
             lines += ["", *(f"# {line}".rstrip() for line in _lines(section, section.of(), to_fill=True))]
         else:
             lines += ["", *_lines(section, part, to_fill=to_fill)]

@@ -18,7 +18,7 @@ import pytest
 
 from cutenv import cli
 from cutenv.recording import UNITS, load, load_operators
-from cutenv.rig.config.settings import SafetyLimits
+from cutenv.rig.config.settings import HeightAxis, SafetyLimits
 from cutenv.rig.emulator.faults import FAULTS
 from cutenv.rig.safety.stop_causes import STILL
 from cutenv.task.weights import RewardWeights
@@ -173,6 +173,14 @@ def test_the_limits_that_are_listed_are_the_defaults():
     ):
         assert value in page
     assert "at one count for 200 ms" in page
+    axis = HeightAxis()
+    for value in (
+        f"blade outside {1e3 * axis.lowest:g} to {1e3 * axis.highest:g} mm",
+        f"up or down beyond {100 * axis.fastest:g} cm/s; {axis.most_acceleration:g} m/s²",
+        f"beyond {axis.vertical_force:g} N, up or down",
+        f"| {1e3 * axis.following:g} mm from where it should be",
+    ):
+        assert value in page
     assert STILL == 0.2
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from hypothesis import strategies as st
 
-from cutenv.trace import Reading, Trace, limits
+from cutenv.trace import COMPONENTS_OF_FORCE, Reading, Trace, limits
 
 FULL = Trace(
     time=np.arange(40) * 1e-3,
@@ -45,7 +45,9 @@ def traces(draw: st.DrawFn) -> Trace:
     steps = draw(st.lists(st.floats(1e-6, 0.5), min_size=n - 1, max_size=n - 1))
     start = draw(st.floats(-1e6, 1e6))
     # Speed and position must agree, so that not both are made up.
-    names = draw(st.sets(st.sampled_from(["angle", "depth", draw(st.sampled_from(["position", "speed"]))])))
+    moved = draw(st.sampled_from(["position", "speed"]))
+    names = draw(st.sets(st.sampled_from(["angle", "depth", moved, "height", "vertical_force"])))
+    names |= set(COMPONENTS_OF_FORCE) if draw(st.booleans()) else set()
     return Trace(
         time=np.cumsum([start, *steps]),
         force=columns(draw, n, "force", force_unit),

@@ -10,7 +10,9 @@ from collections.abc import Iterator
 import pytest
 from hand_moved_drive import INCREMENT, SYNC, HandMovedDrive
 
+from cutenv.rig.config.imitated_rig import HEIGHT
 from cutenv.rig.emulator.assembly import EmulatedRig, Options
+from cutenv.rig.emulator.emulated_tissue import EmulatedTissue
 from cutenv.rig.emulator.faults import FAULTS, parsed_fault
 from cutenv.rig.errors import RigError
 
@@ -62,8 +64,10 @@ class HandMovedRig(HandMovedDrive):
 
 
 @pytest.fixture
-def rig() -> Iterator[HandMovedRig]:
-    made = HandMovedRig(laid=None)
+def rig(request) -> Iterator[HandMovedRig]:
+    named = getattr(request.node, "callspec", None)
+    lifted = named is not None and named.params.get("name") in OF_THE_HEIGHT
+    made = HandMovedRig(laid=None, **({"height_axis": HEIGHT} if lifted else {}))
     yield made
     made.close()
 
@@ -282,12 +286,62 @@ def saturation(rig):
     assert reading[1] & 0xC0000000
 
 
+def cannot_be_raised(rig):
+    rig.moving()
+    rig.rig.inject("cannot_be_raised", {})
+    rig.wait(0.1)
+    assert speed(rig) == 0.0
+    rig.rig.clear()
+    rig.rig.inject("cannot_be_raised", {"axis": "height"})
+    lift = rig.rig.axes["height"].motor
+    lift["mode"], lift["strongest"], lift["fastest"], lift["acceleration"] = 1, 1e3, 1.0, 1.0
+    for target, moved in ((0.005, 0.0), (-0.005, -0.001)):
+        rig.rig.nodes["height"].axis.drive = lambda *_, target=target, **__: lift.__setitem__("target", target)
+        rig.wait(0.4)
+        assert (lift["position"] < -0.001) == (moved < 0.0)
+        assert lift["position"] <= 1e-9
+
+
+def wrong_position(rig):
+    rig.moving()
+    before = rig.position()
+    rig.rig.inject("wrong_position", {"shift": 0.002})
+    rig.wait(0.001)
+    assert rig.position() - before == pytest.approx(0.002, abs=1e-4)
+    assert rig.status() == 0x27  # the drive sees no following error
+    rig.rig.clear()
+    rig.wait(0.001)
+    assert rig.position() - before == pytest.approx(0.0, abs=2e-4)
+
+
+def deaf(rig):
+    rig.moving()
+    rig.rig.inject("deaf", {})
+    rig.command(0x0B)
+    rig.wait(0.05)
+    assert rig.status() == 0x27
+    assert speed(rig) > 0.02
+    rig.wait(0.2, heartbeats=False)
+    assert rig.axis.rests()  # its watch for our heartbeat stops it nevertheless
+
+
+def over_lift(rig):
+    rig.rig.inject("over_lift", {"force_N": 12.0})
+    rig.drain()
+    rig.wait(0.01)
+    assert struct.unpack("!IIIiiiiii", rig.socket.recv(64))[5] * 1e-6 == pytest.approx(12.0, abs=0.1)
+    rig.rig.clear()
+    with pytest.raises(ValueError, match="no height axis"):
+        EmulatedTissue().add_lift(1.0)
+
+
+OF_THE_HEIGHT = ("cannot_be_raised", "over_lift")
 PROMISES = {
     promise.__name__: promise
     for promise in (
         heartbeat_lost, bus_off, doubled_frames, stuck_encoder, following_error, slip, runaway, drive_fault, power_loss,
         over_force, second_master, sensor_freeze, axis_freeze, sensor_silent, bad_status, packet_loss, reordering,
-        latency, saturation,
+        latency, saturation, cannot_be_raised, wrong_position, deaf, over_lift,
     )
 }  # fmt: skip
 

@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 import rig_faults
 import rig_trials
+from height_trials import HEIGHT_FAULTS
 
 from cutenv.recording import load_one
 from cutenv.rig.emulator.faults import FAULTS
@@ -37,7 +38,9 @@ def trials() -> Iterator[rig_faults.Trials]:
 
 
 def test_every_fault_of_the_emulator_has_its_expected_causes():
-    assert set(rig_trials.EXPECTED) == {*FAULTS, *rig_trials.GAPS, *rig_trials.OWN}
+    of_height = {fault.emulated for fault in HEIGHT_FAULTS.values()}
+    assert set(rig_trials.EXPECTED) | of_height == {*FAULTS, *rig_trials.GAPS, *rig_trials.OWN}
+    assert set(HEIGHT_FAULTS) == set(rig_trials.EXPECTED_OF_HEIGHT)
 
 
 IN_ORDER = sorted(rig_trials.EXPECTED, key=lambda fault: (fault in rig_trials.IN_CHILD, fault == "slip"))
@@ -48,6 +51,22 @@ def test_it_is_found_out_stopped_and_stays_stopped(trials, fault):
     random = np.random.default_rng(list(fault.encode()))
     for _ in range(ATTEMPTS):
         done = trials.one(fault, random)
+        if not done.stalls:
+            break
+    assert done.wrong() == []
+
+
+@pytest.fixture(scope="module")
+def height_trials() -> Iterator[rig_faults.Trials]:
+    with rig_faults.Trials(height=True) as made:
+        yield made
+
+
+@pytest.mark.parametrize("fault", HEIGHT_FAULTS)
+def test_a_fault_of_the_height_axis_is_found_out_and_stops_both(height_trials, fault):
+    random = np.random.default_rng(list(fault.encode()))
+    for _ in range(ATTEMPTS):
+        done = height_trials.one(fault, random)
         if not done.stalls:
             break
     assert done.wrong() == []

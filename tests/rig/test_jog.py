@@ -17,7 +17,7 @@ import pytest
 
 from cutenv import cli
 from cutenv.commands.rig.terminal_keys import TerminalKeys, terminal_keys
-from cutenv.rig.config.imitated_rig import fake_settings
+from cutenv.rig.config.imitated_rig import HEIGHT, fake_settings
 from cutenv.rig.fake.air_plant import AirPlant
 from cutenv.rig.fake.fake_rig import FakeRig
 from cutenv.rig.operation.jogging import (
@@ -111,6 +111,27 @@ def test_up_and_down_turn_the_blade(rig: FakeRig) -> None:
     jogged(rig, (JogKey.SLANT, 0.5, 2.5))
     turned = rig.plant.angle
     assert rig.settings.fixed_angle - turned == pytest.approx(JOG_TURN_RATE * (2.0 - 0.3 + HELD), rel=0.25)
+
+
+def test_u_and_d_raise_and_lower_a_blade_that_has_the_axis() -> None:
+    rig = FakeRig(AirPlant, fake_settings(height=HEIGHT))
+    rig.plant.open()
+    rig.clock.sleep_until(rig.clock.now() + SETTLE)
+    prepare(rig.plant, AutomaticOperator(rig.settings), today=date.today())
+    start, position = rig.plant.height, rig.plant.position
+    fingers, shown = Fingers(rig, (JogKey.RAISE, 0.5, 2.5), (JogKey.QUIT, 4.0, 4.0)), []
+    jog(rig.plant, fingers, Jog(turns=True, lifts=True), shown.append)
+    assert rig.plant.height - start == pytest.approx(SPEED * (2.0 - 0.3 + HELD), rel=0.2)
+    assert abs(rig.plant.position - position) < 1e-6
+    assert "height   +4.0" in shown[-1]
+    assert KeyDecoder().feed(b"uDq") == [JogKey.RAISE, JogKey.LOWER, JogKey.QUIT]
+
+
+def test_without_the_axis_u_and_d_stop_as_any_other_key() -> None:
+    controls = Jog(turns=True)
+    controls.press([JogKey.FORWARD, JogKey.RAISE], 1.0)
+    assert controls.command(1.01) == (0.0, 0.0)
+    assert controls.rise() == 0.0
 
 
 def test_without_a_hinge_up_and_down_do_nothing() -> None:

@@ -48,6 +48,7 @@ def test_readings_come_in_newtons_with_counts_status_and_sequence():
         sample = kept.samples[0]
         assert sample.sequence == 1
         assert sample.force == pytest.approx(LOADS[:3])
+        assert sample.torque == pytest.approx(LOADS[3:])
         assert sample.counts == (3000, -4500, 6000, 100_000, -200_000, 300_000)
         assert (sample.status, sample.lost) == (0, 0)
         assert sensor.rate == 500.0  # by its page, not by the settings
@@ -227,6 +228,7 @@ def test_a_tare_is_subtracted_from_then_on_and_told(server):
         before = len(kept.samples)
         wait_for(lambda: len(kept.samples) > before + 1)
         assert kept.samples[-1].force == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
+        assert kept.samples[-1].torque == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
         assert kept.samples[-1].counts == COUNTS  # what the sensor sent stays as it was
         assert sensor.tare(100) == pytest.approx(LOADS[:3])  # since the start, not since the last
         feed.close()

@@ -117,7 +117,7 @@ def test_every_field_of_the_settings_has_its_line() -> None:
 
 
 def test_every_number_of_the_file_says_its_unit() -> None:
-    pure = {"node", "gear", "pulses", "direction", "port", "sign", "gain", "tag"}
+    pure = {"node", "gear", "pulses", "direction", "port", "sign", "force_sign", "gain", "tag"}
     for section in SECTIONS:
         for key in section.keys:
             if key.kind in (int, float) and key.field not in pure:

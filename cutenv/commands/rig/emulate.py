@@ -61,6 +61,7 @@ def main(argv: Sequence[str]) -> int:
 def _options(arguments: argparse.Namespace) -> Options:
     from cutenv.cutting.parameters import LawParameters
     from cutenv.cutting.sensor import SensorParameters
+    from cutenv.rig.config.imitated_rig import HEIGHT
     from cutenv.rig.emulator.assembly import Options
     from cutenv.rig.emulator.emulated_tissue import Laid
     from cutenv.rig.emulator.motor import Mechanics, hinge
@@ -79,6 +80,7 @@ def _options(arguments: argparse.Namespace) -> Options:
         angle=math.radians(arguments.angle_deg),
         laid=None if arguments.free_air else laid,
         force_limit=arguments.force_limit_N,
+        height_axis=HEIGHT if arguments.height else None,
         blade_mechanics=Mechanics(**given["mechanics"]),
         hinge_mechanics=hinge(),
         sensor=SensorParameters(**given["sensor"]),
@@ -110,6 +112,7 @@ def _parser() -> argparse.ArgumentParser:
     add(
         "--angle-deg", type=float, default=90.0, metavar="DEG", help="angle of the blade at the start [deg]; default 90"
     )
+    add("--height", action="store_true", help="a further axis raises and lowers the blade")
     add("--fault", action="append", default=[], metavar="NAME@SECONDS", help="fault to raise at this time; "
         "NAME:KEY=VALUE,KEY=VALUE@SECONDS with parameters; may be given again")  # fmt: skip
     add("--list-faults", action="store_true", help="print the faults and their parameters, and end")

@@ -76,6 +76,7 @@ _ABOUT = {
     "bus": "The CAN bus, as python-can names it.",
     "blade": "The axis that moves the blade along the cut.",
     "angle": 'The axis that turns the blade: with angle_mode = "free" only.',
+    "height": "The axis that raises and lowers the blade: optional.",
     "sensor": "The force sensor (Net F/T), and how the cut lies in its axes.",
     "limits": "Limits at which the blade is stopped, whatever the policy commands.",
     "calibration": "When and how the force sensor was last checked with known weights.",

@@ -6,11 +6,14 @@ import dataclasses
 import math
 from datetime import date
 
-from cutenv.rig.config.settings import Axis, RigSettings, SensorCalibration
+from cutenv.rig.config.settings import Axis, HeightAxis, RigSettings, SensorCalibration
+
+HEIGHT = HeightAxis()
+"""Height axis of a fake and of an emulated rig."""
 
 
 def fake_settings(**changes: object) -> RigSettings:
-    """Return settings of a rig that needs no hardware: angle free, calibrated today, armed."""
+    """Return settings of a rig that needs no hardware: angle free, calibrated today, armed; height=HEIGHT adds one."""
     hinge = Axis(
         node=2, gear=100.0, lead=2.0 * math.pi, low=math.radians(44.0), high=math.radians(91.0),
         speed=math.radians(90.0), acceleration=100.0, quick_stop=100.0, following_error=0.1,

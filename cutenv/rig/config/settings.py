@@ -140,6 +140,62 @@ class Axis:
 
 
 @dataclass(frozen=True, kw_only=True)
+class HeightAxis(Axis):
+    """Drive that raises and lowers the blade, and its limits; heights are of the blade's lower end, upwards.
+
+    Height 0 is the height at which a cut begins. Below it the blade cuts deeper.
+    """
+
+    node: int = setting(3, "1", "Number of the drive on the bus, 1 to 127.", example="3")
+    direction: int = setting(1, "1", "1 or -1: 1 if a positive speed of the motor raises the blade.")
+    low: float = setting(
+        -0.021, "mm", "Lower end of travel: the drive's own software limit.", -1.0, 1.0, example="-21.0"
+    )
+    high: float = setting(
+        0.026, "mm", "Upper end of travel: the drive's own software limit.", -1.0, 1.0, example="26.0"
+    )
+    lowest: float = setting(
+        -0.020, "mm", "Height below which the blade is stopped: the greatest depth beyond that of the start.", -1.0, 0.0
+    )
+    highest: float = setting(0.025, "mm", "Height above which the blade is stopped.", 0.0, 1.0)
+    raised: float = setting(
+        0.020, "mm", "Height to which the blade is raised, slowly, before it returns to the clamp.", 0.0, 1.0
+    )
+    fastest: float = setting(
+        0.0106, "cm_s", "Speed up or down at which the blade is stopped. Commands reach 96 % of it.", 1e-4, 0.5,
+        why="1 cm/s, and 4 % for the loop",
+    )  # fmt: skip
+    most_acceleration: float = setting(
+        1.0, "m_s2", "Acceleration up or down at which the blade is stopped.", 0.01, 100.0,
+        why="ten times what the axis is told",
+    )  # fmt: skip
+    following: float = setting(
+        0.001, "mm", "Distance from the height where the blade should be, at which it is stopped.", 1e-5, 0.1
+    )
+    vertical_force: float = setting(
+        10.0, "N", "Vertical force, either way, at which the blade is stopped.", 0.1, 1000.0
+    )
+    homing: Literal["checked", "trusted"] = setting(
+        "checked", "1", "Whether the drive has to report that it was homed (bit 15 of its statusword), or is trusted: "
+        "for a drive without that bit. Homing is the drive's own function."
+    )  # fmt: skip
+    force_axis: Literal["x", "y", "z"] = setting("z", "1", "Axis of the sensor along the height.")
+    force_sign: int = setting(1, "1", "1 or -1: sign of the reading when the tissue pushes the blade up.")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        one_of("homing", self.homing, ("checked", "trusted"))
+        one_of("force_axis", self.force_axis, ("x", "y", "z"))
+        one_of("force_sign", self.force_sign, (1, -1))
+        if not self.lowest < self.highest:
+            raise ValueError(f"lowest = {self.lowest:g} must be below highest = {self.highest:g}.")
+
+    def vertical(self, force: tuple[float, float, float]) -> float:
+        """Return the force of the tissue on the blade, upwards [N], from that in the sensor's axes [N]."""
+        return self.force_sign * force["xyz".index(self.force_axis)]
+
+
+@dataclass(frozen=True, kw_only=True)
 class SensorSettings:
     """Settings of a Net F/T force sensor, and the direction of the cut in its axes."""
 
@@ -312,6 +368,7 @@ class RigSettings:
     bus: Bus = field(default_factory=Bus)
     blade: Axis = field(default_factory=Axis)
     angle: Axis | None = None
+    height: HeightAxis | None = None
     sensor: SensorSettings = field(default_factory=SensorSettings)
     limits: SafetyLimits = field(default_factory=SafetyLimits)
     calibration: SensorCalibration = field(default_factory=SensorCalibration)
@@ -323,3 +380,25 @@ class RigSettings:
         check_parameters(self)
         if (self.angle_mode == "free") != (self.angle is not None):
             raise ValueError('angle_mode "free" needs the second axis "angle", and "fixed" has none.')
+
+    @property
+    def axes(self) -> dict[str, Axis]:
+        """Driven axes by name: the blade's, and "angle" and "height" where the rig has them."""
+        driven = {"blade": self.blade, "angle": self.angle, "height": self.height}
+        return {name: axis for name, axis in driven.items() if axis is not None}
+
+    def require_height_axis(self, *, by: str) -> HeightAxis:
+        """Return the height axis; ``by`` names what needs it.
+
+        Raises
+        ------
+        ValueError
+            If the rig has none.
+        """
+        if self.height is None:
+            raise ValueError(
+                f"{by} raises and lowers the blade, and rig {self.name!r} has no height axis. Use a rig that has one, "
+                "described in its file under [height] ('cutenv rig init' writes the section, commented out), or a task "
+                "at constant height: cutenv/RigCut-v1."
+            )
+        return self.height

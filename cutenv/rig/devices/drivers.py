@@ -63,14 +63,14 @@ class Observer(Protocol):
 
 
 class MotionDriver(Protocol):
-    """One axis under velocity control: the carriage of the blade, or its angle.
+    """One axis under velocity control: the carriage of the blade, its angle, or its height.
 
     SI and radians; the driver knows gear, lead and encoder. Every method raises :class:`RigError` if the axis does not
     answer in time.
     """
 
     name: str
-    """Name of the axis, "blade" or "angle"."""
+    """Name of the axis, "blade", "angle" or "height"."""
     latch: Latch
     """Latch of the rig: while it is closed, nothing is sent that could give the drive power or speed."""
 
@@ -110,7 +110,10 @@ class MotionDriver(Protocol):
         ...
 
     def about(self) -> dict[str, float | str]:
-        """Return the data that the open drive reports about itself; a number's name ends with its unit."""
+        """Return the data that the open drive reports about itself; a number's name ends with its unit.
+
+        Of a height axis "homed" is among them: "yes", or "no".
+        """
         ...
 
     def close(self) -> None:

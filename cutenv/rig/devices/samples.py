@@ -31,7 +31,8 @@ class MotionSample(NamedTuple):
     time : float
         Arrival on the clock [s].
     position, speed : float
-        Position from the clamp [m] and speed [m/s] of the blade along the cut; of the angle axis [rad], [rad/s].
+        Position from the clamp [m] and speed [m/s] of the blade along the cut; of the angle axis [rad], [rad/s]; of the
+        height axis [m], [m/s], upwards.
     torque : float
         Torque of the motor over its rated torque [1].
     state : DriveState
@@ -62,6 +63,8 @@ class ForceSample(NamedTuple):
         Number of the packet, counted by the sensor modulo 2**32.
     lost : int
         Number of packets missing since the last sample.
+    torque : tuple of 3 float
+        Torque in the sensor's axes, after tare [N m].
     """
 
     time: float
@@ -70,6 +73,7 @@ class ForceSample(NamedTuple):
     status: int
     sequence: int
     lost: int
+    torque: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 _Sample = TypeVar("_Sample", ForceSample, MotionSample)

@@ -16,11 +16,12 @@ from cutenv.cutting.dtypes import TICK
 from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.plant.simulator import check_angle
-from cutenv.rig.config.settings import Axis
+from cutenv.rig.config.settings import Axis, HeightAxis
 from cutenv.rig.emulator.emulated_axis import EmulatedAxis
 from cutenv.rig.emulator.emulated_tissue import EmulatedTissue, Laid
 from cutenv.rig.emulator.faults import FAULTS
 from cutenv.rig.emulator.hub import Frame, Hub
+from cutenv.rig.emulator.layered_tissue import ARM, LayeredTissue
 from cutenv.rig.emulator.motor import Mechanics, hinge
 from cutenv.rig.emulator.node import Node
 from cutenv.rig.emulator.sensor_server import SensorServer
@@ -59,6 +60,8 @@ class Options:
         True force whose crossing is recorded as an event [N].
     blade_axis, hinge_axis : Axis
         Axes as mounted; blade_mechanics, hinge_mechanics: the mechanics that they move.
+    height_axis : HeightAxis, optional
+        Axis that raises and lowers the blade, with the mechanics of the blade's; None: the blade stays at one height.
     sensor : SensorParameters
         Force sensor, as in the simulator.
     law : LawParameters
@@ -75,6 +78,7 @@ class Options:
     force_limit: float = 15.0
     blade_axis: Axis = BLADE
     hinge_axis: Axis = HINGE
+    height_axis: HeightAxis | None = None
     blade_mechanics: Mechanics = field(default_factory=Mechanics)
     hinge_mechanics: Mechanics = field(default_factory=hinge)
     sensor: SensorParameters = field(default_factory=SensorParameters)
@@ -97,7 +101,7 @@ class EmulatedRig:
     Attributes
     ----------
     axes, nodes : dict
-        Axes and nodes by name, "blade" and perhaps "angle".
+        Axes and nodes by name, "blade" and perhaps "angle" and "height".
     stalls, worst_stall : int, float
         Number of delays of the loop beyond :data:`STALL`, and the longest [s].
     real_time : bool
@@ -121,7 +125,10 @@ class EmulatedRig:
         self._due: float | None = None  # end of the next millisecond; None: time stands still
         self._still = _STANDS_AFTER
         self._planned: list[tuple[float, str, dict[str, Any]]] = []
-        self.bench: EmulatedTissue = EmulatedTissue(self.options.sensor, self.options.law)
+        self.bench = EmulatedTissue(self.options.sensor, self.options.law)
+        self._layered: LayeredTissue | None = None
+        if self.options.height_axis is not None:
+            self.bench = self._layered = LayeredTissue(self.options.sensor, self.options.law)
         self.axes: dict[str, EmulatedAxis] = {
             "blade": EmulatedAxis(
                 "blade", self.options.blade_axis, self.options.blade_mechanics, position=0.0, margin=0.003
@@ -130,6 +137,10 @@ class EmulatedRig:
         if self.options.angle_mode == "free":
             self.axes["angle"] = EmulatedAxis(
                 "angle", self.options.hinge_axis, self.options.hinge_mechanics, position=self.options.angle, margin=0.05
+            )
+        if self.options.height_axis is not None:
+            self.axes["height"] = EmulatedAxis(
+                "height", self.options.height_axis, Mechanics(), position=0.0, margin=0.001
             )
         if self.options.laid is not None:
             self.mount(self.options.laid)
@@ -156,6 +167,11 @@ class EmulatedRig:
         """Angle of the blade [rad]."""
         return float(self.axes["angle"].motor["carriage"]) if "angle" in self.axes else self.options.angle
 
+    @property
+    def height(self) -> float:
+        """Height of the blade's lower end [m], upwards; 0 without a height axis."""
+        return float(self.axes["height"].motor["carriage"]) if "height" in self.axes else 0.0
+
     def _send(self, frame: Frame) -> None:
         self.hub.send(frame)
 
@@ -172,6 +188,8 @@ class EmulatedRig:
         """Lay a fresh specimen; see :meth:`Bench.lay`."""
         specimen = laid.drawn()
         with self.lock:
+            if self._layered is not None:
+                self._layered.check_height(self.height)
             self.bench.mount(specimen, laid, position=float(self.axes["blade"].motor["carriage"]), angle=self.angle)
 
     def inject(self, name: str, given: dict[str, Any]) -> dict[str, Any]:
@@ -223,6 +241,8 @@ class EmulatedRig:
             self._events.append(
                 {"index": self._counted, "time_s": moment, "what": what, "position_m": position, **details}
             )
+            if "height" in self.axes:
+                self._events[-1]["height_m"] = self.height
             self._counted += 1
 
     def events(self, since: int = 0) -> list[dict[str, Any]]:
@@ -276,10 +296,18 @@ class EmulatedRig:
             if "angle" in self.axes:
                 self.axes["angle"].turn(0.0)
             before = abs(self.bench.true_force)
+            speed = abs(float(blade.motor["carriage_speed"]))
+            if self._layered is not None:
+                lift = self.axes["height"]
+                lift.turn(self._layered.vertical_force)
+                speed = max(speed, abs(float(lift.motor["carriage_speed"])))
+                self._layered.height = self.height
             reading = self.bench.advance(float(blade.motor["carriage"]), self.angle)
-        self._watch(due, before, abs(self.bench.true_force), abs(float(blade.motor["carriage_speed"])))
+        self._watch(due, before, abs(self.bench.true_force), speed)
         self._ticks += 1
         fy, fz, tx, ty, tz = self._noise_rows[self._ticks % len(self._noise_rows)]
+        if self._layered is not None:
+            fz, ty = fz + self._layered.vertical_force, ty - ARM * reading
         self.sensor.send((reading, fy, fz, tx, ty, tz))
 
     def _watch(self, due: float, before: float, force: float, speed: float) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 import socket
@@ -17,6 +18,7 @@ from cutenv.rig.emulator.emulated_tissue import Laid
 from cutenv.rig.emulator.faults import FAULTS
 from cutenv.rig.errors import RigError
 from cutenv.tissue.description import load_description
+from cutenv.tissue.layers import Layers
 from cutenv.tissue.specimen import Specimen
 
 _LONGEST = 1 << 16  # bytes of a request
@@ -35,7 +37,10 @@ def _specimen(rig: EmulatedRig, request: Request) -> Request:
         specimen_class=str(request.get("class", "liver")),
         tissue=None if tissue is None else load_description(Path(str(tissue))),
         specimen=Specimen.from_json(str(request["json"])) if "json" in request else None,
+        layers=None if request.get("layers") is None else Layers(**request["layers"]),
     )
+    if laid.layers is not None and "height" not in rig.axes:
+        raise ValueError("layers: this rig has no height axis. Start the emulator with --height.")
     rig.mount(laid)
     return {"seed": laid.seed, "episode": laid.episode, "class": laid.specimen_class}
 
@@ -79,6 +84,7 @@ def _truth(rig: EmulatedRig, request: Request) -> Request:
             "motor_position_m": float(motor["position"]),
             "angle_deg": math.degrees(rig.angle),
             "force_N": rig.bench.true_force,
+            **({"height_m": rig.height} if "height" in rig.axes else {}),
             "tip_m": None if laid is None else rig.bench.tip,
             "specimen": None
             if laid is None
@@ -103,7 +109,7 @@ def _shutdown(rig: EmulatedRig, request: Request) -> Request:
 
 
 REQUESTS: dict[str, tuple[Callable[[EmulatedRig, Request], Request], tuple[str, ...] | None]] = {
-    "specimen": (_specimen, ("seed", "episode", "class", "tissue", "json")),
+    "specimen": (_specimen, ("seed", "episode", "class", "tissue", "json", "layers")),
     "inject": (_inject, None),
     "clear": (_clear, ("fault",)),
     "events": (_events, ("since",)),
@@ -228,10 +234,16 @@ class EmulatorControl:
         extra = {} if tissue is None else {"tissue": str(Path(tissue).absolute())}
         return self.ask("specimen", seed=seed, episode=episode, **{"class": specimen_class}, **extra)
 
-    def mount(self, specimen: Specimen, *, seed: int = 0, episode: int = 0) -> Request:
-        """Lay a given specimen; seed and episode select the sensor's noise."""
+    def mount(self, specimen: Specimen, *, seed: int = 0, episode: int = 0, layers: Layers | None = None) -> Request:
+        """Lay a given specimen; seed and episode select the sensor's noise; layers are for a rig with a height axis."""
+        more = {} if layers is None else {"layers": dataclasses.asdict(layers)}
         return self.ask(
-            "specimen", seed=seed, episode=episode, json=specimen.to_json(), **{"class": specimen.specimen_class}
+            "specimen",
+            seed=seed,
+            episode=episode,
+            json=specimen.to_json(),
+            **{"class": specimen.specimen_class},
+            **more,
         )
 
     def inject(self, fault: str, **parameters: Any) -> Request:

@@ -35,7 +35,7 @@ class EmulatedAxis:
     Parameters
     ----------
     name : str
-        "blade" or "angle".
+        "blade", "angle" or "height".
     settings : Axis
         Node, gear, lead, encoder, travel.
     mechanics : Mechanics
@@ -47,6 +47,8 @@ class EmulatedAxis:
 
     Attributes
     ----------
+    homed : bool
+        True if the drive reports that its position is referenced to home; only the height axis is asked for it.
     encoder_stuck : bool
         Fault: position and velocity stay constant; the loop goes on by the motor's own commutation.
     """
@@ -54,7 +56,7 @@ class EmulatedAxis:
     def __init__(self, name: str, settings: Axis, mechanics: Mechanics, *, position: float, margin: float) -> None:
         self.name = name
         self.settings = settings
-        self.encoder_stuck = False
+        self.encoder_stuck, self.homed = False, name == "height"
         self._motors = motor_record(settings, mechanics, position=position, margin=margin)
         # A plain void on the same memory: its fields are read ten times faster than a record's attributes.
         self.motor = self._motors.view(np.dtype((np.void, MOTOR)))[0]
@@ -101,6 +103,10 @@ class EmulatedAxis:
         """Freeze the encoder at its present count, or release it."""
         self._stuck_at = self.increments()
         self.encoder_stuck = stuck
+
+    def shift(self, way: float) -> None:
+        """Let the encoder count from another zero, ``way`` [m or rad] further."""
+        self._shift += round(way / self._increment)
 
     # Commands of the drive to the motor.
 
@@ -169,6 +175,8 @@ class EmulatedAxis:
             word |= StatusBit.INTERNAL_LIMIT if abs(motor["target"]) > motor["fastest"] else 0
         if self.lags_too_far(dictionary):
             word |= StatusBit.FOLLOWING_ERROR
+        if self.homed:
+            word |= StatusBit.HOMED
         dictionary[0x6041] = word
 
     def rests(self) -> bool:

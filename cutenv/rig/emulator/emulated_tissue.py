@@ -19,6 +19,7 @@ from cutenv.cutting.update import cut_row
 from cutenv.plant.simulator import ANGLE_RANGE
 from cutenv.rig.errors import RigError
 from cutenv.tissue.description import TissueDescription
+from cutenv.tissue.layers import Layers
 from cutenv.tissue.specimen import LENGTH, SPACING, Specimen
 
 CLAMP_TOLERANCE = 0.002
@@ -75,6 +76,8 @@ class Laid:
     tissue: TissueDescription | None = None
     specimen: Specimen | None = None
     """Specimen that is given instead of drawn; seed and episode then only select the sensor's noise."""
+    layers: Layers | None = None
+    """Layers over its depth, for a rig with a height axis; default one tissue throughout."""
 
     def drawn(self) -> Specimen:
         """Return the specimen; raises ValueError if seed, episode or class is invalid."""
@@ -126,8 +129,8 @@ class EmulatedTissue:
                 "before a specimen is laid."
             )
         records = np.zeros(1, _TISSUE)
-        records["states"] = new_state(1, _measured(angle))
-        records["states"]["blade"] = records["states"]["tip"] = _within(position)
+        records["states"] = new_state(1, measured(angle))
+        records["states"]["blade"] = records["states"]["tip"] = within(position)
         records["profiles"] = profile_records([specimen])
         records["laws"] = law_records([specimen], self._law)
         records["sensors"] = sensor_records([self._sensor], [laid.seed], [laid.episode])
@@ -144,9 +147,13 @@ class EmulatedTissue:
         """Add ``force`` [N] to the tissue's; 0 removes it."""
         self._records["extra"] = force
 
+    def add_lift(self, force: float) -> None:
+        """Raise ValueError: without a height axis there is no vertical force."""
+        raise ValueError("over_lift: this rig has no height axis. Start the emulator with --height.")
+
     def advance(self, position: float, angle: float) -> float:
         """Move to ``position`` [m] and ``angle`` [rad] in one millisecond; return the sensor's reading [N]."""
-        return feel(self._records, _within(position), _measured(angle), TICK)
+        return feel(self._records, within(position), measured(angle), TICK)
 
     @property
     def true_force(self) -> float:
@@ -159,10 +166,11 @@ class EmulatedTissue:
         return float(self._records[0].states[0].tip)
 
 
-def _within(position: float) -> float:
+def within(position: float) -> float:
     """Limit a position [m] to the part of the carriage's travel in which there is tissue."""
     return min(max(position, 0.0), LENGTH - SPACING)
 
 
-def _measured(angle: float) -> float:
+def measured(angle: float) -> float:
+    """Limit an angle [rad] to the range for which the law was measured."""
     return min(max(angle, ANGLE_RANGE[0]), ANGLE_RANGE[1])

@@ -45,7 +45,7 @@ class Range(NamedTuple):
 class InjectedFault:
     """Fault that can be started and ended.
 
-    Faults with ``of_axis`` take the parameter ``axis``, "blade" or "angle", besides their own.
+    Faults with ``of_axis`` take the parameter ``axis``, "blade", "angle" or "height", besides their own.
     """
 
     summary: str
@@ -131,6 +131,14 @@ FAULTS: dict[str, InjectedFault] = {
         end=lambda rig, p: rig.axes[p["axis"]].stick(False),
     ),
     "following_error": _of_motor("blocked", "the motor is blocked, and the encoder behind its demand", 1, 0),
+    "cannot_be_raised": _of_motor("blocked", "the axis moves down or back, but not up or on", 2, 0),
+    "wrong_position": InjectedFault(
+        summary="the encoder suddenly counts from another zero", of_axis=True,
+        parameters={"shift": Range(0.002, -0.1, 0.1, "m or rad")},
+        begin=lambda rig, p: rig.axes[p["axis"]].shift(p["shift"]),
+        end=lambda rig, p: rig.axes[p["axis"]].shift(-p["shift"]),
+    ),
+    "deaf": _of_node("deaf", "the drive does not obey a quick stop; all else goes on"),
     "slip": _of_motor(
         "slip", "a share of the motor's motion does not reach the carriage", "share", 0.0,
         share=Range(1.0, 0.0, 1.0, "1"),
@@ -158,6 +166,12 @@ FAULTS: dict[str, InjectedFault] = {
         begin=lambda rig, p: rig.bench.add_force(p["force_N"]),
         end=lambda rig, p: rig.bench.add_force(0.0),
         parameters={"force_N": Range(25.0, -190.0, 190.0, "N")},
+    ),
+    "over_lift": InjectedFault(
+        summary="a force is added to the vertical one, on a rig with a height axis",
+        begin=lambda rig, p: rig.bench.add_lift(p["force_N"]),
+        end=lambda rig, p: rig.bench.add_lift(0.0),
+        parameters={"force_N": Range(-14.0, -190.0, 190.0, "N")},
     ),
     "sensor_freeze": _of_sensor("frozen", "the counts stay as they are", True, False),
     "axis_freeze": _of_sensor(

@@ -24,6 +24,8 @@ SUBSTEP = 5e-5
 """Time step of the equations of motion [s]."""
 _SUBSTEPS = 20  # a millisecond
 _DELAYS = 128  # commands under way at most, one a millisecond
+BLOCKED, BLOCKED_ONWARD = 1, 2
+"""Faults of the motor: it cannot move; it cannot move toward greater positions."""
 MODE_OFF, MODE_VELOCITY, MODE_RAMP = 0, 1, 2
 """Modes of the drive: no torque; follow the target speed; bring the demanded speed to zero by the ramp alone."""
 
@@ -223,11 +225,13 @@ def turn_motor(motors: StructArray, load: float) -> None:
         spring = 0.0
         if stretch != 0.0:
             spring = motor.stiffness * stretch + damping * ((1.0 - motor.slip) * motor.speed - motor.carriage_speed)
-        if motor.blocked:
+        if motor.blocked == BLOCKED:
             motor.speed = 0.0
         else:
             push = motor.force - spring - motor.viscosity * motor.speed
             motor.speed = rubbed(motor.speed, push, motor.friction, motor.inertia, dt)
+            if motor.blocked == BLOCKED_ONWARD:
+                motor.speed = min(motor.speed, 0.0)
         motor.position += motor.speed * dt
         motor.slipped += motor.slip * motor.speed * dt
         motor.carriage_speed = rubbed(motor.carriage_speed, spring + load, motor.carriage_friction, motor.mass, dt)

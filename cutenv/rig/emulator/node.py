@@ -69,8 +69,8 @@ class Node:
 
     Attributes
     ----------
-    heartbeat_lost, bus_off, doubles : bool
-        Faults: no heartbeats; no frames in or out; every frame comes and goes twice.
+    heartbeat_lost, bus_off, doubles, deaf : bool
+        Faults: no heartbeats; no frames in or out; every frame comes and goes twice; quick stops are not obeyed.
     failure : int
         Fault: an emergency code that keeps the drive in fault; 0: none.
     """
@@ -78,7 +78,7 @@ class Node:
     def __init__(self, axis: EmulatedAxis, send: Callable[[Frame], None], happened: Happened) -> None:
         self.axis = axis
         self.number = axis.settings.node
-        self.heartbeat_lost = self.bus_off = self.doubles = False
+        self.heartbeat_lost = self.bus_off = self.doubles = self.deaf = False
         self.failure = 0
         self._put = send
         self._happened = happened
@@ -192,6 +192,8 @@ class Node:
         before, self._controlword = self._controlword, controlword
         if command(controlword) is DriveCommand.QUICK_STOP and command(before) is not DriveCommand.QUICK_STOP:
             self._happened("quick stop received", axis=self.axis.name)
+        if self.deaf and command(controlword) is DriveCommand.QUICK_STOP:
+            return
         if self.state is DriveState.FAULT and self.failure:
             return  # the fault's cause is still there
         if controlword & FAULT_RESET_BIT and not before & FAULT_RESET_BIT and self.dictionary[0x1001]:

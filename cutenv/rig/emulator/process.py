@@ -21,6 +21,9 @@ from typing import Any
 
 from cutenv._base.atomic_file import atomic_write
 from cutenv._engine.jit import warn_before_first_compile
+from cutenv.cutting.descending_cut import follow_levels
+from cutenv.cutting.sensor import measure
+from cutenv.rig.config.imitated_rig import HEIGHT
 from cutenv.rig.config.settings import Bus, RigSettings, SensorCalibration, SensorSettings
 from cutenv.rig.devices.real_time import prefer
 from cutenv.rig.emulator.assembly import BLADE, HINGE, EmulatedRig, Options
@@ -37,10 +40,10 @@ _ENDS_WITHIN = 5.0  # [s]
 _SWITCH = 0.0005  # [s] after which a thread lets another one run: a millisecond holds several
 
 
-def warm_up() -> None:
+def warm_up(*, height: bool = False) -> None:
     """Compile, or load from disk, the kernels of a millisecond, before anybody waits for it."""
-    warn_before_first_compile(feel, turn_motor)
-    rig = EmulatedRig(Options(laid=Laid(specimen_class="liver")))
+    warn_before_first_compile(*(follow_levels, measure) if height else (feel,), turn_motor)
+    rig = EmulatedRig(Options(laid=Laid(specimen_class="liver"), height_axis=HEIGHT if height else None))
     try:
         for axis in rig.axes.values():
             axis.motor["mode"] = 1
@@ -84,7 +87,7 @@ def serve(
         For an unknown fault or parameter.
     """
     sys.setswitchinterval(_SWITCH)
-    warm_up()
+    warm_up(height=options.height_axis is not None)
     first = real_time and prefer()  # only now: compiling takes seconds; before there are threads: they inherit it
     rig = EmulatedRig(options)
     rig.real_time = first
@@ -103,7 +106,10 @@ def serve(
             "pid": os.getpid(),
         }  # fmt: skip
         if file is not None:
-            settings = emulated_settings(ready, angle_mode=options.angle_mode, angle=options.angle, host=options.host)
+            settings = emulated_settings(
+                ready, angle_mode=options.angle_mode, angle=options.angle, height=options.height_axis is not None,
+                host=options.host,
+            )  # fmt: skip
             laid = options.laid or Laid()
             depth = laid.drawn().depth
             profile = tuple((k * SPACING, round(float(depth[k]), 6)) for k in range(0, N_POINTS, 20))
@@ -124,11 +130,16 @@ def _watch_parent(rig: EmulatedRig, parent: int) -> None:
 
 
 def emulated_settings(
-    ready: dict[str, Any], *, angle_mode: str = "free", angle: float = math.pi / 2, host: str = "127.0.0.1"
+    ready: dict[str, Any],
+    *,
+    angle_mode: str = "free",
+    angle: float = math.pi / 2,
+    height: bool = False,
+    host: str = "127.0.0.1",
 ) -> RigSettings:
     """Return the settings with which drivers reach an emulated rig that has printed ``ready``, calibrated today.
 
-    ``angle`` is the angle of a fixed blade [rad].
+    ``angle`` is the angle of a fixed blade [rad]; ``height``: it has a height axis.
     """
     return RigSettings(
         name="emulated rig",
@@ -138,6 +149,7 @@ def emulated_settings(
         bus=Bus(interface="socketcand", channel="vcan0", host=host, port=ready["can"]),
         blade=BLADE,
         angle=HINGE if angle_mode == "free" else None,
+        height=HEIGHT if height else None,
         sensor=SensorSettings(address=host, port=ready["sensor"], page=ready["page"]),
         calibration=SensorCalibration(date=datetime.date.today().isoformat()),
         emulated=True,
@@ -170,7 +182,13 @@ class RunningEmulator:
     """
 
     def __init__(
-        self, arguments: Sequence[str], *, angle_mode: str, angle: float, timeout: float = STARTS_WITHIN
+        self,
+        arguments: Sequence[str],
+        *,
+        angle_mode: str,
+        angle: float,
+        height: bool = False,
+        timeout: float = STARTS_WITHIN,
     ) -> None:
         if os.name == "nt":  # a pipe cannot be read with a time limit there, nor a lost parent be seen
             raise RigError(
@@ -186,7 +204,7 @@ class RunningEmulator:
         self.pid = self._process.pid
         try:
             ready = self._ready(timeout)
-            self.settings = emulated_settings(ready, angle_mode=angle_mode, angle=angle)
+            self.settings = emulated_settings(ready, angle_mode=angle_mode, angle=angle, height=height)
             self.control = EmulatorControl(ready["control"])
         except BaseException:
             self._end()
@@ -244,6 +262,7 @@ def start(
     specimen_class: str = "liver",
     free_air: bool = False,
     angle_deg: float | None = None,
+    height: bool = False,
     real_time: bool = True,
     arguments: Sequence[str] = (),
     timeout: float = STARTS_WITHIN,
@@ -256,6 +275,8 @@ def start(
         Key of the specimen at the start; ``free_air``: none.
     angle_deg : float, optional
         Angle at which the blade is fixed [degrees]; None: a second axis turns it.
+    height : bool
+        True for a rig with a height axis.
     real_time : bool
         Take priority over other processes, if the system allows.
     arguments : sequence of str
@@ -271,10 +292,12 @@ def start(
     given = ["--seed", str(seed), "--episode", str(episode), "--specimen-class", specimen_class]
     given += ["--free-air"] if free_air else []
     given += ["--real-time"] if real_time else []
+    given += ["--height"] if height else []
     given += [] if angle_deg is None else ["--angle", "fixed", "--angle-deg", str(angle_deg)]
     return RunningEmulator(
         [*given, *arguments],
         angle_mode="free" if angle_deg is None else "fixed",
         angle=math.pi / 2 if angle_deg is None else math.radians(angle_deg),
+        height=height,
         timeout=timeout,
     )

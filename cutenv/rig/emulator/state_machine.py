@@ -33,6 +33,7 @@ class StatusBit(IntEnum):
     AT_REST = 0x1000
     """Bit set at rest in profile velocity mode, or, in homing mode, when home is found."""
     FOLLOWING_ERROR = 0x2000
+    HOMED = 0x8000
 
 
 class DriveCommand(IntEnum):

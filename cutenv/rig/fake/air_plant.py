@@ -11,12 +11,14 @@ from cutenv.cutting.dtypes import STATE, TICK
 from cutenv.cutting.sensor import Sensor, SensorParameters
 from cutenv.rig.config.identified import drive_of
 from cutenv.rig.config.settings import RigSettings
+from cutenv.rig.fake.specimen_plant import AtOneHeight
+from cutenv.rig.fake.vertical_drive import VerticalDrive
 
 _MIDDLE = 0.5  # [1] share of the way between the ends of travel at which the blade starts
 _FAR = 100.0  # [m] to the model's own end stops
 
 
-class AirPlant:
+class AirPlant(AtOneHeight):
     """Bench of :class:`cutenv.rig.fake.fake_rig.FakeRig` with the simulator's drive and sensor, and no specimen.
 
     Parameters
@@ -29,6 +31,8 @@ class AirPlant:
         Parameters of the force sensor.
     start : float, optional
         Position of the blade at the start [m]; by default the middle of its travel.
+    height : float
+        Height of the blade at the start [m], if the rig has a height axis.
     """
 
     def __init__(
@@ -38,8 +42,10 @@ class AirPlant:
         drive: Rig | None = None,
         sensor: SensorParameters | None = None,
         start: float | None = None,
+        height: float = 0.0,
     ) -> None:
         self._drive = drive or drive_of(settings)
+        self._lift = None if settings.height is None else VerticalDrive(settings.height, height=height)
         self._records = self._drive.records(2.0 * _FAR)
         self._states = np.zeros(1, STATE)
         middle = _MIDDLE * (settings.limits.low + settings.limits.high)

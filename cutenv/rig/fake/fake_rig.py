@@ -34,6 +34,7 @@ _COUNTS = 1e6  # counts of the fake sensor for one newton
 _PRIME = 7919  # makes the other axes' counts flicker
 _BACK = 4294967296  # sequences are modulo 2**32
 _HEARTBEAT = 0.050  # [s]
+_ARM = 0.1  # [m] from the blade's lower end up to the sensor, of a rig with a height axis
 
 
 @dataclass
@@ -72,6 +73,24 @@ class Faults:
     """Number of quick stops that do not reach the blade's drive."""
     turn_stuck: bool = False
     """True if the hinge's encoder shows one angle."""
+    height_stuck: bool = False
+    """True if the height axis's encoder shows one height."""
+    height_blocked: bool = False
+    """True if the blade stands in its height, and its encoder shows it."""
+    cannot_be_raised: bool = False
+    """True if the blade can be lowered, but not raised."""
+    height_shift: float = 0.0
+    """Difference by which the height axis's encoder is wrong [m]."""
+    height_runaway: float = 0.0
+    """Speed upwards of the blade, whatever is commanded [m/s]; a quick stop does stop it."""
+    height_silent: bool = False
+    """True if the height axis sends no samples."""
+    height_heartbeat_silent: bool = False
+    height_not_homed: bool = False
+    height_quick_stops_lost: int = 0
+    """Number of quick stops that do not reach the height axis's drive."""
+    vertical_force: float = 0.0
+    """Vertical force added to the tissue's, upwards [N]."""
     power_lost: bool = False
     bus_off: bool = False
 
@@ -110,8 +129,9 @@ class FakeDrive:
         self.latch.happens(Event.STOP)
         self._rig.reach(self.name)
         self.sent.append((self._rig.clock.now(), "quick stop"))
-        if self.name == "blade" and self._rig.faults.quick_stops_lost > 0:
-            self._rig.faults.quick_stops_lost -= 1
+        lost = {"blade": "quick_stops_lost", "height": "height_quick_stops_lost"}.get(self.name, "")
+        if lost and getattr(self._rig.faults, lost) > 0:
+            setattr(self._rig.faults, lost, getattr(self._rig.faults, lost) - 1)
         elif self.state is DriveState.ENABLED:
             self.state = DriveState.QUICK_STOP
 
@@ -131,11 +151,12 @@ class FakeDrive:
 
     def limits(self) -> dict[str, float]:
         """Return the limits as they would have been written."""
-        return drive_limits(self._rig.settings.blade if self.name == "blade" else self._rig.settings.angle or Axis())
+        return drive_limits(self._rig.settings.axes[self.name])
 
     def about(self) -> dict[str, float | str]:
-        """Return that this is a fake drive."""
-        return {"kind": "fake drive"}
+        """Return that this is a fake drive, and of the height axis whether it was homed."""
+        homed = {"homed": "no" if self._rig.faults.height_not_homed else "yes"} if self.name == "height" else {}
+        return {"kind": "fake drive", **homed}
 
     def close(self) -> None:
         """Stop sending samples, and switch the power off."""
@@ -221,10 +242,12 @@ class FakeRig:
         self.bench = bench(self.settings)
         self.blade = FakeDrive("blade", self)
         self.angle = FakeDrive("angle", self) if self.settings.angle is not None else None
+        self.height = FakeDrive("height", self) if self.settings.height is not None else None
         self.sensor = FakeSensor(self)
         self.plant = RigPlant(
-            self.settings, self.clock, self.blade, self.sensor, angle=self.angle, depth=depth, follows=follows
-        )
+            self.settings, self.clock, self.blade, self.sensor, angle=self.angle, height=self.height, depth=depth,
+            follows=follows,
+        )  # fmt: skip
         self.heard: Callable[[float, str, float], None] = lambda time, axis, speed: None
         self._listeners: dict[str, MotionListener | None] = {}
         self._sequence = 0
@@ -232,7 +255,7 @@ class FakeRig:
         self._counts = (0, 0, 0, 0, 0, 0)
         self._held: tuple[float, float, float] = (0.0, 0.0, 0.0)
         self._pending: list[tuple[float, ForceSample]] = []
-        self._ramped = self._stuck_at = self._turn_stuck_at = 0.0
+        self._ramped = self._stuck_at = self._turn_stuck_at = self._height_stuck_at = 0.0
         self._turns: list[Repeating] = [
             self.clock.every(TICK, self._tick, "bench"),
             self.clock.every(self.settings.bus.sync, self._sync, "SYNC"),
@@ -259,11 +282,13 @@ class FakeRig:
         """Return the force along the cut in the sensor, before its zero [N]."""
         return self.bench.force + self.faults.extra_force + self._ramped
 
-    def report_emergency(self, code: int, meaning: str) -> None:
-        """Let the blade's drive report an error and stop by itself."""
-        self.blade.state = DriveState.FAULT
-        if (listener := self._listeners.get("blade")) is not None:
-            listener.emergency("blade", code, meaning, self.clock.now())
+    def report_emergency(self, code: int, meaning: str, axis: str = "blade") -> None:
+        """Let a drive, the blade's or another, report an error and stop by itself."""
+        drive = self.height if axis == "height" else self.angle if axis == "angle" else self.blade
+        assert drive is not None
+        drive.state = DriveState.FAULT
+        if (listener := self._listeners.get(axis)) is not None:
+            listener.emergency(axis, code, meaning, self.clock.now())
 
     def intrude(self, speed: float) -> None:
         """Let another master switch on the blade's drive, with a target speed [m/s]."""
@@ -286,6 +311,8 @@ class FakeRig:
         if not stopping:
             speed = faults.runaway or speed - math.copysign(faults.slip, speed)
         turn = 0.0 if stopping or self.angle is None else self.angle.target
+        if self.height is not None:
+            self._rise(self.height)
         if faults.blocked:
             self.bench.block()
         else:
@@ -293,13 +320,24 @@ class FakeRig:
         self._ramped += faults.ramp * TICK
         self._feel(now)
 
-    def _feel(self, now: float) -> None:
+    def _rise(self, drive: FakeDrive) -> None:
+        """Command the bench's vertical motion of the next millisecond."""
         faults = self.faults
+        stopping = drive.state is not DriveState.ENABLED or faults.power_lost
+        rise = 0.0 if stopping else faults.height_runaway or drive.target
+        blocked = faults.height_blocked or (faults.cannot_be_raised and rise > 0.0)
+        self.bench.rise(rise, stopping=stopping, blocked=blocked)
+
+    def _feel(self, now: float) -> None:
+        faults, height = self.faults, self.settings.height
         self._sequence = (self._sequence + 1) % _BACK
         if not faults.force_frozen:
             force = self.felt() - self.sensor.zero
             self.sensor.last.append(force)
             felt = [math.nan if faults.force_nan else force, faults.side_force, 0.0]
+            if height is not None:
+                up = self.bench.vertical_force + faults.vertical_force
+                felt["xyz".index(height.force_axis)] += height.force_sign * up
             flicker = self._sequence * _PRIME % 1009
             counts = [round(_COUNTS * force) + flicker % 2, flicker, flicker, flicker, flicker, flicker]
             if faults.axis_frozen is not None:
@@ -313,9 +351,10 @@ class FakeRig:
             self._lost += 1
             return
         sign = self.settings.sensor.sign
+        torque = (0.0, 0.0 if height is None else -_ARM * sign * self._held[0], 0.0)
         sample = ForceSample(
             now, (sign * self._held[0], self._held[1], self._held[2]), self._counts, faults.force_status,
-            self._sequence, self._lost,
+            self._sequence, self._lost, torque,
         )  # fmt: skip
         self._lost = 0
         self._pending.append((now + faults.force_late, sample))
@@ -342,12 +381,23 @@ class FakeRig:
         if self.angle is not None and (listener := self._listeners.get("angle")) is not None:
             angle = self._turn_stuck_at
             listener.motion("angle", MotionSample(now, angle, self.angle.target, 0.0, self.angle.state))
+        if self.height is not None and not self.faults.height_silent:
+            self._tell_height(now, self.height)
+
+    def _tell_height(self, now: float, drive: FakeDrive) -> None:
+        height, speed = self.bench.height
+        if self.faults.height_stuck:
+            height, speed = self._height_stuck_at, 0.0
+        self._height_stuck_at = height
+        if (listener := self._listeners.get("height")) is not None:
+            shown = height + self.faults.height_shift
+            listener.motion("height", MotionSample(now, shown, speed, 0.0, drive.state))
 
     def _beat(self, now: float) -> None:
         if self.faults.heartbeat_silent or self.faults.bus_off or self.faults.power_lost:
             return
         for axis, listener in self._listeners.items():
-            if listener is not None:
+            if listener is not None and not (axis == "height" and self.faults.height_heartbeat_silent):
                 listener.alive(axis, now)
 
 

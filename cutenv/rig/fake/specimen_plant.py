@@ -13,6 +13,7 @@ from cutenv.plant import ReplayPlant, SimulatedPlant
 from cutenv.plant.simulator import ANGLE_RANGE
 from cutenv.rig.config.identified import drive_of
 from cutenv.rig.config.settings import RigSettings
+from cutenv.rig.fake.vertical_drive import VerticalDrive
 from cutenv.tissue.specimen import Specimen
 from cutenv.trace import Trace
 
@@ -40,8 +41,43 @@ class DrivenPlant(Protocol):
         """Force as measured by the sensor [N]."""
         ...
 
+    def rise(self, speed: float, *, stopping: bool, blocked: bool) -> None:
+        """Command the vertical motion of the next millisecond [m/s], upwards; for a rig with a height axis."""
+        ...
 
-class SpecimenPlant:
+    @property
+    def height(self) -> tuple[float, float]:
+        """Height of the blade's lower end [m] and its speed upwards [m/s]."""
+        ...
+
+    @property
+    def vertical_force(self) -> float:
+        """Force of the tissue on the blade, upwards [N]."""
+        ...
+
+
+class AtOneHeight:
+    """Part of a bench on which the blade feels nothing of a height axis: it moves up and down freely."""
+
+    _lift: VerticalDrive | None = None
+
+    def rise(self, speed: float, *, stopping: bool, blocked: bool) -> None:
+        """Move up or down by a millisecond, in air."""
+        if self._lift is not None:
+            self._lift.step(speed, stopping=stopping, blocked=blocked)
+
+    @property
+    def height(self) -> tuple[float, float]:
+        """Height of the blade's lower end [m] and its speed upwards [m/s]; 0 without a height axis."""
+        return (0.0, 0.0) if self._lift is None else (self._lift.height, self._lift.speed)
+
+    @property
+    def vertical_force(self) -> float:
+        """Nothing presses on the blade."""
+        return 0.0
+
+
+class SpecimenPlant(AtOneHeight):
     """Specimen under the cutting law, with the simulator's own drive and sensor."""
 
     def __init__(
@@ -49,6 +85,7 @@ class SpecimenPlant:
         sensor: SensorParameters | None = None, law: LawParameters | None = None, seed: int = 0, episode: int = 0,
     ) -> None:  # fmt: skip
         self._drive = drive or drive_of(settings)
+        self._lift = None if settings.height is None else VerticalDrive(settings.height)
         self.plant = SimulatedPlant(
             specimen, drive=self._drive, sensor=sensor, law=law, seed=seed, episode=episode, angle=settings.fixed_angle
         )
@@ -89,7 +126,7 @@ class SpecimenPlant:
         return self._force
 
 
-class RecordedPlant:
+class RecordedPlant(AtOneHeight):
     """Recorded cut, replayed millisecond by millisecond, whatever is commanded; at its end the blade rests."""
 
     def __init__(self, trace: Trace) -> None:

@@ -26,7 +26,7 @@ class Transcript:
     """
 
     def __init__(self, settings: RigSettings, start: float, write: Callable[[str], None]) -> None:
-        self._axes = {"blade": settings.blade} | ({} if settings.angle is None else {"angle": settings.angle})
+        self._axes = settings.axes
         self._units = {name: AxisUnits(axis=axis, steps=_STEPS) for name, axis in self._axes.items()}
         self._start, self._write = start, write
         self._last: dict[str, tuple[float, int]] = {}
@@ -39,7 +39,7 @@ class Transcript:
             return
         self._last[axis] = speed, 1
         number, data = command_frame(self._axes[axis].node, ENABLE_OPERATION, self._units[axis].velocity(speed))
-        shown = f"{1e3 * speed:+8.3f} mm/s" if axis == "blade" else f"{math.degrees(speed):+8.2f} deg/s"
+        shown = f"{1e3 * speed:+8.3f} mm/s" if axis != "angle" else f"{math.degrees(speed):+8.2f} deg/s"
         again = f"   (the one before {count} times)" if count > 1 else ""
         self._write(f"{time - self._start:8.3f} s  {axis:<6}{shown}  {number:03X}#{data.hex(' ').upper()}{again}")
 

@@ -43,11 +43,16 @@ class JogKey(Enum):
     BACK = "left"
     UPRIGHT = "up"
     SLANT = "down"
+    RAISE = "u"
+    LOWER = "d"
     QUIT = "q"
     OTHER = "any other"
 
 
 _ARROWS = {b"A": JogKey.UPRIGHT, b"B": JogKey.SLANT, b"C": JogKey.FORWARD, b"D": JogKey.BACK}
+
+
+_LETTERS = {b"q": JogKey.QUIT, b"u": JogKey.RAISE, b"d": JogKey.LOWER}
 
 
 class KeyDecoder:
@@ -68,7 +73,7 @@ class KeyDecoder:
             elif byte == b"\x1b":
                 self._begun = byte
             else:
-                keys.append(JogKey.QUIT if byte in (b"q", b"Q") else JogKey.OTHER)
+                keys.append(_LETTERS.get(byte.lower(), JogKey.OTHER))
                 self._begun = b""
         return keys
 
@@ -76,14 +81,16 @@ class KeyDecoder:
 class Jog:
     """Controller of the blade by keys, independent of terminal and rig.
 
-    Pressing any key other than the held arrow ends the motion at once.
+    Pressing any key other than the held one ends the motion at once.
 
     Parameters
     ----------
     speed : float
-        Speed while an arrow is held [m/s], up to :data:`TOP_SPEED`.
+        Speed while a key is held [m/s], up to :data:`TOP_SPEED`.
     turns : bool
         True if the blade has a hinge.
+    lifts : bool
+        True if the rig has a height axis.
 
     Raises
     ------
@@ -91,9 +98,9 @@ class Jog:
         If the speed is out of range.
     """
 
-    def __init__(self, speed: float = SPEED, *, turns: bool = False) -> None:
+    def __init__(self, speed: float = SPEED, *, turns: bool = False, lifts: bool = False) -> None:
         self.speed = in_range("speed", speed, 1e-4, TOP_SPEED, "m/s", "Jogging is slow: 2 mm/s is 0.002.")
-        self._turns = turns
+        self._turns, self._lifts = turns, lifts
         self._held: JogKey | None = None
         self._until = -math.inf
         self.quit = False
@@ -113,6 +120,11 @@ class Jog:
         speed = {JogKey.FORWARD: self.speed, JogKey.BACK: -self.speed}.get(self._held or JogKey.OTHER, 0.0)
         rate = {JogKey.UPRIGHT: JOG_TURN_RATE, JogKey.SLANT: -JOG_TURN_RATE}.get(self._held or JogKey.OTHER, 0.0)
         return speed, rate if self._turns else 0.0
+
+    def rise(self) -> float:
+        """Return the speed upwards [m/s] at the time of the last :meth:`command`."""
+        up = {JogKey.RAISE: self.speed, JogKey.LOWER: -self.speed}.get(self._held or JogKey.OTHER, 0.0)
+        return up if self._lifts else 0.0
 
 
 class Keyboard(Protocol):
@@ -153,7 +165,7 @@ def jog(plant: RigPlant, keyboard: Keyboard, controls: Jog, show: Callable[[str]
             now = plant.angle
             wanted = min(max(angle + rate * PERIOD * TICK, now - _LEAD), now + _LEAD)
             angle = min(max(wanted, limits.angle_low), limits.angle_high)
-        plant.advance(speed, angle, PERIOD)
+        plant.advance(speed, angle, PERIOD, -controls.rise())
         if count % _SHOWN_EVERY == 0:
             show(status(plant))
         count += 1
@@ -171,7 +183,10 @@ def status(plant: RigPlant) -> str:
         along = f"{settings.sensor.sign * force.force['xyz'.index(settings.sensor.cut_axis)]:+7.2f} N"
     if blade is None:
         return f"blade unknown  {along}  {supervisor.phase}"
+    lifted = supervisor.axis("height")
+    height = "" if lifted is None else f"height {1e3 * lifted.position:+7.2f} mm  "
     return (
-        f"{1e3 * blade.position:8.2f} mm  {1e3 * blade.speed:+7.2f} mm/s  {math.degrees(plant.angle):5.1f} deg  {along}"
+        f"{1e3 * blade.position:8.2f} mm  {1e3 * blade.speed:+7.2f} mm/s  {height}{math.degrees(plant.angle):5.1f} deg"
+        f"  {along}"
         f"  {supervisor.phase}, {blade.state.value}"
     )

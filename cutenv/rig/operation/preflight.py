@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from datetime import date
 
 from cutenv.rig.config.sensor_calibration import expired
-from cutenv.rig.config.settings import Axis, RigSettings
+from cutenv.rig.config.settings import Axis, HeightAxis, RigSettings
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.operator import Operator
 from cutenv.rig.plant import RigPlant
-from cutenv.rig.safety.motion_monitor import CREEP
+from cutenv.rig.safety.motion_history import CREEP
 
 SETTLE = 0.3
 """Time after switching on, before anything is checked [s]."""
@@ -59,7 +59,7 @@ def still_checks(plant: RigPlant, *, in_air: bool = True) -> list[Check]:
         checks.append(Check("force status", sample.status == 0, f"0x{sample.status:08X}"))
         if in_air:
             checks.append(Check("zero force", norm <= ZERO_FORCE, f"{norm:.3f} N, {ZERO_FORCE:g} N allowed"))
-    axes = {"blade": settings.blade} | ({"angle": settings.angle} if settings.angle is not None else {})
+    axes = settings.axes
     answered = plant.drive_limits()
     for name, axis in axes.items():
         moved = supervisor.axis(name)
@@ -67,6 +67,12 @@ def still_checks(plant: RigPlant, *, in_air: bool = True) -> list[Check]:
             Check(f"{name} axis", moved is not None, "no sample" if moved is None else f'"{moved.state.value}"')
         )
         checks += [_limit(name, axis, what, value) for what, value in answered[name].items()]
+    if settings.height is not None and settings.height.homing == "checked":
+        homed = plant.about()["height"].get("homed") == "yes"
+        cure = (
+            "" if homed else '; home it with the maker\'s tool, or write homing = "trusted" for a drive without the bit'
+        )
+        checks.append(Check("height homed", homed, f"the drive says {'yes' if homed else 'no'}{cure}"))
     return checks
 
 
@@ -79,6 +85,7 @@ def _limit(name: str, axis: Axis, what: str, answered: float) -> Check:
 
 def moving_checks(plant: RigPlant) -> list[Check]:
     """Move the released blade by a millimetre and back, and turn it by a degree; check that the encoders show it."""
+    checks = [] if plant.settings.height is None else [_raised_and_back(plant, plant.settings.height)]
     start = plant.position
     way = _NUDGE if start + _NUDGE < plant.settings.limits.high else -_NUDGE
     plant.travel(start + way, speed=_NUDGE_SPEED)
@@ -86,9 +93,8 @@ def moving_checks(plant: RigPlant) -> list[Check]:
     plant.travel(start, speed=_NUDGE_SPEED)
     back = plant.position - start
     well = there / way > _NUDGE_SHARE and abs(back) < (1.0 - _NUDGE_SHARE) * _NUDGE
-    checks = [
-        Check("encoder", well, f"moved {1e3 * there:+.3f} of {1e3 * way:+.2f} mm, and back to {1e3 * back:+.3f} mm")
-    ]
+    found = f"moved {1e3 * there:+.3f} of {1e3 * way:+.2f} mm, and back to {1e3 * back:+.3f} mm"
+    checks.append(Check("encoder", well, found))
     if plant.settings.angle is not None:
         begun = plant.angle
         turn = -_TURN if begun - _TURN > plant.settings.limits.angle_low else _TURN
@@ -98,6 +104,42 @@ def moving_checks(plant: RigPlant) -> list[Check]:
         found = f"turned {math.degrees(turned):+.2f} of {math.degrees(turn):+.1f} degrees"
         checks.append(Check("hinge", turned / turn > _NUDGE_SHARE, found))
     return checks
+
+
+def _first_way(plant: RigPlant, axis: HeightAxis) -> float:
+    """Return the way by which the self-test moves the blade first [m], upwards."""
+    return _NUDGE if plant.height + _NUDGE < axis.highest else -_NUDGE
+
+
+def _ask_direction(plant: RigPlant, axis: HeightAxis, operator: Operator) -> None:
+    """Ask whether up is up: with a wrong ``direction`` the encoder agrees, and the blade would be driven down.
+
+    Raises
+    ------
+    RigError
+        If the operator does not agree.
+    """
+    first, then = ("up", "down") if _first_way(plant, axis) > 0.0 else ("down", "up")
+    if not operator.confirm(f"The blade has moved by {1e3 * _NUDGE:g} mm. Did it go {first} first, and then {then}?"):
+        raise RigError(
+            f"the operator has not confirmed that the blade went {first} first: nothing is raised. If it went {then}, "
+            f"correct height.direction = {axis.direction} in the rig's file."
+        )
+
+
+def _raised_and_back(plant: RigPlant, axis: HeightAxis) -> Check:
+    """Raise the released blade by a millimetre and lower it again, against what was commanded.
+
+    Near the upper end of its travel it is lowered first.
+    """
+    start, way = plant.height, _first_way(plant, axis)
+    plant.raise_to(start + way, speed=_NUDGE_SPEED)
+    there = plant.height - start
+    plant.raise_to(start, speed=_NUDGE_SPEED)
+    back = plant.height - start
+    well = there / way > _NUDGE_SHARE and abs(back) < (1.0 - _NUDGE_SHARE) * _NUDGE
+    found = f"raised {1e3 * there:+.3f} of {1e3 * way:+.2f} mm, and back to {1e3 * back:+.3f} mm"
+    return Check("height encoder", well, found)
 
 
 def return_inside(plant: RigPlant) -> None:
@@ -111,14 +153,20 @@ def return_inside(plant: RigPlant) -> None:
     limits = plant.settings.limits
     plant.supervisor.release(returning=True)
     inside = min(max(plant.position, limits.low + _INSIDE), limits.high - _INSIDE)
-    plant.travel(inside, speed=CREEP)
+    if not limits.low <= plant.position <= limits.high:
+        plant.travel(inside, speed=CREEP)
+    if (axis := plant.settings.height) is not None:
+        within = min(max(plant.height, axis.lowest + _INSIDE), axis.highest - _INSIDE)
+        if not axis.lowest <= plant.height <= axis.highest:
+            plant.raise_to(within, speed=CREEP)
 
 
 def prepare(plant: RigPlant, operator: Operator, *, today: date, in_air: bool = True) -> list[Check]:
     """Run every check that has to precede the first motion, in order; the rig is released at the end.
 
     Calibration and ``armed_by``; switching on; tare and self-test at rest; the operator's typed confirmation; for a
-    blade beyond an end of its travel, its slow return, if the operator agrees to that too; a millimetre to and fro.
+    blade beyond an end of its travel, its slow return, if the operator agrees to that too; a millimetre to and fro. On
+    a rig with a height axis a millimetre up and down comes first, and the operator confirms that up is up.
 
     Parameters
     ----------
@@ -161,6 +209,8 @@ def prepare(plant: RigPlant, operator: Operator, *, today: date, in_air: bool = 
             return_inside(plant)
         plant.supervisor.release()
         checks += _passed(moving_checks(plant))
+        if in_air and plant.settings.height is not None:
+            _ask_direction(plant, plant.settings.height, operator)
     except BaseException as error:
         plant.halt()
         try:
@@ -181,7 +231,11 @@ def _question(plant: RigPlant, in_air: bool) -> str:
     else:
         felt = ". May it move"
     where = f"According to its drive it stands {1e3 * plant.position:.1f} mm from the clamp"
-    return f"The blade of {plant.settings.name} will move. {where}{felt}, and is the stop button within reach?"
+    moves = "will move"
+    if (axis := plant.settings.height) is not None:
+        where += f", at a height of {1e3 * plant.height:+.1f} mm"
+        moves = f"will move: up and down by 1 mm, and up to {1e3 * axis.raised:g} mm before it returns"
+    return f"The blade of {plant.settings.name} {moves}. {where}{felt}, and is the stop button within reach?"
 
 
 def _newtons(force: tuple[float, float, float]) -> str:

@@ -69,7 +69,7 @@ def inspect(plant: RigPlant, today: date) -> Inspection:
     checks += still_checks(plant)
     told: dict[str, dict[str, Any]] = {name: dict(about) for name, about in plant.about().items()}
     for name, limits in plant.drive_limits().items():
-        unit = "m" if name == "blade" else "rad"
+        unit = "rad" if name == "angle" else "m"
         told[name] |= {f"limit_{what}_{unit}{_PER[what]}": value for what, value in limits.items()}
     end = start + LISTEN
     found = [_forces(plant.settings, recorder, start, end)]
@@ -136,8 +136,8 @@ def _motion(plant: RigPlant, name: str, recorder: Recorder, start: float, end: f
         well = sample.state is not DriveState.FAULT
         cure = "remove the cause and switch the drive off and on; a stop is cleared by the operator"
         checks.append(_check(f"{name} drive", well, f'"{sample.state.value}"', cure))
-        about["position_mm" if name == "blade" else "position_deg"] = (
-            1e3 * sample.position if name == "blade" else float(np.degrees(sample.position))
+        about["position_deg" if name == "angle" else "position_mm"] = (
+            float(np.degrees(sample.position)) if name == "angle" else 1e3 * sample.position
         )
     for what, moments, limit, cure in (
         ("samples", times, settings.limits.stale_motion, "does another master send SYNC, is this computer busy?"),

@@ -14,7 +14,7 @@ from cutenv.rig.errors import RigError
 from cutenv.rig.operation.operator import Operator
 from cutenv.rig.operation.preflight import SETTLE, Check, prepare
 from cutenv.rig.operation.specimen_source import SpecimenKey, SpecimenSource
-from cutenv.rig.plant import RigPlant
+from cutenv.rig.plant import RAISE_SPEED, RigPlant
 from cutenv.rig.safety.guard import guarded
 from cutenv.rig.safety.stop_causes import BY_PEOPLE, WATCH, RigStopped
 
@@ -24,6 +24,8 @@ _ATTEMPTS = 3  # to reach the clamp; the operator agrees to each
 _PATIENCE = 1.0  # [s] for readings to be fresh again after this computer was busy
 START_POSITION = 0.0
 """Position of the blade at the start of a cut [m]."""
+START_HEIGHT = 0.0
+"""Height of the blade's lower end at the start of a cut [m], on a rig with a height axis."""
 DRIFT = 1.0
 """Greatest change of the force at rest since the blade was in air [N]: beyond it the blade touches something."""
 _PUSHED = 5e-4  # [m] from the clamp, beyond which somebody has moved the blade
@@ -105,9 +107,11 @@ class RigSession:
         plant = self.plant
         for attempt in range(1, _ATTEMPTS + 1):
             self._be_ready()
-            self.operator.tell(f"The blade returns to the clamp at {1e3 * RETURN_SPEED:g} mm/s.")
             try:
+                self._raise()
+                self.operator.tell(f"The blade returns to the clamp at {1e3 * RETURN_SPEED:g} mm/s.")
                 plant.travel(START_POSITION, speed=RETURN_SPEED, angle=angle)
+                self._lower()
                 break
             except RigStopped as stop:
                 if attempt == _ATTEMPTS or stop.report.cause in BY_PEOPLE:
@@ -130,6 +134,19 @@ class RigSession:
         self.checks = checks
         plant.begin()
 
+    def _raise(self) -> None:
+        """Raise the blade out of the cut; after a stop the operator has agreed to that in :meth:`_be_ready`."""
+        axis = self.plant.settings.height
+        if axis is not None and self.plant.height < axis.raised:
+            self.operator.tell(f"The blade is raised to {1e3 * axis.raised:g} mm at {1e3 * RAISE_SPEED:g} mm/s.")
+            self.plant.raise_to(axis.raised)
+
+    def _lower(self) -> None:
+        """Lower the blade, at the clamp, to the height at which a cut starts."""
+        if self.plant.settings.height is not None:
+            self.operator.tell(f"The blade is lowered to {1e3 * START_HEIGHT:g} mm at {1e3 * RAISE_SPEED:g} mm/s.")
+            self.plant.raise_to(START_HEIGHT)
+
     def _check_at_rest(self) -> None:
         """Check that the blade is where it was left, and that its force changed by no more than sensor drift; tare."""
         plant = self.plant
@@ -137,6 +154,11 @@ class RigSession:
             raise RigError(
                 f"the blade was moved to {1e3 * plant.position:.1f} mm while the specimen was laid: begin the cut "
                 "again, and leave it at the clamp."
+            )
+        if plant.settings.height is not None and abs(plant.height - START_HEIGHT) > _PUSHED:
+            raise RigError(
+                f"without power the blade went to a height of {1e3 * plant.height:+.1f} mm: a height axis needs a brake"
+                " or a screw that holds it. Begin the cut again when it does."
             )
         zero = plant.tare()
         off = max(abs(now - then) for now, then in zip(zero, self._air or zero, strict=True))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 
-from cutenv.rig.config.settings import Identified, SafetyLimits
+from cutenv.rig.config.settings import HeightAxis, Identified, SafetyLimits
 from cutenv.rig.devices.netft.sample_clock import SampleClock
 from cutenv.rig.devices.samples import ForceSample
 from cutenv.rig.safety.stop_causes import STILL, Breach, Cause
@@ -27,6 +27,8 @@ class ForceMonitor:
         Rate of the readings [Hz].
     identified : Identified, optional
         Identified properties of the rig: the time that each force axis stays at one count through its own noise.
+    height : HeightAxis, optional
+        Height axis of the rig, with the limit of the vertical force.
 
     Attributes
     ----------
@@ -34,8 +36,14 @@ class ForceMonitor:
         Last reading; None before the first.
     """
 
-    def __init__(self, limits: SafetyLimits, rate: float, identified: Identified | None = None) -> None:
-        self._limits, self._rate = limits, rate
+    def __init__(
+        self,
+        limits: SafetyLimits,
+        rate: float,
+        identified: Identified | None = None,
+        height: HeightAxis | None = None,
+    ) -> None:
+        self._limits, self._rate, self._height = limits, rate, height
         known = identified or Identified()
         still = (known.force_still_x, known.force_still_y, known.force_still_z)
         self._identified = tuple(each is not None for each in still)
@@ -81,15 +89,17 @@ class ForceMonitor:
             return Breach(Cause.FORCE_STATUS, f"the sensor was restarted, its zero may be gone: reading {counts}")
         if max(map(abs, sample.force)) > limits.force:
             return Breach(Cause.FORCE, f"{_newtons(sample)} beyond {limits.force:g} N in an axis")
+        if (height := self._height) is not None and abs(up := height.vertical(sample.force)) > height.vertical_force:
+            return Breach(Cause.VERTICAL_FORCE, f"{up:+.2f} N upwards, beyond {height.vertical_force:g} N")
         if norm > limits.force_norm:
             return Breach(Cause.FORCE, f"{norm:.2f} N in all, beyond {limits.force_norm:g} N")
         if rise > limits.force_rise * RISE_OVER:
             return Breach(Cause.FORCE_RISE, f"the force rose by {rise:.2f} N within {1e3 * RISE_OVER:g} ms")
         if self._equal >= limits.frozen_force * self._rate:
             return Breach(Cause.FORCE_FROZEN, f"{self._equal + 1} consecutive readings have the same counts")
-        for axis, still in enumerate(self._still):
-            if self._stood[axis] >= still * self._rate:
-                return Breach(Cause.FORCE_AXIS, self._stands(axis))
+        for number, still in enumerate(self._still):
+            if self._stood[number] >= still * self._rate:
+                return Breach(Cause.FORCE_AXIS, self._stands(number))
         if share > limits.lost_force:
             return Breach(Cause.FORCE_LOST, f"{share:.0%} of the last readings were lost")
         if lateness > limits.late_force:

@@ -8,18 +8,11 @@ from collections import deque
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.samples import DriveState, MotionSample
 from cutenv.rig.safety.following_monitor import NOMINAL_LAG, FollowingMonitor
+from cutenv.rig.safety.height_monitor import HeightMonitor
+from cutenv.rig.safety.motion_history import CREEP, FASTER, JITTER, LONG, OUTWARD, SAMPLES, elapsed, rests
 from cutenv.rig.safety.sample_rate_monitor import SURPLUS, SampleRateMonitor
 from cutenv.rig.safety.stop_causes import Breach, Cause
 
-REST_SPEED = 1e-4
-"""Speed below which the blade counts as at rest [m/s]."""
-_SAMPLES = 3  # samples over which acceleration is measured, and standstill decided
-_LONG = 9  # samples over which speed is computed from position, whatever speed the drive reports
-_JITTER = 1.2  # [1] factor on the limit for such a speed: samples arrive unevenly
-CREEP = 0.002
-"""Greatest speed at which a blade returns from beyond an end of its travel [m/s]."""
-_FASTER = 2.0  # [1] times CREEP, from which the return is a breach
-_OUTWARD = 2e-4  # [m] outward from the innermost position reached, from which the return is a breach
 _ASTRAY = math.radians(10.0)  # [rad] allowed error of a hinge: its lag is not identified
 
 
@@ -42,7 +35,8 @@ class MotionMonitor:
     def __init__(self, settings: RigSettings, *, follows: bool) -> None:
         self._limits, self._sync = settings.limits, settings.bus.sync
         self.newest: dict[str, MotionSample] = {}
-        self._blade: deque[MotionSample] = deque(maxlen=_LONG)
+        self._blade: deque[MotionSample] = deque(maxlen=LONG)
+        self._height = None if settings.height is None else HeightMonitor(settings.height, settings.bus.sync)
         self._cadences: dict[str, SampleRateMonitor] = {}
         identified, sync = settings.identified, settings.bus.sync
         self._following = FollowingMonitor(
@@ -63,22 +57,24 @@ class MotionMonitor:
         """Position of a blade beyond an end of its travel, as a text; None if it is inside."""
         blade, limits = self.newest.get("blade"), self._limits
         if blade is None or limits.low <= blade.position <= limits.high:
-            return None
+            return None if self._height is None else self._height.beyond
         return f"blade at {1e3 * blade.position:.2f} mm, outside {1e3 * limits.low:g} to {1e3 * limits.high:g} mm"
 
     def let_return(self) -> None:
         """Allow a blade beyond an end of its travel to creep back, but never further out, until it is inside."""
         self._returning = (-math.inf, math.inf)
         self._draw_in()
+        if self._height is not None:
+            self._height.let_return()
 
     def _draw_in(self) -> None:
         """Narrow the allowed range to the position reached; once the blade is inside, restore the usual limits."""
         if self._returning is not None:
             (low, high), position = self._returning, self.newest["blade"].position
             if position > self._limits.high:
-                self._returning = low, min(high, position + _OUTWARD)
+                self._returning = low, min(high, position + OUTWARD)
             elif position < self._limits.low:
-                self._returning = max(low, position - _OUTWARD), high
+                self._returning = max(low, position - OUTWARD), high
             else:
                 self._returning = None
 
@@ -87,12 +83,13 @@ class MotionMonitor:
         self._returning = None
         self._following.restart()
         self._turning.restart()
+        if self._height is not None:
+            self._height.restart()
 
     @property
     def standing(self) -> bool:
-        """True if the blade is at rest, as far as its samples show."""
-        last = list(self._blade)[-_SAMPLES:]
-        return len(last) == _SAMPLES and all(abs(sample.speed) < REST_SPEED for sample in last)
+        """True if the blade is at rest along the cut and in its height, as far as the samples show."""
+        return rests(self._blade) and (self._height is None or self._height.standing)
 
     def note(self, axis: str, sample: MotionSample) -> None:
         """Store a sample of an axis, and count it."""
@@ -100,6 +97,8 @@ class MotionMonitor:
         self._cadences.setdefault(axis, SampleRateMonitor(self._sync)).count(sample.time)
         if axis == "blade":
             self._blade.append(sample)
+        elif axis == "height" and self._height is not None:
+            self._height.note(sample)
 
     def check(self, axis: str, command: float) -> Breach | None:
         """Check the newest sample of an axis against ``command`` [m/s or rad/s]; return the breach found, or None."""
@@ -113,6 +112,8 @@ class MotionMonitor:
             return Breach(Cause.MOTION_DOUBLED, f"{more}: does the bus double them, or does another master send SYNC?")
         if axis == "blade":
             return self._judge_blade(sample, command)
+        if axis == "height" and self._height is not None:
+            return self._height.check(sample, command, follows=self._follows)
         return self._judge_hinge(sample, command)
 
     def _judge_hinge(self, sample: MotionSample, command: float) -> Breach | None:
@@ -130,19 +131,19 @@ class MotionMonitor:
         limits = self._limits
         stuck, off = self._following.watch(sample, command) if self._follows else (False, 0.0)
         first = self._blade[0]
-        travelled = (sample.position - first.position) / self._elapsed(len(self._blade))
-        recent = self._blade[-min(_SAMPLES, len(self._blade))]
-        acceleration = (sample.speed - recent.speed) / self._elapsed(_SAMPLES)
-        fastest = max(sample.speed, travelled / _JITTER, key=abs)
+        travelled = (sample.position - first.position) / elapsed(self._blade, len(self._blade), self._sync)
+        recent = self._blade[-min(SAMPLES, len(self._blade))]
+        acceleration = (sample.speed - recent.speed) / elapsed(self._blade, SAMPLES, self._sync)
+        fastest = max(sample.speed, travelled / JITTER, key=abs)
         if self._returning is not None:
             low, high = self._returning
             if not low <= sample.position <= high:
                 return Breach(Cause.TRAVEL, f"{self.beyond or 'the blade'}: it was to return inside, but moves outward")
-            if abs(fastest) > _FASTER * CREEP:
+            if abs(fastest) > FASTER * CREEP:
                 return Breach(Cause.SPEED, f"{100 * fastest:.2f} cm/s while returning, at {1e3 * CREEP:g} mm/s")
             self._draw_in()
-        elif self.beyond is not None:
-            return Breach(Cause.TRAVEL, self.beyond)
+        elif not limits.low <= sample.position <= limits.high:
+            return Breach(Cause.TRAVEL, f"{self.beyond}")
         if abs(fastest) > limits.speed:
             return Breach(Cause.SPEED, f"{100 * fastest:.2f} cm/s beyond {100 * limits.speed:g} cm/s")
         if abs(acceleration) > limits.acceleration:
@@ -152,11 +153,3 @@ class MotionMonitor:
         if abs(off) > limits.following:
             return Breach(Cause.FOLLOWING, f"{1e3 * off:+.2f} mm from where the blade should be")
         return None
-
-    def _elapsed(self, count: int) -> float:
-        """Return the time from the first of the last ``count`` samples to the newest [s].
-
-        A computer that stalled gets several samples at once; they count as one SYNC period apart.
-        """
-        count = min(count, len(self._blade))
-        return max(self._blade[-1].time - self._blade[-count].time, (count - 1) * self._sync, 1e-6)

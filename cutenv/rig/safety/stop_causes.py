@@ -27,6 +27,9 @@ class Cause(StrEnum):
     ACCELERATION = "acceleration limit"
     TRAVEL = "travel limit"
     ANGLE = "angle limit"
+    HEIGHT = "height limit"
+    VERTICAL_FORCE = "vertical force limit"
+    NOT_RAISED = "cannot be raised"
     FOLLOWING = "following error"
     STUCK = "encoder stuck"
     MOTION_STALE = "motion stale"
@@ -81,6 +84,9 @@ def detection_times(limits: SafetyLimits, *, packet: float = 0.001, sync: float 
         Cause.ACCELERATION: 2 * sync,
         Cause.TRAVEL: sync,
         Cause.ANGLE: sync,
+        Cause.HEIGHT: sync,
+        Cause.VERTICAL_FORCE: packet,
+        Cause.NOT_RAISED: STUCK_AFTER + sync,
         Cause.FOLLOWING: sync,
         Cause.STUCK: STUCK_AFTER + sync,
         Cause.MOTION_STALE: limits.stale_motion + WATCH,

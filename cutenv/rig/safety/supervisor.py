@@ -17,7 +17,8 @@ from cutenv.rig.devices.latch import Event, Latch, Phase
 from cutenv.rig.devices.samples import DriveState, ForceSample, MotionSample
 from cutenv.rig.errors import RigError
 from cutenv.rig.safety.force_monitor import ForceMonitor
-from cutenv.rig.safety.motion_monitor import CREEP, MotionMonitor
+from cutenv.rig.safety.motion_history import CREEP
+from cutenv.rig.safety.motion_monitor import MotionMonitor
 from cutenv.rig.safety.quick_stops import QuickStops
 from cutenv.rig.safety.stop_causes import Breach, Cause, StopReport
 
@@ -26,7 +27,7 @@ MARGIN = 1.04
 BRAKING = 0.16
 """Time constant near the ends of travel [s]: a speed is allowed that would take at least this long to reach the end."""
 _SHORT = 1e-4  # [m] from an end of travel, the distance at which the allowed speed is zero
-_STRAYED = {"blade": 0.003, "angle": math.radians(10.0)}  # [m], [rad] that a locked axis may move
+_STRAYED = {"blade": 0.003, "angle": math.radians(10.0), "height": 0.001}  # [m], [rad] that a locked axis may move
 _FALLEN = (DriveState.QUICK_STOP, DriveState.REACTING, DriveState.FAULT)
 
 
@@ -43,7 +44,7 @@ class Supervisor:
     clock : Clock
         Clock of the rig.
     axes : sequence of MotionDriver
-        Driver of the blade, and of the angle where it has one.
+        Driver of the blade, and of angle and height where it has them.
     rate : float
         Rate of the force readings [Hz].
     follows : bool
@@ -70,11 +71,11 @@ class Supervisor:
         self.limited = 0
         """Number of commands that were reduced to a limit since :meth:`release`."""
         self._lock = threading.Lock()
-        self._forces = ForceMonitor(self.limits, rate, settings.identified)
+        self._forces = ForceMonitor(self.limits, rate, settings.identified, settings.height)
         self._motions = MotionMonitor(settings, follows=follows)
         self._alive: dict[str, float] = {}
         self._follows = follows
-        self._command = self._turning = 0.0
+        self._command = self._turning = self._rising = 0.0
         self._held_until = math.inf
         self._locked_at: dict[str, float] = {}
         self._quick_stops = QuickStops(self._axes, self._motions.newest, fresh=self.limits.stale_motion)
@@ -90,7 +91,7 @@ class Supervisor:
 
     def force(self, sample: ForceSample) -> None:
         """Check one force reading; over-force is detected entirely here, in the thread that received the packet."""
-        breach = self._forces.check(sample, moving=self._command != 0.0)
+        breach = self._forces.check(sample, moving=self._command != 0.0 or self._rising != 0.0)
         if self.phase is Phase.STOPPED and self.report is not None:
             self.report.peak_force = max(self.report.peak_force, math.hypot(*sample.force))
         if breach is not None and self.phase is Phase.READY:
@@ -100,7 +101,8 @@ class Supervisor:
         """Check one motion sample of an axis."""
         self._motions.note(axis, sample)
         if self.phase is Phase.READY:
-            if (breach := self._motions.check(axis, self._command if axis == "blade" else self._turning)) is not None:
+            told = {"blade": self._command, "height": self._rising}.get(axis, self._turning)
+            if (breach := self._motions.check(axis, told)) is not None:
                 self.trip(*breach, sample.time)
             return
         self._motions.restart()
@@ -116,7 +118,7 @@ class Supervisor:
         """Stop an axis that moves though the rig is locked and its power is on."""
         strayed = sample.position - self._locked_at.setdefault(name, sample.position)
         if abs(strayed) > _STRAYED[name]:
-            way = f"{1e3 * strayed:+.1f} mm" if name == "blade" else f"{math.degrees(strayed):+.0f} degrees"
+            way = f"{1e3 * strayed:+.1f} mm" if name != "angle" else f"{math.degrees(strayed):+.0f} degrees"
             self.trip(Cause.FOLLOWING, f"locked, the {name} axis moves: {way}", sample.time, locked=True)
 
     def alive(self, axis: str, time: float) -> None:
@@ -142,9 +144,10 @@ class Supervisor:
 
     # Commands
 
-    def drive(self, speed: float, angle: float, hold: float) -> float:
+    def drive(self, speed: float, angle: float, hold: float, rise: float = 0.0) -> float:
         """Check, limit and send a command that is valid for ``hold`` [s]; return the angle to turn to [rad].
 
+        ``rise`` is the speed upwards [m/s], 0 for a rig without a height axis.
         Check and transmission share one lock with :meth:`trip`: no command can follow a quick stop, which with some
         drive settings would start the motion again.
 
@@ -153,21 +156,24 @@ class Supervisor:
         RigError
             If the rig is not released, or is stopped.
         """
-        if self.phase is Phase.READY and not (math.isfinite(speed) and math.isfinite(angle)):
-            self.trip(Cause.NOT_A_NUMBER, f"the command is speed {speed} m/s, angle {angle} rad")
+        if self.phase is Phase.READY and not (math.isfinite(speed) and math.isfinite(angle) and math.isfinite(rise)):
+            upwards = "" if self.settings.height is None else f", upwards {rise} m/s"
+            self.trip(Cause.NOT_A_NUMBER, f"the command is speed {speed} m/s, angle {angle} rad{upwards}")
             return angle
         broken = None
         with self._lock:
             if self.phase is not Phase.READY:
                 why = f"stopped ({self.report})" if self.phase is Phase.STOPPED else "not released"
                 raise RigError(f"the blade may not move: the rig is {why}. The operator has to release it first.")
-            allowed = self._allowed(speed)
+            allowed, raised = self._allowed(speed), self._allowed_rise(rise)
             turned = min(max(angle, self.limits.angle_low), self.limits.angle_high)
-            self.limited += allowed != speed or turned != angle
-            self._command = allowed
+            self.limited += allowed != speed or turned != angle or raised != rise
+            self._command, self._rising = allowed, raised
             self._held_until = self._clock.now() + hold * (1.0 + self.limits.overrun)
             try:
                 self._axes["blade"].command(allowed)
+                if "height" in self._axes:
+                    self._axes["height"].command(raised)
             except RigError as error:
                 broken = str(error)
         if broken is not None:
@@ -199,6 +205,19 @@ class Supervisor:
         lowest = max(blade.position - self.limits.low - _SHORT, 0.0) / braking
         return min(max(speed, -min(top, lowest)), min(top, highest))
 
+    def _allowed_rise(self, rise: float) -> float:
+        """Return a speed upwards [m/s] reduced to the limit, which decreases toward the ends of the vertical travel."""
+        axis, sample = self.settings.height, self._motions.newest.get("height")
+        if axis is None or sample is None:
+            return 0.0
+        braking = BRAKING + abs(sample.speed) / (2.0 * axis.acceleration)
+        top = min(axis.fastest / MARGIN, axis.speed)
+        if self.beyond is not None:
+            top = min(top, CREEP)
+        highest = max(axis.highest - _SHORT - sample.position, 0.0) / braking
+        lowest = max(sample.position - axis.lowest - _SHORT, 0.0) / braking
+        return min(max(rise, -min(top, lowest)), min(top, highest))
+
     # Timing
 
     def watch(self, now: float) -> None:
@@ -227,7 +246,7 @@ class Supervisor:
                 found.append(Breach(Cause.MOTION_STALE, f"no sample of the {axis} axis for {1e3 * silent:.0f} ms"))
             if (silent := now - self._alive.get(axis, -math.inf)) > limits.heartbeat:
                 found.append(Breach(Cause.HEARTBEAT, f"no heartbeat from the {axis} drive for {1e3 * silent:.0f} ms"))
-        if (self._command != 0.0 or self._turning != 0.0) and (late := now - self._held_until) > 0.0:
+        if (self._command or self._turning or self._rising) and (late := now - self._held_until) > 0.0:
             found.append(Breach(Cause.OVERRUN, f"no new command, {1e3 * late:.0f} ms after the last one expired"))
         return found
 
@@ -318,7 +337,7 @@ class Supervisor:
             self.trip(Cause.BUS, broken)
 
     def _rest(self) -> None:
-        self._command = self._turning = 0.0
+        self._command = self._turning = self._rising = 0.0
         self._held_until = math.inf
 
     def reset(self, agreed: bool) -> None:

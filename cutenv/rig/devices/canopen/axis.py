@@ -6,7 +6,7 @@ import logging
 import threading
 from collections.abc import Callable
 
-from cutenv.rig.config.settings import Axis
+from cutenv.rig.config.settings import Axis, HeightAxis
 from cutenv.rig.devices.canopen import configuration
 from cutenv.rig.devices.canopen import objects as o
 from cutenv.rig.devices.canopen.network import CanNetwork
@@ -175,9 +175,11 @@ class CanopenAxis:
             If it is not open, or the drive does not answer.
         """
         asked = self._clock.now()
-        self._book.read(o.STATUSWORD)
+        word = self._book.read(o.STATUSWORD)
         trip = self._clock.now() - asked
         told = configuration.read_identity(self._book, self.units)
+        if isinstance(self._settings, HeightAxis):
+            told["homed"] = "yes" if word & o.HOMED else "no"
         return {**told, "sdo_round_trip_ms": 1e3 * trip, "state": self._state.value, "garbled_frames": self.garbled}
 
     # Commands

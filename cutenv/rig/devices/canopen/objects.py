@@ -204,6 +204,10 @@ _STATES = (
 )
 
 
+HOMED = 0x8000
+"""Bit of an EPOS4's statusword: the position is referenced to home.  The standard leaves this bit to the maker."""
+
+
 def drive_state(statusword: int) -> DriveState:
     """Return the state in a statusword.
 

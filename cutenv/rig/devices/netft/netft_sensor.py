@@ -35,6 +35,8 @@ _ASK_AGAIN = 0.5  # parts of a tare
 _PARTS = 10  # of a tare
 
 Force = tuple[float, float, float]
+Zero = tuple[float, float, float, float, float, float]
+_NO_ZERO: Zero = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class Counters(NamedTuple):
@@ -95,8 +97,8 @@ class NetftSensor:
         self._address = (settings.address, settings.port)
         self._closing = threading.Event()
         self._taring = threading.Lock()
-        self._scale = 0.0  # [N] of a count
-        self._zero: Force = (0.0, 0.0, 0.0)  # in counts
+        self._scale = self._torque_scale = 0.0  # [N], [N m] of a count
+        self._zero = _NO_ZERO  # in counts
         self._mean: _Mean | None = None  # while a tare is taken
         self._received = self._lost = self._reordered = self._garbled = self._foreign = 0
 
@@ -118,8 +120,8 @@ class NetftSensor:
         host, port = self._settings.address, self._settings.port
         self.page = read_page(self._settings.page or f"http://{host}{PATH}")
         self.rate = self.page.rate or self._settings.rate
-        self._scale = self.page.newtons_per_count
-        self._zero = (0.0, 0.0, 0.0)
+        self._scale, self._torque_scale = self.page.newtons_per_count, self.page.newton_metres_per_count
+        self._zero = _NO_ZERO
         self._received = self._lost = self._reordered = self._garbled = self._foreign = 0
         try:
             if self._begin(listener):
@@ -142,7 +144,7 @@ class NetftSensor:
         )
 
     def tare(self, samples: int = 200) -> Force:
-        """Take the mean of the next ``samples`` readings as zero, while nothing touches the blade.
+        """Take the mean of the next ``samples`` readings as zero, of torques too, while nothing touches the blade.
 
         Returns
         -------
@@ -204,10 +206,10 @@ class NetftSensor:
             probe.connect(self._address)  # sends nothing
             return str(probe.getsockname()[0])
 
-    def _newtons(self, counts: Force) -> Force:
+    def _newtons(self, counts: Zero) -> Force:
         return counts[0] * self._scale, counts[1] * self._scale, counts[2] * self._scale
 
-    def _mean_of(self, samples: int) -> Force:
+    def _mean_of(self, samples: int) -> Zero:
         samples = round(in_range("samples", samples, _PARTS, 1e6, "1", "A fifth of a second is usual: 200 at 1 kHz."))
         thread = self._thread
         if thread is None:
@@ -279,9 +281,10 @@ class NetftSensor:
             first.set()
 
     def _sample(self, record: SensorPacket, now: float, lost: int) -> ForceSample:
-        counts, zero, scale = record.counts, self._zero, self._scale
+        counts, zero, scale, turning = record.counts, self._zero, self._scale, self._torque_scale
         force = (counts[0] - zero[0]) * scale, (counts[1] - zero[1]) * scale, (counts[2] - zero[2]) * scale
-        return ForceSample(now, force, counts, record.status, record.sequence, lost)
+        torque = (counts[3] - zero[3]) * turning, (counts[4] - zero[4]) * turning, (counts[5] - zero[5]) * turning
+        return ForceSample(now, force, counts, record.status, record.sequence, lost, torque)
 
 
 class _Stream:
@@ -324,25 +327,25 @@ class _Mean:
     def __init__(self, samples: int) -> None:
         self.samples, self.taken, self.status = samples, 0, 0
         self.done = threading.Event()
-        self._parts = [[0, 0, 0, 0] for _ in range(_PARTS)]  # sums of three forces, and how many
+        self._parts = [[0] * 7 for _ in range(_PARTS)]  # sums of the six components, and how many
 
     def add(self, record: SensorPacket) -> None:
         if self.done.is_set():
             return
         part = self._parts[self.taken * _PARTS // self.samples]
-        for axis in range(3):
+        for axis in range(6):
             part[axis] += record.counts[axis]
-        part[3] += 1
+        part[6] += 1
         self.taken += 1
         self.status |= record.status
         if self.status or self.taken == self.samples:
             self.done.set()
 
-    def value(self) -> Force:
-        x, y, z = (sum(part[axis] for part in self._parts) / self.samples for axis in range(3))
-        return x, y, z
+    def value(self) -> Zero:
+        fx, fy, fz, tx, ty, tz = (sum(part[axis] for part in self._parts) / self.samples for axis in range(6))
+        return fx, fy, fz, tx, ty, tz
 
     def spread(self) -> float:
-        """Return the greatest difference between the means of two parts, for any axis [counts]."""
-        means = [[part[axis] / part[3] for part in self._parts] for axis in range(3)]
+        """Return the greatest difference between the means of two parts, for any force [counts]."""
+        means = [[part[axis] / part[6] for part in self._parts] for axis in range(3)]
         return max(max(axis) - min(axis) for axis in means)

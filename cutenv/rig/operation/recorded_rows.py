@@ -1,0 +1,43 @@
+"""Rows of a cut's record: the readings, and on a rig with a height axis what is measured beside them."""
+
+from __future__ import annotations
+
+from cutenv._base.arrays import StructArray
+from cutenv.rig.config.settings import RigSettings
+from cutenv.rig.plant import RigPlant
+from cutenv.tissue.grid import depth_below
+from cutenv.trace import BESIDE, Reading
+
+Row = tuple[float, ...]
+
+
+def recorded_beside(settings: RigSettings) -> tuple[str, ...]:
+    """Return the fields that a rig records beside a :class:`~cutenv.trace.Reading`'s: none without a height axis.
+
+    With one: "height", "vertical_force" and the six components, as ``beside`` of
+    :class:`cutenv.recording.AppendingRecord` takes them.
+    """
+    return () if settings.height is None else BESIDE
+
+
+def recorded_rows(plant: RigPlant, readings: StructArray) -> tuple[list[Reading], list[Row] | None]:
+    """Return the rows to record of the readings that a plant has just made, and the fields beside them.
+
+    The depth is that of the measured profile at the blade, of a blade at height 0.
+
+    Parameters
+    ----------
+    plant : RigPlant
+        The rig, whose ``keep`` is called with these readings.
+    readings : Records
+        :data:`cutenv.cutting.dtypes.READING`, shape (n,).
+
+    Returns
+    -------
+    tuple of (list of Reading, list of tuple or None)
+        For :meth:`cutenv.recording.AppendingRecord.append`; None without a height axis.
+    """
+    depth = depth_below(plant.depth, readings["position"])
+    columns = [readings[field].tolist() for field in ("time", "force", "position", "speed", "angle")]
+    rows = list(map(Reading._make, zip(*columns, depth.tolist(), strict=True)))
+    return rows, None if plant.beside is None else plant.beside.tolist()

@@ -1,0 +1,35 @@
+"""A fake rig with a height axis and a specimen, released and ready to cut."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+from made_ready import release
+
+from cutenv.rig.config.imitated_rig import HEIGHT, fake_settings
+from cutenv.rig.config.settings import RigSettings
+from cutenv.rig.fake.descending_bench import DescendingBench
+from cutenv.rig.fake.fake_rig import FakeRig
+from cutenv.tissue.specimen import Specimen
+
+
+def height_settings(**axis: Any) -> RigSettings:
+    """Settings of a fake rig with a height axis, some of whose values are replaced."""
+    return fake_settings(height=dataclasses.replace(HEIGHT, **axis))
+
+
+def descending_rig(seed: int = 3, **axis: Any) -> FakeRig:
+    """A fake rig at the clamp, at height 0; not yet open."""
+    specimen = Specimen.drawn(seed, 0, specimen_class="liver")
+    return FakeRig(
+        lambda settings: DescendingBench(specimen, settings, seed=seed), height_settings(**axis), depth=specimen.depth
+    )
+
+
+def ready_to_descend(seed: int = 3, **axis: Any) -> FakeRig:
+    """The same, released."""
+    rig = descending_rig(seed, **axis)
+    rig.plant.open()
+    release(rig)
+    return rig

@@ -1,0 +1,122 @@
+"""An emulated rig with a height axis: the law with vertical motion under its motors, and a further node on the bus."""
+
+from __future__ import annotations
+
+import math
+import struct
+
+import numpy as np
+import pytest
+from hand_moved_drive import INCREMENT
+
+from cutenv.commands.rig.emulate import _options, _parser
+from cutenv.cutting.sensor import SensorParameters
+from cutenv.rig.config.imitated_rig import HEIGHT
+from cutenv.rig.devices.canopen.objects import HOMED
+from cutenv.rig.emulator.assembly import EmulatedRig, Options
+from cutenv.rig.emulator.control import answered
+from cutenv.rig.emulator.emulated_tissue import EmulatedTissue, Laid
+from cutenv.rig.emulator.hub import Frame
+from cutenv.rig.emulator.layered_tissue import ARM, LayeredTissue
+from cutenv.rig.errors import RigError
+from cutenv.tissue.layers import Layers
+
+UPRIGHT = math.pi / 2
+WAY = np.linspace(0.0, 0.03, 1501)[1:]
+
+
+def laid(of: type[EmulatedTissue], **more) -> EmulatedTissue:
+    bench, what = of(SensorParameters()), Laid(seed=3, episode=1, **more)
+    bench.mount(what.drawn(), what, position=0.0, angle=UPRIGHT)
+    return bench
+
+
+def test_at_height_0_the_readings_are_those_of_a_rig_without_the_axis_to_the_last_bit():
+    plain, layered = laid(EmulatedTissue), laid(LayeredTissue)
+    readings = [(plain.advance(x, UPRIGHT), layered.advance(x, UPRIGHT)) for x in WAY]
+    assert [one for one, _ in readings] == [other for _, other in readings]
+    assert (plain.true_force, plain.tip) == (layered.true_force, layered.tip)
+    assert layered.vertical_force == 0.0
+    assert layered.true_force > 0.5
+
+
+def test_a_lower_blade_cuts_deeper_and_a_rising_one_is_held_down():
+    plain, lower = laid(LayeredTissue), laid(LayeredTissue)
+    for k, x in enumerate(WAY):
+        plain.advance(x, UPRIGHT)
+        lower.height = -3e-6 * k
+        lower.advance(x, UPRIGHT)
+    assert lower.true_force > plain.true_force
+    pushed = lower.vertical_force
+    for _ in range(200):
+        lower.height += 5e-6
+        lower.advance(WAY[-1], UPRIGHT)
+    assert lower.vertical_force < min(0.0, pushed)
+    lower.take_away()
+    lower.advance(0.0, UPRIGHT)
+    assert (lower.true_force, lower.vertical_force) == (0.0, 0.0)
+
+
+def test_a_specimen_is_laid_only_with_the_blade_at_height_0():
+    bench = LayeredTissue()
+    with pytest.raises(RigError, match=r"at a height of 5\.0 mm: lower it to 0 \(within 2 mm\)"):
+        bench.check_height(0.005)
+    bench.check_height(-0.0019)
+
+
+def test_the_option_adds_a_third_node_with_its_own_dictionary_that_says_it_is_homed():
+    assert _options(_parser().parse_args([])).height_axis is None
+    options = _options(_parser().parse_args(["--height", "--free-air"]))
+    rig = EmulatedRig(options)
+    try:
+        sent: list[Frame] = []
+        rig.hub.send = sent.append
+        assert [node.number for node in rig.nodes.values()] == [1, 2, 3]
+        for tick in range(5):
+            rig.step(1000.0 + 1e-3 * tick)
+        before = rig.nodes["blade"].dictionary[0x6065]
+        rig.nodes["height"].dictionary[0x6065] = 1234
+        assert rig.nodes["blade"].dictionary[0x6065] == before
+        rig.nodes["height"].receive(Frame(0x603, bytes.fromhex("4041600000000000")), 1000.005)
+        answer = next(frame.data for frame in sent if frame.identifier == 0x583)
+        assert struct.unpack_from("<H", answer, 4)[0] & HOMED
+        assert not rig.nodes["blade"].dictionary[0x6041] & HOMED
+        assert abs(rig.axes["height"].increments()) * INCREMENT < 1e-6
+    finally:
+        rig.close()
+
+
+def test_the_sensor_gets_the_vertical_force_and_a_torque_by_its_arm():
+    rig = EmulatedRig(Options(laid=None, height_axis=HEIGHT))
+    loads = []
+    try:
+        rig.sensor.send = loads.append
+        rig.inject("over_force", {"force_N": 20.0})
+        rig.inject("over_lift", {"force_N": -8.0})
+        for tick in range(50):
+            rig.step(1000.0 + 1e-3 * tick)
+    finally:
+        rig.close()
+    fx, _, fz, _, ty, _ = np.mean(loads[20:], axis=0)
+    assert (fx, fz, ty) == (
+        pytest.approx(20.0, abs=0.1),
+        pytest.approx(-8.0, abs=0.1),
+        pytest.approx(-20.0 * ARM, abs=0.01),
+    )
+
+
+def test_layers_are_laid_by_the_control_port_on_a_rig_with_the_axis_alone():
+    asked = {"do": "specimen", "seed": 3, "layers": {"boundary": 0.01, "deep_toughness": 2.0}}
+    rig = EmulatedRig(Options(laid=None, height_axis=HEIGHT))
+    try:
+        assert answered(rig, asked)["ok"]
+        assert rig.bench.laid.layers == Layers(boundary=0.01, deep_toughness=2.0)
+        assert answered(rig, {"do": "truth"})["height_m"] == 0.0
+    finally:
+        rig.close()
+    rig = EmulatedRig(Options(laid=None))
+    try:
+        assert "layers: this rig has no height axis" in answered(rig, asked)["error"]
+        assert "height_m" not in answered(rig, {"do": "truth"})
+    finally:
+        rig.close()
