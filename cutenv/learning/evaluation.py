@@ -18,6 +18,7 @@ from tqdm import tqdm
 from cutenv.envs import set_cores
 from cutenv.learning.batched_rollout import batched_rollout
 from cutenv.policy import BASELINES, SHIPPED, ArrayPolicy, Policy, PrivilegedPolicy, named_policy
+from cutenv.policy.depth_scripts import DEPTH_SCRIPTS
 
 _BATCH, _SMALL_BATCH = 200, 100  # cuts simulated together; fewer where all readings are kept, or a policy is copied
 _FEWEST = 2000  # cuts, below which starting processes takes longer than they save
@@ -144,7 +145,7 @@ def evaluate(
 
 
 def contestant(name: str) -> Contestant:
-    """Return the baseline or shipped policy of that name, or the one in that folder.
+    """Return the baseline, script of the depth or shipped policy of that name, or the policy in that folder.
 
     Raises
     ------
@@ -153,6 +154,8 @@ def contestant(name: str) -> Contestant:
     """
     if name in BASELINES:
         return Contestant(BASELINES[name]())
+    if name in DEPTH_SCRIPTS:
+        return Contestant(DEPTH_SCRIPTS[name](), {"task": "depth"})
     if name in SHIPPED or Path(name).is_dir():
         policy = named_policy(name)
         return Contestant(policy, policy.environment_arguments)

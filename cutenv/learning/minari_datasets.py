@@ -20,12 +20,23 @@ from tqdm import tqdm
 
 import cutenv
 from cutenv.envs.gentle_cut import GentleCutEnv
-from cutenv.learning.demonstration import ESTIMATED, FELT, HIDDEN, Demonstration, recorded, simulated
+from cutenv.envs.learned_tasks import task_of
+from cutenv.learning.demonstration import (
+    DEPTH_FELT,
+    DEPTH_HIDDEN,
+    ESTIMATED,
+    FELT,
+    HIDDEN,
+    Demonstration,
+    recorded,
+    simulated,
+)
 from cutenv.learning.evaluation import contestant
 from cutenv.learning.seeds import ENVIRONMENT
 from cutenv.policy import Features
 from cutenv.policy.trained import observation_scaling
 from cutenv.recording import load
+from cutenv.task.depth_terms import ALL_COMPONENTS
 from cutenv.task.observation import COMPONENTS
 
 if TYPE_CHECKING:
@@ -34,8 +45,9 @@ if TYPE_CHECKING:
 ACTIONS = (
     "target speed: 0 within 0.25, 2.54 cm/s at 1",
     "(target angle - 67.5 deg) / 22.5 deg",
+    "descent speed: 0 within 0.1, 10 mm/s down at 1",
 )
-"""Meaning of the two numbers of an action."""
+"""Meaning of the numbers of an action; the third where depth is one."""
 _UNSET = "`(author|author_email|code_permalink|eval_env)` is set to None"  # Minari warns of each
 
 
@@ -67,7 +79,8 @@ def simulated_cuts(
     """
     chosen = contestant(policy)
     keywords = {**environment, **chosen.arguments}
-    env = gymnasium.make(ENVIRONMENT, **keywords)
+    task, own = task_of(keywords)
+    env = gymnasium.make(task.id, **own)
     return keywords, [simulated(env, chosen.policy, seed) for seed in tqdm(seeds, desc="cutting", unit="cut")]
 
 
@@ -141,7 +154,9 @@ def write(
         )
         for cut in demonstrations
     ]
-    env = gymnasium.make(ENVIRONMENT, **keywords)
+    task, own = task_of(keywords)
+    env = gymnasium.make(task.id, **own)
+    components, of_depth = ALL_COMPONENTS[: task.single.component_count], task.id != ENVIRONMENT
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=_UNSET)
         dataset = create_dataset_from_buffers(
@@ -157,9 +172,11 @@ def write(
         {
             "cutenv": {
                 "source": source,
-                "infos": FELT | (HIDDEN if is_simulated else ESTIMATED),
-                "observations": observation_scaling(),  # value = number x scale + offset
-                "actions": list(ACTIONS),
+                "infos": FELT
+                | (HIDDEN if is_simulated else ESTIMATED)
+                | (DEPTH_FELT | DEPTH_HIDDEN if of_depth else {}),
+                "observations": observation_scaling(components),  # value = number x scale + offset
+                "actions": list(ACTIONS[: len(task.single.action_names)]),
                 "actions_are": "commands" if is_simulated else "motion of the blade until the next decision",
             }
         }

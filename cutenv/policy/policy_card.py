@@ -6,12 +6,13 @@ import dataclasses
 import itertools
 import json
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from cutenv._base.validation import one_of
 from cutenv.policy.actor_network import ACTIVATIONS, OUTPUTS
-from cutenv.task.observation import COMPONENTS, DEAD_ZONE
+from cutenv.task.observation import COMPONENTS, DEAD_ZONE, Component
 from cutenv.tissue.description import checked_fields
 
 POLICY_SCHEMA = "cutenv-policy/1"
@@ -20,9 +21,9 @@ _LATER = {"memory": None, "output": "linear"}  # fields that the first cards did
 _SCALING = ("name", "unit", "scale", "offset")
 
 
-def observation_scaling() -> list[dict[str, Any]]:
+def observation_scaling(components: Sequence[Component] = COMPONENTS) -> list[dict[str, Any]]:
     """Return this version's scaling of observations: name, unit, scale and offset of each component, in order."""
-    return [{key: getattr(component, key) for key in _SCALING} for component in COMPONENTS]
+    return [{key: getattr(component, key) for key in _SCALING} for component in components]
 
 
 @dataclass(frozen=True, kw_only=True)

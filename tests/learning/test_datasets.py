@@ -17,7 +17,7 @@ pytest.importorskip("h5py", reason="data sets are an extra: pip install 'cutenv[
 
 from cutenv.commands.datasets import Arguments, cuts_of  # noqa: E402
 from cutenv.cutting.dtypes import TICK  # noqa: E402
-from cutenv.learning.demonstration import ESTIMATED, FELT, HIDDEN, recorded  # noqa: E402
+from cutenv.learning.demonstration import DEPTH_FELT, DEPTH_HIDDEN, ESTIMATED, FELT, HIDDEN, recorded  # noqa: E402
 from cutenv.learning.minari_datasets import (  # noqa: E402
     cloning_data,
     cloning_data_by_cut,
@@ -65,6 +65,25 @@ def test_a_round_trip_loses_nothing(kept: Path, policy: str) -> None:
         assert all((episode.infos[name] == values).all() for name, values in cut.infos.items())
         assert list(np.flatnonzero(episode.terminations)) == [len(cut.actions) - 1]
         assert not episode.truncations.any()
+
+
+def test_a_cut_along_a_wanted_depth_comes_back_with_its_vertical_force(kept: Path) -> None:
+    keywords, cuts = cuts_of(Arguments(dataset=ID, policy="follow the depth", **SHORT))
+    write(ID, "follow the depth", keywords, cuts)
+    loaded = minari.load_dataset(ID)
+    assert loaded.env_spec.id == "cutenv/DepthCut-v1"
+    env = loaded.recover_environment()
+    for cut, episode in zip(cuts, loaded.iterate_episodes(), strict=True):
+        assert episode.observations.shape[1:] == (22,)
+        assert episode.actions.shape[1:] == (3,)
+        assert set(episode.infos) == set(FELT | HIDDEN | DEPTH_FELT | DEPTH_HIDDEN)
+        assert episode.infos["vertical_force_N"].max() > 0.1
+        assert np.abs(episode.infos["floor_depth_m"] - episode.infos["wanted_depth_m"]).max() < 0.01
+        env.reset(seed=cut.seed)
+        assert [env.step(action)[1] for action in episode.actions] == cut.rewards.tolist()
+    written = loaded.storage.metadata["cutenv"]
+    assert len(written["observations"]) == 22
+    assert len(written["actions"]) == 3
 
 
 def test_replayed_in_the_recovered_environment_the_actions_earn_the_recorded_rewards(kept: Path) -> None:
