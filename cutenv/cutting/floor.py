@@ -9,7 +9,7 @@ from cutenv._engine.jit import njit_inline, njit_internal
 from cutenv.tissue.grid import POINTS_PER_METRE, SPACING
 from cutenv.tissue.layers import summed_toughness, toughness_within
 
-_MOST_STEPS, _NEAR = 60, 1e-2  # of the search for the depth by which the floor gives way; its relative step at the end
+_MOST_STEPS, _NEAR = 60, 0.05  # of the search for the depth by which the floor gives way; its relative step at the end
 
 
 @njit_internal
@@ -20,6 +20,7 @@ def press(descent: Struct, at: float, a: float, slip: float) -> tuple[float, flo
     part of it that slicing spends, and force [N] and stiffness [N/m] of the bed afterwards.
     """
     bed, thickness, level = descent.bed, descent.thickness, descent.level
+    per_bed = 1.0 / bed
     energy = released = spent = sliced = force = length = 0.0
     start = max(at - descent.edge_length, 0.0)
     first, last = int(start * POINTS_PER_METRE + 0.5), min(int(at * POINTS_PER_METRE + 0.5), descent.cell)
@@ -31,7 +32,7 @@ def press(descent: Struct, at: float, a: float, slip: float) -> tuple[float, flo
         low, high = (i - 0.5) * SPACING, (i + 0.5) * SPACING
         under = max(min(high, at) - max(low, start), 0.0)  # length of edge over this cell
         R = descent.toughness[i] * toughness_within(descent, depth)
-        sunk = given_way(p, R / bed, slip)
+        sunk = given_way(p, R * per_bed, slip)
         energy += 0.5 * bed * under * p**2
         if sunk > 0.0 and under > 0.0:
             cell = min(high, a) - max(low, 0.0)  # of it that is behind the tip: deepened as a whole
