@@ -72,7 +72,8 @@ def curves_figure(setting: StandardSetting, standard: Standard, width: float) ->
     axes.set_yticks([])
     axes.spines["left"].set_visible(False)
     axes.set_xlabel(_quantity(standard, "mean of each person's cuts"))
-    figure.legend(loc="outside upper left", ncols=1 if width < PHONE_WIDTH else 3, frameon=False, fontsize=9)
+    if axes.get_legend_handles_labels()[0]:
+        figure.legend(loc="outside upper left", ncols=1 if width < PHONE_WIDTH else 3, frameon=False, fontsize=9)
     return figure
 
 

@@ -24,7 +24,9 @@ _OWN, _CLASS = "#0072b2", "0.55"
 _FEWEST_OF_CLASS = 3  # people whose mean shows nobody
 
 
-def write_trainee_sheet(folder: Path, study: Study, operator: str, *, mark: float | None = None) -> Path:
+def write_trainee_sheet(
+    folder: Path, study: Study, operator: str, *, mark: float | None = None, language: str = "en"
+) -> Path:
     """Write the sheet of one person: history, learning curve, and what to try next.
 
     Parameters
@@ -37,6 +39,8 @@ def write_trainee_sheet(folder: Path, study: Study, operator: str, *, mark: floa
         Code of the person.
     mark : float, optional
         Pass mark of the overall score.
+    language : {"en", "de"}
+        Language of the page.
 
     Returns
     -------
@@ -56,6 +60,7 @@ def write_trainee_sheet(folder: Path, study: Study, operator: str, *, mark: floa
     write_page(
         path,
         "trainee_sheet.html",
+        language=language,
         operator=operator,
         subtitle=_subtitle(study, own),
         headline=_headline(cards, mark),
@@ -76,8 +81,10 @@ def write_trainee_sheet(folder: Path, study: Study, operator: str, *, mark: floa
     return path
 
 
-def write_class_list(folder: Path, study: Study, *, mark: float | None = None) -> tuple[Path, Path]:
-    """Write the list of the class as ``class.html`` and ``class.csv`` into a folder.
+def write_class_list(
+    folder: Path, study: Study, *, mark: float | None = None, language: str = "en"
+) -> tuple[Path, Path]:
+    """Write the list of the class as ``class.html``, in a language, and ``class.csv``, in English, into a folder.
 
     Returns
     -------
@@ -95,6 +102,7 @@ def write_class_list(folder: Path, study: Study, *, mark: float | None = None) -
     write_page(
         page,
         "class_list.html",
+        language=language,
         name=study.name,
         subtitle=f"{len(study.cuts)} cuts of {len(rows)} people{mean}.{passing}",
         rows=rows,
