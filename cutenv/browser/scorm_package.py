@@ -39,7 +39,7 @@ def write_scorm_package(path: Path, *, pass_mark: float | None = None, **options
     """
     if pass_mark is not None:
         in_range("pass_mark", pass_mark, 0.0, 100.0, "1", "The overall score is from 0 to 100.")
-    page = page_alone(**options, platform={"mark": pass_mark})
+    page = page_alone(**options, platform={"mark": None if pass_mark is None else round(pass_mark, 1)})
     texts = texts_by_key(options.get("language", "en"))
     identifier = hashlib.sha256(page.encode()).hexdigest()[:16]
     manifest = render(_HERE / "imsmanifest.xml", {"identifier": identifier, "page": _PAGE, "title": texts["title"]})

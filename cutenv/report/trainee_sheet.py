@@ -12,8 +12,8 @@ import numpy as np
 from cutenv._base.atomic_file import atomic_write
 from cutenv.report.figure import PHONE_WIDTH, label, new_figure, plain_axes
 from cutenv.report.page import number, write_page
-from cutenv.scoring.score_card import DISCLAIMER, ScoreCard
-from cutenv.scoring.study import StudiedCut, Study, proficiency
+from cutenv.scoring.score_card import DISCLAIMER, ScoreCard, whole_score
+from cutenv.scoring.study import Proficiency, StudiedCut, Study, proficiency
 from cutenv.scoring.study.pass_mark import IN_A_ROW
 from cutenv.scoring.study.trainee import RECENT, mean_points, next_tries, outcome_counts
 
@@ -175,9 +175,14 @@ def _headline(cards: Sequence[ScoreCard], mark: float | None) -> str:
 def _passes(scores: Sequence[float], mark: float | None) -> str:
     if mark is None:
         return ""
-    own = proficiency(scores, mark, better="higher")
+    own = _proficiency(scores, mark)
     row = "not yet" if own.reached_at is None else f"reached with cut {own.reached_at}"
     return f" {own.passes} of {own.cuts} pass at {mark:g}; {IN_A_ROW} in a row: {row}."
+
+
+def _proficiency(scores: Sequence[float], mark: float) -> Proficiency:
+    """Return a person's passes by the whole scores that stand on the page."""
+    return proficiency([whole_score(score) for score in scores], mark, better="higher")
 
 
 def _row(study: Study, operator: str, mark: float | None) -> dict[str, Any]:
@@ -196,7 +201,7 @@ def _row(study: Study, operator: str, mark: float | None) -> dict[str, Any]:
     for name in ("success", "missed", "beyond a limit"):
         row[name] = outcome_counts(cards).get(name, "")
     if mark is not None:
-        own = proficiency(scores, mark, better="higher") if scores else None
+        own = _proficiency(scores, mark) if scores else None
         row["passes"] = "" if own is None else own.passes
         row["proficient at cut"] = "" if own is None else own.reached_at or "not yet"
     return row
