@@ -36,6 +36,7 @@ from cutenv.classroom import ClassStore
 from cutenv.classroom.class_store import GOING_ON, SAVED, UNFINISHED
 
 DEFAULT = Path("runs") / "class-load.json"
+PARTS_OF_LOAD = ("nonsense", "study", "kills", "load")
 PATIENCE = 120.0
 """Seconds for one answer on a busy machine."""
 
@@ -126,7 +127,7 @@ def full_class(folder: Path, people: int, cuts: int) -> tuple[int, list[float]]:
 
 
 def beside_a_study(folder: Path, people: int) -> tuple[list[float], list[float]]:
-    """Let everybody cut twice, the second time while a study is worked out; return the times of saving of each [s]."""
+    """Let everybody cut thrice; return the times of saving [s] of the second cut, and of the third beside a study."""
     store = ClassStore(f"sqlite:///{folder / 'class.db'}")
     codes = store.add_codes(people)
     store.close()
@@ -135,6 +136,7 @@ def beside_a_study(folder: Path, people: int) -> tuple[list[float], list[float]]
     teacher = served.client()
     assert teacher.post("teacher", data={"token": served.token}).status_code == 303
     with ThreadPoolExecutor(people) as pool:
+        first = list(pool.map(cut_once, clients))  # not timed: everything is loaded by it
         alone = list(pool.map(cut_once, clients))
         begun = teacher.post("teacher/studies", data={"kind": "study", "code": codes})
         beside = list(pool.map(cut_once, clients))
@@ -143,6 +145,7 @@ def beside_a_study(folder: Path, people: int) -> tuple[list[float], list[float]]
     for client in [*clients, teacher]:
         client.close()
     assert served.end() == 0
+    assert not np.isnan(first).any(), "a cut was lost"
     return alone, beside
 
 
@@ -218,7 +221,8 @@ def markdown(kept: dict[str, Any]) -> str:
         )
     if study := kept.get("study"):
         saved = f"saved after {study['alone']:.1f} s (median), and after {study['beside']:.1f} s while it is worked out"
-        rows.append(("20 people at once, alone and beside a study", f"{study['lost']} lost; {saved}"))
+        what = f"{study['people']} people at once, each a cut of 4 s alone and one while a study of all of them is made"
+        rows.append((what, f"{study['lost']} lost; {saved}; load of the machine before {study['busy']:.1f}"))
     if kills := kept.get("kills"):
         what = f"server killed {kills['times']} times amid 50 people who cut"
         lost = f"{kills['said']} cuts said to be saved, {kills['lost']} of them lost"
@@ -237,7 +241,8 @@ def main() -> int:
     """Run what is asked for; return 1 if a finished cut was lost, or nonsense was stored or ended the server."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add = parser.add_argument
-    add("--people", type=int, default=100, metavar="N", help="people at once; default 100, 0 leaves the part out")
+    add("--parts", nargs="+", choices=PARTS_OF_LOAD, default=PARTS_OF_LOAD, help="what is measured; default all of it")
+    add("--people", type=int, default=100, metavar="N", help="people at once; default 100")
     add("--cuts", type=int, default=10, metavar="N", help="cuts of each; default 10")
     add("--kills", type=int, default=10, metavar="N", help="times that the server is killed; default 10")
     add("--messages", type=int, default=10_000, metavar="N", help="malformed messages; default 10000")
@@ -254,21 +259,22 @@ def main() -> int:
             path.write_text(json.dumps(kept, indent=1))
 
     with tempfile.TemporaryDirectory() as folder:
-        if arguments.messages:
+        if "nonsense" in arguments.parts:
             keep("nonsense", nonsense(Path(folder), arguments.messages))
     with tempfile.TemporaryDirectory() as folder:
-        if arguments.people:
-            alone, beside = beside_a_study(Path(folder), 20)
-            lost = int(np.isnan(alone + beside).sum())
-            keep("study", {"alone": float(np.nanmedian(alone)), "beside": float(np.nanmedian(beside)), "lost": lost})
+        if "study" in arguments.parts:
+            facts = {"people": arguments.people, "busy": os.getloadavg()[0]}
+            alone, beside = beside_a_study(Path(folder), arguments.people)
+            facts |= {"alone": float(np.nanmedian(alone)), "beside": float(np.nanmedian(beside))}
+            keep("study", facts | {"lost": int(np.isnan(alone + beside).sum())})
     with tempfile.TemporaryDirectory() as folder:
         totals = np.zeros(3, int)
-        for times in range(1, arguments.kills + 1):
+        for times in range(1, arguments.kills + 1) if "kills" in arguments.parts else ():
             totals += killed(Path(folder), 50)
             said, found, unfinished = totals.tolist()
             keep("kills", {"times": times, "said": said, "lost": max(said - found, 0), "unfinished": unfinished})
     with tempfile.TemporaryDirectory() as folder:
-        if arguments.people:
+        if "load" in arguments.parts:
             found, waits = full_class(Path(folder), arguments.people, arguments.cuts)
             middle, slow = np.nanpercentile(waits, [50, 99]).tolist()
             asked = arguments.people * arguments.cuts

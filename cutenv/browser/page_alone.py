@@ -19,6 +19,7 @@ from cutenv._base import resources
 from cutenv._base.arrays import Array
 from cutenv._base.atomic_file import atomic_write
 from cutenv._base.document import render
+from cutenv._base.languages import LANGUAGES, texts_by_key
 from cutenv._base.validation import in_range, one_of
 from cutenv.browser.stylus_steps import HandCut
 from cutenv.cutting.dtypes import READING
@@ -47,7 +48,6 @@ from cutenv.viewer.scene_parts import WORDS, scene_data
 
 LAW_PROGRAM = "browser/law.wasm"
 """The compiled task, below ``assets``."""
-LANGUAGES = ("en", "de")
 OFFERED = ("liver", "uniform", "vascular")
 """Classes of specimens that a page offers by default."""
 _HERE = Path(__file__).parent / "page"
@@ -159,7 +159,7 @@ def page_data() -> dict[str, Any]:
 
 def page_texts(language: str) -> dict[str, str]:
     """Return the texts of a language by key; the scene's own words are English, which the file of another has too."""
-    own: dict[str, str] = json.loads((_HERE / f"texts.{language}.json").read_text(encoding="utf-8"))
+    own = texts_by_key(language)
     return own if language != "en" else own | WORDS
 
 

@@ -16,6 +16,7 @@ from sqlalchemy.exc import IntegrityError
 from cutenv._base.validation import in_range
 from cutenv.classroom.class_tables import BACKED_UP, CLASS_METADATA, CLASS_PLACES, CUTS, PASS_MARKS, PEOPLE, SESSIONS
 from cutenv.recording.provenance import check_operator
+from cutenv.scoring.score_card import whole_score
 
 TEACHER = ""
 """Code of the teacher's sessions."""
@@ -281,7 +282,7 @@ class ClassStore:
             "state": state,
             "record": record,
             "outcome": outcome[:200],
-            "score": None if score is None else round(score),
+            "score": None if score is None else whole_score(score),
             "reason": reason[:500],
         }
         goes_on = (CUTS.c.id == number) & CUTS.c.state.in_((PREPARED, GOING_ON, UNFINISHED))
@@ -295,7 +296,7 @@ class ClassStore:
         number = secrets.token_hex(16)
         values = dict(
             id=number, code=code, specimen_class="", seed=0, handed_out=_now(), state=FOREIGN, record=record,
-            outcome=outcome[:200], score=None if score is None else round(score), reason=reason[:500],
+            outcome=outcome[:200], score=None if score is None else whole_score(score), reason=reason[:500],
         )  # fmt: skip
         with self._transaction() as connection:
             connection.execute(insert(CUTS).values(**values))

@@ -44,6 +44,7 @@ from cutenv.recording import Provenance, load_one, save
 from cutenv.report.score_page import ScoredRecord, write_score_page
 from cutenv.scoring import ReferenceSet, ScoreCard, score
 from cutenv.scoring.reference import fitting_reference
+from cutenv.scoring.score_card import whole_score
 from cutenv.scoring.scored_cut import TIP_AT_END
 from cutenv.trace import Trace
 
@@ -362,7 +363,7 @@ def shown_card(
 
     Of a card that is to be ``hidden`` nothing is shown but whether it passes.
     """
-    overall = None if card.overall_score is None else round(card.overall_score)  # what is shown decides
+    overall = None if card.overall_score is None else whole_score(card.overall_score)  # what is shown decides
     return {
         "pass_mark": None if mark is None else mark.mark,
         "passed": None if mark is None or overall is None else overall >= mark.mark,

@@ -151,7 +151,7 @@ def teacher_routes(
     async def study(request: Request) -> Response:
         form = await request.form()
         try:
-            made = await run_in_threadpool(_begun, lesson, form, words)
+            made = await run_in_threadpool(_begun, lesson, form, words, language)
         except ValueError as error:
             return await run_in_threadpool(studies_page, str(error), 422)
         return RedirectResponse(f"studies/{made}", 303)
@@ -275,7 +275,7 @@ def teacher_routes(
     ]  # fmt: skip
 
 
-def _begun(lesson: Lesson, form: FormData, words: Mapping[str, str]) -> str:
+def _begun(lesson: Lesson, form: FormData, words: Mapping[str, str], language: str) -> str:
     """Begin the study or the setting of pass marks that a form asks for; return its id, ValueError if it cannot be."""
     kind = PASS_MARK_KIND if form.get("kind") == PASS_MARK_KIND else STUDY_KIND
     classes, codes = form.getlist("class"), form.getlist("code")
@@ -294,7 +294,7 @@ def _begun(lesson: Lesson, form: FormData, words: Mapping[str, str]) -> str:
             rows += [StudiedRecord(f"{code}/{cut.record}", code, group) for cut in cuts if cut.state in wanted]
     if not rows:
         raise ValueError(words["nobody_to_study"])
-    options: list[str] = []
+    options = ["--language", language]
     if kind == STUDY_KIND:
         options += ["--groups", passing, failing] if compared else []
         mark = mark if mark is not None else lesson.pass_mark.mark if lesson.pass_mark else None

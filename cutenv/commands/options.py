@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Literal, TypeVar
 
+from cutenv._base.languages import LANGUAGES
 from cutenv._base.output import reader_has_gone
 
 T = TypeVar("T")
@@ -174,6 +175,9 @@ def add_study_options(parser: argparse.ArgumentParser, *, columns: str) -> None:
     )
     add_target_length(parser, "the records' own")
     parser.add_argument("--name", metavar="NAME", help="title; default the table's name, or the folder's")
+    parser.add_argument(
+        "--language", choices=LANGUAGES, default="en", help="language of the pages; tables for programs are English"
+    )
 
 
 def add_cut(parser: argparse.ArgumentParser) -> None:

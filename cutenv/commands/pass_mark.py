@@ -65,7 +65,7 @@ def main(argv: Sequence[str]) -> int:
         print(f"note: left out: {each.name}: {each.reason}")
     if arguments.out is not None:
         drawn = functools.partial(watched, description="drawing", unit="metric")
-        people, everything = write_pass_mark_page(arguments.out, setting, progress=drawn)
+        people, everything = write_pass_mark_page(arguments.out, setting, progress=drawn, language=arguments.language)
         print(f"\npage: {arguments.out}\npeople: {people}\neverything: {everything}")
     return 0
 

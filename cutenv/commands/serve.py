@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from cutenv._base.languages import LANGUAGES
 from cutenv._base.validation import in_range
-from cutenv.browser.page_alone import LANGUAGES
 from cutenv.commands.options import add_watch, command_parser, made_folder, reports_errors
 from cutenv.play.course import SHIPPED_COURSES, named_course
 from cutenv.tissue.specimen import CLASSES

@@ -6,7 +6,8 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from cutenv.browser.page_alone import LANGUAGES, OFFERED, write_page_alone
+from cutenv._base.languages import LANGUAGES
+from cutenv.browser.page_alone import OFFERED, write_page_alone
 from cutenv.browser.scorm_package import write_scorm_package
 from cutenv.commands.options import command_parser, made_folder, reports_errors
 from cutenv.tissue.specimen import CLASSES

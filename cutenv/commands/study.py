@@ -50,12 +50,12 @@ def main(argv: Sequence[str]) -> int:
         print(f"note: left out: {each.name}: {each.reason}")
     if arguments.out is not None:
         drawn = functools.partial(watched, description="drawing", unit="metric")
-        cards = write_study(arguments.out, study, progress=drawn)
+        cards = write_study(arguments.out, study, progress=drawn, language=arguments.language)
         print(f"\npage: {arguments.out}\ncards: {cards}")
     if arguments.sheets is not None:
         for operator in watched(study.operators, "drawing", "sheet"):
-            write_trainee_sheet(arguments.sheets, study, operator, mark=arguments.mark)
-        page, table = write_class_list(arguments.sheets, study, mark=arguments.mark)
+            write_trainee_sheet(arguments.sheets, study, operator, mark=arguments.mark, language=arguments.language)
+        page, table = write_class_list(arguments.sheets, study, mark=arguments.mark, language=arguments.language)
         print(f"\nclass list: {page} and {table}\nsheets: {len(study.operators)} beside it")
     return 0
 

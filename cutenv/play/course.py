@@ -16,6 +16,7 @@ from cutenv._base.validation import in_range, one_of
 from cutenv.play.course_words import course_words
 from cutenv.recording.provenance import check_operator
 from cutenv.scoring import METRICS, ScoreCard
+from cutenv.scoring.score_card import whole_score
 from cutenv.tissue.specimen import CLASSES
 
 FEEDBACK = {rule: course_words("en", rule) for rule in ("always", "above-limit", "afterwards", "never")}
@@ -293,7 +294,8 @@ def _missed(key: str, limit: float, card: ScoreCard, language: str) -> str:
     asked = _limit(key, limit, language)
     if value is None:
         return course_words(language, "unknown", limit=asked)
-    value = about.unit.from_si(value)
+    # What is shown decides: a whole score, other numbers with three digits.
+    value = whole_score(value) if key == _SCORE else float(f"{about.unit.from_si(value):.3g}")
     kept = value >= limit if about.more else value <= limit
     return "" if kept else course_words(language, "here", limit=asked, value=_shown(value, about, language))
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from cutenv._base.atomic_file import atomic_write
 from cutenv._base.document import render
+from cutenv.report.translation import Translation
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -32,7 +33,7 @@ class EmbeddedFigure(NamedTuple):
     kind: Literal["drawing", "photo"]
 
 
-def write_page(path: Path, template: str | Path, **values: Any) -> None:
+def write_page(path: Path, template: str | Path, *, language: str = "en", **values: Any) -> None:
     """Write a page as a whole or not at all.
 
     Parameters
@@ -41,6 +42,8 @@ def write_page(path: Path, template: str | Path, **values: Any) -> None:
         Path of the page (.html), in a folder that exists.
     template : str or Path
         Template that extends ``page.html``: the name of one beside it, or the path of another.
+    language : {"en", "de"}
+        Language of the page.
     values : object
         Values by the names that the template has for them.
 
@@ -50,7 +53,14 @@ def write_page(path: Path, template: str | Path, **values: Any) -> None:
         If Jinja2 or, for a page with figures, matplotlib is not installed; the message gives the command that
         installs it.
     """
-    write_text(path, render(_TEMPLATES / template, values, folders=[_TEMPLATES], filters=_FILTERS))
+    translation = Translation(language)
+
+    def embedded(figure: Figure) -> EmbeddedFigure:
+        translation.figure(figure)
+        return _embedded(figure)
+
+    document = render(_TEMPLATES / template, values, folders=[_TEMPLATES], filters=_FILTERS | {"embedded": embedded})
+    write_text(path, translation.page(document))
 
 
 def write_text(path: Path, text: str) -> None:
@@ -97,4 +107,4 @@ def _parted(text: str) -> tuple[str, str]:
     return (found[1].replace("-", "−"), found[2].replace("-", "−")) if found else (text, "")
 
 
-_FILTERS: dict[str, Callable[..., Any]] = {"embedded": _embedded, "number": number, "parted": _parted, "spoken": spoken}
+_FILTERS: dict[str, Callable[..., Any]] = {"number": number, "parted": _parted, "spoken": spoken}

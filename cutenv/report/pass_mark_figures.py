@@ -15,6 +15,7 @@ from cutenv.scoring.study import PassMark, Standard, StandardSetting
 from cutenv.scoring.study.estimate import FEWEST_PEOPLE
 from cutenv.scoring.study.pass_mark import passes
 from cutenv.scoring.study.raters import mean_mark
+from cutenv.scoring.study.standard_setting import as_shown
 from cutenv.scoring.study.study import value_of
 
 if TYPE_CHECKING:
@@ -72,7 +73,8 @@ def curves_figure(setting: StandardSetting, standard: Standard, width: float) ->
     axes.set_yticks([])
     axes.spines["left"].set_visible(False)
     axes.set_xlabel(_quantity(standard, "mean of each person's cuts"))
-    figure.legend(loc="outside upper left", ncols=1 if width < PHONE_WIDTH else 3, frameon=False, fontsize=9)
+    if axes.get_legend_handles_labels()[0]:
+        figure.legend(loc="outside upper left", ncols=1 if width < PHONE_WIDTH else 3, frameon=False, fontsize=9)
     return figure
 
 
@@ -88,7 +90,8 @@ def proficiency_figure(setting: StandardSetting, standard: Standard, width: floa
     colours = _colours(setting)
     for row, (operator, values) in enumerate(standard.series.items()):
         colour = colours.get(setting.group_of[operator], _OTHERS)
-        number, passed = np.arange(1, len(values) + 1), passes(values, mark, standard.better)
+        shown, least = as_shown(standard.metric, values, mark)
+        number, passed = np.arange(1, len(values) + 1), passes(shown, least, standard.better)
         axes.plot(number[passed], np.full(passed.sum(), -row), "o", color=colour, markersize=5)
         axes.plot(number[~passed], np.full((~passed).sum(), -row), "o", color=colour, markersize=5, fillstyle="none")
         at = standard.proficiency[operator].reached_at

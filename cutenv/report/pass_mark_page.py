@@ -33,7 +33,11 @@ from cutenv.scoring.study.study import NotEstimable
 
 
 def write_pass_mark_page(
-    path: Path, setting: StandardSetting, *, progress: Callable[[Iterable[Standard]], Iterable[Standard]] = iter
+    path: Path,
+    setting: StandardSetting,
+    *,
+    progress: Callable[[Iterable[Standard]], Iterable[Standard]] = iter,
+    language: str = "en",
 ) -> tuple[Path, Path]:
     """Write pass marks as one self-contained page, every person's row as CSV and all numbers as JSON beside it.
 
@@ -45,6 +49,8 @@ def write_pass_mark_page(
         What to write.
     progress : callable
         Wrapper of the metrics that shows how far the drawing is.
+    language : {"en", "de"}
+        Language of the page.
 
     Returns
     -------
@@ -60,6 +66,7 @@ def write_pass_mark_page(
     write_page(
         path,
         "pass_mark.html",
+        language=language,
         setting=setting,
         progress=progress,
         subtitle=f"{cuts} cuts of {people} people{_groups(setting)}. {DISCLAIMER}",

@@ -6,6 +6,7 @@ import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from cutenv._base.atomic_file import atomic_write
 from cutenv._base.unit_table import shown_unit
@@ -166,5 +167,11 @@ def _digits(value: float) -> str:
     return number(value, 0 if whole else 1 if abs(value) >= 10.0 else 2 if abs(value) >= 1.0 else 3)
 
 
-_SHARED = {"disclaimer": DISCLAIMER, "groups": METRIC_GROUPS, "handy": _handy, "leading": ON_TOP, "metrics": METRICS}
+_SHARED: dict[str, Any] = {
+    "disclaimer": DISCLAIMER,
+    "groups": METRIC_GROUPS,
+    "handy": _handy,
+    "leading": ON_TOP,
+    "metrics": METRICS,
+}
 """Context of both pages."""

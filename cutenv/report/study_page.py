@@ -41,7 +41,11 @@ _BETTER = {"lower": "less is better", "higher": "more is better", "none": "neith
 
 
 def write_study(
-    path: Path, study: Study, *, progress: Callable[[Iterable[Findings]], Iterable[Findings]] = iter
+    path: Path,
+    study: Study,
+    *,
+    progress: Callable[[Iterable[Findings]], Iterable[Findings]] = iter,
+    language: str = "en",
 ) -> Path:
     """Write a study as one self-contained page, and every card as a row of a CSV beside it.
 
@@ -53,6 +57,8 @@ def write_study(
         Study to write.
     progress : callable
         Wrapper of the metrics that shows how far the drawing is.
+    language : {"en", "de"}
+        Language of the page.
 
     Returns
     -------
@@ -70,6 +76,7 @@ def write_study(
     write_page(
         path,
         "study.html",
+        language=language,
         study=study,
         subtitle=f"{cuts} of {people}{by}. {DISCLAIMER}",
         headline=study_headline(study),

@@ -12,8 +12,8 @@ import numpy as np
 from cutenv._base.atomic_file import atomic_write
 from cutenv.report.figure import PHONE_WIDTH, label, new_figure, plain_axes
 from cutenv.report.page import number, write_page
-from cutenv.scoring.score_card import DISCLAIMER, ScoreCard
-from cutenv.scoring.study import StudiedCut, Study, proficiency
+from cutenv.scoring.score_card import DISCLAIMER, ScoreCard, whole_score
+from cutenv.scoring.study import Proficiency, StudiedCut, Study, proficiency
 from cutenv.scoring.study.pass_mark import IN_A_ROW
 from cutenv.scoring.study.trainee import RECENT, mean_points, next_tries, outcome_counts
 
@@ -24,7 +24,9 @@ _OWN, _CLASS = "#0072b2", "0.55"
 _FEWEST_OF_CLASS = 3  # people whose mean shows nobody
 
 
-def write_trainee_sheet(folder: Path, study: Study, operator: str, *, mark: float | None = None) -> Path:
+def write_trainee_sheet(
+    folder: Path, study: Study, operator: str, *, mark: float | None = None, language: str = "en"
+) -> Path:
     """Write the sheet of one person: history, learning curve, and what to try next.
 
     Parameters
@@ -37,6 +39,8 @@ def write_trainee_sheet(folder: Path, study: Study, operator: str, *, mark: floa
         Code of the person.
     mark : float, optional
         Pass mark of the overall score.
+    language : {"en", "de"}
+        Language of the page.
 
     Returns
     -------
@@ -56,6 +60,7 @@ def write_trainee_sheet(folder: Path, study: Study, operator: str, *, mark: floa
     write_page(
         path,
         "trainee_sheet.html",
+        language=language,
         operator=operator,
         subtitle=_subtitle(study, own),
         headline=_headline(cards, mark),
@@ -76,8 +81,10 @@ def write_trainee_sheet(folder: Path, study: Study, operator: str, *, mark: floa
     return path
 
 
-def write_class_list(folder: Path, study: Study, *, mark: float | None = None) -> tuple[Path, Path]:
-    """Write the list of the class as ``class.html`` and ``class.csv`` into a folder.
+def write_class_list(
+    folder: Path, study: Study, *, mark: float | None = None, language: str = "en"
+) -> tuple[Path, Path]:
+    """Write the list of the class as ``class.html``, in a language, and ``class.csv``, in English, into a folder.
 
     Returns
     -------
@@ -95,6 +102,7 @@ def write_class_list(folder: Path, study: Study, *, mark: float | None = None) -
     write_page(
         page,
         "class_list.html",
+        language=language,
         name=study.name,
         subtitle=f"{len(study.cuts)} cuts of {len(rows)} people{mean}.{passing}",
         rows=rows,
@@ -167,9 +175,14 @@ def _headline(cards: Sequence[ScoreCard], mark: float | None) -> str:
 def _passes(scores: Sequence[float], mark: float | None) -> str:
     if mark is None:
         return ""
-    own = proficiency(scores, mark, better="higher")
+    own = _proficiency(scores, mark)
     row = "not yet" if own.reached_at is None else f"reached with cut {own.reached_at}"
     return f" {own.passes} of {own.cuts} pass at {mark:g}; {IN_A_ROW} in a row: {row}."
+
+
+def _proficiency(scores: Sequence[float], mark: float) -> Proficiency:
+    """Return a person's passes by the whole scores that stand on the page."""
+    return proficiency([whole_score(score) for score in scores], mark, better="higher")
 
 
 def _row(study: Study, operator: str, mark: float | None) -> dict[str, Any]:
@@ -188,7 +201,7 @@ def _row(study: Study, operator: str, mark: float | None) -> dict[str, Any]:
     for name in ("success", "missed", "beyond a limit"):
         row[name] = outcome_counts(cards).get(name, "")
     if mark is not None:
-        own = proficiency(scores, mark, better="higher") if scores else None
+        own = _proficiency(scores, mark) if scores else None
         row["passes"] = "" if own is None else own.passes
         row["proficient at cut"] = "" if own is None else own.reached_at or "not yet"
     return row

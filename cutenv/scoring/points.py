@@ -151,7 +151,9 @@ def outcome_of(cut: ScoredCut, metrics: Mapping[str, float]) -> str:
         If the tip or the target is unknown.
     """
     off = 1e3 * (float(cut.tip[cut.end]) - cut.length)
-    place = f"{abs(off):.1f} mm {'short of' if off < 0.0 else 'beyond'} the target"
+    tolerance = 1e3 * TIP_TOLERANCE
+    shown = abs(off) if abs(off) <= tolerance else max(abs(off), tolerance + 0.1)  # rounded, it does not look near
+    place = f"{shown:.1f} mm {'short of' if off < 0.0 else 'beyond'} the target"
     if fault := beyond_limit(cut, metrics):
         return fault
     if is_success(cut):

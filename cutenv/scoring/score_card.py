@@ -35,6 +35,11 @@ FEWEST_WEIGHT = 0.5
 DISCLAIMER = "Training feedback for research; not validated for assessment or credentialing of people."
 
 
+def whole_score(score: float) -> int:
+    """Return an overall score as people are shown it: a mark is held against this number, so that both agree."""
+    return round(score)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Scored:
     """One metric of a cut: its value, or the reason why there is none; and its percentile, given a reference set."""

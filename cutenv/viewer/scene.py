@@ -119,7 +119,10 @@ class Moment:
             if self.success:
                 return "finished: success"
             if abs(self.tip - self.target) > self.tolerance:
-                return f"finished: tip {abs(self.tip - self.target) * 1e3:.1f} mm off target"
+                off = max(
+                    abs(self.tip - self.target), self.tolerance + 1e-4
+                )  # rounded, it does not look like a success
+                return f"finished: tip {1e3 * off:.1f} mm off target"
             return f"finished: blade at {math.degrees(self.angle):.0f}°, not upright"
         return {"": "", "force_limit": "stopped: force limit", "overshoot": "stopped: overshoot"}.get(
             self.end, f"stopped: {self.end}"

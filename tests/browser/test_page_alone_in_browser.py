@@ -16,8 +16,9 @@ import pytest
 
 pytest.importorskip("jinja2", reason="pages are an extra: pip install 'cutenv[view]'")
 
+from cutenv._base.languages import LANGUAGES
 from cutenv.browser import HandCut, write_page_alone
-from cutenv.browser.page_alone import LANGUAGES, page_texts, scoring_data, specimen_data
+from cutenv.browser.page_alone import page_texts, scoring_data, specimen_data
 from cutenv.commands import single_page
 from cutenv.plant.protocol import recorded_trace
 from cutenv.recording import load

@@ -113,6 +113,11 @@ def test_groups_that_give_no_evidence_are_told_why(failing: list[float], passing
         pass_mark(failing, passing, rng=rng())
 
 
+def test_experts_who_are_all_alike_have_no_spread_to_go_by() -> None:
+    with pytest.raises(ValueError, match="nobody differs in the passing group"):
+        pass_mark([], [0.0, 0.0, 0.0], method="expert mean and SD", better="lower", rng=rng())
+
+
 def test_a_mark_without_a_teacher_is_refused() -> None:
     with pytest.raises(ValueError, match="a teacher's mark needs it"):
         pass_mark([1, 2, 3], [4, 5, 6], method="set by the teacher", rng=rng())

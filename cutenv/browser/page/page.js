@@ -91,7 +91,7 @@
     else {
       const known = say(best === null ? texts.platform_ready : texts.platform,
         { best: fixed(best ?? 0, 1), done: platform.done, all: told.specimens.length });
-      const passed = platform.status === "passed" ? texts.platform_passed : say(texts.platform_mark, { mark: fixed(mark ?? 0, 0) });
+      const passed = platform.status === "passed" ? texts.platform_passed : say(texts.platform_mark, { mark: fixed(mark ?? 0, Number.isInteger(mark) ? 0 : 1) });
       line.textContent = mark === null ? known : `${known} ${passed}`;
     }
   }
@@ -221,11 +221,11 @@
     tellPlatform();
     if (at !== "ended") return;
     const found = cut.numbers(), millimetres = value => fixed(1e3 * Math.abs(value), 1);
-    const off = say(found.off > 0 ? texts.beyond : texts.short, { value: millimetres(found.off) });
+    const off = say(found.off > 0 ? texts.beyond : texts.short, { value: millimetres(apart(found.off)) });
     byId("verdict").textContent = verdict(cut, found, millimetres);
     byId("card").className = cut.success ? "card good" : "card bad";
     const reward = law.numbers("episode", "totals", told.terms.length).reduce((sum, term) => sum + term, 0);
-    const scored = page.points ? [[texts.score, say(texts.points_of, { value: fixed(sum(page.points), 0), most: 100 })]] : [];
+    const scored = page.points ? [[texts.score, say(texts.points_of, { value: fixed(sum(page.points), told.platform ? 1 : 0), most: 100 })]] : [];
     const rows = [...scored, [texts.result_off, off], [texts.result_peak, `${fixed(found.peak, 1)} N`],
       [texts.result_longest, `${millimetres(found.longest)} mm`], [texts.result_time, `${fixed(found.time, 1)} s`],
       [texts.result_return, fixed(reward, 2)]];
@@ -237,11 +237,14 @@
     if (byId("save")) byId("save").disabled = cut.count < FEWEST;
   }
 
+  // A tip that missed the target is not rounded to one that did not.
+  const apart = off => Math.abs(off) > told.tip_tolerance ? Math.max(Math.abs(off), told.tip_tolerance + 1e-4) : off;
+
   function verdict(cut, found, millimetres) {
     if (cut.end !== "finished") return texts[`end_${cut.end}`];
     if (cut.success) return texts.end_finished_success;
     if (Math.abs(found.off) > told.tip_tolerance) {
-      return say(texts.end_finished_off, { off: millimetres(found.off), tolerance: fixed(1e3 * told.tip_tolerance, 0) });
+      return say(texts.end_finished_off, { off: millimetres(apart(found.off)), tolerance: fixed(1e3 * told.tip_tolerance, 0) });
     }
     return say(texts.end_finished_tilted, { angle: fixed(cut.angle * 180 / Math.PI, 0) });
   }

@@ -161,6 +161,8 @@ def pass_mark(
         _check_contrast(groups[0], groups[1], sign)
     elif method != "set by the teacher" and len(groups[1]) < FEWEST_PEOPLE:
         raise ValueError(f"fewer than {FEWEST_PEOPLE} people in the passing group ({len(groups[1])})")
+    elif method == "expert mean and SD" and vanishes(float(groups[1].std(ddof=1)) ** 2, groups[1]):
+        raise ValueError("nobody differs in the passing group, so it has no curve")
     # The first row is the people themselves; the others are resamples of them.
     curves = [_curves(values, rng) for values in groups]
     marks = _marks(method, curves[0], curves[1], sign, k, given)

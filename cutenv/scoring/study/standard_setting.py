@@ -10,6 +10,7 @@ import numpy as np
 from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range, one_of
 from cutenv.scoring.metric import METRICS
+from cutenv.scoring.score_card import whole_score
 from cutenv.scoring.study.estimate import FEWEST_COMPARED
 from cutenv.scoring.study.pass_mark import (
     IN_A_ROW,
@@ -231,7 +232,7 @@ class StandardSetting:
             proficiency={}
             if isinstance(chosen, NotEstimable)
             else {
-                operator: proficiency(own, chosen.mark.value, better=better, in_a_row=self.in_a_row)
+                operator: proficiency(*as_shown(metric, own, chosen.mark.value), better=better, in_a_row=self.in_a_row)
                 for operator, own in series.items()
             },
             separation=NotEstimable(f"fewer than {FEWEST_COMPARED} people in a group")
@@ -304,3 +305,10 @@ def other_group(groups: Sequence[str], passing: str | None, failing: str | None)
     if len(others) > 1:
         raise ValueError(f"which group is not to pass, of {', '.join(others)}? Name it with failing.")
     return others[0] if others else None
+
+
+def as_shown(metric: str, values: Array, mark: float) -> tuple[Array, float]:
+    """Return values and mark as people are shown them: whole scores, and their mark with one decimal."""
+    if metric != OVERALL:
+        return values, mark
+    return np.array([whole_score(value) for value in values.tolist()], np.float64), round(mark, 1)
