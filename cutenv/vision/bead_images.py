@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +13,12 @@ from scipy.spatial import cKDTree
 
 from cutenv.vision.spots import fit_spots
 
-_TOUCHING = 1.7  # diameters: beads nearer than that are fitted together
+_TOUCHING = 2.2  # diameters: beads nearer than that are fitted together, for each is in the window of the other
 _REACH = 1.3  # diameters around a bead that are fitted
 _SHIFT, _CONTRAST = 2.0, 0.15  # standard deviations before the image is seen: place [px], height [of the usual one]
+_ROUGH = 1.5  # of the usual noise: what a fit leaves over beyond it does not average out
+_MOST_NOISE = 3.0  # times the usual: more is left over by an edge, or by a bead that nobody expects
+_VAGUE = 4.0  # times the least error that the noise allows
 _ROUNDS = 12
 _SETTLED = 1e-3  # px
 
@@ -31,11 +35,14 @@ class BeadLook:
         Width of the Gaussian that fits it [px].
     height : float
         Its height [1].
+    noise : float
+        Standard deviation of what its fit leaves over in one pixel [1].
     """
 
     diameter: float
     sigma: float
     height: float
+    noise: float
 
 
 def attenuation(grey: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -74,13 +81,19 @@ def measure_beads(
     size = np.bincount(heap, minlength=1)
     alone = known[size[heap] == 1]
     spots, settled = fit_spots(image, expected[alone], look.diameter)
-    seen = settled & _usual(spots.amplitude, spots.scatter, look)
-    place[alone[seen]], covariance[alone[seen]] = spots.place[seen], spots.covariance[seen]
+    seen = settled & _usual(spots.amplitude, spots.scatter, look) & (spots.scatter < _MOST_NOISE * look.noise)
+    unlike = _unlike(spots.scatter[seen], look)
+    place[alone[seen]], covariance[alone[seen]] = spots.place[seen], unlike[:, None, None] * spots.covariance[seen]
     for one in np.flatnonzero(size > 1):
         members = known[heap == one]
         found = _fit_heap(image, expected[members], look)
         if found is not None:
             place[members], covariance[members] = found
+    # Of two that hide each other, or share one image, errors stay the same from frame to frame, and add up.
+    least = np.sqrt(2.0 / np.pi) * look.noise / look.height
+    with np.errstate(invalid="ignore"):
+        vague = np.sqrt(np.trace(covariance, axis1=1, axis2=2) / 2.0) > _VAGUE * least
+    place[vague], covariance[vague] = np.nan, np.nan
     return place, covariance
 
 
@@ -88,6 +101,11 @@ def _usual(height: NDArray[np.float64], scatter: NDArray[np.float64], look: Bead
     """Return which heights are those of one bead, with room for the noise."""
     room = 0.4 * look.height + 1.5 * scatter
     return np.asarray(np.abs(height - look.height) < room)
+
+
+def _unlike(scatter: Any, look: BeadLook) -> NDArray[np.float64]:
+    """Return by how much more a fit is uncertain that leaves over more than noise, such as a blade's edge."""
+    return np.asarray(np.maximum(1.0, (scatter / (_ROUGH * look.noise)) ** 2))
 
 
 def _fit_heap(
@@ -131,10 +149,11 @@ def _fit_heap(
         else:
             damping *= 10.0
     height = p[2 * n : 3 * n]
-    if not _usual(height, np.full(n, noise), look).all() or noise > 0.5 * look.height:
+    if not _usual(height, np.full(n, noise), look).all() or noise > _MOST_NOISE * look.noise:
         return None
     normal = slope.T @ slope + np.diag(prior + 1e-9)
     whole = np.asarray(np.linalg.inv(normal) * noise**2, float)
+    whole = whole * _unlike(noise, look)
     rows = np.stack([np.arange(n), np.arange(n, 2 * n)], axis=1)
     return p[: 2 * n].reshape(2, n).T, whole[rows[:, :, None], rows[:, None, :]]
 

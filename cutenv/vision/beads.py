@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from cutenv._base.validation import in_range
-from cutenv.vision.bead_images import BeadLook, attenuation, measure_beads
+from cutenv.vision.bead_filter import BeadFilter
+from cutenv.vision.bead_images import BeadLook, attenuation
+from cutenv.vision.bead_motion import groups_of, measure_with_neighbours, shared_shifts
 from cutenv.vision.bead_tracks import BeadTracks
 from cutenv.vision.fluoroscopy import CArmCalibration, CArmView
 from cutenv.vision.projection import project, projection_slope
@@ -19,9 +21,9 @@ from cutenv.vision.spots import Spots, locate_spots
 
 Displacement = Callable[[NDArray[np.float64], float], NDArray[np.float64]]
 """Displacement that a model predicts [m], shape (n, 3), of resting places (n, 3) [m] at a time [s]."""
-_JUMP = 12.0  # squared innovation over its variance, beyond which the prediction, not the image, is doubted
 _SWAP = 0.75  # diameters: two beads nearer than that in every view are one bead measured twice
-_NEIGHBOURS = 4
+_MODEL_ERROR = 0.3  # of what the model moves a bead from frame to frame, that it may be wrong by
+_CROWDED = 2.4  # diameters to the next bead, within which the fit may run to it
 _OF_A_FIELD = 2.4  # true covariance over that of a fit in a field: interpolated lines tell nothing, and are less noisy
 _FEWEST = 0.5  # of the beads, to be seen in the first frame of each view
 
@@ -69,44 +71,11 @@ def bead_look(image: ArrayLike, view: CArmView, diameter: float) -> BeadLook:
     if len(spots) < 5:
         raise ValueError(f"view {view.name!r} shows {len(spots)} beads of {diameter:g} px; it takes 5.")
     return BeadLook(
-        diameter=diameter, sigma=float(np.median(spots.sigma)), height=float(np.median(np.abs(spots.amplitude)))
+        diameter=diameter,
+        sigma=float(np.median(spots.sigma)),
+        height=float(np.median(np.abs(spots.amplitude))),
+        noise=float(np.median(spots.scatter)),
     )
-
-
-@dataclass(kw_only=True, eq=False)
-class _Filter:
-    """Kalman filter of every bead: where it rested, moved as the model predicts, and an offset that wanders."""
-
-    rest: NDArray[np.float64]
-    variance: NDArray[np.float64]
-    offset: NDArray[np.float64] = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.offset = np.zeros_like(self.rest)
-
-    def update(
-        self, predicted: NDArray[np.float64], view: CArmView, measured: NDArray[np.float64], error: NDArray[np.float64]
-    ) -> NDArray[np.bool_]:
-        """Take in what one view shows, in undistorted pixels; return which beads it showed."""
-        matrix = view.projection
-        assert matrix is not None  # a calibration's views have one
-        seen = np.isfinite(measured).all(axis=1)
-        place = predicted[seen] + self.offset[seen]
-        slope = projection_slope(matrix, place)
-        left = measured[seen] - project(matrix, place)
-        turned = slope.transpose(0, 2, 1)
-        variance = self.variance[seen]
-        spread = slope @ variance @ turned + error[seen]
-        square = np.einsum("ni,nij,nj->n", left, np.linalg.inv(spread), left)
-        metres = np.hypot(*left.T) / np.linalg.norm(slope, axis=(1, 2)) * np.sqrt(2.0)
-        # The tissue springs back within a frame when the crack runs: then what was known before is worth little.
-        variance = variance + np.where(square > _JUMP, metres**2, 0.0)[:, None, None] * np.eye(3)
-        gain = variance @ turned @ np.linalg.inv(slope @ variance @ turned + error[seen])
-        self.offset[seen] += np.einsum("nij,nj->ni", gain, left)
-        kept = np.eye(3) - gain @ slope
-        # Joseph's form stays symmetric and positive.
-        self.variance[seen] = kept @ variance @ kept.transpose(0, 2, 1) + gain @ error[seen] @ gain.transpose(0, 2, 1)
-        return np.asarray(seen)
 
 
 def track_beads(
@@ -125,9 +94,10 @@ def track_beads(
     """Follow beads through the frames of two views or more.
 
     In every frame each bead is expected where the model's displacement and its last offset from that put it; there it
-    is measured in each view, together with the beads that it hides behind. A view in which it is not to be seen, such
-    as behind the blade, is left out for that frame: the others and the prediction bridge it, and the covariance says
-    what that costs.
+    is measured in each view, together with the beads that it hides behind. When the crack runs, neighbours jump alike,
+    and are looked for together. A view in which a bead is not to be seen, such as behind the blade, or in which its
+    image may be another bead's, is left out for that frame: the others, the neighbours' motion and the prediction
+    bridge it, and the covariance says what that costs.
 
     Parameters
     ----------
@@ -154,8 +124,8 @@ def track_beads(
     Returns
     -------
     BeadTracks
-        In the frame of the calibration. Its metadata tell which frames were left out and why, and the share of frames
-        in which each view did not show each bead.
+        In the frame of the calibration. Its metadata tell which frames were left out and why, in how many frames each
+        bead has no place and why, and the share of frames in which each view did not show it.
 
     Raises
     ------
@@ -166,18 +136,26 @@ def track_beads(
     times = _checked_times(time, calibration)
     diameter = in_range("diameter", diameter, 2.0, 60.0, "px", "It is the diameter of a bead in the images.")
     known, places = _Start(rest, rest_covariance).beads()
-    state = _Filter(rest=places[0].copy(), variance=places[1].copy())
+    state = BeadFilter(rest=places[0].copy(), variance=places[1].copy())
+    groups = groups_of(places[0])
     looks: list[BeadLook] = []
     hidden = np.zeros((len(calibration.views), len(known)))
     left_out: dict[str, str] = {}
     rows: list[tuple[NDArray[np.int64], float, NDArray[np.float64], NDArray[np.float64]]] = []
+    reasons = (
+        "its image may be another bead's",
+        "no view shows it",
+        f"its standard error exceeds {1e3 * largest_error:g} mm",
+    )
+    unplaced = {reason: np.zeros(len(known), int) for reason in reasons}
     done = 0
-    last = times[0]
+    last, before = times[0], state.rest
     for number, (now, images) in enumerate(zip(times, frames, strict=False)):
         done += 1
         predicted = state.rest + (0.0 if displacement is None else displacement(state.rest, float(now)))
-        state.variance += wander**2 * (now - last) * np.eye(3)
-        last = now
+        unsure = wander**2 * (now - last) + _MODEL_ERROR**2 * np.sum((predicted - before) ** 2, axis=1)
+        state.variance += unsure[:, None, None] * np.eye(3)
+        last, before = now, predicted
         try:
             if len(images) != len(calibration.views):
                 raise ValueError(f"{len(images)} images for {len(calibration.views)} views")
@@ -189,12 +167,16 @@ def track_beads(
             continue
         if not looks:
             looks = [bead_look(grey, view, diameter) for grey, view in zip(greys, calibration.views, strict=True)]
-        seen = _measured(state, predicted, calibration, greys, looks)
+        seen = _measured(state, predicted, calibration, greys, looks, groups)
         if number == 0:
             _check_first(seen, calibration.views)
         hidden += ~seen
         spread = np.sqrt(np.trace(state.variance, axis1=1, axis2=2) / 3.0)
-        shown = seen.any(axis=0) & (spread < largest_error)
+        shown, certain = np.asarray(seen.any(axis=0)), spread < largest_error
+        for reason, which in zip(reasons, (state.refused, ~state.refused), strict=False):
+            unplaced[reason] += ~shown & which
+        unplaced[reasons[2]] += shown & ~certain
+        shown &= certain
         rows.append((known[shown], float(now), (predicted + state.offset)[shown], state.variance[shown].copy()))
         if progress is not None:
             progress(done)
@@ -207,6 +189,10 @@ def track_beads(
         "hidden_share": {
             view.name: dict(zip(map(str, known.tolist()), np.round(part / len(rows), 4).tolist(), strict=True))
             for view, part in zip(calibration.views, hidden, strict=True)
+        },
+        "frames_without_place": {
+            reason: {str(bead): int(n) for bead, n in zip(known, counts, strict=True) if n}
+            for reason, counts in unplaced.items()
         },
         "residuals": {view.name: dict(view.residuals) for view in calibration.views},
     }
@@ -246,24 +232,28 @@ def _checked_times(time: ArrayLike, calibration: CArmCalibration) -> NDArray[np.
 
 
 def _measured(
-    state: _Filter,
+    state: BeadFilter,
     predicted: NDArray[np.float64],
     calibration: CArmCalibration,
     greys: Sequence[NDArray[np.float64]],
     looks: Sequence[BeadLook],
+    groups: NDArray[np.int64],
 ) -> NDArray[np.bool_]:
     """Take in all views; return which beads each one showed, shape (views, n)."""
     views = calibration.views
-    before = state.offset.copy(), state.variance.copy()
+    images = [attenuation(grey) for grey in greys]
+    state.begin()
+    _jump(state, predicted, views, images, looks, groups)
     seen = np.zeros((len(views), len(state.rest)), bool)
-    for number, (view, grey, look) in enumerate(zip(views, greys, looks, strict=True)):
-        assert view.projection is not None  # a calibration's views have one
-        expected, unmoved = (view.seen(project(view.projection, at)) for at in (predicted + state.offset, predicted))
-        place, covariance = _with_second_look(attenuation(grey), expected, unmoved, look)
+    for number, (view, image, look) in enumerate(zip(views, images, looks, strict=True)):
+        expected = _seen(view, predicted + state.offset)
+        place, covariance = measure_with_neighbours(image, expected, groups, look)
         ideal, error = view.undistorted_with_covariance(place, covariance)
         if calibration.interlaced:
             error = _OF_A_FIELD * error
-        seen[number] = state.update(predicted, view, ideal, error)
+        away = np.asarray(cKDTree(expected).query(expected, k=2)[0])[:, 1]
+        crowded = away < _CROWDED * look.diameter
+        seen[number] = state.update(predicted, view, ideal, error, crowded)
     # Two that ended in one place everywhere: neither is believed, both go on as predicted.
     near = np.ones((len(state.rest),) * 2, bool)
     for view, look in zip(views, looks, strict=True):
@@ -271,25 +261,37 @@ def _measured(
         image = project(view.projection, predicted + state.offset)
         near &= np.hypot(*(image[:, None] - image[None]).transpose(2, 0, 1)) < _SWAP * look.diameter
     doubtful = near.sum(axis=1) > 1
-    state.offset[doubtful], state.variance[doubtful] = before[0][doubtful], before[1][doubtful]
+    state.undo(doubtful)
     seen[:, doubtful] = False
+    state.follow(seen, groups)
     return seen
 
 
-def _with_second_look(
-    image: NDArray[np.float64], expected: NDArray[np.float64], predicted: NDArray[np.float64], look: BeadLook
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Measure the beads, and those not seen once more, as far off the prediction as their neighbours are now."""
-    place, covariance = measure_beads(image, expected, look)
-    seen = np.isfinite(place).all(axis=1)
-    if seen.all() or seen.sum() < _NEIGHBOURS:
-        return place, covariance
-    _, near = cKDTree(expected[seen]).query(expected[~seen], k=_NEIGHBOURS)
-    again = place.copy()
-    again[~seen] = predicted[~seen] + np.median((place - predicted)[seen][near], axis=1)
-    second, error = measure_beads(image, again, look)
-    place[~seen], covariance[~seen] = second[~seen], error[~seen]
-    return place, covariance
+def _seen(view: CArmView, places: NDArray[np.float64]) -> NDArray[np.float64]:
+    assert view.projection is not None  # a calibration's views have one
+    # A place that no pixel shows is out of every image.
+    return np.nan_to_num(view.seen(project(view.projection, places)), nan=-1e6)
+
+
+def _jump(
+    state: BeadFilter,
+    predicted: NDArray[np.float64],
+    views: Sequence[CArmView],
+    images: Sequence[NDArray[np.float64]],
+    looks: Sequence[BeadLook],
+    groups: NDArray[np.int64],
+) -> None:
+    """Move the beads as their groups have jumped since the last frame."""
+    shifts, slopes = [], []
+    for view, image, look in zip(views, images, looks, strict=True):
+        expected = _seen(view, predicted + state.offset)
+        shift = shared_shifts(image, expected, state.rest, groups, look)
+        shifts.append(view.undistort(expected + shift) - view.undistort(expected))
+        assert view.projection is not None
+        slopes.append(projection_slope(view.projection, predicted + state.offset))
+    jumped = np.any([(shift != 0.0).any(axis=1) for shift in shifts], axis=0)
+    if jumped.any():
+        state.jump(jumped, np.concatenate(slopes, axis=1)[jumped], np.concatenate(shifts, axis=1)[jumped])
 
 
 def _check_first(seen: NDArray[np.bool_], views: Sequence[CArmView]) -> None:

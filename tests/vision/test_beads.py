@@ -11,6 +11,8 @@ from rendering.xray_session import CutHistory, Session
 from scipy.spatial import cKDTree
 
 from cutenv.vision.bead_correspondence import linked, pairs_by_epipolar, places_from_sweep
+from cutenv.vision.bead_filter import BeadFilter
+from cutenv.vision.bead_images import BeadLook, measure_beads
 from cutenv.vision.bead_tracks import BeadTracks
 from cutenv.vision.beads import find_beads, track_beads
 from cutenv.vision.fluoroscopy import deinterlaced
@@ -235,3 +237,104 @@ def test_the_covariance_in_a_field_is_at_least_twice_that_in_a_frame(session, ca
         covariance = tracks.covariance[tracks.time == 0.0]
         spread[first] = float(np.median(np.trace(covariance, axis1=1, axis2=2)))
     assert 2.0 < spread["bottom"] / spread[None] < 3.0
+
+
+def shown(session, places, number):
+    """Return a frame of both views with beads at these places."""
+    still, rng = replace(session, rest=places), np.random.default_rng(number)
+    return [still.image(name, 0.0, rng) for name in session.cameras]
+
+
+def errors_of(tracks, owner, places):
+    """Return what the tracks are off [m], by the true places of each time."""
+    return np.array([
+        place - places[now][owner[bead]]
+        for bead, now, place in zip(tracks.bead, tracks.time, tracks.place, strict=True)
+    ])  # fmt: skip
+
+
+def honest(tracks, off):
+    """Return the squared error over its covariance for each place, per axis."""
+    return np.einsum("ni,nij,nj->n", off, np.linalg.inv(tracks.covariance), off) / 3.0
+
+
+def test_a_jump_of_the_whole_slab_swaps_no_beads(session, calibration, rest):
+    """The slab tilts between two frames: it rises by 1 to 2 mm, as much as the beads of a row differ in height."""
+    tilt = np.array([0.0, 0.0, 0.02]) * session.rest[:, 1:2] + np.array([0.0, 3e-4, 1e-3])
+    time = np.arange(8) / calibration.frame_rate
+    places = {now: session.rest + (tilt if number >= 3 else 0.0) for number, now in enumerate(time)}
+    frames = [shown(session, places[now], number) for number, now in enumerate(time)]
+    tracks = track_beads(frames, time, calibration, *rest, diameter=3.5)
+    off = errors_of(tracks, owners(session, rest[0]), places)
+    assert len(tracks.bead) > 0.95 * len(time) * len(session.rest)
+    assert np.abs(off).max() < 5e-4
+    assert honest(tracks, off).max() < 9.0
+
+
+def test_a_bead_that_is_gone_gets_no_other_beads_place(session, calibration, rest):
+    """It is not there any more, and its neighbours drift; where it seems to be is unknown, and said to be."""
+    owner, lost = owners(session, rest[0]), 9
+    time = np.arange(40) / calibration.frame_rate
+    places = {now: session.rest + np.array([0.0, 1e-4 * number, 0.0]) for number, now in enumerate(time)}
+    frames = [
+        shown(session, places[now] if number < 3 else np.delete(places[now], lost, axis=0), number)
+        for number, now in enumerate(time)
+    ]
+    tracks = track_beads(frames, time, calibration, *rest, diameter=3.5)
+    number = int(np.argmax(owner == lost))
+    assert tracks.of(number).time[-1] < time[6]
+    without = tracks.metadata["frames_without_place"]
+    assert sum(counts.get(str(number), 0) for counts in without.values()) > 33
+    off = errors_of(tracks, owner, places)
+    assert np.abs(off).max() < 5e-4
+
+
+def test_a_bead_hidden_while_the_tissue_springs_back_is_not_said_to_be_known(session, calibration, rest):
+    """The model moves it by 5 mm within a frame, 20 % too little; one view alone shows it."""
+    owner, lost = owners(session, rest[0]), 9
+    time = np.arange(8) / calibration.frame_rate
+    jump = np.array([0.0, 0.0, 5e-3])
+
+    def predicted(resting, now):
+        return np.where(now < time[3], 0.0, 0.8 * jump) * np.ones_like(resting)
+
+    places = {now: session.rest + (0.0 if number < 3 else jump) for number, now in enumerate(time)}
+    frames = [shown(session, places[now], number) for number, now in enumerate(time)]
+    for number in range(3, 8):  # the side view does not show it
+        frames[number][1] = shown(session, np.delete(places[time[number]], lost, axis=0), number)[1]
+    tracks = track_beads(frames, time, calibration, *rest, diameter=3.5, displacement=predicted)
+    off = errors_of(tracks, owner, places)
+    assert honest(tracks, off).max() < 9.0
+
+
+def test_a_view_that_contradicts_the_other_is_refused(session, calibration):
+    """The side view shows a spot 2 px along the cut from where the top view has just seen the bead."""
+    at = np.array([[0.0, 0.03, 0.0125]])
+    state = BeadFilter(rest=at.copy(), variance=1e-8 * np.eye(3)[None])
+    top, side = calibration.views
+    alone, error = np.array([False]), 0.01 * np.eye(2)[None]
+    assert state.update(at, top, project(top.projection, at), error, alone).all()
+    before = state.offset.copy()
+    wrong = project(side.projection, at + np.array([0.0, 5e-4, 0.0]))
+    assert not state.update(at, side, wrong, error, alone).any()
+    assert state.refused.all()
+    assert state.offset == pytest.approx(before)
+    higher = project(side.projection, at + np.array([0.0, 0.0, 5e-4]))
+    # Along the rays of the top view it may have jumped.
+    assert state.update(at, side, higher, error, alone).all()
+    assert state.offset[0, 2] == pytest.approx(5e-4, rel=0.1)
+    state.begin()
+    lower = project(side.projection, at - np.array([0.0, 0.0, 5e-4]))
+    assert not state.update(at, side, lower, error, np.array([True])).any()  # another bead is near
+
+
+def test_a_spot_on_the_edge_of_a_blade_is_left_out():
+    rng = np.random.default_rng(0)
+    y, x = np.mgrid[:40, :40].astype(float)
+    look = BeadLook(diameter=3.5, sigma=1.4, height=0.5, noise=0.04)
+    bead = look.height * np.exp(-0.5 * ((x - 20.3) ** 2 + (y - 19.8) ** 2) / look.sigma**2)
+    image = bead + look.noise * rng.normal(size=x.shape)
+    place, _ = measure_beads(image, np.array([[20.0, 20.0]]), look)
+    assert place[0] == pytest.approx([20.3, 19.8], abs=0.3)
+    place, _ = measure_beads(image + 1.2 * (x > 21.0), np.array([[20.0, 20.0]]), look)
+    assert np.isnan(place).all()
