@@ -363,6 +363,23 @@ class RigPlant:
         return sample.position
 
     @property
+    def level(self) -> float:
+        """The same as :attr:`height`, under the name that :class:`cutenv.plant.DescendingPlant` has for it [m]."""
+        return self.height
+
+    @property
+    def vertical_force(self) -> NDArray[np.float64]:
+        """Force of the tissue on the blade, upwards, as measured during the last :meth:`advance`, shape (ticks,) [N].
+
+        Raises ValueError for a rig without a height axis.
+        """
+        self.settings.require_height_axis(by="vertical_force")
+        beside = self.beside
+        assert beside is not None
+        force: NDArray[np.float64] = beside["vertical_force"]
+        return force
+
+    @property
     def beside(self) -> StructArray | None:
         """Height, vertical force and six components of the last readings; None for a rig without a height axis.
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
+from datetime import date
 
 import numpy as np
 import pytest
@@ -16,7 +17,8 @@ from cutenv.rig.devices.samples import DriveState
 from cutenv.rig.errors import RigError
 from cutenv.rig.fake.air_plant import AirPlant
 from cutenv.rig.fake.fake_rig import FakeRig, Faults
-from cutenv.rig.operation.preflight import moving_checks, return_inside, still_checks
+from cutenv.rig.operation.operator import ScriptedOperator
+from cutenv.rig.operation.preflight import moving_checks, prepare, relieve, return_inside, still_checks
 from cutenv.rig.safety.stop_causes import Cause, RigStopped, detection_times
 from cutenv.trace import COMPONENTS_OF_FORCE
 
@@ -237,6 +239,79 @@ def test_a_drive_that_was_not_homed_is_not_moved():
     assert "height homed" not in [check.name for check in still_checks(ready_rig().plant)]
 
 
+def pressing(rig: FakeRig, force: float, per_metre: float) -> None:
+    """Let the tissue push back by a force that changes with the height [N], [N/m]."""
+    start = rig.bench.height[0]
+
+    def push(now: float) -> None:
+        rig.faults.vertical_force = force - per_metre * (rig.bench.height[0] - start)
+
+    push(0.0)
+    rig.clock.every(0.001, push, "tissue")
+    rig.clock.sleep_until(rig.clock.now() + 0.01)
+
+
+def test_a_blade_that_presses_too_hard_is_raised_slowly_after_a_yes_alone():
+    rig = ready(height=-0.005)
+    pressing(rig, 12.0, 2000.0)
+    assert rig.plant.supervisor.report.cause is Cause.VERTICAL_FORCE
+    rig.clock.sleep_until(rig.clock.now() + 0.2)
+    stood = rig.bench.height[0]
+    operator = ScriptedOperator([("will move", "fake"), ("the blade presses on the tissue with 12.0 N", False)])
+    rig.plant.supervisor.reset(agreed=True)
+    with pytest.raises(RigError, match="has not agreed that it is raised: nothing moves"):
+        prepare(rig.plant, operator, today=date.today(), in_air=False)
+    assert rig.bench.height[0] == stood
+    with pytest.raises(RigError, match=r"presses on the tissue with 12\.0 N, 10 N allowed: it may be raised"):
+        release(rig)
+    operator.unasked[:] = [("will move", "fake"), ("May it be raised at 2 mm/s until it is free?", True)]
+    seen, told = [], rig.heard
+    rig.heard = lambda time, axis, speed: seen.append((axis, speed))
+    prepare(rig.plant, operator, today=date.today(), in_air=False)
+    assert not operator.unasked
+    rises = [speed for axis, speed in seen if axis == "height"]
+    assert 0.0 <= min(rises[:20]) <= max(rises[:20]) <= 0.002
+    assert rig.plant.supervisor.pressed is None
+    assert not rig.plant.supervisor.relieving
+    assert stood + 0.0015 < rig.plant.height < stood + 0.003  # to 9 N
+    rig.plant.travel(rig.plant.position + 0.001, speed=0.005)
+    assert told is not None
+
+
+@pytest.mark.parametrize(("force", "per_metre", "ends"), [(12.0, -3000.0, RigStopped), (12.0, 0.0, RigError)])
+def test_a_force_that_grows_or_stays_while_it_is_raised_ends_that(force, per_metre, ends):
+    rig = ready(height=-0.005)
+    pressing(rig, force, per_metre)
+    rig.clock.sleep_until(rig.clock.now() + 0.2)
+    rig.plant.supervisor.reset(agreed=True)
+    rig.plant.power()
+    rig.clock.sleep_until(rig.clock.now() + SETTLE)
+    start = rig.bench.height[0]
+    with pytest.raises(ends) as caught:
+        relieve(rig.plant)
+    assert type(caught.value) is ends
+    assert rig.bench.height[0] - start < (0.0005 if ends is RigStopped else 0.0101)
+    rig.clock.sleep_until(rig.clock.now() + 0.2)
+    assert rig.bench.height[1] == 0.0
+
+
+def test_while_it_is_relieved_no_other_motion_is_possible():
+    rig = ready(height=-0.005)
+    pressing(rig, 12.0, 0.0)
+    rig.plant.supervisor.reset(agreed=True)
+    rig.plant.power()
+    rig.clock.sleep_until(rig.clock.now() + SETTLE)
+    rig.plant.supervisor.release(returning=True)
+    before = (rig.bench.motion[0], rig.bench.height[0])
+    assert move(rig, 0.005, 10, speed=0.01) is None
+    assert (rig.bench.motion[0], rig.bench.height[0]) == before
+    rig.faults.vertical_force = -10.5  # a pull is no pressing
+    rig = ready(height=-0.005)
+    pressing(rig, -12.0, 0.0)
+    assert rig.plant.supervisor.pressed is None
+    assert rig.plant.supervisor.report.cause is Cause.VERTICAL_FORCE
+
+
 def test_height_vertical_force_and_six_components_come_with_the_readings():
     rig = ready_to_descend()
     readings = rig.plant.advance(0.01, UPRIGHT, 300)
@@ -253,6 +328,8 @@ def test_height_vertical_force_and_six_components_come_with_the_readings():
     assert np.array_equal(beside["force_z"], beside["vertical_force"])
     assert abs(rig.bench.plant.energy()["residual"]) < 1e-12
     assert set(COMPONENTS_OF_FORCE) < set(beside.dtype.names)
+    assert np.array_equal(rig.plant.vertical_force, beside["vertical_force"])
+    assert rig.plant.level == rig.plant.height
 
 
 def test_the_sensor_may_be_mounted_the_other_way():
@@ -271,6 +348,10 @@ def test_a_rig_without_the_axis_refuses_and_names_the_cure():
         rig.plant.advance(0.01, UPRIGHT, PERIOD, 0.001)
     with pytest.raises(ValueError, match="raise_to"):
         rig.plant.raise_to(0.01)
+    with pytest.raises(ValueError, match="vertical_force"):
+        rig.plant.vertical_force  # noqa: B018  read for its error
+    with pytest.raises(RigError, match="if it has one"):
+        rig.plant.level  # noqa: B018
     assert rig.plant.beside is None
     assert height_settings().require_height_axis(by="a test").node == 3
 

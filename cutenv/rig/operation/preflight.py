@@ -20,6 +20,7 @@ ZERO_FORCE = 0.2
 _NUDGE = 0.001  # [m] by which the blade is moved and brought back
 _NUDGE_SPEED = 0.002  # [m/s]
 _NUDGE_SHARE = 0.8  # [1] share of it that the encoder has to show
+_RELIEF, _RELIEF_STEP = 0.010, 2e-4  # [m] by which a blade that presses on the tissue is raised at most, and at a time
 _INSIDE = 5e-4  # [m] inside an end of travel, where a blade that returns stops
 _TURN = math.radians(1.0)  # [rad] by which the blade is turned and back
 _SAME = 0.02  # relative difference allowed between a drive's limit and the file: whole increments
@@ -161,6 +162,25 @@ def return_inside(plant: RigPlant) -> None:
             plant.raise_to(within, speed=CREEP)
 
 
+def relieve(plant: RigPlant) -> None:
+    """Raise a blade that presses on the tissue beyond the limit, at creep speed; the operator has agreed to that.
+
+    Nothing else can be commanded meanwhile, and a force that grows stops it.
+
+    Raises
+    ------
+    RigError, RigStopped
+        If the rig is not ready, or the force does not fall within some millimetres.
+    """
+    start = plant.height
+    plant.supervisor.release(returning=True)
+    while plant.supervisor.relieving:
+        if plant.height - start > _RELIEF - _RELIEF_STEP:
+            plant.halt()
+            raise RigError(f"the blade was raised by {1e3 * _RELIEF:g} mm, and still presses: free it by hand.")
+        plant.raise_to(plant.height + _RELIEF_STEP, speed=CREEP)
+
+
 def prepare(plant: RigPlant, operator: Operator, *, today: date, in_air: bool = True) -> list[Check]:
     """Run every check that has to precede the first motion, in order; the rig is released at the end.
 
@@ -207,6 +227,12 @@ def prepare(plant: RigPlant, operator: Operator, *, today: date, in_air: bool = 
             if not operator.confirm(way):
                 raise RigError(f"{beyond}, and the operator has not agreed to its return: nothing moves.")
             return_inside(plant)
+        if (pressed := plant.supervisor.pressed) is not None:
+            if not operator.confirm(
+                f"It seems that {pressed}. May it be raised at {1e3 * CREEP:g} mm/s until it is free?"
+            ):
+                raise RigError(f"{pressed}, and the operator has not agreed that it is raised: nothing moves.")
+            relieve(plant)
         plant.supervisor.release()
         checks += _passed(moving_checks(plant))
         if in_air and plant.settings.height is not None:

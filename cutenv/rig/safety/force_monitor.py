@@ -14,6 +14,7 @@ _SEQUENCES = 2**32
 RISE_OVER = 0.010
 """Window over which a rise of force is measured, longer than noise lasts [s]."""
 _LOSS_OVER = 0.100  # [s] window for the share of lost readings
+_HARDER = 0.5  # [N] beyond the least vertical force since the blade is raised to be relieved, at which it is stopped
 
 
 class ForceMonitor:
@@ -59,6 +60,35 @@ class ForceMonitor:
         self._equal = 0  # consecutive readings equal to the one before
         self._stood = [0, 0, 0]  # the same for each force axis, while the blade moves
         self._arrivals = SampleClock(self._rate)
+        self._relieved: float | None = None  # [N] least vertical force since the blade is raised to be relieved
+
+    @property
+    def pressed(self) -> str | None:
+        """Vertical force beyond its limit, from a blade that presses on the tissue, as a text; None if it is within."""
+        height, newest = self._height, self.newest
+        if height is None or newest is None or height.vertical(newest.force) <= height.vertical_force:
+            return None
+        up = height.vertical(newest.force)
+        return f"the blade presses on the tissue with {up:.1f} N, {height.vertical_force:g} N allowed"
+
+    def let_relieve(self) -> None:
+        """Allow a vertical force that is beyond its limit now, as long as it falls, until it is within."""
+        if self._height is not None and self.newest is not None and self.pressed is not None:
+            self._relieved = self._height.vertical(self.newest.force)
+
+    @property
+    def relieving(self) -> bool:
+        """True while a blade is raised to be relieved."""
+        return self._relieved is not None
+
+    def _lifted_too_much(self, height: HeightAxis, force: tuple[float, float, float]) -> bool:
+        up = height.vertical(force)
+        if self._relieved is not None:
+            self._relieved = min(self._relieved, up)
+            if self._relieved > 0.9 * height.vertical_force:  # less: readings that flicker about the limit
+                return up > self._relieved + _HARDER
+            self._relieved = None
+        return abs(up) > height.vertical_force
 
     def check(self, sample: ForceSample, *, moving: bool = False) -> Breach | None:
         """Check a reading of a blade that is commanded to move or to rest; return the breach found, or None."""
@@ -89,8 +119,9 @@ class ForceMonitor:
             return Breach(Cause.FORCE_STATUS, f"the sensor was restarted, its zero may be gone: reading {counts}")
         if max(map(abs, sample.force)) > limits.force:
             return Breach(Cause.FORCE, f"{_newtons(sample)} beyond {limits.force:g} N in an axis")
-        if (height := self._height) is not None and abs(up := height.vertical(sample.force)) > height.vertical_force:
-            return Breach(Cause.VERTICAL_FORCE, f"{up:+.2f} N upwards, beyond {height.vertical_force:g} N")
+        if (height := self._height) is not None and self._lifted_too_much(height, sample.force):
+            up = f"{height.vertical(sample.force):+.2f} N upwards"
+            return Breach(Cause.VERTICAL_FORCE, f"{up}, beyond {height.vertical_force:g} N")
         if norm > limits.force_norm:
             return Breach(Cause.FORCE, f"{norm:.2f} N in all, beyond {limits.force_norm:g} N")
         if rise > limits.force_rise * RISE_OVER:

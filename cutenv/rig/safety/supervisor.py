@@ -196,6 +196,8 @@ class Supervisor:
 
     def _allowed(self, speed: float) -> float:
         """Return the speed [m/s] reduced to the limit, which decreases toward the ends of travel."""
+        if self.relieving:
+            return 0.0
         blade = self._motions.newest["blade"]
         braking = BRAKING + abs(blade.speed) / (2.0 * self.settings.blade.acceleration)
         top = min(self.limits.speed / MARGIN, self.settings.blade.speed)
@@ -216,6 +218,8 @@ class Supervisor:
             top = min(top, CREEP)
         highest = max(axis.highest - _SHORT - sample.position, 0.0) / braking
         lowest = max(sample.position - axis.lowest - _SHORT, 0.0) / braking
+        if self.relieving:
+            top, lowest = min(top, CREEP), 0.0
         return min(max(rise, -min(top, lowest)), min(top, highest))
 
     # Timing
@@ -287,8 +291,8 @@ class Supervisor:
         Parameters
         ----------
         returning : bool
-            True if the operator has agreed that a blade beyond an end of its travel creeps back inside; no other motion
-            is allowed before.
+            True if the operator has agreed that a blade beyond an end of its travel creeps back inside, or that one
+            which presses on the tissue is raised slowly; no other motion is allowed before.
 
         Raises
         ------
@@ -305,6 +309,8 @@ class Supervisor:
             wrong.append(f"the sensor's status is 0x{status:08X}")
         if self.beyond is not None and not returning:
             wrong.append(f"{self.beyond}: it may creep back if the operator agrees; prepare the rig again")
+        if self.pressed is not None and not returning:
+            wrong.append(f"{self.pressed}: it may be raised if the operator agrees; prepare the rig again")
         if wrong:
             raise RigError(f"the rig is not ready: {'; '.join(wrong)}.")
         self._rest()
@@ -313,6 +319,7 @@ class Supervisor:
         self._motions.restart()
         if returning:
             self._motions.let_return()
+            self._forces.let_relieve()
         self._latch.happens(Event.RELEASE)
 
     def lock(self) -> None:
@@ -404,6 +411,16 @@ class Supervisor:
     def beyond(self) -> str | None:
         """Position of a blade beyond an end of its travel, as a text; None if it is inside."""
         return self._motions.beyond
+
+    @property
+    def pressed(self) -> str | None:
+        """Vertical force of a blade that presses on the tissue beyond its limit, as a text; None if it is within."""
+        return self._forces.pressed
+
+    @property
+    def relieving(self) -> bool:
+        """True while a blade that presses on the tissue is raised, and nothing else may move."""
+        return self._forces.relieving
 
     @property
     def standing(self) -> bool:
