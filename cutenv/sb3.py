@@ -23,17 +23,14 @@ from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecEnv
 
-from cutenv.envs.vector import GentleCutVectorEnv
-from cutenv.policy.features import Features
-from cutenv.task.episode_dtypes import ENDS
+from cutenv.envs.learned_tasks import task_of
 from cutenv.task.info import INFO
-from cutenv.task.privileged import PRIVILEGED_FEATURES, append_privileged
 
 __all__ = ["FeatureVecEnv", "NativeVecEnv"]
 
 
 class NativeVecEnv(VecEnv):
-    """``cutenv/GentleCut-v1`` many times over, with its own observations and actions.
+    """``cutenv/GentleCut-v1`` many times over, or ``cutenv/DepthCut-v1``, with its own observations and actions.
 
     A cut that has ended starts again within the same step; its return and length are in ``info["episode"]``, as from
     Stable-Baselines3's ``Monitor``, with its ``cost``, beside ``is_success``, ``end`` and ``terminal_observation``.
@@ -48,16 +45,21 @@ class NativeVecEnv(VecEnv):
         Whether the hidden state of the simulator follows the observation, for a critic such as that of
         :mod:`cutenv.learning.asymmetric_actor_critic` or the fully observed twin of ``cutenv/GentleCutRaw-v1``.  A
         policy that reads it cannot be used on a rig.
+    task : {"gentle", "depth"}
+        Name of the task: ``cutenv/GentleCut-v1`` or ``cutenv/DepthCut-v1``.
     **arguments
-        Keyword arguments of ``cutenv/GentleCut-v1``; :data:`cutenv.envs.tracks.PROTOCOL` are those of the tracks.
+        Keyword arguments of the environment; :data:`cutenv.envs.tracks.PROTOCOL` are those of the tracks.
     """
 
-    def __init__(self, seeds: int | Sequence[int], *, hidden_state: bool = False, **arguments: Any) -> None:
-        self._hidden_state = hidden_state
+    def __init__(
+        self, seeds: int | Sequence[int], *, hidden_state: bool = False, task: str = "gentle", **arguments: Any
+    ) -> None:
+        self._task, _ = task_of({"task": task})
+        self._hidden = len(self._task.privileged) if hidden_state else 0  # numbers after the observation
         self.specimen_seeds = list(range(seeds) if isinstance(seeds, int) else seeds)  # SB3 has a _seeds of its own
         """Seed of each environment."""
         count = len(self.specimen_seeds)
-        self.native = GentleCutVectorEnv(count, autoreset_mode=AutoresetMode.DISABLED, **arguments)
+        self.native = self._task.vector(count, autoreset_mode=AutoresetMode.DISABLED, **arguments)
         self.first_episode = 0
         """Number of the episode with which :meth:`reset` begins every environment."""
         self.seconds = 0.0
@@ -68,21 +70,21 @@ class NativeVecEnv(VecEnv):
         self._returns, self._costs, self._lengths = np.zeros(count), np.zeros(count), np.zeros(count, int)
         self._infos = np.empty(count, INFO)
         self._begun = time.monotonic()
-        self._actions = np.zeros((count, 2), np.float32)
+        self._actions = np.zeros((count, len(self.native.single.action_names)), np.float32)
         super().__init__(count, self._make_observation_space(), self.native.single_action_space)
 
     def _make_observation_space(self) -> gymnasium.Space[Any]:
         """Return the space of one environment's observations."""
         space = self.native.single_observation_space
-        if not self._hidden_state:
+        if not self._hidden:
             return space
         assert isinstance(space, gymnasium.spaces.Box)
-        size = space.shape[0] + len(PRIVILEGED_FEATURES)
+        size = space.shape[0] + self._hidden
         return gymnasium.spaces.Box(space.low[0], space.high[0], (size,), np.float32)
 
     @property
     def observations(self) -> np.ndarray:
-        """Observations of ``cutenv/GentleCut-v1``, shape (n, 12); the next step overwrites them."""
+        """Observations of the environments, shape (n, 12), or (n, 22) with depth; the next step overwrites them."""
         return self._batch.observations
 
     def _observe(self) -> np.ndarray:
@@ -95,7 +97,7 @@ class NativeVecEnv(VecEnv):
 
     def _with_hidden_state(self, shown: np.ndarray, numbers: np.ndarray) -> np.ndarray:
         """Return a copy of what the environments with these numbers show, and their hidden state if it is asked for."""
-        return append_privileged(self._batch.cuts, shown, numbers) if self._hidden_state else shown.copy()
+        return self._batch.append_hidden(shown, numbers) if self._hidden else shown.copy()
 
     def reset(self) -> np.ndarray:
         """Reset every environment to episode :attr:`first_episode` of its seed."""
@@ -108,7 +110,7 @@ class NativeVecEnv(VecEnv):
         return shown
 
     def step_async(self, actions: np.ndarray) -> None:
-        """Store the actions, shape (n, 2), for :meth:`step_wait`."""
+        """Store the actions, shape (n, 2), or (n, 3) with depth, for :meth:`step_wait`."""
         self._actions[:] = actions
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
@@ -128,7 +130,7 @@ class NativeVecEnv(VecEnv):
                 infos[n] |= {
                     "episode": {"r": returned, "l": length, "t": now, "cost": cost},
                     "is_success": bool(success[n]),
-                    "end": ENDS[ends[n]],
+                    "end": str(self._batch.end_names[ends[n]]),
                     "terminal_observation": shown[n].copy(),
                 }
             self._batch.begin(finished)
@@ -165,7 +167,8 @@ class FeatureVecEnv(NativeVecEnv):
     """Environments of ``cutenv train``: the observations are features.
 
     An observation is the output of :class:`cutenv.policy.Features`: forces by depth, an estimate of the crack tip, the
-    distance to the target.  The attribute ``features`` is its size.
+    distance to the target; with depth, that of :class:`cutenv.policy.depth_features.DepthFeatures`.  The attribute
+    ``features`` is its size.
 
     Parameters
     ----------
@@ -175,7 +178,7 @@ class FeatureVecEnv(NativeVecEnv):
         Number of past decisions among the features.
     force : bool
         Whether the features include the force.
-    hidden_state, **arguments
+    hidden_state, task, **arguments
         See :class:`NativeVecEnv`.
     """
 
@@ -186,16 +189,17 @@ class FeatureVecEnv(NativeVecEnv):
         history: int = 0,
         force: bool = True,
         hidden_state: bool = False,
+        task: str = "gentle",
         **arguments: Any,
     ) -> None:
         count = seeds if isinstance(seeds, int) else len(seeds)
-        self._features = Features(count, history=history, force=force)
+        self._features = task_of({"task": task})[0].space.features(count, history=history, force=force)
         self.features = self._features.size
         self._all = np.arange(count)
-        super().__init__(seeds, hidden_state=hidden_state, **arguments)
+        super().__init__(seeds, hidden_state=hidden_state, task=task, **arguments)
 
     def _make_observation_space(self) -> gymnasium.Space[Any]:
-        size = self.features + (len(PRIVILEGED_FEATURES) if self._hidden_state else 0)
+        size = self.features + self._hidden
         return gymnasium.spaces.Box(-np.inf, np.inf, (size,), np.float32)
 
     def _observe(self) -> np.ndarray:

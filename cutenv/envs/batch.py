@@ -25,6 +25,7 @@ from cutenv.task.beginning import GIVEN, LIVER, LONGEST, MIXED, VASCULAR, begin_
 from cutenv.task.cuts import Cuts, step_some
 from cutenv.task.info import INFO
 from cutenv.task.observation import all_within_reach
+from cutenv.task.privileged import append_privileged
 from cutenv.task.reward import ENDS
 from cutenv.tissue.description import measured_liver
 from cutenv.tissue.nominal import nominal_tissue
@@ -224,6 +225,10 @@ class CutBatch:
     def further_scores(self) -> dict[str, NDArray[np.float64]]:
         """Return scores that the task adds to those of gentle cutting, by name; each of shape (count,)."""
         return {}
+
+    def append_hidden(self, features: NDArray[np.float32], which: NDArray[np.int64]) -> NDArray[np.float32]:
+        """Append the hidden state of the cuts numbered ``which``, for a critic, to features of shape (m, size)."""
+        return append_privileged(self.cuts, features, which)
 
     def succeeded(self) -> NDArray[np.bool_]:
         """Return which cuts ended in success, shape (count,)."""

@@ -20,6 +20,7 @@ from cutenv.envs.vector import GentleCutVectorEnv
 from cutenv.task.cuts import Cuts
 from cutenv.task.depth_cuts import begin_depth_some, depth_charges, depth_errors, step_depth_some
 from cutenv.task.depth_cutting import DepthCutting, depth_record
+from cutenv.task.depth_privileged import append_depth_privileged
 from cutenv.task.depth_terms import ALL_COMPONENTS, DEPTH, DEPTH_ENDS, DESCENT_SCALE, DepthConstants
 from cutenv.task.info import INFO
 from cutenv.task.observation import SPEED_SCALE as _SPEED_SCALE
@@ -253,6 +254,10 @@ class DepthBatch(CutBatch):
     def further_scores(self) -> dict[str, NDArray[np.float64]]:
         """Return the depth of each cut in numbers: areas [mm2], depth into the layer and mean error [mm]."""
         return depth_errors(self.depths, self.cuts.tasks["target"])
+
+    def append_hidden(self, features: NDArray[np.float32], which: NDArray[np.int64]) -> NDArray[np.float32]:
+        """Append the hidden state of the cuts numbered ``which``, for a critic, to features of shape (m, size)."""
+        return append_depth_privileged(self.cuts, self.descents, self.depths, features, which)
 
     def succeeded(self) -> NDArray[np.bool_]:
         """Return which cuts ended in success, shape (count,)."""

@@ -2,29 +2,56 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from cutenv._base.validation import one_of
 from cutenv.envs.batch import CutBatch
-from cutenv.envs.depth_cut import DepthBatch, DepthCutEnv
+from cutenv.envs.depth_cut import DepthBatch, DepthCutEnv, DepthCutVectorEnv
 from cutenv.envs.gentle_cut import GentleCutEnv
+from cutenv.envs.vector import GentleCutVectorEnv
+from cutenv.policy import BASELINES, SCRIPTS, Policy
+from cutenv.policy.depth_scripts import DEPTH_SCRIPTS
+from cutenv.policy.policy_space import PolicySpace, space_of
+from cutenv.task.depth_privileged import DEPTH_PRIVILEGED
+from cutenv.task.privileged import PRIVILEGED_FEATURES
 
 
 @dataclass(frozen=True, kw_only=True)
 class LearnedTask:
-    """One task: the id of its environment, and the classes of one environment and of a batch of its cuts."""
+    """One task: its environment, single and in batches, what a learner is shown, and the scripts to imitate."""
 
     id: str
+    """Id of the environment."""
     single: type[GentleCutEnv]
     batch: type[CutBatch]
+    vector: type[GentleCutVectorEnv]
+    privileged: tuple[str, ...]
+    """Names of the hidden state that a critic is shown."""
+    scripts: tuple[str, ...]
+    """Names of the scripts that learners imitate and are compared with."""
+    script: str
+    """Name of the script that they imitate by default."""
+    teachers: Mapping[str, Callable[[], Policy]]
+    """Policies by name, the scripts among them; call a value to make the policy."""
+
+    @property
+    def space(self) -> PolicySpace:
+        """What a policy observes, acts with and computes from observations."""
+        return space_of(self.id)
 
 
 TASKS = {
-    "gentle": LearnedTask(id="cutenv/GentleCut-v1", single=GentleCutEnv, batch=CutBatch),
-    "depth": LearnedTask(id="cutenv/DepthCut-v1", single=DepthCutEnv, batch=DepthBatch),
-}
+    "gentle": LearnedTask(
+        id="cutenv/GentleCut-v1", single=GentleCutEnv, batch=CutBatch, vector=GentleCutVectorEnv,
+        privileged=PRIVILEGED_FEATURES, scripts=tuple(SCRIPTS), script="return stroke", teachers=BASELINES,
+    ),
+    "depth": LearnedTask(
+        id="cutenv/DepthCut-v1", single=DepthCutEnv, batch=DepthBatch, vector=DepthCutVectorEnv,
+        privileged=DEPTH_PRIVILEGED, scripts=tuple(DEPTH_SCRIPTS), script="depth by force", teachers=DEPTH_SCRIPTS,
+    ),
+}  # fmt: skip
 """Tasks by name."""
 
 

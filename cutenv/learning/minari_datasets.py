@@ -36,7 +36,6 @@ from cutenv.learning.seeds import ENVIRONMENT
 from cutenv.policy import Features
 from cutenv.policy.trained import observation_scaling
 from cutenv.recording import load
-from cutenv.task.depth_terms import ALL_COMPONENTS
 from cutenv.task.observation import COMPONENTS
 
 if TYPE_CHECKING:
@@ -156,7 +155,7 @@ def write(
     ]
     task, own = task_of(keywords)
     env = gymnasium.make(task.id, **own)
-    components, of_depth = ALL_COMPONENTS[: task.single.component_count], task.id != ENVIRONMENT
+    of_depth = task.id != ENVIRONMENT
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=_UNSET)
         dataset = create_dataset_from_buffers(
@@ -175,7 +174,7 @@ def write(
                 "infos": FELT
                 | (HIDDEN if is_simulated else ESTIMATED)
                 | (DEPTH_FELT | DEPTH_HIDDEN if of_depth else {}),
-                "observations": observation_scaling(components),  # value = number x scale + offset
+                "observations": observation_scaling(task.id),  # value = number x scale + offset
                 "actions": list(ACTIONS[: len(task.single.action_names)]),
                 "actions_are": "commands" if is_simulated else "motion of the blade until the next decision",
             }

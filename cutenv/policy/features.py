@@ -89,6 +89,11 @@ class Features:
         self._memory[cuts] = nothing_yet(measured_liver())[0]
         self._frames[cuts] = 0.0
 
+    @property
+    def estimates(self) -> StructArray:
+        """Last estimate of each cut, :data:`~cutenv.policy.tip_estimate.CUT_ESTIMATE`, shape (count,)."""
+        return self._estimates
+
     def __call__(self, observations: ArrayLike, cuts: Indices | None = None) -> Array32:
         """Return the features, float32, clipped like observations.
 

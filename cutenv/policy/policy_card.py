@@ -6,13 +6,13 @@ import dataclasses
 import itertools
 import json
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from cutenv._base.validation import one_of
 from cutenv.policy.actor_network import ACTIVATIONS, OUTPUTS
-from cutenv.task.observation import COMPONENTS, DEAD_ZONE, Component
+from cutenv.policy.policy_space import space_of
+from cutenv.task.observation import DEAD_ZONE
 from cutenv.tissue.description import checked_fields
 
 POLICY_SCHEMA = "cutenv-policy/1"
@@ -21,9 +21,12 @@ _LATER = {"memory": None, "output": "linear"}  # fields that the first cards did
 _SCALING = ("name", "unit", "scale", "offset")
 
 
-def observation_scaling(components: Sequence[Component] = COMPONENTS) -> list[dict[str, Any]]:
-    """Return this version's scaling of observations: name, unit, scale and offset of each component, in order."""
-    return [{key: getattr(component, key) for key in _SCALING} for component in components]
+def observation_scaling(environment: str = "cutenv/GentleCut-v1") -> list[dict[str, Any]]:
+    """Return this version's scaling of an environment's observations: name, unit, scale and offset of each component.
+
+    The components are in order.
+    """
+    return [{key: getattr(component, key) for key in _SCALING} for component in space_of(environment).components]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,7 +47,8 @@ class PolicyCard:
     output : {"linear", "tanh"}
         What follows the last layer: nothing, or tanh.  A card without this field has nothing.
     features : dict
-        Keyword arguments of :class:`cutenv.policy.features.Features`.
+        Keyword arguments of :class:`cutenv.policy.features.Features`, or for ``cutenv/DepthCut-v1`` of
+        :class:`cutenv.policy.depth_features.DepthFeatures`.
     sha256 : str
         SHA-256 of ``policy.safetensors``, in hexadecimal digits.
     training : dict
@@ -53,7 +57,7 @@ class PolicyCard:
         Recurrent part before the dense layers: none, or an LSTM of ``layers[1]`` units.  A card without this field
         has none.
     scaling : list of dict
-        Name, unit, scale and offset of each component of the observation; default :func:`observation_scaling`.
+        Name, unit, scale and offset of each component of the observation; default those of ``cutenv/GentleCut-v1``.
 
     Raises
     ------
@@ -119,13 +123,14 @@ class PolicyCard:
         return cls(**content)
 
 
-def check_scaling(scaling: list[dict[str, Any]]) -> None:
-    """Raise if observations were scaled differently from this version of cutenv."""
+def check_scaling(scaling: list[dict[str, Any]], environment: str = "cutenv/GentleCut-v1") -> None:
+    """Raise if observations of an environment were scaled differently from this version of cutenv."""
     if not isinstance(scaling, list):
         raise TypeError(f"scaling must be a list with {', '.join(_SCALING)} of each component, got {scaling!r}.")
-    for given, component, ours in itertools.zip_longest(scaling, COMPONENTS, observation_scaling()):
+    components = space_of(environment).components
+    for given, component, ours in itertools.zip_longest(scaling, components, observation_scaling(environment)):
         if given != ours:  # exactly: JSON keeps every digit
-            name = f"component {component.name!r}" if component else f"a component after {COMPONENTS[-1].name!r}"
+            name = f"component {component.name!r}" if component else f"a component after {components[-1].name!r}"
             raise ValueError(
                 f"scaling: {name} is {given} in the card and {ours} in this version of cutenv. "
                 "Use the version that the policy was trained with, or train it again."

@@ -14,16 +14,17 @@ import numpy as np
 from cutenv._base.arrays import Array32, Indices
 from cutenv._base.atomic_file import atomic_write
 from cutenv.policy.actor_network import Network
+from cutenv.policy.depth_features import DepthFeatures
 from cutenv.policy.features import Features
 from cutenv.policy.interface import ArrayPolicy
 from cutenv.policy.policy_card import PolicyCard, check_scaling, observation_scaling
+from cutenv.policy.policy_space import space_of
 from cutenv.policy.recurrent import RecurrentNetwork
 
 __all__ = ["PolicyCard", "TrainedPolicy", "observation_scaling", "save_policy"]
 
 
 WEIGHTS, CARD = "policy.safetensors", "card.json"
-_ACTIONS = 2
 _AGAIN = "Copy the whole folder again, or save the policy again with this version of cutenv."
 
 
@@ -46,7 +47,7 @@ class TrainedPolicy(ArrayPolicy):
     """
 
     def __init__(self, card: PolicyCard, network: Network | RecurrentNetwork) -> None:
-        check_scaling(card.scaling)
+        check_scaling(card.scaling, card.environment)
         self._card, self._network = card, network
         size = _features(card, 1).size
         if isinstance(network, RecurrentNetwork) != (card.memory is not None):
@@ -55,7 +56,7 @@ class TrainedPolicy(ArrayPolicy):
         if network.sizes != card.layers:
             found = _shown(network.sizes)
             raise ValueError(f"layers is {_shown(card.layers)}, but the network's are {found}. {_AGAIN}")
-        needed = (size, _ACTIONS)
+        needed = (size, len(space_of(card.environment).actions))
         if (network.sizes[0], network.sizes[-1]) != needed:
             raise ValueError(
                 f"layers is {_shown(card.layers)}; with features {card.features} it must begin with {needed[0]} and "
@@ -93,7 +94,7 @@ class TrainedPolicy(ArrayPolicy):
             values[cuts] = 0.0
 
     def act(self, observations: Array32) -> Array32:
-        """Return the actions, shape (n, 2), for the observations of all cuts, shape (n, 12)."""
+        """Return the actions, shape (n, 2), for the observations of all cuts, shape (n, 12); 3 and 22 with depth."""
         features = self._features(observations)
         if isinstance(self._network, RecurrentNetwork):
             assert self._state is not None
@@ -187,6 +188,7 @@ def save_policy(
         training=dict(training),
         memory="lstm" if isinstance(network, RecurrentNetwork) else None,
         output="linear" if isinstance(network, RecurrentNetwork) else network.output,
+        scaling=observation_scaling(environment),
     )
     TrainedPolicy(card, network)  # raises now what loading would raise
     folder = Path(folder)
@@ -202,10 +204,10 @@ def save_policy(
     return card
 
 
-def _features(card: PolicyCard, count: int) -> Features:
+def _features(card: PolicyCard, count: int) -> Features | DepthFeatures:
     """Build the features described by a card; the only place that knows their keywords."""
     try:
-        return Features(count, **card.features)
+        return space_of(card.environment).features(count, **card.features)
     except (TypeError, ValueError) as error:
         raise ValueError(f"features {card.features} are not understood: {error} {_AGAIN}") from None
 

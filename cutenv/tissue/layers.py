@@ -101,7 +101,8 @@ def layered_depth_by(layers: Struct, depth: float, effective: float, reach: floa
         root += (_fourth_root(capsule) - 1.0) * (over / (over + reach))
     if deep != 1.0:
         root += (_fourth_root(deep) - 1.0) * (reach / (max(above, 0.0) + reach))
-    return engaged + (effective - depth) * root**4  # type: ignore[no-any-return]
+    square = root * root
+    return engaged + (effective - depth) * (square * square)  # type: ignore[no-any-return]
 
 
 @njit_inline

@@ -1,0 +1,184 @@
+"""Features of a learned policy of ``cutenv/DepthCut-v1``: those of gentle cutting, and those of the depth.
+
+A cut is as deep as the blade is where the crack tip is, some millimetres behind.  So surface and wanted depth are
+remembered as the blade passes, and the most useful features are by how much the blade must go down for the depth that
+is wanted at the tip and ahead of it.  Nothing is included that a rig could not know.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cutenv._base.arrays import Array32, Indices, Struct, StructArray
+from cutenv._engine.elementary import tanh
+from cutenv._engine.jit import njit, njit_internal
+from cutenv.policy.features import Features
+from cutenv.policy.signals import DEPTH_COLUMN, POSITION_COLUMN
+from cutenv.task.depth_terms import ALL_COMPONENTS, DEPTH_COMPONENTS
+from cutenv.task.observation import CLIP, COMPONENTS, SCALES
+from cutenv.tissue.grid import N_POINTS, SPACING
+
+_FIRST = len(COMPONENTS)
+_COLUMNS = {one.name: _FIRST + number for number, one in enumerate(DEPTH_COMPONENTS)}
+_SCALES = np.array([one.scale for one in ALL_COMPONENTS])
+_VERTICALS = [_COLUMNS[name] for name in ("vertical", "vertical_mean", "vertical_max")]
+_VERTICAL_MEAN, _BLADE_DEPTH, _WANTED = (_COLUMNS[name] for name in ("vertical_mean", "blade_depth", "wanted"))
+_AHEAD = 4  # wanted depths in an observation: at the blade, and at three places ahead of it
+_LEADS = (0.0, 0.002, 0.004, 0.007, 0.010)  # distances ahead of the tip at which the error of the depth is told [m]
+_LENGTH = 0.002  # [m], scale of errors of the depth
+_FINE = 0.0005  # [m], scale of errors that a blade can still correct
+_PER_FORCE = 0.002  # [m/N], depth to which a newton presses the floor of the cut
+_OBSERVED = len(DEPTH_COMPONENTS)
+_OF_DEPTH = _OBSERVED + 2 * len(_LEADS) + 2 * _AHEAD + 1  # features that depth adds
+
+DEPTH_MEMORY: np.dtype[Any] = np.dtype(
+    (
+        np.record,
+        [
+            ("passed", "i8"),  # number of points that the blade has passed
+            ("surface", "f8", (N_POINTS,)),  # level of the surface, as measured [m]
+            ("wanted", "f8", (N_POINTS,)),  # wanted depth [m]
+        ],
+    )
+)
+"""Structured dtype of what the features remember of one cut."""
+
+
+class DepthFeatures:
+    """Features of one cut or many of ``cutenv/DepthCut-v1``; those of many are bit for bit those of each alone.
+
+    First come those of :class:`~cutenv.policy.features.Features`, with the blade's depth as the depth of cut, then what
+    depth adds to the observation, and what follows from it.
+
+    Parameters
+    ----------
+    count, history, force
+        See :class:`~cutenv.policy.features.Features`; without ``force`` the vertical force counts as zero, too.
+
+    Attributes
+    ----------
+    size : int
+        Number of features of a cut.
+
+    Raises
+    ------
+    TypeError, ValueError
+        See :class:`~cutenv.policy.features.Features`.
+    """
+
+    def __init__(self, count: int = 1, *, history: int = 6, force: bool = True) -> None:
+        self._along = Features(count, history=history, force=force)
+        self._memory = np.zeros(int(count), DEPTH_MEMORY)
+        self._force = force
+        self._all = np.arange(int(count))
+        self.size = self._along.size + _OF_DEPTH
+
+    def reset(self) -> None:
+        """Forget the last cut, or all of them."""
+        self.forget(self._all)
+
+    def forget(self, cuts: int | Indices) -> None:
+        """Forget one of the cuts, or several, given by index."""
+        self._along.forget(cuts)
+        self._memory["passed"][cuts] = 0
+
+    def __call__(self, observations: ArrayLike, cuts: Indices | None = None) -> Array32:
+        """Return the features, float32, clipped like observations.
+
+        Parameters
+        ----------
+        observations : array, shape (n, 22), or (22,) of a single cut
+            Observations of all cuts, or of those given by index.
+        cuts : array of int, shape (n,), optional
+            Indices of the cuts.
+
+        Returns
+        -------
+        array, shape (n, size), or (size,) of a single cut
+            The features.
+
+        Raises
+        ------
+        ValueError
+            If the observations have another shape, or are not finite.
+        """
+        shape = np.shape(observations)
+        seen = np.array(observations, np.float32, ndmin=2)
+        cuts = self._all if cuts is None else cuts
+        if seen.shape != (len(cuts), len(ALL_COMPONENTS)):
+            raise ValueError(f"observations have shape {shape}; give ({len(cuts)}, {len(ALL_COMPONENTS)}).")
+        if not np.isfinite(seen).all():
+            raise ValueError(f"observation = {seen} must be finite; give it as the environment returned it.")
+        if not self._force:
+            seen[:, _VERTICALS] = 0.0
+        along = seen[:, :_FIRST].copy()
+        along[:, DEPTH_COLUMN] = seen[:, _BLADE_DEPTH] * (_SCALES[_BLADE_DEPTH] / SCALES[DEPTH_COLUMN])
+        features = np.empty((len(seen), self.size), np.float32)
+        features[:, : self._along.size] = self._along(along, cuts)
+        add_depth_some(self._memory, self._along.estimates, cuts, seen, features)
+        found: Array32 = features.reshape(*shape[:-1], self.size)
+        return found
+
+
+@njit
+def add_depth_some(
+    memory: StructArray,
+    estimates: StructArray,
+    cuts: StructArray,
+    observations: StructArray,
+    features: StructArray,
+) -> None:
+    """Fill the last features, of depth, and update the memory of the n cuts given by index.
+
+    ``estimates`` are those of all cuts, :data:`~cutenv.policy.tip_estimate.CUT_ESTIMATE`; ``observations`` and
+    ``features`` have shape (n, 22) and (n, size).
+    """
+    for k in range(len(cuts)):
+        _add_depth(memory[cuts[k]], estimates[cuts[k]], observations[k], features[k])
+
+
+@njit_internal
+def _add_depth(memory: Struct, estimate: Struct, observation: StructArray, features: StructArray) -> None:
+    position = max(observation[POSITION_COLUMN] * _SCALES[POSITION_COLUMN], 0.0)
+    surface = observation[DEPTH_COLUMN] * _SCALES[DEPTH_COLUMN]  # depth of a blade at level 0
+    blade = observation[_BLADE_DEPTH] * _SCALES[_BLADE_DEPTH]
+    level = surface - blade
+    _remember_depth(memory, position, surface, observation[_WANTED] * _SCALES[_WANTED])
+
+    first = len(features) - _OF_DEPTH
+    k = first
+    for i in range(_OBSERVED):
+        features[k + i] = observation[_FIRST + i]
+    k += _OBSERVED
+    for lead in _LEADS:
+        i = min(max(int((estimate.tip + lead) / SPACING + 0.5), 0), memory.passed - 1)
+        lower = level - (memory.surface[i] - memory.wanted[i])  # by how much the blade must go down
+        features[k] = lower / _LENGTH
+        features[k + 1] = tanh(lower / _FINE)
+        k += 2
+    for i in range(_AHEAD):
+        lower = observation[_WANTED + i] * _SCALES[_WANTED + i] - blade
+        features[k] = lower / _LENGTH
+        features[k + 1] = tanh(lower / _LENGTH)
+        k += 2
+    pressed = _PER_FORCE * observation[_VERTICAL_MEAN] * _SCALES[_VERTICAL_MEAN]
+    features[k] = tanh(pressed / _FINE)
+    for i in range(first, len(features)):
+        features[i] = min(max(features[i], -CLIP), CLIP)
+
+
+@njit_internal
+def _remember_depth(memory: Struct, position: float, surface: float, wanted: float) -> None:
+    """Remember surface and wanted depth [m] up to the blade, interpolated since the last point that it passed."""
+    passed = memory.passed
+    reached = min(int(position / SPACING + 0.5), N_POINTS - 1) + 1
+    before = memory.surface[passed - 1] if passed > 0 else surface
+    wanted_before = memory.wanted[passed - 1] if passed > 0 else wanted
+    for i in range(passed, reached):
+        share = (i + 1 - passed) / (reached - passed)
+        memory.surface[i] = before + (surface - before) * share
+        memory.wanted[i] = wanted_before + (wanted - wanted_before) * share
+    memory.passed = max(passed, reached)
