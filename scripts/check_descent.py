@@ -158,11 +158,13 @@ def check_limits(specimens: Sequence[Specimen]) -> Iterator[Row]:
         math.isclose(ratio, 1.0, abs_tol=0.01),
     )
 
-    errors, works, sooner = [], [], []
+    errors, works, sooner, steps = [], [], [], []
     for specimen in (uniform, *specimens):
         levels = -0.004 * np.sin(np.arange(TICKS) / 500.0) ** 2
         cut = led(specimen, 2.0 * FEED, levels, UPRIGHT)
         state, own = cut.cuts.states[0], cut.descents[0]
+        quiet = (cut.readings["jump"][1:] == 0.0) & (np.arange(1, TICKS) > 10)  # friction begins in the first ones
+        steps.append(np.abs(np.diff(cut.readings["force"]))[quiet].max())
         at_once = led(specimen, 2.0 * FEED, levels, UPRIGHT, parameters=DescentParameters(response_time=TICK))
         sooner.append(at_once.energies()["work"] / state["work"] - 1.0)
         cells = np.clip(np.floor(state["tip"] / SPACING + 0.5 - np.arange(len(own["floor"])) + 0.5), 0, 1) * SPACING
@@ -192,6 +194,7 @@ def check_limits(specimens: Sequence[Specimen]) -> Iterator[Row]:
     yield Row(
         "work where tissue responds every ms, not every 10, waving", found, "within 2 %", worst <= LEVEL_TOLERANCE
     )
+    yield Row("largest step of the force along the cut without a run, waving depth", f"{1e3 * max(steps):.0f} mN")
 
 
 def held_force_over_work(specimen: Specimen) -> float:
