@@ -76,16 +76,11 @@ class Translation:
         if self.language == "en":
             return
         from matplotlib.text import Text
-        from matplotlib.ticker import FixedFormatter
 
         for text in figure.findobj(Text):
             text.set_text("\n".join(self.text(line) for line in text.get_text().split("\n")))
         for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
-            form = axis.get_major_formatter()
-            if isinstance(form, FixedFormatter):
-                form.seq = [self.text(each) for each in form.seq]
-            else:
-                axis.set_major_formatter(_with_comma(form))
+            axis.set_major_formatter(_translated(axis.get_major_formatter(), self))
 
     def _between(self, text: str) -> str:
         if not text.strip():
@@ -176,15 +171,15 @@ def _german_number(text: str) -> str:
     return re.sub(r"(?<=\d)\.(?=\d)", ",", text.replace(", ", "; "))
 
 
-def _with_comma(form: Any) -> Any:
-    """Return a formatter of ticks that writes what another writes, with a comma."""
+def _translated(form: Any, translation: Translation) -> Any:
+    """Return a formatter of ticks that writes what another writes, in the language."""
     from matplotlib.ticker import Formatter
 
-    class Comma(Formatter):
+    class Translated(Formatter):
         def __call__(self, x: float, pos: int | None = None) -> str:
-            return _german_number(form(x, pos))
+            return translation.text(form(x, pos))
 
         def set_locs(self, locs: Any) -> None:
             form.set_locs(locs)
 
-    return Comma()
+    return Translated()

@@ -19,6 +19,7 @@ class Drawing {
     this.drawnCut = cut;
     this.drawn = 0;
     this.path = [];
+    this.standing = new Map(); // places that stay during a cut
     this.range = { low: this.told.scene.chart.low, high: this.told.scene.chart.high };
   }
 
@@ -107,7 +108,10 @@ class Drawing {
     this.drawTissue(values, moved);
     this.drawChart(texts, values, seen);
     for (const part of scene.parts) {
-      if (shown[part.shown]) this.clipped(part.view, () => this.drawPart(part, scene.places(part, values, moved), texts, values));
+      if (!shown[part.shown]) continue;
+      const places = this.standing.get(part) ?? scene.places(part, values, moved);
+      if (part.standing) this.standing.set(part, places);
+      this.clipped(part.view, () => this.drawPart(part, places, texts, values));
     }
     this.drawRuler();
     this.hatch(this.line - this.scale * values.half_width, this.line + this.scale * values.half_width);

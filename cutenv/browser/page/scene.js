@@ -63,7 +63,8 @@ class Scene {
     const [a, b, c, d] = [this.at(right, i, j), this.at(right, i + 1, j), this.at(right, i, j + 1), this.at(right, i + 1, j + 1)];
     const mean = k => (1 - t) * ((1 - s) * moved[a + k] + s * moved[b + k]) + t * ((1 - s) * moved[c + k] + s * moved[d + k]);
     const dx = mean(0), dy = mean(1);
-    Object.assign(values, { across: x, along: y });
+    values.across = x;
+    values.along = y;
     return { place: [x + dx + side * this.halfGap(values) * this.openedAside(values), y + dy], size: Math.hypot(dx, dy) };
   }
 
