@@ -30,6 +30,7 @@ from cutting_rig import HostWatch
 from cutenv.commands.rig.run import chosen_policy, rehearse
 from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.policy import Policy
+from cutenv.rig.devices.camera import RigCamera
 from cutenv.rig.devices.canopen import network
 from cutenv.rig.devices.samples import ForceSample, MotionSample
 from cutenv.rig.errors import RigError
@@ -116,16 +117,19 @@ def cut(env: RigCutEnv, policy: Policy, *, seed: int, episode: int, most: int) -
     return info
 
 
-def soak(minutes: float, *, seed: int, real_time: bool) -> dict[str, Any]:
-    """Cut for ``minutes``, ways back not counted; return the results."""
+def soak(
+    minutes: float, *, seed: int, real_time: bool, records: Path | None = None, camera: RigCamera | None = None
+) -> dict[str, Any]:
+    """Cut for ``minutes``, ways back not counted; return the results. With records, a camera can be beside the rig."""
     policy, keywords = chosen_policy(POLICY)
-    env = RigCutEnv(rig="emulator", specimen_class="liver", **keywords)
+    env = RigCutEnv(rig="emulator", specimen_class="liver", records=records, **keywords)
     rehearse(env, policy, seed=seed)
     times = Times()
     with times.synced(), ordinary(real_time), env:
         plant = env.session.plant
         times.listen(plant)
         env.session.open()
+        env._source._camera = camera  # an emulated rig has no file that names one
         watch = HostWatch(plant.clock)
         control = env._source.emulator.control  # type: ignore[union-attr]  # it runs since there is a session
         before, began, episode = len(control.events()), time.monotonic(), 0

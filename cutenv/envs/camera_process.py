@@ -27,6 +27,7 @@ from cutenv.vision.depth_record import filmed_depth
 from cutenv.vision.film_source import camera_of, newest_frames
 
 _NICE = 5  # below the rig's own program
+_TELLING = threading.Lock()
 
 
 class FilmedCuts:
@@ -90,7 +91,9 @@ def _answer(cuts: FilmedCuts) -> None:
 
 
 def _tell(message: dict[str, Any]) -> None:
-    print(json.dumps(message), flush=True)
+    """Write one line: frames and answers come from two threads, and no line may be broken by another."""
+    with _TELLING:
+        print(json.dumps(message), flush=True)
 
 
 if __name__ == "__main__":

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import io
+import json
 import shutil
+import sys
+import threading
 import time
 
 import numpy as np
@@ -12,6 +16,7 @@ import pytest
 pytest.importorskip("cv2", reason="cv2 is an extra: pip install 'cutenv[vision]'")
 pytest.importorskip("av", reason="av is an extra: pip install 'cutenv[vision]'")
 
+from cutenv.envs.camera_process import _tell
 from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.recording import load_one
 from cutenv.rig.config.settings import CameraSettings
@@ -134,3 +139,22 @@ def test_a_cut_asks_the_camera_at_its_beginning_and_its_end(tmp_path):
     env.close()
     assert asked == ["begin", *env.records, "close"]
     assert "did not answer" in load_one(env.records[0]).metadata[CAMERA_NOTE]
+
+
+def test_frames_and_answers_do_not_break_each_others_lines(monkeypatch):
+    """Both are told at the same time by two threads; the rig's program reads lines."""
+
+    class SlowPipe(io.StringIO):
+        def write(self, text):
+            time.sleep(1e-3)
+            return super().write(text)
+
+    pipe = SlowPipe()
+    monkeypatch.setattr(sys, "stdout", pipe)
+    threads = [threading.Thread(target=lambda: [_tell({"frame": k}) for k in range(20)]) for _ in range(3)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    told = [json.loads(line)["frame"] for line in pipe.getvalue().splitlines()]
+    assert sorted(told) == sorted(3 * list(range(20)))
