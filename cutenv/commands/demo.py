@@ -57,7 +57,7 @@ class DemoCut:
 def main(argv: Sequence[str]) -> int:
     """Run the command: cut, print the table, write the picture; return 0, or 2 if an option is bad."""
     arguments = _parser().parse_args(argv)
-    from cutenv.policy import BASELINES, named_policy
+    from cutenv.policy import BASELINES, gentle_policy
 
     count = int(in_range("--specimens", arguments.specimens, 1, 1000, "1", "A handful is enough to look at."))
     seed = UNSEEN + int(in_range("--seed", arguments.seed, 0, 10**9, "1", "Give a whole number from 0."))
@@ -67,7 +67,7 @@ def main(argv: Sequence[str]) -> int:
     for option, path in (("--out", arguments.out), ("--page", arguments.page)):
         if path is not None:
             made_folder(option, path.parent)
-    policy = named_policy(arguments.policy)
+    policy = gentle_policy(arguments.policy)
     name = Path(arguments.policy).name
     print(f"{count} specimens of class {arguments.specimen_class} on which nothing was trained or chosen\n")
     agent = demo_cuts(policy, policy.environment_arguments, arguments.specimen_class, seed, count, length)

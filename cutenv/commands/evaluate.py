@@ -1,7 +1,7 @@
 """Compare policies on the same held-out specimens: every score of every cut, means and paired differences.
 
 A policy is the name of a baseline or of a shipped policy (ppo-free), or the folder of a trained one, which holds
-policy.safetensors and card.json.
+policy.safetensors and card.json. Those that cut along a wanted depth are compared with each other alone.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def _evaluate(arguments: argparse.Namespace) -> None:
         print("\n".join(BASELINES))
         return
     from cutenv.learning.evaluation import contestant, evaluate
-    from cutenv.learning.result_tables import print_differences, print_table, write_csv
+    from cutenv.learning.result_tables import DEPTH_SHOWN, SHOWN, print_differences, print_table, write_csv
     from cutenv.learning.seeds import TEST_SEEDS, VALIDATION_SEEDS
     from cutenv.learning.statistics import differences, summarise
 
@@ -44,6 +44,10 @@ def _evaluate(arguments: argparse.Namespace) -> None:
         raise ValueError(f"--specimens {arguments.specimens} is outside 2 to {len(seeds)}")
     names = [name for given in arguments.policies for name in (BASELINES if given == "all" else [given])]
     chosen = {name: contestant(name) for name in dict.fromkeys(names)}
+    tasks = {name: one.arguments.get("task", "gentle") for name, one in chosen.items()}
+    if len(set(tasks.values())) > 1:
+        told = ", ".join(f"{name!r} is for {task!r}" for name, task in tasks.items())
+        raise ValueError(f"POLICY names policies of several tasks: {told}. Give those of one.")
     if arguments.out:
         arguments.out.mkdir(parents=True, exist_ok=True)
     rows = evaluate(
@@ -60,7 +64,7 @@ def _evaluate(arguments: argparse.Namespace) -> None:
             write_csv(arguments.out / "differences.csv", paired)
     kind = "validation" if arguments.validation else "held-out"
     print(f"\n{arguments.specimens} {kind} specimens of class {arguments.specimen_class}, mean [95 % interval]\n")
-    print_table(summary)
+    print_table(summary, DEPTH_SHOWN if "depth" in tasks.values() else SHOWN)
     if paired and len(chosen) <= 12:
         print_differences(paired)
 

@@ -38,7 +38,7 @@ class LearnedTask:
 
     @property
     def space(self) -> PolicySpace:
-        """What a policy observes, acts with and computes from observations."""
+        """Components of an observation, actions and features of a policy."""
         return space_of(self.id)
 
 

@@ -10,11 +10,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from cutenv.envs.learned_tasks import TASKS, LearnedTask
 from cutenv.learning.options import check_ranges, flag_of, option
 from cutenv.learning.seeds import TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
 from cutenv.policy import SCRIPTS
-from cutenv.policy.features import feature_count
-from cutenv.task.privileged import PRIVILEGED_FEATURES
 from cutenv.tissue.specimen import CLASSES
 
 if TYPE_CHECKING:
@@ -32,10 +31,10 @@ class BadArguments(ValueError):
 _ENTROPY_WEIGHT = re.compile(r"(auto_)?\d*\.?\d+(e-?\d+)?")
 
 
-def actor_critic_inputs(history: int, critic: str) -> dict[str, int]:
+def actor_critic_inputs(task: LearnedTask, history: int, critic: str) -> dict[str, int]:
     """Return the input sizes of an actor with this history, and of a critic that sees "truth" or "features"."""
-    features = feature_count(history)
-    return {"features": features, "critic": features + (len(PRIVILEGED_FEATURES) if critic == "truth" else 0)}
+    features = task.space.features(history=history).size
+    return {"features": features, "critic": features + (len(task.privileged) if critic == "truth" else 0)}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,7 +49,12 @@ class LearnerArguments:
 
     quick: ClassVar[Mapping[str, Any]] = {}
     """Values that ``--quick`` sets."""
+    tasks: ClassVar[tuple[str, ...]] = ("gentle",)
+    """Names of the tasks that the learner is for."""
 
+    task: str = option(
+        "gentle", "task to learn: to cut gently (gentle), or along a wanted depth as well (depth)", tuple(TASKS)
+    )
     name: str = option("", "name of the run's folder below runs/; default date and time", metavar="NAME")
     seed: int = option(
         0, "seed of networks, exploration and training specimens", (0, len(TRAINING_SEEDS) // MAX_ENVIRONMENTS - 1)
@@ -75,7 +79,11 @@ class LearnerArguments:
     demonstrations: int = option(
         200_000, "number of decisions of a script that the actor first imitates; 0: none", (0, 10**9)
     )
-    script: str = option("return stroke", "script to imitate", tuple(SCRIPTS))
+    script: str = option(
+        "return stroke",
+        "script of the task to imitate",
+        tuple(name for one in TASKS.values() for name in one.scripts),
+    )
     demonstration_noise: float = option(
         0.15, "standard deviation of the noise added to half of the demonstrations", (0.0, 1.0)
     )
@@ -100,6 +108,14 @@ class LearnerArguments:
             raise BadArguments(f"--rigs {self.rigs} needs as many --environments; {self.environments} are too few")
         if self.specimens == 1:
             raise BadArguments("--specimens 1 gives no interval; give 2 or more, or 0 for no evaluation")
+        if self.task not in self.tasks:
+            raise BadArguments(f"--task {self.task} is learned by PPO alone; leave it out, or give --learner ppo")
+        other = [name for name, one in TASKS.items() if self.script in one.scripts and name != self.task]
+        if other:
+            own = ", ".join(map(repr, self.learned_task.scripts))
+            raise BadArguments(
+                f"--script {self.script!r} is for --task {other[0]}; those for --task {self.task} are {own}"
+            )
 
     @classmethod
     def completed(cls, chosen: Mapping[str, Any]) -> dict[str, Any]:
@@ -110,7 +126,15 @@ class LearnerArguments:
         BadArguments
             For options that contradict each other.
         """
-        return dict(chosen)
+        task = chosen.get("task", "gentle")
+        if task == "gentle" or "script" in chosen:
+            return dict(chosen)
+        return {**chosen, "script": TASKS[task].script}
+
+    @property
+    def learned_task(self) -> LearnedTask:
+        """The task to learn."""
+        return TASKS[self.task]
 
     @property
     def environment(self) -> dict[str, Any]:
@@ -144,7 +168,7 @@ class LearnerArguments:
         """Make environments with these seeds, which show the hidden state after the features."""
         from cutenv.sb3 import FeatureVecEnv
 
-        return FeatureVecEnv(seeds, hidden_state=True, **self.features, **self.environment)
+        return FeatureVecEnv(seeds, hidden_state=True, task=self.task, **self.features, **self.environment)
 
     def training_environments(self) -> FeatureVecEnv | RandomisedRigs:
         """Make the environments to train in; see :meth:`environments_at`."""
@@ -152,7 +176,7 @@ class LearnerArguments:
             return self.environments_at(self.training_seeds)
         from cutenv.learning.randomised_rigs import RandomisedRigs, random_rigs
 
-        shared = {"hidden_state": True, **self.features, **self.environment}
+        shared = {"hidden_state": True, "task": self.task, **self.features, **self.environment}
         return RandomisedRigs(random_rigs(self.rigs, self.seed), self.training_seeds, **shared)
 
 
@@ -160,6 +184,7 @@ class LearnerArguments:
 class PPOArguments(LearnerArguments):
     """Options of PPO."""
 
+    tasks: ClassVar[tuple[str, ...]] = tuple(TASKS)
     quick: ClassVar[Mapping[str, Any]] = {
         "demonstrations": 100_000,
         "timesteps": 400_000,
@@ -192,13 +217,14 @@ class PPOArguments(LearnerArguments):
     @property
     def sizes(self) -> dict[str, int]:
         """Input sizes of actor and critic, and units of a layer: keyword arguments of the actor-critic networks."""
-        return {**actor_critic_inputs(self.history, self.critic), "hidden": self.hidden}
+        return {**actor_critic_inputs(self.learned_task, self.history, self.critic), "hidden": self.hidden}
 
 
 @dataclass(frozen=True, kw_only=True)
 class RecurrentPPOArguments(PPOArguments):
     """Options of recurrent PPO."""
 
+    tasks: ClassVar[tuple[str, ...]] = ("gentle",)
     timesteps: int = option(4_000_000, "number of decisions to train for", (1, 10**12), resumable=True)
     environments: int = option(64, "number of environments that run side by side", (1, MAX_ENVIRONMENTS))
     rollout: int = option(128, "number of decisions of each environment between updates", (2, 10**6))
@@ -352,7 +378,7 @@ class OffPolicyArguments(LearnerArguments):
     @property
     def sizes(self) -> dict[str, int]:
         """Input sizes of actor and critic: keyword arguments of :mod:`cutenv.learning.asymmetric_actors`."""
-        return actor_critic_inputs(self.history, self.critic)
+        return actor_critic_inputs(self.learned_task, self.history, self.critic)
 
 
 @dataclass(frozen=True, kw_only=True)

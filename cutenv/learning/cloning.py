@@ -17,12 +17,12 @@ from tqdm import tqdm
 
 from cutenv.learning.arguments import LearnerArguments
 from cutenv.learning.randomised_rigs import RandomisedRigs
-from cutenv.policy import BASELINES, Policy
+from cutenv.policy import Policy
 from cutenv.policy.interface import as_array_policy
 from cutenv.sb3 import FeatureVecEnv
 
 Batch = tuple[torch.Tensor, torch.Tensor, torch.Tensor]
-"""Observations, shape (..., size), actions, shape (..., 2), and weights 1 or 0, shape (...)."""
+"""Observations, shape (..., size), actions, shape (..., k), and weights 1 or 0, shape (...)."""
 
 
 class Transitions(NamedTuple):
@@ -31,7 +31,7 @@ class Transitions(NamedTuple):
     observations: np.ndarray
     """Features, shape (decisions, size)."""
     actions: np.ndarray
-    """Actions as they were taken, shape (decisions, 2)."""
+    """Actions as they were taken, shape (decisions, k)."""
     rewards: np.ndarray
     """Rewards, shape (decisions,)."""
     next_observations: np.ndarray
@@ -46,11 +46,11 @@ class Demonstrations(NamedTuple):
     observations: np.ndarray
     """Features from the environments, shape (decisions, n, size)."""
     actions: np.ndarray
-    """Actions of the script without noise, shape (decisions, n, 2)."""
+    """Actions of the script without noise, shape (decisions, n, k)."""
     starts: np.ndarray
     """True where a cut begins, shape (decisions, n)."""
     taken: np.ndarray
-    """Actions as they were taken, with the noise, shape (decisions, n, 2)."""
+    """Actions as they were taken, with the noise, shape (decisions, n, k)."""
     rewards: np.ndarray
     """Rewards, shape (decisions, n)."""
 
@@ -100,7 +100,7 @@ class DecisionDataset:
 
 
 class CutDataset(NamedTuple):
-    """Data set of whole cuts, shapes (decisions, size) and (decisions, 2), padded to the longest of a batch."""
+    """Data set of whole cuts, shapes (decisions, size) and (decisions, k), padded to the longest of a batch."""
 
     observations: list[torch.Tensor]
     actions: list[torch.Tensor]
@@ -176,7 +176,7 @@ def script_demonstrations(environments: FeatureVecEnv | RandomisedRigs, argument
     """Let the script of the options cut in all environments, as often and with as much noise as they say."""
     return demonstrations(
         environments,
-        BASELINES[arguments.script],
+        arguments.learned_task.teachers[arguments.script],
         decisions=arguments.demonstrations,
         noise=arguments.demonstration_noise,
         seed=arguments.seed,

@@ -16,6 +16,7 @@ from typing import Any
 from tqdm import tqdm
 
 from cutenv.envs import set_cores
+from cutenv.envs.learned_tasks import TASKS
 from cutenv.learning.batched_rollout import batched_rollout
 from cutenv.policy import BASELINES, SHIPPED, ArrayPolicy, Policy, PrivilegedPolicy, named_policy
 from cutenv.policy.depth_scripts import DEPTH_SCRIPTS
@@ -145,7 +146,9 @@ def evaluate(
 
 
 def contestant(name: str) -> Contestant:
-    """Return the baseline, script of the depth or shipped policy of that name, or the policy in that folder.
+    """Return the baseline, script of the depth or shipped policy of that name, or the one in that folder.
+
+    Its arguments have "task" if it is not for gentle cutting.
 
     Raises
     ------
@@ -158,8 +161,10 @@ def contestant(name: str) -> Contestant:
         return Contestant(DEPTH_SCRIPTS[name](), {"task": "depth"})
     if name in SHIPPED or Path(name).is_dir():
         policy = named_policy(name)
-        return Contestant(policy, policy.environment_arguments)
+        task = next((key for key, one in TASKS.items() if one.id == policy.card.environment), "gentle")
+        return Contestant(policy, policy.environment_arguments | ({} if task == "gentle" else {"task": task}))
     raise ValueError(
         f"{name!r} is neither a baseline nor a folder nor shipped; baselines: all, {', '.join(BASELINES)}; "
+        f"scripts of the depth: {', '.join(DEPTH_SCRIPTS)}; "
         f"shipped: {', '.join(SHIPPED)}"
     )

@@ -11,7 +11,7 @@ import gymnasium
 
 from cutenv.learning.arguments import LearnerArguments
 from cutenv.learning.run_provenance import origin, write_facts
-from cutenv.learning.seeds import ENVIRONMENT, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
+from cutenv.learning.seeds import TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
 from cutenv.policy import Network, RecurrentNetwork, save_policy
 
 PACKAGES = ("cutenv", "gymnasium", "numpy", "numba", "scikit-fem", "stable-baselines3", "sb3-contrib", "torch")
@@ -22,7 +22,9 @@ def record_run(arguments: LearnerArguments, run: Path, agent: str) -> dict[str, 
 
     A run that is resumed keeps the versions and the commit of its start.
     """
-    gymnasium.make(ENVIRONMENT, **arguments.environment).close()  # refuses nonsense before anything is made
+    gymnasium.make(
+        arguments.learned_task.id, **arguments.environment
+    ).close()  # refuses nonsense before anything is made
     ranges = {"training": TRAINING_SEEDS, "validation": VALIDATION_SEEDS, "test": TEST_SEEDS}
     used = {
         "training": arguments.training_seeds,
@@ -36,7 +38,7 @@ def record_run(arguments: LearnerArguments, run: Path, agent: str) -> dict[str, 
     content = {
         "agent": agent,
         "arguments": dataclasses.asdict(arguments),
-        "environment": ENVIRONMENT,
+        "environment": arguments.learned_task.id,
         "seeds": {name: [min(seeds), max(seeds)] for name, seeds in used.items() if seeds},
         **origin(run, PACKAGES),
     }
@@ -51,7 +53,7 @@ def export(
     save_policy(
         folder,
         network,
-        environment=ENVIRONMENT,
+        environment=arguments.learned_task.id,
         environment_arguments={"control_hz": arguments.control_hz, **arguments.angle},
         features=arguments.features,
         training=facts,

@@ -9,6 +9,7 @@ from typing import Any
 
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.learning.batched_rollout import batched_rollout
+from cutenv.learning.depth_report import compare_depth
 from cutenv.learning.evaluation import Contestant, contestant, evaluate
 from cutenv.learning.result_tables import SHOWN, print_differences, print_table, read_rows, write_csv
 from cutenv.learning.seeds import TEST_SEEDS
@@ -25,6 +26,8 @@ def compare(
 ) -> None:
     """Evaluate the agent of a run and all baselines; write and print the scores, draw a cut, write the page.
 
+    The report of a run on another task has tables alone: :func:`~cutenv.learning.depth_report.compare_depth`.
+
     Parameters
     ----------
     run : Path
@@ -39,9 +42,14 @@ def compare(
     Raises
     ------
     ValueError
-        If the other run is on other specimens.
+        If the other run is on other specimens, or the task has other baselines.
     """
     arguments, agent = facts["arguments"], facts["agent"]
+    if arguments.get("task") == "depth":
+        if baselines_of is not None:
+            raise ValueError(f"{run} is of task depth, whose baselines are not reused; leave out --baselines-of.")
+        compare_depth(run, facts, processes=processes)
+        return
     learned = {agent: run / "policy"}
     if (run / "untrained" / "card.json").is_file():
         learned[f"{agent} untrained"] = run / "untrained"

@@ -18,7 +18,7 @@ from cutenv.policy.one_return_stroke import OneReturnStroke
 from cutenv.policy.planner import PlannerNominal, PlannerWithTruth
 from cutenv.policy.recurrent import RecurrentNetwork
 from cutenv.policy.scripted import ConstantFeed, FastThenSlow, InclineBetween, NoAction, RandomAction, Script
-from cutenv.policy.shipped import DEFAULT_SHIPPED, SHIPPED, named_policy, shipped
+from cutenv.policy.shipped import DEFAULT_SHIPPED, SHIPPED, gentle_policy, named_policy, shipped
 from cutenv.policy.tip_estimate import TipEstimate
 from cutenv.policy.trained import PolicyCard, TrainedPolicy, save_policy
 from cutenv.policy.unloading import StopAndUnload
@@ -55,6 +55,7 @@ __all__ = [
     "TipEstimate",
     "TrainedPolicy",
     "feed_name",
+    "gentle_policy",
     "named_policy",
     "save_policy",
     "shipped",

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from cutenv._base import resources
 from cutenv._base.validation import one_of
+from cutenv.policy.policy_space import GENTLE_SPACE, space_of
 from cutenv.policy.trained import CARD, TrainedPolicy
 
 _FOLDER = "policies"
@@ -54,3 +55,22 @@ def named_policy(name: str | Path) -> TrainedPolicy:
             "Give such a name, or the folder that holds its card.json."
         )
     return TrainedPolicy.load(name)
+
+
+def gentle_policy(name: str | Path) -> TrainedPolicy:
+    """Load a policy as :func:`named_policy` does, if its blade does not move up and down.
+
+    Raises
+    ------
+    ValueError
+        If it does, and as :func:`named_policy`.
+    FileNotFoundError, ModuleNotFoundError
+        As :func:`named_policy`.
+    """
+    policy = named_policy(name)
+    if space_of(policy.card.environment) is not GENTLE_SPACE:
+        raise ValueError(
+            f"policy {str(name)!r} was trained in {policy.card.environment}, whose blade also moves up and down. "
+            "Give one of cutenv/GentleCut-v1, or compare it by 'cutenv evaluate'."
+        )
+    return policy

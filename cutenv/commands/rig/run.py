@@ -60,7 +60,7 @@ def chosen_policy(name: str) -> tuple[Policy, dict[str, Any]]:
     ValueError, FileNotFoundError
         If there is no such policy.
     """
-    from cutenv.policy import BASELINES, named_policy
+    from cutenv.policy import BASELINES, gentle_policy
     from cutenv.policy.interface import PrivilegedPolicy
 
     if name in BASELINES:
@@ -77,7 +77,7 @@ def chosen_policy(name: str) -> tuple[Policy, dict[str, Any]]:
             raise ValueError(f"policy {name!r}: {error}. Give MODULE:CLASS, of a module in this folder.") from error
         return own, {}
     try:
-        learned = named_policy(name)
+        learned = gentle_policy(name)
     except ValueError as error:
         raise ValueError(f"{error} Or a script: {', '.join(BASELINES)}.") from None
     return learned, learned.environment_arguments
