@@ -7,6 +7,8 @@ import contextlib
 import json
 import shutil
 import subprocess
+import tempfile
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -16,7 +18,16 @@ from chromium import PATIENCE_S
 PROGRAM = shutil.which("firefox-esr") or shutil.which("firefox")
 _ADDRESS = "WebDriver BiDi listening on "
 _KEYS = {"ArrowLeft": "\ue012", "ArrowUp": "\ue013", "ArrowRight": "\ue014", "ArrowDown": "\ue015", "Tab": "\ue004"}
-_COLOURS = "layout.css.prefers-color-scheme.content-override"  # 0 is dark, 1 light
+_LIGHT = 'user_pref("layout.css.prefers-color-scheme.content-override", 1);\n'
+_DARK_MANIFEST = {
+    "manifest_version": 2,
+    "name": "dark",
+    "version": "1",
+    "permissions": ["browserSettings"],
+    "background": {"scripts": ["dark.js"]},
+    "browser_specific_settings": {"gecko": {"id": "dark@cutenv"}},
+}
+_DARK_SCRIPT = 'browser.browserSettings.overrideContentColorScheme.set({ value: "dark" });'
 
 
 class Browser:
@@ -31,9 +42,7 @@ class Browser:
         self.tell("session.new", capabilities={})
         self.tell("session.subscribe", events=["log.entryAdded", "network.beforeRequestSent"])
         self._page = self.tell("browsingContext.getTree")["contexts"][0]["context"]
-        windows = self.tell("browsingContext.getTree", **{"moz:scope": "chrome"})["contexts"]
-        # Firefox 140 knows no such scope, and lists pages: it stays as light as its profile says.
-        self._window = next((each["context"] for each in windows if each["url"].startswith("chrome:")), None)
+        self._dark_extension = ""
 
     def tell(self, method: str, **parameters: Any) -> dict[str, Any]:
         """Send a command; return its result."""
@@ -48,13 +57,33 @@ class Browser:
 
     def open(self, path: Path, width: int, *, dark: bool = False) -> None:
         """Open a file in a window of a width [px] and wait until it is loaded."""
-        if self._window is not None:
-            self._evaluate(f"Services.prefs.setIntPref('{_COLOURS}', {0 if dark else 1})", self._window)
-        assert not dark or self._window is not None, "this Firefox cannot be told to be dark; take a later one"
+        self._be_dark(dark)
         viewport = {"width": width, "height": 900}
         self.tell("browsingContext.setViewport", context=self._page, viewport=viewport, devicePixelRatio=1)
         self.events.clear()
         self.tell("browsingContext.navigate", context=self._page, url=path.as_uri(), wait="complete")
+
+    def _be_dark(self, dark: bool) -> None:
+        """Let pages be dark or light, by an extension that sets it: the protocol has no command for that."""
+        if dark == bool(self._dark_extension):
+            return
+        if dark:
+            with tempfile.TemporaryDirectory() as folder:
+                (Path(folder) / "manifest.json").write_text(json.dumps(_DARK_MANIFEST), encoding="utf-8")
+                (Path(folder) / "dark.js").write_text(_DARK_SCRIPT, encoding="utf-8")
+                data = {"type": "path", "path": folder}
+                self._dark_extension = self.tell("webExtension.install", extensionData=data)["extension"]
+                self._wait_until_dark(True)
+        else:
+            self.tell("webExtension.uninstall", extension=self._dark_extension)
+            self._dark_extension = ""
+            self._wait_until_dark(False)
+
+    def _wait_until_dark(self, dark: bool) -> None:
+        until = time.monotonic() + PATIENCE_S
+        while self.value("matchMedia('(prefers-color-scheme: dark)').matches") is not dark:
+            assert time.monotonic() < until, "the colours do not change"
+            time.sleep(0.05)
 
     def value(self, expression: str) -> Any:
         """Return what a JavaScript expression is worth in the page; a promise is waited for."""
@@ -140,8 +169,8 @@ def browser(profile: Path) -> Iterator[Browser]:
     from websockets.sync.client import connect
 
     assert PROGRAM is not None
-    (profile / "user.js").write_text(f'user_pref("{_COLOURS}", 1);\n', encoding="utf-8")
-    options = ("--headless", "--no-remote", "--remote-debugging-port", "0", "--remote-allow-system-access")
+    (profile / "user.js").write_text(_LIGHT, encoding="utf-8")
+    options = ("--headless", "--no-remote", "--remote-debugging-port", "0")
     process = subprocess.Popen(
         [PROGRAM, *options, "--profile", str(profile)],
         stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,

@@ -104,6 +104,8 @@ def scores(page: chromium.Browser | firefox.Browser, seed: int) -> tuple[float, 
 
 def pictures(page: chromium.Browser | firefox.Browser, seconds: float) -> dict[str, Any]:
     """Lead a cut by mouse for some seconds; return what its pictures took [ms]."""
+    while not page.value("Boolean(window.cutenvPage?.page.cut)"):
+        time.sleep(0.05)
     page.value(TIMED)
     page.value("cutenvPage.start()")
     while page.value("cutenvPage.page.phase") != "cutting":
