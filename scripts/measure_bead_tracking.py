@@ -2,6 +2,7 @@
 
 python scripts/measure_bead_tracking.py                 all parts, one after the other: a quarter of an hour
 python scripts/measure_bead_tracking.py --part images   one part; each is kept in runs/bead_tracking as it is done
+python scripts/measure_bead_tracking.py --part slow --seed 2 --out runs/bead_tracking_2   another session
 python scripts/update_docs.py bead-tracking
 """
 
@@ -231,23 +232,23 @@ Part = tuple[list[Mark], list[str]]
 
 
 @cache
-def prepared() -> tuple[Session, CArmCalibration, Array, Array]:
+def prepared(seed: int) -> tuple[Session, CArmCalibration, Array, Array]:
     """Draw a session, calibrate it and find its beads at rest; the same for every part."""
-    rng = np.random.default_rng([SEED, 27])
-    session = Session.drawn(SEED)
+    rng = np.random.default_rng([seed, 27])
+    session = Session.drawn(seed)
     calibration = calibrated(session, rng)
     return session, calibration, *swept(session, calibration.views[0], rng)
 
 
-def images_part() -> Part:
+def images_part(seed: int) -> Part:
     """Measure the correction of images, and the magnification."""
-    return [*correction(range(1)), *magnification(SEED)], []
+    return [*correction(range(1)), *magnification(seed)], []
 
 
-def rest_part() -> Part:
+def rest_part(seed: int) -> Part:
     """Measure what is known before the cut: known points, beads in single frames, poses."""
-    session, calibration, rest, _ = prepared()
-    rng = np.random.default_rng([SEED, 28])
+    session, calibration, rest, _ = prepared(seed)
+    rng = np.random.default_rng([seed, 28])
     away, owner = cKDTree(session.rest).query(rest[np.isfinite(rest).all(axis=1)])
     line = (
         f"a rotation of the top arm gives {len(np.unique(owner))} of {len(session.rest)} beads a place, "
@@ -257,23 +258,23 @@ def rest_part() -> Part:
     return [*known_points(session, calibration, rng), *marks], [line, *lines, *adjusted(session, calibration, rng)]
 
 
-def slow_part() -> Part:
+def slow_part(seed: int) -> Part:
     """Measure tracks of a cut at 0.1 cm/s."""
-    session, calibration, rest, covariance = prepared()
+    session, calibration, rest, covariance = prepared(seed)
     return report(followed(session, calibration, rest, covariance), "cut at 0.1 cm/s", 0.0)
 
 
-def fast_part() -> Part:
+def fast_part(seed: int) -> Part:
     """Measure tracks of a cut at 1.27 cm/s from interlaced frames."""
-    session, calibration, rest, covariance = prepared()
-    session = replace(session, cut=type(session.cut).simulated(0.0127, 0.07, SEED))
+    session, calibration, rest, covariance = prepared(seed)
+    session = replace(session, cut=type(session.cut).simulated(0.0127, 0.07, seed))
     result = followed(session, calibration, rest, covariance, fields=True)
     return report(result, "cut at 1.27 cm/s", 1.0)
 
 
-def motion_part() -> Part:
+def motion_part(seed: int) -> Part:
     """Measure what the motion tells without a model: the lag of the record, and pairs without a rotation."""
-    session, calibration, rest, covariance = prepared()
+    session, calibration, rest, covariance = prepared(seed)
     lines = in_step(session, calibration, rest, covariance)
     return [], lines + without_sweep(session, calibration, 25)
 
@@ -330,10 +331,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--part", choices=PARTS, help="measure this part alone")
     parser.add_argument("--out", type=Path, default=Path(FOLDER), metavar="FOLDER", help="where the parts are kept")
+    parser.add_argument("--seed", type=int, default=SEED, help=f"draws the session; default {SEED}, that of the page")
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
     for name in [arguments.part] if arguments.part else PARTS:
-        marks, lines = PARTS[name]()
+        marks, lines = PARTS[name](arguments.seed)
         print(markdown(marks, lines), flush=True)
         whole = {"marks": [asdict(mark) for mark in marks], "lines": lines}
         (arguments.out / f"{name}.json").write_text(json.dumps(whole, indent=1))

@@ -6,6 +6,7 @@
     python scripts/update_docs.py benchmark                 what scripts/leaderboard.py --publish has kept
     python scripts/update_docs.py rig-faults rig-faults-height rig-soak class-load  what scripts left in runs/
     python scripts/update_docs.py depth seen-runs           what measure_depth_accuracy.py and measure_seen_runs.py left
+    python scripts/update_docs.py live-camera               what scripts/camera_beside_rig.py left in runs/ (--json)
     python scripts/update_docs.py bead-tracking             what scripts/measure_bead_tracking.py left in runs/
     python scripts/update_docs.py browser-page              what scripts/measure_page.py left in runs/ (--json)
     python scripts/update_docs.py errata tissue-file rig-file metrics weights ends class-attacks
@@ -32,6 +33,7 @@ from types import ModuleType
 from typing import Any
 
 import baseline_table
+import camera_beside_rig
 import check_descent
 import check_score
 import class_attacks
@@ -103,6 +105,7 @@ PAGES = {
     "field": "docs/validation/field.md",
     "depth": "docs/validation/depth.md",
     "seen-runs": "docs/validation/depth.md",
+    "live-camera": "docs/validation/depth.md",
     "errata": "docs/validation/errata.md",
     "descent": "docs/validation/descent.md",
     "descent-speed": "docs/validation/descent.md",
@@ -400,6 +403,7 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "check-score": lambda _: check_score.report(check_score.kept(ROOT / check_score.FOLDER)),
     "depth": lambda _: measure_depth_accuracy.report(measure_depth_accuracy.kept(ROOT / measure_depth_accuracy.KEPT)),
     "seen-runs": lambda _: measure_seen_runs.report(measure_depth_accuracy.kept(ROOT / measure_seen_runs.KEPT)),
+    "live-camera": lambda _: camera_beside_rig.markdown(left_by(camera_beside_rig)),
     "errata": errata,
     "metrics": metrics,
     "weights": weights,

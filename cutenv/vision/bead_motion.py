@@ -13,7 +13,7 @@ _GROUP = 8  # beads that look for a shift together: one image of a bead is like 
 _FARTHEST = 5.0  # diameters: largest shift that is looked for
 _LEAST = 1.0  # px: less is for each bead's own fit
 _BETTER = 0.1  # of the usual answer of a bead: by how much a shift must be better than none, for each of the group
-
+_SMALLEST = 5  # beads of a group: fewer may all be taken for others
 _ALIKE = 0.8  # diameters: by how much shifts of neighbouring groups may differ
 _STIFF = 5e-3  # m: spread of places that tells as much of a slope as there is known of it before
 _NEIGHBOURS = 3  # of a lost bead that must be seen
@@ -52,8 +52,10 @@ def shared_shifts(
     Returns
     -------
     ndarray, shape (n, 2)
-        Shifts [px], zero where the group is where it is expected, or nowhere.
+        Shifts [px], zero where the group is where it is expected, or nowhere, or of fewer than 5.
     """
+    if groups.shape[1] < _SMALLEST:
+        return np.zeros_like(expected)
     most = int(np.ceil(_FARTHEST * look.diameter))
     room = most + int(np.ceil(4.0 * look.sigma)) + 1
     size = np.array(image.shape[::-1])

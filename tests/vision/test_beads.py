@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 from cutenv.vision.bead_correspondence import linked, pairs_by_epipolar, places_from_sweep
 from cutenv.vision.bead_filter import BeadFilter
 from cutenv.vision.bead_images import BeadLook, measure_beads
+from cutenv.vision.bead_motion import groups_of, shared_shifts
 from cutenv.vision.bead_tracks import BeadTracks
 from cutenv.vision.beads import find_beads, track_beads
 from cutenv.vision.fluoroscopy import deinterlaced
@@ -338,3 +339,25 @@ def test_a_spot_on_the_edge_of_a_blade_is_left_out():
     assert place[0] == pytest.approx([20.3, 19.8], abs=0.3)
     place, _ = measure_beads(image + 1.2 * (x > 21.0), np.array([[20.0, 20.0]]), look)
     assert np.isnan(place).all()
+
+
+def test_a_group_of_beads_tells_its_shift_and_a_single_bead_does_not():
+    rng = np.random.default_rng(1)
+    look = BeadLook(diameter=3.5, sigma=1.4, height=0.5, noise=0.04)
+    rest = np.array([(0.01 * i, 0.01 * j, 0.0) for i in range(3) for j in range(4)])
+    expected = 20.0 + 3000.0 * rest[:, :2] + rng.uniform(-4.0, 4.0, (12, 2))
+    y, x = np.mgrid[:150, :120].astype(float)
+
+    def image(places):
+        image = look.noise * rng.normal(size=x.shape)
+        for u, v in places:
+            image += look.height * np.exp(-0.5 * ((x - u) ** 2 + (y - v) ** 2) / look.sigma**2)
+        return image
+
+    groups = groups_of(rest)
+    assert not shared_shifts(image(expected), expected, rest, groups, look).any()
+    moved = np.array([-3.0, 8.0])
+    found = shared_shifts(image(expected + moved), expected, rest, groups, look)
+    assert found == pytest.approx(np.broadcast_to(moved, (12, 2)), abs=1.0)
+    alone = groups_of(rest[:1])
+    assert not shared_shifts(image(expected[:1] + moved), expected[:1], rest[:1], alone, look).any()
