@@ -51,7 +51,10 @@ _EXAMPLES = {
     "bc": ("--learner bc", "--learner bc --quick", "--learner bc --dataset cutenv/probe-v0", "--resume runs/NAME"),
     "iql": ("--learner iql", "--learner iql --quick", "--learner iql --dataset cutenv/probe-v0", "--resume runs/NAME"),
 }
-_NOTES = {"ppo": "Options worth trying: --angle-mode fixed, --force unfelt, --history 6, --critic features."}
+_NOTES = {
+    "ppo": "Options worth trying: --task depth, --angle-mode fixed, --force unfelt, --history 6, --critic features.  "
+    "The default script of --task depth is 'depth by force'."
+}
 
 
 def main(argv: Sequence[str]) -> int:
