@@ -21,6 +21,8 @@ _SCALES = np.array([one.scale for one in DEPTH_COMPONENTS])
 _COLUMNS = {one.name: number for number, one in enumerate(DEPTH_COMPONENTS)}
 VERTICAL_MEAN, BLADE_DEPTH, WANTED = (_COLUMNS[name] for name in ("vertical_mean", "blade_depth", "wanted"))
 """Columns of what depth adds to an observation."""
+_TIME_LEFT = [one.name for one in COMPONENTS].index("time_left")
+_PROBE_TIME = 0.2  # [s]
 _DEPTH_SCALE = COMPONENTS[DEPTH_COLUMN].scale
 
 
@@ -38,6 +40,11 @@ class DepthScript(ArrayPolicy):
         Descent speed over the error of the level [1/s].
     lead : float
         Distance ahead of the tip at which the depth is followed, for the time that the blade takes [m].
+
+    Attributes
+    ----------
+    elapsed : array, shape (n,)
+        Time since each cut began [s].
     """
 
     def __init__(self, along: ArrayPolicy | None = None, *, gain: float = 4.0, lead: float = 0.004) -> None:
@@ -51,7 +58,8 @@ class DepthScript(ArrayPolicy):
         self.along.begin(rngs)
         self._estimate.begin(len(rngs))
         self._surface, self._wanted = np.zeros((len(rngs), N_POINTS)), np.zeros((len(rngs), N_POINTS))
-        self._passed = np.full(len(rngs), -1)
+        self._passed, self._begun = np.full(len(rngs), -1), np.full(len(rngs), np.nan)
+        self.elapsed: Array = np.zeros(len(rngs))
         self.start(len(rngs))
 
     def start(self, count: int) -> None:
@@ -61,7 +69,7 @@ class DepthScript(ArrayPolicy):
         """Begin those cuts again that are given by index."""
         self.along.forget(cuts)
         self._estimate.forget(cuts)
-        self._passed[cuts] = -1
+        self._passed[cuts], self._begun[cuts] = -1, np.nan
 
     def act(self, observations: Array32) -> Array32:
         """Return the actions, shape (n, 3), for the observations of all cuts, shape (n, 22)."""
@@ -70,6 +78,8 @@ class DepthScript(ArrayPolicy):
             raise ValueError(f"observations have shape {observations.shape}; give (n, {len(ALL_COMPONENTS)}).")
         shown, seen = observations[:, : len(COMPONENTS)].copy(), observations[:, len(COMPONENTS) :] * _SCALES
         along = in_si(shown)
+        self._begun = np.where(np.isnan(self._begun), along[:, _TIME_LEFT], self._begun)
+        self.elapsed = self._begun - along[:, _TIME_LEFT]
         self._remember(along[:, POSITION_COLUMN], along[:, DEPTH_COLUMN], seen[:, WANTED])
         shown[:, DEPTH_COLUMN] = seen[:, BLADE_DEPTH] / _DEPTH_SCALE
         tips = self._estimate.tips(in_si(shown))
@@ -187,40 +197,36 @@ class ProbeDown(DepthScript):
         gain: float = 4.0,
         lead: float = 0.004,
         every: float = 3.0,
-        probe: float = 0.0008,
+        probe: float = 0.0004,
         margin: float = 0.0005,
-        control_hz: int = 50,
     ) -> None:
         super().__init__(along, gain=gain, lead=lead)
-        self._every = round(in_range("every", every, 0.1, 60.0, "s", "A few seconds.") * control_hz)
+        self._every = in_range("every", every, 0.5, 60.0, "s", "A few seconds.")
         self._probe = in_range("probe", probe, 0.0, 0.01, "m", "1 mm is 0.001.")
         self._margin = in_range("margin", margin, 0.0, 0.01, "m", "1 mm is 0.001.")
-        self._lasts = round(0.2 * control_hz)
 
     def start(self, count: int) -> None:
         """Begin ``count`` cuts."""
-        self._decided, self._most = np.zeros(count, int), np.zeros(count)
+        self._probes, self._most = np.zeros(count, int), np.zeros(count)
         self._usual, self._floor = np.full(count, np.nan), np.full(count, np.inf)
 
     def forget(self, cuts: Indices) -> None:
         """Begin those cuts again that are given by index."""
         super().forget(cuts)
-        self._decided[cuts], self._most[cuts] = 0, 0.0
+        self._probes[cuts], self._most[cuts] = 0, 0.0
         self._usual[cuts], self._floor[cuts] = np.nan, np.inf
 
     def depths(self, wanted: Array, seen: Array, actions: Array32) -> Array:
         """Return the depths of a probe, or the wanted ones above what was found."""
-        phase = self._decided % self._every
-        self._decided += 1
-        down = (phase < self._lasts) & (self._decided > self._lasts)
-        felt = seen[:, VERTICAL_MEAN]
-        self._most = np.where(down, np.maximum(self._most, felt), self._most)
-        done = (phase == self._lasts) & (self._decided > self._lasts)
+        due = (self.elapsed / self._every).astype(int)  # the first one after a while, not at the start
+        down = (due > self._probes) & (self.elapsed - due * self._every < _PROBE_TIME)
+        done = (due > self._probes) & ~down
+        self._most = np.where(down, np.maximum(self._most, seen[:, VERTICAL_MEAN]), self._most)
         usual = np.where(np.isnan(self._usual), self._most, self._usual)
         other = done & (np.abs(self._most - usual) > 0.5 * np.maximum(usual, 0.2))
         self._floor = np.where(other, np.minimum(self._floor, seen[:, BLADE_DEPTH] - self._margin), self._floor)
         self._usual = np.where(done & ~other, 0.5 * (usual + self._most), self._usual)
-        self._most = np.where(done, 0.0, self._most)
+        self._most, self._probes = np.where(done, 0.0, self._most), np.where(done, due, self._probes)
         actions[down, 0] = np.minimum(actions[down, 0], 0.0)  # it stands while it goes down
         depths: Array = np.where(down, wanted + self._probe, np.minimum(wanted, self._floor))
         return depths
