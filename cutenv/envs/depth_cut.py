@@ -18,7 +18,8 @@ from cutenv.envs.batch import FEWEST_TICKS, NO_READINGS, CutBatch
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.envs.vector import GentleCutVectorEnv
 from cutenv.task.cuts import Cuts
-from cutenv.task.depth_cuts import begin_depth_some, depth_charges, depth_errors, step_depth_some
+from cutenv.task.depth_beginning import begin_depth_some
+from cutenv.task.depth_cuts import depth_charges, depth_errors, step_depth_some
 from cutenv.task.depth_cutting import DepthCutting, depth_record
 from cutenv.task.depth_privileged import append_depth_privileged
 from cutenv.task.depth_terms import ALL_COMPONENTS, DEPTH, DEPTH_ENDS, DESCENT_SCALE, DepthConstants

@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 from cutenv._base.arrays import Array, StructArray
 from cutenv.cutting.descent import DescentParameters, descent_records
 from cutenv.plant.simulator import SimulatedPlant
+from cutenv.task.depth_beginning import begin_depth_one, observe_depth_at_start
 from cutenv.task.depth_cuts import (
-    begin_depth_one,
     depth_charges,
     depth_errors,
-    observe_depth_at_start,
     step_depth_one,
 )
 from cutenv.task.depth_terms import ALL_COMPONENTS, DEPTH, DEPTH_ENDS, DEPTH_TERMS, DepthConstants
