@@ -35,10 +35,11 @@ class DepthCutEnv(GentleCutEnv):
     """Cut from the clamp to a target length along a wanted depth, gently, and do not open the layer below.
 
     It is :class:`~cutenv.envs.gentle_cut.GentleCutEnv` with a blade that also moves up and down.  A depth below the
-    surface is wanted at each place: constant, a ramp or a step.  Somewhat deeper lies another layer, which nobody sees;
-    its toughness and stiffness differ.  The floor of the cut yields to the blade's edge under force, so that the depth
-    of the cut follows that of the blade, which the tissue pushes up with a vertical force.  With ``wanted="profile"``
-    and a blade that stays at its level, it is ``cutenv/GentleCut-v1`` to the last bit.
+    surface is wanted at each place, 6 to 14 mm: constant, a ramp or a step.  Another layer, which nobody sees, lies 1
+    to 4 mm below the deepest wanted place; its toughness and stiffness differ.  The floor of the cut yields to the
+    blade's edge under force, so that the depth of the cut follows that of the blade, which the tissue pushes up with a
+    vertical force.  With ``wanted="profile"`` and a blade that stays at its level, it is ``cutenv/GentleCut-v1`` to the
+    last bit.
 
     Edge, floor, capsule and layers are assumed, not measured: see the page "A blade that moves up and down".
 
@@ -111,8 +112,9 @@ class DepthCutEnv(GentleCutEnv):
     ========= ======= =================================================================================
 
     The others are those of ``cutenv/GentleCut-v1``, of which ``drive`` and ``reward_from`` cannot be changed, and
-    ``edge_length``, ``bedding``, ``vertical_lag``, ``vertical_acceleration``, ``layer_limit``, ``vertical_noise``,
-    ``vertical_resolution``, ``weight_too_deep``, ``weight_uncut``, ``weight_layer_area``, ``weight_layer_depth``.
+    ``edge_length``, ``bedding``, ``vertical_lag``, ``vertical_acceleration``, ``response_time``, ``layer_limit``,
+    ``vertical_noise``, ``vertical_resolution``, ``weight_too_deep``, ``weight_uncut``, ``weight_layer_area``,
+    ``weight_layer_depth``.
 
     Info
     ----
