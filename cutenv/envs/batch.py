@@ -70,7 +70,7 @@ class CutBatch:
     def __init__(self, count: int, single: GentleCutEnv) -> None:
         self.single = single
         self.cuts = Cuts.empty(count)
-        self.observations = np.zeros((count, *(single.observation_space.shape or ())), np.float32)
+        self.observations = np.zeros((count, single.component_count), np.float32)
         self.seeds, self.episodes = np.zeros(count, np.uint64), np.zeros(count, np.uint64)
         self.classes = np.full(count, None, dtype=object)
         self.begun = np.zeros(count, bool)

@@ -272,6 +272,7 @@ def test_every_public_function_that_takes_an_argument_is_in_the_tables():
         "ReplayPlant",
         "shipped",
         "named_policy",
+        "gentle_policy",
     }
     through_others = {"load_description", "to_trace"}  # a file read by from_json; readings of a plant
     public = {

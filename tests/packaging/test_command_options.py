@@ -172,12 +172,12 @@ def test_ctrl_c_ends_in_one_line(arguments: list[str], tmp_path: Path) -> None:
     command = [
         sys.executable,
         "-c",
-        f"print('ready', flush=True)\nfrom cutenv import cli\nraise SystemExit(cli.main({arguments}))",
+        f"from cutenv import cli\nprint('ready', flush=True)\nraise SystemExit(cli.main({arguments}))",
     ]
     ran = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path)
     assert ran.stdout is not None
     assert ran.stdout.readline() == "ready\n"
-    time.sleep(1.5)  # into the command, wherever it is then
+    time.sleep(0.5)  # into the command, wherever it is then, and before its end on a fast machine
     ran.send_signal(signal.SIGINT)
     _, printed = ran.communicate(timeout=60)
     assert ran.returncode == cli.INTERRUPTED, printed
