@@ -12,9 +12,11 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from numba.core import event as numba_event
+from numba.core.compiler_lock import global_compiler_lock
 
 import cutenv._engine.jit
-from cutenv._engine.jit import Undisturbed, kernel_folder, source_digest
+from cutenv._engine.jit import Uninterrupted, WithoutCollection, kernel_folder, source_digest
 
 LAW = """
 from package._engine.jit import {door}
@@ -183,22 +185,62 @@ def test_where_nothing_can_be_written_nothing_is_kept(package, tmp_path):
     assert not list(tmp_path.rglob("*.nbi"))
 
 
-def test_ctrl_c_while_a_kernel_compiles_waits_until_it_is_compiled():
-    compiling, nested = Undisturbed(), SimpleNamespace(data={"dispatcher": SimpleNamespace(py_func=kernel_folder)})
-    before = signal.getsignal(signal.SIGINT)
+def test_nothing_is_collected_while_a_kernel_compiles():
+    compiling, nested = (
+        WithoutCollection(),
+        SimpleNamespace(data={"dispatcher": SimpleNamespace(py_func=kernel_folder)}),
+    )
     compiling.on_start(nested)
     compiling.on_start(nested)
-    signal.raise_signal(signal.SIGINT)  # as in a callback from LLVM, where an exception would be lost
-    with pytest.raises(KeyboardInterrupt):
-        compiling.on_end(nested)
+    compiling.on_end(nested)
     assert not gc.isenabled()
-    compiling.on_end(nested)  # as the exception passes
+    compiling.on_end(nested)
     assert gc.isenabled()
+
+
+def test_ctrl_c_while_a_kernel_compiles_or_is_loaded_waits_until_it_is():
+    compiling, event = Uninterrupted(), SimpleNamespace(kind=Uninterrupted.WORKING)
+    before = signal.getsignal(signal.SIGINT)
+    compiling.on_start(event)
+    compiling.on_start(event)
+    signal.raise_signal(signal.SIGINT)  # as in a callback from LLVM, where an exception would be lost
+    compiling.on_end(event)
+    with pytest.raises(KeyboardInterrupt):
+        compiling.on_end(event)
     assert signal.getsignal(signal.SIGINT) is before
 
 
+def test_ctrl_c_does_not_wait_for_the_other_functions_that_a_kernel_calls():
+    compiling, working = Uninterrupted(), SimpleNamespace(kind=Uninterrupted.WORKING)
+    one = SimpleNamespace(kind=Uninterrupted.COMPILING)
+    before = signal.getsignal(signal.SIGINT)
+    compiling.on_start(working)
+    compiling.on_start(one)
+    signal.raise_signal(signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt):
+        compiling.on_end(one)
+    compiling.on_end(working)  # as the exception passes
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_loading_a_kernel_holds_the_lock_that_is_listened_to():
+    held = []
+    original = signal.getsignal(signal.SIGINT)
+
+    class Watch(numba_event.Listener):
+        def on_start(self, event):
+            held.append(signal.getsignal(signal.SIGINT) is not original)
+
+        def on_end(self, event):
+            pass
+
+    with numba_event.install_listener("numba:compiler_lock", Watch()), global_compiler_lock:
+        pass
+    assert held == [True]
+
+
 def test_ctrl_c_while_a_kernel_compiles_obeys_a_handler_of_ones_own():
-    compiling, event = Undisturbed(), SimpleNamespace(data={"dispatcher": SimpleNamespace(py_func=kernel_folder)})
+    compiling, event = Uninterrupted(), SimpleNamespace(kind=Uninterrupted.WORKING)
     told = []
     before = signal.signal(signal.SIGINT, lambda number, frame: told.append(number))
     try:
