@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import secrets
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -38,7 +38,7 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
     --------
     >>> import tempfile
     >>> target = Path(tempfile.mkdtemp()) / "numbers.txt"
-    >>> with replacing(target) as part:
+    >>> with atomic_write(target) as part:
     ...     _ = part.write_text("1 2 3")
     ...     print(target.exists())
     False
@@ -55,6 +55,11 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
         part.unlink(missing_ok=True)
         raise
     _flush_folder(target.parent)
+
+
+def whole_files(paths: Iterable[Path]) -> list[Path]:
+    """Return the paths in order without the temporary files of :func:`atomic_write`, which may still be written."""
+    return sorted(path for path in paths if ".part" not in path.suffixes[-2:-1])
 
 
 def _flush(file: Path) -> None:

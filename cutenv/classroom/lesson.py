@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 import cutenv
+from cutenv._base.atomic_file import whole_files
 from cutenv.browser.page_alone import specimen_data
 from cutenv.browser.stylus_steps import HandCut
 from cutenv.classroom.analysis import Analyses
@@ -113,7 +114,7 @@ class Lesson:
         """Return a person's progress through the course, read from the records; None without a course."""
         if self.course is None:
             return None
-        there = sum(1 for _ in (self.folder / code).glob("*.csv"))
+        there = len(whole_files((self.folder / code).glob("*.csv")))
         seen, progress = self._progress.get(code, (-1, None))
         if progress is None or seen != there:  # at first, or if another server has saved a cut
             progress = CourseProgress(self.course, code, self.folder / code)

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from cutenv._base.atomic_file import whole_files
 from cutenv.play.course import Course, CourseTask
 from cutenv.play.course_words import COURSE_WORDS, course_words
 from cutenv.recording import load_one, read_metadata
@@ -52,7 +53,7 @@ class CourseProgress:
         self.verdicts: dict[str, str] = {}
         self._counted: dict[str, list[bool]] = {task.name: [] for task in self.course.tasks}
         found = []
-        for path in sorted(folder.glob("*.csv")) if folder is not None and folder.is_dir() else ():
+        for path in whole_files(folder.glob("*.csv")) if folder is not None and folder.is_dir() else ():
             try:
                 facts = read_metadata(path)
                 if self._is_ours(facts):

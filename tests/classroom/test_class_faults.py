@@ -161,6 +161,25 @@ def test_a_clock_that_is_set_back_loses_nothing(tmp_path: Path, monkeypatch: pyt
 # Two servers on one folder
 
 
+def test_a_record_that_another_server_is_still_writing_is_not_taken_for_one(tmp_path: Path) -> None:
+    (tmp_path / "course.toml").write_text(TWO_TASKS.replace("repetitions = 2\n", ""))
+    writer, reader = (Room(tmp_path, str(tmp_path / "course.toml")) for _ in range(2))
+    person = writer.person("P01")
+    answer, _ = cut_once(person)
+    assert answer.status_code == 200
+    (record,) = records(writer)
+    part = record.with_name(f"{record.stem}.0123abcd.part.csv")
+    whole = record.read_bytes()
+    record.rename(part)
+    part.write_bytes(whole[: len(whole) // 2])
+    assert reader.lesson.progress("P01").unread == []
+    part.write_bytes(whole)
+    part.rename(record)  # as many files as before: the reader must not have counted the half one
+    fresh = Room(tmp_path, str(tmp_path / "course.toml")).lesson.progress("P01")
+    assert reader.lesson.progress("P01").ahead() == fresh.ahead()
+    assert reader.lesson.progress("P01")._counted == fresh._counted
+
+
 def test_two_servers_on_one_folder_keep_a_cut_once_and_know_each_others(tmp_path: Path) -> None:
     (tmp_path / "course.toml").write_text(TWO_TASKS.replace("repetitions = 2\n", ""))
     rooms = [Room(tmp_path, str(tmp_path / "course.toml")) for _ in range(2)]

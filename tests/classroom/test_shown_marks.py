@@ -1,4 +1,4 @@
-"""What is shown of a score and of its mark never disagrees with the decision."""
+"""A score and its mark as shown never disagree with the decision."""
 
 from __future__ import annotations
 

@@ -197,7 +197,7 @@ def test_no_trick_of_the_third_axis_pays(trick, honest):
 
 
 def test_a_dip_between_decisions_is_not_forgotten():
-    """What is cut stays cut: the map does not depend on how often decisions are made."""
+    """The map does not depend on how often decisions are made: a floor that was cut stays cut."""
     found = []
     for hz in (1, 50):
         env = DepthCutEnv(wanted="constant", control_hz=hz, layer=False)
