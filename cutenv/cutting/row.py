@@ -35,6 +35,8 @@ _PASSING = (  # scratch: it lives only in the row
     ("aim", "f8"),  # commanded angle [rad]
     ("next_angle", "f8"),
     ("dx", "f8"),  # motion of the blade in this millisecond [m]
+    ("way", "f8"),  # the same in the plane, where dx is the part of it along the crack [m]
+    ("passed", "f8"),  # and the part of it along the drawn line [m]
     ("K", "f8"),  # stiffness at the tip [N/m],
     ("dK", "f8"),  # its derivative [N/m2]
     ("toughness", "f8"),  # R B there [N]
