@@ -29,13 +29,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cutenv._base.arrays import Array, Struct, StructArray
+from cutenv._base.arrays import Struct, StructArray
 from cutenv._base.parameter import check_parameters, parameter
 from cutenv._engine.jit import njit, njit_inline, njit_internal
-from cutenv.cutting.dtypes import PROFILE, TICK
+from cutenv.cutting.dtypes import TICK
 from cutenv.cutting.law import LONGEST_ADVANCE, grid_index, lerp, stiffness_at, toughness_at
 from cutenv.cutting.update import grow_row, leap_row, load_row, look_row, run_row, turn_row
 from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING
+from cutenv.tissue.lines import Line
+from cutenv.tissue.path_model import tip_stiffness
+from cutenv.tissue.specimen import Specimen
 
 REACH = 0.015
 """Largest distance of a blade to its line [m]; farther away the stiffness of a crack on the line tells nothing."""
@@ -104,51 +107,26 @@ STEERING: np.dtype[Any] = np.dtype(
 """Record of a cut's place in the plane, and of its line, beside the record of the law."""
 
 
-class Line(NamedTuple):
-    """A drawn line at the points of the grid of arc length, each part of shape (301,)."""
-
-    x: Array
-    """[m] from the clamp."""
-    y: Array
-    """[m]"""
-    angle: Array
-    """Of its direction to the x axis [rad]."""
-    curvature: Array
-    """[1/m], positive to the left."""
-
-
-class TipStiffness(NamedTuple):
-    """2 x 2 stiffness [N/m] of a crack on a line, with its tip at each point of the grid, each of shape (301,)."""
-
-    along: Array
-    coupled: Array
-    across: Array
-
-
 def steering_records(
-    lines: list[Line],
-    stiffnesses: list[TipStiffness],
-    profiles: StructArray,
-    parameters: SteeringParameters | None = None,
+    specimens: list[Specimen], lines: list[Line], profiles: StructArray, parameters: SteeringParameters | None = None
 ) -> StructArray:
     """Return the records of n cuts in the plane, :data:`STEERING` of shape (n,), with each blade at its line's start.
 
     Parameters
     ----------
-    lines, stiffnesses : list of Line, of TipStiffness
-        Where to cut, and what holds the blade.
+    specimens, lines : list of Specimen, of Line
+        The tissue, and where to cut.
     profiles : Records
-        :data:`~cutenv.cutting.dtypes.PROFILE`, shape (n,): toughness and depth along the lines; the stiffness in it is
-        replaced.
+        :data:`~cutenv.cutting.dtypes.PROFILE` of the specimens, shape (n,); the stiffness in it is replaced.
     parameters : SteeringParameters
         Constants of the law in the plane.
     """
     parameters = parameters or SteeringParameters()
     records = np.zeros(len(lines), STEERING)
-    for record, line, stiffness, profile in zip(records, lines, stiffnesses, profiles, strict=True):
+    for record, specimen, line, profile in zip(records, specimens, lines, profiles, strict=True):
         record["x_excess"], record["y"] = line.x - np.arange(N_POINTS) * SPACING, line.y
         record["cosine"], record["sine"], record["curvature"] = np.cos(line.angle), np.sin(line.angle), line.curvature
-        record["along"], record["coupled"], record["sideways"] = stiffness
+        record["along"], record["coupled"], record["sideways"] = tip_stiffness(specimen, line)
         record["toughness"], record["crack_curvature"] = profile["toughness"], parameters.crack_curvature
         record["response"] = record["waiting"] = round(parameters.response_time / TICK)
         for name in ("", "tip_"):
@@ -157,6 +135,32 @@ def steering_records(
     for n in range(len(records)):
         _begin(profiles[n], records[n])
     return records
+
+
+@njit
+def place_on(steerings: StructArray, at: float, aside: float) -> tuple[float, float]:
+    """Return the place along and across the slab [m] of a point ``aside`` of the line at arc length ``at`` [m]."""
+    steering = steerings[0]
+    i, share = grid_index(at)
+    return (
+        at + lerp(steering.x_excess, i, share) - lerp(steering.sine, i, share) * aside,
+        lerp(steering.y, i, share) + lerp(steering.cosine, i, share) * aside,
+    )
+
+
+def place_of_blade(states: StructArray, steerings: StructArray) -> tuple[float, float]:
+    """Return the place of a blade, records of shape (1,), along and across the slab [m]."""
+    x, y = place_on(steerings, float(states["blade"][0]), float(steerings["aside"][0]))
+    return float(x), float(y)
+
+
+def place_of_tip(states: StructArray, steerings: StructArray) -> tuple[float, float]:
+    """Return the place of a tip, records of shape (1,), along and across the slab [m]; since the last turn it is that
+    of a straight advance."""
+    at, steering = float(states["tip"][0]), steerings[0]
+    x, y = place_on(steerings, float(steering["settled"]), float(steering["tip_aside"]))
+    advance = (at - steering["settled"]) * steering["stretch"]
+    return float(x + steering["tip_ahead"] * advance), float(y + steering["tip_across"] * advance)
 
 
 @njit

@@ -5,5 +5,16 @@ from cutenv.plant.interface import Plant
 from cutenv.plant.protocol import Leg, forward_backward, run, to_trace
 from cutenv.plant.replay import ReplayPlant
 from cutenv.plant.simulator import SimulatedPlant
+from cutenv.plant.steered_plant import SteeredPlant
 
-__all__ = ["DescendingPlant", "Leg", "Plant", "ReplayPlant", "SimulatedPlant", "forward_backward", "run", "to_trace"]
+__all__ = [
+    "DescendingPlant",
+    "Leg",
+    "Plant",
+    "ReplayPlant",
+    "SimulatedPlant",
+    "SteeredPlant",
+    "forward_backward",
+    "run",
+    "to_trace",
+]

@@ -1,0 +1,221 @@
+"""Finite-element model of a slab with a cut along a drawn line: the mesh follows the line."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import PchipInterpolator
+from scipy.linalg import cholesky, solve_triangular
+from scipy.sparse import csr_array
+
+from cutenv._base.arrays import Array
+from cutenv._base.validation import in_range
+from cutenv.tissue.continuum import Continuum
+from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING
+from cutenv.tissue.lines import WIDTH, Line, length_within, straight
+from cutenv.tissue.mesh import ACROSS, ALONG, CutMesh, checked_divisions, read_only
+from cutenv.tissue.model_arguments import checked_relative_modulus
+from cutenv.tissue.specimen import Specimen
+from cutenv.tissue.tip_response import factorise, stiffness_matrix
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PathMesh(CutMesh):
+    """The mesh of a straight cut, shifted across so that its cut line lies on a drawn one; the slab's sides stay.
+
+    Parameters
+    ----------
+    line : Line
+        Drawn line; its left is the side of -x.
+    """
+
+    drawn: Line
+
+    @cached_property
+    def _straight(self) -> CutMesh:
+        return CutMesh(kind=self.kind, divisions=self.divisions, size=self.size)
+
+    @cached_property
+    def corners(self) -> NDArray[np.float64]:
+        """Positions of the element corners [m], shape (n_corners, 2)."""
+        moved = self._straight.corners.copy()
+        share = 1.0 - np.abs(moved[:, ACROSS]) / (0.5 * self.size[ACROSS])
+        moved[:, ACROSS] -= share * np.interp(moved[:, ALONG], self.drawn.x, self.drawn.y)
+        return read_only(moved)
+
+    @cached_property
+    def half_steps(self) -> NDArray[np.int64]:
+        """Positions of all nodes in the straight mesh, counted in half elements, shape (n_nodes, 2)."""
+        return self._straight.half_steps
+
+    @cached_property
+    def directions(self) -> Array:
+        """Direction of the line at each pair, shape (n_pairs, 2)."""
+        angle = np.interp(self.nodes[self.pairs[:, 0], ALONG], self.drawn.x, self.drawn.angle)
+        return np.column_stack((-np.sin(angle), np.cos(angle)))
+
+    @cached_property
+    def slips(self) -> csr_array[np.float64]:
+        """Motion of every unknown per unit slip of each pair along the line, shape (n_unknowns, n_slips)."""
+        pairs, along = self.pairs[self._may_slip], self.directions[self._may_slip]
+        rows, halves = [], []
+        for nodes, half in zip(pairs.T, (-0.5, 0.5), strict=True):
+            for component in (ACROSS, ALONG):
+                rows.append(self.dim * nodes + component)
+                halves.append(half * along[:, component])
+        columns = np.tile(np.arange(len(pairs)), 4)
+        places = np.concatenate(halves), (np.concatenate(rows), columns)
+        return csr_array(places, shape=(self.n_unknowns, len(pairs)))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PathModel:
+    """Plane model of a slab, 8 x 15 cm, clamped where a drawn line begins, with a cut along that line.
+
+    The counterpart of :class:`~cutenv.tissue.CutModel` for lines that are not straight; on a straight one it gives the
+    same.  Pairs of nodes ahead of the tip are tied; those behind it slide along the line, and neither open nor overlap.
+    The blade acts on the tip, along the line and across it.  One factorisation serves all tips.
+
+    Parameters
+    ----------
+    line : Line
+        Line of the cut, see :mod:`cutenv.tissue.lines`; the modulus is that of the slab, not laid along the line.
+    divisions : tuple of int
+        Elements across (even) and along the slab.
+    element, formulation, poisson
+        As for :class:`~cutenv.tissue.CutModel`; plane ones.
+    relative_modulus : array, shape (n_elements,), optional
+        Modulus of each element over the common one.
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of range, or the mesh is too distorted.
+    """
+
+    line: Line
+    divisions: tuple[int, ...] = (8, 15)
+    element: str = "quad8"
+    formulation: str = "plane_stress"
+    poisson: float = 0.3
+    relative_modulus: Array | None = None
+
+    def __post_init__(self) -> None:
+        if self.formulation == "solid":
+            raise ValueError('formulation = "solid": a cut along a line has a plane model. Ask for "plane_stress".')
+        object.__setattr__(self, "divisions", checked_divisions(self.element, self.divisions))
+        if self.relative_modulus is not None:
+            modulus = checked_relative_modulus(self.relative_modulus, math.prod(self.divisions))
+            object.__setattr__(self, "relative_modulus", modulus)
+
+    @cached_property
+    def mesh(self) -> PathMesh:
+        """Nodes, elements and pairs."""
+        kind = Continuum(
+            element=self.element, formulation=self.formulation, poisson=self.poisson, integration="full"
+        ).kind
+        return PathMesh(kind=kind, divisions=self.divisions, size=(WIDTH, LENGTH), drawn=self.line)
+
+    @cached_property
+    def tips(self) -> Array:
+        """Arc length of the line at each tip [m], shape (n_tips,): corners of elements before the line leaves the slab."""
+        x = self.mesh.nodes[self.mesh.tip_pairs[:, 0, 0], ALONG]
+        s = np.interp(x, self.line.x, np.linspace(0.0, LENGTH, len(self.line.x)))
+        return read_only(s[s <= length_within(self.line)])
+
+    @cached_property
+    def stiffness(self) -> Array:
+        """2 x 2 stiffness at each tip over modulus and thickness [1], along the line and to its left, (n_tips, 2, 2)."""
+        turned = np.einsum("tri,trs,tsj->tij", self._frames, self._solved[0], self._frames)
+        return read_only(np.linalg.inv(turned[: len(self.tips)]))
+
+    def displacement(self, tip: int, force: ArrayLike) -> Array:
+        """Return the displacement of every node, times modulus and thickness [N], shape (n_nodes, 2).
+
+        Parameters
+        ----------
+        tip : int
+            Number of the tip.
+        force : array_like, shape (2,)
+            On the tip, along the line and to its left [N].
+        """
+        tip = int(in_range("tip", tip, 0, len(self.tips) - 1, "1", "Give the number of a tip."))
+        unknowns = self._solved[1][:, tip] @ (self._frames[tip] @ np.asarray(force, dtype=float))
+        return unknowns.reshape(-1, self.mesh.dim)  # type: ignore[no-any-return]
+
+    @cached_property
+    def _frames(self) -> Array:
+        """Unit vectors along the line and to its left at each tip, as columns, shape (n_tips, 2, 2)."""
+        nodes = self.mesh.tip_pairs[:, 0, 0]
+        place = {int(node): k for k, node in enumerate(self.mesh.pairs[:, 0])}
+        along = self.mesh.directions[[place[int(node)] for node in nodes]]
+        left = np.column_stack((-along[:, 1], along[:, 0]))
+        return np.stack((along, left), axis=-1)
+
+    @cached_property
+    def _solved(self) -> tuple[Array, Array]:
+        """Compliance at each tip, (n_tips, 2, 2), and motion of all unknowns, (n_unknowns, n_tips, 2), per unit force.
+
+        Both in the axes of the mesh.  The slips behind each tip are solved for as in :mod:`cutenv.tissue.tip_response`.
+        """
+        mesh = self.mesh
+        whole = stiffness_matrix(mesh, self.formulation, self.poisson, self.relative_modulus)
+        tied = mesh.constraints()
+        factors = factorise(whole, tied, definite=not mesh.kind.has_pressure)
+        rows = mesh.dim * mesh.tip_pairs[:, 0, 0][:, np.newaxis] + np.array([ACROSS, ALONG])
+        moved = tied.indices[tied.indptr[rows]].astype(np.int64)  # (n_tips, 2)
+        loads = np.zeros((tied.shape[1], moved.size))
+        loads[moved.ravel(), np.arange(moved.size)] = 1.0
+        free = factors.solve(loads).reshape(-1, *moved.shape)
+
+        forces = whole @ mesh.slips
+        coupled = factors.solve((tied.T @ forces).toarray())
+        factor = cholesky((mesh.slips.T @ forces).toarray() - (tied.T @ forces).T @ coupled, lower=True)
+        driven = solve_triangular(factor, coupled[moved.ravel()].T, lower=True).reshape(-1, *moved.shape)
+        driven = driven * mesh.slips_behind[:, :, np.newaxis]
+        at_tips = np.stack([free[moved[k], k] for k in range(len(moved))])
+        compliance = at_tips + np.einsum("stm,stn->tmn", driven, driven)
+        slips = -solve_triangular(factor, driven.reshape(len(factor), -1), lower=True, trans="T")
+        motion = tied @ free.reshape(len(free), -1) + mesh.slips @ slips - tied @ (coupled @ slips)
+        size = self.mesh.nodes.size
+        return compliance, motion[:size].reshape(size, *moved.shape)
+
+
+class TipStiffness(NamedTuple):
+    """2 x 2 stiffness [N/m] of a crack on a line with its tip at each point of the line, each of shape (301,)."""
+
+    along: Array
+    coupled: Array
+    """Force along the line per displacement to its left."""
+    across: Array
+
+
+def tip_stiffness(specimen: Specimen, line: Line) -> TipStiffness:
+    """Return the stiffness of a crack on ``line`` in a specimen whose profiles are laid along the line.
+
+    It is the specimen's own, times the ratio of the uniform slab's stiffness on the line to that on a straight one as
+    long: on a straight line the specimen's own, to the last bit.  Partial depth lowers all its parts alike (assumed).
+    """
+    tissue = specimen.tissue
+    plane = tissue.element, tissue.formulation, tissue.poisson
+    own, (base, _, _) = specimen.stiffness(), _straight_stiffness(*plane)
+    along, coupled, across = _unit_stiffness(line, *plane)
+    return TipStiffness(own * (along / base), own * (coupled / base), own * (across / base))
+
+
+@lru_cache(maxsize=4)
+def _straight_stiffness(element: str, formulation: str, poisson: float) -> TipStiffness:
+    return _unit_stiffness(straight(), element, formulation, poisson)
+
+
+def _unit_stiffness(line: Line, element: str, formulation: str, poisson: float) -> TipStiffness:
+    """Interpolate the uniform slab's stiffness between tips; before the first and beyond the last it keeps its value."""
+    model = PathModel(line, element=element, formulation=formulation, poisson=poisson)
+    places = np.clip(np.arange(N_POINTS) * SPACING, model.tips[0], model.tips[-1])
+    between = PchipInterpolator(model.tips, model.stiffness)(places)
+    return TipStiffness(between[:, 0, 0], between[:, 0, 1], between[:, 1, 1])
