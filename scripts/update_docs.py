@@ -36,6 +36,7 @@ import baseline_table
 import camera_beside_rig
 import check_descent
 import check_score
+import check_steering
 import class_attacks
 import class_load
 import declared_tables
@@ -64,6 +65,7 @@ from cutenv.cutting.descent import DescentParameters
 from cutenv.cutting.drive import Rig
 from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.sensor import SensorParameters
+from cutenv.cutting.steering import SteeringParameters
 from cutenv.envs.constants import Knowledge
 from cutenv.learning.result_tables import rows_of
 from cutenv.learning.statistics import mean_with_interval
@@ -110,6 +112,8 @@ PAGES = {
     "descent": "docs/validation/descent.md",
     "descent-speed": "docs/validation/descent.md",
     "layers-fit": "docs/validation/descent.md",
+    "steering": "docs/validation/steering.md",
+    "steering-speed": "docs/validation/steering.md",
     "parameters": "docs/reference/constants.md",
     "metrics": "docs/reference/metrics.md",
     "weights": "docs/how-to/train.md",
@@ -141,6 +145,7 @@ def parameters(_: argparse.Namespace) -> str:
         Limits,
         Layers,
         DescentParameters,
+        SteeringParameters,
         DepthConstants,
     ):
         value = getattr(liver, row["name"], row["default"])
@@ -400,6 +405,8 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "descent": lambda _: check_descent.markdown(),
     "descent-speed": lambda _: speed_of("descent"),
     "layers-fit": lambda _: fit_layers.markdown(),
+    "steering": lambda _: check_steering.markdown(),
+    "steering-speed": lambda _: speed_of("steering"),
     "check-score": lambda _: check_score.report(check_score.kept(ROOT / check_score.FOLDER)),
     "depth": lambda _: measure_depth_accuracy.report(measure_depth_accuracy.kept(ROOT / measure_depth_accuracy.KEPT)),
     "seen-runs": lambda _: measure_seen_runs.report(measure_depth_accuracy.kept(ROOT / measure_seen_runs.KEPT)),

@@ -52,7 +52,7 @@ class SteeringParameters:
 
     crack_curvature: float = parameter(
         100.0, unit="1/m", low=1.0, high=1000.0, provenance="assumed",
-        source="largest curvature of the crack: it turns within a length as long as the tissue that a blade drags along",
+        source="largest curvature of the crack: it turns within the length that a blade drags along",
         sensitivity=(50.0, 200.0),
     )  # fmt: skip
     response_time: float = parameter(
@@ -70,9 +70,13 @@ STEERING: np.dtype[Any] = np.dtype(
         np.record,
         [
             ("aside", "f8"),  # d of the blade [m]
+            ("east", "f8"),  # place of the blade: x - s, and y [m]; differences of places keep every bit
+            ("north", "f8"),
             ("ahead", "f8"),  # direction in which the blade points: cosine and sine of its angle to the x axis
             ("across", "f8"),
             ("tip_aside", "f8"),  # d of the tip [m]
+            ("tip_east", "f8"),  # place of the tip at the last response, as that of the blade [m]
+            ("tip_north", "f8"),
             ("tip_ahead", "f8"),  # direction of the crack at its tip, e
             ("tip_across", "f8"),
             ("offset", "f8"),  # h: of the blade to the left of the crack [m]
@@ -92,7 +96,7 @@ STEERING: np.dtype[Any] = np.dtype(
             ("version", "i8"),  # number of turns of the crack; a point of the profile belongs to one:
             ("belongs", "i8", (N_POINTS,)),
             ("cut", "f8", (N_POINTS,)),  # d of the cut [m]
-            ("x_excess", "f8", (N_POINTS,)),  # x - s of the line [m]: differences of places keep every bit
+            ("x_excess", "f8", (N_POINTS,)),  # x - s of the line [m]
             ("y", "f8", (N_POINTS,)),  # [m]
             ("cosine", "f8", (N_POINTS,)),  # direction of the line
             ("sine", "f8", (N_POINTS,)),
@@ -137,30 +141,17 @@ def steering_records(
     return records
 
 
-@njit
-def place_on(steerings: StructArray, at: float, aside: float) -> tuple[float, float]:
-    """Return the place along and across the slab [m] of a point ``aside`` of the line at arc length ``at`` [m]."""
-    steering = steerings[0]
-    i, share = grid_index(at)
-    return (
-        at + lerp(steering.x_excess, i, share) - lerp(steering.sine, i, share) * aside,
-        lerp(steering.y, i, share) + lerp(steering.cosine, i, share) * aside,
-    )
-
-
 def place_of_blade(states: StructArray, steerings: StructArray) -> tuple[float, float]:
     """Return the place of a blade, records of shape (1,), along and across the slab [m]."""
-    x, y = place_on(steerings, float(states["blade"][0]), float(steerings["aside"][0]))
-    return float(x), float(y)
+    return float(states["blade"][0] + steerings["east"][0]), float(steerings["north"][0])
 
 
 def place_of_tip(states: StructArray, steerings: StructArray) -> tuple[float, float]:
-    """Return the place of a tip, records of shape (1,), along and across the slab [m]; since the last turn it is that
-    of a straight advance."""
-    at, steering = float(states["tip"][0]), steerings[0]
-    x, y = place_on(steerings, float(steering["settled"]), float(steering["tip_aside"]))
-    advance = (at - steering["settled"]) * steering["stretch"]
-    return float(x + steering["tip_ahead"] * advance), float(y + steering["tip_across"] * advance)
+    """Return the place of a tip, records of shape (1,), along and across the slab [m]."""
+    steering = steerings[0]
+    advance = (states["tip"][0] - steering["settled"]) * steering["stretch"]
+    x = steering["settled"] + steering["tip_east"] + steering["tip_ahead"] * advance
+    return float(x), float(steering["tip_north"] + steering["tip_across"] * advance)
 
 
 @njit
@@ -250,9 +241,7 @@ def turned(ahead: float, across: float, by: float) -> tuple[float, float]:
 
 
 @njit_inline
-def steered_row(
-    row: Struct, profiles: StructArray, steerings: StructArray, turns: StructArray, dt: float
-) -> None:
+def steered_row(row: Struct, profiles: StructArray, steerings: StructArray, turns: StructArray, dt: float) -> None:
     """Advance the law as :func:`~cutenv.cutting.update.cut_row`; each blade first turns by ``turns`` [rad] to the left.
 
     ``row.dx`` is the way of each blade where it points; ``row.blade``, ``row.hand`` and ``row.tip`` are arc lengths of
@@ -309,6 +298,8 @@ def point(row: Struct, steering: Struct, n: int, turn: float) -> None:
         row.hand[n] -= way
         way, passed, aside, seen = 0.0, 0.0, steering.aside, 0.0
     steering.aside = aside
+    steering.east += way * steering.ahead - passed
+    steering.north += way * steering.across
     row.way[n], row.passed[n], row.dx[n] = way, passed, seen
 
 
@@ -342,27 +333,20 @@ def hold_sideways(row: Struct, steering: Struct, n: int, moved: float) -> None:
         offset = steering.aside - lerp(steering.cut, i, share)
         steering.guided = 1
     if offset != steering.offset:
-        held = 0.5 * steering.side_stiffness * offset**2
-        row.work[n] += held - steering.held
-        steering.offset, steering.held = offset, held
+        gained = 0.5 * steering.side_stiffness * ((offset - steering.offset) * (offset + steering.offset))
+        row.work[n] += gained
+        steering.held += gained
+        steering.offset = offset
 
 
 @njit_inline
 def offset_ahead(row: Struct, steering: Struct, n: int) -> tuple[float, float]:
     """Return the offset of one blade from its tip along the crack and to the left of it [m]."""
-    a, x = row.tip[n], row.blade[n]
-    i, share = grid_index(a)
-    j, part = grid_index(x)
-    tip, blade = steering.tip_aside, steering.aside
-    east = (
-        (x - a)
-        + (lerp(steering.x_excess, j, part) - lerp(steering.x_excess, i, share))
-        - (lerp(steering.sine, j, part) * blade - lerp(steering.sine, i, share) * tip)
-    )
-    north = (lerp(steering.y, j, part) - lerp(steering.y, i, share)) + (
-        lerp(steering.cosine, j, part) * blade - lerp(steering.cosine, i, share) * tip
-    )
+    advance = row.tip[n] - steering.settled
+    crack = advance * steering.stretch
     e_x, e_y = steering.tip_ahead, steering.tip_across
+    east = (row.blade[n] - row.tip[n]) + (steering.east - steering.tip_east) - (crack * e_x - advance)
+    north = (steering.north - steering.tip_north) - crack * e_y
     return east * e_x + north * e_y, north * e_x - east * e_y
 
 
@@ -387,11 +371,10 @@ def respond(row: Struct, profile: Struct, steering: Struct, n: int) -> None:
     lag, K, toughness = row.blade[n] - row.creep[n] - a, row.K[n], row.toughness[n]
     stored = 0.5 * K * max(lag, 0.0) ** 2 + steering.held
 
-    advance = grown * steering.stretch
-    _advance_tip(steering, a, advance)
+    advance = _advance_tip(steering, a)
     mean_pull = 0.5 * (steering.pull + pull)
     push = steering.coupling * mean_pull + steering.side_stiffness * steering.offset
-    if push != 0.0 and mean_pull > 0.0:
+    if push != 0.0 and lag > 0.0:  # a crack that is not loaded does not turn
         most = steering.crack_curvature * advance
         turn = min(max(push / math.sqrt(mean_pull**2 + push**2), -most), most)
         steering.tip_ahead, steering.tip_across = turned(steering.tip_ahead, steering.tip_across, turn)
@@ -403,38 +386,41 @@ def respond(row: Struct, profile: Struct, steering: Struct, n: int) -> None:
     row.toughness[n] = toughness_at(profile, a)
     row.seen_tip_point[n] = -1
     row.held_force[n] *= row.toughness[n] / toughness
+    ahead, left = offset_ahead(row, steering, n)
+    reduced = min((ahead + steering.coupling * left) * steering.per_stretch, LENGTH - a)
     if steering.guided == 0:
-        ahead, steering.offset = offset_ahead(row, steering, n)
-        reduced = (ahead + steering.coupling * steering.offset) * steering.per_stretch
-        row.creep[n] += lag - min(reduced, LENGTH - a)
-        lag = row.blade[n] - row.creep[n] - a
+        steering.offset = left
+    else:
+        reduced = min(reduced, 0.0)
+    row.creep[n] += lag - reduced
+    lag = row.blade[n] - row.creep[n] - a
     steering.held = 0.5 * steering.side_stiffness * steering.offset**2
     row.elastic[n] = row.K[n] * max(lag, 0.0)
-    row.ledger[n] -= 0.5 * row.K[n] * max(lag, 0.0) ** 2 + steering.held - stored
+    taken = 0.5 * row.K[n] * max(lag, 0.0) ** 2 + steering.held - stored
+    # As growth may, the turn may borrow no more than the fracture energy of a length, nor more than was ever spent.
+    borrowed = min(row.toughness[n] * row.debt_length[n], row.fracture[n] + row.loss[n])
+    excess = min(max(taken - max(row.ledger[n] + borrowed, 0.0), 0.0), steering.held)
+    if excess > 0.0:
+        steering.held -= excess
+        steering.side_stiffness = 2.0 * steering.held / steering.offset**2
+    row.ledger[n] -= taken - excess
     steering.pull = row.elastic[n] * steering.per_stretch
 
 
 @njit_inline
-def _advance_tip(steering: Struct, a: float, advance: float) -> None:
-    """Advance one tip in its direction by ``advance`` [m] of crack, which brings it to ``a`` [m] of the line."""
-    start = steering.settled
-    i, share = grid_index(start)
-    j, part = grid_index(a)
-    aside, t_x, t_y = steering.tip_aside, lerp(steering.cosine, j, part), lerp(steering.sine, j, part)
-    east = (
-        (start - a)
-        + (lerp(steering.x_excess, i, share) - lerp(steering.x_excess, j, part))
-        - lerp(steering.sine, i, share) * aside
-        + steering.tip_ahead * advance
-    )
-    north = (
-        (lerp(steering.y, i, share) - lerp(steering.y, j, part))
-        + lerp(steering.cosine, i, share) * aside
-        + steering.tip_across * advance
-    )
-    steering.tip_aside = north * t_x - east * t_y
+def _advance_tip(steering: Struct, a: float) -> float:
+    """Advance one tip in its direction to ``a`` [m] of the line; return by how much crack [m]."""
+    start, aside = steering.settled, steering.tip_aside
+    advance = (a - start) * steering.stretch
+    steering.tip_east += advance * steering.tip_ahead - (a - start)
+    steering.tip_north += advance * steering.tip_across
+    i, share = grid_index(a)
+    steering.tip_aside = (steering.tip_north - lerp(steering.y, i, share)) * lerp(steering.cosine, i, share) - (
+        steering.tip_east - lerp(steering.x_excess, i, share)
+    ) * lerp(steering.sine, i, share)
     steering.settled = a
-    for k in range(steering.cell + 1, j + 1):
+    for k in range(steering.cell + 1, i + 1):
         steering.cut[k] = aside + (steering.tip_aside - aside) * ((k * SPACING - start) / (a - start))
-    steering.cell = j
-    steering.cut[j + 1] = steering.tip_aside
+    steering.cell = i
+    steering.cut[i + 1] = steering.tip_aside
+    return advance  # type: ignore[no-any-return]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from cutenv._base.arrays import Array, StructArray
 from cutenv._base.validation import in_range
 from cutenv.cutting.drive import Rig
-from cutenv.cutting.dtypes import READING, TICK, new_state
+from cutenv.cutting.dtypes import READING, new_state
 from cutenv.cutting.parameters import LawParameters, law_records, profile_records
 from cutenv.cutting.sensor import SensorParameters, sensor_records
 from cutenv.cutting.simulate import Physics
@@ -93,6 +94,12 @@ class SteeredPlant:
         return place_of_tip(self.cuts.states, self.steerings)
 
     @property
+    def heading(self) -> float:
+        """Direction in which the blade points: angle to the axis of the slab [rad], positive to the left."""
+        steering = self.steerings[0]
+        return math.atan2(steering["across"], steering["ahead"])
+
+    @property
     def distance(self) -> float:
         """Distance of the blade to the left of the line [m]."""
         return float(self.steerings["aside"][0])
@@ -104,7 +111,7 @@ class SteeredPlant:
         return passed
 
     def advance(self, speed: float, angle: float, ticks: int, turn_rate: float = 0.0) -> StructArray:
-        """Command a speed [m/s], an inclination [rad] and a rate of turn to the left [rad/s] for ``ticks`` milliseconds.
+        """Command a speed [m/s], an inclination [rad] and a turn to the left [rad/s] for ``ticks`` milliseconds.
 
         Returns
         -------

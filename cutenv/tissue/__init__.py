@@ -5,11 +5,13 @@ from cutenv.tissue.description import TissueDescription, load_description, measu
 from cutenv.tissue.effective_modulus import local_effective_modulus, quasi_static_modulus
 from cutenv.tissue.fracture_resistance import measured_fracture_resistance
 from cutenv.tissue.layers import Layers
+from cutenv.tissue.path_model import PathModel
 from cutenv.tissue.specimen import Specimen, draw_liver
 
 __all__ = [
     "CutModel",
     "Layers",
+    "PathModel",
     "Specimen",
     "TissueDescription",
     "draw_liver",

@@ -1,4 +1,4 @@
-"""Drawn lines to cut along: straight, an arc, an S, part of an ellipse, random smooth ones, and through given points."""
+"""Drawn lines to cut along: straight, arc, S, part of an ellipse, random smooth ones, and through given points."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 
 from cutenv._base.arrays import Array
@@ -103,7 +103,7 @@ def half_ellipse(length: float = 0.08, height: float = 0.015) -> Line:
 
 
 def random_line(rng: np.random.Generator, largest_curvature: float = 30.0, least_length: float = 0.1) -> Line:
-    """Draw a smooth line: two waves of curvature [1/m], no steeper than a line may be, ``least_length`` [m] within the slab."""
+    """Draw a smooth line, two waves of curvature [1/m], of which ``least_length`` [m] lies within the slab."""
     largest_curvature = in_range("largest_curvature", largest_curvature, 0.0, LARGEST_CURVATURE, "1/m", _BEND_CURE)
     s = np.arange(N_POINTS) * SPACING
     while True:
@@ -195,10 +195,12 @@ def through(points: ArrayLike) -> Line:
     )
 
 
-_BEND_CURE = f"A line's least radius is {1e3 / LARGEST_CURVATURE:g} mm, its largest curvature {LARGEST_CURVATURE:g} per m."
+_BEND_CURE = (
+    f"A line's least radius is {1e3 / LARGEST_CURVATURE:g} mm, its largest curvature {LARGEST_CURVATURE:g} per m."
+)
 
 
-def _limits(line: Line) -> tuple[tuple[Array, str, str], ...]:
+def _limits(line: Line) -> tuple[tuple[NDArray[np.bool_], str, str], ...]:
     """Return where a line breaks a limit, how, and the cure."""
     aside, steepest = 1e3 * (WIDTH / 2.0 - MARGIN), math.degrees(STEEPEST)
     return (
@@ -212,7 +214,7 @@ def _limits(line: Line) -> tuple[tuple[Array, str, str], ...]:
     )
 
 
-def _fault(line: Line, limits: tuple[tuple[Array, str, str], ...]) -> str | None:
+def _fault(line: Line, limits: tuple[tuple[NDArray[np.bool_], str, str], ...]) -> str | None:
     """Return which limit a line breaks, and where, or None."""
     for wrong, what, cure in limits:
         if wrong.any():

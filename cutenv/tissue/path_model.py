@@ -17,11 +17,13 @@ from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range
 from cutenv.tissue.continuum import Continuum
 from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING
-from cutenv.tissue.lines import WIDTH, Line, length_within, straight
+from cutenv.tissue.lines import MARGIN, WIDTH, Line, length_within, straight
 from cutenv.tissue.mesh import ACROSS, ALONG, CutMesh, checked_divisions, read_only
 from cutenv.tissue.model_arguments import checked_relative_modulus
 from cutenv.tissue.specimen import Specimen
 from cutenv.tissue.tip_response import factorise, stiffness_matrix
+
+_ROUNDING = 1e-10  # of a solution, over modulus and thickness
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -45,7 +47,8 @@ class PathMesh(CutMesh):
         """Positions of the element corners [m], shape (n_corners, 2)."""
         moved = self._straight.corners.copy()
         share = 1.0 - np.abs(moved[:, ACROSS]) / (0.5 * self.size[ACROSS])
-        moved[:, ACROSS] -= share * np.interp(moved[:, ALONG], self.drawn.x, self.drawn.y)
+        aside = np.clip(self.drawn.y, MARGIN - 0.5 * WIDTH, 0.5 * WIDTH - MARGIN)  # beyond its end a line may leave
+        moved[:, ACROSS] -= share * np.interp(moved[:, ALONG], self.drawn.x, aside)
         return read_only(moved)
 
     @cached_property
@@ -123,14 +126,17 @@ class PathModel:
 
     @cached_property
     def tips(self) -> Array:
-        """Arc length of the line at each tip [m], shape (n_tips,): corners of elements before the line leaves the slab."""
+        """Arc length of the line at each tip [m], shape (n_tips,): element corners until the line leaves the slab."""
         x = self.mesh.nodes[self.mesh.tip_pairs[:, 0, 0], ALONG]
         s = np.interp(x, self.line.x, np.linspace(0.0, LENGTH, len(self.line.x)))
         return read_only(s[s <= length_within(self.line)])
 
     @cached_property
     def stiffness(self) -> Array:
-        """2 x 2 stiffness at each tip over modulus and thickness [1], along the line and to its left, (n_tips, 2, 2)."""
+        """2 x 2 stiffness at each tip, shape (n_tips, 2, 2): along the line and to its left.
+
+        It is the force over the displacement, the modulus and the thickness [1].
+        """
         turned = np.einsum("tri,trs,tsj->tij", self._frames, self._solved[0], self._frames)
         return read_only(np.linalg.inv(turned[: len(self.tips)]))
 
@@ -214,8 +220,9 @@ def _straight_stiffness(element: str, formulation: str, poisson: float) -> TipSt
 
 
 def _unit_stiffness(line: Line, element: str, formulation: str, poisson: float) -> TipStiffness:
-    """Interpolate the uniform slab's stiffness between tips; before the first and beyond the last it keeps its value."""
+    """Interpolate the uniform slab's stiffness between tips; outside them it keeps its value."""
     model = PathModel(line, element=element, formulation=formulation, poisson=poisson)
     places = np.clip(np.arange(N_POINTS) * SPACING, model.tips[0], model.tips[-1])
-    between = PchipInterpolator(model.tips, model.stiffness)(places)
+    stiffness = np.where(abs(model.stiffness) > _ROUNDING, model.stiffness, 0.0)  # none is coupled by symmetry
+    between = PchipInterpolator(model.tips, stiffness)(places)
     return TipStiffness(between[:, 0, 0], between[:, 0, 1], between[:, 1, 1])

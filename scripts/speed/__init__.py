@@ -8,6 +8,7 @@ BENCHMARKS = {
     "batch": "batch",
     "descent": "vertical_motion",
     "depth": "depth_environment",
+    "steering": "steering",
     "tick": "tick",
     "picture": "picture",
     "field": "field",

@@ -26,6 +26,7 @@ from speed import (
     picture,
     ppo,
     reading,
+    steering,
     tick,
     vertical_motion,
 )
@@ -33,6 +34,7 @@ from speed.measured import Measured, Number
 
 from cutenv.plant import SimulatedPlant
 from cutenv.tissue import Specimen
+from cutenv.tissue.lines import half_ellipse
 
 MODULES: dict[str, ModuleType] = {
     "first": first_use,
@@ -41,6 +43,7 @@ MODULES: dict[str, ModuleType] = {
     "batch": batch,
     "descent": vertical_motion,
     "depth": depth_environment,
+    "steering": steering,
     "tick": tick,
     "picture": picture,
     "field": field,
@@ -63,6 +66,11 @@ def test_vertical_motions_are_of_whole_batches_and_each_is_driven():
     for motion in vertical_motion.MOTIONS.values():
         found = vertical_motion.descending_rates(motion, 64, rounds=1)
         assert min(found) > 0.0
+
+
+def test_steering_is_measured_along_a_bent_line():
+    for motion in steering.MOTIONS.values():
+        assert min(steering.steered_rates(half_ellipse(), motion, 64, rounds=1)) > 0.0
 
 
 def test_depth_is_measured_in_whole_batches():
@@ -171,8 +179,9 @@ def made_up(monkeypatch):
     monkeypatch.setattr(batch, "rates", lambda count: batch.Rates(1.0e6, 2.0e6, 0.5e6, 1.0e5))
     monkeypatch.setattr(batch, "step_rate", lambda other, count: 1.0e4)
     monkeypatch.setattr(batch, "limits", lambda native, bare: Measured({"bytes": Number(2816, "byte")}, ["limits"]))
-    bare = vertical_motion.DescendingRates(5.0e7, 8.0e7)
+    bare = vertical_motion.BareRates(5.0e7, 8.0e7)
     monkeypatch.setattr(vertical_motion, "descending_rates", lambda motion: bare)
+    monkeypatch.setattr(steering, "steered_rates", lambda line, motion: bare)
     whole = depth_environment.DepthRates(4.0e5, 1.0e6)
     monkeypatch.setattr(depth_environment, "depth_rates", lambda motion: whole)
     monkeypatch.setattr(tick, "durations", lambda: (np.full(1000, 50_000), np.full(1000, 100), 0))
