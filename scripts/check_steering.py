@@ -32,7 +32,7 @@ from cutenv.cutting.steering import SteeringParameters, steering_records
 from cutenv.plant import SteeredPlant
 from cutenv.tissue import CutModel, Specimen
 from cutenv.tissue.grid import LENGTH, SPACING
-from cutenv.tissue.lines import Line, arc, bent, half_ellipse, random_line, s_shape, straight
+from cutenv.tissue.lines import CutLine, arc, bent, half_ellipse, random_line, s_shape, straight
 from cutenv.tissue.path_model import PathModel
 
 LINES = {
@@ -70,7 +70,7 @@ class Led(NamedTuple):
 
 
 def led(
-    specimen: Specimen, line: Line, turns: Any, ways: Any, angles: Any, parameters: SteeringParameters | None = None
+    specimen: Specimen, line: CutLine, turns: Any, ways: Any, angles: Any, parameters: SteeringParameters | None = None
 ) -> Led:
     """Lead a blade by turns [rad], ways since the start [m] and angles [rad], one of each every millisecond."""
     path = np.stack(np.broadcast_arrays(turns, ways, angles), axis=-1).astype(float)

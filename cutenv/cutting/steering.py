@@ -36,11 +36,11 @@ from cutenv.cutting.dtypes import TICK
 from cutenv.cutting.law import LONGEST_ADVANCE, grid_index, lerp, stiffness_at, toughness_at
 from cutenv.cutting.update import grow_row, leap_row, load_row, look_row, run_row, turn_row
 from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING
-from cutenv.tissue.lines import Line
-from cutenv.tissue.path_model import tip_stiffness
+from cutenv.tissue.lines import CutLine
+from cutenv.tissue.path_model import stiffness_on_line
 from cutenv.tissue.specimen import Specimen
 
-REACH = 0.015
+LINE_REACH = 0.015
 """Largest distance of a blade to its line [m]; farther away the stiffness of a crack on the line tells nothing."""
 _LEAST_COSINE = 0.25  # of the angle between crack and line: a crack across the line would make no way along it
 _LEAST_SPREAD = 0.25  # 1 - curvature times distance: beyond it lies the centre of the line's curvature
@@ -112,13 +112,13 @@ STEERING: np.dtype[Any] = np.dtype(
 
 
 def steering_records(
-    specimens: list[Specimen], lines: list[Line], profiles: StructArray, parameters: SteeringParameters | None = None
+    specimens: list[Specimen], lines: list[CutLine], profiles: StructArray, parameters: SteeringParameters | None = None
 ) -> StructArray:
     """Return the records of n cuts in the plane, :data:`STEERING` of shape (n,), with each blade at its line's start.
 
     Parameters
     ----------
-    specimens, lines : list of Specimen, of Line
+    specimens, lines : list of Specimen, of CutLine
         The tissue, and where to cut.
     profiles : Records
         :data:`~cutenv.cutting.dtypes.PROFILE` of the specimens, shape (n,); the stiffness in it is replaced.
@@ -130,7 +130,7 @@ def steering_records(
     for record, specimen, line, profile in zip(records, specimens, lines, profiles, strict=True):
         record["x_excess"], record["y"] = line.x - np.arange(N_POINTS) * SPACING, line.y
         record["cosine"], record["sine"], record["curvature"] = np.cos(line.angle), np.sin(line.angle), line.curvature
-        record["along"], record["coupled"], record["sideways"] = tip_stiffness(specimen, line)
+        record["along"], record["coupled"], record["sideways"] = stiffness_on_line(specimen, line)
         record["toughness"], record["crack_curvature"] = profile["toughness"], parameters.crack_curvature
         record["response"] = record["waiting"] = round(parameters.response_time / TICK)
         for name in ("", "tip_"):
@@ -157,11 +157,11 @@ def place_of_tip(states: StructArray, steerings: StructArray) -> tuple[float, fl
 @njit
 def _begin(profile: Struct, steering: Struct) -> None:
     for i in range(N_POINTS):
-        renew(profile, steering, i)
+        renew_point(profile, steering, i)
     _stand(steering, 0.0)
 
 
-class Frame(NamedTuple):
+class CrackFrame(NamedTuple):
     """Stiffness at a point of the line in the frame of a crack's direction there."""
 
     stiffness: float
@@ -175,7 +175,7 @@ class Frame(NamedTuple):
 
 
 @njit_inline
-def frame_at(steering: Struct, i: int, share: float) -> Frame:
+def frame_at(steering: Struct, i: int, share: float) -> CrackFrame:
     """Return the stiffness at grid index ``i`` and a fraction ``share`` of the way to the next point."""
     e_x, e_y = steering.tip_ahead, steering.tip_across
     t_x, t_y = lerp(steering.cosine, i, share), lerp(steering.sine, i, share)
@@ -189,11 +189,11 @@ def frame_at(steering: Struct, i: int, share: float) -> Frame:
     coupling = mixed / stiffness
     spread = max(1.0 - lerp(steering.curvature, i, share) * steering.tip_aside, _LEAST_SPREAD)
     across = along * sine**2 - 2.0 * coupled * both + sideways * cosine**2
-    return Frame(stiffness, coupling, across - coupling * mixed, spread / max(cosine, _LEAST_COSINE))
+    return CrackFrame(stiffness, coupling, across - coupling * mixed, spread / max(cosine, _LEAST_COSINE))
 
 
 @njit_internal
-def renew(profile: Struct, steering: Struct, i: int) -> None:
+def renew_point(profile: Struct, steering: Struct, i: int) -> None:
     """Bring point ``i`` of a profile up to date with the direction of the crack."""
     if steering.belongs[i] == steering.version:
         return
@@ -204,11 +204,11 @@ def renew(profile: Struct, steering: Struct, i: int) -> None:
 
 
 @njit_internal
-def renew_between(profile: Struct, steering: Struct, low: float, high: float) -> None:
+def renew_points(profile: Struct, steering: Struct, low: float, high: float) -> None:
     """Bring the points around positions ``low`` to ``high`` [m] of the line up to date."""
     first, last = grid_index(low)[0], grid_index(max(low, high))[0]
     for i in range(first, last + 2):
-        renew(profile, steering, i)
+        renew_point(profile, steering, i)
 
 
 @njit_inline
@@ -264,7 +264,7 @@ def steered_row(row: Struct, profiles: StructArray, steerings: StructArray, turn
     if row.runs > 0:
         for n in range(row.taken):
             if row.waits[n] == 0:
-                renew_between(profiles[row.cut[n]], steerings[row.cut[n]], row.tip[n], row.x[n])
+                renew_points(profiles[row.cut[n]], steerings[row.cut[n]], row.tip[n], row.x[n])
         run_row(row, profiles)
     for n in range(len(row.blade)):
         row.force[n] = row.elastic[n] + row.rubbing[n]
@@ -273,8 +273,8 @@ def steered_row(row: Struct, profiles: StructArray, steerings: StructArray, turn
             steering = steerings[row.cut[n]]
             steering.waiting -= 1
             if steering.waiting <= 0:
-                respond(row, profiles[row.cut[n]], steering, n)
-            tell_forces(row, steering, n)
+                turn_crack(row, profiles[row.cut[n]], steering, n)
+            tell_plane_forces(row, steering, n)
 
 
 @njit_inline
@@ -294,7 +294,7 @@ def point(row: Struct, steering: Struct, n: int, turn: float) -> None:
     cosine, sine = to_crack(steering)
     seen = way * ((cosine + steering.coupling * sine) * steering.per_stretch)
     within = 0.0 <= start + passed <= LENGTH and start - row.creep[n] + seen <= LENGTH
-    if not (within and abs(aside) <= max(REACH, abs(steering.aside))):
+    if not (within and abs(aside) <= max(LINE_REACH, abs(steering.aside))):
         row.hand[n] -= way
         way, passed, aside, seen = 0.0, 0.0, steering.aside, 0.0
     steering.aside = aside
@@ -317,9 +317,9 @@ def move(row: Struct, profile: Struct, steering: Struct, n: int, dt: float) -> N
     if i != row.seen_tip_point[n] or j != row.seen_blade_point[n] or far:
         row.points += 1
         if far:
-            renew_between(profile, steering, row.tip[n], row.x[n])
-        renew(profile, steering, i)
-        renew(profile, steering, i + 1)
+            renew_points(profile, steering, row.tip[n], row.x[n])
+        renew_point(profile, steering, i)
+        renew_point(profile, steering, i + 1)
 
 
 @njit_inline
@@ -351,7 +351,7 @@ def offset_ahead(row: Struct, steering: Struct, n: int) -> tuple[float, float]:
 
 
 @njit_inline
-def tell_forces(row: Struct, steering: Struct, n: int) -> None:
+def tell_plane_forces(row: Struct, steering: Struct, n: int) -> None:
     """Tell the forces of one blade along its direction and to its right."""
     cosine, sine = to_crack(steering)
     pull, push = row.elastic[n] * steering.per_stretch, steering.side_stiffness * steering.offset
@@ -360,7 +360,7 @@ def tell_forces(row: Struct, steering: Struct, n: int) -> None:
 
 
 @njit_internal
-def respond(row: Struct, profile: Struct, steering: Struct, n: int) -> None:
+def turn_crack(row: Struct, profile: Struct, steering: Struct, n: int) -> None:
     """Let one crack turn, and its tissue respond, to the growth since they last did."""
     steering.waiting = steering.response
     a, grown = row.tip[n], row.tip[n] - steering.settled
@@ -380,7 +380,7 @@ def respond(row: Struct, profile: Struct, steering: Struct, n: int) -> None:
         steering.tip_ahead, steering.tip_across = turned(steering.tip_ahead, steering.tip_across, turn)
     steering.version += 1
     _stand(steering, a)
-    renew_between(profile, steering, a, a)
+    renew_points(profile, steering, a, a)
 
     row.K[n], row.dK[n] = stiffness_at(profile, a)
     row.toughness[n] = toughness_at(profile, a)

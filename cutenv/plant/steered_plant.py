@@ -18,7 +18,7 @@ from cutenv.cutting.steered_cut import account_of_steered, hold_steered
 from cutenv.cutting.steering import SteeringParameters, place_of_blade, place_of_tip, steering_records
 from cutenv.plant.simulator import ANGLE_RANGE, MAX_SPEED, check_angle
 from cutenv.tissue.grid import SPACING
-from cutenv.tissue.lines import Line, length_within
+from cutenv.tissue.lines import CutLine, length_within
 from cutenv.tissue.specimen import Specimen
 
 MAX_TURN_RATE = 4.0
@@ -34,7 +34,7 @@ class SteeredPlant:
     ----------
     specimen : Specimen
         The tissue to cut.
-    line : Line
+    line : CutLine
         Line to cut along, see :mod:`cutenv.tissue.lines`; the blade stands at its start and points along it.
     drive : Rig, optional
         Drive of the blade.
@@ -62,7 +62,7 @@ class SteeredPlant:
     def __init__(
         self,
         specimen: Specimen,
-        line: Line,
+        line: CutLine,
         *,
         drive: Rig | None = None,
         sensor: SensorParameters | None = None,

@@ -15,7 +15,7 @@ from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING
 
 WIDTH = 0.08
 """Width of the slab [m]; the clamp is as wide."""
-MARGIN = 0.01
+SIDE_MARGIN = 0.01
 """Least distance of a line to the sides of the slab [m]."""
 LARGEST_CURVATURE = 50.0
 """Limit on a line's curvature [1/m]: a radius of 20 mm, more than the tissue that a blade drags along."""
@@ -26,7 +26,7 @@ _FINE = 20  # parts of the grid's spacing for the integrals
 _ROUNDING = 1e-9
 
 
-class Line(NamedTuple):
+class CutLine(NamedTuple):
     """A drawn line, at points every 0.5 mm of its length; each part has shape (301,).
 
     It starts at the clamp, x = 0; y = 0 is the middle of the slab.
@@ -37,17 +37,17 @@ class Line(NamedTuple):
     y: Array
     """Place across the slab, to the left [m]."""
     angle: Array
-    """Of its direction to the x axis [rad]."""
+    """Angle of its direction to the x axis [rad]."""
     curvature: Array
     """[1/m], positive to the left."""
 
 
-def straight() -> Line:
+def straight() -> CutLine:
     """Return the axis of the slab."""
     return bent(np.zeros(N_POINTS))
 
 
-def arc(radius: float) -> Line:
+def arc(radius: float) -> CutLine:
     """Return an arc that leaves the clamp at right angles.
 
     Parameters
@@ -65,7 +65,7 @@ def arc(radius: float) -> Line:
     return bent(np.where(turned, 1.0 / math.copysign(size, radius), 0.0))
 
 
-def s_shape(radius: float, length: float = 0.1) -> Line:
+def s_shape(radius: float, length: float = 0.1) -> CutLine:
     """Return a line that bends to the left, then as far to the right, and ends parallel to the axis of the slab.
 
     Parameters
@@ -81,7 +81,7 @@ def s_shape(radius: float, length: float = 0.1) -> Line:
     return bent(np.sin(2.0 * math.pi * share) / math.copysign(size, radius))
 
 
-def half_ellipse(length: float = 0.08, height: float = 0.015) -> Line:
+def half_ellipse(length: float = 0.08, height: float = 0.015) -> CutLine:
     """Return one side of an elliptical excision: out from the axis of the slab and back to it.
 
     Parameters
@@ -96,13 +96,13 @@ def half_ellipse(length: float = 0.08, height: float = 0.015) -> Line:
         If it leaves the slab, or bends too far.
     """
     length = in_range("length", length, 0.02, LENGTH, "m", "Give the distance between the ends of the excision.")
-    size = in_range("height", abs(height), 1e-3, WIDTH / 2.0 - MARGIN, "m", "Give the height of one side.")
+    size = in_range("height", abs(height), 1e-3, WIDTH / 2.0 - SIDE_MARGIN, "m", "Give the height of one side.")
     u = np.linspace(-1.0, 1.0, 401)
     y = (np.sqrt(1.0 - (1.0 - _CHORD**2) * u**2) - _CHORD) / (1.0 - _CHORD)
     return through(np.column_stack((0.5 * length * (u + 1.0), math.copysign(size, height) * y)))
 
 
-def random_line(rng: np.random.Generator, largest_curvature: float = 30.0, least_length: float = 0.1) -> Line:
+def random_line(rng: np.random.Generator, largest_curvature: float = 30.0, least_length: float = 0.1) -> CutLine:
     """Draw a smooth line, two waves of curvature [1/m], of which ``least_length`` [m] lies within the slab."""
     largest_curvature = in_range("largest_curvature", largest_curvature, 0.0, LARGEST_CURVATURE, "1/m", _BEND_CURE)
     s = np.arange(N_POINTS) * SPACING
@@ -117,7 +117,7 @@ def random_line(rng: np.random.Generator, largest_curvature: float = 30.0, least
             return line
 
 
-def bent(curvature: ArrayLike) -> Line:
+def bent(curvature: ArrayLike) -> CutLine:
     """Return the line that leaves the clamp at right angles, with a curvature [1/m] at its 301 points.
 
     It may leave the slab, see :func:`length_within`.
@@ -137,20 +137,20 @@ def bent(curvature: ArrayLike) -> Line:
     angle = _integral(np.interp(fine, s, given), fine)
     x_excess, y = _integral(np.cos(angle) - 1.0, fine), _integral(np.sin(angle), fine)
     every = slice(None, None, _FINE)
-    line = Line(s + x_excess[every], y[every], angle[every], given)
+    line = CutLine(s + x_excess[every], y[every], angle[every], given)
     fault = _fault(line, _limits(line)[1:])
     if fault is not None:
         raise ValueError(fault)
     return line
 
 
-def length_within(line: Line) -> float:
+def length_within(line: CutLine) -> float:
     """Return the length of a line up to where it leaves the slab [m]."""
-    outside = (line.x > LENGTH) | (abs(line.y) > WIDTH / 2.0 - MARGIN + _ROUNDING)
+    outside = (line.x > LENGTH) | (abs(line.y) > WIDTH / 2.0 - SIDE_MARGIN + _ROUNDING)
     return float(SPACING * (np.argmax(outside) - 1 if outside.any() else N_POINTS - 1))
 
 
-def through(points: ArrayLike) -> Line:
+def through(points: ArrayLike) -> CutLine:
     """Return the smooth line through points; beyond the last one it goes on straight.
 
     Parameters
@@ -180,14 +180,14 @@ def through(points: ArrayLike) -> Line:
     (d_x, d_y), (dd_x, dd_y) = spline(fine, 1).T, spline(fine, 2).T
     x, y = spline(fine).T
     angle, curvature = np.arctan2(d_y, d_x), (d_x * dd_y - d_y * dd_x) / np.hypot(d_x, d_y) ** 3
-    drawn = Line(x, y, angle, curvature)
+    drawn = CutLine(x, y, angle, curvature)
     fault = _fault(drawn, _limits(drawn))
     if fault is not None:
         raise ValueError(fault)
     way = _integral(np.hypot(d_x, d_y), fine)
     s = np.arange(N_POINTS) * SPACING
     beyond = np.maximum(s - way[-1], 0.0)
-    return Line(
+    return CutLine(
         np.interp(s, way, x) + beyond * math.cos(angle[-1]),
         np.interp(s, way, y) + beyond * math.sin(angle[-1]),
         np.interp(s, way, angle),
@@ -200,9 +200,9 @@ _BEND_CURE = (
 )
 
 
-def _limits(line: Line) -> tuple[tuple[NDArray[np.bool_], str, str], ...]:
+def _limits(line: CutLine) -> tuple[tuple[NDArray[np.bool_], str, str], ...]:
     """Return where a line breaks a limit, how, and the cure."""
-    aside, steepest = 1e3 * (WIDTH / 2.0 - MARGIN), math.degrees(STEEPEST)
+    aside, steepest = 1e3 * (WIDTH / 2.0 - SIDE_MARGIN), math.degrees(STEEPEST)
     return (
         (1e3 * abs(line.y) > aside + _ROUNDING, "leaves the slab", f"Stay within {aside:g} mm of its axis."),
         (
@@ -214,7 +214,7 @@ def _limits(line: Line) -> tuple[tuple[NDArray[np.bool_], str, str], ...]:
     )
 
 
-def _fault(line: Line, limits: tuple[tuple[NDArray[np.bool_], str, str], ...]) -> str | None:
+def _fault(line: CutLine, limits: tuple[tuple[NDArray[np.bool_], str, str], ...]) -> str | None:
     """Return which limit a line breaks, and where, or None."""
     for wrong, what, cure in limits:
         if wrong.any():

@@ -17,7 +17,7 @@ from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range
 from cutenv.tissue.continuum import Continuum
 from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING
-from cutenv.tissue.lines import MARGIN, WIDTH, Line, length_within, straight
+from cutenv.tissue.lines import SIDE_MARGIN, WIDTH, CutLine, length_within, straight
 from cutenv.tissue.mesh import ACROSS, ALONG, CutMesh, checked_divisions, read_only
 from cutenv.tissue.model_arguments import checked_relative_modulus
 from cutenv.tissue.specimen import Specimen
@@ -32,11 +32,11 @@ class PathMesh(CutMesh):
 
     Parameters
     ----------
-    line : Line
+    drawn : CutLine
         Drawn line; its left is the side of -x.
     """
 
-    drawn: Line
+    drawn: CutLine
 
     @cached_property
     def _straight(self) -> CutMesh:
@@ -47,7 +47,9 @@ class PathMesh(CutMesh):
         """Positions of the element corners [m], shape (n_corners, 2)."""
         moved = self._straight.corners.copy()
         share = 1.0 - np.abs(moved[:, ACROSS]) / (0.5 * self.size[ACROSS])
-        aside = np.clip(self.drawn.y, MARGIN - 0.5 * WIDTH, 0.5 * WIDTH - MARGIN)  # beyond its end a line may leave
+        aside = np.clip(
+            self.drawn.y, SIDE_MARGIN - 0.5 * WIDTH, 0.5 * WIDTH - SIDE_MARGIN
+        )  # beyond its end a line may leave
         moved[:, ACROSS] -= share * np.interp(moved[:, ALONG], self.drawn.x, aside)
         return read_only(moved)
 
@@ -86,7 +88,7 @@ class PathModel:
 
     Parameters
     ----------
-    line : Line
+    line : CutLine
         Line of the cut, see :mod:`cutenv.tissue.lines`; the modulus is that of the slab, not laid along the line.
     divisions : tuple of int
         Elements across (even) and along the slab.
@@ -101,7 +103,7 @@ class PathModel:
         If an argument is out of range, or the mesh is too distorted.
     """
 
-    line: Line
+    line: CutLine
     divisions: tuple[int, ...] = (8, 15)
     element: str = "quad8"
     formulation: str = "plane_stress"
@@ -201,7 +203,7 @@ class TipStiffness(NamedTuple):
     across: Array
 
 
-def tip_stiffness(specimen: Specimen, line: Line) -> TipStiffness:
+def stiffness_on_line(specimen: Specimen, line: CutLine) -> TipStiffness:
     """Return the stiffness of a crack on ``line`` in a specimen whose profiles are laid along the line.
 
     It is the specimen's own, times the ratio of the uniform slab's stiffness on the line to that on a straight one as
@@ -219,7 +221,7 @@ def _straight_stiffness(element: str, formulation: str, poisson: float) -> TipSt
     return _unit_stiffness(straight(), element, formulation, poisson)
 
 
-def _unit_stiffness(line: Line, element: str, formulation: str, poisson: float) -> TipStiffness:
+def _unit_stiffness(line: CutLine, element: str, formulation: str, poisson: float) -> TipStiffness:
     """Interpolate the uniform slab's stiffness between tips; outside them it keeps its value."""
     model = PathModel(line, element=element, formulation=formulation, poisson=poisson)
     places = np.clip(np.arange(N_POINTS) * SPACING, model.tips[0], model.tips[-1])

@@ -12,7 +12,7 @@ from cutenv.cutting.parameters import profile_records
 from cutenv.cutting.simulate import Physics
 from cutenv.cutting.steered_cut import hold_some_steered
 from cutenv.cutting.steering import steering_records
-from cutenv.tissue.lines import Line, half_ellipse, straight
+from cutenv.tissue.lines import CutLine, half_ellipse, straight
 from speed.measured import Measured
 from speed.vertical_motion import (
     ANGLE,
@@ -39,7 +39,7 @@ MOTIONS: dict[str, Commands] = {
 }
 
 
-def steered_rates(line: Line, motion: Commands, count: int = COUNT, rounds: int = ROUNDS) -> BareRates:
+def steered_rates(line: CutLine, motion: Commands, count: int = COUNT, rounds: int = ROUNDS) -> BareRates:
     """Measure ``count`` cuts along one line."""
     specimens = tissue(count)
     profiles = profile_records(specimens[:64])  # the others are repetitions

@@ -20,7 +20,7 @@ from cutenv.plant import SimulatedPlant, SteeredPlant
 from cutenv.tissue import Specimen
 from cutenv.tissue.lines import (
     LARGEST_CURVATURE,
-    Line,
+    CutLine,
     arc,
     bent,
     half_ellipse,
@@ -30,7 +30,7 @@ from cutenv.tissue.lines import (
     straight,
     through,
 )
-from cutenv.tissue.path_model import PathModel, tip_stiffness
+from cutenv.tissue.path_model import PathModel, stiffness_on_line
 
 
 @pytest.mark.parametrize("part", ["straight", "account", "bends"])
@@ -104,7 +104,7 @@ def test_a_batch_is_its_cuts_one_by_one() -> None:
             assert (readings["force"][-1], plant.lateral_force[-1]) == tuple(forces)
 
 
-LINES: dict[str, Callable[[], Line]] = {
+LINES: dict[str, Callable[[], CutLine]] = {
     "straight": straight,
     "arc": lambda: arc(-0.03),
     "S": lambda: s_shape(0.03, 0.08),
@@ -182,7 +182,7 @@ def test_a_bad_command_is_named(arguments: tuple[float, float, int, float], says
 
 def test_a_straight_line_has_the_specimens_own_stiffness() -> None:
     specimen = Specimen.drawn(2)
-    found = tip_stiffness(specimen, straight())
+    found = stiffness_on_line(specimen, straight())
     assert np.array_equal(found.along, specimen.stiffness())
     assert not found.coupled.any()
 
