@@ -17,7 +17,7 @@ from cutenv.task.depth_cuts import (
     step_depth_one,
 )
 from cutenv.task.depth_terms import ALL_COMPONENTS, DEPTH, DEPTH_ENDS, DEPTH_TERMS, DepthConstants
-from cutenv.task.gentle_cutting import SimulatedCutting
+from cutenv.task.gentle_cutting import ShownDepth, SimulatedCutting
 from cutenv.task.observation import COMPONENTS
 
 
@@ -130,6 +130,15 @@ class DepthCutting(SimulatedCutting):
         """The depth of the cut in numbers: areas [mm2], depth into the layer below and mean error [mm]."""
         found = depth_errors(self.depths, np.array([self.target_length]))
         return {name: float(value[0]) for name, value in found.items()}
+
+    @property
+    def shown_depth(self) -> ShownDepth:
+        """Depth as a picture shows it."""
+        descent, surface = self.descents[0], self.descents["surface"][0]
+        return ShownDepth(
+            float(descent["level"]), surface, descent["floor"], surface - self.depths["wanted"][0],
+            surface - float(descent["boundary"]),
+        )  # fmt: skip
 
     @property
     def floor(self) -> Array:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv._base.arrays import StructArray
+from cutenv._base.arrays import Array, StructArray
 from cutenv._engine.jit import njit
 from cutenv.cutting.dtypes import PROFILE, READING
 from cutenv.plant.interface import Plant
@@ -35,6 +37,20 @@ def nominal_profile(tissue: TissueDescription, depth: NDArray[np.float64]) -> St
 @njit
 def _expect(nominal: StructArray, profiles: StructArray) -> None:
     expect(nominal[0], profiles[0])
+
+
+class ShownDepth(NamedTuple):
+    """Depth of a cut for a picture, above the plane to which a blade at level 0 cuts [m]; arrays of shape (301,)."""
+
+    level: float
+    """Level of the blade's lower end."""
+    surface: Array
+    floor: Array
+    """Floor of the cut, hidden; where nothing is cut, the surface."""
+    wanted: Array
+    """Wanted floor, below the true surface."""
+    layer: Array
+    """Upper side of the layer below, hidden."""
 
 
 class GentleCutting:
@@ -230,6 +246,11 @@ class GentleCutting:
     def shown_totals(self) -> dict[str, float]:
         """The reward since the start by line of a picture."""
         return self.reward_totals
+
+    @property
+    def shown_depth(self) -> ShownDepth | None:
+        """Depth as a picture shows it, None where no depth is wanted."""
+        return None
 
     @property
     def force_limit_per_depth(self) -> float:

@@ -69,6 +69,7 @@ class CutViewer:
         if fresh:
             self._cutting = cutting
             self._trace = ForceTrace()
+            self.layout = Layout() if moment.shown_depth is None else Layout().with_depth()
             self._slab = drawn_slab_of(plant.specimen.cut_model())
         scale = self._trace.low, self._trace.high
         felt = self._trace.add(cutting.readings if readings is None else readings)
@@ -83,7 +84,8 @@ class CutViewer:
         quantities = moment.quantities()
         views.draw_from_above(canvas, layout, quantities, self._slab, _SHOWN, palette.STEEL)
         box = layout.blade_end - _SIDE_HEIGHT, layout.column - 20
-        views.draw_from_the_side(canvas, layout, quantities, _SHOWN, palette.STEEL, box=box)
+        shown = (*_SHOWN, *moment.conditions)
+        views.draw_from_the_side(canvas, layout, quantities, shown, palette.STEEL, box=box)
         views.draw_titles(canvas, layout, quantities, self._slab.model.width, box[0] - 11)
         chart.draw_present(canvas, layout, moment, self._trace)
         readout.draw_header(canvas, layout, moment)
@@ -98,7 +100,8 @@ class CutViewer:
         layout, model = self.layout, self._slab.model
         canvas = Canvas(layout.width, layout.height, palette.PAPER)
         views.draw_clamp(canvas, layout, model.width)
-        views.draw_parts(canvas, layout, moment.quantities(), "side", standing=True)
+        shown = (*moment.conditions, "layer") if moment.conditions else ()
+        views.draw_parts(canvas, layout, moment.quantities(), "side", shown, standing=True)
         views.draw_ruler(canvas, layout, model.length)
         chart.draw_axes(canvas, layout, moment, self._trace)
         readout.draw_legend(canvas, layout)

@@ -29,6 +29,7 @@ LOSS = (213, 94, 0)
 
 GAP = (66, 18, 24)
 CUT_FACE = (196, 138, 122)
+LAYER_BELOW = (150, 72, 60)
 STEEL = (188, 198, 208)
 STEEL_LIGHT = (222, 228, 234)
 TIP = (255, 255, 255)
@@ -58,6 +59,7 @@ HAND = (0, 158, 115)
 
 LIGHT: dict[str, Colour] = {
     "ink": INK,
+    "paper": PAPER,
     "edge": INK,
     "quiet": QUIET,
     "rule": RULE,
@@ -67,6 +69,7 @@ LIGHT: dict[str, Colour] = {
     "costs": COST_COLOUR,
     "hand": HAND,
     "handle": HEADER_COLOUR,
+    "layer": LAYER_BELOW,
     "steel": STEEL,
     "light steel": STEEL_LIGHT,
     "gap": GAP,

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array, StructArray
 from cutenv.plant.simulator import SimulatedPlant
-from cutenv.task.gentle_cutting import GentleCutting
+from cutenv.task.gentle_cutting import GentleCutting, ShownDepth
 from cutenv.task.reward import FORCE_ALLOWED
 from cutenv.task_quantities import TIP_TOLERANCE
 from cutenv.tissue.grid import depth_below
@@ -50,6 +51,7 @@ class Moment:
     totals: dict[str, float]
     end: str
     success: bool
+    shown_depth: ShownDepth | None = None
 
     tolerance = TIP_TOLERANCE
     force_allowed_per_depth = FORCE_ALLOWED
@@ -57,7 +59,7 @@ class Moment:
     @classmethod
     def of(cls, plant: SimulatedPlant, cutting: GentleCutting) -> Moment:
         """Return the state of a simulated plant and the task that runs on it."""
-        state = plant.states[0]
+        state, shown = plant.states[0], cutting.shown_depth
         return cls(
             blade=float(state["blade"]),
             tip=float(state["tip"]),
@@ -72,6 +74,7 @@ class Moment:
             totals=cutting.shown_totals,
             end=cutting.end,
             success=cutting.success,
+            shown_depth=shown,
         )
 
     @property
@@ -110,7 +113,14 @@ class Moment:
             "chart_high": chart[1],
             "depth_at": lambda along: depth_below(self.depth, along),
         }
+        if self.shown_depth is not None:
+            values |= _of_depth(self.shown_depth)
         return derived_quantities(values)
+
+    @property
+    def conditions(self) -> tuple[str, ...]:
+        """Conditions of parts that hold for a cut whose depth is wanted; empty for others."""
+        return () if self.shown_depth is None else ("depth",)
 
     @property
     def verdict(self) -> str:
@@ -139,7 +149,8 @@ class Layout:
     scale: float = 3700.0  # [px/m]
     clamp: float = 72.0  # of the clamp's edge, from the left
     cut_line: float = 233.0  # in the view from above
-    blade_end: float = 520.0  # level of the blade's lower end in the view from the side
+    blade_end: float = 520.0  # lower end of the view from the side: that of a blade at level 0,
+    below: float = 0.0  # or this much below it
     chart_top: float = 568.0
     chart_bottom: float = 706.0
     column: float = 672.0  # of the numbers, from the left
@@ -148,12 +159,17 @@ class Layout:
         """Return the horizontal position of distances from the clamp [m], in pixels."""
         return self.clamp + self.scale * along
 
+    def with_depth(self) -> Layout:
+        """Return the layout that shows what is below level 0, for cuts whose depth is wanted."""
+        return replace(self, below=self.scale * _BELOW)
+
     def place(self, view: str, places: Array, chart: tuple[float, float] = (CHART_FLOOR, CHART_CEILING)) -> Array:
         """Return the pixels of a view's places, shape (..., 2); ``chart`` is the range of the force chart [N]."""
         if view == "above":
             return np.stack([self.along(places[..., 1]), self.cut_line + self.scale * places[..., 0]], axis=-1)
         if view == "side":
-            return np.stack([self.along(places[..., 0]), self.blade_end - self.scale * places[..., 1]], axis=-1)
+            level = self.blade_end - self.below
+            return np.stack([self.along(places[..., 0]), level - self.scale * places[..., 1]], axis=-1)
         share = (places[..., 1] - chart[0]) / (chart[1] - chart[0])
         height = self.chart_bottom - self.chart_top
         return np.stack([self.along(places[..., 0]), self.chart_bottom - height * share], axis=-1)
@@ -214,9 +230,28 @@ _DERIVED = {name: SceneFormula(text) for name, text in DERIVED.items()}
 _NUMBERS = {name: (SceneFormula(text), digits) for name, (text, digits) in NUMBERS.items()}
 
 
+AT_LEVEL_ZERO: dict[str, Any] = {"level": 0.0, "bottom": 0.0, "floor_at": lambda along: 0.0 * along}
+"""Quantities of a blade that neither rises nor descends."""
+_BELOW = 0.0065  # depth below level 0 that is drawn where blades descend [m]
+
+
+def _of_depth(shown: ShownDepth) -> dict[str, Any]:
+    """Return the quantities of a cut whose depth is wanted."""
+    heights = {
+        "depth_at": shown.surface, "limited_at": shown.surface - shown.wanted, "floor_at": shown.floor,
+        "wanted_at": shown.wanted, "layer_at": shown.layer,
+    }  # fmt: skip
+    along = {name: partial(_height, each) for name, each in heights.items()}
+    return {"level": shown.level, "bottom": -_BELOW} | along
+
+
+def _height(heights: Array, along: Any) -> Any:
+    return depth_below(heights, along)
+
+
 def derived_quantities(values: Mapping[str, Any]) -> dict[str, Any]:
     """Return the quantities of a moment with those that the scene derives from them."""
-    known = dict(values)
+    known = AT_LEVEL_ZERO | {"limited_at": values["depth_at"]} | dict(values)
     for name, formula in _DERIVED.items():
         known[name] = formula(known)
     return known

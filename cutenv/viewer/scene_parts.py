@@ -47,7 +47,11 @@ CHART_FLOOR, CHART_CEILING, CHART_STEP, CHART_FILLED = -1.0, 6.0, 2.0, 0.95
 CHART_SAMPLES = 20
 """Samples of which the chart draws the least and the greatest force: 20 ms, in which a blade moves 2 px at most."""
 
-TINT = (("steel", "0"), ("costs", "force_allowed_per_depth * depth"), ("limit", "force_limit_per_depth * depth"))
+TINT = (
+    ("steel", "0"),
+    ("costs", "force_allowed_per_depth * limited_at(blade)"),
+    ("limit", "force_limit_per_depth * limited_at(blade)"),
+)
 """Roles of the blade's colour, and the size of the force [N] from which it is that; between them it is mixed."""
 
 WORDS = {
@@ -57,6 +61,8 @@ WORDS = {
     "target": "target {target_mm} ± {tolerance_mm} mm",
     "tip": "tip",
     "lag": "lag {lag_mm} mm",
+    "wanted": "wanted depth",
+    "layer": "layer below, hidden",
 }
 """Titles of the views and labels of the parts, in English."""
 NUMBERS = {
@@ -72,6 +78,7 @@ DERIVED = {
     "tolerance": repr(TIP_TOLERANCE),
     "depth": "depth_at(blade)",
     "lag": "max(blade - tip, 0)",
+    "engaged": "max(depth - level, 0)",
     # The height of the belly above the scalpel's origin is p + q - r cos(t - turn), with t from 0 at the point to pi/2.
     "p": f"{CHORD} * cos(angle)",
     "q": f"{BELLY} * sin(angle)",
@@ -79,19 +86,24 @@ DERIVED = {
     "turn": "atan2(p, q)",
     "lowest_at": "max(turn, 0)",
     "lowest": "p + q - r * cos(lowest_at - turn)",
-    "meets_at": "min(turn + acos(clip(cos(lowest_at - turn) - depth / r, -1, 1)), 0.5 * pi)",
-    "straight": "max(depth + lowest - q, 0) / sin(angle)",
+    "meets_at": "min(turn + acos(clip(cos(lowest_at - turn) - engaged / r, -1, 1)), 0.5 * pi)",
+    "straight": "max(engaged + lowest - q, 0) / sin(angle)",
     "meets_y": f"{CHORD} * (sin(meets_at) - 1)",
     "meets_z": f"{BELLY} * (1 - cos(meets_at)) + straight",
-    # The scalpel's origin, so that the edge meets the surface where the blade is and the lowest point is at height 0.
+    # The scalpel's origin, so that the edge meets the surface where the blade is and the lowest point is at its level.
     "scalpel_along": "blade - meets_y * sin(angle) - meets_z * cos(angle)",
-    "scalpel_height": "0 - lowest",
+    "scalpel_height": "level - lowest",
     "overhang": f"max(scalpel_height + {BLADE_LENGTH} * sin(angle) - depth, 0) / tan(angle)",
-    "front_below": "max(tip - depth_at(tip) / tan(angle), 0)",
+    "front_below": "max(tip - (depth_at(tip) - floor_at(tip)) / tan(angle), 0)",
     "grip": "0.058",  # [m] height of the fingers
     "held_at": "blade + (grip - depth) / tan(angle) - 0.0035",
 }
-"""Quantities in order, from those of the moment: blade, tip, angle, hand, force and so on, and ``depth_at``."""
+"""Quantities in order, from those of the moment: blade, tip, angle, hand, force and so on, ``depth_at`` of the tissue,
+and ``limited_at``, the depth of cut to which limits of force belong.
+
+Heights are above the plane to which a blade at level 0 cuts: ``level`` of the blade's lower end, ``floor_at`` of the
+floor of the cut, ``wanted_at`` of the wanted floor, ``layer_at`` of the layer below, ``bottom`` of what is drawn.
+"""
 
 # Half the gap of a cut drawn open, an ellipse of 2.5 mm at most, and how far it moves the tissue at its side.
 _ALONG_CUT = "clip(along / max(tip, 1e-9), 0, 1)"
@@ -127,8 +139,9 @@ class ScenePart:
         Outline around each place [px], which then is a mark of constant size.
     words, align : str
         Key of the label at the place, and what of the label is there: "center" (its foot) or "left" (its middle).
-    shown : {"", "truth", "hand", "force"}
-        Condition: hidden truth is shown, a person's hand leads, the force is shown.
+    shown : {"", "truth", "hand", "force", "depth", "layer"}
+        Condition: hidden truth is shown, a person's hand leads, the force is shown, a depth is wanted, the layer below
+        is shown.
     standing : bool
         True if it stays during a cut.
     """
@@ -251,7 +264,13 @@ PARTS = (
     # From the side.
     ScenePart(
         name="tissue at rest", view="side", own=("along", "up"), fill="tissue", line="tissue edge", standing=True,
-        rows=(*((*row, 1.0) for row in _ALONG), (LENGTH, 0.0), (0.0, 0.0)), place=("along", "up * depth_at(along)"),
+        rows=(*((*row, 1.0) for row in _ALONG), (LENGTH, 0.0), (0.0, 0.0)),
+        place=("along", "up * depth_at(along) + (1 - up) * bottom"),
+    ),
+    ScenePart(
+        name="layer below", view="side", own=("along", "up"), fill="layer", standing=True, shown="layer",
+        rows=(*((*row, 1.0) for row in _ALONG), (LENGTH, 0.0), (0.0, 0.0)),
+        place=("along", "max(up * layer_at(along) + (1 - up) * bottom, bottom)"),
     ),
     ScenePart(
         name="target band at the side", view="side", own=("off", "up"), rows=_BAND, fill="target", opacity=0.3,
@@ -263,8 +282,26 @@ PARTS = (
     ),
     ScenePart(
         name="cut part", view="side", own=("share", "up"), fill="cut face", shown="truth",
-        rows=(*((share, 1.0) for share in np.linspace(0.0, 1.0, 151).tolist()), (1.0, 0.0), (0.0, 0.0)),
-        place=("share * (up * tip + (1 - up) * front_below)", "up * depth_at(share * tip)"),
+        rows=(
+            *((share, 1.0) for share in np.linspace(0.0, 1.0, 151).tolist()),
+            *((share, 0.0) for share in np.linspace(1.0, 0.0, 151).tolist()),
+        ),
+        place=(
+            "share * (up * tip + (1 - up) * front_below)",
+            "up * depth_at(share * tip) + (1 - up) * floor_at(share * front_below)",
+        ),
+    ),
+    ScenePart(
+        name="wanted floor", view="side", own=("along",), rows=_ALONG, line="target", width=2.0, dash=6.0,
+        shown="depth", place=("along", "max(wanted_at(along), bottom)"),
+    ),
+    ScenePart(
+        name="wanted label", view="side", place=("0.1", "max(wanted_at(0.1), bottom) + 0.0015"), words="wanted",
+        line="ink", shown="depth",
+    ),
+    ScenePart(
+        name="layer label", view="side", place=("0.1", "bottom + 0.001"), words="layer", line="paper", standing=True,
+        shown="layer",
     ),
     ScenePart(
         name="blade", view="side", own=("y", "z"), rows=_blade_outline(), place=_SCALPEL, fill="tint", line="edge",
@@ -295,11 +332,11 @@ PARTS = (
     # The chart of the force.
     ScenePart(
         name="force limit", view="chart", own=("along",), rows=_ALONG, line="limit", width=2.0, standing=True,
-        place=("along", "force_limit_per_depth * depth_at(along)"),
+        place=("along", "force_limit_per_depth * limited_at(along)"),
     ),
     ScenePart(
         name="force that costs", view="chart", own=("along",), rows=_ALONG, line="costs", width=2.0, dash=6.0,
-        standing=True, place=("along", "force_allowed_per_depth * depth_at(along)"),
+        standing=True, place=("along", "force_allowed_per_depth * limited_at(along)"),
     ),
     ScenePart(
         name="target band in the chart", view="chart", own=("off", "up"), rows=_BAND, fill="target", opacity=0.3,
@@ -314,6 +351,9 @@ PARTS = (
     ),
 )  # fmt: skip
 """Parts in the order in which they are drawn, after the tissue from above."""
+
+PAGE_PARTS = tuple(part for part in PARTS if part.shown not in ("depth", "layer"))
+"""Parts that the page draws: its blade keeps its level."""
 
 _FORMULAS: dict[str, SceneFormula] = {
     text: SceneFormula(text)
@@ -333,7 +373,7 @@ def _formula(text: str) -> SceneFormula:
 def scene_data() -> dict[str, Any]:
     """Return the description as data for a page: formulas as trees, colours by role for light and dark."""
     parts = []
-    for part in PARTS:
+    for part in PAGE_PARTS:
         told = dataclasses.asdict(part)
         parts.append(told | {"place": [each.tree for each in part.formulas]})
     return {

@@ -23,7 +23,7 @@ from cutenv.tissue import measured_liver
 from cutenv.tissue.grid import depth_below
 from cutenv.viewer import Slab, palette
 from cutenv.viewer.scene import derived_quantities, rest_places, scene_label
-from cutenv.viewer.scene_parts import PARTS, WORDS
+from cutenv.viewer.scene_parts import PAGE_PARTS, WORDS
 from cutenv.viewer.views import tint
 
 Browser = chromium.Browser | firefox.Browser
@@ -77,7 +77,7 @@ def differences(told: dict[str, Any]) -> dict[str, float]:
     slab = Slab(measured_liver().cut_model(), (1, 1))
     moved = np.array(told["moved"]).reshape(slab.rest.shape)
     found = {}
-    for part, places in zip(PARTS, told["places"], strict=True):
+    for part, places in zip(PAGE_PARTS, told["places"], strict=True):
         known, own = rest_places(part, quantities)
         if part.carried:
             known = slab.carried(moved, quantities["tip"], own[:, 0], known)
@@ -125,6 +125,6 @@ def test_the_page_has_the_colours_and_words_of_the_window(page: Browser) -> None
     assert {key: told["texts"]["en"][key] for key in WORDS} == WORDS
     assert set(told["texts"]["de"]) >= set(WORDS)
     assert json.dumps(told["texts"]["en"]) == json.dumps(page_texts("en"))
-    for part in PARTS:
+    for part in PAGE_PARTS:
         assert {part.fill, part.line} <= {"", "tint", *palette.LIGHT}
         assert not part.words or part.words in WORDS

@@ -11,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from cutenv.cutting.dtypes import READING
+from cutenv.envs.depth_cut import DepthCutEnv
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.task.episode_dtypes import ENDS, TERMS
 from cutenv.tissue.cut_model import CutModel
@@ -173,8 +174,8 @@ def test_an_edge_at_another_angle_is_noticed() -> None:
 
 def test_the_cut_front_stands_at_the_tip_and_leaves_the_wedge() -> None:
     front = places("cut part", angle=math.radians(45))
-    assert front[-3].tolist() == pytest.approx([0.06, 0.018])
-    assert front[-2].tolist() == pytest.approx([0.06 - 0.018, 0.0])
+    assert front[150].tolist() == pytest.approx([0.06, 0.018])
+    assert front[151].tolist() == pytest.approx([0.06 - 0.018, 0.0])
     assert places("cut part", angle=math.radians(45), tip=0.0)[:, 0].max() == 0.0
 
 
@@ -335,3 +336,29 @@ def test_a_red_and_a_green_are_not_told_apart_so_the_check_can_fail() -> None:
 
 def test_the_tissue_darkens_steadily_with_displacement() -> None:
     assert np.all(np.diff(np.array(palette.TISSUE).sum(axis=1)) < 0)
+
+
+def test_a_blade_that_descends_is_drawn_as_deep_as_it_is() -> None:
+    level, lower = (places("blade", level=height)[:, 1] for height in (0.0, -0.004))
+    assert lower.min() == pytest.approx(level.min() - 0.004)
+    deeper = quantities(level=-0.004)
+    assert deeper["engaged"] == pytest.approx(0.022)
+
+
+def test_the_cut_part_ends_at_the_floor_of_the_cut() -> None:
+    values = quantities() | {"floor_at": lambda along: 0.003 + 0.0 * along}
+    lower = rest_places(PART["cut part"], derived_quantities(values))[0][151:]
+    assert lower[:, 1] == pytest.approx(np.full(151, 0.003))
+
+
+def test_wanted_floor_and_layer_of_a_cut_are_where_the_task_has_them() -> None:
+    env = DepthCutEnv(wanted="step", target_length=0.08)
+    env.reset(seed=3)
+    moment = Moment.of(env.plant, env.cutting)
+    assert moment.conditions == ("depth",)
+    scene, at = moment.quantities(), 0.03
+    surface = float(np.interp(at, np.arange(301) * 5e-4, env.cutting.descents["surface"][0]))
+    wanted = float(np.interp(at, np.arange(301) * 5e-4, env.cutting.depths["wanted"][0]))
+    assert scene["wanted_at"](at) == pytest.approx(surface - wanted)
+    assert scene["layer_at"](at) == pytest.approx(surface - env.cutting.descents["boundary"][0])
+    assert scene["limited_at"](at) == pytest.approx(wanted)

@@ -15,6 +15,7 @@ import pytest
 from numpy.typing import NDArray
 
 import cutenv  # noqa: F401  (registers the environment)
+from cutenv.envs.depth_cut import DepthCutEnv
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.viewer import CutViewer, Layout, Moment, palette
 
@@ -314,3 +315,15 @@ def test_the_end_colours_the_head_of_the_picture(
     monkeypatch.setattr(Moment, "of", lambda plant, cutting: moment)
     picture = picture_of(env)
     assert picture[2, 2].tolist() == list(colour)
+
+
+def test_a_picture_of_a_cut_with_depth_shows_the_wanted_floor_and_others_do_not() -> None:
+    pictures = {}
+    for env in (DepthCutEnv(render_mode="rgb_array"), GentleCutEnv(render_mode="rgb_array")):
+        env.reset(seed=3)
+        side = env.render()[400:522, 80:620].astype(int)
+        blue = (side[..., 2] - side[..., 0] > 120).sum(axis=0)
+        pictures[type(env)] = int((blue > 0).sum())
+        env.close()
+    assert pictures[DepthCutEnv] > 250  # the dashed line, from end to end
+    assert pictures[GentleCutEnv] < 60  # the target alone

@@ -237,7 +237,8 @@ def test_the_same_advice_is_given_once() -> None:
 
 
 def test_the_colour_of_the_force_goes_from_steel_over_amber_to_vermilion() -> None:
-    quantities = {"depth": 0.02, "force_allowed_per_depth": 200.0, "force_limit_per_depth": 500.0}
+    quantities = {"blade": 0.05, "force_allowed_per_depth": 200.0, "force_limit_per_depth": 500.0}
+    quantities |= {"limited_at": lambda along: 0.02}
     assert tint(0.0, quantities) == palette.STEEL
     assert tint(4.0, quantities) == palette.COST_COLOUR
     assert tint(-12.0, quantities) == palette.LIMIT

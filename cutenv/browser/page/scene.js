@@ -41,7 +41,8 @@ class Scene {
       blade: cut.blade, tip: cut.tip, angle: cut.angle, hand: cut.hand, target: cut.target, force: cut.last("force"),
       half_width: 0.5 * this.told.slab.width, chart_low: low, chart_high: high,
       force_limit_per_depth: cut.limitPerDepth, force_allowed_per_depth: this.told.force_allowed_per_depth,
-      depth_at: along => cut.depthAt(cut.depth, along),
+      depth_at: along => cut.depthAt(cut.depth, along), limited_at: along => cut.depthAt(cut.depth, along),
+      level: 0, bottom: 0, floor_at: () => 0,
     };
     for (const [name, each] of this.quantities) values[name] = each(values);
     return values;
