@@ -47,6 +47,7 @@ def main(argv: Sequence[str]) -> int:
         made_folder("--picture", arguments.picture.parent)
     session = Session(
         MouseDevice(),
+        task=arguments.task,
         specimen_class=arguments.specimen_class or _DEFAULT_CLASS,
         target_length=length,
         seed=secrets.randbelow(2**31) if arguments.seed is None else arguments.seed,
@@ -89,6 +90,7 @@ def _course_of(arguments: argparse.Namespace) -> CourseProgress | None:
 
     given = {"--specimen-class": arguments.specimen_class, "--target-length": arguments.target_length}
     given |= {"--seed": arguments.seed, "--practice": arguments.practice or None}
+    given |= {"--task": arguments.task if arguments.task != "gentle" else None}
     twice = [option for option, value in given.items() if value is not None]
     if twice:
         raise ValueError(f"{' and '.join(twice)} cannot be given with --course, which sets it.")
@@ -111,12 +113,17 @@ def _parser() -> argparse.ArgumentParser:
             "--operator P07",
             "--specimen-class uniform --practice",
             "--cuts 10 --target-length 80mm --out cuts",
+            "--task depth --practice",
             "--course first --operator P07",
         ),
         note="Space begins and goes on, r repeats, c chooses the class, p shows what is hidden, m frees the mouse,\n"
         "F11 fills the screen, esc ends.\n"
         "Training feedback for research; not validated for assessment or credentialing of people.",
     )
+    parser.add_argument(
+        "--task", choices=("gentle", "depth"), default="gentle",
+        help="depth: the blade also moves up and down, by the wheel, and a depth is wanted; default gentle",
+    )  # fmt: skip
     add_specimen_class(parser, _DEFAULT_CLASS)
     parser.set_defaults(specimen_class=None)  # so that it is known whether it was given
     add_target_length(parser, "drawn from 60mm to 100mm")

@@ -111,7 +111,7 @@ class DepthCutEnv(GentleCutEnv):
     layer     None    True: another layer below; None: unless ``wanted`` is "profile"
     ========= ======= =================================================================================
 
-    The others are those of ``cutenv/GentleCut-v1``, of which ``drive`` and ``reward_from`` cannot be changed, and
+    The others are those of ``cutenv/GentleCut-v1``, of which ``reward_from`` cannot be changed, and
     ``edge_length``, ``bedding``, ``vertical_lag``, ``vertical_acceleration``, ``response_time``, ``layer_limit``,
     ``vertical_noise``, ``vertical_resolution``, ``weight_too_deep``, ``weight_uncut``, ``weight_layer_area``,
     ``weight_layer_depth``.
@@ -139,11 +139,11 @@ class DepthCutEnv(GentleCutEnv):
         self.wanted = WANTED_KINDS[one_of("wanted", wanted, tuple(WANTED_KINDS))]
         one_of("layer", layer, (None, True, False))
         self.layer = wanted != "profile" if layer is None else layer
-        for name, only in (("drive", "rig"), ("reward_from", "truth")):
-            if keywords.get(name, only) != only:
-                raise ValueError(
-                    f'{name} = {keywords[name]!r}: cutenv/DepthCut-v1 has only {name}="{only}". Leave it out.'
-                )
+        if keywords.get("reward_from", "truth") != "truth":
+            raise ValueError(
+                f'reward_from = {keywords["reward_from"]!r}: cutenv/DepthCut-v1 has only reward_from="truth". '
+                "Leave it out."
+            )
         own: list[Any] = []
         for kind in (DepthConstants, DescentParameters):
             given = {

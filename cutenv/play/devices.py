@@ -17,6 +17,10 @@ TRAVEL = LENGTH - SPACING
 """Greatest distance of the hand from the clamp [m]."""
 NOTCH = math.radians(5.0)
 """Tilt for one notch of the wheel [rad]."""
+LOWERED_BY_NOTCH, LEVEL_REACH = 0.0005, 0.02
+"""Change of level for one notch of the wheel, and the farthest from that at the start [m]."""
+BEHIND = 0.008
+"""Distance from a hand to the tip of its cut, of a blade on a spring and tissue that it drags along [m]."""
 LEAD = 0.003
 """Farthest that a mouse leads the hand [m]: enough for the hand's full speed, and it stops 0.2 s after the mouse."""
 STICK_DEAD_ZONE = 0.12
@@ -32,16 +36,16 @@ def _within_angles(angle: float) -> float:
 
 
 class MouseDevice:
-    """Mouse, pen or finger that leads the hand from wherever it was at the start; the wheel tilts the blade."""
+    """Mouse, pen or finger that leads the hand from wherever it was at the start; the wheel tilts or lowers."""
 
     coupling = None
 
     def __init__(self) -> None:
-        self.position, self.angle = 0.0, _UPRIGHT
+        self.position, self.angle, self.level = 0.0, _UPRIGHT, 0.0
 
     def open(self) -> None:
-        """Begin a cut at the clamp, upright."""
-        self.position, self.angle = 0.0, _UPRIGHT
+        """Begin a cut at the clamp, upright, at the level where the blade stands."""
+        self.position, self.angle, self.level = 0.0, _UPRIGHT, 0.0
 
     def move(self, distance: float) -> None:
         """Move the hand by ``distance`` along the cut line [m], as far as it can follow: see :meth:`keep_near`."""
@@ -55,9 +59,14 @@ class MouseDevice:
         """Turn the wheel: toward the person (negative) leans the blade, away from them raises it."""
         self.angle = _within_angles(self.angle + NOTCH * in_range("notches", notches, -1e3, 1e3, "1"))
 
+    def lower(self, notches: float) -> None:
+        """Turn the wheel where the blade's depth is led: toward the person (negative) lowers it, away raises it."""
+        moved = LOWERED_BY_NOTCH * in_range("notches", notches, -1e3, 1e3, "1")
+        self.level = min(max(self.level + moved, -LEVEL_REACH), LEVEL_REACH)
+
     def read(self) -> Stylus:
-        """Return the position of the hand [m] and the angle of the blade [rad]."""
-        return Stylus(self.position, self.angle)
+        """Return the position of the hand [m], the angle of the blade [rad] and its level [m]."""
+        return Stylus(self.position, self.angle, level=self.level)
 
     def push(self, force: float) -> None:
         """Ignore the force: a mouse cannot push, so the force is only seen."""
@@ -112,10 +121,11 @@ class GamepadDevice:
 
 
 class Motion(NamedTuple):
-    """Position of the hand [m] and angle of the blade [rad] that a script demands."""
+    """Position of the hand [m], angle [rad] and level [m] of the blade that a script demands."""
 
     position: float
     angle: float
+    level: float = 0.0
 
 
 class ScriptedDevice:
@@ -140,9 +150,9 @@ class ScriptedDevice:
 
     def read(self) -> Stylus:
         """Return the script's hand and blade for this millisecond."""
-        position, angle = self._script(self._reads * TICK)
+        wanted = self._script(self._reads * TICK)
         self._reads += 1
-        return Stylus(_within_travel(position), _within_angles(angle))
+        return Stylus(_within_travel(wanted.position), _within_angles(wanted.angle), level=wanted.level)
 
     def push(self, force: float) -> None:
         """Store the force that a person would feel [N]."""
@@ -153,7 +163,12 @@ class ScriptedDevice:
 
 
 def simple_hand(
-    target: float, *, speed: float = 0.0127, lead: float = 0.022, lean: float = math.radians(60.0)
+    target: float,
+    *,
+    speed: float = 0.0127,
+    lead: float = 0.022,
+    lean: float = math.radians(60.0),
+    level: Callable[[float], float] = lambda position: 0.0,
 ) -> ScriptedDevice:
     """Return a hand with a beginner's plan: forward at one speed, upright near the end, back until nothing pulls.
 
@@ -167,6 +182,9 @@ def simple_hand(
         Distance by which the hand goes beyond the target, because the force holds blade and tip behind it [m].
     lean : float
         Angle of the blade during the cut [rad].
+    level : callable
+        Level of the blade above that at the start [m], by a place [m]; it is led by that of the tip, which is
+        :data:`BEHIND` the hand.
     """
     in_range("target", target, 0.005, TRAVEL, "m", "Lengths are in metres: 80 mm is 0.08.")
     in_range("speed", speed, 1e-4, FASTEST, "m/s", "Speeds are in m/s: 1.27 cm/s is 0.0127.")
@@ -177,7 +195,9 @@ def simple_hand(
     def script(time: float) -> Motion:
         if time < there:
             position = speed * time
-            return Motion(position, lean if 0.005 < position < farthest - 0.015 else _UPRIGHT)
-        return Motion(max(farthest - speed * (time - there), farthest - back), _UPRIGHT)
+            tilt = lean if 0.005 < position < farthest - 0.015 else _UPRIGHT
+            return Motion(position, tilt, level(max(position - BEHIND, 0.0)))
+        position = max(farthest - speed * (time - there), farthest - back)
+        return Motion(position, _UPRIGHT, level(farthest - BEHIND))
 
     return ScriptedDevice(script)

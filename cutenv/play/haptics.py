@@ -53,11 +53,14 @@ class Stylus(NamedTuple):
         Wanted angle of the blade [rad]; pi/2 is upright.
     buttons : frozenset of str
         Buttons held down, among "next" and "repeat".
+    level : float
+        Wanted level of the blade above that at the start [m], where its depth is its own.
     """
 
     position: float
     angle: float
     buttons: frozenset[str] = frozenset()
+    level: float = 0.0
 
 
 @runtime_checkable

@@ -52,9 +52,12 @@ def draw_ready_card(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
     whose = f"under the code {sight.operator}" if sight.operator else "without a name"
     choices = f"Tissue: {sight.specimen_class} (c: another).   Practice: {practice} (p)."
     course = textwrap.wrap(sight.task, 84) or [choices]
+    wheel = "The wheel leans the blade, down to 45°, and raises it again."
+    if sight.moment.conditions:
+        wheel = "The wheel lowers the blade to the dashed depth, and raises it; with shift it leans the blade."
     lines = (
         ("Move the mouse along the cut: your hand follows, the blade hangs on it.", palette.INK),
-        ("The wheel leans the blade, down to 45°, and raises it again.", palette.INK),
+        (wheel, palette.INK),
         ("Gamepad: left stick and right trigger; begin with its button A.", palette.INK),
         ("Pen or remote desktop: press m if the hand does not move.", palette.INK),
         ("", palette.INK),

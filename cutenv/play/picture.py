@@ -19,7 +19,7 @@ from cutenv.viewer.scene import ForceTrace, Layout
 LAYOUT = Layout(
     scale=3200.0, cut_line=214.0, blade_end=572.0, chart_top=618.0, chart_bottom=692.0, column=600.0
 )  # fmt: skip
-HELP = "space: next   {choices}m: free mouse   F11: full screen   esc: end        mouse: hand   wheel, arrows: tilt"
+HELP = "space: next   {choices}m: free mouse   F11: full screen   esc: end        mouse: hand   wheel, arrows: {wheel}"
 _CHOICES = "r: again   c: class   p: practice   "
 
 _SMALL, _NORMAL = 16, 19
@@ -36,6 +36,7 @@ class PlayPicture:
 
     def __init__(self) -> None:
         self.layout = LAYOUT
+        self._practised = False
         self._canvas = Canvas(self.layout.width, self.layout.height, palette.PAPER)
         self._serial = 0
         self._drawn = 0
@@ -50,7 +51,7 @@ class PlayPicture:
         canvas.paste(self._standing)
         depth = depth_below(moment.depth, moment.blade)
         allowed, limit = moment.force_allowed_per_depth * depth, moment.force_limit_per_depth * depth
-        shown = {"hand"} | ({"truth"} if sight.practice else set())
+        shown = {"hand", *moment.conditions} | ({"truth"} if sight.practice else set())
         quantities = moment.quantities(hand=sight.hand, angle=None if sight.pose is None else sight.pose.angle)
         tint = views.tint(moment.force, quantities) if sight.shown.force else palette.STEEL
         views.draw_from_above(canvas, layout, quantities, self._slab, shown, tint)
@@ -71,7 +72,7 @@ class PlayPicture:
         if sight.practice:
             _draw_hidden(canvas, layout, sight)
         else:
-            _draw_advice(canvas, layout)
+            _draw_advice(canvas, layout, wanted=bool(moment.conditions))
         if sight.phase == "ready":
             draw_ready_card(canvas, layout, sight)
         elif sight.phase == "countdown":
@@ -82,8 +83,10 @@ class PlayPicture:
 
     def _keep_up(self, sight: ViewState) -> None:
         """Draw what does not change during a cut, when a new one begins; add the new part of the force trace."""
-        fresh = sight.serial != self._serial
-        if fresh:
+        fresh = sight.serial != self._serial or sight.practice != self._practised
+        self._practised = sight.practice
+        if sight.serial != self._serial:
+            self.layout = LAYOUT if sight.moment.shown_depth is None else LAYOUT.with_depth()
             self._serial, self._drawn = sight.serial, 0
             self._trace = ForceTrace()
             self._slab = drawn_slab_of(sight.model)
@@ -102,10 +105,13 @@ class PlayPicture:
         layout, model, moment = self.layout, self._slab.model, sight.moment
         canvas = Canvas(layout.width, layout.height, palette.PAPER)
         views.draw_clamp(canvas, layout, model.width)
-        views.draw_parts(canvas, layout, moment.quantities(), "side", standing=True)
+        shown = ("layer",) if sight.practice and moment.conditions else ()
+        views.draw_parts(canvas, layout, moment.quantities(), "side", shown, standing=True)
         views.draw_ruler(canvas, layout, model.length)
         chart.draw_axes(canvas, layout, moment, self._trace)
-        words = HELP.format(choices="" if sight.task else _CHOICES)
+        words = HELP.format(
+            choices="" if sight.task else _CHOICES, wheel="depth, with shift tilt" if moment.conditions else "tilt"
+        )
         canvas.text(words, (layout.clamp - 20, layout.height - 13), size=_SMALL, colour=palette.QUIET)
         return canvas
 
@@ -198,6 +204,9 @@ def _draw_numbers(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
         ("speed of the blade", f"{round(moment.speed * 100, 1) + 0.0:.1f} cm/s", palette.INK),
         ("angle of the blade", f"{math.degrees(moment.angle):.0f}°", palette.INK),
     ]
+    depth = moment.depth_at_blade
+    if depth is not None:
+        rows.insert(1, ("blade below the wanted depth", f"{round(1e3 * depth, 1) + 0.0:+.1f} mm", palette.TARGET))
     if sight.chosen_class != sight.specimen_class:
         rows.append(("next class", sight.chosen_class, palette.INK))
     draw_rows(canvas, layout, 296, 25, rows, size=21)
@@ -229,8 +238,8 @@ def _draw_hidden(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
     draw_rows(canvas, layout, top + 26, 25, rows, size=21)
 
 
-def _draw_advice(canvas: Canvas, layout: Layout) -> None:
-    """Draw instructions, in the place of the hidden quantities."""
+def _draw_advice(canvas: Canvas, layout: Layout, *, wanted: bool) -> None:
+    """Draw instructions, in the place of the hidden quantities; of a cut with a ``wanted`` depth, one more."""
     lines = (
         "The green marks are your hand: the blade hangs on it",
         "by a spring. The tip of the cut is behind the blade;",
@@ -241,5 +250,7 @@ def _draw_advice(canvas: Canvas, layout: Layout) -> None:
         "Then draw back until nothing pulls, and hold still:",
         "near the target, that finishes the cut.",
     )
+    if wanted:
+        lines = ("Keep the blade at the dashed depth: wheel, or arrows.", "", *lines[:2], *lines[4:])
     for k, words in enumerate(lines):
         canvas.text(words, (layout.column, 446 + 22 * k), size=17, colour=palette.QUIET)

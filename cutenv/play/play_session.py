@@ -23,6 +23,7 @@ from cutenv.play.hand_model import PLAYED_HAND
 from cutenv.play.handle_body import Handle, HandlePose
 from cutenv.play.haptics import FeltForce, HapticDevice, Stylus
 from cutenv.play.played_cut import FEWEST_READINGS, UPDATES_HZ, PlayedCut
+from cutenv.play.played_depth_cut import PlayedDepthCut
 from cutenv.recording import Provenance, save
 from cutenv.scoring import ScoreCard
 from cutenv.tissue import CutModel
@@ -32,6 +33,8 @@ from cutenv.viewer.scene import Moment
 
 PlayPhase = Literal["ready", "countdown", "cutting", "ended"]
 
+PLAYED_TASKS: dict[str, type[PlayedCut]] = {"gentle": PlayedCut, "depth": PlayedDepthCut}
+"""Cut of each task."""
 COUNTDOWN = 3.0
 """Duration of the countdown before every cut [s]."""
 LONGEST_STALL = 0.25
@@ -76,6 +79,8 @@ class Session:
     ----------
     device : HapticDevice
         Device that the person holds.
+    task : {"gentle", "depth"}
+        "depth": the blade also moves up and down, and a depth is wanted.
     specimen_class : str
         Class of the first specimens; see :meth:`choose_class`.
     seed : int
@@ -113,6 +118,7 @@ class Session:
         self,
         device: HapticDevice,
         *,
+        task: str = "gentle",
         specimen_class: str = "liver",
         seed: int = 0,
         folder: Path | None = None,
@@ -128,6 +134,7 @@ class Session:
         now: Callable[[], datetime] = lambda: datetime.now().astimezone(),
     ) -> None:
         self.device = device
+        self.task = one_of("task", task, tuple(PLAYED_TASKS))
         operator = operator if course is None else course.operator
         self.chosen_class = one_of("specimen_class", specimen_class, CLASSES)
         self.seed = seed
@@ -283,7 +290,7 @@ class Session:
             self.course.verdicts = {}
             self.chosen_class, self.seed, self._target_length = self.course.specimen()
             self._task, self._feedback = self.course.ahead(), self.course.metadata()["feedback"]
-        self.cut = PlayedCut(
+        self.cut = PLAYED_TASKS[self.task](
             specimen_class=specimen_class or self.chosen_class,
             seed=self.seed,
             episode=self.number,
@@ -351,6 +358,12 @@ class Session:
         if self.course is not None:
             self.course.add(self.card, end)
 
+    def _verdict(self) -> tuple[str, ...]:
+        """Return what the end card says beside the score."""
+        if self.course is not None:
+            return self.course.verdict, self.course.ahead()
+        return (self.cut.depth_words,) if self.cut.depth_words else ()
+
     def sight(self) -> ViewState:
         """Return the state to be drawn now."""
         moment = Moment.of(self.cut.plant, self.cut.cutting)
@@ -382,7 +395,7 @@ class Session:
             feedback_words=f"force: {FEEDBACK[self._feedback]}",
             task=self._task,
             done=self.done,
-            verdict=() if self.course is None else (self.course.verdict, self.course.ahead()),
+            verdict=self._verdict(),
         )
 
 

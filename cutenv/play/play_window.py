@@ -117,7 +117,7 @@ class PlayWindow:
         elif event.type in (pygame.FINGERDOWN, pygame.FINGERMOTION, pygame.FINGERUP):
             self._take_finger(event)
         elif event.type == pygame.MOUSEWHEEL and self.session.phase == "cutting":
-            self.mouse.turn(event.y)
+            self._turn_wheel(event.y)
         elif event.type == pygame.MOUSEBUTTONDOWN and event.button == 1:
             self._go_on(self.mouse)
         elif event.type == pygame.CONTROLLERAXISMOTION:
@@ -141,9 +141,16 @@ class PlayWindow:
             self._free = not self._free
             self._pointers.clear()
         elif key in (pygame.K_UP, pygame.K_DOWN) and session.phase == "cutting":
-            self.mouse.turn(1 if key == pygame.K_UP else -1)
+            self._turn_wheel(1 if key == pygame.K_UP else -1)
         elif key == pygame.K_ESCAPE:
             self._window.close()
+
+    def _turn_wheel(self, notches: float) -> None:
+        """Lean or raise the blade; where a depth is wanted, lower or raise it, unless shift is held."""
+        if self.session.task == "depth" and not self._pygame.key.get_mods() & self._pygame.KMOD_SHIFT:
+            self.mouse.lower(notches)
+        else:
+            self.mouse.turn(notches)
 
     def _go_on(self, device: HapticDevice) -> None:
         """Begin the next cut, led by the device that asked for it."""
@@ -204,5 +211,5 @@ class PlayWindow:
         if self.session.phase in ("ready", "ended") and not self.session.done:
             if self.session.phase == "ended":
                 self.session.go_on()
-            self.session.device = simple_hand(self.session.cut.target_length)
+            self.session.device = simple_hand(self.session.cut.target_length, level=self.session.cut.wanted_level)
             self.session.begin()

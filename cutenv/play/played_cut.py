@@ -6,6 +6,7 @@ import dataclasses
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cutenv._base.arrays import Struct, StructArray
 from cutenv._base.validation import in_range
@@ -24,7 +25,7 @@ from cutenv.scoring import ReferenceSet, ScoreCard, score
 from cutenv.scoring.scored_cut import TIP_AT_END
 from cutenv.task.assessment import NEAR_TARGET
 from cutenv.task.gentle_cutting import GentleCutting
-from cutenv.task.observation import to_action
+from cutenv.task.observation import COMPONENTS, to_action
 from cutenv.task_quantities import TIP_TOLERANCE
 from cutenv.tissue.grid import depth_below
 from cutenv.trace import Trace
@@ -62,6 +63,9 @@ class PlayedCut:
         If a value is out of range.
     """
 
+    environment: type[GentleCutEnv] = GentleCutEnv
+    """Environment whose episode it is."""
+
     def __init__(
         self,
         *,
@@ -75,7 +79,7 @@ class PlayedCut:
     ) -> None:
         self.specimen_class, self.seed, self.episode = specimen_class, seed, episode
         in_range("seed", seed, 0, 2**63 - 1, "1", "Give a whole number from 0.")
-        self._env = GentleCutEnv(
+        self._env = self.environment(
             specimen_class=specimen_class,
             target_length=target_length,
             deadline_s=deadline,
@@ -134,11 +138,12 @@ class PlayedCut:
             return
         state = self.plant.states[0]
         speed = speed_toward(stylus.position, state, self._hand)
-        observation, _, ended, _, self._info = self._env.step(to_action(speed, stylus.angle))
+        observation, _, ended, _, self._info = self._env.step(self.action(speed, stylus))
         assert self.cutting.readings is not None  # at least one step was made
         self._readings[self._count] = reading = self.cutting.readings[0]
         if self._count % _ESTIMATED_EVERY == 0:
-            self._estimate = self._tip_estimate.estimates(in_si(observation)[None])[0]
+            gentle = observation[: len(COMPONENTS)]
+            self._estimate = self._tip_estimate.estimates(in_si(gentle)[None])[0]
         self._count += 1
         if ended:
             self.end = self._info["end"]
@@ -150,6 +155,19 @@ class PlayedCut:
                 force=float(reading["true_force"]),
                 depth=float(depth_below(self.plant.depth, state["blade"])),
             )
+
+    def action(self, speed: float, stylus: Stylus) -> NDArray[np.float32]:
+        """Return the environment's action for a speed of the hand [m/s] and what the person wants."""
+        return to_action(speed, stylus.angle)
+
+    def wanted_level(self, position: float) -> float:
+        """Return the level of the wanted floor at ``position`` above the blade's at the start [m]; 0 without one."""
+        return 0.0
+
+    @property
+    def depth_words(self) -> str:
+        """Depth of the cut so far in words, empty where none is wanted."""
+        return ""
 
     def missing(self, *, practice: bool, force_shown: bool = True) -> tuple[str, ...]:
         """Return what is still missing to finish, empty while the blade has not come near the target.

@@ -123,6 +123,13 @@ class Moment:
         return () if self.shown_depth is None else ("depth",)
 
     @property
+    def depth_at_blade(self) -> float | None:
+        """Depth of the blade's lower end below the wanted floor [m], None where no depth is wanted."""
+        if self.shown_depth is None:
+            return None
+        return float(depth_below(self.shown_depth.wanted, self.blade)) - self.shown_depth.level
+
+    @property
     def verdict(self) -> str:
         """End of the cut in words, or an empty string while it goes on."""
         if self.end == "finished":

@@ -1,0 +1,90 @@
+"""Cut by a person along a wanted depth: an episode of ``cutenv/DepthCut-v1`` at 1 kHz."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv._base.arrays import Array
+from cutenv.envs.depth_cut import DepthCutEnv, to_depth_action
+from cutenv.play.haptics import Stylus
+from cutenv.play.played_cut import PlayedCut
+from cutenv.task.depth_cutting import DepthCutting
+from cutenv.task.depth_terms import DESCENT_SCALE
+from cutenv.tissue.grid import depth_below
+from cutenv.trace import Trace
+
+_GAIN = 20.0  # descent speed over the error of the level [1/s]
+
+
+class PlayedDepthCut(PlayedCut):
+    """Cut of one specimen by a hand along a wanted depth; the blade goes to the level that is asked for.
+
+    It is an episode of ``DepthCutEnv(drive="hand", control_hz=1000)`` with the same seed.  The hand holds the blade by a
+    spring along the cut; up and down the blade is led as a drive leads it.
+    """
+
+    environment = DepthCutEnv
+
+    def __init__(self, **keywords: Any) -> None:
+        super().__init__(**keywords)
+        self._start = self.level
+        self._levels, self._vertical = np.zeros(len(self._readings)), np.zeros(len(self._readings))
+
+    @property
+    def cutting(self) -> DepthCutting:
+        """Task of this cut."""
+        cutting = self._env.cutting
+        assert isinstance(cutting, DepthCutting)
+        return cutting
+
+    @property
+    def level(self) -> float:
+        """Level of the blade's lower end [m]; 0 cuts as deep as the specimen's own profile."""
+        return float(self.cutting.descents["level"][0])
+
+    @property
+    def vertical_force(self) -> Array:
+        """True force of the tissue on the blade, upwards, at every reading so far [N], shape (n,)."""
+        return self._vertical[: self._count]
+
+    def wanted_level(self, position: float) -> float:
+        """Return the level of the wanted floor at ``position`` above the blade's at the start [m]."""
+        return float(depth_below(self.cutting.shown_depth.wanted, position)) - self._start
+
+    def action(self, speed: float, stylus: Stylus) -> NDArray[np.float32]:
+        """Return the environment's action, whose descent brings the blade to the wanted level."""
+        fall = _GAIN * (self.level - (self._start + stylus.level))
+        return to_depth_action(speed, stylus.angle, min(max(fall, -DESCENT_SCALE), DESCENT_SCALE))
+
+    def tick(self, stylus: Stylus) -> None:
+        """Advance by a millisecond under a person's hand; does nothing once the cut has ended."""
+        before = self._count
+        super().tick(stylus)
+        if self._count > before:
+            self._levels[before], self._vertical[before] = self.level, self.cutting.vertical[0, 0]
+
+    @property
+    def depth_words(self) -> str:
+        """Depth of the cut so far in words."""
+        found = self.cutting.depth_errors
+        opened = found["layer_mm"]
+        below = f"{opened:.1f} mm into the layer below" if opened > 0.0 else "the layer below is not opened"
+        return f"Depth: {found['mean_error_mm']:.1f} mm off the wanted one in the mean; {below}."
+
+    def trace(self, **metadata: object) -> Trace:
+        """Return the trace that a rig with a height axis would have recorded.
+
+        Raises
+        ------
+        ValueError
+            If there are fewer than two readings.
+        """
+        errors = {name: round(value, 3) for name, value in self.cutting.depth_errors.items()}
+        trace = super().trace(task="cutenv/DepthCut-v1", **errors, **metadata)
+        return dataclasses.replace(
+            trace, height=self._levels[: self._count].copy(), vertical_force=self.vertical_force.copy()
+        )
