@@ -120,7 +120,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     other_keywords: ClassVar[tuple[str, ...]] = ()
     """Keywords of a task that is made of this one."""
     needs_height: ClassVar[str] = ""
-    """What needs a rig with a height axis; empty: nothing does."""
+    """Name of the task if it needs a rig with a height axis; empty if it does not."""
 
     def __init__(
         self,

@@ -31,7 +31,7 @@ def depth_record(constants: DepthConstants) -> StructArray:
 
 
 class DepthAssessed(GentleCutting):
-    """What the depth of a cut adds to the assessment of an episode, by its map.
+    """Episode whose depth of cut is assessed as well, by a map of its floor.
 
     Attributes
     ----------
