@@ -1,8 +1,8 @@
 """Scripts of ``cutenv/DepthCut-v1`` on the same specimens in the simulator and on a rig: how closely they agree.
 
-    python scripts/depth_on_rig.py [--rig fake] [--specimens 12]
+    python scripts/depth_on_rig.py [--rig fake] [--specimens 6]
 
-It prints the table of the section on a wanted depth in docs/rig/run.md.
+It prints the table of the section "Along a wanted depth" of docs/rig/run.md.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rig", default="fake", choices=("fake", "emulator"), help="rig; default fake")
-    parser.add_argument("--specimens", type=int, default=12, help="number of specimens; default 12")
+    parser.add_argument("--specimens", type=int, default=6, help="number of specimens; default 6")
     parser.add_argument("--seed", type=int, default=0, help="seed of the specimens; default 0")
     arguments = parser.parse_args()
     rig, simulator = RigDepthCutEnv(rig=arguments.rig), DepthCutEnv()
