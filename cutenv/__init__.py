@@ -29,6 +29,9 @@ for _track in ("SafeCut", "GentleCutRaw"):
         vector_entry_point=f"cutenv.envs.tracks:{_track}VectorEnv",
     )
 gymnasium.register(id="cutenv/RigCut-v1", entry_point="cutenv.envs.rig_cut:RigCutEnv", nondeterministic=True)
+gymnasium.register(
+    id="cutenv/RigDepthCut-v1", entry_point="cutenv.envs.rig_depth_cut:RigDepthCutEnv", nondeterministic=True
+)
 
 _LAZY = (
     "envs",

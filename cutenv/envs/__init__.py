@@ -10,9 +10,18 @@ if TYPE_CHECKING:
     from cutenv.envs.depth_cut import DepthCutEnv, DepthCutVectorEnv
     from cutenv.envs.gentle_cut import GentleCutEnv
     from cutenv.envs.rig_cut import RigCutEnv
+    from cutenv.envs.rig_depth_cut import RigDepthCutEnv
     from cutenv.envs.vector import GentleCutVectorEnv
 
-__all__ = ["DepthCutEnv", "DepthCutVectorEnv", "GentleCutEnv", "GentleCutVectorEnv", "RigCutEnv", "set_cores"]
+__all__ = [
+    "DepthCutEnv",
+    "DepthCutVectorEnv",
+    "GentleCutEnv",
+    "GentleCutVectorEnv",
+    "RigCutEnv",
+    "RigDepthCutEnv",
+    "set_cores",
+]
 
 # Loaded when they are used: the simulator's environments need no module of the rig.
 _WHEN_USED = {
@@ -21,6 +30,7 @@ _WHEN_USED = {
     "GentleCutEnv": "cutenv.envs.gentle_cut",
     "GentleCutVectorEnv": "cutenv.envs.vector",
     "RigCutEnv": "cutenv.envs.rig_cut",
+    "RigDepthCutEnv": "cutenv.envs.rig_depth_cut",
     "set_cores": "cutenv._engine.parallel",
 }
 

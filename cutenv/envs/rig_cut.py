@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import gymnasium
 import numpy as np
@@ -18,7 +18,7 @@ from cutenv.cutting.simulate import hold
 from cutenv.envs.constants import Constants
 from cutenv.envs.gentle_cut import check_rate, checked_episode, checked_length
 from cutenv.envs.rig_source import RigSource
-from cutenv.envs.rig_work import Work, action_text, numbers
+from cutenv.envs.rig_work import Work, action_text, blade_angle, numbers
 from cutenv.envs.tissue_source import TissueSource
 from cutenv.plant import Plant, SimulatedPlant
 from cutenv.rig.config.settings import RigSettings
@@ -113,6 +113,14 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """
 
     metadata: dict[str, Any] = {"render_modes": [], "render_fps": 50}  # noqa: RUF012  as in Env
+    action_names: ClassVar[tuple[str, ...]] = ("speed", "angle")
+    """Names of the numbers of an action."""
+    component_count: ClassVar[int] = len(COMPONENTS)
+    """Number of components of an observation."""
+    other_keywords: ClassVar[tuple[str, ...]] = ()
+    """Keywords of a task that is made of this one."""
+    needs_height: ClassVar[str] = ""
+    """Name of the task if it needs a rig with a height axis; empty if it does not."""
 
     def __init__(
         self,
@@ -142,34 +150,17 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.target_length = None if target_length is None else checked_length(target_length)
         self.specimen_class = specimen_class
         self.tissue = TissueSource(tissue)
-        self.constants = Constants.from_keywords(constants, others=_ARGUMENTS)
+        self.constants = Constants.from_keywords(constants, others=[*_ARGUMENTS, *self.other_keywords])
         self.metadata = {**self.metadata, "render_fps": control_hz}
-        self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
-        self.observation_space = spaces.Box(-CLIP, CLIP, (len(COMPONENTS),), np.float32)
+        self.action_space = spaces.Box(-1.0, 1.0, (len(self.action_names),), np.float32)
+        self.observation_space = spaces.Box(-CLIP, CLIP, (self.component_count,), np.float32)
         self.render_mode = None
 
         self._source = RigSource(
-            rig, self.constants, operator=operator, records=records, lower_limits=lower_limits, dry_run=dry_run
-        )
-        settings = self.settings
-        mode = settings.angle_mode if angle_mode is None else one_of("angle_mode", angle_mode, ("free", "fixed"))
-        if mode == "free" and settings.angle_mode == "fixed":
-            raise ValueError(
-                f'angle_mode = "free", but the angle of rig {settings.name!r} is set by hand, at '
-                f"{math.degrees(settings.fixed_angle):.0f} degrees. Use a policy that was trained with "
-                'angle_mode="fixed" at that angle, or a rig with a second axis.'
-            )
-        fixed = settings.fixed_angle
-        if fixed_angle_deg is not None:
-            in_range("fixed_angle_deg", fixed_angle_deg, 45.0, 90.0, "deg", "Measured are 45 to 90 degrees.")
-            fixed = math.radians(fixed_angle_deg)
-            if settings.angle_mode == "fixed" and abs(fixed - settings.fixed_angle) > _SAME_ANGLE:
-                raise ValueError(
-                    f"fixed_angle_deg = {fixed_angle_deg:g}, but the blade of rig {settings.name!r} is set to "
-                    f"{math.degrees(settings.fixed_angle):.1f} degrees. Turn it, and write that into its file."
-                )
-        self.angle_mode = mode
-        self.fixed_angle = fixed if mode == "fixed" else None
+            rig, self.constants, operator=operator, records=records, lower_limits=lower_limits, dry_run=dry_run,
+            needs_height=self.needs_height,
+        )  # fmt: skip
+        self.angle_mode, self.fixed_angle = blade_angle(self.settings, angle_mode, fixed_angle_deg)
         self._session: RigSession | None = None
         self._seed: int | None = None
         self._episode = 0
@@ -227,9 +218,9 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             if self.specimen is not None:
                 plant.depth = self.constants.knowledge.measure_depth(self.specimen.depth, self._seed, episode)
             key = SpecimenKey(seed=self._seed, episode=episode, target=length, specimen=self.specimen)
-            self.session.next_cut(key, self.start_angle)
+            self._lay(key)
             tissue = self.specimen.tissue if self.specimen is not None else self.tissue.tissue or measured_liver()
-            self.cutting = self._cutting(plant, tissue, length)
+            self.cutting = self._cutting(plant, tissue, length, key)
             self._source.begin_record(
                 plant,
                 target_length_m=length,
@@ -241,16 +232,20 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             self._ended, self._stop = False, None
             return self.cutting.rest(self.start_angle), self._info()
 
+    def _lay(self, key: SpecimenKey) -> None:
+        """Have a specimen laid, and the blade ready at its edge."""
+        self.session.next_cut(key, self.start_angle)
+
     def _warm_up(self) -> None:
         """Compile a decision's kernels before a rig is connected: compiling would stall its watching threads."""
         warn_before_first_compile(hold)
         practice = Specimen.drawn(0, 0)
-        cutting = self._cutting(SimulatedPlant(practice), practice.tissue, 0.06)
+        cutting = self._cutting(SimulatedPlant(practice), practice.tissue, 0.06, SpecimenKey(seed=0, episode=0))
         cutting.rest(self.start_angle)
         cutting.step(np.zeros(2))
         cutting.stopped(cutting.plant.advance(0.0, _UPRIGHT, self.ticks))
 
-    def _cutting(self, plant: Plant, tissue: TissueDescription, length: float) -> GentleCutting:
+    def _cutting(self, plant: Plant, tissue: TissueDescription, length: float, key: SpecimenKey) -> GentleCutting:
         return GentleCutting(
             plant,
             tissue,
@@ -283,13 +278,13 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         with self._work.going_on():
             if self._ended or self._session is None:
                 raise gymnasium.error.ResetNeeded("no cut is going on: call reset() before step().")
-            command = numbers(action)
+            command = numbers(action, len(self.action_names))
             if command is None or not within_reach(command, self.fixed_angle or math.nan):
                 self._stop_for(Cause.NOT_A_NUMBER, f"the policy's action is {action_text(action)}")
                 self._finish(STOPPED)
                 raise ValueError(
-                    f"action = {action_text(action)} must hold 2 numbers in [-1, 1] (speed, angle), none NaN or "
-                    "infinite."
+                    f"action = {action_text(action)} must hold {len(self.action_names)} numbers in [-1, 1] "
+                    f"({', '.join(self.action_names)}), none NaN or infinite."
                 )
             cutting = self.cutting
             if not cutting.time:
@@ -363,13 +358,13 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             raise ValueError(f"rig {self.settings.name!r} is not a fake one.")
         return self._source.fake
 
-    def rehearsal(self) -> RigCutEnv:
+    def rehearsal(self) -> Self:
         """Make the same environment on a fake with this rig's settings, to try a policy before anything moves.
 
         The first decisions of a policy may compile or import, which stalls the threads that watch a rig, and they stop
         it.
         """
-        return RigCutEnv(**{**self._arguments, "records": None, "operator": None, "dry_run": True})
+        return type(self)(**{**self._arguments, "records": None, "operator": None, "dry_run": True})
 
     @property
     def records(self) -> list[Path]:
@@ -402,7 +397,6 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
 
 _CLOSED = "the rig is being closed"
-_SAME_ANGLE = math.radians(0.5)
 _ARGUMENTS = [
     name
     for name, argument in inspect.signature(RigCutEnv.__init__).parameters.items()

@@ -138,8 +138,17 @@ def observe_depth(
         now = rounded(depth, descent.vertical + depth.vertical_noise * first)
         mean = felt[0] / updates + depth.vertical_noise * second / math.sqrt(updates)
         largest = rounded(depth, felt[1] + depth.vertical_noise * third)
+    fill_depth(depth, descent, measured, position, (now, mean, largest), last_descent, observation)
+
+
+@njit_internal
+def fill_depth(
+    depth: Struct, descent: Struct, measured: Struct, position: float, forces: tuple[float, float, float],
+    last_descent: float, observation: StructArray,
+) -> None:  # fmt: skip
+    """Fill the components of ``observation`` that depth adds, for vertical ``forces`` now, in the mean and at most."""
     _fill(
-        now, mean, largest, depth_at(measured, position) - descent.level, -descent.level_speed,
+        forces[0], forces[1], forces[2], depth_at(measured, position) - descent.level, -descent.level_speed,
         wanted_at(depth, measured, position), wanted_at(depth, measured, position + LOOK_AHEAD[0]),
         wanted_at(depth, measured, position + LOOK_AHEAD[1]), wanted_at(depth, measured, position + LOOK_AHEAD[2]),
         last_descent, observation,

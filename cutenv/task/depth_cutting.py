@@ -17,8 +17,9 @@ from cutenv.task.depth_cuts import (
     step_depth_one,
 )
 from cutenv.task.depth_terms import ALL_COMPONENTS, DEPTH, DEPTH_ENDS, DEPTH_TERMS, DepthConstants
-from cutenv.task.gentle_cutting import ShownDepth, SimulatedCutting
+from cutenv.task.gentle_cutting import GentleCutting, ShownDepth, SimulatedCutting
 from cutenv.task.observation import COMPONENTS
+from cutenv.task.reward import STOPPED
 
 
 def depth_record(constants: DepthConstants) -> StructArray:
@@ -29,7 +30,75 @@ def depth_record(constants: DepthConstants) -> StructArray:
     return record
 
 
-class DepthCutting(SimulatedCutting):
+class DepthAssessed(GentleCutting):
+    """Episode whose depth of cut is assessed as well, by a map of its floor.
+
+    Attributes
+    ----------
+    descents, depths : Records, shape (1,)
+        Vertical motion and map of the depth, :data:`~cutenv.cutting.descent.DESCENT` and
+        :data:`~cutenv.task.depth_terms.DEPTH`.
+    """
+
+    descents: StructArray
+    depths: StructArray
+
+    @property
+    def end(self) -> str:
+        """Name of the reason why the episode ended, or an empty string."""
+        return STOPPED if self._stopped else DEPTH_ENDS[self._end]
+
+    @property
+    def success(self) -> bool:
+        """True if it is a success of gentle cutting, as deep as wanted, and the layer below is not opened."""
+        return bool(self.depths["success"][0])
+
+    @property
+    def depth_terms(self) -> dict[str, float]:
+        """The costs of the depth in the last step's reward."""
+        return {name: float(value[0]) for name, value in depth_charges(self.depths).items()}
+
+    @property
+    def reward_terms(self) -> dict[str, float]:
+        """The reward of the last step by term; costs are negative; the sum is the reward."""
+        return super().reward_terms | self.depth_terms
+
+    @property
+    def reward_totals(self) -> dict[str, float]:
+        """The reward since the start by term; the sum is the return."""
+        totals = {name: float(value[0]) for name, value in depth_charges(self.depths, "total").items()}
+        return super().reward_totals | totals
+
+    @property
+    def shown_totals(self) -> dict[str, float]:
+        """The reward since the start by line of a picture, with one line for all costs of the depth."""
+        charges = depth_charges(self.depths, "total").values()
+        gentle = {name: total for name, total in self.reward_totals.items() if name not in DEPTH_TERMS}
+        return gentle | {"depth": sum(float(value[0]) for value in charges)}
+
+    @property
+    def depth_errors(self) -> dict[str, float]:
+        """The depth of the cut in numbers: areas [mm2], depth into the layer below and mean error [mm]."""
+        found = depth_errors(self.depths, np.array([self.target_length]))
+        return {name: float(value[0]) for name, value in found.items()}
+
+    @property
+    def shown_depth(self) -> ShownDepth:
+        """Depth as a picture shows it."""
+        descent, surface = self.descents[0], self.descents["surface"][0]
+        return ShownDepth(
+            float(descent["level"]), surface, descent["floor"], surface - self.depths["wanted"][0],
+            surface - float(descent["boundary"]),
+        )  # fmt: skip
+
+    @property
+    def floor(self) -> Array:
+        """Depth of the cut below the surface at each point [m], shape (301,); 0 where nothing is cut."""
+        cut: Array = self.descents["surface"][0] - self.descents["floor"][0]
+        return cut
+
+
+class DepthCutting(DepthAssessed, SimulatedCutting):
     """An episode: cut gently to a target length, along a wanted depth, without opening the layer below.
 
     Parameters
@@ -91,57 +160,3 @@ class DepthCutting(SimulatedCutting):
         observation[: len(COMPONENTS)] = super().rest(angle)
         observe_depth_at_start(self.plant.cuts, self.episode, self.descents, self.depths, observation)
         return observation
-
-    @property
-    def end(self) -> str:
-        """Name of the reason why the episode ended, or an empty string."""
-        return DEPTH_ENDS[self._end]
-
-    @property
-    def success(self) -> bool:
-        """True if it is a success of gentle cutting, as deep as wanted, and the layer below is not opened."""
-        return bool(self.depths["success"][0])
-
-    @property
-    def depth_terms(self) -> dict[str, float]:
-        """The costs of the depth in the last step's reward."""
-        return {name: float(value[0]) for name, value in depth_charges(self.depths).items()}
-
-    @property
-    def reward_terms(self) -> dict[str, float]:
-        """The reward of the last step by term; costs are negative; the sum is the reward."""
-        return super().reward_terms | self.depth_terms
-
-    @property
-    def reward_totals(self) -> dict[str, float]:
-        """The reward since the start by term; the sum is the return."""
-        totals = {name: float(value[0]) for name, value in depth_charges(self.depths, "total").items()}
-        return super().reward_totals | totals
-
-    @property
-    def shown_totals(self) -> dict[str, float]:
-        """The reward since the start by line of a picture, with one line for all costs of the depth."""
-        charges = depth_charges(self.depths, "total").values()
-        gentle = {name: total for name, total in self.reward_totals.items() if name not in DEPTH_TERMS}
-        return gentle | {"depth": sum(float(value[0]) for value in charges)}
-
-    @property
-    def depth_errors(self) -> dict[str, float]:
-        """The depth of the cut in numbers: areas [mm2], depth into the layer below and mean error [mm]."""
-        found = depth_errors(self.depths, np.array([self.target_length]))
-        return {name: float(value[0]) for name, value in found.items()}
-
-    @property
-    def shown_depth(self) -> ShownDepth:
-        """Depth as a picture shows it."""
-        descent, surface = self.descents[0], self.descents["surface"][0]
-        return ShownDepth(
-            float(descent["level"]), surface, descent["floor"], surface - self.depths["wanted"][0],
-            surface - float(descent["boundary"]),
-        )  # fmt: skip
-
-    @property
-    def floor(self) -> Array:
-        """Depth of the cut below the surface at each point [m], shape (301,); 0 where nothing is cut."""
-        cut: Array = self.descents["surface"][0] - self.descents["floor"][0]
-        return cut

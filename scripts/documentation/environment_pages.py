@@ -11,7 +11,12 @@ from restructured import markdown
 
 import cutenv  # noqa: F401  registers the environments
 
-IDS = {"gentle-cut": "cutenv/GentleCut-v1", "depth-cut": "cutenv/DepthCut-v1", "rig-cut": "cutenv/RigCut-v1"}
+IDS = {
+    "gentle-cut": "cutenv/GentleCut-v1",
+    "depth-cut": "cutenv/DepthCut-v1",
+    "rig-cut": "cutenv/RigCut-v1",
+    "rig-depth-cut": "cutenv/RigDepthCut-v1",
+}
 """Name of the page and id of the environment."""
 
 

@@ -46,7 +46,7 @@ def main(argv: Sequence[str]) -> int:
         return _INTERRUPTED
 
 
-def chosen_policy(name: str) -> tuple[Policy, dict[str, Any]]:
+def chosen_policy(name: str, task: str = "gentle") -> tuple[Policy, dict[str, Any]]:
     """Return a policy by name (a script, a trained policy, a folder or a class), and its environment's arguments.
 
     Parameters
@@ -54,20 +54,29 @@ def chosen_policy(name: str) -> tuple[Policy, dict[str, Any]]:
     name : str
         Name; ``MODULE:CLASS`` is a :class:`~cutenv.policy.Policy` of your own, in the present folder or an installed
         module.
+    task : str
+        Task that it is for, of :data:`cutenv.envs.learned_tasks.TASKS`.
 
     Raises
     ------
     ValueError, FileNotFoundError
-        If there is no such policy.
+        If there is no such policy, or it is for another task.
     """
-    from cutenv.policy import BASELINES, gentle_policy
+    from cutenv.envs.learned_tasks import TASKS
+    from cutenv.policy import gentle_policy, named_policy
     from cutenv.policy.interface import PrivilegedPolicy
+    from cutenv.policy.policy_space import space_of
 
-    if name in BASELINES:
-        policy = BASELINES[name]()
+    chosen = TASKS[task]
+    if name in chosen.teachers:
+        policy = chosen.teachers[name]()
         if isinstance(policy, PrivilegedPolicy):
             raise ValueError(f"policy {name!r} is shown the hidden state, which no rig knows. Take another.")
         return policy, {}
+    for other in TASKS.values():
+        if name in other.teachers:
+            listed = ", ".join(chosen.teachers)
+            raise ValueError(f"policy {name!r} is a script of {other.id}, and the task is {task}. Give {listed}.")
     module, colon, made = name.partition(":")
     if colon and module.replace(".", "").isidentifier():
         sys.path.insert(0, "")
@@ -77,21 +86,27 @@ def chosen_policy(name: str) -> tuple[Policy, dict[str, Any]]:
             raise ValueError(f"policy {name!r}: {error}. Give MODULE:CLASS, of a module in this folder.") from error
         return own, {}
     try:
-        learned = gentle_policy(name)
+        learned = gentle_policy(name) if task == "gentle" else named_policy(name)
     except ValueError as error:
-        raise ValueError(f"{error} Or a script: {', '.join(BASELINES)}.") from None
-    return learned, learned.environment_arguments
+        raise ValueError(f"{error} Or a script: {', '.join(chosen.teachers)}.") from None
+    if space_of(learned.card.environment) is not chosen.space:
+        raise ValueError(
+            f"policy {name!r} was trained in {learned.card.environment}, and the task {task} is {chosen.id}. Give one "
+            f"of that, or a script: {', '.join(chosen.teachers)}."
+        )
+    return learned, {key: value for key, value in learned.environment_arguments.items() if key != "task"}
 
 
 def _environment(arguments: argparse.Namespace, keywords: dict[str, Any], **more: Any) -> RigCutEnv:
-    from cutenv.envs.rig_cut import RigCutEnv
+    from cutenv.envs import RigCutEnv, RigDepthCutEnv
 
+    task = RigDepthCutEnv if arguments.task == "depth" else RigCutEnv
     lower = {
         "force": arguments.force_limit_N,
         "speed": None if arguments.speed_limit_cm_s is None else 1e-2 * arguments.speed_limit_cm_s,
         "high": None if arguments.travel_limit_mm is None else 1e-3 * arguments.travel_limit_mm,
     }
-    return RigCutEnv(
+    return task(
         rig=arguments.rig,
         specimen_class=arguments.specimen_class,
         target_length=target_length(arguments),
@@ -108,7 +123,7 @@ def _dry_run(arguments: argparse.Namespace) -> int:
 
     from cutenv.rig.operation.dry_run import Transcript
 
-    policy, keywords = chosen_policy(arguments.policy)
+    policy, keywords = chosen_policy(arguments.policy, arguments.task)
     env = _environment(arguments, keywords).rehearsal()
     fake = env.the_fake()
     transcript = Transcript(env.settings, fake.clock.now(), print)
@@ -129,7 +144,7 @@ def _run(arguments: argparse.Namespace) -> int:
     from cutenv.rig.operation.live_readings import published
     from cutenv.rig.safety.stop_causes import BY_PEOPLE
 
-    policy, keywords = chosen_policy(arguments.policy)
+    policy, keywords = chosen_policy(arguments.policy, arguments.task)
     env = _environment(arguments, keywords, records=arguments.out)
     if env.settings.angle_mode == "fixed" and not keywords:
         by_hand = math.degrees(env.settings.fixed_angle)
@@ -175,6 +190,7 @@ def cut_and_report(env: RigCutEnv, policy: Policy, *, seed: int, episode: int) -
         observation, reward, ended, _, info = env.step(policy(observation))
         total += reward
     timing, cutting = env.session.plant.timing, env.cutting
+    depth = {f"{name}_estimated": value for name, value in info.get("depth", {}).items()}
     return {
         "seed": seed,
         "episode": episode,
@@ -182,6 +198,7 @@ def cut_and_report(env: RigCutEnv, policy: Policy, *, seed: int, episode: int) -
         "success_estimated": info["is_success"],
         "return_estimated": total,
         "tip_error_estimated_mm": 1e3 * abs(cutting.tip - cutting.target_length),
+        **({"depth": depth} if depth else {}),
         "time_s": cutting.time,
         "overruns": timing.overruns,
         "longest_period_s": max(timing.periods, default=math.nan),
@@ -196,6 +213,8 @@ def _line(number: int, told: dict[str, Any], env: RigCutEnv) -> str:
         f"{told['return_estimated']:.3f}, estimated tip error {told['tip_error_estimated_mm']:.1f} mm; "
         f"{told['overruns']} commands more than 2 ms late"
     )
+    if "depth" in told:
+        line += f"; estimated mean error of the depth {told['depth']['mean_error_mm_estimated']:.2f} mm"
     if told["stop"] is not None:
         stop = told["stop"]
         line += f"\n  STOPPED, {stop['cause']}: {stop['detail']}"
@@ -215,6 +234,7 @@ def _parser() -> argparse.ArgumentParser:
         __doc__,
         examples=(
             "--policy ppo-free --rig emulator --cuts 2",
+            '--task depth --policy "follow the depth" --rig emulator',
             '--policy "probe and creep" --rig my_rig.toml --dry-run',
             '--policy "probe and creep" --rig my_rig.toml --target-length 80mm --out cuts',
         ),
@@ -225,6 +245,8 @@ def _parser() -> argparse.ArgumentParser:
     add("--policy", required=True, metavar="POLICY", help="name of a script or of a shipped policy, folder of a "
         "trained policy, or MODULE:CLASS of your own")  # fmt: skip
     add("--rig", required=True, metavar="RIG", help=RIG)
+    add("--task", choices=("gentle", "depth"), default="gentle",
+        help="gentle cutting (the default), or along a wanted depth, on a rig with a height axis")  # fmt: skip
     add("--cuts", type=int, default=1, metavar="N", help="number of cuts, one after the other; default 1")
     add("--seed", type=int, default=0, metavar="N", help="seed of target lengths and of drawn specimens; default 0")
     add_target_length(parser, "drawn from 60mm to 100mm")

@@ -1,0 +1,132 @@
+"""``cutenv/RigDepthCut-v1``: cutting along a wanted depth on a rig with a height axis, real or emulated."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from cutenv._base.validation import one_of
+from cutenv._engine.jit import warn_before_first_compile
+from cutenv.cutting.descent import DescentParameters
+from cutenv.cutting.dtypes import READING
+from cutenv.envs.rig_cut import RigCutEnv
+from cutenv.plant import Plant, SimulatedPlant
+from cutenv.rig.contradictions import AHEAD
+from cutenv.rig.errors import RigError
+from cutenv.rig.operation.specimen_source import SpecimenKey
+from cutenv.task.depth_readings import assess_depth_readings
+from cutenv.task.depth_terms import ALL_COMPONENTS, DepthConstants
+from cutenv.task.rig_depth_cutting import RigDepthCutting
+from cutenv.task.wanted_depth import WANTED_KINDS
+from cutenv.tissue.description import TissueDescription, measured_liver
+from cutenv.tissue.grid import POINTS_PER_METRE
+from cutenv.tissue.layers import Layers
+from cutenv.tissue.specimen import Specimen
+
+_DEPTH_WEIGHTS = tuple(name for name in DepthConstants.__dataclass_fields__ if name.startswith("weight_"))
+_EXPECTED = ("edge_length", "bedding")
+
+
+class RigDepthCutEnv(RigCutEnv):
+    """Cut along a wanted depth on a rig that a policy of ``cutenv/DepthCut-v1`` can use unchanged.
+
+    It is :class:`~cutenv.envs.rig_cut.RigCutEnv` on a rig with a height axis; a rig's file without the section
+    ``[height]`` is refused.  Action and observation are those of :class:`~cutenv.envs.depth_cut.DepthCutEnv`, and so is
+    the wanted depth of a seed and episode.  Where that one uses hidden state, this one uses estimates: the tip from the
+    measured force, and the floor that the mean tissue would have under this blade.  The layer below is not known, so
+    that ``layer_area`` and ``layer_depth`` are always 0, and no cut ends in it.
+
+    Each ``reset`` raises the blade out of the cut, returns to the clamp, has a specimen laid with the blade at height
+    0, and moves the blade to the depth that is wanted at the start.  If the blade is stopped, it stays where it is:
+    nothing is raised before the operator agrees.  A blade that cannot be raised is a fault that stops.
+
+    Arguments
+    ---------
+    ========= ======= =================================================================================
+    Keyword   Default Meaning
+    ========= ======= =================================================================================
+    wanted    "mixed" "constant", "ramp", "step", "mixed" (one of these) or "profile" (height 0)
+    layer     None    another layer below, of drawn specimens; None: unless ``wanted`` is "profile"
+    ========= ======= =================================================================================
+
+    The others are those of ``cutenv/RigCut-v1``, and ``edge_length``, ``bedding``, ``weight_too_deep``,
+    ``weight_uncut``, ``weight_layer_area``, ``weight_layer_depth``.
+
+    Info
+    ----
+    That of ``cutenv/RigCut-v1``; ``reward_terms`` has the costs of the depth, and ``depth`` the areas cut too deep and
+    left uncut and the mean error by the expected floor (``too_deep_mm2``, ``uncut_mm2``, ``mean_error_mm``).
+
+    Version history
+    ---------------
+    v1: the first version; may change until the first comparison of agents is published.
+    """
+
+    action_names = ("speed", "angle", "descent")
+    component_count = len(ALL_COMPONENTS)
+    other_keywords = ("wanted", "layer", *_DEPTH_WEIGHTS, *_EXPECTED)
+    needs_height = "cutenv/RigDepthCut-v1"
+    cutting: RigDepthCutting
+
+    def __init__(self, *, wanted: str = "mixed", layer: bool | None = None, **keywords: Any) -> None:
+        self.wanted = WANTED_KINDS[one_of("wanted", wanted, tuple(WANTED_KINDS))]
+        one_of("layer", layer, (None, True, False))
+        self.layer = wanted != "profile" if layer is None else layer
+        own = {name: keywords.pop(name) for name in (*_DEPTH_WEIGHTS, *_EXPECTED) if name in keywords}
+        self.depth_constants = DepthConstants(**{name: own[name] for name in _DEPTH_WEIGHTS if name in own})
+        self.descent_parameters = DescentParameters(**{name: own[name] for name in _EXPECTED if name in own})
+        super().__init__(**keywords)
+        self._arguments |= {"wanted": wanted, "layer": layer, **own}
+
+    def _lay(self, key: SpecimenKey) -> None:
+        assert key.target is not None  # a cut has one
+        plant, supply = self.session.plant, self._source.supply
+        if supply is not None and key.specimen is not None:
+            cutting = self._cutting(plant, key.specimen.tissue, key.target, key)
+            self._check_levels(cutting)
+            supply.layers = cutting.layers_below() if self.layer else Layers()
+        super()._lay(key)
+        cutting = self._cutting(plant, self.tissue.tissue or measured_liver(), key.target, key)
+        self._check_levels(cutting)
+        self.session.operator.tell(f"The blade goes to a height of {1e3 * cutting.start_level:+.1f} mm, where it cuts.")
+        self.session.start()
+        plant.raise_to(cutting.start_level)
+        plant.supervisor.lock()
+        plant.begin()
+
+    def _check_levels(self, cutting: RigDepthCutting) -> None:
+        """Raise RigError if the wanted depth is out of the reach of the height axis."""
+        axis = self.settings.require_height_axis(by=self.needs_height)
+        last = int((cutting.target_length + AHEAD) * POINTS_PER_METRE)
+        levels = (cutting.plant.depth - cutting.depths["wanted"][0])[: last + 1]
+        low, high = float(levels.min()), float(levels.max())
+        if low < axis.lowest or high > axis.highest:
+            raise RigError(
+                f"the wanted depth needs heights of {1e3 * low:.1f} to {1e3 * high:.1f} mm, and the rig's are "
+                f"{1e3 * axis.lowest:g} to {1e3 * axis.highest:g} (height.lowest_mm, highest_mm). Take another wanted "
+                "depth or specimen, or an axis that reaches there."
+            )
+
+    def _warm_up(self) -> None:
+        warn_before_first_compile(assess_depth_readings)
+        practice = Specimen.drawn(0, 0)
+        cutting = self._cutting(SimulatedPlant(practice), practice.tissue, 0.06, SpecimenKey(seed=0, episode=0))
+        cutting.rest(self.start_angle)
+        cutting.layers_below()
+        cutting.assess(np.zeros(self.ticks, READING), np.zeros(self.ticks), np.zeros(self.ticks))
+
+    def _cutting(self, plant: Plant, tissue: TissueDescription, length: float, key: SpecimenKey) -> RigDepthCutting:
+        return RigDepthCutting(
+            plant, tissue, self.constants.weights, self.constants.limits,
+            friction_per_depth=tissue.nominal_friction_per_depth, target_length=length, deadline=self.deadline,
+            ticks=self.ticks, wanted=self.wanted, constants=self.depth_constants, descent=self.descent_parameters,
+            key=(key.seed, key.episode),
+        )  # fmt: skip
+
+    def _info(self) -> dict[str, Any]:
+        errors = self.cutting.depth_errors
+        return super()._info() | {"depth": {name: errors[name] for name in _KNOWN}}
+
+
+_KNOWN = ("too_deep_mm2", "uncut_mm2", "mean_error_mm")
