@@ -23,8 +23,8 @@ _GAIN = 20.0  # descent speed over the error of the level [1/s]
 class PlayedDepthCut(PlayedCut):
     """Cut of one specimen by a hand along a wanted depth; the blade goes to the level that is asked for.
 
-    It is an episode of ``DepthCutEnv(drive="hand", control_hz=1000)`` with the same seed.  The hand holds the blade by a
-    spring along the cut; up and down the blade is led as a drive leads it.
+    It is an episode of ``DepthCutEnv(drive="hand", control_hz=1000)`` with the same seed.  Along the cut the hand holds
+    the blade by a spring; up and down the blade is led as a drive leads it.
     """
 
     environment = DepthCutEnv

@@ -45,7 +45,7 @@ class Table:
         self.headline = protocol.training_class
         self.contestants = sorted(
             {line.contestant for line in lines},
-            key=lambda name: -self._by_key[name, self.headline, "return", IQM].interval.value,
+            key=lambda name: (-self._by_key[name, self.headline, "return", IQM].interval.value, name),
         )
         self.columns = [column for column in TABLE_COLUMNS if any(self._of(name, column) for name in self.contestants)]
 

@@ -58,7 +58,7 @@ def test_the_record_holds_height_and_vertical_force(tmp_path: Path) -> None:
         session.advance(0.02 * k)
         if session.phase == "ended":
             break
-    trace = load(session.records[0])
+    (trace,) = load(session.records[0])
     assert trace.height is not None
     assert trace.vertical_force is not None
     assert np.ptp(trace.height) > 0.005
