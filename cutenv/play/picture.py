@@ -251,6 +251,6 @@ def _draw_advice(canvas: Canvas, layout: Layout, *, wanted: bool) -> None:
         "near the target, that finishes the cut.",
     )
     if wanted:
-        lines = ("Keep the blade at the dashed depth: wheel, or arrows.", "", *lines[:2], *lines[4:])
+        lines = ("Keep the blade at the dashed depth: wheel, or arrows.", "", *lines[:3], *lines[4:])
     for k, words in enumerate(lines):
         canvas.text(words, (layout.column, 446 + 22 * k), size=17, colour=palette.QUIET)

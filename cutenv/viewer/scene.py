@@ -239,7 +239,7 @@ _NUMBERS = {name: (SceneFormula(text), digits) for name, (text, digits) in NUMBE
 
 AT_LEVEL_ZERO: dict[str, Any] = {"level": 0.0, "bottom": 0.0, "floor_at": lambda along: 0.0 * along}
 """Quantities of a blade that neither rises nor descends."""
-_BELOW = 0.0065  # depth below level 0 that is drawn where blades descend [m]
+_BELOW = 0.0085  # depth below level 0 that is drawn where blades descend [m]
 
 
 def _of_depth(shown: ShownDepth) -> dict[str, Any]:
