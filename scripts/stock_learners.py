@@ -47,6 +47,7 @@ class Curve(BaseCallback):
         super().__init__()
         self.rows: list[dict[str, float]] = []
         self._every, self._due, self._cuts = decisions // VALIDATIONS, 0, 0
+        self._begun = time.process_time()
 
     def _on_step(self) -> bool:
         self._cuts += int(np.sum(self.locals["dones"]))
@@ -61,7 +62,7 @@ class Curve(BaseCallback):
         row = {
             "decisions": self.num_timesteps,
             "cuts": self._cuts,
-            "processor_s": round(time.process_time()),
+            "processor_s": round(time.process_time() - self._begun),
             "return": mean_return,
             "success": success,
         }
