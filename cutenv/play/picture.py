@@ -240,7 +240,7 @@ def _draw_hidden(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
 
 def _draw_advice(canvas: Canvas, layout: Layout, *, wanted: bool) -> None:
     """Draw instructions, in the place of the hidden quantities; of a cut with a ``wanted`` depth, one more."""
-    lines = (
+    lines: tuple[str, ...] = (
         "The green marks are your hand: the blade hangs on it",
         "by a spring. The tip of the cut is behind the blade;",
         "pull, and it follows in sudden runs.",
