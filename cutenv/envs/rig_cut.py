@@ -77,7 +77,8 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     Keyword         Default    Meaning
     =============== ========== ========================================================================
     rig             "emulator" a rig's TOML file (``cutenv rig init``); "emulator": an emulated rig in a
-                               process of its own; "fake": one in memory, on a clock of its own
+                               process of its own; "serial": one with stepper and load cell on a serial
+                               line; "fake": one in memory, on a clock of its own
     target_length   None       length of the cut [m]; None: drawn from 0.060 to 0.100 m
     specimen_class  "mixed"    of the specimens that an emulated or fake rig draws
     tissue          None       path of a tissue or specimen JSON file: what is drawn, and what the rig

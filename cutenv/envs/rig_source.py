@@ -21,7 +21,7 @@ from cutenv.recording.appending import AppendingRecord, RecordingFailed
 from cutenv.recording.provenance import Provenance
 from cutenv.rig.config.imitated_rig import HEIGHT, fake_settings
 from cutenv.rig.config.settings import RigSettings, SensorCalibration
-from cutenv.rig.connection import EMULATOR, FAKE, operator_of
+from cutenv.rig.connection import EMULATOR, FAKE, SERIAL, operator_of, settings_of
 from cutenv.rig.contradictions import refuse_contradictions
 from cutenv.rig.devices.camera import CAMERA_NOTE, RigCamera
 from cutenv.rig.errors import RigError
@@ -128,13 +128,24 @@ def emulator_arguments(constants: Constants) -> list[str]:
     return arguments
 
 
+def changed_constants(constants: Constants) -> list[str]:
+    """Return the names of the constants of drive, sensor and law that differ from their defaults."""
+    plain = Constants()
+    return [
+        field.name
+        for part in ("drive", "sensor", "law")
+        for field in dataclasses.fields(getattr(constants, part))
+        if getattr(getattr(constants, part), field.name) != getattr(getattr(plain, part), field.name, None)
+    ]
+
+
 class RigSource:
     """Rig that an environment's argument names, with the records of its cuts.
 
     Parameters
     ----------
     rig : str or Path
-        "fake", "emulator", or a TOML file.
+        "fake", "emulator", "serial", or a TOML file.
     constants : Constants
         Constants of an emulated or fake rig's drive and sensor.
     operator : Operator, optional
@@ -176,8 +187,12 @@ class RigSource:
     ) -> None:
         self._rig, self._constants, self._operator = str(rig), constants, operator
         self._lower = dict(lower_limits or {})
-        named = self._rig in (FAKE, EMULATOR)
-        own = fake_settings(name=self._rig, height=HEIGHT if needs_height else None)
+        named = self._rig in (FAKE, EMULATOR, SERIAL)
+        own = (
+            settings_of(SERIAL)
+            if self._rig == SERIAL
+            else fake_settings(name=self._rig, height=HEIGHT if needs_height else None)
+        )
         self.settings = self._lowered(own if named else read_rig_file(rig))
         if needs_height:
             self.settings.require_height_axis(by=needs_height)
@@ -192,8 +207,10 @@ class RigSource:
                 calibration=SensorCalibration(date=datetime.now().date().isoformat()),
                 sensor=dataclasses.replace(self.settings.sensor, rate=FakeSensor.rate),
             )
-        self.draws = self._rig in (FAKE, EMULATOR)
+        self.draws = self._rig in (FAKE, EMULATOR, SERIAL)
         self._emulated = emulator_arguments(constants) if self._rig == EMULATOR else []
+        if self._rig == SERIAL and (changed := changed_constants(constants)):
+            raise ValueError(f'{changed[0]}: an emulated serial rig is as it is. Leave it out, or take rig="fake".')
         self.supply: FakeSpecimens | EmulatedSpecimens | None = None
         """Supply of drawn specimens, once there is a session; its ``layers`` are those of the next specimen laid."""
         self.fake: FakeRig | None = None
@@ -217,10 +234,13 @@ class RigSource:
             return RigSession(fake.plant, operator, self.supply)
         from cutenv.rig.hardware import rig_plant
 
-        if self._rig == EMULATOR:
+        if self._rig in (EMULATOR, SERIAL):
             from cutenv.rig.emulator.process import start
 
-            emulator = start(free_air=True, height=self.settings.height is not None, arguments=self._emulated)
+            emulator = start(
+                free_air=True, height=self.settings.height is not None, serial=self._rig == SERIAL,
+                arguments=self._emulated,
+            )  # fmt: skip
             self.emulator, self.settings = emulator, self._lowered(emulator.settings)
             operator = self._operator or AutomaticOperator(self.settings)
             self.supply = EmulatedSpecimens(emulator.control)

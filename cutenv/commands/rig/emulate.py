@@ -1,5 +1,7 @@
-"""Run an emulated rig: an EPOS4 drive on a CAN hub, screw, tissue and a Net F/T force sensor, in real time.
+"""Run an emulated rig in real time: drive, screw, tissue and force sensor.
 
+That is an EPOS4 drive on a CAN hub and a Net F/T; with --serial a board with stepper and load cell behind a
+pseudo-terminal, which runs its own sketch and needs a C++ compiler.
 Prints one line of JSON when it is ready: the ports and the sensor's page.
 """
 
@@ -16,6 +18,8 @@ from cutenv.commands.options import add_specimen_class, command_parser, reports_
 
 if TYPE_CHECKING:
     from cutenv.rig.emulator.assembly import Options
+    from cutenv.rig.emulator.emulated_tissue import Laid
+    from cutenv.rig.emulator.serial.serial_rig import SerialOptions
 
 _CONSTANTS = (
     ("--lag-ms", "mechanics.lag", 1e-3, "MS", "lag of the blade's speed [ms]; default 40"),
@@ -42,9 +46,11 @@ def main(argv: Sequence[str]) -> int:
     """Run the command until it is ended; return 0, or 2 if an option is bad or a port is taken."""
     arguments = _parser().parse_args(argv)
     from cutenv.rig.emulator.faults import FAULTS, parsed_fault
+    from cutenv.rig.emulator.serial.serial_faults import SERIAL_FAULTS
 
+    known_faults = SERIAL_FAULTS if arguments.serial else FAULTS
     if arguments.list_faults:
-        for name, fault in FAULTS.items():
+        for name, fault in known_faults.items():
             known = [f"{key}={about.default:g} {about.unit}" for key, about in fault.parameters.items()]
             known += ["axis=blade"] if fault.of_axis else []
             print(f"{name:<16} {fault.summary}" + (f" ({', '.join(known)})" if known else ""))
@@ -52,10 +58,47 @@ def main(argv: Sequence[str]) -> int:
     from cutenv.rig.emulator.process import serve
 
     parent = os.getppid() if arguments.with_parent == 0 else arguments.with_parent
-    faults = [parsed_fault(text) for text in arguments.fault]
-    options = _options(arguments)
+    faults = [parsed_fault(text, known_faults) for text in arguments.fault]
+    options = _serial_options(arguments) if arguments.serial else _options(arguments)
     serve(options, faults=faults, parent=parent, real_time=arguments.real_time, file=arguments.write)
     return 0
+
+
+def _laid(arguments: argparse.Namespace) -> Laid | None:
+    from cutenv.rig.emulator.emulated_tissue import Laid
+    from cutenv.tissue.description import load_description
+
+    if arguments.free_air:
+        return None
+    tissue = None if arguments.tissue is None else load_description(arguments.tissue)
+    return Laid(seed=arguments.seed, episode=arguments.episode, specimen_class=arguments.specimen_class, tissue=tissue)
+
+
+def _serial_options(arguments: argparse.Namespace) -> SerialOptions:
+    from cutenv.cutting.parameters import LawParameters
+    from cutenv.rig.emulator.serial.serial_rig import SerialOptions
+
+    allowed = {"debt_length_mm": "debt_length", "blade_friction_Ns_m2": "friction_per_depth_speed"}
+    law = {}
+    for option, _, unit, *_ in _CONSTANTS:
+        name = option.removeprefix("--").replace("-", "_")
+        value = getattr(arguments, name)
+        if value is not None and name not in allowed:
+            raise ValueError(f"{option}: a serial rig has no such property. Leave it out, or leave out --serial.")
+        if value is not None:
+            law[allowed[name]] = unit * value
+    if arguments.height or arguments.can_port or arguments.sensor_port or arguments.page_port:
+        raise ValueError("--height and the ports of bus, sensor and page are not for --serial. Leave them out.")
+    return SerialOptions(
+        angle=math.radians(arguments.angle_deg),
+        converter=arguments.converter,
+        laid=_laid(arguments),
+        force_limit=arguments.force_limit_N,
+        zeroed=not arguments.no_zero,
+        law=LawParameters(**law),
+        host=arguments.host,
+        control_port=arguments.control_port,
+    )
 
 
 def _options(arguments: argparse.Namespace) -> Options:
@@ -63,12 +106,8 @@ def _options(arguments: argparse.Namespace) -> Options:
     from cutenv.cutting.sensor import SensorParameters
     from cutenv.rig.config.imitated_rig import HEIGHT
     from cutenv.rig.emulator.assembly import Options
-    from cutenv.rig.emulator.emulated_tissue import Laid
     from cutenv.rig.emulator.motor import Mechanics, hinge
-    from cutenv.tissue.description import load_description
 
-    tissue = None if arguments.tissue is None else load_description(arguments.tissue)
-    laid = Laid(seed=arguments.seed, episode=arguments.episode, specimen_class=arguments.specimen_class, tissue=tissue)
     given: dict[str, dict[str, float]] = {"mechanics": {}, "sensor": {}, "law": {}}
     for option, constant, unit, *_ in _CONSTANTS:
         value = getattr(arguments, option.removeprefix("--").replace("-", "_"))
@@ -78,7 +117,7 @@ def _options(arguments: argparse.Namespace) -> Options:
     return Options(
         angle_mode=arguments.angle,
         angle=math.radians(arguments.angle_deg),
-        laid=None if arguments.free_air else laid,
+        laid=_laid(arguments),
         force_limit=arguments.force_limit_N,
         height_axis=HEIGHT if arguments.height else None,
         blade_mechanics=Mechanics(**given["mechanics"]),
@@ -97,7 +136,12 @@ def _parser() -> argparse.ArgumentParser:
     parser = command_parser(
         "rig emulate",
         __doc__,
-        examples=("--write emulated.toml", "--seed 3 --fault sensor_silent@5", "--list-faults"),
+        examples=(
+            "--write emulated.toml",
+            "--serial --write serial.toml",
+            "--seed 3 --fault sensor_silent@5",
+            "--list-faults",
+        ),
         note="Drivers meet it by python-can's interface socketcand, channel vcan0, and by UDP. Ctrl-C ends it.",
     )
     add = parser.add_argument
@@ -113,6 +157,12 @@ def _parser() -> argparse.ArgumentParser:
         "--angle-deg", type=float, default=90.0, metavar="DEG", help="angle of the blade at the start [deg]; default 90"
     )
     add("--height", action="store_true", help="a further axis raises and lowers the blade")
+    add(
+        "--serial", action="store_true", help="a board with stepper and load cell on a serial line, not CAN and Net F/T"
+    )
+    add("--converter", choices=("hx711", "ads1220", "nau7802"), default="hx711", help="converter of the load cell of a "
+        "serial rig; default hx711")  # fmt: skip
+    add("--no-zero", action="store_true", help="a serial rig whose zero nobody has set yet")
     add("--fault", action="append", default=[], metavar="NAME@SECONDS", help="fault to raise at this time; "
         "NAME:KEY=VALUE,KEY=VALUE@SECONDS with parameters; may be given again")  # fmt: skip
     add("--list-faults", action="store_true", help="print the faults and their parameters, and end")

@@ -26,10 +26,13 @@ from cutenv.cutting.sensor import measure
 from cutenv.rig.config.imitated_rig import HEIGHT
 from cutenv.rig.config.settings import Bus, RigSettings, SensorCalibration, SensorSettings
 from cutenv.rig.devices.real_time import prefer
+from cutenv.rig.devices.serial.slow_profile import slow_settings
 from cutenv.rig.emulator.assembly import BLADE, HINGE, EmulatedRig, Options
 from cutenv.rig.emulator.control import ControlServer, EmulatorControl
+from cutenv.rig.emulator.emulated_bench import EmulatedBench
 from cutenv.rig.emulator.emulated_tissue import Laid, feel
 from cutenv.rig.emulator.motor import turn_motor
+from cutenv.rig.emulator.serial.serial_rig import EmulatedSerialRig, SerialOptions
 from cutenv.rig.errors import RigError
 from cutenv.rig.toml_file import to_toml
 from cutenv.tissue.grid import N_POINTS, SPACING
@@ -40,13 +43,18 @@ _ENDS_WITHIN = 5.0  # [s]
 _SWITCH = 0.0005  # [s] after which a thread lets another one run: a millisecond holds several
 
 
-def warm_up(*, height: bool = False) -> None:
+def warm_up(*, height: bool = False, serial: bool = False) -> None:
     """Compile, or load from disk, the kernels of a millisecond, before anybody waits for it."""
     warn_before_first_compile(*(follow_levels, measure) if height else (feel,), turn_motor)
-    rig = EmulatedRig(Options(laid=Laid(specimen_class="liver"), height_axis=HEIGHT if height else None))
-    try:
-        for axis in rig.axes.values():
+    laid = Laid(specimen_class="liver")
+    rig: EmulatedBench
+    if serial:
+        rig = EmulatedSerialRig(SerialOptions(laid=laid))
+    else:
+        rig = driven = EmulatedRig(Options(laid=laid, height_axis=HEIGHT if height else None))
+        for axis in driven.axes.values():
             axis.motor["mode"] = 1
+    try:
         for _ in range(10):
             rig.step(rig.now())
     finally:
@@ -54,7 +62,7 @@ def warm_up(*, height: bool = False) -> None:
 
 
 def serve(
-    options: Options,
+    options: Options | SerialOptions,
     *,
     faults: Sequence[tuple[str, dict[str, Any], float]] = (),
     parent: int | None = None,
@@ -63,11 +71,12 @@ def serve(
 ) -> None:
     """Run an emulated rig until a signal, a request on the control port, or the end of its parent.
 
-    Prints one line of JSON when it is ready: the ports "can", "sensor" and "control", the URL "page", and "pid".
+    Prints one line of JSON when it is ready: the ports "can", "sensor" and "control", the URL "page", and "pid"; of a
+    serial rig "port", "converter", "control" and "pid".
 
     Parameters
     ----------
-    options : Options
+    options : Options or SerialOptions
         Construction of the rig.
     faults : sequence of (name, parameters, seconds)
         Faults, each with its time after the start [s].
@@ -87,9 +96,10 @@ def serve(
         For an unknown fault or parameter.
     """
     sys.setswitchinterval(_SWITCH)
-    warm_up(height=options.height_axis is not None)
+    serial = isinstance(options, SerialOptions)
+    warm_up(height=not serial and options.height_axis is not None, serial=serial)  # type: ignore[union-attr]
     first = real_time and prefer()  # only now: compiling takes seconds; before there are threads: they inherit it
-    rig = EmulatedRig(options)
+    rig: EmulatedBench = EmulatedSerialRig(options) if isinstance(options, SerialOptions) else EmulatedRig(options)
     rig.real_time = first
     control = None
     try:
@@ -101,18 +111,12 @@ def serve(
         if parent is not None:
             threading.Thread(target=_watch_parent, args=(rig, parent), name="parent", daemon=True).start()
         gc.freeze()  # present objects are not searched for garbage again
-        ready = {
-            "can": rig.hub.port, "sensor": rig.sensor.port, "page": rig.sensor.page, "control": control.port,
-            "pid": os.getpid(),
-        }  # fmt: skip
+        ready = _told(rig) | {"control": control.port, "pid": os.getpid()}
         if file is not None:
-            settings = emulated_settings(
-                ready, angle_mode=options.angle_mode, angle=options.angle, height=options.height_axis is not None,
-                host=options.host,
-            )  # fmt: skip
             laid = options.laid or Laid()
             depth = laid.drawn().depth
             profile = tuple((k * SPACING, round(float(depth[k]), 6)) for k in range(0, N_POINTS, 20))
+            settings = _settings_of(options, ready)
             with atomic_write(file) as part:
                 part.write_text(to_toml(replace(settings, depth_profile=profile)), encoding="utf-8")
         print(json.dumps(ready), flush=True)
@@ -123,7 +127,24 @@ def serve(
         rig.close()
 
 
-def _watch_parent(rig: EmulatedRig, parent: int) -> None:
+def _told(rig: EmulatedBench) -> dict[str, Any]:
+    """Return what a driver has to know to reach the rig."""
+    if isinstance(rig, EmulatedSerialRig):
+        return {"port": rig.line.port, "converter": rig.options.converter}
+    assert isinstance(rig, EmulatedRig)
+    return {"can": rig.hub.port, "sensor": rig.sensor.port, "page": rig.sensor.page}
+
+
+def _settings_of(options: Options | SerialOptions, ready: dict[str, Any]) -> RigSettings:
+    if isinstance(options, SerialOptions):
+        return emulated_settings(ready, angle=options.angle)
+    return emulated_settings(
+        ready, angle_mode=options.angle_mode, angle=options.angle, height=options.height_axis is not None,
+        host=options.host,
+    )  # fmt: skip
+
+
+def _watch_parent(rig: EmulatedBench, parent: int) -> None:
     while not rig.stopped.wait(0.2):
         if os.getppid() != parent:
             rig.stopped.set()
@@ -139,8 +160,17 @@ def emulated_settings(
 ) -> RigSettings:
     """Return the settings with which drivers reach an emulated rig that has printed ``ready``, calibrated today.
 
-    ``angle`` is the angle of a fixed blade [rad]; ``height``: it has a height axis.
+    ``angle`` is the angle of a fixed blade [rad]; ``height``: it has a height axis. On a serial rig no drive turns the
+    blade, and nothing raises it.
     """
+    if "port" in ready:
+        return replace(
+            slow_settings(ready["port"], converter=ready["converter"], name="emulated serial rig"),
+            armed_by="the emulator",
+            fixed_angle=angle,
+            calibration=SensorCalibration(date=datetime.date.today().isoformat()),
+            emulated=True,
+        )
     return RigSettings(
         name="emulated rig",
         armed_by="the emulator",
@@ -263,6 +293,7 @@ def start(
     free_air: bool = False,
     angle_deg: float | None = None,
     height: bool = False,
+    serial: bool = False,
     real_time: bool = True,
     arguments: Sequence[str] = (),
     timeout: float = STARTS_WITHIN,
@@ -277,6 +308,8 @@ def start(
         Angle at which the blade is fixed [degrees]; None: a second axis turns it.
     height : bool
         True for a rig with a height axis.
+    serial : bool
+        True for a serial rig, whose blade is fixed, upright by default.
     real_time : bool
         Take priority over other processes, if the system allows.
     arguments : sequence of str
@@ -293,6 +326,9 @@ def start(
     given += ["--free-air"] if free_air else []
     given += ["--real-time"] if real_time else []
     given += ["--height"] if height else []
+    given += ["--serial"] if serial else []
+    if serial and angle_deg is None:
+        angle_deg = 90.0
     given += [] if angle_deg is None else ["--angle", "fixed", "--angle-deg", str(angle_deg)]
     return RunningEmulator(
         [*given, *arguments],
