@@ -19,12 +19,15 @@ from typing import Any
 import cv2
 
 from cutenv.recording import load_one, save
+from cutenv.rig.config.settings import CameraSettings, RigSettings
 from cutenv.rig.devices.camera import CAMERA_NOTE
+from cutenv.rig.devices.clock import SystemClock
+from cutenv.rig.devices.driver_registry import DriverKind, Mounting, mounted, traits_of
 from cutenv.vision.blade_depth import BladeCameras, DepthFrame
 from cutenv.vision.blade_mark import MarkedBlade
 from cutenv.vision.cameras import CalibratedCameras
 from cutenv.vision.depth_record import filmed_depth
-from cutenv.vision.film_source import camera_of, newest_frames
+from cutenv.vision.film_source import CameraDriver, newest_frames
 
 _NICE = 5  # below the rig's own program
 _TELLING = threading.Lock()
@@ -64,7 +67,7 @@ def main(argv: Sequence[str]) -> int:
         blade = MarkedBlade(total=given["total"], strip=given["strip"], width=given["width"], tag=tag)
         cuts = FilmedCuts(blade, given["travel"])
         threading.Thread(target=_answer, args=(cuts,), name="requests", daemon=True).start()
-        cameras, camera = CalibratedCameras.load(given["calibration"]), camera_of(given["source"])
+        cameras, camera = CalibratedCameras.load(given["calibration"]), _camera(given)
         camera.open()
         with contextlib.closing(camera):
             for frame in BladeCameras(cameras, blade).measure_all(newest_frames(camera, cameras.frame_size)):
@@ -75,6 +78,15 @@ def main(argv: Sequence[str]) -> int:
         _tell({"ended": str(error)})
     threading.Event().wait()  # for requests
     return 0
+
+
+def _camera(given: dict[str, Any]) -> CameraDriver:
+    """Return the camera, by its driver, of settings that came as a dictionary."""
+    options = traits_of(DriverKind.CAMERA, given["driver"]).options
+    settings = CameraSettings(**{**given, "options": None if options is None else options(**given["options"])})
+    rig = RigSettings(camera=settings)
+    camera: CameraDriver = mounted(Mounting(role="camera", rig=rig, clock=SystemClock()))
+    return camera
 
 
 def _answer(cuts: FilmedCuts) -> None:

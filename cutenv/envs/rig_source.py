@@ -248,7 +248,7 @@ class RigSource:
         name = f"{date:%Y%m%dT%H%M%S}_{rig}_{seed}-{episode}"
         origin = Provenance(
             rig=settings.name,
-            sensor=f"Net F/T at {settings.sensor.address}" if not self.draws else f"of the {self._rig}",
+            sensor=_sensor_name(settings) if not self.draws else f"of the {self._rig}",
             date=date.isoformat(timespec="seconds"),
             calibration={"date": settings.calibration.date, "gain": settings.calibration.gain},
         )
@@ -296,6 +296,11 @@ class RigSource:
         camera, self._camera = self._camera, None
         if camera is not None:
             camera.close()
+
+
+def _sensor_name(settings: RigSettings) -> str:
+    sensor = settings.sensor
+    return f"Net F/T at {sensor.address}" if sensor.driver == "netft" else f"by the driver {sensor.driver}"
 
 
 def _forget(readings: StructArray) -> None:

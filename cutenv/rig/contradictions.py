@@ -16,6 +16,7 @@ from cutenv.rig.devices.canopen.bus import INTERFACES, bus_arguments
 from cutenv.rig.devices.canopen.configuration import PRODUCER_PERIOD
 from cutenv.rig.devices.canopen.network import DRIVE_PATIENCE
 from cutenv.rig.devices.canopen.units import AxisUnits
+from cutenv.rig.devices.driver_registry import KIND_OF_ROLE, axes_driven_by, driven_roles, traits_of
 from cutenv.rig.operation.session import RETURN_SPEED
 from cutenv.rig.plant import RAISE_SPEED, REST_WITHIN, SLOW_TURN, TURN_RATE
 from cutenv.rig.safety.force_monitor import RISE_OVER
@@ -30,6 +31,7 @@ _STOP_WITHIN = 0.25  # [s] allowed for a quick stop from the axis's top speed
 _TURNING_WITHIN = 0.25  # [s] from rest to the rate that a cut demands of a hinge
 _SETTLING = 6.0  # lags of the velocity loop until the blade counts as at rest
 _COARSEST = 2e-5  # [m] coarsest increment: with a larger one, creeping motion would not be seen
+_LONGEST_SYNC = 0.020  # [s] on a CAN bus
 _FULL = 0.8  # [1] greatest load of a bus: beyond it frames come late
 _SYNC_BITS, _AXIS_BITS = 55, 365  # bits of a SYNC, and of an axis's command and two answers, with all stuffing
 _TISSUE_RISE = 15.0 / 0.0254  # [N/m] rise of the force along the cut in tissue
@@ -63,6 +65,8 @@ def refuse_contradictions(settings: RigSettings) -> None:
     ValueError
         If keys contradict each other; names every contradiction, with keys and values as in the file.
     """
+    for role, driver in driven_roles(settings).items():
+        traits_of(KIND_OF_ROLE[role], driver).check(settings, role)
     found = [
         f"{' and '.join(setting_text(settings, key) for key in each.keys)}: {each.why}"
         for each in contradictions(settings)
@@ -84,7 +88,7 @@ def contradictions(settings: RigSettings) -> Found:
     yield from _measured(settings)
     if settings.height is not None:
         yield from _heights(settings, settings.height)
-    for name, axis in settings.axes.items():
+    for name, axis in axes_driven_by(settings, "canopen").items():
         yield from _counts(name, axis)
 
 
@@ -97,7 +101,8 @@ def _names(settings: RigSettings) -> Found:
 
 
 def _nodes(settings: RigSettings) -> Found:
-    nodes = {"bus.node": settings.bus.node} | {f"{name}.node": axis.node for name, axis in settings.axes.items()}
+    axes = axes_driven_by(settings, "canopen")
+    nodes = {"bus.node": settings.bus.node} | {f"{name}.node": axis.node for name, axis in axes.items()}
     keys = list(nodes)
     for i, one in enumerate(keys):
         for other in keys[i + 1 :]:
@@ -107,6 +112,16 @@ def _nodes(settings: RigSettings) -> Found:
 
 def _bus(settings: RigSettings) -> Found:
     bus, limits, sync = settings.bus, settings.limits, settings.bus.sync
+    if 2.0 * sync > limits.stale_motion:
+        yield Contradiction(
+            ("limits.stale_motion", "bus.sync"),
+            "samples come once in that period, and one may be late: allow two periods or more.",
+        )
+    axes = axes_driven_by(settings, "canopen")
+    if not axes:
+        return
+    if sync > _LONGEST_SYNC:
+        yield Contradiction(("bus.sync",), f"on a CAN bus it is {1e3 * _LONGEST_SYNC:g} ms at most.")
     try:
         one_of("interface", bus.interface, INTERFACES)
         bus_arguments(bus)
@@ -121,12 +136,7 @@ def _bus(settings: RigSettings) -> Found:
             ("limits.heartbeat",),
             f"a drive sends one every {1e3 * PRODUCER_PERIOD:g} ms, and one may be late: allow 75 ms or more.",
         )
-    if 2.0 * sync > limits.stale_motion:
-        yield Contradiction(
-            ("limits.stale_motion", "bus.sync"),
-            "samples come with every SYNC, and one may be late: allow two periods or more.",
-        )
-    load = (_SYNC_BITS + _AXIS_BITS * len(settings.axes)) / bus.bitrate / sync
+    load = (_SYNC_BITS + _AXIS_BITS * len(axes)) / bus.bitrate / sync
     if load > _FULL:
         yield Contradiction(
             ("bus.bitrate", "bus.sync"),
@@ -146,7 +156,7 @@ def _travel(settings: RigSettings) -> Found:
         yield Contradiction(("blade.low", "limits.low"), _drive_first("Lower blade.low_mm, or raise the limit"))
     if blade.high < limits.high:
         yield Contradiction(("blade.high", "limits.high"), _drive_first("Raise blade.high_mm, or lower the limit"))
-    if blade.following_error < limits.following:
+    if blade.driver == "canopen" and blade.following_error < limits.following:
         yield Contradiction(
             ("blade.following_error", "limits.following"), _drive_first("Widen the drive's window, or lower the limit")
         )
@@ -276,7 +286,7 @@ def _heights(settings: RigSettings, axis: HeightAxis) -> Found:
         yield Contradiction(("height.low", "height.lowest"), _drive_first("Lower height.low_mm, or raise the limit"))
     if axis.high < axis.highest:
         yield Contradiction(("height.high", "height.highest"), _drive_first("Raise height.high_mm, or lower the limit"))
-    if axis.following_error < axis.following:
+    if axis.driver == "canopen" and axis.following_error < axis.following:
         yield Contradiction(
             ("height.following_error", "height.following"), _drive_first("Widen the drive's window, or lower the limit")
         )

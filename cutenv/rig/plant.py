@@ -36,6 +36,7 @@ SLOW_TURN = math.radians(10.0)
 _SAME_RATE = 0.02  # relative difference allowed between the sensor's rate and the file's
 _AIMED = math.radians(0.05)  # [rad] error below which the hinge is not moved
 _ARRIVED = 2e-5  # [m] distance at which the blade has arrived
+_FEWEST, _MOST = 20, 200  # readings of a tare: a second of them, within these
 _SLICE = 0.02  # [s] of waiting at a time
 REST_WITHIN = 2.0
 """Time allowed for a blade to come to rest after a stop [s]."""
@@ -150,8 +151,8 @@ class RigPlant:
         rate, wanted = self._sensor.rate, self.settings.sensor.rate
         if abs(rate / wanted - 1.0) > _SAME_RATE:
             raise RigError(
-                f"the force sensor sends {rate:g} readings a second, but the rig's file has {wanted:g}. Set the RDT "
-                "output rate on the sensor's page, or rate under [sensor] in the file."
+                f"the force sensor sends {rate:g} readings a second, but the rig's file has {wanted:g}. Set the rate "
+                "in the sensor (a Net F/T: the RDT output rate on its page), or rate_Hz under [sensor] in the file."
             )
 
     def close(self) -> None:
@@ -189,7 +190,7 @@ class RigPlant:
 
     def tare(self) -> tuple[float, float, float]:
         """Take the present force as :attr:`zero` [N]; see :meth:`ForceDriver.tare`."""
-        self.zero = self._sensor.tare()
+        self.zero = self._sensor.tare(min(max(round(self._sensor.rate), _FEWEST), _MOST))
         return self.zero
 
     # Reports of the drivers go to the supervisor first.

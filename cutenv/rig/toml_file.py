@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import os
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,15 @@ from cutenv.rig.config.file_schema import IDENTIFIED, SECTIONS, FileKey, FileSec
 from cutenv.rig.config.sensor_calibration import day_of
 from cutenv.rig.config.settings import Identified, RigSettings
 from cutenv.rig.contradictions import refuse_contradictions
+from cutenv.rig.devices.driver_registry import (
+    CONDITIONAL,
+    KIND_OF_ROLE,
+    OWN_KEYS,
+    DriverKind,
+    driven_roles,
+    option_keys,
+    traits_of,
+)
 
 _TO_FILL = "# FILL IN: "
 _BEGINNING = """\
@@ -30,7 +40,7 @@ _UNFINISHED = f"""\
 # beginning.  Until then the file is refused, and the missing keys are listed.  The sections [angle], [height] and
 # [camera] may stay as they are.
 """
-_EMULATED_BUSES, _HERE = ("socketcand", "virtual"), ("127.0.0.1", "localhost", "::1")
+_OPTIONS = "options"  # table of a driver's own keys, as in [blade.options]
 _NAMED = {section.name: section for section in SECTIONS}
 _OPTIONAL = ("angle", "height", "camera")
 _WIDTH = 116  # characters of a comment, after its mark
@@ -67,9 +77,12 @@ def read_rig_file(path: str | os.PathLike[str]) -> RigSettings:
     return _settings(text, path)
 
 
-def template(name: str = "rig") -> str:
-    """Return a new rig's file: every key with meaning, unit, range and default; it is refused until filled in."""
-    return _text(RigSettings(name=name), to_fill=True)
+def template(name: str = "rig", like: RigSettings | None = None) -> str:
+    """Return a new rig's file: every key with meaning, unit, range and default; it is refused until filled in.
+
+    Values and drivers are those of ``like``, by default of a CANopen drive and a Net F/T.
+    """
+    return _text(replace(like or RigSettings(), name=name), to_fill=True)
 
 
 def to_toml(settings: RigSettings) -> str:
@@ -126,12 +139,13 @@ def _settings(text: str, path: Path) -> RigSettings:
     except tomllib.TOMLDecodeError as error:
         raise ValueError(f'{path}: it is not TOML: {error}. Texts need quotation marks, as in name = "rig".') from None
     tables = _tables(content, path)
+    needed = _needed({name: table.get("driver") for name, table in tables.items()}, path)
     missing = [
         section.where(key)
         for section in SECTIONS
         if section.name in tables
         for key in section.keys
-        if key.example and key.name not in tables[section.name]
+        if key.example and key.name not in tables[section.name] and _is_needed(section, key, needed)
     ]
     if missing:
         raise ValueError(
@@ -151,6 +165,36 @@ def _settings(text: str, path: Path) -> RigSettings:
     return settings
 
 
+def _needed(drivers: Mapping[str, Any], path: Path) -> set[str]:
+    """Return the fields, as in ``"blade.lead"``, that the drivers of a rig's sections need from a person."""
+    needed = set()
+    for role, kind in KIND_OF_ROLE.items():
+        if role in drivers:
+            needed |= _needed_by(role, _driver_of(role, drivers[role], path), kind, path)
+    return needed
+
+
+def _driver_of(role: str, given: Any, path: Path | str) -> str:
+    """Return the name of a section's driver, the default one if none is given."""
+    default: str = next(key.default for key in _NAMED[role].keys if key.field == "driver")
+    if given is not None and not (isinstance(given, str) and given):
+        raise ValueError(f"{path}: [{role}] driver must be a text in quotation marks, got {given!r}.")
+    return default if given is None else given
+
+
+def _needed_by(role: str, driver: str, kind: DriverKind, path: Path) -> set[str]:
+    try:
+        needs = traits_of(kind, driver).needs
+    except ValueError as error:
+        raise ValueError(f"{path}: [{role}] {error}") from None
+    return {need if "." in need else f"{role}.{need}" for need in needs}
+
+
+def _is_needed(section: FileSection, key: FileKey, needed: set[str]) -> bool:
+    where = f"{section.name}.{key.field}"
+    return where not in CONDITIONAL or where in needed
+
+
 def _check_calibrated(settings: RigSettings) -> None:
     """Raise an error for a calibration in the future, by this computer's clock."""
     calibrated, today = settings.calibration.date, date.today()
@@ -162,13 +206,15 @@ def _check_calibrated(settings: RigSettings) -> None:
 
 def _check_emulated(settings: RigSettings) -> None:
     """Raise an error for a rig that is marked as emulated, so needs no operator, but is not on this computer."""
-    here = settings.bus.interface in _EMULATED_BUSES and settings.bus.host in _HERE and settings.sensor.address in _HERE
-    if settings.emulated and not here:
-        raise ValueError(
-            "emulated = true is for an emulator on this computer: bus.interface socketcand or virtual, bus.host and"
-            f" sensor.address 127.0.0.1; here they are {settings.bus.interface}, {settings.bus.host} and"
-            f" {settings.sensor.address}. Set it to false: a real rig moves beside people, who must be asked."
-        )
+    if not settings.emulated:
+        return
+    for role, name in driven_roles(settings).items():
+        if role != "camera" and not traits_of(KIND_OF_ROLE[role], name).emulated(settings, role):
+            raise ValueError(
+                "emulated = true is for an emulator on this computer, and what the driver of "
+                f"[{role}], {name!r}, reaches by these settings is none (a CAN gateway or a sensor at 127.0.0.1, a "
+                "pseudo-terminal). Set it to false: a real rig moves beside people, who must be asked."
+            )
 
 
 def _tables(content: Mapping[str, Any], path: Path) -> dict[str, Mapping[str, Any]]:
@@ -181,21 +227,19 @@ def _tables(content: Mapping[str, Any], path: Path) -> dict[str, Mapping[str, An
             raise ValueError(f"{path}: {name} must be {kind}.")
     tables = {name: content.get(name, {}) for name in sections if name not in _OPTIONAL or name in content}
     for name, table in tables.items():
+        known = [each.name for each in sections[name].keys] + [_OPTIONS] * (name in KIND_OF_ROLE)
         for key in table:
-            one_of(f"{path}: in [{name}] the name", key, [each.name for each in sections[name].keys])
+            one_of(f"{path}: in [{name}] the name", key, known)
     return {"": {name: value for name, value in content.items() if name not in sections}, **tables}
 
 
 def _part(section: FileSection, table: Mapping[str, Any], path: Path) -> Any:
     """Return a section as its dataclass, or for the top one as a dictionary by field name."""
     where = f"{path}: [{section.name}] " if section.name else f"{path}: "
-    values = {}
-    for key in section.keys:
-        if key.name in table:
-            try:
-                values[key.field] = _value(key, table[key.name], f"{where}{key.name}")
-            except TypeError as error:
-                raise ValueError(str(error)) from None
+    values = _values(section.keys, table, where)
+    if section.name in KIND_OF_ROLE:
+        driver = _driver_of(section.name, table.get("driver"), path)
+        values[_OPTIONS] = _driver_options(section.name, driver, table.get(_OPTIONS, {}), path)
     names = {key.field: key for key in section.keys}
     for low, high in (("low", "high"), ("angle_low", "angle_high"), ("lowest", "highest")):
         if low in names:
@@ -204,6 +248,39 @@ def _part(section: FileSection, table: Mapping[str, Any], path: Path) -> Any:
                 shown = [f"{names[end].name} = {names[end].from_si(at):g}" for end, at in ((low, least), (high, most))]
                 raise ValueError(f"{where}{shown[0]} must be below {shown[1]}: they are the ends of travel.")
     return _made(section.of, values, where.rstrip()) if section.name else values
+
+
+def _values(keys: Iterable[FileKey], table: Mapping[str, Any], where: str) -> dict[str, Any]:
+    values = {}
+    for key in keys:
+        if key.name in table:
+            try:
+                values[key.field] = _value(key, table[key.name], f"{where}{key.name}")
+            except TypeError as error:
+                raise ValueError(str(error)) from None
+    return values
+
+
+def _driver_options(role: str, driver: str, table: Any, path: Path) -> Any:
+    """Return the options of a section's driver, of the class that it declares; None if it declares none."""
+    where, kind = f"{path}: [{role}.{_OPTIONS}] ", KIND_OF_ROLE[role]
+    of, keys = traits_of(kind, driver).options, option_keys(kind, driver)
+    if not isinstance(table, dict):
+        raise ValueError(f"{path}: {role}.{_OPTIONS} must be a table, [{role}.{_OPTIONS}], got {table!r}.")
+    if of is None:
+        if table:
+            raise ValueError(
+                f"{where.rstrip()} driver {driver!r} has no options; found {', '.join(table)}. Remove them."
+            )
+        return None
+    for name in table:
+        one_of(f"{where}the name", name, [key.name for key in keys])
+    if missing := [key.name for key in keys if key.example and key.name not in table]:
+        raise ValueError(
+            f"{where.rstrip()} driver {driver!r} needs {', '.join(missing)}. Write them into the file; 'cutenv rig "
+            f"drivers {driver}' explains each."
+        )
+    return _made(of, _values(keys, table, where), where.rstrip())
 
 
 def _made(of: type[Any], values: Mapping[str, Any], where: str) -> Any:
@@ -246,33 +323,62 @@ def _profile(key: FileKey, raw: Any, name: str) -> tuple[tuple[float, float], ..
 
 def _text(settings: RigSettings, *, to_fill: bool) -> str:
     lines = (_BEGINNING + (_UNFINISHED if to_fill else "")).splitlines()
+    unread = _unread(settings)
     for section in SECTIONS:
         part = getattr(settings, section.name) if section.name else settings
         if part is None:  # no axis of that kind, no camera
             lines += ["", *(f"# {line}".rstrip() for line in _lines(section, section.of(), to_fill=True))]
         else:
-            lines += ["", *_lines(section, part, to_fill=to_fill)]
+            lines += ["", *_lines(section, part, to_fill=to_fill, unread=unread)]
+            lines += _option_lines(section, part, to_fill=to_fill)
     return "\n".join(lines) + "\n"
 
 
-def _lines(section: FileSection, part: Any, *, to_fill: bool) -> Iterator[str]:
+def _unread(settings: RigSettings) -> set[str]:
+    """Return the fields, as in ``"bus.host"``, that no driver of this rig reads."""
+    drivers = driven_roles(settings)
+    used = set(drivers.values()) | {"opencv"}
+    unread = set().union(*(keys for name, keys in OWN_KEYS.items() if name not in used))
+    for role in ("blade", "angle", "height"):
+        if drivers.get(role, "canopen") != "canopen":
+            unread |= {key for key in OWN_KEYS["canopen"] if key.startswith(f"{role}.")}
+    return unread
+
+
+def _option_lines(section: FileSection, part: Any, *, to_fill: bool) -> Iterator[str]:
+    if section.name not in KIND_OF_ROLE or part.options is None:
+        return
+    keys = option_keys(KIND_OF_ROLE[section.name], part.driver)
+    yield ""
+    yield f"# What the driver {part.driver!r} takes."
+    yield f"[{section.name}.{_OPTIONS}]"
+    yield from _key_lines(keys, part.options, to_fill=to_fill)
+
+
+def _lines(section: FileSection, part: Any, *, to_fill: bool, unread: Iterable[str] = ()) -> Iterator[str]:
     if section.name:
         yield f"# {section.about}"
         yield f"[{section.name}]"
     if section is IDENTIFIED:  # explained on top: the program adds the lines below
         for key in section.keys:
             yield f"#   {key.name:<20} {key.meaning}"
-    for key in section.keys:
+    keys = [key for key in section.keys if f"{section.name}.{key.field}" not in unread]
+    yield from _key_lines(keys, part, to_fill=to_fill, comments=section is not IDENTIFIED)
+
+
+def _key_lines(keys: Iterable[FileKey], part: Any, *, to_fill: bool, comments: bool = True) -> Iterator[str]:
+    for key in keys:
         value = getattr(part, key.field)
-        if section is not IDENTIFIED:
-            yield from _comment(key)
+        if comments:
+            yield from key_comment(key)
         if to_fill and key.example:
             yield f"{_TO_FILL}{key.name} = {key.example}"
         elif value is not None:
             yield f"{key.name} = {_toml(key, value)}"
 
 
-def _comment(key: FileKey) -> list[str]:
+def key_comment(key: FileKey) -> list[str]:
+    """Return the comment above a key, in lines: its meaning, range, choices and default."""
     about = [key.meaning]
     if key.limits:
         sign = "" if key.unit.sign == "1" else f" {key.unit.sign}"

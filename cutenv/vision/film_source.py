@@ -6,7 +6,7 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import cv2
 import numpy as np
@@ -84,6 +84,11 @@ class PlayedFilm:
 def camera_of(source: str) -> CameraDriver:
     """Return the camera of this number or address, or the film of this name in its place."""
     return PlayedFilm(source) if Path(source).is_file() else OpencvCamera(source)
+
+
+def mounted_camera(mounting: Any) -> CameraDriver:
+    """Camera that OpenCV reads, by its number or the address of a stream, or a film in its place."""
+    return camera_of(mounting.settings.source)
 
 
 def newest_frames(camera: CameraDriver, size: tuple[int, int]) -> Iterator[VideoFrame]:

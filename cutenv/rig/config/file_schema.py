@@ -73,11 +73,11 @@ class FileSection(NamedTuple):
 
 
 _ABOUT = {
-    "bus": "The CAN bus, as python-can names it.",
+    "bus": "The CAN bus, as python-can names it, and the period of the axes' samples, whatever drives them.",
     "blade": "The axis that moves the blade along the cut.",
     "angle": 'The axis that turns the blade: with angle_mode = "free" only.',
     "height": "The axis that raises and lowers the blade: optional.",
-    "sensor": "The force sensor (Net F/T), and how the cut lies in its axes.",
+    "sensor": "The force sensor, and how the cut lies in its axes.",
     "limits": "Limits at which the blade is stopped, whatever the policy commands.",
     "calibration": "When and how the force sensor was last checked with known weights.",
     "camera": "A camera that measures the depth of cut: optional.",
@@ -87,14 +87,15 @@ _ABOUT = {
 
 def _sections() -> Iterator[FileSection]:
     """Yield the sections of the file, the lines at the top first."""
-    yield FileSection("", "", RigSettings, _keys(RigSettings, hinge=False))
+    yield FileSection("", "", RigSettings, keys_of(RigSettings))
     hints = typing.get_type_hints(RigSettings)
     for name, about in _ABOUT.items():
         of = _without_none(hints[name])
-        yield FileSection(name, about, of, _keys(of, hinge=name == "angle"))
+        yield FileSection(name, about, of, keys_of(of, hinge=name == "angle"))
 
 
-def _keys(of: type[Any], *, hinge: bool) -> tuple[FileKey, ...]:
+def keys_of(of: type[Any], *, hinge: bool = False) -> tuple[FileKey, ...]:
+    """Return the keys of a dataclass whose fields are settings; ``hinge``: in a hinge's units, not a screw's."""
     hints, which = typing.get_type_hints(of), -1 if hinge else 0
     keys = []
     for field in dataclasses.fields(of):

@@ -65,8 +65,8 @@ class Bus:
     host: str = setting("127.0.0.1", "1", "Address of a socketcand gateway.")
     port: int = setting(29536, "1", "TCP port of a socketcand gateway.")
     sync: float = setting(
-        0.005, "ms", "Period of SYNC, at which the axes report their position.", 0.001, 0.02,
-        why="four samples of position to a decision",
+        0.005, "ms", "Period at which the axes report their position: that of SYNC on a CAN bus, 20 ms there at most.",
+        0.001, 0.25, why="four samples of position to a decision",
     )  # fmt: skip
     node: int = setting(127, "1", "Number of this computer on the bus, whose heartbeat the drives watch.")
     heartbeat: float = setting(
@@ -81,6 +81,7 @@ class Bus:
         in_range("bitrate", self.bitrate, 10_000, 1_000_000, "bit/s", "CANopen runs at 10 kbit/s to 1 Mbit/s.")
 
 
+_DRIVER = "Driver: a name that 'cutenv rig drivers' lists, or module:Class. Its own keys are in the table 'options'."
 _WAY, _SPEED, _ACCELERATION = ("mm", "deg"), ("cm_s", "deg_s"), ("m_s2", "deg_s2")
 
 
@@ -91,6 +92,8 @@ class Axis:
     The defaults are a screw's: the examples tell a hinge's.
     """
 
+    driver: str = setting("canopen", "1", _DRIVER)
+    options: Any = None
     node: int = setting(1, "1", "Number of the drive on the bus, 1 to 127.", example=("", "2"))
     gear: float = setting(4.4, "1", "Turns of the motor for one turn of the screw or hinge.", 1e-3, 1e5, example="4.4")
     lead: float = setting(
@@ -197,12 +200,14 @@ class HeightAxis(Axis):
 
 @dataclass(frozen=True, kw_only=True)
 class SensorSettings:
-    """Settings of a Net F/T force sensor, and the direction of the cut in its axes."""
+    """Settings of a force sensor, and the direction of the cut in its axes."""
 
-    address: str = setting("192.168.1.1", "1", "Network address of the sensor.", example='"192.168.1.1"')
+    driver: str = setting("netft", "1", _DRIVER)
+    options: Any = None
+    address: str = setting("192.168.1.1", "1", "Network address of a Net F/T.", example='"192.168.1.1"')
     port: int = setting(49152, "1", "Its UDP port for RDT.")
     page: str = setting("", "1", "Address of its configuration page; empty: http://ADDRESS/netftapi2.xml.")
-    rate: float = setting(1000.0, "Hz", "Rate of the readings, as set on its configuration page.", 100.0, 7000.0)
+    rate: float = setting(1000.0, "Hz", "Rate of the readings, as set in the sensor.", 5.0, 7000.0)
     cut_axis: Literal["x", "y", "z"] = setting("x", "1", "Axis of the sensor along the cut line.")
     sign: int = setting(1, "1", "1 or -1: sign of the reading when the tissue resists forward motion.")
 
@@ -325,6 +330,8 @@ class SensorCalibration:
 class CameraSettings:
     """Camera that films the blade, and the blade's mark."""
 
+    driver: str = setting("opencv", "1", _DRIVER)
+    options: Any = None
     source: str = setting(
         "0", "1", "Number of the camera, address of its stream, or a video file that is played in its place.",
         example='"0"',

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import subprocess
 import sys
@@ -37,7 +38,7 @@ class RigCamera:
         self.ended = ""
         self._answered = threading.Event()
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "cutenv.envs.camera_process", json.dumps(vars(settings))],
+            [sys.executable, "-m", "cutenv.envs.camera_process", json.dumps(dataclasses.asdict(settings))],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
