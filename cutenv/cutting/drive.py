@@ -1,9 +1,15 @@
-"""Drives of the blade: a rig that holds position, or a hand coupled to the blade by a spring and a damper."""
+"""Drives of the blade: a rig's velocity loop, a rig's PD position control, or a hand that holds it softly.
+
+PD control is a spring and a damper between the wanted and the actual position, and so is a hand's grip: one law, with a
+motor's numbers or a person's.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
@@ -104,6 +110,75 @@ class Hand:
         return drives
 
 
+@dataclass(frozen=True, kw_only=True)
+class PDRig:
+    """A motor under PD position control (thesis 3.1): position error and its derivative command the motor's force.
+
+    The wanted position is that of a carriage which reaches the commanded speed at constant ``acceleration``.  All
+    quantities are referred to the carriage.  Under the tissue's force F the blade yields by F / ``proportional_gain``,
+    and at a constant speed v it follows ``drag`` v / ``proportional_gain`` behind.  The thesis gives no gains.  Coulomb
+    friction of motor and guides, at most some hundredths of a millimetre of position, is left out: the emulated rig
+    has it.
+    """
+
+    proportional_gain: float = parameter(
+        750e3, unit="N/m", low=100.0, high=1e8, provenance="assumed",
+        source="a bandwidth of 10 Hz with the mass below; the thesis gives no gains", sensitivity=(75e3, 3e6),
+    )  # fmt: skip
+    derivative_gain: float = parameter(
+        24e3, unit="N s/m", low=1.0, high=1e7, provenance="assumed",
+        source="critical damping of both; the thesis gives no gains", sensitivity=(6e3, 48e3),
+    )  # fmt: skip
+    moved_mass: float = parameter(
+        190.0, unit="kg", low=0.1, high=1e5, provenance="assumed",
+        source="a rotor of 1e-6 kg m2 with a gear of 4.4 on a screw of 2 mm, at the carriage: the emulated rig's",
+        sensitivity=(40.0, 1000.0),
+    )  # fmt: skip
+    drag: float = parameter(
+        300.0, unit="N s/m", low=0.0, high=1e6, provenance="assumed",
+        source="viscous friction of motor, gear and screw: the emulated rig's", sensitivity=(0.0, 3000.0),
+    )  # fmt: skip
+    acceleration: float = parameter(
+        0.1, unit="m/s2", low=0.001, high=10.0, provenance="assumed",
+        source="of the wanted motion: full speed in a quarter of a second", sensitivity=(0.05, 0.5),
+    )  # fmt: skip
+    rotation_rate: float = parameter(
+        math.radians(90.0), unit="rad/s", low=0.01, high=20.0, provenance="assumed",
+        source="90 degrees in one second", sensitivity=(math.radians(45.0), math.radians(180.0)),
+    )  # fmt: skip
+    dead_time: float = parameter(
+        0.0, unit="s", low=0.0, high=0.015, provenance="assumed",
+        source="off; bus and drive between a command and the first motion", sensitivity=(0.0, 0.010),
+    )  # fmt: skip
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+        stiffest = 0.1 * self.moved_mass / TICK**2
+        if self.proportional_gain > stiffest:
+            raise ValueError(
+                f"proportional_gain = {self.proportional_gain:g} N/m on moved_mass = {self.moved_mass:g} kg swings too"
+                f" fast for updates of {TICK:g} s. Give a gain below {stiffest:g} N/m, or a larger mass."
+            )
+
+    def records(self, travel: float) -> StructArray:
+        """Return the drive as a :data:`DRIVE` array, shape (1,); the blade stays within 0 to ``travel`` [m]."""
+        drives = Rig(
+            acceleration=self.acceleration, rotation_rate=self.rotation_rate, dead_time=self.dead_time
+        ).records(travel)
+        drives["lag"] = _NO_LAG
+        drives["mass"] = self.moved_mass
+        drives["coupling_stiffness"] = self.proportional_gain
+        drives["coupling_damping"] = self.derivative_gain
+        drives["drag"] = self.drag
+        return drives
+
+
+Drive = Rig | PDRig | Hand
+"""Any of them."""
+DRIVES: Mapping[str, type[Rig] | type[PDRig] | type[Hand]] = MappingProxyType({"rig": Rig, "pd": PDRig, "hand": Hand})
+"""Drives by the names that an environment's keyword ``drive`` takes."""
+
+_NO_LAG = 1e-5  # [s], far below an update: the wanted speed is the commanded one, within its acceleration
 _AT_REST = 1e-5  # [m/s], below the resolution of an encoder: 10 nm in a millisecond
 
 
@@ -197,14 +272,16 @@ def coupling_step(
     friction: Grip,
     dt: float,
 ) -> float:
-    """Return the displacement [m] of a hand's blade: a mass on a spring and a damper, by semi-implicit Euler.
+    """Return the displacement [m] of a blade on a spring and a damper, those of PD control or of a hand's grip.
 
+    By semi-implicit Euler.
     The tissue's ``elastic`` force [N] pulls it back.  Friction sticks like a spring or slips: the solution is the
     sticking speed, clipped to the speeds of slipping forward and backward, however stiff the bristles are.
     """
     coupling = drive.coupling_stiffness * (hand - blade) + drive.coupling_damping * hand_speed
     answer = dt / drive.mass  # change of speed per force [s/kg]
-    pushed, slowed = speed + (coupling - elastic) * answer, 1.0 + (drive.coupling_damping + friction.damping) * answer
+    pushed = speed + (coupling - elastic) * answer
+    slowed = 1.0 + (drive.coupling_damping + friction.damping + drive.drag) * answer
     sticking = (pushed - friction.held * answer) / (slowed + friction.stiffness * dt * answer)
     slipping_on, slipping_back = (
         (pushed - friction.limit * answer) / slowed,
@@ -212,3 +289,18 @@ def coupling_step(
     )
     speed = min(max(sticking, slipping_on), slipping_back)
     return min(max(blade + speed * dt, 0.0), drive.travel) - blade  # type: ignore[no-any-return]
+
+
+_NO_GRIP = Grip(0.0, 0.0, 0.0, 0.0)
+
+
+@njit
+def advance_in_air(state: Struct, drive: Struct, share: float, target: float, dt: float) -> None:
+    """Advance a state's carriage and, where PD control or a hand moves it, its blade in free air."""
+    advance_command(state, drive, share, target, dt)
+    if drive.mass > 0.0:
+        dx = coupling_step(drive, state.hand, state.hand_speed, state.blade, state.speed, 0.0, _NO_GRIP, dt)
+        state.blade += dx
+        state.speed = dx / dt
+    else:
+        state.blade, state.speed = state.hand, state.hand_speed

@@ -58,9 +58,10 @@ DRIVE = _struct(
     ("acceleration", "f8"),  # limit [m/s2]
     ("rotation_rate", "f8"),  # limit [rad/s]
     ("travel", "f8"),  # the blade stays within 0 to travel [m]
-    ("mass", "f8"),  # blade and hand [kg]; 0: a rig, which holds position
-    ("coupling_stiffness", "f8"),  # hand to blade [N/m]
-    ("coupling_damping", "f8"),  # hand to blade [N s/m]
+    ("mass", "f8"),  # blade and hand, or of a drive under PD control [kg]; 0: a velocity loop, which holds position
+    ("coupling_stiffness", "f8"),  # hand to blade, or proportional gain [N/m]
+    ("coupling_damping", "f8"),  # hand to blade, or derivative gain [N s/m]
+    ("drag", "f8"),  # of a drive under PD control [N s/m]
     ("dead_ticks", "i8"),  # updates between a command and its effect
     ("backlash", "f8"),  # play between the rig's carriage and its blade [m]
 )
@@ -72,7 +73,7 @@ STATE = _struct(
     ("angle", "f8"),  # theta [rad]
     ("lean", "f8"),  # cotangent of theta
     ("pushing", "f8"),  # sin^2 of theta; both stored, because the blade seldom turns
-    ("hand", "f8"),  # commanded position of the hand or the rig's carriage [m]
+    ("hand", "f8"),  # wanted position under PD control, of a hand, or of the carriage [m]
     ("hand_speed", "f8"),  # [m/s]
     ("target", "f8"),  # commanded speed that has reached the drive [m/s], where there is a dead time
     ("next_target", "f8"),  # pending commanded speed [m/s]

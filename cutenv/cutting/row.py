@@ -85,7 +85,7 @@ def row_dtype(lanes: int) -> np.dtype[Any]:
         ("words", "u8", (BLOCK, lanes)),  # random words of four milliseconds
         ("normals", "f8", (BLOCK, lanes)),  # the standard normal numbers made of them
         ("taken", "i8"),  # number of cuts in the row, and of those among them:
-        ("hands", "i8"),  # driven by hand
+        ("hands", "i8"),  # driven by hand or by PD control
         ("late", "i8"),  # with a dead time
         ("slack", "i8"),  # with backlash
         ("drifting", "i8"),  # with a sensor whose zero drifts
@@ -142,6 +142,7 @@ class DriveInRow(NamedTuple):
     mass: float
     coupling_stiffness: float
     coupling_damping: float
+    drag: float
 
 
 @njit_inline

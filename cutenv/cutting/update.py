@@ -97,7 +97,9 @@ def drive_row(row: Struct, dt: float) -> None:
     if row.hands > 0:
         for n in range(len(row.blade)):
             if row.mass[n] > 0.0:
-                drive = DriveInRow(row.travel[n], row.mass[n], row.coupling_stiffness[n], row.coupling_damping[n])
+                drive = DriveInRow(
+                    row.travel[n], row.mass[n], row.coupling_stiffness[n], row.coupling_damping[n], row.drag[n]
+                )
                 row.dx[n] = coupling_step(
                     drive, row.hand[n], row.hand_speed[n], row.blade[n], row.speed[n],
                     row.K[n] * max(row.blade[n] - row.creep[n] - row.tip[n], 0.0),

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cutenv._base.parameter import check_parameters, parameter
 from cutenv._base.validation import one_of
-from cutenv.cutting.drive import Hand, Rig
+from cutenv.cutting.drive import DRIVES, Drive, Rig
 from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.task.beginning import measure_depth
@@ -80,7 +80,7 @@ def identified_constants(rig: str | Path, *, drive: str = "rig") -> dict[str, fl
 class Constants:
     """Constants of an episode, except those of the specimen."""
 
-    drive: Rig | Hand = dataclasses.field(default_factory=Rig)
+    drive: Drive = dataclasses.field(default_factory=Rig)
     sensor: SensorParameters = dataclasses.field(default_factory=SensorParameters)
     law: LawParameters = dataclasses.field(default_factory=LawParameters)
     weights: RewardWeights = dataclasses.field(default_factory=RewardWeights)
@@ -101,7 +101,7 @@ class Constants:
             For an unknown name (the nearest is suggested) and for a value out of range.
         """
         kinds: dict[str, Any] = {
-            "drive": {"rig": Rig, "hand": Hand}[one_of("drive", drive, ("rig", "hand"))],
+            "drive": DRIVES[one_of("drive", drive, DRIVES)],
             "sensor": SensorParameters,
             "law": LawParameters,
             "weights": RewardWeights,

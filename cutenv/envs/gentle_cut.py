@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from cutenv._base.arrays import StructArray
 from cutenv._base.validation import in_range, one_of
 from cutenv._engine.jit import warn_before_first_compile
+from cutenv.cutting.drive import DRIVES
 from cutenv.envs.constants import Constants, identified_constants
 from cutenv.envs.tissue_source import TissueSource
 from cutenv.plant.simulator import ANGLE_RANGE, SimulatedPlant
@@ -141,7 +142,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     angle_mode          "free"  "free" or "fixed"
     fixed_angle_deg     90.0    angle of the blade if fixed [deg], 45 to 90
     reward_from         "truth" "truth" or "estimate" (tip from force, as on a rig)
-    drive               "rig"   "rig" (holds position) or "hand" (yields to force)
+    drive               "rig"   "rig" (holds position), "pd" (PD control) or "hand" (yields to force)
     rig                 None    a rig's TOML file, whose identified values replace the parameter table's
     render_mode         None    "rgb_array" or "human"
     =================== ======= ===========================================================================
@@ -196,7 +197,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         one_of("specimen_class", specimen_class, CLASSES)
         one_of("angle_mode", angle_mode, ("free", "fixed"))
         one_of("reward_from", reward_from, ("truth", "estimate"))
-        one_of("drive", drive, ("rig", "hand"))
+        one_of("drive", drive, DRIVES)
         one_of("render_mode", render_mode, (None, *self.metadata["render_modes"]))
         check_rate(control_hz)
         in_range("fixed_angle_deg", fixed_angle_deg, 45.0, 90.0, "deg", "Measured are 45 to 90 degrees.")

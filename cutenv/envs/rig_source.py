@@ -56,7 +56,7 @@ class FakeSpecimens:
         specimen, constants = key.specimen, self._constants
         if specimen is None:
             raise RigError("a fake rig cuts drawn specimens only.")
-        drive = constants.drive if constants.drive != Rig() else None  # otherwise the rig's own
+        drive = constants.drive if constants.drive != Rig() else None  # None: the rig's own
         if self._rig.settings.height is None:
             laid: Any = SpecimenPlant
         else:
@@ -65,7 +65,7 @@ class FakeSpecimens:
             lambda settings: laid(
                 specimen,
                 settings,
-                drive=drive if isinstance(drive, Rig) else None,
+                drive=drive,
                 sensor=constants.sensor,
                 law=constants.law,
                 seed=key.seed,

@@ -8,7 +8,7 @@ from cutenv._base.arrays import Array, StructArray
 from cutenv._base.validation import in_range
 from cutenv.cutting.descending_cut import account_of_descending, hold_descending
 from cutenv.cutting.descent import DescentParameters, descent_records, layered_profiles
-from cutenv.cutting.drive import Rig
+from cutenv.cutting.drive import Drive, Rig
 from cutenv.cutting.dtypes import READING, new_state
 from cutenv.cutting.parameters import LawParameters, law_records
 from cutenv.cutting.sensor import SensorParameters, sensor_records
@@ -55,7 +55,7 @@ class DescendingPlant:
         specimen: Specimen,
         *,
         layers: Layers | None = None,
-        drive: Rig | None = None,
+        drive: Drive | None = None,
         sensor: SensorParameters | None = None,
         law: LawParameters | None = None,
         descent: DescentParameters | None = None,

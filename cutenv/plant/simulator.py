@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cutenv._base.arrays import StructArray
 from cutenv._base.validation import array_in_range, in_range
-from cutenv.cutting.drive import Hand, Rig
+from cutenv.cutting.drive import Drive, Rig
 from cutenv.cutting.dtypes import READING, new_state
 from cutenv.cutting.parameters import LawParameters, law_records, profile_records
 from cutenv.cutting.sensor import SensorParameters, sensor_records
@@ -31,7 +31,7 @@ class SimulatedPlant:
     ----------
     specimen : Specimen
         The tissue to cut.
-    drive : Rig or Hand, optional
+    drive : Rig, PDRig or Hand, optional
         Drive of the blade; default the rig.
     sensor : SensorParameters, optional
         Noise, resolution and delay of the force sensor.
@@ -54,7 +54,7 @@ class SimulatedPlant:
         self,
         specimen: Specimen,
         *,
-        drive: Rig | Hand | None = None,
+        drive: Drive | None = None,
         sensor: SensorParameters | None = None,
         law: LawParameters | None = None,
         seed: int = 0,

@@ -9,7 +9,7 @@ import numpy as np
 
 from cutenv._base.arrays import Array, StructArray
 from cutenv._base.validation import in_range
-from cutenv.cutting.drive import Rig
+from cutenv.cutting.drive import Drive, Rig
 from cutenv.cutting.dtypes import READING, new_state
 from cutenv.cutting.parameters import LawParameters, law_records, profile_records
 from cutenv.cutting.sensor import SensorParameters, sensor_records
@@ -64,7 +64,7 @@ class SteeredPlant:
         specimen: Specimen,
         line: CutLine,
         *,
-        drive: Rig | None = None,
+        drive: Drive | None = None,
         sensor: SensorParameters | None = None,
         law: LawParameters | None = None,
         steering: SteeringParameters | None = None,

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from cutenv.cutting.drive import Rig, advance_command, delayed_command, lag_gain
+from cutenv.cutting.drive import Drive, advance_in_air, delayed_command, lag_gain
 from cutenv.cutting.dtypes import STATE, TICK
 from cutenv.cutting.sensor import Sensor, SensorParameters
 from cutenv.rig.config.identified import drive_of
@@ -39,7 +39,7 @@ class AirPlant(AtOneHeight):
         self,
         settings: RigSettings,
         *,
-        drive: Rig | None = None,
+        drive: Drive | None = None,
         sensor: SensorParameters | None = None,
         start: float | None = None,
         height: float = 0.0,
@@ -49,7 +49,8 @@ class AirPlant(AtOneHeight):
         self._records = self._drive.records(2.0 * _FAR)
         self._states = np.zeros(1, STATE)
         middle = _MIDDLE * (settings.limits.low + settings.limits.high)
-        self._states["hand"] = _FAR + (middle if start is None else start)
+        self._states["hand"] = self._states["blade"] = _FAR + (middle if start is None else start)
+        self._usual = self._records[0].copy()
         self._quick_stop = settings.blade.quick_stop
         self._angle = settings.fixed_angle
         self._sensor = Sensor(sensor)
@@ -58,23 +59,23 @@ class AirPlant(AtOneHeight):
     def step(self, speed: float, turn: float, stopping: bool) -> None:
         """Advance by a millisecond; a quick stop brakes at its own rate, without the velocity loop's lag."""
         drive, state = self._records[0], self._states[0]
-        drive.acceleration = self._quick_stop if stopping else self._drive.acceleration
-        drive.lag = TICK if stopping else self._drive.motor_lag
+        drive.acceleration = self._quick_stop if stopping else self._usual.acceleration
+        drive.lag = min(TICK, self._usual.lag) if stopping else self._usual.lag
         target = 0.0 if stopping else float(delayed_command(state, drive, speed))
-        advance_command(state, drive, lag_gain(drive, TICK), target, TICK)
+        advance_in_air(state, drive, lag_gain(drive, TICK), target, TICK)
         self._angle = min(max(self._angle + turn * TICK, math.radians(45.0)), math.radians(90.0))
         self._force = self._sensor.measure(0.0)
 
     def block(self) -> None:
         """Advance by a millisecond in which nothing can move."""
-        self._states["hand_speed"] = 0.0
+        self._states["hand_speed"] = self._states["speed"] = 0.0
         self._force = self._sensor.measure(0.0)
 
     @property
     def motion(self) -> tuple[float, float, float]:
         """Position [m], speed [m/s] and angle [rad]."""
         state = self._states[0]
-        return float(state["hand"]) - _FAR, float(state["hand_speed"]), self._angle
+        return float(state["blade"]) - _FAR, float(state["speed"]), self._angle
 
     @property
     def force(self) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from cutenv.cutting.descent import DescentParameters
-from cutenv.cutting.drive import Rig
+from cutenv.cutting.drive import Drive
 from cutenv.cutting.dtypes import READING, TICK
 from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.sensor import SensorParameters
@@ -38,17 +38,18 @@ class DescendingBench:
     """
 
     def __init__(
-        self, specimen: Specimen, settings: RigSettings, *, layers: Layers | None = None, drive: Rig | None = None,
+        self, specimen: Specimen, settings: RigSettings, *, layers: Layers | None = None, drive: Drive | None = None,
         sensor: SensorParameters | None = None, law: LawParameters | None = None,
         descent: DescentParameters | None = None, seed: int = 0, episode: int = 0,
     ) -> None:  # fmt: skip
         axis = settings.require_height_axis(by="DescendingBench")
-        self._drive, self._descent = drive or drive_of(settings), descent or DescentParameters()
+        drive, self._descent = drive or drive_of(settings), descent or DescentParameters()
         self._angle = settings.fixed_angle
         self.plant = DescendingPlant(
-            specimen, layers=layers, drive=self._drive, sensor=sensor, law=law, descent=self._descent, seed=seed,
+            specimen, layers=layers, drive=drive, sensor=sensor, law=law, descent=self._descent, seed=seed,
             episode=episode, angle=self._angle,
         )  # fmt: skip
+        self._usual = self.plant.cuts.drives[0].copy()
         self._quick_stops = settings.blade.quick_stop, axis.quick_stop
         self._rise, self._rise_stops, self._rise_blocked = 0.0, False, False
         self._position = self._speed = self._force = 0.0
@@ -61,7 +62,7 @@ class DescendingBench:
 
     def block(self) -> None:
         """Advance by a millisecond in which the blade cannot move along the cut."""
-        self.plant.cuts.states["hand_speed"] = 0.0
+        self.plant.cuts.states["hand_speed"] = self.plant.cuts.states["speed"] = 0.0
         self._advance(0.0, stopping=False)
 
     def rise(self, speed: float, *, stopping: bool, blocked: bool) -> None:
@@ -71,8 +72,8 @@ class DescendingBench:
     def _advance(self, speed: float, *, stopping: bool) -> None:
         plant, descent = self.plant, self._descent
         drives, descents = plant.cuts.drives, plant.descents
-        drives["acceleration"] = self._quick_stops[0] if stopping else self._drive.acceleration
-        drives["lag"] = TICK if stopping else self._drive.motor_lag
+        drives["acceleration"] = self._quick_stops[0] if stopping else self._usual.acceleration
+        drives["lag"] = min(TICK, self._usual.lag) if stopping else self._usual.lag
         rising_stops = self._rise_stops or self._rise_blocked
         descents["acceleration"] = self._quick_stops[1] if rising_stops else descent.vertical_acceleration
         descents["gain"] = 1.0 if rising_stops else -math.expm1(-TICK / descent.vertical_lag)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Protocol
 
-from cutenv.cutting.drive import Rig
+from cutenv.cutting.drive import Drive
 from cutenv.cutting.dtypes import READING, TICK
 from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.sensor import SensorParameters
@@ -81,16 +81,16 @@ class SpecimenPlant(AtOneHeight):
     """Specimen under the cutting law, with the simulator's own drive and sensor."""
 
     def __init__(
-        self, specimen: Specimen, settings: RigSettings, *, drive: Rig | None = None,
+        self, specimen: Specimen, settings: RigSettings, *, drive: Drive | None = None,
         sensor: SensorParameters | None = None, law: LawParameters | None = None, seed: int = 0, episode: int = 0,
     ) -> None:  # fmt: skip
-        self._drive = drive or drive_of(settings)
+        drive = drive or drive_of(settings)
         self._lift = None if settings.height is None else VerticalDrive(settings.height)
         self.plant = SimulatedPlant(
-            specimen, drive=self._drive, sensor=sensor, law=law, seed=seed, episode=episode, angle=settings.fixed_angle
+            specimen, drive=drive, sensor=sensor, law=law, seed=seed, episode=episode, angle=settings.fixed_angle
         )
         self._angle = settings.fixed_angle
-        self._quick_stop = settings.blade.quick_stop
+        self._usual, self._quick_stop = self.plant.cuts["drives"][0].copy(), settings.blade.quick_stop
         self._stopping: bool | None = None
         self._position = self._speed = self._force = 0.0
         self._advance(0.0)
@@ -100,8 +100,8 @@ class SpecimenPlant(AtOneHeight):
         self._angle += turn * TICK
         if stopping != self._stopping:
             self._stopping = stopping
-            self.plant.cuts["drives"]["acceleration"] = self._quick_stop if stopping else self._drive.acceleration
-            self.plant.cuts["drives"]["lag"] = TICK if stopping else self._drive.motor_lag
+            self.plant.cuts["drives"]["acceleration"] = self._quick_stop if stopping else self._usual.acceleration
+            self.plant.cuts["drives"]["lag"] = min(TICK, self._usual.lag) if stopping else self._usual.lag
         self._advance(0.0 if stopping else speed)
 
     def _advance(self, speed: float) -> None:
@@ -112,7 +112,7 @@ class SpecimenPlant(AtOneHeight):
 
     def block(self) -> None:
         """Advance by a millisecond in which nothing can move."""
-        self.plant.cuts["states"]["hand_speed"] = 0.0
+        self.plant.cuts["states"]["hand_speed"] = self.plant.cuts["states"]["speed"] = 0.0
         self._advance(0.0)
 
     @property
