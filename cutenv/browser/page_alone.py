@@ -16,7 +16,7 @@ from scipy.signal import butter, sosfilt_zi
 
 import cutenv
 from cutenv._base import resources
-from cutenv._base.arrays import Array
+from cutenv._base.arrays import Array, StructArray
 from cutenv._base.atomic_file import atomic_write
 from cutenv._base.document import render
 from cutenv._base.languages import LANGUAGES, texts_by_key
@@ -41,13 +41,16 @@ from cutenv.task_quantities import (
     TIP_TOLERANCE,
 )
 from cutenv.tissue import measured_liver
+from cutenv.tissue.slab import SLAB
 from cutenv.tissue.specimen import CLASSES, LENGTH, SPACING
 from cutenv.trace import SPEED_WINDOW
 from cutenv.viewer.drawn_slab import Slab
 from cutenv.viewer.scene_parts import WORDS, scene_data
 
-LAW_PROGRAM = "browser/law.wasm"
-"""The compiled task, below ``assets``."""
+LAW_PROGRAMS = {"gentle": "browser/law.wasm", "depth": "browser/depth_law.wasm"}
+"""The compiled tasks, below ``assets``."""
+TABLES: np.dtype[Any] = np.dtype((np.record, [(name, *SLAB.fields[name][:1]) for name in ("ratio", "share")]))
+"""Part of a slab that the law needs while a blade descends: its table of partial depth."""
 OFFERED = ("liver", "uniform", "vascular")
 """Classes of specimens that a page offers by default."""
 _HERE = Path(__file__).parent / "page"
@@ -124,7 +127,7 @@ def page_text(template: str, told: dict[str, Any], **values: Any) -> str:
     """Return a page that cuts, filled with what it is told, the law, its scripts and further values of its template."""
     filled = {
         "data": json.dumps(told, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c"),
-        "law": _base64(resources.path(LAW_PROGRAM).read_bytes()),
+        "law": _base64(resources.path(LAW_PROGRAMS["gentle"]).read_bytes()),
         "code": "\n".join((_HERE / name).read_text(encoding="utf-8") for name in _SCRIPTS),
         "words": told["texts"][told["language"]],
         **values,
@@ -204,6 +207,14 @@ def scoring_data() -> dict[str, Any]:
         # scipy.signal.sosfiltfilt continues a signal by three times the filter's three taps.
         "filter": {"section": lowpass[0].tolist(), "start": sosfilt_zi(lowpass)[0].tolist(), "pad": 9},
     }
+
+
+def partial_depth_tables(slabs: StructArray) -> StructArray:
+    """Return the :data:`TABLES` of a slab, both of shape (1,)."""
+    tables: StructArray = np.zeros(1, TABLES)
+    for name in TABLES.names or ():
+        tables[name] = slabs[name]
+    return tables
 
 
 def layout(kind: np.dtype[Any]) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from cutenv.cutting.descent import DescentParameters, descent_records
 from cutenv.plant.simulator import SimulatedPlant
 from cutenv.task.depth_beginning import begin_depth_one, observe_depth_at_start
 from cutenv.task.depth_cuts import (
+    N_MEMORY,
     depth_charges,
     depth_errors,
     step_depth_one,
@@ -137,6 +138,7 @@ class DepthCutting(DepthAssessed, SimulatedCutting):
         self.depths = depth_record(constants)
         self.vertical: Array = np.zeros((1, self.ticks))
         """True vertical force on the blade since the last decision, upwards [N]."""
+        self._memory: Array = np.empty((N_MEMORY, 1))
         begin_depth_one(
             plant.cuts, self.episode, self.descents, self.depths, self.slabs,
             (1.0 - specimen.tissue.friction_share, descent.bedding), (wanted, int(layer)),
@@ -149,7 +151,7 @@ class DepthCutting(DepthAssessed, SimulatedCutting):
         observation = np.empty((1, len(ALL_COMPONENTS)), np.float32)
         reward, self._end = step_depth_one(
             self.plant.cuts, self.episode, self.descents, self.depths, self.slabs, self.ticks, action.reshape(1, 3),
-            observation, self._recorded, self.vertical,
+            observation, self._recorded, self.vertical, self._memory,
         )  # fmt: skip
         self._felt = self._recorded[0]
         return observation[0], reward
