@@ -29,8 +29,8 @@ class SurfaceSpread:
 
     surface_spread: float = parameter(
         0.002, unit="m", low=0.0, high=0.01, provenance="assumed",
-        source="standard deviation of a slice's surface from the mean bulge: a tenth of the crown; the thesis calls the "
-        "thickness naturally varying and gives no number", sensitivity=(0.0, 0.004),
+        source="SD of a slice's surface from the mean bulge: a tenth of the crown; the thesis calls the thickness "
+        "naturally varying and gives no number", sensitivity=(0.0, 0.004),
     )  # fmt: skip
     surface_length: float = parameter(
         0.030, unit="m", low=0.005, high=0.2, provenance="assumed", source="correlation of it along the cut",
