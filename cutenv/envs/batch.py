@@ -86,9 +86,10 @@ class CutBatch:
     @cached_property
     def _drawn_by(self) -> tuple[Any, ...]:
         """Return the arguments with which :func:`~cutenv.task.beginning.begin_some` draws specimens and depths."""
-        knowledge = self.single.constants.knowledge
+        knowledge, surface = self.single.constants.knowledge, self.single.surface
         tissue = sampler(self._tissue), tissue_modes(self._tissue)
-        return *tissue, knowledge.depth_noise, knowledge.depth_modes()
+        deviation = surface.surface_spread, self._tissue.thickness, surface.modes()
+        return *tissue, knowledge.depth_noise, knowledge.depth_modes(), deviation
 
     def give_seeds(self, seeds: Sequence[int | None], which: NDArray[np.int64], chance: np.random.Generator) -> None:
         """Assign ``seeds``, one for each cut of the batch, to the cuts numbered ``which``; None keeps a cut's own.

@@ -27,6 +27,7 @@ from cutenv.task.info import INFO
 from cutenv.task.observation import SPEED_SCALE as _SPEED_SCALE
 from cutenv.task.observation import speed_action, to_action
 from cutenv.task.wanted_depth import WANTED_KINDS
+from cutenv.tissue.surface import SurfaceSpread
 
 _NO_VERTICAL = np.zeros((0, 0))
 
@@ -78,7 +79,8 @@ class DepthCutEnv(GentleCutEnv):
     21  last_descent   last action: descent                                        1    1     0
     === ============== =========================================================== ==== ===== ======
 
-    The surface was measured beforehand with an error of 0.5 mm.  Tip, toughness and the layer below are hidden.
+    The surface of each slice differs, by 2 mm from that of the mean liver, and was measured beforehand with an error of
+    0.5 mm.  Tip, toughness and the layer below are hidden.
 
     Reward
     ------
@@ -114,7 +116,7 @@ class DepthCutEnv(GentleCutEnv):
     The others are those of ``cutenv/GentleCut-v1``, of which ``reward_from`` cannot be changed, and
     ``edge_length``, ``bedding``, ``vertical_lag``, ``vertical_acceleration``, ``response_time``, ``layer_limit``,
     ``vertical_noise``, ``vertical_resolution``, ``weight_too_deep``, ``weight_uncut``, ``weight_layer_area``,
-    ``weight_layer_depth``.
+    ``weight_layer_depth``, ``surface_spread`` (0 with ``wanted="profile"``), ``surface_length``.
 
     Info
     ----
@@ -132,6 +134,7 @@ class DepthCutEnv(GentleCutEnv):
     component_count = len(ALL_COMPONENTS)
     other_keywords = (
         "wanted", "layer", *DepthConstants.__dataclass_fields__, *DescentParameters.__dataclass_fields__,
+        *SurfaceSpread.__dataclass_fields__,
     )  # fmt: skip
     cutting: DepthCutting
 
@@ -145,12 +148,14 @@ class DepthCutEnv(GentleCutEnv):
                 "Leave it out."
             )
         own: list[Any] = []
-        for kind in (DepthConstants, DescentParameters):
+        if wanted == "profile":  # of the mean liver, as in cutenv/GentleCut-v1
+            keywords.setdefault("surface_spread", 0.0)
+        for kind in (DepthConstants, DescentParameters, SurfaceSpread):
             given = {
                 field.name: keywords.pop(field.name) for field in dataclasses.fields(kind) if field.name in keywords
             }
             own.append(kind(**given))
-        self.depth_constants, self.descent_parameters = own
+        self.depth_constants, self.descent_parameters, self.surface = own
         super().__init__(**keywords)
 
     def new_cutting(self, *arguments: Any, key: tuple[int, int], **keywords: Any) -> DepthCutting:
