@@ -74,6 +74,7 @@ from cutenv.report import draw_cut
 from cutenv.rig.toml_file import template
 from cutenv.scoring import INVARIANCES, METRICS
 from cutenv.task.depth_terms import DepthConstants
+from cutenv.task.path_terms import PathConstants
 from cutenv.task.reward import CUT_ENDS, REWARD
 from cutenv.task.weights import Limits
 from cutenv.tissue import Layers, measured_liver
@@ -147,6 +148,7 @@ def parameters(_: argparse.Namespace) -> str:
         DescentParameters,
         SteeringParameters,
         DepthConstants,
+        PathConstants,
     ):
         value = getattr(liver, row["name"], row["default"])
         sweep = "" if row["sensitivity"] is None else f"{row['sensitivity'][0]:.4g} to {row['sensitivity'][1]:.4g}"

@@ -137,7 +137,7 @@ def steering_records(
             record[f"{name}ahead"], record[f"{name}across"] = record["cosine"][0], record["sine"][0]
         record["belongs"] = -1
     for n in range(len(records)):
-        _begin(profiles[n], records[n])
+        begin_steering(profiles[n], records[n], 0.0)
     return records
 
 
@@ -155,10 +155,11 @@ def place_of_tip(states: StructArray, steerings: StructArray) -> tuple[float, fl
 
 
 @njit
-def _begin(profile: Struct, steering: Struct) -> None:
+def begin_steering(profile: Struct, steering: Struct, tip: float) -> None:
+    """Fill the profile of a crack that begins at ``tip`` [m] of the line, and its stiffness there."""
     for i in range(N_POINTS):
         renew_point(profile, steering, i)
-    _stand(steering, 0.0)
+    _stand(steering, tip)
 
 
 class CrackFrame(NamedTuple):

@@ -227,6 +227,10 @@ class CutBatch:
         """Return scores that the task adds to those of gentle cutting, by name; each of shape (count,)."""
         return {}
 
+    def further_infos(self) -> dict[str, dict[str, NDArray[np.float64]]]:
+        """Return what the task adds to the info, by group and name; each of shape (count,)."""
+        return {}
+
     def append_hidden(self, features: NDArray[np.float32], which: NDArray[np.int64]) -> NDArray[np.float32]:
         """Append the hidden state of the cuts numbered ``which``, for a critic, to features of shape (m, size)."""
         return append_privileged(self.cuts, features, which)

@@ -10,11 +10,14 @@ from cutenv._base.validation import one_of
 from cutenv.envs.batch import CutBatch
 from cutenv.envs.depth_cut import DepthBatch, DepthCutEnv, DepthCutVectorEnv
 from cutenv.envs.gentle_cut import GentleCutEnv
+from cutenv.envs.path_cut import PathBatch, PathCutEnv, PathCutVectorEnv
 from cutenv.envs.vector import GentleCutVectorEnv
 from cutenv.policy import BASELINES, SCRIPTS, OneReturnStroke, Policy
 from cutenv.policy.depth_scripts import DEPTH_SCRIPTS, FollowTrueTip
+from cutenv.policy.path_scripts import PATH_SCRIPTS
 from cutenv.policy.policy_space import PolicySpace, space_of
 from cutenv.task.depth_privileged import DEPTH_PRIVILEGED
+from cutenv.task.path_privileged import PATH_PRIVILEGED
 from cutenv.task.privileged import PRIVILEGED_FEATURES
 
 
@@ -66,6 +69,10 @@ TASKS = {
             "timesteps": 3_000_000, "validation_specimens": 1000,
         },
         teachers={**DEPTH_SCRIPTS, TRUE_TIP: careful_true_tip},
+    ),
+    "path": LearnedTask(
+        id="cutenv/PathCut-v1", single=PathCutEnv, batch=PathBatch, vector=PathCutVectorEnv,
+        privileged=PATH_PRIVILEGED, scripts=tuple(PATH_SCRIPTS), script="steer by force", teachers=PATH_SCRIPTS,
     ),
 }  # fmt: skip
 """Tasks by name."""

@@ -33,7 +33,7 @@ from cutenv.task.depth_assessment import (
     observe_depth,
     survey,
 )
-from cutenv.task.depth_terms import DEPTH_TERMS, DESCENT_SCALE, LAYER
+from cutenv.task.depth_terms import DESCENT_SCALE, LAYER
 from cutenv.task.observation import DEAD_ZONE
 from cutenv.task.reward import ENDS, SAFETY_ENDS
 
@@ -278,11 +278,6 @@ def _conclude_depth(
         (step[VERTICAL_SUM, k], step[VERTICAL_MAX, k]), action[2], observation,
     )  # fmt: skip
     return progress.end  # type: ignore[no-any-return]
-
-
-def depth_charges(depths: StructArray, prefix: str = "term") -> dict[str, Any]:
-    """Return the costs of the depth of the last step, or with "total" since reset, by name; each of shape (n,)."""
-    return {name: depths[f"{prefix}_{name}"] for name in DEPTH_TERMS}
 
 
 def depth_errors(depths: StructArray, targets: Array) -> dict[str, Any]:

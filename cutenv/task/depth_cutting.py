@@ -11,16 +11,11 @@ from cutenv._base.arrays import Array, StructArray
 from cutenv.cutting.descent import DescentParameters, descent_records
 from cutenv.plant.simulator import SimulatedPlant
 from cutenv.task.depth_beginning import begin_depth_one, observe_depth_at_start
-from cutenv.task.depth_cuts import (
-    N_MEMORY,
-    depth_charges,
-    depth_errors,
-    step_depth_one,
-)
-from cutenv.task.depth_terms import ALL_COMPONENTS, DEPTH, DEPTH_ENDS, DEPTH_TERMS, DepthConstants
-from cutenv.task.gentle_cutting import GentleCutting, ShownDepth, SimulatedCutting
+from cutenv.task.depth_cuts import depth_errors, step_depth_one
+from cutenv.task.depth_terms import ALL_COMPONENTS, DEPTH, DEPTH_COSTS, DEPTH_ENDS, DepthConstants
+from cutenv.task.gentle_cutting import ShownDepth, SimulatedCutting
+from cutenv.task.map_assessed import MapAssessed
 from cutenv.task.observation import COMPONENTS
-from cutenv.task.reward import STOPPED
 
 
 def depth_record(constants: DepthConstants) -> StructArray:
@@ -31,7 +26,7 @@ def depth_record(constants: DepthConstants) -> StructArray:
     return record
 
 
-class DepthAssessed(GentleCutting):
+class DepthAssessed(MapAssessed):
     """Episode whose depth of cut is assessed as well, by a map of its floor.
 
     Attributes
@@ -44,38 +39,14 @@ class DepthAssessed(GentleCutting):
     descents: StructArray
     depths: StructArray
 
-    @property
-    def end(self) -> str:
-        """Name of the reason why the episode ended, or an empty string."""
-        return STOPPED if self._stopped else DEPTH_ENDS[self._end]
+    end_names = DEPTH_ENDS
+    map_costs = DEPTH_COSTS
+    shown_as = "depth"
 
     @property
-    def success(self) -> bool:
-        """True if it is a success of gentle cutting, as deep as wanted, and the layer below is not opened."""
-        return bool(self.depths["success"][0])
-
-    @property
-    def depth_terms(self) -> dict[str, float]:
-        """The costs of the depth in the last step's reward."""
-        return {name: float(value[0]) for name, value in depth_charges(self.depths).items()}
-
-    @property
-    def reward_terms(self) -> dict[str, float]:
-        """The reward of the last step by term; costs are negative; the sum is the reward."""
-        return super().reward_terms | self.depth_terms
-
-    @property
-    def reward_totals(self) -> dict[str, float]:
-        """The reward since the start by term; the sum is the return."""
-        totals = {name: float(value[0]) for name, value in depth_charges(self.depths, "total").items()}
-        return super().reward_totals | totals
-
-    @property
-    def shown_totals(self) -> dict[str, float]:
-        """The reward since the start by line of a picture, with one line for all costs of the depth."""
-        charges = depth_charges(self.depths, "total").values()
-        gentle = {name: total for name, total in self.reward_totals.items() if name not in DEPTH_TERMS}
-        return gentle | {"depth": sum(float(value[0]) for value in charges)}
+    def maps(self) -> StructArray:
+        """The map of the depth, shape (1,)."""
+        return self.depths
 
     @property
     def depth_errors(self) -> dict[str, float]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from cutenv._base.parameter import check_parameters, parameter
-from cutenv._engine.fuse import Formula
+from cutenv.task.map_costs import MapCost, map_fields
 from cutenv.task.observation import COMPONENTS, Component
 from cutenv.task.reward import ENDS, TERMS
 from cutenv.tissue.grid import N_POINTS
@@ -25,29 +25,12 @@ LAYER_TOLERANCE = 0.0005
 _PER_DEPTH = 0.001  # [m], error of the depth that costs its weight once
 
 
-@dataclass(frozen=True, kw_only=True)
-class DepthCost:
-    """One cost of the depth: ``weight`` times a quantity of the whole cut, charged as it grows.
-
-    What shrinks is refunded.  The map of the cut has the depth of its floor at each point that the tip has passed; the
-    formulas are of sums over it.
-    """
-
-    name: str
-    title: str
-    text: str
-    weight: float
-    per: str
-    value: Formula
-    """The quantity, of :data:`OF_MAP`."""
-
-
 OF_MAP = ("deep", "uncut", "layer", "deepest", "target")
 """Quantities of the map: areas cut too deep, left uncut and opened in the layer below [m2]; largest depth into that
 layer [m]; target length [m]."""
 
 DEPTH_COSTS = (
-    DepthCost(
+    MapCost(
         name="too_deep",
         title="cut too deep",
         text="area below the wanted depth / (L x 1 mm)",
@@ -55,7 +38,7 @@ DEPTH_COSTS = (
         per="per mm too deep along the whole cut",
         value=lambda deep, target: deep / (target * _PER_DEPTH),
     ),
-    DepthCost(
+    MapCost(
         name="uncut",
         title="left uncut",
         text="area above the wanted depth, behind the tip, / (L x 1 mm)",
@@ -63,7 +46,7 @@ DEPTH_COSTS = (
         per="per mm too shallow along the whole cut",
         value=lambda uncut, target: uncut / (target * _PER_DEPTH),
     ),
-    DepthCost(
+    MapCost(
         name="layer_area",
         title="layer opened",
         text="area opened in the layer below / (L x 1 mm)",
@@ -71,7 +54,7 @@ DEPTH_COSTS = (
         per="per mm of the layer below opened along the whole cut",
         value=lambda layer, target: layer / (target * _PER_DEPTH),
     ),
-    DepthCost(
+    MapCost(
         name="layer_depth",
         title="depth into the layer",
         text="largest depth into the layer below / 1 mm",
@@ -196,9 +179,7 @@ DEPTH: np.dtype[Any] = np.dtype(
             ("layer", "f8"),
             ("deepest", "f8"),
             ("counts", "i8"),  # number of points in the map
-            ("success", "i8"),
-            *((f"term_{name}", "f8") for name in DEPTH_TERMS),  # of this step
-            *((f"total_{name}", "f8") for name in DEPTH_TERMS),  # since reset
+            *map_fields(DEPTH_COSTS),
         ],
     )
 )
