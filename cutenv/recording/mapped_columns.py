@@ -41,8 +41,8 @@ class MappedReadings:
             row, column = (int(i) for i in np.argwhere(beyond)[0])
             raise RecordError(
                 table.path,
-                f"line {table.lines[row]} has {numbers[row, column]:g} in column #{needed[column] + 1}, which is no "
-                "reading of a sensor.",
+                f"{table.row_name} {table.lines[row]} has {numbers[row, column]:g} in column #{needed[column] + 1}, "
+                "which is no reading of a sensor.",
             )
         columns: dict[str, Array] = {}
         force_unit = "N"
@@ -87,9 +87,9 @@ class MappedReadings:
             i = int(back[0])
             raise RecordError(
                 self.table.path,
-                f"line {self.lines[rows[i + 1]]}: time goes from {time[i]:.9g} s to {time[i + 1]:.9g} s, but must "
-                "increase. Delete repeated lines; several cuts in one file: split_by=column; times printed too "
-                "coarsely: leave time out and give rate=1000Hz.",
+                f"{self.table.row_name} {self.lines[rows[i + 1]]}: time goes from {time[i]:.9g} s to "
+                f"{time[i + 1]:.9g} s, but must increase. Delete repeated rows; several cuts in one file: "
+                "split_by=column; times printed too coarsely: leave time out and give rate=1000Hz.",
             )
         return time
 
@@ -122,7 +122,9 @@ class MappedReadings:
         except RecordError:
             raise
         except ValueError as error:
-            raise RecordError(self.table.path, f"lines {first} to {last}: {error}{self._units_taken()}") from None
+            raise RecordError(
+                self.table.path, f"{self.table.row_name}s {first} to {last}: {error}{self._units_taken()}"
+            ) from None
 
     def _units_taken(self) -> str:
         """Return a hint at fields assumed to be in SI for want of a unit: a likely cause of values out of range."""
