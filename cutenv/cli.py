@@ -87,6 +87,7 @@ COMMANDS = {
     "evaluate": Command("compare policies on the same held-out specimens", extra="rl"),
     "submit": Command("enter a policy on the leaderboard, or check an entry", extra="rl"),
     "datasets": Command("record cuts as a Minari data set, force included", extra="data"),
+    "record": Command("record a force stream of the Lab Streaming Layer as a cut", extra="streams"),
     "convert": Command("convert records: CSV, Parquet, HDF5, and bags of ROS without ROS"),
     "calibrate": Command("fit a tissue to your own records of cuts"),
     "depth": Command("measure the depth of cut from video of a marked blade", extra="vision"),

@@ -23,8 +23,9 @@ from cutenv.recording.csv_sniffer import SniffedTable, bare_name, column_stem, s
 from cutenv.recording.cut_detection import STANDARD, CutSearch, FoundCut, contact_level, find_cuts, find_tare
 from cutenv.recording.files import load
 from cutenv.recording.mapped_columns import MappedReadings
+from cutenv.recording.number_table import NumberTable
 from cutenv.recording.record_errors import RecordError
-from cutenv.recording.ros_bag import BAGS, BagTable, bag_table
+from cutenv.recording.ros_bag import BAGS, bag_table
 from cutenv.trace import Trace
 
 _NAMED_INSIDE = (".parquet", ".h5", ".hdf5")  # formats that need no mapping
@@ -199,7 +200,7 @@ def load_foreign(
     table = _foreign_table(path, mapping)
     if mapping is None:
         mapping = _saved_mapping(path, table)
-        table = _foreign_table(path, mapping) if isinstance(table, BagTable) else table
+        table = _foreign_table(path, mapping) if isinstance(table, NumberTable) else table
     notes = [f"{path.name}: {table}."]
     readings = MappedReadings.of(table, mapping, notes)
     records, tared, cuts = [], [], []

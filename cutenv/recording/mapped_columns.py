@@ -93,11 +93,15 @@ class MappedReadings:
             )
         return time
 
+    def along_cut(self, components: Array) -> Array:
+        """Return the force along the cut, shape (n,), of components of shape (n, k), [force unit]."""
+        return self.expression.sign * _norm(components) if self.expression.is_norm else components[:, 0]
+
     def trace(self, group: dict[str, str], rows: NDArray[np.intp], tare: tuple[Array, int] | None) -> Trace:
         """Return a record as a trace, without the components' offsets [force unit] if a tare is given."""
         offsets, quiet = (None, 0) if tare is None else tare
         components = self.force[rows] if offsets is None else self.force[rows] - offsets
-        force = self.expression.sign * _norm(components) if self.expression.is_norm else components[:, 0]
+        force = self.along_cut(components)
         first, last = int(self.lines[rows[0]]), int(self.lines[rows[-1]])
         metadata: dict[str, Any] = {
             "source": self.table.path.name,

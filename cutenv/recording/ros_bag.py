@@ -5,20 +5,18 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv._base.arrays import Array
-from cutenv.recording.csv_sniffer import SniffedTable, bare_name
+from cutenv.recording.csv_sniffer import bare_name
+from cutenv.recording.number_table import STAMP, NumberTable
 from cutenv.recording.optional_import import optional_import
 from cutenv.recording.record_errors import RecordError
 
 BAGS = (".mcap", ".bag", ".db3")
 """Suffixes of bags: MCAP, ROS 1, and ROS 2 in SQLite."""
-STAMP = "stamp"
-"""Name of the column with the time of a message: its header's stamp, or when it was received."""
 _LONGEST_ARRAY = 16  # a longer one is a picture or a cloud of points, not a few sensors or joints
 _UNITS = {  # of REP 103, by message and field
     ("geometry_msgs/msg/Wrench", "force"): "N",
@@ -42,42 +40,7 @@ class _Topic:
     headers: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class BagTable(SniffedTable):
-    """Numbers of a bag, a row for each message of one topic; the other topics are interpolated between messages.
-
-    Attributes
-    ----------
-    values : ndarray of shape (n, n_columns)
-        Numbers in the units of the headers.
-    topic : str
-        Topic whose messages are the rows.
-    """
-
-    values: Array
-    topic: str
-    row_name: ClassVar[str] = "message"
-
-    def __str__(self) -> str:
-        return f"bag with {self.n_columns - 1} numbers, {len(self.values)} messages of {self.topic}"
-
-    def numbers(self, indices: list[int]) -> Array:
-        """Return some columns, shape (n, len(indices)); raise RecordError if a number is not finite."""
-        chosen: Array = self.values[:, indices]
-        for row, k in np.argwhere(~np.isfinite(chosen))[:1]:
-            raise RecordError(
-                self.path,
-                f"message {self.lines[row]} of {self.topic}, {self.headers[indices[k]]!r} has no finite number but "
-                f"{chosen[row, k]}. Leave the topic out, or repair the bag.",
-            )
-        return chosen
-
-    def texts(self, indices: list[int]) -> list[tuple[str, ...]]:
-        """Return some columns as text, a tuple for each row."""
-        return [tuple(f"{value:.9g}" for value in row) for row in self.numbers(indices).tolist()]
-
-
-def bag_table(path: Path, names: Collection[str] = ()) -> BagTable:
+def bag_table(path: Path, names: Collection[str] = ()) -> NumberTable:
     """Read a bag: an ``.mcap`` or ``.db3`` file of ROS 2, also one out of a bag's folder, or a ``.bag`` of ROS 1.
 
     Parameters
@@ -162,7 +125,7 @@ def _numbers_in(message: Any, path: str = "", unit: str = "") -> Iterator[tuple[
         yield (f"{path} [{unit}]" if unit else path), float(message)
 
 
-def _joined(path: Path, topics: dict[str, _Topic], names: Collection[str]) -> BagTable:
+def _joined(path: Path, topics: dict[str, _Topic], names: Collection[str]) -> NumberTable:
     topic_of = {bare_name(header): topic for topic, found in topics.items() for header in found.headers}
     needed = list(dict.fromkeys(topic_of[name] for name in map(bare_name, names) if name in topic_of))
     forces = [topic for topic, found in topics.items() if any(header.endswith("[N]") for header in found.headers)]
@@ -184,16 +147,4 @@ def _joined(path: Path, topics: dict[str, _Topic], names: Collection[str]) -> Ba
         whole = values[topic].T
         columns += [one[kept] if topic == base else np.interp(rows[kept], times[topic], one) for one in whole]
     headers = (f"{STAMP} [s]", *(header for found in topics.values() for header in found.headers))
-    return BagTable(
-        path=path,
-        headers=headers,
-        units_row=(),
-        separator=",",
-        decimal=".",
-        rows=[""] * len(kept),
-        lines=kept + 1,
-        n_columns=len(headers),
-        above="",
-        values=np.column_stack(columns),
-        topic=base,
-    )
+    return NumberTable.of(path, base, headers, np.column_stack(columns), kept + 1)
