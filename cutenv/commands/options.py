@@ -105,6 +105,15 @@ def add_watch(parser: argparse.ArgumentParser, about: str) -> None:
     )
 
 
+def add_lsl(parser: argparse.ArgumentParser) -> None:
+    """Add ``--lsl``, how far the streams of a Lab Streaming Layer can be found; off by default."""
+    parser.add_argument(
+        "--lsl", choices=("machine", "link", "site"), nargs="?", const="machine",
+        help="stream force, position, depth and markers by the Lab Streaming Layer while a cut goes on, to be found on "
+        "this machine (the default), its network (link) or its site; off unless asked",
+    )  # fmt: skip
+
+
 def _port(text: str) -> int:
     if not text.isdecimal() or not int(text) <= 65535:
         raise argparse.ArgumentTypeError(f"{text!r} is no port. Give a whole number up to 65535, such as 8801.")

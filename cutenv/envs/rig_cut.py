@@ -21,6 +21,7 @@ from cutenv.envs.rig_source import RigSource
 from cutenv.envs.rig_work import Work, action_text, blade_angle, numbers
 from cutenv.envs.tissue_source import TissueSource
 from cutenv.plant import Plant, SimulatedPlant
+from cutenv.recording.cut_listener import CutListener
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.contradictions import AHEAD
 from cutenv.rig.operation.operator import Operator
@@ -366,6 +367,10 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         it.
         """
         return type(self)(**{**self._arguments, "records": None, "operator": None, "dry_run": True})
+
+    def listen(self, listener: CutListener) -> None:
+        """Have a listener told of the cuts from the next one on; it is part of the control loop and must not wait."""
+        self._source.listener = listener
 
     @property
     def records(self) -> list[Path]:

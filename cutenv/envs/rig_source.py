@@ -18,6 +18,7 @@ from cutenv._base.unit_table import NAMED_UNITS
 from cutenv.cutting.drive import Rig
 from cutenv.envs.constants import Constants
 from cutenv.recording.appending import AppendingRecord, RecordingFailed
+from cutenv.recording.cut_listener import CutListener
 from cutenv.recording.provenance import Provenance
 from cutenv.rig.config.imitated_rig import HEIGHT, fake_settings
 from cutenv.rig.config.settings import RigSettings, SensorCalibration
@@ -32,6 +33,7 @@ from cutenv.rig.operation.specimen_source import SpecimenKey, SpecimensByHand
 from cutenv.rig.plant import RigPlant
 from cutenv.rig.safety.stop_causes import Cause
 from cutenv.rig.toml_file import read_rig_file
+from cutenv.tissue.grid import depth_below
 
 if TYPE_CHECKING:
     from cutenv.rig.emulator.control import EmulatorControl
@@ -222,6 +224,8 @@ class RigSource:
         self._camera: RigCamera | None = None
         self.records: list[Path] = []
         """Files of the finished cuts."""
+        self.listener: CutListener | None = None
+        """Listener to the cuts as they go on, if there is one."""
 
     def session(self) -> RigSession:
         """Make the session of the rig, which connects at its first cut."""
@@ -259,6 +263,11 @@ class RigSource:
 
     def begin_record(self, plant: RigPlant, *, seed: int, episode: int, **metadata: Any) -> None:
         """Begin the record of a cut, if records are kept; if it cannot be written later, the blade is stopped."""
+        if (listener := self.listener) is not None:
+            listener.began(f"seed {seed} episode {episode}")
+            plant.keep = lambda readings: listener.readings(
+                readings, depth_below(plant.depth, readings["position"]), plant.began
+            )
         if self._folder is None:
             return
         self._folder.mkdir(parents=True, exist_ok=True)
@@ -287,12 +296,14 @@ class RigSource:
             beside=recorded_beside(settings),
         )
         self._record = record
+        heard = plant.keep
 
         def keep(readings: StructArray) -> None:
             try:
                 record.append(*recorded_rows(plant, readings))
             except (RecordingFailed, TypeError, ValueError) as error:  # full disk, or invalid values
                 plant.supervisor.trip(Cause.EXCEPTION, f"the record cannot be kept: {error}")
+            heard(readings)
 
         plant.keep = keep
         if self._camera is not None:
@@ -300,6 +311,9 @@ class RigSource:
 
     def end_record(self, plant: RigPlant, **metadata: Any) -> None:
         """Finish the record of a cut, if one is being written."""
+        if self.listener is not None and plant.keep is not _forget:
+            stop = metadata.get("stop")
+            self.listener.ended(str(metadata.get("end", "")) + (f": {stop['cause']}" if stop else ""))
         plant.keep = _forget
         record, self._record = self._record, None  # only once, if another thread closes the rig meanwhile
         if record is not None:

@@ -402,6 +402,11 @@ class RigPlant:
         return self._grid.beside
 
     @property
+    def began(self) -> float:
+        """Time of the rig's clock at which the time of the present cut's readings is zero [s]."""
+        return self._grid.start
+
+    @property
     def position(self) -> float:
         """Last reported position of the blade [m]; raises RigError before the first sample."""
         blade = self.supervisor.blade

@@ -11,7 +11,7 @@ from cutenv._base.arrays import Array, StructArray
 from cutenv.cutting.descent import DescentParameters, descent_records
 from cutenv.plant.simulator import SimulatedPlant
 from cutenv.task.depth_beginning import begin_depth_one, observe_depth_at_start
-from cutenv.task.depth_cuts import depth_errors, step_depth_one
+from cutenv.task.depth_cuts import N_MEMORY, depth_errors, step_depth_one
 from cutenv.task.depth_terms import ALL_COMPONENTS, DEPTH, DEPTH_COSTS, DEPTH_ENDS, DepthConstants
 from cutenv.task.gentle_cutting import ShownDepth, SimulatedCutting
 from cutenv.task.map_assessed import MapAssessed
