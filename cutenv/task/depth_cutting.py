@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array, StructArray
 from cutenv.cutting.descent import DescentParameters, descent_records
+from cutenv.measurement.depth import WANTED_DEPTH_KEY, corners
 from cutenv.plant.simulator import SimulatedPlant
 from cutenv.task.depth_beginning import begin_depth_one, observe_depth_at_start
 from cutenv.task.depth_cuts import N_MEMORY, depth_errors, step_depth_one
@@ -16,6 +17,7 @@ from cutenv.task.depth_terms import ALL_COMPONENTS, DEPTH, DEPTH_COSTS, DEPTH_EN
 from cutenv.task.gentle_cutting import ShownDepth, SimulatedCutting
 from cutenv.task.map_assessed import MapAssessed
 from cutenv.task.observation import COMPONENTS
+from cutenv.tissue.grid import SPACING
 
 
 def depth_record(constants: DepthConstants) -> StructArray:
@@ -69,6 +71,17 @@ class DepthAssessed(MapAssessed):
         cut: Array = self.descents["surface"][0] - self.descents["floor"][0]
         return cut
 
+    @property
+    def floor_to_tip(self) -> Array:
+        """Depth of the cut at each point from the clamp to the tip [m], shape (n,)."""
+        return np.maximum(self.floor[: int(self.descents["cell"][0]) + 1], 0.0)
+
+    @property
+    def noted(self) -> dict[str, Any]:
+        """Target length and wanted depth for the metadata of a record, by key."""
+        wanted = self.depths["wanted"][0]
+        return super().noted | {WANTED_DEPTH_KEY: corners(np.arange(len(wanted), dtype=np.float64) * SPACING, wanted)}
+
 
 class DepthCutting(DepthAssessed, SimulatedCutting):
     """An episode: cut gently to a target length, along a wanted depth, without opening the layer below.
@@ -107,6 +120,7 @@ class DepthCutting(DepthAssessed, SimulatedCutting):
         self.slabs = specimen.tissue.slab()
         self.descents = descent_records([specimen], None, descent)
         self.depths = depth_record(constants)
+        self._level_before = 0.0
         self.vertical: Array = np.zeros((1, self.ticks))
         """True vertical force on the blade since the last decision, upwards [N]."""
         self._memory: Array = np.empty((N_MEMORY, 1))
@@ -118,7 +132,7 @@ class DepthCutting(DepthAssessed, SimulatedCutting):
 
     def step(self, action: NDArray[np.float64]) -> tuple[NDArray[np.float32], float]:
         """Command an action (3 numbers in [-1, 1]) for one decision; return observation, shape (22,), and reward."""
-        self.last_action = action
+        self.last_action, self._level_before = action, float(self.descents["level"][0])
         observation = np.empty((1, len(ALL_COMPONENTS)), np.float32)
         reward, self._end = step_depth_one(
             self.plant.cuts, self.episode, self.descents, self.depths, self.slabs, self.ticks, action.reshape(1, 3),
@@ -126,6 +140,13 @@ class DepthCutting(DepthAssessed, SimulatedCutting):
         )  # fmt: skip
         self._felt = self._recorded[0]
         return observation[0], reward
+
+    @property
+    def beside(self) -> dict[str, Array]:
+        """Height, linear between two decisions, and true vertical force at the readings since the last one."""
+        count = self.updates
+        heights = np.linspace(self._level_before, float(self.descents["level"][0]), count + 1)[1:]
+        return {"height": heights, "vertical_force": self.vertical[0, :count].copy()}
 
     def rest(self, angle: float) -> NDArray[np.float32]:
         """Return the observation at the start: the blade at rest, forces tared to zero."""

@@ -7,8 +7,9 @@ from typing import ClassVar
 
 from cutenv._base.arrays import StructArray
 from cutenv.task.gentle_cutting import GentleCutting
-from cutenv.task.map_costs import MapCost, map_charges
+from cutenv.task.map_costs import map_charges
 from cutenv.task.reward import STOPPED
+from cutenv.task_quantities import MapCost
 
 
 class MapAssessed(GentleCutting):

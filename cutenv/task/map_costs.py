@@ -1,31 +1,14 @@
-"""Costs of a map of the whole cut, which a task adds to those of gentle cutting: declarations, records, code."""
+"""Costs of a map of the whole cut, which a task adds to those of gentle cutting: records and code."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from cutenv._base.arrays import StructArray
-from cutenv._engine.fuse import Formula, expression
+from cutenv._engine.fuse import expression
 from cutenv.task.observation import CLIP, Component
-
-
-@dataclass(frozen=True, kw_only=True)
-class MapCost:
-    """One cost: ``weight`` times a quantity of the whole cut, charged as it grows.
-
-    What shrinks is refunded.  The map has a number for each point that the tip has passed; the formulas are of sums
-    over it.
-    """
-
-    name: str
-    title: str
-    text: str
-    weight: float
-    per: str
-    value: Formula
-    """The quantity, of what the task sums up."""
+from cutenv.task_quantities import MapCost
 
 
 def map_fields(costs: Sequence[MapCost]) -> list[tuple[str, str]]:

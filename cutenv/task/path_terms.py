@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from cutenv._base.parameter import check_parameters, parameter
-from cutenv.task.map_costs import MapCost, map_fields
+from cutenv.task.map_costs import map_fields
 from cutenv.task.observation import COMPONENTS, Component
 from cutenv.task.reward import ENDS, TERMS
+from cutenv.task_quantities import MapCost
 
 TURN_SCALE = 1.5
 """Rate of turn of action 1 [rad/s]: more than the sharpest bend of a line at full speed asks for."""
