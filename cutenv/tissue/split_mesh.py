@@ -16,22 +16,22 @@ from skfem.quadrature import get_quadrature
 
 from cutenv._base.arrays import Array, Indices
 
-Place = tuple[int, int]
-"""Place of a node in half elements, along and across."""
+MeshPlace = tuple[int, int]
+"""MeshPlace of a node in half elements, along and across."""
 
-AROUND: tuple[Place, ...] = ((2, 0), (2, 2), (2, -2), (0, 2), (0, -2), (-2, 2), (-2, -2), (-2, 0))
+AROUND: tuple[MeshPlace, ...] = ((2, 0), (2, 2), (2, -2), (0, 2), (0, -2), (-2, 2), (-2, -2), (-2, 0))
 """Steps to the eight corners around a corner."""
-_QUAD: tuple[Place, ...] = ((0, 0), (2, 0), (2, 2), (0, 2), (1, 0), (2, 1), (1, 2), (0, 1))
+_QUAD: tuple[MeshPlace, ...] = ((0, 0), (2, 0), (2, 2), (0, 2), (1, 0), (2, 1), (1, 2), (0, 1))
 _QUADRATURE_DEGREE = 5  # 3 x 3 Gauss points, as in the model of a straight cut; exact for the triangle
 
 
 class Part(NamedTuple):
     """A finite element: the places of its nodes, in the order of its shape functions."""
 
-    places: tuple[Place, ...]
+    places: tuple[MeshPlace, ...]
 
     @property
-    def corners(self) -> tuple[Place, ...]:
+    def corners(self) -> tuple[MeshPlace, ...]:
         """Places of its corners, counter-clockwise."""
         return self.places[: len(self.places) // 2]
 
@@ -52,13 +52,13 @@ class SplitMesh:
 
     def __init__(self, corners: Array) -> None:
         n_along, n_across = corners.shape[0] - 1, corners.shape[1] - 1
-        self.cells: Place = (n_along, n_across)
+        self.cells: MeshPlace = (n_along, n_across)
         self.positions: Array = np.zeros((2 * n_along + 1, 2 * n_across + 1, 2))
         self.positions[::2, ::2] = corners
         self.positions[1::2, ::2] = 0.5 * (corners[1:] + corners[:-1])
         self.positions[::2, 1::2] = 0.5 * (corners[:, 1:] + corners[:, :-1])
-        self.split: dict[Place, tuple[Part, Part]] = {}
-        self.moved: set[Place] = set()
+        self.split: dict[MeshPlace, tuple[Part, Part]] = {}
+        self.moved: set[MeshPlace] = set()
         """Cells that no longer have their first shape."""
 
     def copy(self) -> SplitMesh:
@@ -68,26 +68,26 @@ class SplitMesh:
         other.split, other.moved = dict(self.split), set(self.moved)
         return other
 
-    def within(self, place: Place) -> bool:
+    def within(self, place: MeshPlace) -> bool:
         """Return whether there is such a place."""
         return 0 <= place[0] <= 2 * self.cells[0] and 0 <= place[1] <= 2 * self.cells[1]
 
-    def at(self, place: Place) -> Array:
+    def at(self, place: MeshPlace) -> Array:
         """Return the position of a place [m], shape (2,)."""
         return self.positions[place]  # type: ignore[no-any-return]
 
-    def parts(self, cell: Place) -> tuple[Part, ...]:
+    def parts(self, cell: MeshPlace) -> tuple[Part, ...]:
         """Return the elements of a cell: itself, or its two triangles."""
         return self.split.get(cell) or (whole(cell),)
 
-    def cells_at(self, place: Place) -> list[Place]:
+    def cells_at(self, place: MeshPlace) -> list[MeshPlace]:
         """Return the cells that touch a place: four around a corner, two beside an edge, one around its middle."""
         a, b = place
         rows = {(a - 1) // 2, a // 2}
         columns = {(b - 1) // 2, b // 2}
         return [(i, j) for i in sorted(rows) for j in sorted(columns) if self._is_cell(i, j)]
 
-    def move(self, corner: Place, to: Array) -> None:
+    def move(self, corner: MeshPlace, to: Array) -> None:
         """Move a corner to a position [m]; the nodes in the middle of its edges follow."""
         if np.array_equal(self.positions[corner], to):
             return
@@ -96,11 +96,11 @@ class SplitMesh:
         for step in ((2, 0), (0, 2), (-2, 0), (0, -2)):
             other = corner[0] + step[0], corner[1] + step[1]
             if self.within(other):
-                self.positions[between(corner, other)] = 0.5 * (self.positions[corner] + self.positions[other])
+                self.positions[halfway(corner, other)] = 0.5 * (self.positions[corner] + self.positions[other])
         for cell in self.cells_at(corner):
             self._place_middle(cell)
 
-    def split_cell(self, one: Place, other: Place) -> Place:
+    def split_cell(self, one: MeshPlace, other: MeshPlace) -> MeshPlace:
         """Split the cell of which two corners are opposite into triangles; return it."""
         cell = (min(one[0], other[0]) // 2, min(one[1], other[1]) // 2)
         self.split[cell] = _triangles(one, other)
@@ -108,7 +108,7 @@ class SplitMesh:
         self._place_middle(cell)
         return cell
 
-    def thinnest_after(self, corner: Place, to: Array, crossed_from: Place | None = None) -> float:
+    def thinnest_after(self, corner: MeshPlace, to: Array, crossed_from: MeshPlace | None = None) -> float:
         """Return the least of twice the area at a corner of the elements around ``corner`` if it moved ``to`` [m2].
 
         ``crossed_from``: opposite corner of the cell that would be split.
@@ -117,7 +117,7 @@ class SplitMesh:
         least = math.inf
         for cell in self.cells_at(corner):
             parts = self.parts(cell)
-            if crossed_from is not None and between(corner, crossed_from) == (2 * cell[0] + 1, 2 * cell[1] + 1):
+            if crossed_from is not None and halfway(corner, crossed_from) == (2 * cell[0] + 1, 2 * cell[1] + 1):
                 parts = _triangles(corner, crossed_from)
             for part in parts:
                 p = [(x, y) if each == corner else tuple(self.positions[each].tolist()) for each in part.corners]
@@ -126,7 +126,7 @@ class SplitMesh:
                     least = min(least, (x_2 - x_1) * (y_0 - y_1) - (y_2 - y_1) * (x_0 - x_1))
         return least
 
-    def _place_middle(self, cell: Place) -> None:
+    def _place_middle(self, cell: MeshPlace) -> None:
         if cell in self.split:
             first, second = self.split[cell][0].corners, self.split[cell][1].corners
             shared = [corner for corner in first if corner in second]
@@ -136,17 +136,17 @@ class SplitMesh:
         return 0 <= i < self.cells[0] and 0 <= j < self.cells[1]
 
 
-def between(one: Place, other: Place) -> Place:
+def halfway(one: MeshPlace, other: MeshPlace) -> MeshPlace:
     """Return the place in the middle of two corners."""
     return (one[0] + other[0]) // 2, (one[1] + other[1]) // 2
 
 
-def whole(cell: Place) -> Part:
+def whole(cell: MeshPlace) -> Part:
     """Return the quadrilateral of a cell."""
     return Part(tuple((2 * cell[0] + a, 2 * cell[1] + b) for a, b in _QUAD))
 
 
-def cell_places(cells: Place) -> Indices:
+def cell_places(cells: MeshPlace) -> Indices:
     """Return the places of the nodes of all cells, shape (n_cells, 8, 2), the first index varying slowest."""
     first = np.indices(cells).reshape(2, -1).T[:, np.newaxis]
     return 2 * first + np.array(_QUAD)  # type: ignore[no-any-return]
@@ -189,7 +189,7 @@ def _shapes(nodes: int) -> tuple[Array, Array]:
     return np.ascontiguousarray(slopes.transpose(2, 0, 1)), np.asarray(weights)
 
 
-def _triangles(one: Place, other: Place) -> tuple[Part, Part]:
+def _triangles(one: MeshPlace, other: MeshPlace) -> tuple[Part, Part]:
     """Return the two halves of the cell of which two corners are opposite."""
     a, b = min(one[0], other[0]), min(one[1], other[1])
     if (other[0] - one[0]) * (other[1] - one[1]) > 0:
@@ -199,6 +199,6 @@ def _triangles(one: Place, other: Place) -> tuple[Part, Part]:
     return _triangle([(a + i, b + j) for i, j in first]), _triangle([(a + i, b + j) for i, j in second])
 
 
-def _triangle(corners: list[Place]) -> Part:
+def _triangle(corners: list[MeshPlace]) -> Part:
     a, b, c = corners
-    return Part((a, b, c, between(a, b), between(b, c), between(a, c)))
+    return Part((a, b, c, halfway(a, b), halfway(b, c), halfway(a, c)))

@@ -12,7 +12,7 @@ from scipy.sparse import coo_array
 
 from cutenv._base.arrays import Array, Indices
 from cutenv.tissue.augmented_system import AugmentedSystem
-from cutenv.tissue.split_mesh import Part, Place, SplitMesh, cell_places, element_stiffness, whole
+from cutenv.tissue.split_mesh import MeshPlace, Part, SplitMesh, cell_places, element_stiffness, whole
 from cutenv.tissue.tip_response import sparse_factors
 
 
@@ -50,10 +50,10 @@ class SplitStiffness:
         kept = (rows >= 0) & (columns >= 0)
         matrix = coo_array((self._whole[kept], (rows[kept], columns[kept])), shape=(n, n))
         self.system = AugmentedSystem(sparse_factors(matrix.tocsc()), n)
-        self._shares: dict[Place, tuple[Indices, Array]] = {}
-        self._middles: dict[Place, tuple[int, int]] = {}
-        self._jumps: dict[Place, tuple[tuple[int, Array], ...]] = {}
-        self._sides: dict[tuple[Part, Place], float] = {}
+        self._shares: dict[MeshPlace, tuple[Indices, Array]] = {}
+        self._middles: dict[MeshPlace, tuple[int, int]] = {}
+        self._jumps: dict[MeshPlace, tuple[tuple[int, Array], ...]] = {}
+        self._sides: dict[tuple[Part, MeshPlace], float] = {}
 
     def copy(self, mesh: SplitMesh) -> SplitStiffness:
         """Return an independent copy for a copy of the mesh; it shares the factorisation."""
@@ -63,24 +63,24 @@ class SplitStiffness:
         other._jumps, other._sides = dict(self._jumps), dict(self._sides)
         return other
 
-    def is_clamped(self, place: Place) -> bool:
+    def is_clamped(self, place: MeshPlace) -> bool:
         """Return whether a node is clamped."""
         return bool(self._number[place][0] < 0)
 
-    def touched(self, place: Place) -> list[int]:
+    def touched(self, place: MeshPlace) -> list[int]:
         """Return the local unknowns of a node, which it gets if it has none yet."""
         numbers = self._number[place].tolist()
         self.system.touch(numbers)
         return [self.system.local(number) for number in numbers if number >= 0]
 
-    def split(self, one: Place, other: Place) -> None:
+    def split(self, one: MeshPlace, other: MeshPlace) -> None:
         """Split the cell between opposite corners; its middle becomes a node."""
         cell = self._mesh.split_cell(one, other)
         sides = [(place, self._sides.get((whole(cell), place))) for place in whole(cell).places]
         self._sides.update({(part, place): side for part in self._mesh.parts(cell) for place, side in sides if side})
         self._middles[cell] = (self.system.add_unknown(), self.system.add_unknown())
 
-    def double(self, place: Place, angle: float, before: Place | None, after: Place) -> None:
+    def double(self, place: MeshPlace, angle: float, before: MeshPlace | None, after: MeshPlace) -> None:
         """Give a node of the crack, which runs there at an angle [rad], its jumps, and elements around it their sides.
 
         ``before`` and ``after`` are the corners between which it lies on the crack; none before it: it lies on an edge.
@@ -97,7 +97,7 @@ class SplitStiffness:
                     centre = np.mean([self._mesh.at(corner) for corner in part.corners], axis=0) - at
                     self._sides[part, place] = -0.5 if _turn(ahead, centre) < _turn(ahead, back) else 0.5
 
-    def renew(self, cells: Sequence[Place]) -> None:
+    def renew(self, cells: Sequence[MeshPlace]) -> None:
         """Bring the shares of cells up to date with their shape, their parts and the jumps of their nodes."""
         self.system.touch([n for cell in cells for p in whole(cell).places for n in self._number[p].tolist()])
         for cell in cells:
@@ -118,7 +118,7 @@ class SplitStiffness:
             load[both] = given[place]
         return load
 
-    def push_faces(self, load: Array, place: Place, apart: Array) -> None:
+    def push_faces(self, load: Array, place: MeshPlace, apart: Array) -> None:
         """Add to loads a force [N] on the left face of a doubled node, and its opposite on the right one."""
         for unknown, direction in self._jumps.get(place, ()):
             load[unknown] -= float(apart @ direction)
@@ -139,7 +139,7 @@ class SplitStiffness:
                 moved[k] += side * local[unknown] * direction
         return moved
 
-    def _share(self, cell: Place) -> tuple[Indices, Array]:
+    def _share(self, cell: MeshPlace) -> tuple[Indices, Array]:
         """Return the local unknowns of a cell, and its stiffness in them less that of its first shape."""
         first = self._whole[cell[0] * self._mesh.cells[1] + cell[1]]
         columns: dict[int, int] = {}

@@ -18,7 +18,7 @@ from cutenv.tissue.local_compliance import local_compliance, square_compliance
 from cutenv.tissue.mesh import ELEMENT_KINDS, CutMesh, checked_divisions
 from cutenv.tissue.model_arguments import METRES, checked_relative_modulus
 from cutenv.tissue.path_model import PathMesh
-from cutenv.tissue.split_mesh import AROUND, Place, SplitMesh, between
+from cutenv.tissue.split_mesh import AROUND, MeshPlace, SplitMesh, halfway
 from cutenv.tissue.split_stiffness import SplitStiffness
 
 _THINNEST = 0.1  # of a cell: an element that would become smaller at a corner is no way for the crack
@@ -100,8 +100,8 @@ class SteeredModel:
             modulus = checked_relative_modulus(np.asarray(relative_modulus), across * along)
         self._modulus: Array = modulus.reshape(across, along)[::-1].T
         self._body = SplitStiffness(self.mesh, self._modulus, self._lame, opens=faces == "open")
-        self._used: set[Place] = set()
-        self._corners: list[Place] = []
+        self._used: set[MeshPlace] = set()
+        self._corners: list[MeshPlace] = []
         self._angles: list[float] = []
 
     def copy(self) -> SteeredModel:
@@ -133,7 +133,7 @@ class SteeredModel:
         return len(self._body.system)
 
     @property
-    def _tip(self) -> Place:
+    def _tip(self) -> MeshPlace:
         if not self._corners:
             raise ValueError("The model has no cut yet: begin one.")
         return self._corners[-1]
@@ -146,7 +146,7 @@ class SteeredModel:
         Parameters
         ----------
         at : array_like, shape (2,)
-            Place on the clamp, on another edge, or within the slab [m].
+            MeshPlace on the clamp, on another edge, or within the slab [m].
         angle : float
             Direction in which the cut begins [rad], to the left of the axis.
 
@@ -210,7 +210,7 @@ class SteeredModel:
         Parameters
         ----------
         point : array_like, shape (2,)
-            Place of the new tip, about an element away [m].
+            MeshPlace of the new tip, about an element away [m].
         angle, angle_between : float, optional
             Direction of the crack there, and half-way [rad]; by default that from node to node.
 
@@ -298,7 +298,7 @@ class SteeredModel:
         for one, other in zip(self._corners, self._corners[1:], strict=False):
             ahead = self.mesh.at(other) - self.mesh.at(one)
             left = pressure * np.array([-ahead[1], ahead[0]])
-            for place, share in ((one, 1.0 / 6.0), (between(one, other), 4.0 / 6.0), (other, 1.0 / 6.0)):
+            for place, share in ((one, 1.0 / 6.0), (halfway(one, other), 4.0 / 6.0), (other, 1.0 / 6.0)):
                 self._body.push_faces(load, place, share * left)
         return float(load @ self._body.system.solve(load[:, np.newaxis])[:, 0])
 
@@ -313,7 +313,9 @@ class SteeredModel:
             raise ValueError("The cut has not left the clamp: lead it on.")
         return self._body.touched(self._tip)
 
-    def _candidates(self, to: Callable[[Place], Array | None]) -> list[tuple[float, Place, tuple[float, float]]]:
+    def _candidates(
+        self, to: Callable[[MeshPlace], Array | None]
+    ) -> list[tuple[float, MeshPlace, tuple[float, float]]]:
         """Return the corners around the tip that can be next: how far each moves [m], the corner, and where to."""
         found = []
         for step in AROUND:
@@ -321,7 +323,7 @@ class SteeredModel:
             if not self.mesh.within(corner) or corner in self._used or self._body.is_clamped(corner):
                 continue
             crosses = step[0] != 0 and step[1] != 0
-            if crosses and tuple(n // 2 for n in between(self._tip, corner)) in self.mesh.split:
+            if crosses and tuple(n // 2 for n in halfway(self._tip, corner)) in self.mesh.split:
                 continue
             point = to(corner)
             if point is None or self._leaves_edge(corner, point):
@@ -331,11 +333,11 @@ class SteeredModel:
                 found.append((math.dist(point, self.mesh.at(corner)), corner, (float(point[0]), float(point[1]))))
         return found
 
-    def _next_corner(self, direction: Array) -> tuple[Place, Array]:
+    def _next_corner(self, direction: Array) -> tuple[MeshPlace, Array]:
         """Return the corner that the crack passes next in a direction, and where it meets the way."""
         tip, end = self.tip, float(self.mesh.positions[-1, 0, 0])
 
-        def foot(corner: Place) -> Array | None:
+        def foot(corner: MeshPlace) -> Array | None:
             gap = self.mesh.at(corner) - tip
             along = float(gap @ direction)
             if corner[0] == 2 * self.mesh.cells[0]:  # a corner on the free end stays on it
@@ -351,28 +353,28 @@ class SteeredModel:
         _, corner, to = min(candidates)
         return corner, np.array(to)
 
-    def _leaves_edge(self, corner: Place, to: Array) -> bool:
+    def _leaves_edge(self, corner: MeshPlace, to: Array) -> bool:
         """Return whether a corner on the slab's outline would leave it."""
         at, same = self.mesh.at(corner), _SAME * self._element
         return any(
             corner[axis] in (0, 2 * self.mesh.cells[axis]) and abs(to[axis] - at[axis]) > same for axis in (0, 1)
         )
 
-    def _thinnest_after(self, corner: Place, to: Array) -> float:
+    def _thinnest_after(self, corner: MeshPlace, to: Array) -> float:
         start = self._corners[-1] if self._corners else corner
         crossed = start if corner[0] != start[0] and corner[1] != start[1] else None
         return self.mesh.thinnest_after(corner, to, crossed)
 
-    def _take(self, corner: Place, angle: float) -> None:
+    def _take(self, corner: MeshPlace, angle: float) -> None:
         self._corners.append(corner)
         self._angles.append(angle)
         self._used.add(corner)
         self._body.touched(corner)
 
-    def _grow(self, corner: Place, to: Array, angle: float | None, angle_between: float | None = None) -> None:
+    def _grow(self, corner: MeshPlace, to: Array, angle: float | None, angle_between: float | None = None) -> None:
         """Move a corner to the new tip, split the cell that the crack crosses, and double what is behind."""
         last, mesh = self._tip, self.mesh
-        middle = between(last, corner)
+        middle = halfway(last, corner)
         if corner[0] != last[0] and corner[1] != last[1]:
             self._body.split(last, corner)
         mesh.move(corner, to)
@@ -390,7 +392,7 @@ class SteeredModel:
         """Return the direction from the last node but one to the tip [rad]."""
         return math.atan2(*(self.mesh.at(self._tip) - self.mesh.at(self._corners[-2]))[::-1])
 
-    def _at_edge(self, place: Place) -> bool:
+    def _at_edge(self, place: MeshPlace) -> bool:
         return any(place[axis] in (0, 2 * self.mesh.cells[axis]) for axis in (0, 1))
 
 

@@ -266,6 +266,7 @@ def test_every_public_function_that_takes_an_argument_is_in_the_tables():
         "PathModel",
         "SteeredModel",
         "SteeredPlant",
+        "FreehandPlant",
         "Network",
         "RecurrentNetwork",
         "PolicyCard",
