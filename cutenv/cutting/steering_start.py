@@ -23,7 +23,6 @@ def lay_line(profile: Struct, steering: Struct, line: Struct) -> None:
         steering.along[i], steering.coupled[i] = stiffness * line.along[i], stiffness * line.coupled[i]
         steering.sideways[i] = stiffness * line.across[i]
         steering.toughness[i] = profile.toughness[i]
-        steering.belongs[i] = -1
         steering.cut[i] = 0.0
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array, StructArray
 from cutenv.cutting.dtypes import TICK
-from cutenv.cutting.steering import STEERING, SteeringParameters, place_of_blade, place_of_tip
+from cutenv.cutting.steering import LINE_REACH, STEERING, SteeringParameters, place_of_blade, place_of_tip
 from cutenv.plant.simulator import SimulatedPlant
 from cutenv.task.gentle_cutting import SimulatedCutting
 from cutenv.task.map_assessed import MapAssessed
@@ -18,7 +18,7 @@ from cutenv.task.path_beginning import begin_path_one, line_number, observe_path
 from cutenv.task.path_cuts import path_errors, step_path_one
 from cutenv.task.path_terms import ALL_PATH_COMPONENTS, PATH_COSTS, PATH_ENDS, PATH_MAP, PathConstants
 from cutenv.tissue.drawn_lines import DrawnLines
-from cutenv.tissue.lines import CutLine
+from cutenv.tissue.lines import WIDTH, CutLine
 
 
 def path_record(constants: PathConstants) -> StructArray:
@@ -33,6 +33,7 @@ def steering_record(parameters: SteeringParameters) -> StructArray:
     """Return the record of a place in the plane before a line is laid, of shape (1,)."""
     record = np.zeros(1, STEERING)
     record["crack_curvature"] = parameters.crack_curvature
+    record["reach"], record["side"] = LINE_REACH, WIDTH
     record["response"] = record["waiting"] = round(parameters.response_time / TICK)
     return record
 
