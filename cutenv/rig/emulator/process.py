@@ -204,6 +204,8 @@ class RunningEmulator:
         Settings for drivers that connect to it.
     control : EmulatorControl
         Client of its control port.
+    converter : str
+        Converter of a serial rig's load cell, else "".
 
     Raises
     ------
@@ -234,6 +236,7 @@ class RunningEmulator:
         self.pid = self._process.pid
         try:
             ready = self._ready(timeout)
+            self.converter: str = ready.get("converter", "")
             self.settings = emulated_settings(ready, angle_mode=angle_mode, angle=angle, height=height)
             self.control = EmulatorControl(ready["control"])
         except BaseException:
