@@ -68,6 +68,7 @@ READER_GONE = 141
 
 RIG_COMMANDS = {
     "check": Command("check a rig's connections, limits and noise without moving it"),
+    "conform": Command("try a driver against what its protocol promises"),
     "drivers": Command("list the drivers that a rig's file can name, and what each takes"),
     "emulate": Command("run an emulated rig: drive, tissue and force sensor on real wires"),
     "evaluate": Command("compare a policy on a rig with the simulator"),
