@@ -122,15 +122,18 @@ BY_THE_DRIVE = (
 def stated_detection(fault: str, cause: Cause, settings: RigSettings) -> float | None:
     """Return the longest time from a fault to the decision to stop for that cause, from what grows at this speed [s].
 
-    None for readings out of order: about a fifth of them are lost, as many as are allowed.
+    None for readings out of order, of which about a fifth are lost, as many as are allowed; and for lines that are lost
+    by chance: some get through.
     """
-    if fault == "reordering":
+    if fault in ("reordering", "damaged_lines", "lost_lines"):
         return None
     limits, (speed, period) = settings.limits, pace_of(settings)
     serial = settings.blade.driver == "serial"
     if fault == "kill_9":
         return (BOARD_PATIENCE if serial else DRIVE_PATIENCE) + _DIES  # the drive's own watchdog
     stated = detection_times(limits, packet=1.0 / settings.sensor.rate, sync=settings.bus.sync)[cause]
+    if fault == "cell_wire_off":
+        stated += 2.0 / settings.sensor.rate  # a reading may lie within the limit by chance
     if fault == "board_deaf":
         stated += BOARD_PATIENCE
     if cause is Cause.FORCE_LOST:

@@ -34,7 +34,7 @@ from cutenv.rig.emulator.emulated_tissue import Laid, feel
 from cutenv.rig.emulator.motor import turn_motor
 from cutenv.rig.emulator.serial.serial_rig import EmulatedSerialRig, SerialOptions
 from cutenv.rig.errors import RigError
-from cutenv.rig.toml_file import to_toml
+from cutenv.rig.toml_text import to_toml
 from cutenv.tissue.grid import N_POINTS, SPACING
 
 STARTS_WITHIN = 180.0

@@ -25,7 +25,7 @@ from cutenv.rig.devices.serial.board_lines import (
     board_report,
 )
 from cutenv.rig.devices.serial.slow_profile import COUNTS_PER_NEWTON, DELAYS, SCREW, SCREW_STEPS
-from cutenv.rig.devices.serial.stepper_axis import StepRates
+from cutenv.rig.devices.serial.stepper_settings import StepRates
 from cutenv.rig.emulator.emulated_bench import EmulatedBench
 from cutenv.rig.emulator.emulated_tissue import EmulatedTissue, Laid
 from cutenv.rig.emulator.serial.firmware import CONVERTERS, HIGH_PIN, LOW_PIN, Firmware
