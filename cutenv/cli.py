@@ -71,6 +71,7 @@ READER_GONE = 141
 
 RIG_COMMANDS = {
     "check": Command("check a rig's connections, limits and noise without moving it"),
+    "conform": Command("try a driver against what its protocol promises"),
     "drivers": Command("list the drivers that a rig's file can name, and what each takes"),
     "emulate": Command("run an emulated rig: drive, tissue and force sensor on real wires"),
     "evaluate": Command("compare a policy on a rig with the simulator"),
@@ -78,6 +79,8 @@ RIG_COMMANDS = {
     "init": Command("write the file of a new rig for you to fill in"),
     "jog": Command("move the blade while a key is held"),
     "run": Command("cut with a policy from simulation, unchanged"),
+    "weigh": Command("calibrate the force sensor by known weights"),
+    "zero": Command("set the zero of a stepper, with the blade at the clamp"),
 }
 """Sub-commands of ``cutenv rig``."""
 

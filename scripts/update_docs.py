@@ -71,7 +71,7 @@ from cutenv.learning.result_tables import rows_of
 from cutenv.learning.statistics import mean_with_interval
 from cutenv.policy import CONSTANT_FEEDS, ORACLE, SCRIPTS, ConstantFeed
 from cutenv.report import draw_cut
-from cutenv.rig.toml_file import template
+from cutenv.rig.toml_text import template
 from cutenv.scoring import DEPTH_METRICS, INVARIANCES, METRICS, Metric
 from cutenv.task.depth_terms import DepthConstants
 from cutenv.task.path_terms import PathConstants

@@ -20,7 +20,7 @@ from cutenv.rig.errors import RigError
 from cutenv.rig.fake.fake_rig import Faults
 from cutenv.rig.operation.operator import ScriptedOperator
 from cutenv.rig.safety.stop_causes import Cause
-from cutenv.rig.toml_file import to_toml
+from cutenv.rig.toml_text import to_toml
 from cutenv.scoring import score
 from cutenv.task.observation import to_action
 

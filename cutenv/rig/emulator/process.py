@@ -34,7 +34,7 @@ from cutenv.rig.emulator.emulated_tissue import Laid, feel
 from cutenv.rig.emulator.motor import turn_motor
 from cutenv.rig.emulator.serial.serial_rig import EmulatedSerialRig, SerialOptions
 from cutenv.rig.errors import RigError
-from cutenv.rig.toml_file import to_toml
+from cutenv.rig.toml_text import to_toml
 from cutenv.tissue.grid import N_POINTS, SPACING
 
 STARTS_WITHIN = 180.0
@@ -204,6 +204,8 @@ class RunningEmulator:
         Settings for drivers that connect to it.
     control : EmulatorControl
         Client of its control port.
+    converter : str
+        Converter of a serial rig's load cell, else "".
 
     Raises
     ------
@@ -234,6 +236,7 @@ class RunningEmulator:
         self.pid = self._process.pid
         try:
             ready = self._ready(timeout)
+            self.converter: str = ready.get("converter", "")
             self.settings = emulated_settings(ready, angle_mode=angle_mode, angle=angle, height=height)
             self.control = EmulatorControl(ready["control"])
         except BaseException:

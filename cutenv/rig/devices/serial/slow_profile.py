@@ -6,13 +6,11 @@ from dataclasses import replace
 
 from cutenv.rig.config.settings import Axis, Bus, RigSettings, SafetyLimits, SensorSettings
 from cutenv.rig.devices.serial.load_cell import LoadCellOptions
-from cutenv.rig.devices.serial.stepper_axis import BOARD_PERIOD, StepperOptions
+from cutenv.rig.devices.serial.stepper_settings import BOARD_PERIOD, StepperOptions
 
 SCREW_STEPS = 3200
 """Steps for one turn of a motor of 200 steps with 16 microsteps: choice."""
-SCREW = Axis(
-    driver="serial", gear=1.0, lead=0.008, low=-0.002, high=0.149, speed=0.006, acceleration=0.1, quick_stop=0.5
-)
+SCREW = Axis(driver="serial", lead=0.008, low=-0.002, high=0.149, speed=0.006, acceleration=0.1, quick_stop=0.5)
 """Trapezoidal screw of 8 mm lead, as cheap printers have it: choice. Its options are to be given."""
 COUNTS_PER_NEWTON = 42_800.0
 """Counts of a converter of 24 bits at gain 128 for one newton on a cell for 5 kg, 1 mV/V at 5 V: derived, [1/N]."""

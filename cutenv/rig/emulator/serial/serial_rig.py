@@ -16,9 +16,16 @@ from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.plant.simulator import check_angle
 from cutenv.rig.config.settings import Axis
-from cutenv.rig.devices.serial.board_lines import BoardFlag, LineError, MotionReport, board_line, board_report
+from cutenv.rig.devices.serial.board_lines import (
+    BoardFlag,
+    BoardState,
+    LineError,
+    MotionReport,
+    board_line,
+    board_report,
+)
 from cutenv.rig.devices.serial.slow_profile import COUNTS_PER_NEWTON, DELAYS, SCREW, SCREW_STEPS
-from cutenv.rig.devices.serial.stepper_axis import StepRates
+from cutenv.rig.devices.serial.stepper_settings import StepRates
 from cutenv.rig.emulator.emulated_bench import EmulatedBench
 from cutenv.rig.emulator.emulated_tissue import EmulatedTissue, Laid
 from cutenv.rig.emulator.serial.firmware import CONVERTERS, HIGH_PIN, LOW_PIN, Firmware
@@ -106,7 +113,7 @@ class EmulatedSerialRig(EmulatedBench):
         self._readings: deque[float] = deque([0.0] * window, maxlen=window)
         self._positions: deque[float] = deque([0.0] * (_SPEED_OVER + 1), maxlen=_SPEED_OVER + 1)
         self._random = np.random.default_rng(0)
-        self._flags = BoardFlag(0)
+        self._flags, self._state = BoardFlag(0), BoardState.OFF
         if self.options.zeroed:
             self.board.feed(board_line("Z"))
             self.board.advance()
@@ -152,7 +159,7 @@ class EmulatedSerialRig(EmulatedBench):
 
     def state(self) -> dict[str, Any]:
         """Return whether the stepper has power, and whether the cable is in."""
-        state = "operation enabled" if self.board.powered else "switch on disabled"
+        state = "operation enabled" if self._state is BoardState.ENABLED else "not enabled"
         return {"nodes": [{"axis": "blade", "state": state}], "clients": {"port": int(self.line.plugged)}}
 
     def truth(self) -> dict[str, Any]:
@@ -200,7 +207,7 @@ class EmulatedSerialRig(EmulatedBench):
         if isinstance(report, MotionReport):
             if report.flags & ~self._flags & BoardFlag.SILENT:
                 self.happened("heartbeat of the master lost", time=due, axis="blade")
-            self._flags = report.flags
+            self._flags, self._state = report.flags, report.state
 
     def close(self) -> None:
         """Remove the port; may be called twice."""
