@@ -18,7 +18,12 @@ from cutenv.trace import Trace
 
 DEPTH_SD_KEY = "depth_sd_m"
 """Key in a record's metadata for the standard deviation of its depth [m]; ``cutenv depth`` writes it."""
+WANTED_DEPTH_KEY = "wanted_depth_m"
+"""Key in a record's metadata for the wanted depth: pairs [position, depth] along the cut [m], linear between."""
+LAYER_DEPTH_KEY = "layer_depth_m"
+"""Key in a record's metadata for the depth below the surface at which another layer begins [m]."""
 _LARGEST_SD = 0.02  # [m]
+_STRAIGHT = 1e-9  # change of the slope that is rounding
 
 
 def depth_sd(trace: Trace) -> float | None:
@@ -67,6 +72,13 @@ class DepthProfile:
         inside = self.position[(self.position > start) & (self.position < end)]
         x = np.concatenate(([start], inside, [end]))
         return float(trapezoid(self.at(x), x))
+
+
+def corners(position: Array, depth: Array) -> list[list[float]]:
+    """Return the pairs [position, depth] [m] between which a depth given at many positions is linear."""
+    slope = np.diff(depth) / np.diff(position)
+    bent = np.abs(np.diff(slope)) > _STRAIGHT
+    return [[float(position[i]), float(depth[i])] for i in (0, *(np.flatnonzero(bent) + 1), len(position) - 1)]
 
 
 def fit_bulge(profiles: Sequence[DepthProfile], first: Sequence[float]) -> dict[str, float]:

@@ -82,8 +82,7 @@ class PlayedDepthCut(PlayedCut):
         ValueError
             If there are fewer than two readings.
         """
-        errors = {name: round(value, 3) for name, value in self.cutting.depth_errors.items()}
-        trace = super().trace(task="cutenv/DepthCut-v1", **errors, **metadata)
+        trace = super().trace(environment="cutenv/DepthCut-v1", **self.cutting.noted_depth, **metadata)
         return dataclasses.replace(
             trace, height=self._levels[: self._count].copy(), vertical_force=self.vertical_force.copy()
         )

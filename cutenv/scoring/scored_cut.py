@@ -36,6 +36,8 @@ BANDWIDTH = 5.0
 """Low-pass cut-off of the force for its rate and jerk [Hz]: Butterworth of order 2, forward and backward, no delay."""
 TIP_AT_END = "tip_end_m"
 """Metadata in which a simulator notes the true crack tip at the end of its record [m]."""
+FLOOR_AT_END = "floor_end_m"
+"""Metadata in which it notes the depth of the floor then, every 0.5 mm from the clamp to the tip [m]."""
 SHORTEST_FORCE = 30
 """Samples at :data:`RATE` that a change at :data:`BANDWIDTH` needs."""
 _FARTHEST = 0.5  # [m]

@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array, StructArray
 from cutenv.cutting.descent import DescentParameters, descent_records
+from cutenv.measurement.depth import LAYER_DEPTH_KEY, WANTED_DEPTH_KEY, corners
 from cutenv.plant.simulator import SimulatedPlant
+from cutenv.scoring.scored_cut import FLOOR_AT_END
 from cutenv.task.depth_beginning import begin_depth_one, observe_depth_at_start
 from cutenv.task.depth_cuts import (
     N_MEMORY,
@@ -21,6 +23,7 @@ from cutenv.task.depth_terms import ALL_COMPONENTS, DEPTH, DEPTH_ENDS, DEPTH_TER
 from cutenv.task.gentle_cutting import GentleCutting, ShownDepth, SimulatedCutting
 from cutenv.task.observation import COMPONENTS
 from cutenv.task.reward import STOPPED
+from cutenv.tissue.grid import SPACING
 
 
 def depth_record(constants: DepthConstants) -> StructArray:
@@ -97,6 +100,24 @@ class DepthAssessed(GentleCutting):
         """Depth of the cut below the surface at each point [m], shape (301,); 0 where nothing is cut."""
         cut: Array = self.descents["surface"][0] - self.descents["floor"][0]
         return cut
+
+    @property
+    def floor_to_tip(self) -> Array:
+        """Depth of the cut at each point from the clamp to the tip [m], shape (n,)."""
+        return np.maximum(self.floor[: int(self.descents["cell"][0]) + 1], 0.0)
+
+    @property
+    def given_depth(self) -> dict[str, Any]:
+        """Depths that are given, by key of a record's metadata: the wanted one, and the layer below if there is one."""
+        wanted, boundary = self.depths["wanted"][0], float(self.descents["boundary"][0])
+        given: dict[str, Any] = {WANTED_DEPTH_KEY: corners(np.arange(len(wanted), dtype=np.float64) * SPACING, wanted)}
+        return given | ({LAYER_DEPTH_KEY: boundary} if boundary < float(self.descents["thickness"][0]) else {})
+
+    @property
+    def noted_depth(self) -> dict[str, Any]:
+        """Notes of a simulated record on its depth, by key of its metadata: errors, given depths, floor at the end."""
+        errors = {name: round(value, 3) for name, value in self.depth_errors.items()}
+        return errors | self.given_depth | {FLOOR_AT_END: np.round(self.floor_to_tip, 6).tolist()}
 
 
 class DepthCutting(DepthAssessed, SimulatedCutting):
