@@ -34,12 +34,14 @@ from cutenv.scoring.scored_cut import BANDWIDTH, RATE, SHORTEST_FORCE
 from cutenv.task.assessment import NEAR_TARGET
 from cutenv.task.cuts import EPISODE
 from cutenv.task.depth_cuts import N_MEMORY
-from cutenv.task.depth_terms import DEPTH, DEPTH_ENDS, DEPTH_TERMS, DEPTH_TOLERANCE, DESCENT_SCALE, LAYER_TOLERANCE
+from cutenv.task.depth_terms import DEPTH, DEPTH_ENDS, DEPTH_TERMS, DESCENT_SCALE
 from cutenv.task.reward import FORCE_ALLOWED, TERMS, TIME_AT_REST
 from cutenv.task_quantities import (
     ANGLE_TOLERANCE,
     CLOSE,
+    DEPTH_TOLERANCE,
     FORCE_LIMIT_PER_DEPTH,
+    LAYER_TOLERANCE,
     OVERSHOOT_ALLOWED,
     SHALLOWEST,
     TIP_TOLERANCE,

@@ -223,7 +223,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             self.cutting = self._cutting(plant, tissue, length, key)
             self._source.begin_record(
                 plant,
-                target_length_m=length,
+                **self.cutting.noted,
                 specimen_class=None if self.specimen is None else self.specimen.specimen_class,
                 seed=self._seed,
                 episode=episode,

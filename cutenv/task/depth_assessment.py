@@ -11,16 +11,17 @@ from cutenv._engine.jit import njit_fused, njit_inline, njit_internal
 from cutenv._engine.randomness import VERTICAL_NOISE, Integer, normal_at
 from cutenv.cutting.law import depth_at
 from cutenv.task import depth_terms
-from cutenv.task.depth_terms import (
-    DEPTH_COMPONENTS,
+from cutenv.task.depth_terms import DEPTH_COMPONENTS, LOOK_AHEAD, OF_DEPTH
+from cutenv.task.observation import CLIP, COMPONENTS
+from cutenv.task_quantities import (
     DEPTH_COSTS,
     DEPTH_TOLERANCE,
     LAYER_TOLERANCE,
-    LOOK_AHEAD,
-    OF_DEPTH,
     OF_MAP,
+    into_layer,
+    left_uncut,
+    too_deep,
 )
-from cutenv.task.observation import CLIP, COMPONENTS
 from cutenv.tissue.grid import N_POINTS, POINTS_PER_METRE, SPACING
 
 _FIRST = len(COMPONENTS)  # component of the observation that depth adds first
@@ -61,13 +62,13 @@ def survey(depth: Struct, descent: Struct, low: float) -> None:
         now, before, wanted = descent.surface[i] - descent.floor[i], depth.counted[i], depth.wanted[i]
         if now == before:
             continue
-        depth.deep += SPACING * max(now - wanted, 0.0)
-        depth.uncut += SPACING * max(wanted - now, 0.0)
-        depth.layer += SPACING * max(now - descent.boundary, 0.0)
+        depth.deep += SPACING * too_deep(now, wanted)
+        depth.uncut += SPACING * left_uncut(now, wanted)
+        depth.layer += SPACING * into_layer(now, descent.boundary)
         if before >= 0.0:
-            depth.deep -= SPACING * max(before - wanted, 0.0)
-            depth.uncut -= SPACING * max(wanted - before, 0.0)
-            depth.layer -= SPACING * max(before - descent.boundary, 0.0)
+            depth.deep -= SPACING * too_deep(before, wanted)
+            depth.uncut -= SPACING * left_uncut(before, wanted)
+            depth.layer -= SPACING * into_layer(before, descent.boundary)
         depth.deepest = max(depth.deepest, now - descent.boundary)
         depth.counted[i] = now
     depth.counts = max(depth.counts, descent.cell + 1)

@@ -107,10 +107,15 @@ class DepthAssessed(GentleCutting):
         return np.maximum(self.floor[: int(self.descents["cell"][0]) + 1], 0.0)
 
     @property
+    def noted(self) -> dict[str, Any]:
+        """Target length and wanted depth for the metadata of a record, by key."""
+        wanted = self.depths["wanted"][0]
+        return super().noted | {WANTED_DEPTH_KEY: corners(np.arange(len(wanted), dtype=np.float64) * SPACING, wanted)}
+
+    @property
     def given_depth(self) -> dict[str, Any]:
         """Depths that are given, by key of a record's metadata: the wanted one, and the layer below if there is one."""
-        wanted, boundary = self.depths["wanted"][0], float(self.descents["boundary"][0])
-        given: dict[str, Any] = {WANTED_DEPTH_KEY: corners(np.arange(len(wanted), dtype=np.float64) * SPACING, wanted)}
+        given, boundary = {WANTED_DEPTH_KEY: self.noted[WANTED_DEPTH_KEY]}, float(self.descents["boundary"][0])
         return given | ({LAYER_DEPTH_KEY: boundary} if boundary < float(self.descents["thickness"][0]) else {})
 
     @property
@@ -157,6 +162,7 @@ class DepthCutting(DepthAssessed, SimulatedCutting):
         self.slabs = specimen.tissue.slab()
         self.descents = descent_records([specimen], None, descent)
         self.depths = depth_record(constants)
+        self._level_before = 0.0
         self.vertical: Array = np.zeros((1, self.ticks))
         """True vertical force on the blade since the last decision, upwards [N]."""
         self._memory: Array = np.empty((N_MEMORY, 1))
@@ -168,7 +174,7 @@ class DepthCutting(DepthAssessed, SimulatedCutting):
 
     def step(self, action: NDArray[np.float64]) -> tuple[NDArray[np.float32], float]:
         """Command an action (3 numbers in [-1, 1]) for one decision; return observation, shape (22,), and reward."""
-        self.last_action = action
+        self.last_action, self._level_before = action, float(self.descents["level"][0])
         observation = np.empty((1, len(ALL_COMPONENTS)), np.float32)
         reward, self._end = step_depth_one(
             self.plant.cuts, self.episode, self.descents, self.depths, self.slabs, self.ticks, action.reshape(1, 3),
@@ -176,6 +182,13 @@ class DepthCutting(DepthAssessed, SimulatedCutting):
         )  # fmt: skip
         self._felt = self._recorded[0]
         return observation[0], reward
+
+    @property
+    def beside(self) -> dict[str, Array]:
+        """Height, linear between two decisions, and true vertical force at the readings since the last one."""
+        count = self.updates
+        heights = np.linspace(self._level_before, float(self.descents["level"][0]), count + 1)[1:]
+        return {"height": heights, "vertical_force": self.vertical[0, :count].copy()}
 
     def rest(self, angle: float) -> NDArray[np.float32]:
         """Return the observation at the start: the blade at rest, forces tared to zero."""

@@ -23,7 +23,7 @@
     if (told.served) {
       page.handedOut = await ask("POST", "cuts");
       sayCourse();
-      page.done = !page.handedOut.cut;
+      page.done = !page.handedOut.records;
       if (page.done) { show(); return; }
     }
     const specimen = page.handedOut ?? told.specimens[page.chosen];
