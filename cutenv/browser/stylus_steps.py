@@ -17,7 +17,7 @@ from cutenv.play.hand_model import PLAYED_HAND, speed_over
 from cutenv.task.assessment import succeeded
 from cutenv.task.cuts import step_one
 from cutenv.task.depth_terms import DEPTH_ENDS
-from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, COMPONENTS, speed_action
+from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, COMPONENTS, Component, speed_action
 from cutenv.trace import Trace
 
 
@@ -93,7 +93,7 @@ class HandCut:
 
     environment: type[GentleCutEnv] = GentleCutEnv
     """Environment whose episode it is."""
-    components = COMPONENTS
+    components: tuple[Component, ...] = COMPONENTS
     """Components of its observation."""
     stylus_numbers = 2
     """Numbers of the hand in each millisecond: position [m] and angle [rad]."""

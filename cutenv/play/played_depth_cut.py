@@ -10,11 +10,9 @@ from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array
 from cutenv.envs.depth_cut import DepthCutEnv
-from cutenv.measurement.depth import LAYER_DEPTH_KEY, WANTED_DEPTH_KEY
 from cutenv.play.hand_model import descent_toward
 from cutenv.play.haptics import Stylus
 from cutenv.play.played_cut import PlayedCut
-from cutenv.scoring.scored_cut import FLOOR_AT_END
 from cutenv.task.depth_cutting import DepthCutting
 from cutenv.task.observation import to_action
 from cutenv.tissue.grid import depth_below
@@ -84,13 +82,7 @@ class PlayedDepthCut(PlayedCut):
         ValueError
             If there are fewer than two readings.
         """
-        cutting, boundary = self.cutting, float(self.cutting.descents["boundary"][0])
-        noted: dict[str, Any] = {name: round(value, 3) for name, value in cutting.depth_errors.items()}
-        noted[WANTED_DEPTH_KEY] = cutting.noted[WANTED_DEPTH_KEY]
-        noted[FLOOR_AT_END] = np.round(cutting.floor_to_tip, 6).tolist()
-        if boundary < self.plant.specimen.thickness:
-            noted[LAYER_DEPTH_KEY] = boundary
-        trace = super().trace(task="cutenv/DepthCut-v1", **noted, **metadata)
+        trace = super().trace(environment="cutenv/DepthCut-v1", **self.cutting.noted_depth, **metadata)
         return dataclasses.replace(
             trace, height=self._levels[: self._count].copy(), vertical_force=self.vertical_force.copy()
         )

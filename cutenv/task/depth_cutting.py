@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array, StructArray
 from cutenv.cutting.descent import DescentParameters, descent_records
-from cutenv.measurement.depth import WANTED_DEPTH_KEY, corners
+from cutenv.measurement.depth import LAYER_DEPTH_KEY, WANTED_DEPTH_KEY, corners
 from cutenv.plant.simulator import SimulatedPlant
+from cutenv.scoring.scored_cut import FLOOR_AT_END
 from cutenv.task.depth_beginning import begin_depth_one, observe_depth_at_start
 from cutenv.task.depth_cuts import N_MEMORY, depth_errors, step_depth_one
 from cutenv.task.depth_terms import ALL_COMPONENTS, DEPTH, DEPTH_COSTS, DEPTH_ENDS, DepthConstants
@@ -81,6 +82,18 @@ class DepthAssessed(MapAssessed):
         """Target length and wanted depth for the metadata of a record, by key."""
         wanted = self.depths["wanted"][0]
         return super().noted | {WANTED_DEPTH_KEY: corners(np.arange(len(wanted), dtype=np.float64) * SPACING, wanted)}
+
+    @property
+    def given_depth(self) -> dict[str, Any]:
+        """Depths that are given, by key of a record's metadata: the wanted one, and the layer below if there is one."""
+        given, boundary = {WANTED_DEPTH_KEY: self.noted[WANTED_DEPTH_KEY]}, float(self.descents["boundary"][0])
+        return given | ({LAYER_DEPTH_KEY: boundary} if boundary < float(self.descents["thickness"][0]) else {})
+
+    @property
+    def noted_depth(self) -> dict[str, Any]:
+        """Notes of a simulated record on its depth, by key of its metadata: errors, given depths, floor at the end."""
+        errors = {name: round(value, 3) for name, value in self.depth_errors.items()}
+        return errors | self.given_depth | {FLOOR_AT_END: np.round(self.floor_to_tip, 6).tolist()}
 
 
 class DepthCutting(DepthAssessed, SimulatedCutting):
