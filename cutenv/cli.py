@@ -75,6 +75,7 @@ RIG_COMMANDS = {
     "init": Command("write the file of a new rig for you to fill in"),
     "jog": Command("move the blade while a key is held"),
     "run": Command("cut with a policy from simulation, unchanged"),
+    "speed": Command("draw desired and actual speed of a cut at constant speed"),
 }
 """Sub-commands of ``cutenv rig``."""
 

@@ -37,12 +37,12 @@ _BEGINNING = """\
 _UNFINISHED = f"""\
 #
 # Not finished: replace each line that begins with '{_TO_FILL.strip()}' by the true value for this rig, without that
-# beginning.  Until then the file is refused, and the missing keys are listed.  The sections [angle], [height] and
-# [camera] may stay as they are.
+# beginning.  Until then the file is refused, and the missing keys are listed.  The sections [angle], [height],
+# [position_control] and [camera] may stay as they are.
 """
 _OPTIONS = "options"  # table of a driver's own keys, as in [blade.options]
 _NAMED = {section.name: section for section in SECTIONS}
-_OPTIONAL = ("angle", "height", "camera")
+_OPTIONAL = ("angle", "height", "position_control", "camera")
 _WIDTH = 116  # characters of a comment, after its mark
 
 

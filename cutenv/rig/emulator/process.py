@@ -14,7 +14,7 @@ import sys
 import threading
 import time
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -24,12 +24,12 @@ from cutenv._engine.jit import warn_before_first_compile
 from cutenv.cutting.descending_cut import follow_levels
 from cutenv.cutting.sensor import measure
 from cutenv.rig.config.imitated_rig import HEIGHT
-from cutenv.rig.config.settings import Bus, RigSettings, SensorCalibration, SensorSettings
+from cutenv.rig.config.settings import Bus, PositionControl, RigSettings, SensorCalibration, SensorSettings
 from cutenv.rig.devices.real_time import prefer
 from cutenv.rig.emulator.assembly import BLADE, HINGE, EmulatedRig, Options
 from cutenv.rig.emulator.control import ControlServer, EmulatorControl
 from cutenv.rig.emulator.emulated_tissue import Laid, feel
-from cutenv.rig.emulator.motor import turn_motor
+from cutenv.rig.emulator.motor import position_control, turn_motor
 from cutenv.rig.errors import RigError
 from cutenv.rig.toml_file import to_toml
 from cutenv.tissue.grid import N_POINTS, SPACING
@@ -105,6 +105,8 @@ def serve(
             "can": rig.hub.port, "sensor": rig.sensor.port, "page": rig.sensor.page, "control": control.port,
             "pid": os.getpid(),
         }  # fmt: skip
+        if (control_of_blade := position_control(options.blade_mechanics, options.blade_axis)) is not None:
+            ready["position_control"] = asdict(control_of_blade)
         if file is not None:
             settings = emulated_settings(
                 ready, angle_mode=options.angle_mode, angle=options.angle, height=options.height_axis is not None,
@@ -141,6 +143,7 @@ def emulated_settings(
 
     ``angle`` is the angle of a fixed blade [rad]; ``height``: it has a height axis.
     """
+    gains = ready.get("position_control")
     return RigSettings(
         name="emulated rig",
         armed_by="the emulator",
@@ -150,6 +153,7 @@ def emulated_settings(
         blade=BLADE,
         angle=HINGE if angle_mode == "free" else None,
         height=HEIGHT if height else None,
+        position_control=None if gains is None else PositionControl(**gains),
         sensor=SensorSettings(address=host, port=ready["sensor"], page=ready["page"]),
         calibration=SensorCalibration(date=datetime.date.today().isoformat()),
         emulated=True,
