@@ -96,7 +96,15 @@ class RigPlant:
         self._angle, self._sensor = angle, sensor
         self._axes = [axis for axis in (blade, angle, height) if axis is not None]
         self._gain = settings.calibration.gain
-        self.supervisor = Supervisor(settings, clock, self._axes, rate=sensor.rate, follows=follows)
+        self.supervisor = Supervisor(
+            settings,
+            clock,
+            self._axes,
+            rate=sensor.rate,
+            rate_error=sensor.rate_error,
+            force_axes=sensor.axes,
+            follows=follows,
+        )
         self.depth = np.zeros(N_POINTS) if depth is None else depth
         self.keep: Callable[[StructArray], None] = lambda readings: None
         self.witness: Observer | None = None
@@ -149,7 +157,7 @@ class RigPlant:
     def _check_rate(self) -> None:
         """Raise RigError for a sensor at another rate than in the file: force limits count readings."""
         rate, wanted = self._sensor.rate, self.settings.sensor.rate
-        if abs(rate / wanted - 1.0) > _SAME_RATE:
+        if abs(rate / wanted - 1.0) > max(_SAME_RATE, self._sensor.rate_error):
             raise RigError(
                 f"the force sensor sends {rate:g} readings a second, but the rig's file has {wanted:g}. Set the rate "
                 "in the sensor (a Net F/T: the RDT output rate on its page), or rate_Hz under [sensor] in the file."
@@ -179,6 +187,11 @@ class RigPlant:
         self.supervisor.lock()
         for axis in self._axes:
             axis.disable()
+
+    @property
+    def rate_error(self) -> float:
+        """Greatest relative error of the force sensor's rate [1]."""
+        return self._sensor.rate_error
 
     def drive_limits(self) -> dict[str, dict[str, float]]:
         """Return the limits that each drive reports, by axis."""

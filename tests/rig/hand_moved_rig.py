@@ -100,7 +100,7 @@ class HandMovedNetwork(CanNetwork):
 class HandMovedSensor:
     """In air: six counts that flicker."""
 
-    rate = 1000.0
+    rate, rate_error, axes = 1000.0, 0.001, "xyz"
 
     def __init__(self, clock: FakeClock) -> None:
         self._clock = clock

@@ -14,8 +14,9 @@ from sensor_stream import LOADS, Feed, Kept, settings_of, settle, streaming, wai
 from cutenv.rig.config.settings import SensorSettings
 from cutenv.rig.devices.clock import FakeClock, SystemClock
 from cutenv.rig.devices.drivers import ForceDriver
-from cutenv.rig.devices.netft.netft_sensor import STEADY_FORCE, NetftSensor
+from cutenv.rig.devices.netft.netft_sensor import NetftSensor
 from cutenv.rig.devices.netft.packets import SensorPacket, SensorStatus, packet_bytes
+from cutenv.rig.devices.reading_stream import STEADY_FORCE
 from cutenv.rig.emulator.sensor_server import SensorServer
 from cutenv.rig.errors import RigError
 

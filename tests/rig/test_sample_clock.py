@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cutenv.rig.devices.netft.sample_clock import SampleClock
+from cutenv.rig.devices.sample_clock import SampleClock
 
 RATE = 1000.0
 WAY = 0.0005  # [s] that every packet takes at least
@@ -36,7 +36,7 @@ def test_jitter_loss_and_drift_leave_the_grid_within_a_quarter_of_a_millisecond(
 
 
 def test_without_the_leak_a_slow_sensor_would_seem_ever_later(monkeypatch):
-    monkeypatch.setattr("cutenv.rig.devices.netft.sample_clock.LEAK", 0.0)
+    monkeypatch.setattr("cutenv.rig.devices.sample_clock.LEAK", 0.0)
     truth, said, lateness = run(drift=1e-4)
     assert lateness[-1] > 1.5e-3
     assert truth[-1] + WAY - said[-1] > 1.5e-3

@@ -47,9 +47,11 @@ KIND_OF_ROLE = {
 OWN_DRIVERS: Mapping[DriverKind, Mapping[str, str]] = {
     DriverKind.MOTION: {
         "canopen": "cutenv.rig.devices.canopen.mounted_axis:mounted_axis",
+        "serial": "cutenv.rig.devices.serial.stepper_axis:StepperAxis",
     },
     DriverKind.FORCE: {
         "netft": "cutenv.rig.devices.netft.mounted_sensor:mounted_sensor",
+        "serial": "cutenv.rig.devices.serial.load_cell:LoadCell",
     },
     DriverKind.CAMERA: {"opencv": "cutenv.vision.film_source:mounted_camera"},
 }

@@ -126,6 +126,10 @@ class ForceDriver(Protocol):
 
     rate: float
     """Rate of the readings [Hz]."""
+    rate_error: float
+    """Greatest relative error of that rate [1]: 0.001 of a quartz; a converter with a clock of its own may have 0.1."""
+    axes: str
+    """Axes of force that it measures, "xyz" or some of them; the others read 0 and are not watched for life."""
 
     def open(self, listener: ForceListener) -> None:
         """Connect, read scales and units from the sensor itself, and start streaming."""

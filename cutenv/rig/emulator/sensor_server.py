@@ -14,7 +14,6 @@ import numpy as np
 from cutenv._base.validation import in_range
 from cutenv.rig.devices.clock import Clock, SystemClock
 from cutenv.rig.devices.netft.packets import (
-    SEQUENCES,
     PacketError,
     RdtCommand,
     SensorPacket,
@@ -22,6 +21,7 @@ from cutenv.rig.devices.netft.packets import (
     packet_bytes,
     parse_request,
 )
+from cutenv.rig.devices.sample_clock import SEQUENCES
 
 Address: TypeAlias = tuple[str, int]
 Loads: TypeAlias = tuple[float, float, float, float, float, float]

@@ -178,7 +178,7 @@ def drive_limits(axis: Axis) -> dict[str, float]:
 class FakeSensor:
     """Force sensor that reads the force on the bench: a :class:`~cutenv.rig.devices.drivers.ForceDriver`."""
 
-    rate = 1000.0
+    rate, rate_error, axes = 1000.0, 0.001, "xyz"
 
     def __init__(self, rig: FakeRig) -> None:
         self._rig = rig

@@ -72,7 +72,7 @@ def inspect(plant: RigPlant, today: date) -> Inspection:
         unit = "rad" if name == "angle" else "m"
         told[name] |= {f"limit_{what}_{unit}{_PER[what]}": value for what, value in limits.items()}
     end = start + LISTEN
-    found = [_forces(plant.settings, recorder, start, end)]
+    found = [_forces(plant.settings, recorder, start, end, plant.rate_error)]
     found += [_motion(plant, name, recorder, start, end) for name in told if name != "sensor"]
     for name, more, about in found:
         checks += more
@@ -87,7 +87,7 @@ def _check(name: str, passed: bool, found: str, cure: str) -> Check:
     return Check(name, bool(passed), found if passed else f"{found}; {cure}")
 
 
-def _forces(settings: RigSettings, recorder: Recorder, start: float, end: float) -> _Found:
+def _forces(settings: RigSettings, recorder: Recorder, start: float, end: float, rate_error: float) -> _Found:
     readings, limits = recorder.forces(start, end), settings.limits
     if len(readings) < 2:
         cure = "switch the sensor on, and close other programs that read it"
@@ -100,9 +100,9 @@ def _forces(settings: RigSettings, recorder: Recorder, start: float, end: float)
     checks = [
         _check(
             "force rate",
-            abs(sent / settings.sensor.rate - 1.0) <= _SAME_RATE,
+            abs(sent / settings.sensor.rate - 1.0) <= max(_SAME_RATE, rate_error),
             f"{sent:.0f} packets a second, file {settings.sensor.rate:g}",
-            "set the sensor's RDT output rate, or sensor.rate in the file",
+            "set the rate in the sensor, or sensor.rate_Hz in the file",
         ),
         _check(
             "force packets lost",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from cutenv.rig.devices.samples import MotionSample
-from cutenv.rig.safety.stop_causes import STUCK_AFTER
+from cutenv.rig.safety.stop_causes import stuck_after
 
 _MEMORY = 0.5  # [s] time constant with which a difference is forgotten: lag and acceleration are not known exactly
 NOMINAL_LAG = 0.040
@@ -66,4 +66,4 @@ class FollowingMonitor:
             self._stood_at, self._moving = sample.position, 0.0
         else:
             self._moving += dt
-        return self._moving > STUCK_AFTER - 0.5 * self._sync, self._off
+        return self._moving > stuck_after(self._sync) - 0.5 * self._sync, self._off

@@ -6,11 +6,10 @@ import math
 from collections import deque
 
 from cutenv.rig.config.settings import HeightAxis, Identified, SafetyLimits
-from cutenv.rig.devices.netft.sample_clock import SampleClock
+from cutenv.rig.devices.sample_clock import LEAK, SEQUENCES, SampleClock
 from cutenv.rig.devices.samples import ForceSample
 from cutenv.rig.safety.stop_causes import STILL, Breach, Cause
 
-_SEQUENCES = 2**32
 RISE_OVER = 0.010
 """Window over which a rise of force is measured, longer than noise lasts [s]."""
 _LOSS_OVER = 0.100  # [s] window for the share of lost readings
@@ -30,6 +29,10 @@ class ForceMonitor:
         Identified properties of the rig: the time that each force axis stays at one count through its own noise.
     height : HeightAxis, optional
         Height axis of the rig, with the limit of the vertical force.
+    axes : str
+        Axes that the sensor measures; the others stand at 0.
+    rate_error : float
+        Greatest relative error of the rate [1].
 
     Attributes
     ----------
@@ -43,8 +46,13 @@ class ForceMonitor:
         rate: float,
         identified: Identified | None = None,
         height: HeightAxis | None = None,
+        axes: str = "xyz",
+        rate_error: float = LEAK,
     ) -> None:
         self._limits, self._rate, self._height = limits, rate, height
+        self._leak = max(rate_error, LEAK)
+        self._live = ["xyz".index(axis) for axis in axes]
+        self._over = max(RISE_OVER, 1.0 / rate)  # [s] a slow sensor's window is one period
         known = identified or Identified()
         still = (known.force_still_x, known.force_still_y, known.force_still_z)
         self._identified = tuple(each is not None for each in still)
@@ -59,7 +67,7 @@ class ForceMonitor:
         self._lost = 0
         self._equal = 0  # consecutive readings equal to the one before
         self._stood = [0, 0, 0]  # the same for each force axis, while the blade moves
-        self._arrivals = SampleClock(self._rate)
+        self._arrivals = SampleClock(self._rate, self._leak)
         self._relieved: float | None = None  # [N] least vertical force since the blade is raised to be relieved
 
     @property
@@ -96,7 +104,7 @@ class ForceMonitor:
         norm = math.hypot(*sample.force)
         self._norms.append(norm)
         self._equal = self._equal + 1 if last is not None and last.counts == sample.counts else 0
-        for axis in range(3):
+        for axis in self._live:
             same = last is not None and last.counts[axis] == sample.counts[axis]
             self._stood[axis] = self._stood[axis] + moving if same else 0  # a pause of the blade does not reset it
         if len(self._losses) == self._losses.maxlen:
@@ -114,7 +122,7 @@ class ForceMonitor:
             return Breach(Cause.NOT_A_NUMBER, f"the sensor reads {sample.force} N")
         if sample.status:
             return Breach(Cause.FORCE_STATUS, f"the sensor's status is 0x{sample.status:08X}")
-        if last is not None and (sample.sequence - last.sequence - 1 - sample.lost) % _SEQUENCES:
+        if last is not None and (sample.sequence - last.sequence - 1 - sample.lost) % SEQUENCES:
             counts = f"{sample.sequence} comes after {last.sequence}"
             return Breach(Cause.FORCE_STATUS, f"the sensor was restarted, its zero may be gone: reading {counts}")
         if max(map(abs, sample.force)) > limits.force:
@@ -124,8 +132,8 @@ class ForceMonitor:
             return Breach(Cause.VERTICAL_FORCE, f"{up}, beyond {height.vertical_force:g} N")
         if norm > limits.force_norm:
             return Breach(Cause.FORCE, f"{norm:.2f} N in all, beyond {limits.force_norm:g} N")
-        if rise > limits.force_rise * RISE_OVER:
-            return Breach(Cause.FORCE_RISE, f"the force rose by {rise:.2f} N within {1e3 * RISE_OVER:g} ms")
+        if rise > limits.force_rise * self._over:
+            return Breach(Cause.FORCE_RISE, f"the force rose by {rise:.2f} N within {1e3 * self._over:g} ms")
         if self._equal >= limits.frozen_force * self._rate:
             return Breach(Cause.FORCE_FROZEN, f"{self._equal + 1} consecutive readings have the same counts")
         for number, still in enumerate(self._still):

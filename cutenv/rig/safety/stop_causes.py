@@ -58,10 +58,15 @@ BY_PEOPLE = (Cause.INTERRUPTED, Cause.OPERATOR, Cause.ORPHANED)
 WATCH = 0.002
 """Period at which the watchdog looks for overdue signals [s]."""
 STUCK_AFTER = 0.060
-"""Time that a blade commanded to move may stand before its encoder counts as stuck [s]."""
+"""Time that a blade commanded to move may stand before its encoder counts as stuck [s], on a rig with fast samples."""
 
 STILL = 0.200
 """Time that a force axis may stay at one count while the blade moves, if its own noise is not identified [s]."""
+
+
+def stuck_after(sync: float) -> float:
+    """Return the time that a blade commanded to move may stand [s]: three samples at least, ``sync`` apart [s]."""
+    return max(STUCK_AFTER, 3.0 * sync)
 
 
 def detection_times(limits: SafetyLimits, *, packet: float = 0.001, sync: float = 0.005) -> dict[Cause, float]:
@@ -86,9 +91,9 @@ def detection_times(limits: SafetyLimits, *, packet: float = 0.001, sync: float 
         Cause.ANGLE: sync,
         Cause.HEIGHT: sync,
         Cause.VERTICAL_FORCE: packet,
-        Cause.NOT_RAISED: STUCK_AFTER + sync,
+        Cause.NOT_RAISED: stuck_after(sync) + sync,
         Cause.FOLLOWING: sync,
-        Cause.STUCK: STUCK_AFTER + sync,
+        Cause.STUCK: stuck_after(sync) + sync,
         Cause.MOTION_STALE: limits.stale_motion + WATCH,
         Cause.MOTION_DOUBLED: (SURPLUS + 2.0) * sync,
         Cause.HEARTBEAT: limits.heartbeat + WATCH,

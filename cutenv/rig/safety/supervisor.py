@@ -47,6 +47,10 @@ class Supervisor:
         Driver of the blade, and of angle and height where it has them.
     rate : float
         Rate of the force readings [Hz].
+    rate_error : float
+        Greatest relative error of that rate [1].
+    force_axes : str
+        Axes of force that the sensor measures.
     follows : bool
         True if the blade follows commands. False for a replayed cut, for which following errors are not checked.
     """
@@ -58,6 +62,8 @@ class Supervisor:
         axes: Sequence[MotionDriver],
         *,
         rate: float = 1000.0,
+        rate_error: float = 0.001,
+        force_axes: str = "xyz",
         follows: bool = True,
     ) -> None:
         self.settings, self.limits = settings, settings.limits
@@ -71,7 +77,7 @@ class Supervisor:
         self.limited = 0
         """Number of commands that were reduced to a limit since :meth:`release`."""
         self._lock = threading.Lock()
-        self._forces = ForceMonitor(self.limits, rate, settings.identified, settings.height)
+        self._forces = ForceMonitor(self.limits, rate, settings.identified, settings.height, force_axes, rate_error)
         self._motions = MotionMonitor(settings, follows=follows)
         self._alive: dict[str, float] = {}
         self._follows = follows

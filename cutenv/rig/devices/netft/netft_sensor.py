@@ -7,12 +7,10 @@ import socket
 import threading
 from typing import NamedTuple
 
-from cutenv._base.validation import in_range
 from cutenv.rig.config.settings import SensorSettings
 from cutenv.rig.devices.clock import Clock
 from cutenv.rig.devices.drivers import ForceListener
 from cutenv.rig.devices.netft.packets import (
-    SEQUENCES,
     PacketError,
     RdtCommand,
     SensorPacket,
@@ -20,22 +18,18 @@ from cutenv.rig.devices.netft.packets import (
     request_bytes,
     status_meaning,
 )
-from cutenv.rig.devices.netft.sample_clock import FAR, SampleClock
 from cutenv.rig.devices.netft.settings_page import PATH, Page, read_page
+from cutenv.rig.devices.reading_stream import ReadingMean, ReadingStream, Zero
+from cutenv.rig.devices.sample_clock import LEAK, SampleClock
 from cutenv.rig.devices.samples import ForceSample
 from cutenv.rig.errors import RigError
 
 FIRST_READING = 2.0
 """Time within which the first reading must arrive [s]."""
-STEADY_FORCE = 0.1
-"""Greatest difference between the means of a tare's ten parts, for each force [N]: more is not rest."""
-
 _POLL = 0.1  # [s] after which the thread checks whether it has to end
 _ASK_AGAIN = 0.5  # parts of a tare
-_PARTS = 10  # of a tare
 
 Force = tuple[float, float, float]
-Zero = tuple[float, float, float, float, float, float]
 _NO_ZERO: Zero = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -80,15 +74,20 @@ class NetftSensor:
     ----------
     rate : float
         Rate of the readings [Hz]: from the sensor's page once it is open, before that from the settings.
+    rate_error : float
+        Greatest relative error of that rate.
+    axes : str
+        All of them.
     page : Page or None
         Configuration that the sensor reports, once it was opened.
     lateness : float
         Delay of the last reading beyond the least one [s]; see
-        :class:`cutenv.rig.devices.netft.sample_clock.SampleClock`.
+        :class:`cutenv.rig.devices.sample_clock.SampleClock`.
     """
 
     def __init__(self, settings: SensorSettings, clock: Clock) -> None:
         self.rate = settings.rate
+        self.axes, self.rate_error = "xyz", LEAK
         self.page: Page | None = None
         self.lateness = 0.0
         self._settings, self._clock = settings, clock
@@ -99,7 +98,7 @@ class NetftSensor:
         self._taring = threading.Lock()
         self._scale = self._torque_scale = 0.0  # [N], [N m] of a count
         self._zero = _NO_ZERO  # in counts
-        self._mean: _Mean | None = None  # while a tare is taken
+        self._mean: ReadingMean | None = None  # while a tare is taken
         self._received = self._lost = self._reordered = self._garbled = self._foreign = 0
 
     @property
@@ -154,7 +153,7 @@ class NetftSensor:
         Raises
         ------
         RigError
-            If the sensor is not open, or its readings stop, report an error, or vary by more than ``STEADY_FORCE``;
+            If the sensor is not open, or its readings stop, report an error, or vary by more than 0.1 N;
             the zero is then unchanged.
         """
         # Never use the sensor's own bias (0x42): it is not confirmed, affects every other program, is lost without
@@ -210,36 +209,23 @@ class NetftSensor:
         return counts[0] * self._scale, counts[1] * self._scale, counts[2] * self._scale
 
     def _mean_of(self, samples: int) -> Zero:
-        samples = round(in_range("samples", samples, _PARTS, 1e6, "1", "A fifth of a second is usual: 200 at 1 kHz."))
-        thread = self._thread
+        mean, thread = ReadingMean(samples), self._thread
         if thread is None:
             raise RigError("The force sensor is not open.")
         if thread is threading.current_thread():
             raise RigError("A tare waits for readings, and cannot be taken while one is being passed on.")
         with self._taring:
-            mean = self._mean = _Mean(samples)
+            self._mean = mean
             try:
-                done = mean.done.wait(1.0 + 3.0 * samples / self.rate)
+                return mean.awaited(self.rate, self._scale, status_meaning)
             finally:
                 self._mean = None
-        if mean.status:
-            raise RigError(f"The force sensor reports {status_meaning(mean.status)}: no zero can be taken from it.")
-        if not done:
-            raise RigError(f"Only {mean.taken} of {samples} readings of the force sensor came: is it still streaming?")
-        moved = mean.spread() * self._scale
-        if moved > STEADY_FORCE:
-            raise RigError(
-                f"The force moved by {moved:.2f} N while its mean was taken, more than {STEADY_FORCE:g} N: wait until "
-                "the"
-                " blade rests and touches nothing."
-            )
-        return mean.value()
 
     def _receive(
         self, opened: socket.socket, closing: threading.Event, listener: ForceListener, first: threading.Event
     ) -> None:
         sensor, clock = self._address, self._clock
-        stream, sample_clock = _Stream(self.rate), SampleClock(self.rate)
+        stream, sample_clock = ReadingStream(self.rate), SampleClock(self.rate)
         while not closing.is_set():
             try:
                 packet, sender = opened.recvfrom(2048)
@@ -265,10 +251,10 @@ class NetftSensor:
                 listener.garbled(str(error), now)
                 continue
             lost = stream.place(record.sequence, now)
-            if lost == _Stream.OLD:
+            if lost == ReadingStream.OLD:
                 self._reordered += 1
                 continue
-            if lost == _Stream.STRANGE:
+            if lost == ReadingStream.STRANGE:
                 self._garbled += 1
                 listener.garbled(f"sequence {record.sequence} does not follow {stream.last}: a restart?", now)
                 continue
@@ -285,67 +271,3 @@ class NetftSensor:
         force = (counts[0] - zero[0]) * scale, (counts[1] - zero[1]) * scale, (counts[2] - zero[2]) * scale
         torque = (counts[3] - zero[3]) * turning, (counts[4] - zero[4]) * turning, (counts[5] - zero[5]) * turning
         return ForceSample(now, force, counts, record.status, record.sequence, lost, torque)
-
-
-class _Stream:
-    """Classifier of sequence numbers.
-
-    A number that does not fit is accepted only when the next one follows it: one broken record does not disturb the
-    stream, and a restarted sensor is accepted with its second record.
-    """
-
-    OLD = -1
-    STRANGE = -2
-
-    def __init__(self, rate: float) -> None:
-        self.last = -1
-        self._rate, self._arrival = rate, 0.0
-        self._stranger = -1
-
-    def place(self, sequence: int, now: float) -> int:
-        """Return the records lost before it, or OLD (drop it), or STRANGE (drop it, and wait for the next)."""
-        if self.last < 0:
-            lost = 0
-        else:
-            step = (sequence - self.last) % SEQUENCES
-            if step == 0 or step >= SEQUENCES - FAR:
-                return self.OLD
-            # No more can be missing than were sent since the last arrival, at twice the rate to be generous.
-            if step > FAR + 2.0 * self._rate * (now - self._arrival):
-                if self._stranger < 0 or not 0 < (sequence - self._stranger) % SEQUENCES <= FAR:
-                    self._stranger = sequence
-                    return self.STRANGE
-                step = 1  # losses over a restart are unknown
-            lost = step - 1
-        self.last, self._arrival, self._stranger = sequence, now, -1
-        return lost
-
-
-class _Mean:
-    """Mean of so many readings, and of its ten parts; updated in the sensor's thread."""
-
-    def __init__(self, samples: int) -> None:
-        self.samples, self.taken, self.status = samples, 0, 0
-        self.done = threading.Event()
-        self._parts = [[0] * 7 for _ in range(_PARTS)]  # sums of the six components, and how many
-
-    def add(self, record: SensorPacket) -> None:
-        if self.done.is_set():
-            return
-        part = self._parts[self.taken * _PARTS // self.samples]
-        for axis in range(6):
-            part[axis] += record.counts[axis]
-        part[6] += 1
-        self.taken += 1
-        self.status |= record.status
-        if self.status or self.taken == self.samples:
-            self.done.set()
-
-    def value(self) -> Zero:
-        fx, fy, fz, tx, ty, tz = (sum(part[axis] for part in self._parts) / self.samples for axis in range(6))
-        return fx, fy, fz, tx, ty, tz
-
-    def spread(self) -> float:
-        """Return the greatest difference between the means of two parts, for any force [counts]."""
-        means = [[part[axis] / part[6] for part in self._parts] for axis in range(3)]
-        return max(max(axis) - min(axis) for axis in means)

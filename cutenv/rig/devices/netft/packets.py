@@ -11,13 +11,12 @@ from enum import IntEnum
 from typing import NamedTuple
 
 from cutenv._base.validation import in_range
+from cutenv.rig.devices.sample_clock import SEQUENCES
 
 PORT = 49152
 """UDP port of a sensor as delivered."""
 PACKET_HEADER = 0x1234
 """First two bytes of every request."""
-SEQUENCES = 1 << 32
-"""Number of sequence numbers: after the last one comes 0."""
 
 _REQUEST = struct.Struct("!HHI")
 _PACKET = struct.Struct("!IIIiiiiii")

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from cutenv._base.validation import in_range
-from cutenv.rig.devices.netft.packets import SEQUENCES
 
+SEQUENCES = 1 << 32
+"""Numbers of readings, which are counted modulo this."""
 LEAK = 1e-3
 """Rate at which the least delay may grow [s/s]: ten times the drift between two quartz clocks."""
 FAR = 100
@@ -17,13 +18,15 @@ class SampleClock:
 
     A reading ``n`` cannot arrive before it was sampled, and some arrive with almost no delay. The least delay seen
     (over ``n / rate``) is therefore taken as the transport delay; anything above it is lateness. The least delay grows
-    at ``LEAK``, so that it follows a sensor whose clock runs slower than this computer's; it follows a faster one by
+    at ``leak``, so that it follows a sensor whose clock runs slower than this computer's; it follows a faster one by
     itself. An added constant delay shows at once in full, and is forgotten at that same rate: 10 ms of it in 10 s.
 
     Parameters
     ----------
     rate : float
         Rate of the readings [Hz], as the sensor reports it.
+    leak : float
+        Rate at which the least delay may grow [s/s], above the relative error of ``rate``.
 
     Raises
     ------
@@ -31,8 +34,9 @@ class SampleClock:
         If the rate is not above zero.
     """
 
-    def __init__(self, rate: float) -> None:
+    def __init__(self, rate: float, leak: float = LEAK) -> None:
         self._period = 1.0 / in_range("rate", rate, 1e-3, 1e6, "Hz", "Give the readings a second of the sensor.")
+        self._leak = leak
         self._sequence = -1  # of the last reading; -1: none so far
         self._elapsed = 0.0  # [s] by the sensor's numbers, since the first
         self._least = 0.0  # [s] of the clock at which reading zero would have arrived, had it come without delay
@@ -67,7 +71,7 @@ class SampleClock:
         # A restarted sensor counts from the beginning again, or from anywhere.
         if step < -FAR or delay < self._least - _AHEAD:
             return self._begin(sequence, arrival)
-        self._least = min(self._least + LEAK * max(arrival - self._arrival, 0.0), delay)
+        self._least = min(self._least + self._leak * max(arrival - self._arrival, 0.0), delay)
         self._sequence, self._elapsed, self._arrival = sequence, elapsed, arrival
         self._time = max(self._time, self._least + elapsed)
         return self._time, delay - self._least

@@ -1,0 +1,130 @@
+"""Order and mean of a force sensor's readings, for any driver whose readings carry a number and six counts."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import Protocol
+
+from cutenv._base.validation import in_range
+from cutenv.rig.devices.sample_clock import FAR, SEQUENCES
+from cutenv.rig.errors import RigError
+
+STEADY_FORCE = 0.1
+"""Greatest difference between the means of a tare's ten parts, for each force [N]: more is not rest."""
+_PARTS = 10  # of a tare
+
+Zero = tuple[float, float, float, float, float, float]
+"""Six counts, of forces and torques."""
+
+
+class CountedReading(Protocol):
+    """Reading with six counts and a status, as a packet or a sample has them."""
+
+    @property
+    def counts(self) -> tuple[int, int, int, int, int, int]:
+        """Counts of forces and torques."""
+        ...
+
+    @property
+    def status(self) -> int:
+        """Status of the sensor; 0 is healthy."""
+        ...
+
+
+class ReadingStream:
+    """Classifier of sequence numbers.
+
+    A number that does not fit is accepted only when the next one follows it: one broken record does not disturb the
+    stream, and a restarted sensor is accepted with its second record.
+    """
+
+    OLD = -1
+    STRANGE = -2
+
+    def __init__(self, rate: float) -> None:
+        self.last = -1
+        self._rate, self._arrival = rate, 0.0
+        self._stranger = -1
+
+    def place(self, sequence: int, now: float) -> int:
+        """Return the records lost before it, or OLD (drop it), or STRANGE (drop it, and wait for the next)."""
+        if self.last < 0:
+            lost = 0
+        else:
+            step = (sequence - self.last) % SEQUENCES
+            if step == 0 or step >= SEQUENCES - FAR:
+                return self.OLD
+            # No more can be missing than were sent since the last arrival, at twice the rate to be generous.
+            if step > FAR + 2.0 * self._rate * (now - self._arrival):
+                if self._stranger < 0 or not 0 < (sequence - self._stranger) % SEQUENCES <= FAR:
+                    self._stranger = sequence
+                    return self.STRANGE
+                step = 1  # losses over a restart are unknown
+            lost = step - 1
+        self.last, self._arrival, self._stranger = sequence, now, -1
+        return lost
+
+
+class ReadingMean:
+    """Mean of so many readings, and of its ten parts; updated in the sensor's thread."""
+
+    def __init__(self, samples: float) -> None:
+        cure = "A fifth of a second is usual: 200 at 1 kHz."
+        samples = round(in_range("samples", samples, _PARTS, 1e6, "1", cure))
+        self.samples, self.taken, self.status = samples, 0, 0
+        self.done = threading.Event()
+        self._parts = [[0] * 7 for _ in range(_PARTS)]  # sums of the six components, and how many
+
+    def add(self, record: CountedReading) -> None:
+        """Take a reading; more than are needed do not count."""
+        if self.done.is_set():
+            return
+        part = self._parts[self.taken * _PARTS // self.samples]
+        for axis in range(6):
+            part[axis] += record.counts[axis]
+        part[6] += 1
+        self.taken += 1
+        self.status |= record.status
+        if self.status or self.taken == self.samples:
+            self.done.set()
+
+    def awaited(self, rate: float, newtons_per_count: float, meaning: Callable[[int], str]) -> Zero:
+        """Wait until it is complete, and return it, in counts.
+
+        Parameters
+        ----------
+        rate, newtons_per_count : float
+            Rate of the readings [Hz], and the force of a count [N].
+        meaning : callable
+            Returns the text of a status.
+
+        Raises
+        ------
+        RigError
+            If readings stop, report an error, or vary by more than :data:`STEADY_FORCE`.
+        """
+        done = self.done.wait(1.0 + 3.0 * self.samples / rate)
+        if self.status:
+            raise RigError(f"The force sensor reports {meaning(self.status)}: no zero can be taken from it.")
+        if not done:
+            raise RigError(
+                f"Only {self.taken} of {self.samples} readings of the force sensor came: is it still streaming?"
+            )
+        moved = self.spread() * abs(newtons_per_count)
+        if moved > STEADY_FORCE:
+            raise RigError(
+                f"The force moved by {moved:.2f} N while its mean was taken, more than {STEADY_FORCE:g} N: wait until "
+                "the blade rests and touches nothing."
+            )
+        return self.value()
+
+    def value(self) -> Zero:
+        """Return the mean [counts]."""
+        fx, fy, fz, tx, ty, tz = (sum(part[axis] for part in self._parts) / self.samples for axis in range(6))
+        return fx, fy, fz, tx, ty, tz
+
+    def spread(self) -> float:
+        """Return the greatest difference between the means of two parts, for any force [counts]."""
+        means = [[part[axis] / part[6] for part in self._parts] for axis in range(3)]
+        return max(max(axis) - min(axis) for axis in means)

@@ -1,0 +1,274 @@
+"""Board on a serial port, which an axis and a force sensor share: reader, sign of life, break of the line."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from cutenv.rig.devices.clock import Clock, Repeating
+from cutenv.rig.devices.owner import Owner
+from cutenv.rig.devices.serial.board_lines import (
+    LONGEST,
+    PROTOCOL,
+    BoardIdentity,
+    LineError,
+    Report,
+    board_line,
+    board_report,
+)
+from cutenv.rig.devices.serial.ports import open_port
+from cutenv.rig.errors import RigError
+
+_log = logging.getLogger(__name__)
+
+BOARD_PATIENCE = 0.100
+"""Time without a line from this computer after which a powered stepper stops by itself [s]; that of the sketch."""
+BEAT = 0.025
+"""Period of this computer's sign of life [s]: three may be late."""
+_ANSWER = 0.5  # [s] for an answer
+_BOOT = 5.0  # [s] for a board that restarts when its port is opened
+_WRITE = 0.02  # [s] for the port to take a line
+_READ = 0.1  # [s] after which the reader checks whether it has to end
+
+
+class BoardMember(Protocol):
+    """Axis or force sensor on the board."""
+
+    def told(self, report: Report, time: float) -> None:
+        """Take a report that arrived at ``time`` [s]; called in the reader's thread."""
+        ...
+
+    def garbled(self, why: str, time: float) -> None:
+        """Take the news of a line that was damaged."""
+        ...
+
+    def lost(self, why: str, time: float) -> None:
+        """Take the news that the board cannot be reached since ``time`` [s]."""
+        ...
+
+
+class SerialBoard:
+    """Board with the sketch of ``assets/firmware``; opened by the first member that joins, closed by the last to leave.
+
+    Parameters
+    ----------
+    port : str
+        Device, such as ``/dev/serial/by-id/usb-...``.
+    baud : int
+        Baud rate of the sketch.
+    clock : Clock
+        Paces the sign of life, and dates what arrives.
+
+    Attributes
+    ----------
+    broken : str or None
+        Reason why nothing gets through; None while all is well.
+    identity : BoardIdentity or None
+        Identity of the board, once it has answered.
+    damaged : int
+        Number of lines from the board that were damaged.
+    """
+
+    def __init__(self, port: str, baud: int, clock: Clock) -> None:
+        self.port, self._baud, self._clock = port, baud, clock
+        self.broken: str | None = None
+        self.identity: BoardIdentity | None = None
+        self.damaged = 0
+        self.last_damaged = ""
+        self._members: list[BoardMember] = []
+        self._joining, self._sending = threading.Lock(), threading.Lock()
+        self._changed = threading.Condition()
+        self._owner = Owner()
+        self._line: Any = None
+        self._ending = threading.Event()
+        self._reader: threading.Thread | None = None
+        self._beat: Repeating | None = None
+        self._silent = False
+        self._answers: dict[type[Any], Report] = {}
+
+    def join(self, member: BoardMember) -> BoardIdentity:
+        """Add a member; the first opens the port and asks who answers. Returns the board's identity.
+
+        Raises
+        ------
+        RigError
+            If the port is missing, is used by another program, or no board of this protocol answers.
+        """
+        with self._joining:
+            self._members.append(member)
+            if len(self._members) == 1:
+                try:
+                    self._open()
+                except BaseException:
+                    self._members.clear()
+                    raise
+            if self.broken is not None or self.identity is None:
+                self._members.remove(member)
+                raise RigError(f"the board at {self.port} is lost: {self.broken}. Close the rig, and open it again.")
+            return self.identity
+
+    def leave(self, member: BoardMember) -> None:
+        """Remove a member; the last closes the port. Never raises, and may be called twice."""
+        if not self._owner.here:
+            return
+        with self._joining:
+            if member in self._members:
+                self._members.remove(member)
+                if not self._members:
+                    self._close()
+
+    def send(self, text: str) -> None:
+        """Put a line on the port, from any thread, without waiting for an answer.
+
+        Raises
+        ------
+        RigError
+            If the port does not take it, which breaks the line, or it is not open.
+        """
+        line = self._line
+        self._owner.check()
+        if line is None:
+            raise RigError(f"the board at {self.port} is not open.")
+        if not self._sending.acquire(timeout=_WRITE):
+            raise self._break("the port takes no more lines")
+        try:
+            line.write(board_line(text))
+        except Exception as error:  # pyserial and the system raise many kinds
+            raise self._break(f"a line could not be sent: {error}") from error
+        finally:
+            self._sending.release()
+
+    def ask(self, text: str, kind: type[Any], limit: float = _ANSWER) -> Any:
+        """Send a line and return the answer of that kind.
+
+        Raises
+        ------
+        RigError
+            If none comes in time.
+        """
+        with self._changed:
+            self._answers.pop(kind, None)
+        self.send(text)
+        come = self._clock.wait_for(lambda: kind in self._answers or self.broken is not None, limit, self._changed)
+        if kind in self._answers:
+            return self._answers[kind]
+        why = self.broken or f"no answer to {text!r} within {limit:g} s"
+        raise RigError(f"the board at {self.port}: {why}{'' if come else '; is it powered, is its cable in?'}.")
+
+    def withhold_life(self) -> None:
+        """End this computer's sign of life: the board then stops the stepper by itself."""
+        self._silent = True
+
+    def resume_life(self) -> None:
+        """Send signs of life again."""
+        self._silent = False
+
+    def _open(self) -> None:
+        self._owner = Owner()
+        self._line = open_port(self.port, self._baud, read_limit=_READ, write_limit=_WRITE)
+        self.broken, self.identity, self._silent, self.damaged = None, None, False, 0
+        self._ending = threading.Event()
+        self._reader = threading.Thread(
+            target=self._read, args=(self._line, self._ending), name="cutenv board reader", daemon=True
+        )
+        self._reader.start()
+        try:
+            self.identity = self._identified()
+        except BaseException:
+            self._close()
+            raise
+        self._beat = self._clock.every(BEAT, lambda now: self._live(), "cutenv board life")
+
+    def _identified(self) -> BoardIdentity:
+        """Ask the board who it is, again and again while it may still be starting."""
+        ends = self._clock.now() + _BOOT
+        while True:
+            try:
+                identity: BoardIdentity = self.ask("I", BoardIdentity)
+                break
+            except RigError:
+                if self.broken is not None or self._clock.now() > ends:
+                    heard = f" What came was {self.last_damaged}" if self.damaged else " Nothing came."
+                    raise RigError(
+                        f"no cutenv board answers at {self.port} and {self._baud} baud.{heard} Is it powered, has it "
+                        "the sketch of assets/firmware, and is the baud rate the same in both?"
+                    ) from None
+        if identity.protocol != PROTOCOL:
+            raise RigError(
+                f"the board at {self.port} speaks version {identity.protocol} of the protocol, this program "
+                f"{PROTOCOL}: load the sketch of this version."
+            )
+        return identity
+
+    def _close(self) -> None:
+        if self._beat is not None:
+            self._beat.stop()
+            self._beat = None
+        self._ending.set()
+        line, self._line = self._line, None
+        if self._reader is not None and self._reader is not threading.current_thread():
+            self._reader.join(timeout=1.0)
+        try:
+            line.close()
+        except Exception:  # the device is gone
+            _log.warning("the port %s was not closed in order", self.port, exc_info=True)
+
+    def _live(self) -> None:
+        if not self._silent and self.broken is None:
+            try:
+                self.send("H")
+            except RigError as error:  # the break itself informs the members
+                _log.warning("%s", error)
+
+    def _read(self, line: Any, ending: threading.Event) -> None:
+        rest = b""
+        while not ending.is_set():
+            try:
+                read = line.read(max(line.in_waiting, 1))
+            except Exception as error:  # pyserial and the system raise many kinds
+                if not ending.is_set():
+                    self._break(f"nothing can be read any more: {error}")
+                return
+            *lines, rest = (rest + read).split(b"\n")
+            if len(rest) > LONGEST:
+                lines, rest = [*lines, rest], b""
+            for each in lines:
+                self._handle(each)
+
+    def _handle(self, line: bytes) -> None:
+        now = self._clock.now()
+        try:
+            report = board_report(line)
+        except LineError as error:
+            self.damaged, self.last_damaged = self.damaged + 1, str(error)
+            self._each(lambda member: member.garbled(self.last_damaged, now))
+            return
+        if isinstance(report, BoardIdentity) or not hasattr(report, "sequence"):
+            with self._changed:
+                self._answers[type(report)] = report
+                self._changed.notify_all()
+            return
+        self._each(lambda member: member.told(report, now))
+
+    def _each(self, tell: Callable[[BoardMember], None]) -> None:
+        for member in tuple(self._members):
+            try:
+                tell(member)
+            except Exception as error:  # the reader must go on, to see the blade stop
+                _log.exception("a report of the board could not be handled")
+                self._break(f"a report could not be handled: {error!r}")
+
+    def _break(self, why: str) -> RigError:
+        """Inform the members once that the line is broken; return the error for the caller to raise."""
+        with self._changed:
+            first, self.broken = self.broken is None, self.broken or why
+            self._changed.notify_all()
+        if first:
+            # From a separate thread: the sender may hold the very lock that a member needs to stop the blade.
+            now = self._clock.now()
+            threading.Thread(
+                target=self._each, args=(lambda member: member.lost(why, now),), name="board lost", daemon=True
+            ).start()
+        return RigError(f"the board at {self.port} is lost: {why}.")

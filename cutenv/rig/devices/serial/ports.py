@@ -1,0 +1,81 @@
+"""Serial ports of this computer: opened for one program alone, and listed where one is missing."""
+
+from __future__ import annotations
+
+import os
+import stat
+from typing import Any
+
+from cutenv.rig.errors import RigError
+
+
+def open_port(port: str, baud: int, *, read_limit: float, write_limit: float) -> Any:
+    """Open a serial port for this program alone.
+
+    Parameters
+    ----------
+    port : str
+        Device, such as ``/dev/ttyACM0``.
+    baud : int
+        Baud rate.
+    read_limit, write_limit : float
+        Time limits [s].
+
+    Returns
+    -------
+    serial.Serial
+        The open port.
+
+    Raises
+    ------
+    RigError
+        If it is missing, may not be opened, or another program has it.
+    """
+    import serial
+
+    try:
+        line = serial.Serial(port, baud, timeout=read_limit, write_timeout=write_limit, exclusive=True)
+    except (serial.SerialException, OSError, ValueError) as error:
+        raise RigError(f"the serial port {port} cannot be opened: {_why(port, error)}") from error
+    line.reset_input_buffer()
+    return line
+
+
+def _why(port: str, error: Exception) -> str:
+    number = getattr(error, "errno", None)
+    if not os.path.exists(port):
+        found = ", ".join(present_ports()) or "none"
+        return (
+            f"there is no such device. Present are: {found}. Is its cable in? A name below /dev/serial/by-id stays the "
+            "same when the cable is put in again."
+        )
+    if number == 13:
+        return "this user may not. Add the user to the group of the device (dialout, uucp), and log in again."
+    if number == 11 or "lock" in str(error).lower():
+        return "another program has it. End that one first; nothing was sent to the board."
+    return f"{error}."
+
+
+def present_ports() -> list[str]:
+    """Return the serial ports that this computer has, by the names that stay the same where there are some."""
+    from serial.tools import list_ports
+
+    by_id = "/dev/serial/by-id"
+    stable = {os.path.realpath(f"{by_id}/{name}"): f"{by_id}/{name}" for name in _names(by_id)}
+    return sorted(stable.get(each.device, each.device) for each in list_ports.comports())
+
+
+def _names(folder: str) -> list[str]:
+    try:
+        return os.listdir(folder)
+    except OSError:
+        return []
+
+
+def is_pseudo_terminal(port: str) -> bool:
+    """Return whether a port is a pseudo-terminal, behind which a program of this computer plays the device."""
+    real = os.path.realpath(port)
+    try:
+        return real.startswith("/dev/pts/") and stat.S_ISCHR(os.stat(real).st_mode)
+    except OSError:
+        return False
