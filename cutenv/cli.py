@@ -79,6 +79,7 @@ RIG_COMMANDS = {
     "init": Command("write the file of a new rig for you to fill in"),
     "jog": Command("move the blade while a key is held"),
     "run": Command("cut with a policy from simulation, unchanged"),
+    "speed": Command("draw desired and actual speed of a cut at constant speed"),
     "weigh": Command("calibrate the force sensor by known weights"),
     "zero": Command("set the zero of a stepper, with the blade at the clamp"),
 }

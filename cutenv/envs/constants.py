@@ -68,6 +68,8 @@ def taken_from(keywords: dict[str, Any], kind: type[T]) -> T:
 def identified_constants(rig: str | Path, *, drive: str = "rig") -> dict[str, float]:
     """Return keywords with the values that ``cutenv rig identify --write`` has put into a rig's file; SI.
 
+    Of a rig under PD position control, which ``drive="pd"`` simulates, the gains are among them.
+
     Raises
     ------
     FileNotFoundError, ValueError
@@ -77,13 +79,20 @@ def identified_constants(rig: str | Path, *, drive: str = "rig") -> dict[str, fl
     from cutenv.rig.config.identified import environment_arguments
     from cutenv.rig.toml_file import read_rig_file
 
-    if drive != "rig":
+    if drive == "hand":
         raise ValueError(f'rig = {str(rig)!r} is for a motor, and drive = "{drive}" has none: leave one of them out.')
-    measured = environment_arguments(read_rig_file(rig).identified)
+    settings = read_rig_file(rig)
+    control = settings.position_control
+    if (control is None) == (drive == "pd"):
+        own, kind = ("no section", "rig") if control is None else ("the section", "pd")
+        raise ValueError(
+            f'rig = {str(rig)!r} has {own} [position_control], and drive is "{drive}": give drive="{kind}".'
+        )
+    measured = environment_arguments(settings.identified, control)
     if not measured:
         raise ValueError(f"{rig}: nothing in it was identified yet. Run 'cutenv rig identify {rig} --write' first.")
     try:
-        Constants.from_keywords(measured)
+        Constants.from_keywords(measured, drive=drive)
     except ValueError as error:
         raise ValueError(f"{rig}: [identified] {error}") from None
     return measured

@@ -93,6 +93,8 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     lower_limits    None       limits of the rig's file made lower, by name in SI: ``{"force": 5.0}``; see
                                :data:`cutenv.rig.config.settings.LOWERED`
     dry_run         False      cut drawn specimens on a fake with this rig's settings: nothing is connected
+    drive           "rig"      of an emulated or fake rig: "rig" (velocity loop) or "pd" (PD control of position);
+                               a real one's file says it
     operator        None       a :class:`cutenv.rig.operation.operator.Operator`; None: the terminal, and nobody
                                for an emulated rig
     =============== ========== ========================================================================
@@ -138,6 +140,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         records: str | Path | None = None,
         lower_limits: dict[str, float] | None = None,
         dry_run: bool = False,
+        drive: str = "rig",
         operator: Operator | None = None,
         render_mode: None = None,
         **constants: float,
@@ -152,7 +155,8 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.target_length = None if target_length is None else checked_length(target_length)
         self.specimen_class = specimen_class
         self.tissue = TissueSource(tissue)
-        self.constants = Constants.from_keywords(constants, others=[*_ARGUMENTS, *self.other_keywords])
+        one_of("drive", drive, ("rig", "pd"))
+        self.constants = Constants.from_keywords(constants, drive=drive, others=[*_ARGUMENTS, *self.other_keywords])
         self.metadata = {**self.metadata, "render_fps": control_hz}
         self.action_space = spaces.Box(-1.0, 1.0, (len(self.action_names),), np.float32)
         self.observation_space = spaces.Box(-CLIP, CLIP, (self.component_count,), np.float32)

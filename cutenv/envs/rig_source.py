@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 import cutenv
 from cutenv._base.arrays import StructArray
 from cutenv._base.unit_table import NAMED_UNITS
-from cutenv.cutting.drive import Rig
+from cutenv.cutting.drive import PDRig, Rig
 from cutenv.envs.constants import Constants
 from cutenv.recording.appending import AppendingRecord, RecordingFailed
 from cutenv.recording.cut_listener import CutListener
 from cutenv.recording.provenance import Provenance
 from cutenv.rig.config.imitated_rig import HEIGHT, fake_settings
-from cutenv.rig.config.settings import RigSettings, SensorCalibration
+from cutenv.rig.config.settings import PositionControl, RigSettings, SensorCalibration
 from cutenv.rig.connection import EMULATOR, FAKE, SERIAL, operator_of, settings_of
 from cutenv.rig.contradictions import refuse_contradictions
 from cutenv.rig.devices.camera import CAMERA_NOTE, RigCamera
@@ -96,6 +96,10 @@ _OPTIONS = {
     "motor_lag": ("--lag-ms", "ms"),
     "dead_time": ("--dead-time-ms", "ms"),
     "backlash": ("--backlash-mm", "mm"),
+    "proportional_gain": ("--proportional-gain-N-per-m", "N_per_m"),
+    "derivative_gain": ("--derivative-gain-Ns-per-m", "Ns_per_m"),
+    "moved_mass": ("--moved-mass-kg", "kg"),
+    "drag": ("--drag-Ns-per-m", "Ns_per_m"),
     "force_delay": ("--force-delay-ms", "ms"),
     "force_noise": ("--force-noise-N", "N"),
     "force_resolution": ("--force-resolution-N", "N"),
@@ -104,6 +108,7 @@ _OPTIONS = {
     "friction_per_depth_speed": ("--blade-friction-Ns-m2", "Ns_m2"),
 }
 """Options of ``cutenv rig emulate`` by constant, with the name of the unit."""
+_OF_PD_CONTROL = dataclasses.fields(PositionControl)
 _AS_BUILT = {"backlash"}  # of the emulated screw by default: the simulator's default of 0 is not that of a real screw
 
 
@@ -190,10 +195,18 @@ class RigSource:
         self._rig, self._constants, self._operator = str(rig), constants, operator
         self._lower = dict(lower_limits or {})
         named = self._rig in (FAKE, EMULATOR, SERIAL)
+        control = None
+        if isinstance(constants.drive, PDRig):
+            control = PositionControl(**{key.name: getattr(constants.drive, key.name) for key in _OF_PD_CONTROL})
+            if self._rig not in (FAKE, EMULATOR):
+                raise ValueError(
+                    f'drive = "pd" is for rig="{EMULATOR}" and rig="{FAKE}"; the file of a rig, here {self._rig}, has '
+                    "the section [position_control] instead."
+                )
         own = (
             settings_of(SERIAL)
             if self._rig == SERIAL
-            else fake_settings(name=self._rig, height=HEIGHT if needs_height else None)
+            else fake_settings(name=self._rig, height=HEIGHT if needs_height else None, position_control=control)
         )
         self.settings = self._lowered(own if named else read_rig_file(rig))
         if needs_height:

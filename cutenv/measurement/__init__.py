@@ -1,6 +1,7 @@
 """Properties of the tissue from recorded cuts; depends on records and tissue, never on the simulator."""
 
 from cutenv.measurement.calibration import calibrate, measure_cuts, tissue_of
+from cutenv.measurement.constant_speed import SpeedTracking, speed_tracking
 from cutenv.measurement.depth import DepthProfile
 from cutenv.measurement.fracture import FractureEstimate, estimate_fracture_resistance
 from cutenv.measurement.initiation import InitiationEstimate, estimate_initiation, initiation_excess
@@ -26,6 +27,7 @@ __all__ = [
     "Segment",
     "SensorZero",
     "SpeedDependence",
+    "SpeedTracking",
     "UnitResistances",
     "calibrate",
     "estimate_fracture_resistance",
@@ -42,6 +44,7 @@ __all__ = [
     "measure_cut",
     "measure_cuts",
     "quality_issues",
+    "speed_tracking",
     "tissue_of",
     "zeroed",
 ]

@@ -78,11 +78,13 @@ def simulator_like(rig: RigCutEnv, **arguments: Any) -> GentleCutEnv:
         Keywords of :class:`~cutenv.envs.gentle_cut.GentleCutEnv`, which override the identified constants.
     """
     fixed = rig.fixed_angle is not None
+    control = rig.settings.position_control
     return GentleCutEnv(
+        drive="rig" if control is None else "pd",
         reward_from="estimate",
         angle_mode="fixed" if fixed else "free",
         fixed_angle_deg=float(np.degrees(rig.start_angle)) if fixed else 90.0,
-        **{**environment_arguments(rig.settings.identified), **arguments},
+        **{**environment_arguments(rig.settings.identified, control), **arguments},
     )
 
 

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from led_cut import INCLINED, UPRIGHT, PulledBlade, homogeneous
 
-from cutenv.cutting.drive import Hand, Rig, advance_command, lag_gain
+from cutenv.cutting.drive import Hand, PDRig, Rig, advance_command, advance_in_air, lag_gain
 from cutenv.cutting.dtypes import STATE, TICK, new_state
 from cutenv.cutting.friction import deflected, grip
 from cutenv.cutting.parameters import LawParameters, law_records
@@ -20,7 +20,7 @@ from cutenv.plant import SimulatedPlant
 from cutenv.tissue.specimen import Specimen
 
 SPEED = 0.01  # [m/s]
-Drive = Rig | Hand
+Drive = Rig | PDRig | Hand
 
 
 def drive_blade(
@@ -89,14 +89,14 @@ def test_the_blade_turns_at_the_rotation_rate():
     assert readings["angle"][-1] == INCLINED
 
 
-@pytest.mark.parametrize("drive", [Rig(), Hand()])
+@pytest.mark.parametrize("drive", [Rig(), PDRig(), Hand()])
 def test_the_blade_stays_between_the_end_stops_and_comes_to_rest_there(drive):
     plant = SimulatedPlant(homogeneous(), drive=drive)
     back = plant.advance(-0.0254, UPRIGHT, 500).copy()
     assert np.all(back["position"] == 0.0)
     out = plant.advance(0.0254, UPRIGHT, 8000).copy()
     assert out["position"].max() <= 0.1495
-    assert out["position"][-1] == pytest.approx(0.1495, abs=0.02 if isinstance(drive, Hand) else 0.0)
+    assert out["position"][-1] == pytest.approx(0.1495, abs={Rig: 0.0, PDRig: 1e-5, Hand: 0.02}[type(drive)])
     assert out["speed"][-1] == pytest.approx(0.0, abs=1e-6)
     home = plant.advance(-0.0254, UPRIGHT, 8000)
     assert home["position"].min() >= 0.0
@@ -131,9 +131,10 @@ def test_a_sudden_drop_of_force_makes_the_hand_lurch():
     check_lurch(Hand())
 
 
-def test_the_rig_does_not_lurch():
+@pytest.mark.parametrize("drive", [Rig(), PDRig()])
+def test_a_rig_does_not_lurch(drive):
     with pytest.raises(AssertionError):
-        check_lurch(Rig())
+        check_lurch(drive)
 
 
 def coasting(mass: float, friction: float, presliding: float) -> Any:
@@ -246,3 +247,47 @@ def test_without_play_encoder_and_blade_agree():
     readings, states, _ = drive_blade(homogeneous(), [(SPEED, UPRIGHT, 500), (-SPEED, UPRIGHT, 300)])
     assert readings["position"] == pytest.approx(states["blade"], abs=1e-15)
     assert readings["position"] == pytest.approx(states["hand"], abs=1e-12)
+
+
+def check_yields_by_force_over_gain(drive: PDRig) -> None:
+    """At rest in loaded tissue the blade stands back from the wanted position by the force over the gain."""
+    commands = [(SPEED, UPRIGHT, 1500), (0.0, UPRIGHT, 3000)]
+    readings, states, _ = drive_blade(homogeneous(friction_share=0.0), commands, drive)
+    behind = float(states["hand"][-1] - states["blade"][-1])
+    assert readings["true_force"][-1] > 1.0
+    assert behind == pytest.approx(readings["true_force"][-1] / 75e3, rel=1e-3)
+
+
+def test_under_pd_control_the_blade_yields_by_force_over_proportional_gain():
+    check_yields_by_force_over_gain(PDRig(proportional_gain=75e3, derivative_gain=8e3))
+
+
+def test_a_gain_twice_as_high_fails_the_check():
+    with pytest.raises(AssertionError):
+        check_yields_by_force_over_gain(PDRig(proportional_gain=150e3, derivative_gain=8e3))
+
+
+def test_pd_control_closes_the_energy_account():
+    _, _, residuals = drive_blade(homogeneous(), [(SPEED, UPRIGHT, 4000), (-SPEED, INCLINED, 1000)], PDRig())
+    assert np.abs(residuals).max() < 1e-9
+
+
+def test_pd_control_in_air_is_the_second_order_system_of_its_gains():
+    """Under a ramp of the wanted position the speed is the closed form of (Kd s + Kp)/(m s2 + (Kd + b) s + Kp)."""
+    from scipy.signal import lsim
+
+    drive = PDRig(proportional_gain=75e3, derivative_gain=3e3, drag=500.0, acceleration=10.0)
+    records, state = drive.records(1.0)[0], new_state(1, UPRIGHT)[0]
+    wanted, speeds = np.empty(1000), np.empty(1000)
+    for i in range(1000):
+        advance_in_air(state, records, lag_gain(records, TICK), SPEED, TICK)
+        wanted[i], speeds[i] = state.hand_speed, state.speed
+    system = ([3e3, 75e3], [190.0, 3.5e3, 75e3])
+    _, told, _ = lsim(system, wanted, TICK * np.arange(1, 1001))
+    assert np.abs(speeds - told).max() < 0.02 * SPEED
+    assert speeds.max() > 1.1 * SPEED  # it overshoots: the check sees the dynamics
+
+
+def test_gains_too_stiff_for_the_update_are_refused():
+    with pytest.raises(ValueError, match="proportional_gain = 5e\\+07 N/m on moved_mass = 190 kg swings too fast"):
+        PDRig(proportional_gain=5e7)

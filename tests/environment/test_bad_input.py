@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from cutenv import plant, policy, tissue
-from cutenv.cutting.drive import Hand, Rig
+from cutenv.cutting.drive import Hand, PDRig, Rig
 from cutenv.cutting.sensor import Sensor, SensorParameters
 from cutenv.envs.constants import Constants, Knowledge
 from cutenv.envs.gentle_cut import GentleCutEnv
@@ -172,6 +172,8 @@ OUTSIDE: list[tuple[Callable[[], Any], str, str]] = [
     (lambda: Constants.from_keywords({"acceleration": NAN}), "acceleration", "nan m/s2"),
     (lambda: Rig(rotation_rate=90), "rotation_rate", "90 rad/s"),
     (lambda: Rig(motor_lag=40), "motor_lag", "40 s"),
+    (lambda: PDRig(drag=-1), "drag", "-1 N s/m"),
+    (lambda: PDRig(proportional_gain=NAN), "proportional_gain", "nan N/m"),
     (lambda: Hand(mass=150), "mass", "150 kg"),
     (lambda: SensorParameters(force_delay=10), "force_delay", "10 s"),
     (lambda: Sensor(seed=-1), "seed", "-1"),

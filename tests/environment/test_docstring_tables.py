@@ -14,7 +14,7 @@ import pytest
 from declared_tables import with_tables
 from whole_cut import FASTEST, INCLINED, UPRIGHT, cut, legs, make
 
-from cutenv.cutting.drive import Rig
+from cutenv.cutting.drive import DRIVES, Rig
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.policy import ConstantFeed, NoAction
@@ -66,7 +66,7 @@ def check_arguments(doc: str) -> None:
         "specimen_class": CLASSES,
         "angle_mode": ("free", "fixed"),
         "reward_from": ("truth", "estimate"),
-        "drive": ("rig", "hand"),
+        "drive": DRIVES,
         "render_mode": GentleCutEnv.metadata["render_modes"],
     }.items():
         assert set(re.findall(r'"([a-z_]+)"', table[name]["Meaning"])) == set(choices)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cutenv.cutting.drive import Rig, advance_command, lag_gain
+from cutenv.cutting.drive import PDRig, Rig, advance_in_air, lag_gain
 from cutenv.cutting.dtypes import TICK, new_state
 from cutenv.rig.emulator.assembly import BLADE, HINGE
 from cutenv.rig.emulator.motor import (
@@ -40,13 +40,13 @@ def led(motors, targets, load=0.0, field="carriage"):
     return found
 
 
-def simulated(targets, position=0.05):
-    drive, state = Rig().records(travel=0.149)[0], new_state(1, np.pi / 2)[0]
-    state.hand = position
+def simulated(targets, position=0.05, drive=None):
+    drive, state = (drive or Rig()).records(travel=0.149)[0], new_state(1, np.pi / 2)[0]
+    state.hand = state.blade = position
     positions = np.empty(len(targets))
     for i, target in enumerate(targets):
-        advance_command(state, drive, lag_gain(drive, TICK), target, TICK)
-        positions[i] = state.hand
+        advance_in_air(state, drive, lag_gain(drive, TICK), target, TICK)
+        positions[i] = state.blade
     return positions
 
 
@@ -59,6 +59,34 @@ def step_and_stop(speed):
 def test_a_step_and_a_stop_follow_the_simulated_drive_within_a_tenth_of_a_millimetre(speed, load):
     targets = step_and_stop(speed)
     assert led(emulated(), targets, load) == pytest.approx(simulated(targets), abs=0.1e-3)
+
+
+def pd_mechanics(drive, **changes):
+    return Mechanics(proportional_gain=drive.proportional_gain, derivative_gain=drive.derivative_gain, **changes)
+
+
+@pytest.mark.parametrize("load", [0.0, -15.0])
+@pytest.mark.parametrize("drive", [PDRig(), PDRig(proportional_gain=2e5, derivative_gain=5e3)])
+@pytest.mark.parametrize("speed", SPEEDS)
+def test_pd_control_follows_the_simulated_drive_within_what_friction_and_load_shift(speed, drive, load):
+    targets = step_and_stop(speed)
+    moved = led(emulated(pd_mechanics(drive)), targets, load)
+    shift = (22.0 + abs(load)) / drive.proportional_gain  # friction of motor and guides
+    assert np.abs(moved - simulated(targets, drive=drive)).max() < 0.05e-3 + 1.2 * shift
+
+
+def test_under_pd_control_a_load_shifts_the_blade_by_its_force_over_the_gain():
+    drive, still = PDRig(proportional_gain=1e5, derivative_gain=8e3), np.zeros(3000)
+    mechanics = pd_mechanics(drive, friction=0.0, carriage_friction=0.0, backlash=0.0)
+    moved = led(emulated(mechanics), still, -15.0, field="position")
+    assert moved[-1] - 0.05 == pytest.approx(-15.0 / 1e5, rel=0.01)
+    held = led(emulated(Mechanics(friction=0.0, carriage_friction=0.0, backlash=0.0)), still, -15.0, field="position")
+    assert held[-1] - 0.05 == pytest.approx(0.0, abs=2e-6)  # the velocity loop's integral brings it back
+
+
+def test_a_derivative_gain_alone_is_refused():
+    with pytest.raises(ValueError, match="derivative_gain = 5 is of PD control, and proportional_gain is 0"):
+        Mechanics(derivative_gain=5.0)
 
 
 def test_another_lag_would_be_noticed():

@@ -15,16 +15,26 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cutenv.commands.options import add_specimen_class, command_parser, reports_errors
+from cutenv.rig.config.settings import Axis
 
 if TYPE_CHECKING:
     from cutenv.rig.emulator.assembly import Options
     from cutenv.rig.emulator.emulated_tissue import Laid
     from cutenv.rig.emulator.serial.serial_rig import SerialOptions
 
+_ROTOR_INERTIA_PER_MASS = (Axis().lead / (2.0 * math.pi * Axis().gear)) ** 2  # [m2]
 _CONSTANTS = (
     ("--lag-ms", "mechanics.lag", 1e-3, "MS", "lag of the blade's speed [ms]; default 40"),
     ("--dead-time-ms", "mechanics.dead_time", 1e-3, "MS", "dead time from target to motion [ms]; default 0"),
     ("--backlash-mm", "mechanics.backlash", 1e-3, "MM", "backlash of the screw [mm]; default 0.02"),
+    ("--proportional-gain-N-per-m", "mechanics.proportional_gain", 1.0, "KP", "PD control of the blade's position in "
+     "place of a velocity loop: force at the carriage for an error of position [N/m]; default a velocity loop"),
+    ("--derivative-gain-Ns-per-m", "mechanics.derivative_gain", 1.0, "KD",
+     "force for an error of speed under PD control [N s/m]; default 0"),
+    ("--moved-mass-kg", "mechanics.rotor_inertia", _ROTOR_INERTIA_PER_MASS, "KG",
+     "mass that the motor moves, at the carriage [kg]; default 191"),
+    ("--drag-Ns-per-m", "mechanics.viscosity", 1.0, "B",
+     "viscous friction of motor, gear and screw at the carriage [N s/m]; default 300"),
     ("--friction-N", "mechanics.friction", 1.0, "N",
      "friction of motor, gear and screw at the carriage [N]; default 20"),
     ("--force-delay-ms", "sensor.force_delay", 1e-3, "MS", "delay of the force sensor [ms]; default the simulator's"),

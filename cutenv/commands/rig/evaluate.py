@@ -67,7 +67,7 @@ def _evaluated(arguments: argparse.Namespace) -> Evaluation:
             rig, simulator, policy, seed=arguments.seed, specimens=arguments.specimens, draws=arguments.draws,
             told=_progress(arguments.specimens, stack),
         )  # fmt: skip
-        given = environment_arguments(rig.settings.identified)
+        given = environment_arguments(rig.settings.identified, rig.settings.position_control)
         name = _rig_name(arguments.rig, rig)
     if len(cuts.rig) < FEWEST_SPECIMENS:
         said = "; ".join(cuts.between)

@@ -77,6 +77,8 @@ _ABOUT = {
     "blade": "The axis that moves the blade along the cut.",
     "angle": 'The axis that turns the blade: with angle_mode = "free" only.',
     "height": "The axis that raises and lowers the blade: optional.",
+    "position_control": "PD control of position by the blade's drive: optional. Without it the drive has a velocity "
+    "loop. It configures no drive: the simulator, a fake and identification read it.",
     "sensor": "The force sensor, and how the cut lies in its axes.",
     "limits": "Limits at which the blade is stopped, whatever the policy commands.",
     "calibration": "When and how the force sensor was last checked with known weights.",

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 
-from cutenv.cutting.drive import Rig
-from cutenv.rig.config.settings import Identified, RigSettings
+from cutenv.cutting.drive import PDRig, Rig
+from cutenv.rig.config.settings import Identified, PositionControl, RigSettings
 
 SIMULATED = (
     "motor_lag", "dead_time", "acceleration", "backlash", "force_noise", "force_resolution", "force_drift",
@@ -13,9 +13,14 @@ SIMULATED = (
 """Fields that are constants of the simulated rig too, under the same names.  The axis's friction is not one: a stiff
 drive does not yield to it, and the sensor sits behind it."""
 
+_OF_A_VELOCITY_LOOP = ("motor_lag", "backlash")
 
-def environment_arguments(identified: Identified) -> dict[str, float]:
+
+def environment_arguments(identified: Identified, control: PositionControl | None = None) -> dict[str, float]:
     """Return the measured values as keyword arguments for ``gymnasium.make("cutenv/GentleCut-v1", ...)``, in SI.
+
+    With the ``control`` of a rig under PD position control, which has neither a velocity loop's lag nor backlash in the
+    simulator, its gains are among them; they are for ``drive="pd"``.
 
     Examples
     --------
@@ -23,10 +28,12 @@ def environment_arguments(identified: Identified) -> dict[str, float]:
     {'motor_lag': 0.052}
     """
     measured = {name: getattr(identified, name) for name in SIMULATED}
+    if control is not None:
+        measured |= dict.fromkeys(_OF_A_VELOCITY_LOOP) | dataclasses.asdict(control)
     return {name: float(value) for name, value in measured.items() if value is not None}
 
 
-def drive_of(settings: RigSettings) -> Rig:
+def drive_of(settings: RigSettings) -> Rig | PDRig:
     """Return the simulated drive with a rig's settings and measured properties."""
     ranges = {field.name: (field.metadata["low"], field.metadata["high"]) for field in dataclasses.fields(Rig)}
 
@@ -35,6 +42,8 @@ def drive_of(settings: RigSettings) -> Rig:
         return float(min(max(value, low), high))
 
     measured, told = settings.identified, settings.blade.acceleration
+    if (control := settings.position_control) is not None:
+        return PDRig(**dataclasses.asdict(control), acceleration=within("acceleration", measured.acceleration or told))
     return Rig(
         motor_lag=within("motor_lag", measured.motor_lag or Rig().motor_lag),
         acceleration=within("acceleration", min(measured.acceleration or told, told)),

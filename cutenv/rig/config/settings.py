@@ -199,6 +199,30 @@ class HeightAxis(Axis):
 
 
 @dataclass(frozen=True, kw_only=True)
+class PositionControl:
+    """PD control of the blade's position by its drive: gains and motor, referred to the carriage.
+
+    The drive turns a commanded speed into a wanted position, whose error and error's derivative command the motor.
+    """
+
+    proportional_gain: float = setting(
+        750e3, "N_per_m", "Force of the motor for an error of position, at the carriage.", 100.0, 1e8,
+        why="a bandwidth of 10 Hz",
+    )  # fmt: skip
+    derivative_gain: float = setting(
+        24e3, "Ns_per_m", "Force of the motor for an error of speed, at the carriage.", 1.0, 1e7, why="critical damping"
+    )
+    moved_mass: float = setting(
+        190.0, "kg", "Mass that the motor moves: mostly its rotor, times (2 pi gear / lead)^2.", 0.1, 1e5,
+        why="a rotor of 1e-6 kg m2, a gear of 4.4, a screw of 2 mm",
+    )  # fmt: skip
+    drag: float = setting(300.0, "Ns_per_m", "Viscous friction of motor, gear and screw, at the carriage.", 0.0, 1e6)
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+
+
+@dataclass(frozen=True, kw_only=True)
 class SensorSettings:
     """Settings of a force sensor, and the direction of the cut in its axes."""
 
@@ -376,6 +400,7 @@ class RigSettings:
     blade: Axis = field(default_factory=Axis)
     angle: Axis | None = None
     height: HeightAxis | None = None
+    position_control: PositionControl | None = None
     sensor: SensorSettings = field(default_factory=SensorSettings)
     limits: SafetyLimits = field(default_factory=SafetyLimits)
     calibration: SensorCalibration = field(default_factory=SensorCalibration)

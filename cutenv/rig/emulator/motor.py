@@ -1,4 +1,4 @@
-"""Motor, gear, screw and carriage under a drive's velocity loop, which move or turn the blade of the emulated rig.
+"""Motor, gear, screw and carriage of the emulated rig, under a drive's velocity loop or its PD position control.
 
 All quantities are referred to the carriage: metres and newtons for the blade, radians and newton metres for the hinge.
 A motor of inertia J at gear ratio i and lead h adds a mass of J (2 pi i / h)^2 there, far more than the carriage
@@ -18,7 +18,7 @@ from cutenv._base.arrays import Struct, StructArray
 from cutenv._base.parameter import check_parameters, parameter
 from cutenv._engine.elementary import exp
 from cutenv._engine.jit import njit, njit_internal
-from cutenv.rig.config.settings import Axis
+from cutenv.rig.config.settings import Axis, PositionControl
 
 SUBSTEP = 5e-5
 """Time step of the equations of motion [s]."""
@@ -77,9 +77,20 @@ class Mechanics:
         provenance="assumed",
         source="time constant of the drive's velocity loop",
     )
+    proportional_gain: float = parameter(
+        0.0, unit="N/m or N m/rad", low=0.0, high=1e8, provenance="choice",
+        source="off: a velocity loop; otherwise PD control of position, which needs no lag and has none",
+    )  # fmt: skip
+    derivative_gain: float = parameter(
+        0.0, unit="N s/m or N m s/rad", low=0.0, high=1e7, provenance="choice", source="of PD control"
+    )
 
     def __post_init__(self) -> None:
         check_parameters(self)
+        if self.derivative_gain > 0.0 and self.proportional_gain == 0.0:
+            raise ValueError(
+                f"derivative_gain = {self.derivative_gain:g} is of PD control, and proportional_gain is 0: give both."
+            )
         if self.dead_time > (_DELAYS - 1) * 1e-3:
             raise ValueError(f"dead_time = {self.dead_time:g} s is above {1e-3 * (_DELAYS - 1):g} s: take less.")
         if self.stiffness * SUBSTEP**2 > 0.1 * self.mass:
@@ -95,6 +106,23 @@ def hinge(*, lag: float = 0.040, dead_time: float = 0.0, backlash: float = 0.000
         lag=lag, dead_time=dead_time, backlash=backlash, friction=friction, viscosity=0.005, rotor_inertia=1e-6,
         torque_constant=0.02, mass=2e-4, carriage_friction=0.005, stiffness=200.0, loop=0.0025,
     )  # fmt: skip
+
+
+def position_control(mechanics: Mechanics, axis: Axis) -> PositionControl | None:
+    """Return the PD control of an emulated axis as a rig's file tells it; None for a velocity loop."""
+    if mechanics.proportional_gain == 0.0:
+        return None
+    return PositionControl(
+        proportional_gain=mechanics.proportional_gain,
+        derivative_gain=mechanics.derivative_gain,
+        moved_mass=float(f"{moved_mass(mechanics, axis) + mechanics.mass:.6g}"),
+        drag=mechanics.viscosity,
+    )
+
+
+def moved_mass(mechanics: Mechanics, axis: Axis) -> float:
+    """Return the inertia of the motor's side, referred to the carriage [kg or kg m2]."""
+    return mechanics.rotor_inertia * (2 * math.pi * axis.gear / axis.lead) ** 2
 
 
 MOTOR: np.dtype[Any] = np.dtype(
@@ -136,6 +164,8 @@ MOTOR: np.dtype[Any] = np.dtype(
             ("carriage_friction", "f8"),
             ("stiffness", "f8"),
             ("loop", "f8"),
+            ("proportional_gain", "f8"),  # of PD control of position; 0: the velocity loop
+            ("derivative_gain", "f8"),
             ("low", "f8"),  # mechanical ends of the carriage's travel
             ("high", "f8"),
         ],
@@ -147,10 +177,15 @@ MOTOR: np.dtype[Any] = np.dtype(
 def motor_record(axis: Axis, mechanics: Mechanics, *, position: float, margin: float) -> StructArray:
     """Return one axis at rest at ``position``, shape (1,); its mechanical ends are ``margin`` beyond its travel."""
     motors = np.zeros(1, MOTOR)
-    for name in ("lag", "backlash", "friction", "viscosity", "mass", "carriage_friction", "stiffness", "loop"):
+    for name in (
+        "lag", "backlash", "friction", "viscosity", "mass", "carriage_friction", "stiffness", "loop",
+        "proportional_gain", "derivative_gain",
+    ):  # fmt: skip
         motors[name] = getattr(mechanics, name)
+    if mechanics.proportional_gain > 0.0:
+        motors["lag"] = 0.0
     motors["delay"] = round(1e3 * mechanics.dead_time)
-    motors["inertia"] = mechanics.rotor_inertia * (2 * math.pi * axis.gear / axis.lead) ** 2
+    motors["inertia"] = moved_mass(mechanics, axis)
     motors["low"], motors["high"] = axis.low - margin, axis.high + margin
     motors["position"] = motors["carriage"] = motors["demand_position"] = position
     motors["runaway"] = np.nan
@@ -217,6 +252,10 @@ def turn_motor(motors: StructArray, load: float) -> None:
             govern(motor, target, dt)
             error = motor.demand - motor.speed
             wanted = gain * error + motor.integral
+            if motor.proportional_gain > 0.0:
+                motor.integral = 0.0
+                behind = motor.demand_position - motor.position
+                wanted = motor.proportional_gain * behind + motor.derivative_gain * error
             motor.force = min(max(wanted, -motor.strongest), motor.strongest)
             if motor.force == wanted or error * wanted < 0.0:  # anti-windup
                 motor.integral += gain_integral * error * dt

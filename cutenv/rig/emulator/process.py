@@ -14,7 +14,7 @@ import sys
 import threading
 import time
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -24,14 +24,14 @@ from cutenv._engine.jit import warn_before_first_compile
 from cutenv.cutting.descending_cut import follow_levels
 from cutenv.cutting.sensor import measure
 from cutenv.rig.config.imitated_rig import HEIGHT
-from cutenv.rig.config.settings import Bus, RigSettings, SensorCalibration, SensorSettings
+from cutenv.rig.config.settings import Bus, PositionControl, RigSettings, SensorCalibration, SensorSettings
 from cutenv.rig.devices.real_time import prefer
 from cutenv.rig.devices.serial.slow_profile import slow_settings
 from cutenv.rig.emulator.assembly import BLADE, HINGE, EmulatedRig, Options
 from cutenv.rig.emulator.control import ControlServer, EmulatorControl
 from cutenv.rig.emulator.emulated_bench import EmulatedBench
 from cutenv.rig.emulator.emulated_tissue import Laid, feel
-from cutenv.rig.emulator.motor import turn_motor
+from cutenv.rig.emulator.motor import position_control, turn_motor
 from cutenv.rig.emulator.serial.serial_rig import EmulatedSerialRig, SerialOptions
 from cutenv.rig.errors import RigError
 from cutenv.rig.toml_text import to_toml
@@ -132,7 +132,11 @@ def _told(rig: EmulatedBench) -> dict[str, Any]:
     if isinstance(rig, EmulatedSerialRig):
         return {"port": rig.line.port, "converter": rig.options.converter}
     assert isinstance(rig, EmulatedRig)
-    return {"can": rig.hub.port, "sensor": rig.sensor.port, "page": rig.sensor.page}
+    told = {"can": rig.hub.port, "sensor": rig.sensor.port, "page": rig.sensor.page}
+    options = rig.options
+    if (control := position_control(options.blade_mechanics, options.blade_axis)) is not None:
+        told["position_control"] = asdict(control)
+    return told
 
 
 def _settings_of(options: Options | SerialOptions, ready: dict[str, Any]) -> RigSettings:
@@ -171,6 +175,7 @@ def emulated_settings(
             calibration=SensorCalibration(date=datetime.date.today().isoformat()),
             emulated=True,
         )
+    gains = ready.get("position_control")
     return RigSettings(
         name="emulated rig",
         armed_by="the emulator",
@@ -180,6 +185,7 @@ def emulated_settings(
         blade=BLADE,
         angle=HINGE if angle_mode == "free" else None,
         height=HEIGHT if height else None,
+        position_control=None if gains is None else PositionControl(**gains),
         sensor=SensorSettings(address=host, port=ready["sensor"], page=ready["page"]),
         calibration=SensorCalibration(date=datetime.date.today().isoformat()),
         emulated=True,

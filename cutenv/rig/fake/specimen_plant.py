@@ -90,7 +90,7 @@ class SpecimenPlant(AtOneHeight):
             specimen, drive=drive, sensor=sensor, law=law, seed=seed, episode=episode, angle=settings.fixed_angle
         )
         self._angle = settings.fixed_angle
-        self._usual, self._quick_stop = self.plant.cuts["drives"][0].copy(), settings.blade.quick_stop
+        self._usual, self._quick_stop = self.plant.cuts["drives"].ravel()[0].copy(), settings.blade.quick_stop
         self._stopping: bool | None = None
         self._position = self._speed = self._force = 0.0
         self._advance(0.0)
