@@ -91,7 +91,7 @@ COMMANDS = {
     "train": Command("train an agent and report how well it cuts", extra="rl"),
     "evaluate": Command("compare policies on the same held-out specimens", extra="rl"),
     "submit": Command("enter a policy on the leaderboard, or check an entry", extra="rl"),
-    "datasets": Command("record cuts as a Minari data set, force included", extra="data"),
+    "datasets": Command("record cuts as a data set of Minari or LeRobot, force included", extra="data"),
     "record": Command("record a force stream of the Lab Streaming Layer as a cut", extra="streams"),
     "convert": Command("convert records: CSV, Parquet, HDF5, and bags of ROS without ROS"),
     "calibrate": Command("fit a tissue to your own records of cuts"),
