@@ -157,6 +157,16 @@ def add_specimen_class(parser: argparse.ArgumentParser, default: str) -> None:
     )
 
 
+def add_task(parser: argparse.ArgumentParser) -> None:
+    """Add ``--task`` of a rig."""
+    parser.add_argument(
+        "--task",
+        choices=("gentle", "depth"),
+        default="gentle",
+        help="gentle cutting (the default), or along a wanted depth, on a rig with a height axis",
+    )
+
+
 def add_watch(parser: argparse.ArgumentParser, about: str) -> None:
     """Add ``--watch``, the port of a rig's live readings; ``about`` says what is done with them."""
     parser.add_argument(

@@ -21,6 +21,7 @@ from cutenv.commands.options import (
     add_lsl,
     add_specimen_class,
     add_target_length,
+    add_task,
     add_watch,
     command_parser,
     reports_errors,
@@ -255,8 +256,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--policy", required=True, metavar="POLICY", help="name of a script or of a shipped policy, folder of a "
         "trained policy, or MODULE:CLASS of your own")  # fmt: skip
     add("--rig", required=True, metavar="RIG", help=RIG)
-    add("--task", choices=("gentle", "depth"), default="gentle",
-        help="gentle cutting (the default), or along a wanted depth, on a rig with a height axis")  # fmt: skip
+    add_task(parser)
     add("--cuts", type=int, default=1, metavar="N", help="number of cuts, one after the other; default 1")
     add("--seed", type=int, default=0, metavar="N", help="seed of target lengths and of drawn specimens; default 0")
     add_target_length(parser, "drawn from 60mm to 100mm")
