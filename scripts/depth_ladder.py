@@ -4,8 +4,9 @@
     python scripts/depth_ladder.py --validation         on validation specimens, to plan a training
     python scripts/depth_ladder.py --print              the table of what is in runs/depth
 
-Every rung is the script "follow the depth" with other knowledge, but for the planner with truth.  The steps between the
-rungs say what of the gap is the tip, the surface, the place of the stop, and the tissue ahead.
+Every rung is the script "follow the depth" with other knowledge.  The steps between the rungs say what of the gap to
+the planner with truth, which is in the table of ``scripts/depth_table.py``, is the tip, the surface, the place of the
+stop, and the tissue ahead.
 """
 
 from __future__ import annotations
@@ -21,12 +22,10 @@ import numpy as np
 from cutenv._base.arrays import Array, Array32, Indices
 from cutenv._engine.jit import njit
 from cutenv.envs.depth_cut import DepthBatch, DepthCutEnv
-from cutenv.learning.evaluation import Contestant, evaluate
 from cutenv.learning.result_tables import rows_of, write_csv
 from cutenv.learning.seeds import TEST_SEEDS, VALIDATION_SEEDS
 from cutenv.learning.statistics import by_policy, mean_with_interval
 from cutenv.policy import OneReturnStroke, StopAndUnload
-from cutenv.policy.depth_planner import DepthPlanner
 from cutenv.policy.depth_scripts import BLADE_DEPTH, VERTICAL_MEAN, FollowDepth
 from cutenv.policy.signals import FORCE_MEAN_COLUMN, POSITION_COLUMN, SPEED_COLUMN, in_si
 from cutenv.policy.two_forces import feel_two_forces, nothing_felt
@@ -38,7 +37,7 @@ from cutenv.tissue.description import measured_liver
 from cutenv.tissue.nominal import nominal_tissue
 
 TABLE = Path("runs") / "depth" / "ladder.csv"
-START, ORACLE = "as the script has it", "planner with truth"
+START = "as the script has it"
 _SCALES = np.array([one.scale for one in DEPTH_COMPONENTS])
 _DESCENT_SPEED = [one.name for one in DEPTH_COMPONENTS].index("descent_speed")
 _TERMS = [column(field) for field in GROUPS["reward_terms"]]
@@ -146,15 +145,9 @@ def rows_of_rung(policy: Rung, name: str, seeds: Sequence[int]) -> list[dict[str
     ]
 
 
-def measure(seeds: Sequence[int], processes: int | None) -> list[dict[str, Any]]:
+def measure(seeds: Sequence[int]) -> list[dict[str, Any]]:
     """Return one row for each rung and specimen."""
-    rows = [row for name, make in RUNGS.items() for row in rows_of_rung(make(), name, seeds)]
-    planned = evaluate(
-        {ORACLE: Contestant(DepthPlanner())}, seeds, {"task": "depth", "specimen_class": "mixed"}, processes=processes
-    )
-    for row in planned:
-        row["safety"] = row["reward_safety"]
-    return rows + [{"policy": ORACLE, "seed": row["seed"], **{name: row[name] for name in SCORES}} for row in planned]
+    return [row for name, make in RUNGS.items() for row in rows_of_rung(make(), name, seeds)]
 
 
 def report(rows: Sequence[Mapping[str, Any]]) -> str:
@@ -194,14 +187,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--specimens", type=int, default=500, metavar="N", help="number of specimens; default 500")
     parser.add_argument("--validation", action="store_true", help="cut validation specimens, print, and keep nothing")
-    parser.add_argument("--processes", type=int, metavar="N", help="number of processes of the planner")
     parser.add_argument("--print", action="store_true", help="print the kept table without measuring again")
     arguments = parser.parse_args()
     if arguments.validation:
-        print(report(measure(VALIDATION_SEEDS[: arguments.specimens], arguments.processes)), flush=True)
+        print(report(measure(VALIDATION_SEEDS[: arguments.specimens])), flush=True)
         return
     if not arguments.print:
-        rows = measure(TEST_SEEDS[: arguments.specimens], arguments.processes)
+        rows = measure(TEST_SEEDS[: arguments.specimens])
         TABLE.parent.mkdir(parents=True, exist_ok=True)
         write_csv(TABLE, rows)
     print(report(kept()), flush=True)

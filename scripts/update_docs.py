@@ -3,6 +3,7 @@
     python scripts/update_docs.py parameters agreement specimens calibration field pass-marks speed baselines
     python scripts/update_docs.py training results --runs runs/NAME ...  one run for each training seed
     python scripts/update_docs.py ladder learned-stop stock safe-cut memory check-score depth-cut  left in runs/
+    python scripts/update_docs.py depth-ladder depth-agents                                        likewise
     python scripts/update_docs.py benchmark                 what scripts/leaderboard.py --publish has kept
     python scripts/update_docs.py rig-faults rig-faults-height rig-soak class-load  what scripts left in runs/
     python scripts/update_docs.py depth seen-runs           what measure_depth_accuracy.py and measure_seen_runs.py left
@@ -40,6 +41,8 @@ import check_steering
 import class_attacks
 import class_load
 import declared_tables
+import depth_agents
+import depth_ladder
 import depth_table
 import fit_layers
 import gymnasium
@@ -99,6 +102,8 @@ PAGES = {
     "safe-cut": "docs/results/safe-cut.md",
     "memory": "docs/results/memory-gap.md",
     "depth-cut": "docs/results/depth-cut.md",
+    "depth-ladder": "docs/results/depth-cut.md",
+    "depth-agents": "docs/results/depth-cut.md",
     "speed": "docs/results/speed.md",
     "agreement": "docs/validation/agreement.md",
     "specimens": "docs/validation/specimens.md",
@@ -409,6 +414,8 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "memory": lambda _: memory_gap.report(memory_gap.kept(ROOT / memory_gap.FOLDER)),
     "benchmark": benchmark,
     "depth-cut": lambda _: "\n".join(depth_table.table(depth_table.kept())),
+    "depth-ladder": lambda _: depth_ladder.report(depth_ladder.kept()),
+    "depth-agents": lambda _: depth_agents.report(depth_agents.kept()),
     "measures": lambda _: measure_codebase.comparison(),
     "descent": lambda _: check_descent.markdown(),
     "descent-speed": lambda _: speed_of("descent"),

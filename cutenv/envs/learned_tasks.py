@@ -66,7 +66,7 @@ TASKS = {
         privileged=DEPTH_PRIVILEGED, scripts=tuple(DEPTH_SCRIPTS), script="depth by force",
         options={
             "script": TRUE_TIP, "control_hz": 25, "demonstrations": 400_000, "corrections": 250_000,
-            "timesteps": 3_000_000, "validation_specimens": 1000,
+            "timesteps": 2_500_000, "exploration": 0.04, "last_exploration": 0.02, "validation_specimens": 1000,
         },
         teachers={**DEPTH_SCRIPTS, TRUE_TIP: careful_true_tip},
     ),

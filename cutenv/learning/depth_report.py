@@ -1,4 +1,4 @@
-"""Report of a run on ``cutenv/DepthCut-v1``: its agent beside every script and the planner, as tables and CSV."""
+"""Report of a run on ``cutenv/DepthCut-v1``: its agent beside every script and the planner, as tables and a page."""
 
 from __future__ import annotations
 
@@ -7,12 +7,15 @@ from pathlib import Path
 from typing import Any
 
 from cutenv.learning.evaluation import Contestant, contestant, evaluate
-from cutenv.learning.result_tables import DEPTH_SHOWN, print_differences, print_table, write_csv
+from cutenv.learning.result_tables import DEPTH_SHOWN, print_differences, print_table, read_rows, write_csv
+from cutenv.learning.run_page import chosen_at, cut_picture, shown_facts, typical
 from cutenv.learning.seeds import TEST_SEEDS
-from cutenv.learning.statistics import differences, summarise
+from cutenv.learning.statistics import best_script, differences, summarise
 from cutenv.policy import ORACLE
 from cutenv.policy.depth_planner import DepthPlanner
 from cutenv.policy.depth_scripts import DEPTH_SCRIPTS
+from cutenv.report import TrainingResult, write_training_page
+from cutenv.report.training_result import DEPTH_COLUMNS
 
 _MORE = 5  # times as many specimens for agent and scripts, so that chance does not hide their differences
 
@@ -48,14 +51,61 @@ def compare_depth(run: Path, facts: Mapping[str, Any], *, processes: int | None 
     write_csv(run / "comparison.csv", further)
     paired = differences([*rows, *further], agent)
     write_csv(run / "differences.csv", paired)
+    write_page(run, facts, rows, paired, {**learned, **scripts}, shared)
 
     print(f"\n{depth_headline(agent, paired)}")
     print(f"\n{len(few)} held-out specimens of class {arguments['specimen_class']}, mean [95 % interval]\n")
     print_table(summary, DEPTH_SHOWN)
     print_differences(paired)
     print(f"({', '.join(scripts)}: on {len(few) + len(more)} specimens)")
-    print(f"\nWritten to {run}/: policy/ (safetensors and card, needs no torch), scores.csv and comparison.csv")
-    print("(every cut), summary.csv, differences.csv, learning_curve.csv, run.json")
+    print(f"\nWritten to {run}/: report.html (open it in a browser), policy/ (safetensors and card, needs no torch),")
+    print("scores.csv and comparison.csv (every cut), summary.csv, differences.csv, learning_curve.csv, run.json")
+
+
+def write_page(
+    run: Path,
+    facts: Mapping[str, Any],
+    rows: Sequence[Mapping[str, Any]],
+    paired: Sequence[Mapping[str, Any]],
+    contestants: Mapping[str, Contestant],
+    shared: Mapping[str, Any],
+) -> None:
+    """Write the page of a run, ``report.html``.
+
+    Parameters
+    ----------
+    run, facts
+        Those of :func:`compare_depth`.
+    rows, paired : sequence of mapping
+        Every cut that all policies made, and the paired differences of the agent.
+    contestants : mapping of str to Contestant
+        Agent and scripts by name.
+    shared : mapping
+        Arguments of the environment.
+    """
+    arguments, agent, summary = facts["arguments"], facts["agent"], summarise(rows)
+    script = best_script(summary, list(DEPTH_SCRIPTS))
+    seed = typical(rows, TEST_SEEDS[: arguments["specimens"]], agent)
+    curve = read_rows(run / "learning_curve.csv")
+    write_training_page(
+        run / "report.html",
+        TrainingResult(
+            title=f"Learning to cut along a wanted depth: {run.name}",
+            subtitle=f"{agent} on simulated slices of measured liver, class {arguments['specimen_class']}",
+            facts=shown_facts(facts),
+            summary=summary,
+            differences=paired,
+            agent=agent,
+            best_script=script,
+            rival_script=None,
+            bound=ORACLE,
+            grid=(),
+            cuts=[cut_picture(name, contestants[name], seed, shared) for name in (agent, script)],
+            curve=curve,
+            chosen_at=chosen_at(curve),
+            columns=DEPTH_COLUMNS,
+        ),
+    )
 
 
 def depth_headline(agent: str, paired: Sequence[Mapping[str, Any]]) -> str:

@@ -11,7 +11,7 @@ from cutenv._base.arrays import Array, Array32, Indices
 from cutenv._base.validation import in_range
 from cutenv.policy.interface import ArrayPolicy
 from cutenv.policy.one_return_stroke import OneReturnStroke
-from cutenv.policy.signals import DEPTH_COLUMN, POSITION_COLUMN, in_si
+from cutenv.policy.signals import DEPTH_COLUMN, POSITION_COLUMN, SPEED_COLUMN, in_si
 from cutenv.policy.tip_estimate import TipEstimate
 from cutenv.task.depth_terms import ALL_COMPONENTS, DEPTH_COMPONENTS, DESCENT_SCALE
 from cutenv.task.observation import COMPONENTS, SPEED_SCALE, speed_action
@@ -21,7 +21,8 @@ _SCALES = np.array([one.scale for one in DEPTH_COMPONENTS])
 _COLUMNS = {one.name: number for number, one in enumerate(DEPTH_COMPONENTS)}
 VERTICAL_MEAN, BLADE_DEPTH, WANTED = (_COLUMNS[name] for name in ("vertical_mean", "blade_depth", "wanted"))
 """Columns of what depth adds to an observation."""
-_TIME_LEFT = [one.name for one in COMPONENTS].index("time_left")
+_TIME_LEFT, _LAST_SPEED = ([one.name for one in COMPONENTS].index(name) for name in ("time_left", "last_speed"))
+_GOING_ON, _ADVANCING = 0.3, 0.008  # action, and speed [m/s], of a blade that goes on
 _PROBE_TIME = 0.2  # [s]
 _DEPTH_SCALE = COMPONENTS[DEPTH_COLUMN].scale
 
@@ -160,6 +161,13 @@ class FollowTrueTip(FollowDepth):
     def tell(self, lags: Array) -> None:
         """Tell the lags of the tips behind the blades [m], shape (n,), before :meth:`act` is asked."""
         self._lags = np.asarray(lags, float)
+
+    def reconsider(self, observations: Array32) -> None:
+        """Decide anew where a learner went on although this script had stopped, or had begun to draw back."""
+        advancing = in_si(observations[:, : len(COMPONENTS)])[:, SPEED_COLUMN] > _ADVANCING
+        ignored = (observations[:, _LAST_SPEED] > _GOING_ON) & advancing
+        if isinstance(self.along, OneReturnStroke):
+            self.along.reconsider(ignored)
 
     def tips(self, seen: Array) -> Array:
         """Return the true tips [m]."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from cutenv.task.depth_terms import DEPTH_COSTS, DEPTH_TOLERANCE, LAYER_TOLERANCE
 from cutenv.task.reward import FORCE_ALLOWED, LAG_ALLOWED, REWARD
 from cutenv.task.weights import RewardWeights
 from cutenv.task_quantities import ANGLE_TOLERANCE, TIP_TOLERANCE
@@ -11,7 +12,7 @@ from cutenv.task_quantities import ANGLE_TOLERANCE, TIP_TOLERANCE
 _IDLE_COST = RewardWeights().time
 """Cost of doing nothing: the whole time."""
 
-TERM_MEANINGS = {term.name: term.title for term in REWARD}
+TERM_MEANINGS = {one.name: one.title for one in (*REWARD, *DEPTH_COSTS)}
 """Title of each term of the reward."""
 
 MEANINGS = (
@@ -61,6 +62,20 @@ MEANINGS = (
     ),
 )
 """Terms with their meanings, for a reader who did not write the task."""
+
+DEPTH_MEANINGS = (
+    (
+        "Error of the depth",
+        "By how much the floor of the cut lies above or below the wanted one, on average along the cut. A success errs "
+        f"by at most {1e3 * DEPTH_TOLERANCE:g} mm, besides all that is said above.",
+    ),
+    (
+        "Into the layer below",
+        "How deep the layer below the tissue was opened at the worst place. Nobody sees where it lies. A success opens "
+        f"it by at most {1e3 * LAYER_TOLERANCE:g} mm.",
+    ),
+)
+"""Further terms of cuts along a wanted depth."""
 
 LIMITS = (
     "The tissue is simulated. Its stiffness and its resistance to cutting are drawn from measured values of pig liver; "
