@@ -9,6 +9,7 @@ BENCHMARKS = {
     "descent": "vertical_motion",
     "depth": "depth_environment",
     "steering": "steering",
+    "path": "path_environment",
     "tick": "tick",
     "picture": "picture",
     "field": "field",
