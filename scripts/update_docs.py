@@ -56,6 +56,7 @@ import measure_page
 import measure_seen_runs
 import memory_gap
 import numpy as np
+import path_table
 import rig_faults
 import rig_soak
 import safe_cut
@@ -104,6 +105,7 @@ PAGES = {
     "depth-cut": "docs/results/depth-cut.md",
     "depth-ladder": "docs/results/depth-cut.md",
     "depth-agents": "docs/results/depth-cut.md",
+    "path-cut": "docs/results/path-cut.md",
     "speed": "docs/results/speed.md",
     "agreement": "docs/validation/agreement.md",
     "specimens": "docs/validation/specimens.md",
@@ -413,9 +415,10 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "safe-cut": lambda _: safe_cut.report(safe_cut.kept(ROOT / safe_cut.FOLDER)),
     "memory": lambda _: memory_gap.report(memory_gap.kept(ROOT / memory_gap.FOLDER)),
     "benchmark": benchmark,
-    "depth-cut": lambda _: "\n".join(depth_table.table(depth_table.kept())),
+    "depth-cut": lambda _: "\n".join(depth_table.TABLE.lines(depth_table.TABLE.kept())),
     "depth-ladder": lambda _: depth_ladder.report(depth_ladder.kept()),
     "depth-agents": lambda _: depth_agents.report(depth_agents.kept()),
+    "path-cut": lambda _: "\n".join(path_table.TABLE.lines(path_table.TABLE.kept())),
     "measures": lambda _: measure_codebase.comparison(),
     "descent": lambda _: check_descent.markdown(),
     "descent-speed": lambda _: speed_of("descent"),

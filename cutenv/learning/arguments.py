@@ -55,7 +55,9 @@ class LearnerArguments:
     """Names of the tasks that the learner is for."""
 
     task: str = option(
-        "gentle", "task to learn: to cut gently (gentle), or along a wanted depth as well (depth)", tuple(TASKS)
+        "gentle",
+        "task to learn: to cut gently (gentle), along a wanted depth as well (depth), or along a drawn line (path)",
+        tuple(TASKS),
     )
     name: str = option("", "name of the run's folder below runs/; default date and time", metavar="NAME")
     seed: int = option(

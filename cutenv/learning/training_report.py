@@ -7,12 +7,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from cutenv.learning.depth_report import compare_depth
 from cutenv.learning.evaluation import Contestant, contestant, evaluate
 from cutenv.learning.result_tables import SHOWN, print_differences, print_table, read_rows, write_csv
 from cutenv.learning.run_page import chosen_at, cut_picture, shown_facts, typical
 from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.learning.statistics import best_script, differences, summarise
+from cutenv.learning.task_report import compare_task
 from cutenv.policy import BASELINES, CONSTANT_FEEDS, NULL_POLICIES, ORACLE, SCRIPTS, RandomAction
 from cutenv.report import TrainingResult, draw_cut, training_headline, write_training_page
 
@@ -25,7 +25,7 @@ def compare(
 ) -> None:
     """Evaluate the agent of a run and all baselines; write and print the scores, draw a cut, write the page.
 
-    The report of a run on another task is that of :func:`~cutenv.learning.depth_report.compare_depth`.
+    The report of a run on another task is that of :func:`~cutenv.learning.task_report.compare_task`.
 
     Parameters
     ----------
@@ -44,10 +44,11 @@ def compare(
         If the other run is on other specimens, or the task has other baselines.
     """
     arguments, agent = facts["arguments"], facts["agent"]
-    if arguments.get("task") == "depth":
+    task = arguments.get("task", "gentle")
+    if task != "gentle":
         if baselines_of is not None:
-            raise ValueError(f"{run} is of task depth, whose baselines are not reused; leave out --baselines-of.")
-        compare_depth(run, facts, processes=processes)
+            raise ValueError(f"{run} is of task {task}, whose baselines are not reused; leave out --baselines-of.")
+        compare_task(run, facts, processes=processes)
         return
     learned = {agent: run / "policy"}
     if (run / "untrained" / "card.json").is_file():

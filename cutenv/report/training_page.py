@@ -9,7 +9,7 @@ from typing import Any
 
 from cutenv.report.cut_figure import cut_figure
 from cutenv.report.floor_figure import floor_figure, mean_depth_error_mm
-from cutenv.report.glossary import DEPTH_MEANINGS, LIMITS, MEANINGS, TERM_MEANINGS
+from cutenv.report.glossary import FURTHER_MEANINGS, LIMITS, MEANINGS, TERM_MEANINGS
 from cutenv.report.page import estimate_text, number, write_page
 from cutenv.report.training_figures import costs_figure, curve_figure, returns_figure
 from cutenv.report.training_result import (
@@ -59,7 +59,7 @@ def write_training_page(path: Path, result: TrainingResult) -> None:
         best=max(grid, key=lambda row: float(row["mean"]), default=None),
         grid_heads=[("speed", "cm/s"), *(f"{angle:g}\u00b0" for angle in sorted({row["angle_deg"] for row in grid}))],
         shade=partial(grid_shade, [row["mean"] for row in grid]),
-        meanings=MEANINGS if grid else (*MEANINGS, *DEPTH_MEANINGS),
+        meanings=(*MEANINGS, *(FURTHER_MEANINGS[one.name] for one in result.columns if one.name in FURTHER_MEANINGS)),
         limits=LIMITS,
         returns_figure=returns_figure,
         costs_figure=costs_figure,

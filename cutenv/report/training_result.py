@@ -15,6 +15,7 @@ from cutenv.cutting.dtypes import READING
 from cutenv.report.training_figures import Bar
 from cutenv.task.depth_terms import ALL_TERMS
 from cutenv.task.gentle_cutting import ShownDepth
+from cutenv.task.path_terms import PATH_TERMS
 
 Rows = Sequence[Mapping[str, Any]]
 
@@ -53,13 +54,21 @@ COLUMNS = (
 )
 """Scores of the comparison, in its order."""
 
-DEPTH_COLUMNS = (
-    *COLUMNS[:2],
-    Score("mean_error_mm", "error of the depth", "mm", 2),
-    Score("layer_mm", "into the layer below", "mm", 3),
-    *COLUMNS[2:5],
-)
-"""Scores of the comparison of cuts along a wanted depth, in its order."""
+MORE_COLUMNS = {
+    "depth": (
+        *COLUMNS[:2],
+        Score("mean_error_mm", "error of the depth", "mm", 2),
+        Score("layer_mm", "into the layer below", "mm", 3),
+        *COLUMNS[2:5],
+    ),
+    "path": (
+        *COLUMNS[:2],
+        Score("mean_distance_mm", "mean distance to the line", "mm", 2),
+        Score("largest_distance_mm", "largest distance to the line", "mm", 2),
+        *COLUMNS[2:5],
+    ),
+}
+"""Scores of the comparison on the other tasks, by task, in their order."""
 
 DIFFERENCES = (
     Score("return", "return", "", 3),
@@ -211,7 +220,7 @@ class TrainingResult:
             in_range(f"success of {policy!r}", self.score(policy, "success")["mean"], 0.0, 1.0, "1", _SHARE)
         for policy in self.compared():
             for term in self.terms():
-                one_of("summary: term of the reward", term, ALL_TERMS)
+                one_of("summary: term of the reward", term, (*ALL_TERMS, *PATH_TERMS))
                 self.score(policy, f"reward_{term}")
 
     def _check_differences(self) -> None:

@@ -23,10 +23,12 @@ from speed import (
     gymnasium_vectors,
     limits,
     models,
+    path_environment,
     picture,
     ppo,
     reading,
     steering,
+    third_action,
     tick,
     vertical_motion,
 )
@@ -44,6 +46,7 @@ MODULES: dict[str, ModuleType] = {
     "descent": vertical_motion,
     "depth": depth_environment,
     "steering": steering,
+    "path": path_environment,
     "tick": tick,
     "picture": picture,
     "field": field,
@@ -76,6 +79,11 @@ def test_steering_is_measured_along_a_bent_line():
 def test_depth_is_measured_in_whole_batches():
     for motion in depth_environment.MOTIONS.values():
         assert min(depth_environment.depth_rates(motion, 64, steps=3, rounds=1)) > 0.0
+
+
+def test_a_steered_task_is_measured_beside_gentle_cutting():
+    for motion in path_environment.MOTIONS.values():
+        assert min(path_environment.path_rates(motion, 64, steps=3, rounds=1)) > 0.0
 
 
 @pytest.mark.parametrize("other", [gymnasium_vectors.SYNC, gymnasium_vectors.ASYNC, gymnasium_vectors.NATIVE])
@@ -182,8 +190,9 @@ def made_up(monkeypatch):
     bare = vertical_motion.BareRates(5.0e7, 8.0e7)
     monkeypatch.setattr(vertical_motion, "descending_rates", lambda motion: bare)
     monkeypatch.setattr(steering, "steered_rates", lambda line, motion: bare)
-    whole = depth_environment.DepthRates(4.0e5, 1.0e6)
+    whole = third_action.RatesBeside(4.0e5, 1.0e6)
     monkeypatch.setattr(depth_environment, "depth_rates", lambda motion: whole)
+    monkeypatch.setattr(path_environment, "path_rates", lambda motion: whole)
     monkeypatch.setattr(tick, "durations", lambda: (np.full(1000, 50_000), np.full(1000, 100), 0))
     monkeypatch.setattr(picture, "picture_times", lambda: {"render": 0.01, "play": 0.02, "copy": 0.001})
     slow = np.full(100, 3000.0)

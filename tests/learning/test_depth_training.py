@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import json
 import re
 from pathlib import Path
@@ -20,7 +21,6 @@ stable_baselines3 = pytest.importorskip("stable_baselines3", reason="the learner
 
 from cutenv.envs.depth_cut import DepthCutEnv  # noqa: E402
 from cutenv.envs.learned_tasks import TASKS, TRUE_TIP  # noqa: E402
-from cutenv.learning import depth_report  # noqa: E402
 from cutenv.learning.arguments import (  # noqa: E402
     BadArguments,
     BCArguments,
@@ -30,8 +30,8 @@ from cutenv.learning.arguments import (  # noqa: E402
     SACArguments,
 )
 from cutenv.learning.cloning import demonstrations, lags_of  # noqa: E402
-from cutenv.learning.depth_report import depth_headline  # noqa: E402
 from cutenv.learning.evaluation import contestant  # noqa: E402
+from cutenv.learning.task_report import task_headline  # noqa: E402
 from cutenv.sb3 import FeatureVecEnv  # noqa: E402
 
 SMALL = (
@@ -50,7 +50,8 @@ def rows(path: Path) -> list[dict[str, str]]:
 def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str, str]:
     folder = tmp_path_factory.mktemp("training")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(depth_report, "DepthPlanner", lambda: DepthPlanner(rounds=1))  # the search takes longest
+        hasty = dataclasses.replace(TASKS["depth"], planner=lambda: DepthPlanner(rounds=1))  # the search takes longest
+        patch.setitem(TASKS, "depth", hasty)
         done = run("train", folder, *SMALL)
     assert done.returncode == 0, done.stderr
     return folder / "runs" / "small", done.stdout, done.stderr
@@ -115,7 +116,7 @@ def test_it_is_evaluated_with_policies_of_its_task_alone(finished, tmp_path):
 
 
 def test_where_the_blade_stays_at_its_level_it_is_refused(finished):
-    with pytest.raises(ValueError, match="trained in cutenv/DepthCut-v1, whose blade also moves up and down"):
+    with pytest.raises(ValueError, match="trained in cutenv/DepthCut-v1, which has a third action, descent"):
         gentle_policy(finished[0] / "policy")
 
 
@@ -184,8 +185,11 @@ def test_the_first_sentence_says_whether_it_beats_every_script():
             for name, (low, high) in zip(DEPTH_SCRIPTS, intervals, strict=False)
         ]
 
-    assert depth_headline("PPO", paired((0.1, 0.2), (0.05, 0.3))).startswith("PPO beats every script. On the same 9")
-    assert "that of follow the depth is +0.175" in depth_headline("PPO", paired((0.1, 0.2), (0.05, 0.3)))
-    assert "Whether PPO beats every script is open" in depth_headline("PPO", paired((0.1, 0.2), (-0.05, 0.3)))
-    lost = depth_headline("PPO", paired((0.1, 0.2), (-0.2, -0.1), (-0.1, 0.1)))
+    def headline(*intervals):
+        return task_headline("PPO", paired(*intervals), DEPTH_SCRIPTS)
+
+    assert headline((0.1, 0.2), (0.05, 0.3)).startswith("PPO beats every script. On the same 9")
+    assert "that of follow the depth is +0.175" in headline((0.1, 0.2), (0.05, 0.3))
+    assert "Whether PPO beats every script is open" in headline((0.1, 0.2), (-0.05, 0.3))
+    lost = headline((0.1, 0.2), (-0.2, -0.1), (-0.1, 0.1))
     assert lost.startswith("PPO does not beat every script: follow the depth is better.")

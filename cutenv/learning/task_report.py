@@ -1,26 +1,26 @@
-"""Report of a run on ``cutenv/DepthCut-v1``: its agent beside every script and the planner, as tables and a page."""
+"""Report of a run on a task that adds to gentle cutting: agent, scripts and planner, as tables and a page."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from cutenv.envs.learned_tasks import task_of
 from cutenv.learning.evaluation import Contestant, contestant, evaluate
-from cutenv.learning.result_tables import DEPTH_SHOWN, print_differences, print_table, read_rows, write_csv
+from cutenv.learning.result_tables import print_differences, print_table, read_rows, write_csv
 from cutenv.learning.run_page import chosen_at, cut_picture, shown_facts, typical
 from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.learning.statistics import best_script, differences, summarise
 from cutenv.policy import ORACLE
-from cutenv.policy.depth_planner import DepthPlanner
-from cutenv.policy.depth_scripts import DEPTH_SCRIPTS
 from cutenv.report import TrainingResult, write_training_page
-from cutenv.report.training_result import DEPTH_COLUMNS
+from cutenv.report.training_result import MORE_COLUMNS
 
+_ALONG = {"depth": "a wanted depth", "path": "a drawn line"}
 _MORE = 5  # times as many specimens for agent and scripts, so that chance does not hide their differences
 
 
-def compare_depth(run: Path, facts: Mapping[str, Any], *, processes: int | None = None) -> None:
+def compare_task(run: Path, facts: Mapping[str, Any], *, processes: int | None = None) -> None:
     """Evaluate the agent of a run, every script and the planner; write and print scores and paired differences.
 
     Parameters
@@ -33,15 +33,17 @@ def compare_depth(run: Path, facts: Mapping[str, Any], *, processes: int | None 
         Number of processes; default one per core.
     """
     arguments, agent = facts["arguments"], facts["agent"]
+    task, _ = task_of({"task": arguments["task"]})
+    assert task.planner is not None
     learned = {agent: contestant(str(run / "policy"))}
     if (run / "untrained" / "card.json").is_file():
         learned[f"{agent} untrained"] = contestant(str(run / "untrained"))
     shared = {name: arguments[name] for name in ("task", "specimen_class", "angle_mode")}
     if arguments["angle_mode"] == "fixed":
         shared["fixed_angle_deg"] = arguments["fixed_angle_deg"]
-    scripts = {name: Contestant(make()) for name, make in DEPTH_SCRIPTS.items()}
+    scripts = {name: Contestant(task.teachers[name]()) for name in task.scripts}
     few = TEST_SEEDS[: arguments["specimens"]]
-    rows = evaluate({**learned, **scripts, ORACLE: Contestant(DepthPlanner())}, few, shared, processes=processes)
+    rows = evaluate({**learned, **scripts, ORACLE: Contestant(task.planner())}, few, shared, processes=processes)
     write_csv(run / "scores.csv", rows)
     summary = summarise(rows)
     write_csv(run / "summary.csv", summary)
@@ -53,9 +55,9 @@ def compare_depth(run: Path, facts: Mapping[str, Any], *, processes: int | None 
     write_csv(run / "differences.csv", paired)
     write_page(run, facts, rows, paired, {**learned, **scripts}, shared)
 
-    print(f"\n{depth_headline(agent, paired)}")
+    print(f"\n{task_headline(agent, paired, task.scripts)}")
     print(f"\n{len(few)} held-out specimens of class {arguments['specimen_class']}, mean [95 % interval]\n")
-    print_table(summary, DEPTH_SHOWN)
+    print_table(summary, task.shown)
     print_differences(paired)
     print(f"({', '.join(scripts)}: on {len(few) + len(more)} specimens)")
     print(f"\nWritten to {run}/: report.html (open it in a browser), policy/ (safetensors and card, needs no torch),")
@@ -75,7 +77,7 @@ def write_page(
     Parameters
     ----------
     run, facts
-        Those of :func:`compare_depth`.
+        Those of :func:`compare_task`.
     rows, paired : sequence of mapping
         Every cut that all policies made, and the paired differences of the agent.
     contestants : mapping of str to Contestant
@@ -84,13 +86,14 @@ def write_page(
         Arguments of the environment.
     """
     arguments, agent, summary = facts["arguments"], facts["agent"], summarise(rows)
-    script = best_script(summary, list(DEPTH_SCRIPTS))
+    task, _ = task_of(shared)
+    script = best_script(summary, task.scripts)
     seed = typical(rows, TEST_SEEDS[: arguments["specimens"]], agent)
     curve = read_rows(run / "learning_curve.csv")
     write_training_page(
         run / "report.html",
         TrainingResult(
-            title=f"Learning to cut along a wanted depth: {run.name}",
+            title=f"Learning to cut along {_ALONG[shared['task']]}: {run.name}",
             subtitle=f"{agent} on simulated slices of measured liver, class {arguments['specimen_class']}",
             facts=shown_facts(facts),
             summary=summary,
@@ -103,12 +106,12 @@ def write_page(
             cuts=[cut_picture(name, contestants[name], seed, shared) for name in (agent, script)],
             curve=curve,
             chosen_at=chosen_at(curve),
-            columns=DEPTH_COLUMNS,
+            columns=MORE_COLUMNS[shared["task"]],
         ),
     )
 
 
-def depth_headline(agent: str, paired: Sequence[Mapping[str, Any]]) -> str:
+def task_headline(agent: str, paired: Sequence[Mapping[str, Any]], scripts: Collection[str]) -> str:
     """Return whether an agent beats every script, in a sentence or two.
 
     Parameters
@@ -117,8 +120,10 @@ def depth_headline(agent: str, paired: Sequence[Mapping[str, Any]]) -> str:
         Name of the agent.
     paired : sequence of mapping
         Paired differences of its return from those of the scripts, by :func:`~cutenv.learning.statistics.differences`.
+    scripts : collection of str
+        Names of the scripts.
     """
-    returns = [row for row in paired if row["baseline"] in DEPTH_SCRIPTS and row["score"] == "return"]
+    returns = [row for row in paired if row["baseline"] in scripts and row["score"] == "return"]
     nearest = min(returns, key=lambda row: float(row["low_95"]))
     interval = f"{nearest['mean']:+.3f} [{nearest['low_95']:+.3f}, {nearest['high_95']:+.3f}]"
     lost = [row["baseline"] for row in returns if row["high_95"] < 0.0]
