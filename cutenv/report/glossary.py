@@ -77,8 +77,8 @@ FURTHER_MEANINGS = {
     "mean_distance_mm": (
         "Distance to the line",
         "How far the cut lies from the drawn line, on average along the cut and at the farthest place. A success is "
-        f"off by at most {1e3 * LINE_TOLERANCE:g} mm on average and {1e3 * FARTHEST_TOLERANCE:g} mm anywhere, besides all "
-        "that is said above.",
+        f"off by at most {1e3 * LINE_TOLERANCE:g} mm on average and {1e3 * FARTHEST_TOLERANCE:g} mm anywhere, besides "
+        "all that is said above.",
     ),
 }
 """Terms of the other tasks, by the score that they explain."""
