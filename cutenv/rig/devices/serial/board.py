@@ -27,7 +27,7 @@ BOARD_PATIENCE = 0.100
 """Time without a line from this computer after which a powered stepper stops by itself [s]; that of the sketch."""
 BEAT = 0.025
 """Period of this computer's sign of life [s]: three may be late."""
-_ANSWER = 0.5  # [s] for an answer
+_ANSWER, _AGAIN = 0.6, 0.15  # [s] for an answer; [s] after which it is asked again
 _BOOT = 5.0  # [s] for a board that restarts when its port is opened
 _WRITE = 0.02  # [s] for the port to take a line
 _READ = 0.1  # [s] after which the reader checks whether it has to end
@@ -150,12 +150,14 @@ class SerialBoard:
         """
         with self._changed:
             self._answers.pop(kind, None)
-        self.send(text)
-        come = self._clock.wait_for(lambda: kind in self._answers or self.broken is not None, limit, self._changed)
-        if kind in self._answers:
-            return self._answers[kind]
-        why = self.broken or f"no answer to {text!r} within {limit:g} s"
-        raise RigError(f"the board at {self.port}: {why}{'' if come else '; is it powered, is its cable in?'}.")
+        ends = self._clock.now() + limit
+        while self.broken is None and self._clock.now() < ends:
+            self.send(text)  # again and again: a board leaves an answer out that does not fit into its buffer
+            self._clock.wait_for(lambda: kind in self._answers or self.broken is not None, _AGAIN, self._changed)
+            if kind in self._answers:
+                return self._answers[kind]
+        why = self.broken or f"no answer to {text!r} within {limit:g} s: is it powered, is its cable in?"
+        raise RigError(f"the board at {self.port}: {why}")
 
     def withhold_life(self) -> None:
         """End this computer's sign of life: the board then stops the stepper by itself."""
