@@ -41,6 +41,7 @@ PATIENCE = 3.0  # [s]
 def rig() -> Iterator[EmulatedSerialRig]:
     """An emulated serial rig in a thread of this process, in air."""
     emulated = EmulatedSerialRig(SerialOptions(laid=None))
+    emulated.step(emulated.now())  # compiles
     thread = threading.Thread(target=emulated.run, daemon=True)
     thread.start()
     yield emulated
@@ -116,7 +117,7 @@ def test_a_board_that_says_nothing_is_said_to_be_silent(
 ) -> None:
     monkeypatch.setattr("cutenv.rig.devices.serial.board._BOOT", 0.3)
     rig.inject("board_mute", {})
-    with pytest.raises(RigError, match="Nothing came. Is it powered"):
+    with pytest.raises(RigError, match=r"Nothing came. Is it powered"):
         drivers_of(settings_for(rig))[0].open(Listening())
 
 
@@ -138,7 +139,7 @@ def test_after_a_restart_it_stops_says_so_and_needs_its_zero_again(
     stands = rig.position
     driver.close()
     driver.open(listening)
-    with pytest.raises(RigError, match="does not know where the blade stands.*cutenv rig zero"):
+    with pytest.raises(RigError, match=r"does not know where the blade stands.*cutenv rig zero"):
         driver.enable()
     driver.set_zero()
     driver.enable()
@@ -208,9 +209,7 @@ def test_the_files_profile_lists_what_only_a_person_knows_and_is_read_when_fille
     file = tmp_path / "rig.toml"
     assert cli.main(["rig", "init", str(file), "--profile", "serial"]) == 0
     text = file.read_text()
-    asked = {
-        line.removeprefix("# FILL IN: ").partition(" =")[0] for line in text.split("\n") if "FILL IN: " in line[:12]
-    }
+    asked = {line[11:].partition(" =")[0] for line in text.split("\n") if line.startswith("# FILL IN: ")}
     assert asked == {"depth_profile", "lead_mm", "port", "steps", "counts_per_N", "date"}
     filled = read_rig_file(_filled(file, text))
     assert filled.blade.driver == filled.sensor.driver == "serial"
@@ -282,13 +281,11 @@ def test_ways_of_a_stop_grow_with_the_sensors_delay_and_the_drives_patience() ->
 # Watches of a slow sensor
 
 
-def monitored(
-    rate: float, true_rate: float, *, rate_error: float, seconds: float = 10.0, axes: str = "x"
-) -> set[Cause]:
+def monitored(rate: float, true_rate: float, *, rate_error: float, axes: str = "x") -> set[Cause]:
     limits = slow_settings("/dev/x").limits
     monitor = ForceMonitor(limits, rate, axes=axes, rate_error=rate_error)
     found = set()
-    for number in range(round(seconds * true_rate)):
+    for number in range(round(10.0 * true_rate)):
         counts = (number * 7919 % 1009, 0, 0, 0, 0, 0)
         sample = ForceSample(number / true_rate, (1e-4 * counts[0], 0.0, 0.0), counts, 0, number, 0)
         if (breach := monitor.check(sample, moving=True)) is not None:
