@@ -122,7 +122,7 @@ def test_a_board_that_says_nothing_is_said_to_be_silent(
 
 
 def test_a_board_of_another_protocol_is_refused(rig: EmulatedSerialRig, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("cutenv.rig.devices.serial.board.PROTOCOL", 2)
+    monkeypatch.setattr("cutenv.rig.devices.serial.board.BOARD_PROTOCOL", 2)
     with pytest.raises(RigError, match="speaks version 1 of the protocol, this program 2"):
         drivers_of(settings_for(rig))[0].open(Listening())
 

@@ -10,8 +10,8 @@ from typing import Any, Protocol
 from cutenv.rig.devices.clock import Clock, Repeating
 from cutenv.rig.devices.owner import Owner
 from cutenv.rig.devices.serial.board_lines import (
-    LONGEST,
-    PROTOCOL,
+    BOARD_PROTOCOL,
+    LINE_LENGTH,
     BoardIdentity,
     LineError,
     Report,
@@ -197,10 +197,10 @@ class SerialBoard:
                         f"no cutenv board answers at {self.port} and {self._baud} baud.{heard} Is it powered, has it "
                         "the sketch of assets/firmware, and is the baud rate the same in both?"
                     ) from None
-        if identity.protocol != PROTOCOL:
+        if identity.protocol != BOARD_PROTOCOL:
             raise RigError(
                 f"the board at {self.port} speaks version {identity.protocol} of the protocol, this program "
-                f"{PROTOCOL}: load the sketch of this version."
+                f"{BOARD_PROTOCOL}: load the sketch of this version."
             )
         return identity
 
@@ -234,7 +234,7 @@ class SerialBoard:
                     self._break(f"nothing can be read any more: {error}")
                 return
             *lines, rest = (rest + read).split(b"\n")
-            if len(rest) > LONGEST:
+            if len(rest) > LINE_LENGTH:
                 lines, rest = [*lines, rest], b""
             for each in lines:
                 self._handle(each)

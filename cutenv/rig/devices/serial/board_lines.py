@@ -6,9 +6,9 @@ import binascii
 from enum import IntEnum, IntFlag
 from typing import NamedTuple
 
-LONGEST = 72
+LINE_LENGTH = 72
 """Bytes of a line at most, with its CRC."""
-PROTOCOL = 1
+BOARD_PROTOCOL = 1
 """Version of the protocol, which the board reports."""
 _START = 0xFFFF  # CRC-16/CCITT-FALSE
 
@@ -98,7 +98,7 @@ def board_report(line: bytes) -> Report:
         If it is damaged, or nothing that a board of this protocol sends.
     """
     text, star, crc = line.strip().rpartition(b"*")
-    if not star or len(line) > LONGEST:
+    if not star or len(line) > LINE_LENGTH:
         raise LineError(f"no line of the board: {_shown(line)}. Is the baud rate that of the sketch?")
     if crc != _crc(text):
         raise LineError(f"a damaged line: {_shown(line)}")
