@@ -22,6 +22,7 @@ from cutenv.rig.operation.conformance import (
     must_refuse,
     refused,
     reopened,
+    time_within,
     timed,
 )
 
