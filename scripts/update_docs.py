@@ -10,7 +10,8 @@
     python scripts/update_docs.py live-camera               what scripts/camera_beside_rig.py left in runs/ (--json)
     python scripts/update_docs.py bead-tracking             what scripts/measure_bead_tracking.py left in runs/
     python scripts/update_docs.py browser-page              what scripts/measure_page.py left in runs/ (--json)
-    python scripts/update_docs.py errata tissue-file rig-file metrics weights ends class-attacks
+    python scripts/update_docs.py rig-faults-serial         what scripts/rig_faults.py --serial left in runs/ (--json)
+    python scripts/update_docs.py errata tissue-file rig-file slow-rig metrics weights ends class-attacks
     python scripts/update_docs.py --docstring               tables in the docstring of cutenv/envs/gentle_cut.py
     python scripts/update_docs.py --check parameters        fails if a block is not what it would print
     python scripts/update_docs.py --picture                 draws assets/pictures/cut.png
@@ -75,6 +76,8 @@ from cutenv.learning.result_tables import rows_of
 from cutenv.learning.statistics import mean_with_interval
 from cutenv.policy import CONSTANT_FEEDS, ORACLE, SCRIPTS, ConstantFeed
 from cutenv.report import draw_cut
+from cutenv.rig.devices.serial.slow_profile import RATES, slow_settings
+from cutenv.rig.operation.suitability import suitability_lines
 from cutenv.rig.toml_text import template
 from cutenv.scoring import DEPTH_METRICS, INVARIANCES, METRICS, Metric
 from cutenv.task.depth_terms import DepthConstants
@@ -134,6 +137,8 @@ PAGES = {
     "bead-tracking": "docs/validation/beads.md",
     "rig-faults": "docs/rig/what-stops-it.md",
     "rig-faults-height": "docs/rig/what-stops-it.md",
+    "rig-faults-serial": "docs/rig/serial-rig.md",
+    "slow-rig": "docs/rig/serial-rig.md",
     "rig-soak": "docs/rig/what-stops-it.md",
     "browser-page": "docs/how-to/browser.md",
     "class-load": "docs/how-to/class.md",
@@ -398,6 +403,16 @@ def rig_file(_: argparse.Namespace) -> str:
     return f"```toml\n{template('my_rig').rstrip()}\n```"
 
 
+def slow_rig(_: argparse.Namespace) -> str:
+    """Return what a serial rig with each converter can do, as ``cutenv rig check`` says."""
+    lines = [
+        f"{converter}, {rate:g} readings a second\n"
+        + "\n".join(f"  {line}" for line in suitability_lines(slow_settings("", converter=converter)))
+        for converter, rate in RATES.items()
+    ]
+    return "```text\n" + "\n\n".join(lines) + "\n```"
+
+
 BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "parameters": parameters,
     "agreement": agreement,
@@ -443,6 +458,8 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "bead-tracking": lambda _: bead_tracking.markdown(*bead_tracking.kept(ROOT / bead_tracking.FOLDER)),
     "rig-faults": lambda _: rig_faults.markdown(left_by(rig_faults)),
     "rig-faults-height": lambda _: rig_faults.markdown(left_by(rig_faults, rig_faults.DEFAULT_OF_HEIGHT)),
+    "rig-faults-serial": lambda _: rig_faults.markdown(left_by(rig_faults, rig_faults.DEFAULT_OF_SERIAL)),
+    "slow-rig": slow_rig,
     "rig-soak": lambda _: "```\n" + rig_soak.text(left_by(rig_soak)) + "\n```",
     "browser-page": lambda _: measure_page.markdown(left_by(measure_page)),
     "class-load": lambda _: class_load.markdown(left_by(class_load)),

@@ -14,7 +14,7 @@ from cutenv.rig.config.settings import Axis, RigSettings, SensorSettings
 from cutenv.rig.devices import FakeClock, ForceSample, Mounting
 from cutenv.rig.driver_trial import tried_drivers
 from cutenv.rig.errors import RigError
-from cutenv.rig.operation.conformance import Finding
+from cutenv.rig.operation.conformance import TriedPromise
 from cutenv.rig.operation.force_conformance import conform_force
 from cutenv.rig.operation.motion_conformance import conform_motion
 
@@ -83,7 +83,7 @@ class Late(Stage):
             super().report(now)
 
 
-def tried(made: Any) -> dict[str, Finding]:
+def tried(made: Any) -> dict[str, TriedPromise]:
     clock = FakeClock()
     findings = conform_motion(made(Mounting(role="blade", rig=RIG, clock=clock)), RIG, clock)
     return {each.promise: each for each in findings}

@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
+from cutenv._base import resources
 from cutenv.commands.options import command_parser, reports_errors
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.serial.slow_profile import slow_settings
@@ -27,6 +28,8 @@ def main(argv: Sequence[str]) -> int:
             file.write(template(arguments.name or path.stem, like=PROFILES[arguments.profile]()))
     except FileExistsError:
         raise ValueError(f"{path} is there already, and is left as it is. Give another name.") from None
+    if arguments.profile == "serial":
+        print(f"sketch of the board: {resources.path('firmware/cutenv_board')}")
     print(f"rig: {path}\n  fill in what its lines '# FILL IN:' ask for; nothing moves while armed_by is empty")
     return 0
 

@@ -96,7 +96,7 @@ def fits(settings: RigSettings) -> list[Fit]:
         Fit("records for score and calibrate", True, f"force at {settings.sensor.rate:g} readings a second"),
     ]
     run = 0.06  # [s] in which a crack runs some millimetres
-    seen = settings.sensor.rate * run >= 4.0 and not sensor_delay(settings) > run
+    seen = sensor_delay(settings) + 1.0 / settings.sensor.rate <= 0.5 * run
     found.append(
         Fit(
             "sudden runs of the crack, each as it is",
