@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from cutenv.envs.gentle_cut import GentleCutEnv
     from cutenv.envs.rig_cut import RigCutEnv
     from cutenv.envs.rig_depth_cut import RigDepthCutEnv
+    from cutenv.envs.shared_control import SharedControl
     from cutenv.envs.vector import GentleCutVectorEnv
 
 __all__ = [
@@ -20,6 +21,7 @@ __all__ = [
     "GentleCutVectorEnv",
     "RigCutEnv",
     "RigDepthCutEnv",
+    "SharedControl",
     "set_cores",
 ]
 
@@ -31,6 +33,7 @@ _WHEN_USED = {
     "GentleCutVectorEnv": "cutenv.envs.vector",
     "RigCutEnv": "cutenv.envs.rig_cut",
     "RigDepthCutEnv": "cutenv.envs.rig_depth_cut",
+    "SharedControl": "cutenv.envs.shared_control",
     "set_cores": "cutenv._engine.parallel",
 }
 

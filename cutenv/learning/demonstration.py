@@ -53,6 +53,8 @@ DEPTH_FELT = {
 """Further infos of a cut whose depth is an action."""
 DEPTH_HIDDEN = {"floor_depth_m": "depth of the cut at the tip", "layer_m": "depth of the layer below"}
 """Further infos of such a cut that only the simulator knows."""
+INTERVENED = {"is_intervention": "1 where a person led the blade since the last decision"}
+"""Further infos of a cut under :class:`cutenv.envs.SharedControl`."""
 ESTIMATED = {"tip_estimate_m": "crack tip, as a rig estimates it from the force"}
 """Further infos of a recorded cut."""
 
@@ -89,7 +91,7 @@ class Demonstration:
 
 
 def simulated(env: gymnasium.Env[Any, Any], policy: Policy, seed: int) -> Demonstration:
-    """Let a policy cut the specimen of ``seed``."""
+    """Let a policy cut the specimen of ``seed``; under shared control, the actions are those carried out."""
     observation, info = env.reset(seed=seed)
     policy.reset(np.random.default_rng(seed))
     cutting = env.unwrapped.cutting  # type: ignore[attr-defined]
@@ -98,18 +100,23 @@ def simulated(env: gymnasium.Env[Any, Any], policy: Policy, seed: int) -> Demons
     tip = {"tip_m": info["truth"]["tip_m"], "true_force_N": 0.0}
     observations, actions, rewards = [observation], [], []
     start = _at_rest(cutting, env.unwrapped.start_angle)  # type: ignore[attr-defined]
-    infos = [start | tip | _depth_felt(observation, info)]
+    infos = [start | tip | _depth_felt(observation, info) | _intervened(info)]
     ended = False
     while not ended:
         action = policy(observation)
         observation, reward, ended, _, info = env.step(action)
         observations.append(observation)
-        actions.append(action)
+        actions.append(info.get("action", action))
         rewards.append(float(reward))
         tip = {"tip_m": info["truth"]["tip_m"], "true_force_N": cutting.readings["true_force"][-1]}
-        infos.append(_felt(cutting) | tip | _depth_felt(observation, info))
+        infos.append(_felt(cutting) | tip | _depth_felt(observation, info) | _intervened(info))
     target = info["truth"]["target_length_m"]
     return _joined(observations, actions, rewards, True, infos, seed, {"target_length_m": target})
+
+
+def _intervened(info: dict[str, Any]) -> dict[str, float]:
+    """Return :data:`INTERVENED`; nothing without shared control."""
+    return {"is_intervention": float(info["is_intervention"])} if "is_intervention" in info else {}
 
 
 def _depth_felt(observation: np.ndarray, info: dict[str, Any]) -> dict[str, float]:

@@ -27,6 +27,7 @@ from cutenv.learning.demonstration import (
     ESTIMATED,
     FELT,
     HIDDEN,
+    INTERVENED,
     Demonstration,
     recorded,
     simulated,
@@ -173,7 +174,8 @@ def write(
                 "source": source,
                 "infos": FELT
                 | (HIDDEN if is_simulated else ESTIMATED)
-                | (DEPTH_FELT | DEPTH_HIDDEN if of_depth else {}),
+                | (DEPTH_FELT | DEPTH_HIDDEN if of_depth else {})
+                | (INTERVENED if "is_intervention" in demonstrations[0].infos else {}),
                 "observations": observation_scaling(task.id),  # value = number x scale + offset
                 "actions": list(ACTIONS[: len(task.single.action_names)]),
                 "actions_are": "commands" if is_simulated else "motion of the blade until the next decision",
