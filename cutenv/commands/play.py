@@ -50,7 +50,7 @@ def main(argv: Sequence[str]) -> int:
     by_itself = arguments.scripted or arguments.device == _EMULATED
     if arguments.scripted and arguments.device != "mouse":
         raise ValueError(f"--scripted moves the hand by itself, and --device {arguments.device} has one. Give either.")
-    axes = HandleAxes.parse(arguments.axes)
+    axes = None if arguments.axes is None else HandleAxes.parse(arguments.axes)
     open_display()  # before what takes half a minute where it has to be compiled
     print("preparing the first specimen ...", file=sys.stderr, flush=True)
     if arguments.picture is not None:
@@ -169,15 +169,15 @@ def _parser() -> argparse.ArgumentParser:
     )
     add = parser.add_argument
     add(
-        "--device", choices=("mouse", "inverse3", _EMULATED), default="mouse",
-        help="device in the hand: mouse or gamepad (the default), a Haply Inverse3, or an emulated one whose hand cuts "
-        "by itself",
+        "--device", choices=("mouse", "inverse3", "force-dimension", _EMULATED), default="mouse",
+        help="device in the hand: mouse or gamepad (the default), a Haply Inverse3, one of Force Dimension, or an "
+        "emulated Inverse3 whose hand cuts by itself",
     )  # fmt: skip
     add("--device-url", metavar="URL", help="address of Haply's Inverse Service; default ws://localhost:10001")
     add(
-        "--axes", default="x,y,z", metavar="ALONG,LEAN,UP",
+        "--axes", metavar="ALONG,LEAN,UP",
         help="axes of a haptic device along the cut, for leaning the blade, and upwards, such as --axes=-y,x,z; a "
-        "minus turns one round; default x,y,z",
+        "minus turns one round; default x,y,z, of Force Dimension y,x,z",
     )  # fmt: skip
     add_lsl(parser)
     parser.add_argument("--picture", type=Path, metavar="FILE", help="PNG of the last picture to write")

@@ -9,11 +9,12 @@ from contextlib import contextmanager
 
 from cutenv._base.validation import one_of
 from cutenv.play.devices import MouseDevice
+from cutenv.play.force_dimension import FORCE_DIMENSION_AXES, FORCE_DIMENSION_COUPLING, ForceDimensionLink
 from cutenv.play.haptics import HapticDevice
 from cutenv.play.inverse3 import INVERSE3_COUPLING, INVERSE3_URL, Inverse3Link
 from cutenv.play.polled_handle import HandleAxes, PolledHandle
 
-DEVICES = ("mouse", "inverse3", "emulated-inverse3")
+DEVICES = ("mouse", "inverse3", "force-dimension", "emulated-inverse3")
 """Names of the devices."""
 _ENDS_WITHIN = 5.0  # [s]
 
@@ -47,6 +48,8 @@ def named_device(
         yield MouseDevice()
     elif name == "inverse3":
         yield PolledHandle(Inverse3Link(url), INVERSE3_COUPLING, axes)
+    elif name == "force-dimension":
+        yield PolledHandle(ForceDimensionLink(), FORCE_DIMENSION_COUPLING, axes or FORCE_DIMENSION_AXES)
     else:
         with emulated_inverse3(target=target) as address:
             yield PolledHandle(Inverse3Link(address), INVERSE3_COUPLING, axes)
