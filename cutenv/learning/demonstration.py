@@ -45,6 +45,8 @@ HIDDEN = {
     "true_force_N": "force on the blade at the decision, without noise, resolution and delay of the sensor",
 }
 """Further infos of a simulated cut."""
+INTERVENED = {"is_intervention": "1 where a person led the blade since the last decision"}
+"""Further infos of a cut under :class:`cutenv.envs.SharedControl`."""
 ESTIMATED = {"tip_estimate_m": "crack tip, as a rig estimates it from the force"}
 """Further infos of a recorded cut."""
 
@@ -81,7 +83,7 @@ class Demonstration:
 
 
 def simulated(env: gymnasium.Env[Any, Any], policy: Policy, seed: int) -> Demonstration:
-    """Let a policy cut the specimen of ``seed``."""
+    """Let a policy cut the specimen of ``seed``; under shared control, the actions are those carried out."""
     observation, info = env.reset(seed=seed)
     policy.reset(np.random.default_rng(seed))
     cutting = env.unwrapped.cutting  # type: ignore[attr-defined]
@@ -91,18 +93,23 @@ def simulated(env: gymnasium.Env[Any, Any], policy: Policy, seed: int) -> Demons
     observations, actions, rewards = [observation], [], []
     start = _at_rest(cutting, env.unwrapped.start_angle)  # type: ignore[attr-defined]
     task = "" if env.spec is None else env.spec.id
-    infos = [start | tip | added_infos(task, observation, info)]
+    infos = [start | tip | added_infos(task, observation, info) | _intervened(info)]
     ended = False
     while not ended:
         action = policy(observation)
         observation, reward, ended, _, info = env.step(action)
         observations.append(observation)
-        actions.append(action)
+        actions.append(info.get("action", action))
         rewards.append(float(reward))
         tip = {"tip_m": info["truth"]["tip_m"], "true_force_N": cutting.readings["true_force"][-1]}
-        infos.append(_felt(cutting) | tip | added_infos(task, observation, info))
+        infos.append(_felt(cutting) | tip | added_infos(task, observation, info) | _intervened(info))
     target = info["truth"]["target_length_m"]
     return _joined(observations, actions, rewards, True, infos, seed, {"target_length_m": target})
+
+
+def _intervened(info: dict[str, Any]) -> dict[str, float]:
+    """Return :data:`INTERVENED`; nothing without shared control."""
+    return {"is_intervention": float(info["is_intervention"])} if "is_intervention" in info else {}
 
 
 def recorded(

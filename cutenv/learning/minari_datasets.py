@@ -26,6 +26,7 @@ from cutenv.learning.demonstration import (
     ESTIMATED,
     FELT,
     HIDDEN,
+    INTERVENED,
     Demonstration,
     recorded,
     simulated,
@@ -169,7 +170,10 @@ def write(
         {
             "cutenv": {
                 "source": source,
-                "infos": FELT | (HIDDEN if is_simulated else ESTIMATED) | ({} if added is None else added.meanings),
+                "infos": FELT
+                | (HIDDEN if is_simulated else ESTIMATED)
+                | ({} if added is None else added.meanings)
+                | (INTERVENED if "is_intervention" in demonstrations[0].infos else {}),
                 "observations": observation_scaling(task.id),  # value = number x scale + offset
                 "actions": [*ACTIONS, *([] if added is None else [added.action])],
                 "actions_are": "commands" if is_simulated else "motion of the blade until the next decision",

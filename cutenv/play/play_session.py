@@ -221,6 +221,11 @@ class Session:
         self.practice = not self.practice if practice is None else practice
         self._practised |= self.practice and self.phase in ("countdown", "cutting")
 
+    def forget_force(self) -> None:
+        """Let a device that pushes go for a millisecond, and begin its account of energy anew."""
+        if self._felt is not None:
+            self._felt.forget()
+
     def close(self) -> None:
         """End the session: abandon and record a cut in progress, and release the device; further calls do nothing."""
         self._give_up()

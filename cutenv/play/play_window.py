@@ -31,6 +31,8 @@ class PlayWindow:
     scripted : bool
         True to let a scripted hand cut instead of a person, by its own clock: a sixtieth of a second for each picture,
         however long that takes.
+    ends : bool
+        True to close the window when all cuts are done, without a key; always so for a scripted hand.
     clock : callable
         Clock in seconds.
 
@@ -41,10 +43,16 @@ class PlayWindow:
     """
 
     def __init__(
-        self, session: Session, *, scripted: bool = False, clock: Callable[[], float] = time.perf_counter
+        self,
+        session: Session,
+        *,
+        scripted: bool = False,
+        ends: bool = False,
+        clock: Callable[[], float] = time.perf_counter,
     ) -> None:
         self.session = session
         self.scripted = scripted
+        self._ends = scripted or ends
         self._clock = clock
         self._pygame: Any = import_pygame()
         self._picture = PlayPicture()
@@ -72,7 +80,7 @@ class PlayWindow:
                         self.take_events()
                         sight = self.session.sight()
                     self._window.present(self._picture.draw(sight))
-                if self.scripted and self.session.done and self.session.phase == "ended":
+                if self._ends and self.session.done and self.session.phase == "ended":
                     self._window.close()
         finally:
             try:
