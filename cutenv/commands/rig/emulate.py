@@ -1,4 +1,4 @@
-"""Run an emulated rig: an EPOS4 drive on a CAN hub, screw, tissue and a Net F/T force sensor, in real time.
+"""Run an emulated rig: an EPOS4 drive on a CAN hub, screw, tissue and a force sensor, in real time.
 
 Prints one line of JSON when it is ready: the ports and the sensor's page.
 """
@@ -64,7 +64,10 @@ def main(argv: Sequence[str]) -> int:
     parent = os.getppid() if arguments.with_parent == 0 else arguments.with_parent
     faults = [parsed_fault(text) for text in arguments.fault]
     options = _options(arguments)
-    serve(options, faults=faults, parent=parent, real_time=arguments.real_time, file=arguments.write)
+    serve(
+        options, faults=faults, parent=parent, real_time=arguments.real_time, file=arguments.write,
+        calibration=str(arguments.calibration),
+    )  # fmt: skip
     return 0
 
 
@@ -72,11 +75,13 @@ def _options(arguments: argparse.Namespace) -> Options:
     from cutenv.cutting.parameters import LawParameters
     from cutenv.cutting.sensor import SensorParameters
     from cutenv.rig.config.imitated_rig import HEIGHT
+    from cutenv.rig.devices.analogue.sensor_calibration_file import AnalogueCalibration
     from cutenv.rig.emulator.assembly import Options
     from cutenv.rig.emulator.emulated_tissue import Laid
     from cutenv.rig.emulator.motor import Mechanics, hinge
     from cutenv.tissue.description import load_description
 
+    analogue = AnalogueCalibration.read(arguments.calibration) if arguments.sensor == "analogue" else None
     tissue = None if arguments.tissue is None else load_description(arguments.tissue)
     laid = Laid(seed=arguments.seed, episode=arguments.episode, specimen_class=arguments.specimen_class, tissue=tissue)
     given: dict[str, dict[str, float]] = {"mechanics": {}, "sensor": {}, "law": {}}
@@ -95,6 +100,7 @@ def _options(arguments: argparse.Namespace) -> Options:
         hinge_mechanics=hinge(),
         sensor=SensorParameters(**given["sensor"]),
         law=LawParameters(**given["law"]),
+        analogue=analogue,
         host=arguments.host,
         can_port=arguments.can_port,
         sensor_port=arguments.sensor_port,
@@ -130,6 +136,10 @@ def _parser() -> argparse.ArgumentParser:
         "default 15")  # fmt: skip
     for option, _, _, metavar, about in _CONSTANTS:
         add(option, type=float, metavar=metavar, help=about)
+    add("--sensor", choices=("netft", "analogue"), default="netft", help="force sensor: a Net F/T, or an analogue "
+        "six-axis one on a board; default netft")  # fmt: skip
+    add("--calibration", default="jr3_85m35a_i40", metavar="FILE", help="matrix and converter of the analogue sensor; "
+        "default the shipped one, in its resolution the thesis's JR3")  # fmt: skip
     add("--host", default="127.0.0.1", metavar="ADDRESS", help="address to listen on; default 127.0.0.1, this computer "
         "alone")  # fmt: skip
     for name, used in (("can", "the CAN bus"), ("sensor", "the force sensor"), ("page", "the sensor's page"),

@@ -6,7 +6,7 @@ import math
 import threading
 import time
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -17,6 +17,8 @@ from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.plant.simulator import check_angle
 from cutenv.rig.config.settings import Axis, HeightAxis
+from cutenv.rig.devices.analogue.sensor_calibration_file import AnalogueCalibration
+from cutenv.rig.emulator.board_server import BoardServer
 from cutenv.rig.emulator.emulated_axis import EmulatedAxis
 from cutenv.rig.emulator.emulated_tissue import EmulatedTissue, Laid
 from cutenv.rig.emulator.faults import FAULTS
@@ -64,6 +66,9 @@ class Options:
         Axis that raises and lowers the blade, with the mechanics of the blade's; None: the blade stays at one height.
     sensor : SensorParameters
         Force sensor, as in the simulator.
+    analogue : AnalogueCalibration, optional
+        Analogue sensor on a board, which takes the place of the Net F/T: its converter then has the resolution, and
+        ``sensor`` the noise and delay.
     law : LawParameters
         Cutting law, as in the simulator.
     host : str
@@ -82,6 +87,7 @@ class Options:
     blade_mechanics: Mechanics = field(default_factory=Mechanics)
     hinge_mechanics: Mechanics = field(default_factory=hinge)
     sensor: SensorParameters = field(default_factory=SensorParameters)
+    analogue: AnalogueCalibration | None = None
     law: LawParameters = field(default_factory=LawParameters)
     host: str = "127.0.0.1"
     can_port: int = 0
@@ -125,10 +131,13 @@ class EmulatedRig:
         self._due: float | None = None  # end of the next millisecond; None: time stands still
         self._still = _STANDS_AFTER
         self._planned: list[tuple[float, str, dict[str, Any]]] = []
-        self.bench = EmulatedTissue(self.options.sensor, self.options.law)
+        felt = self.options.sensor
+        if self.options.analogue is not None:
+            felt = replace(felt, force_resolution=0.0)
+        self.bench = EmulatedTissue(felt, self.options.law)
         self._layered: LayeredTissue | None = None
         if self.options.height_axis is not None:
-            self.bench = self._layered = LayeredTissue(self.options.sensor, self.options.law)
+            self.bench = self._layered = LayeredTissue(felt, self.options.law)
         self.axes: dict[str, EmulatedAxis] = {
             "blade": EmulatedAxis(
                 "blade", self.options.blade_axis, self.options.blade_mechanics, position=0.0, margin=0.003
@@ -149,9 +158,13 @@ class EmulatedRig:
         self._ticks = 0
         self.intruders: dict[str, float] = {}
         self.nodes = {name: Node(axis, self._send, self.happened) for name, axis in self.axes.items()}
-        self.sensor = SensorServer(
-            host=self.options.host, port=self.options.sensor_port, page_port=self.options.page_port
-        )
+        self.sensor: SensorServer | BoardServer
+        if self.options.analogue is None:
+            self.sensor = SensorServer(
+                host=self.options.host, port=self.options.sensor_port, page_port=self.options.page_port
+            )
+        else:
+            self.sensor = BoardServer(self.options.analogue, host=self.options.host, port=self.options.sensor_port)
         try:
             self.hub = Hub(self._receive, host=self.options.host, port=self.options.can_port)
         except OSError:

@@ -25,6 +25,7 @@ from cutenv.cutting.descending_cut import follow_levels
 from cutenv.cutting.sensor import measure
 from cutenv.rig.config.imitated_rig import HEIGHT
 from cutenv.rig.config.settings import Bus, PositionControl, RigSettings, SensorCalibration, SensorSettings
+from cutenv.rig.devices.analogue.analogue_sensor import AnalogueOptions
 from cutenv.rig.devices.real_time import prefer
 from cutenv.rig.emulator.assembly import BLADE, HINGE, EmulatedRig, Options
 from cutenv.rig.emulator.control import ControlServer, EmulatorControl
@@ -60,6 +61,7 @@ def serve(
     parent: int | None = None,
     real_time: bool = False,
     file: Path | None = None,
+    calibration: str = "",
 ) -> None:
     """Run an emulated rig until a signal, a request on the control port, or the end of its parent.
 
@@ -76,6 +78,8 @@ def serve(
     real_time : bool
         Take priority over other processes, if the system allows; "state" on the control port reports whether it did.
 
+    calibration : str
+        Name or file of the calibration that ``options.analogue`` has, for the rig's file.
     file : Path, optional
         Path at which a rig file for it is written, for ``cutenv rig run --rig FILE`` and other commands.
 
@@ -107,6 +111,8 @@ def serve(
         }  # fmt: skip
         if (control_of_blade := position_control(options.blade_mechanics, options.blade_axis)) is not None:
             ready["position_control"] = asdict(control_of_blade)
+        if options.analogue is not None:
+            ready["calibration"] = calibration
         if file is not None:
             settings = emulated_settings(
                 ready, angle_mode=options.angle_mode, angle=options.angle, height=options.height_axis is not None,
@@ -154,10 +160,18 @@ def emulated_settings(
         angle=HINGE if angle_mode == "free" else None,
         height=HEIGHT if height else None,
         position_control=None if gains is None else PositionControl(**gains),
-        sensor=SensorSettings(address=host, port=ready["sensor"], page=ready["page"]),
+        sensor=_sensor(ready, host),
         calibration=SensorCalibration(date=datetime.date.today().isoformat()),
         emulated=True,
     )
+
+
+def _sensor(ready: dict[str, Any], host: str) -> SensorSettings:
+    """Return the settings of the emulated sensor: a Net F/T, or an analogue one where ``ready`` tells a calibration."""
+    if "calibration" not in ready:
+        return SensorSettings(address=host, port=ready["sensor"], page=ready["page"])
+    options = AnalogueOptions(calibration=ready["calibration"], board="emulated", host=host, port=ready["sensor"])
+    return SensorSettings(driver="analogue", options=options)
 
 
 class RunningEmulator:
