@@ -22,6 +22,11 @@ gymnasium.register(
     entry_point="cutenv.envs.depth_cut:DepthCutEnv",
     vector_entry_point="cutenv.envs.depth_cut:DepthCutVectorEnv",
 )
+gymnasium.register(
+    id="cutenv/PathCut-v1",
+    entry_point="cutenv.envs.path_cut:PathCutEnv",
+    vector_entry_point="cutenv.envs.path_cut:PathCutVectorEnv",
+)
 for _track in ("SafeCut", "GentleCutRaw"):
     gymnasium.register(
         id=f"cutenv/{_track}-v1",

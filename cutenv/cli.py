@@ -23,6 +23,7 @@ _EXTRAS_OF_MODULE = {
     "cv2": ("vision",),
     "h5py": ("data",),
     "jinja2": ("view", "rl", "serve", "view3d", "vision"),
+    "mcap": ("ros",),
     "matplotlib": ("view", "rl", "serve", "vision"),
     "meshcat": ("view3d",),
     "minari": ("data",),
@@ -30,7 +31,9 @@ _EXTRAS_OF_MODULE = {
     "nidaqmx": ("daq",),
     "pygame": ("view",),
     "pymunk": ("play",),
+    "pylsl": ("streams",),
     "rich": ("rl",),
+    "rosbags": ("ros",),
     "safetensors": ("view", "data", "play", "rig", "rl"),
     "sb3_contrib": ("rl",),
     "serial": ("rig",),
@@ -69,6 +72,7 @@ READER_GONE = 141
 
 RIG_COMMANDS = {
     "check": Command("check a rig's connections, limits and noise without moving it"),
+    "conform": Command("try a driver against what its protocol promises"),
     "drivers": Command("list the drivers that a rig's file can name, and what each takes"),
     "emulate": Command("run an emulated rig: drive, tissue and force sensor on real wires"),
     "evaluate": Command("compare a policy on a rig with the simulator"),
@@ -77,6 +81,8 @@ RIG_COMMANDS = {
     "jog": Command("move the blade while a key is held"),
     "run": Command("cut with a policy from simulation, unchanged"),
     "speed": Command("draw desired and actual speed of a cut at constant speed"),
+    "weigh": Command("calibrate the force sensor by known weights"),
+    "zero": Command("set the zero of a stepper, with the blade at the clamp"),
 }
 """Sub-commands of ``cutenv rig``."""
 
@@ -86,7 +92,9 @@ COMMANDS = {
     "train": Command("train an agent and report how well it cuts", extra="rl"),
     "evaluate": Command("compare policies on the same held-out specimens", extra="rl"),
     "submit": Command("enter a policy on the leaderboard, or check an entry", extra="rl"),
-    "datasets": Command("record cuts as a Minari data set, force included", extra="data"),
+    "datasets": Command("record cuts as a data set of Minari or LeRobot, force included", extra="data"),
+    "record": Command("record a force stream of the Lab Streaming Layer as a cut", extra="streams"),
+    "convert": Command("convert records: CSV, Parquet, HDF5, and bags of ROS without ROS"),
     "calibrate": Command("fit a tissue to your own records of cuts"),
     "depth": Command("measure the depth of cut from video of a marked blade", extra="vision"),
     "field": Command("compare beads in the tissue with the model; modulus by force and by image", extra="vision"),

@@ -5,13 +5,17 @@ They work in Python and inside compiled kernels; all but :func:`wedge` take floa
 
 from __future__ import annotations
 
+import inspect
 import math
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
 
 from cutenv._base.arrays import Array
 from cutenv._engine.elementary import cotangent
+from cutenv._engine.fuse import Formula
 from cutenv._engine.jit import njit_internal
 
 T = TypeVar("T", float, Array)
@@ -34,6 +38,12 @@ SMALLEST_RUN = 0.3e-3
 """Advance of the estimated tip beyond the blade's own below which it is noise, not an unstable run [m]."""
 RUN_ALLOWED = 0.004
 """Length of a run up to which it is no cost [m]."""
+DEPTH_TOLERANCE = 0.0015
+"""Mean error of the depth of cut up to which a cut along a wanted depth is a success [m]."""
+LAYER_TOLERANCE = 0.0005
+"""Depth to which a success may open the layer below [m]."""
+LAYER_LIMIT = 0.003
+"""Depth into the layer below at which a task ends for safety by default, and which a score counts as too deep [m]."""
 
 
 @njit_internal
@@ -73,3 +83,95 @@ def wedge(angle: float, depth: float) -> float:
 def force_per_depth(force: T, depth: T) -> T:
     """Return the force on the blade over the depth of cut [N/m]."""
     return force / depth
+
+
+@njit_internal
+def too_deep(depth: T, wanted: T) -> T:
+    """Return by how much a cut is deeper than wanted [m], 0 where it is not."""
+    deeper: T = np.maximum(depth - wanted, 0.0)
+    return deeper
+
+
+@njit_internal
+def left_uncut(depth: T, wanted: T) -> T:
+    """Return by how much a cut is shallower than wanted [m], 0 where it is not."""
+    left: T = np.maximum(wanted - depth, 0.0)
+    return left
+
+
+@njit_internal
+def into_layer(depth: T, boundary: float) -> T:
+    """Return how deep a cut opens the layer below, which begins ``boundary`` [m] below the surface; 0 above it [m]."""
+    opened: T = np.maximum(depth - boundary, 0.0)
+    return opened
+
+
+PER_DEPTH = 0.001
+"""Error of the depth that costs its weight once [m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapCost:
+    """One cost of a map of the cut: ``weight`` times a quantity of the whole cut, charged as it grows.
+
+    What shrinks is refunded.  The map has a number for each point that the tip has passed, as the depth of the floor;
+    the formulas are of sums over it.
+    """
+
+    name: str
+    title: str
+    text: str
+    weight: float
+    per: str
+    value: Formula
+    """The quantity, of what the task sums up, as :data:`OF_MAP`."""
+
+
+OF_MAP = ("deep", "uncut", "layer", "deepest", "target")
+"""Quantities of the map: areas cut too deep, left uncut and opened in the layer below [m2]; largest depth into that
+layer [m]; target length [m]."""
+
+DEPTH_COSTS = (
+    MapCost(
+        name="too_deep",
+        title="cut too deep",
+        text="area below the wanted depth / (L x 1 mm)",
+        weight=0.1,
+        per="per mm too deep along the whole cut",
+        value=lambda deep, target: deep / (target * PER_DEPTH),
+    ),
+    MapCost(
+        name="uncut",
+        title="left uncut",
+        text="area above the wanted depth, behind the tip, / (L x 1 mm)",
+        weight=0.1,
+        per="per mm too shallow along the whole cut",
+        value=lambda uncut, target: uncut / (target * PER_DEPTH),
+    ),
+    MapCost(
+        name="layer_area",
+        title="layer opened",
+        text="area opened in the layer below / (L x 1 mm)",
+        weight=0.2,
+        per="per mm of the layer below opened along the whole cut",
+        value=lambda layer, target: layer / (target * PER_DEPTH),
+    ),
+    MapCost(
+        name="layer_depth",
+        title="depth into the layer",
+        text="largest depth into the layer below / 1 mm",
+        weight=0.05,
+        per="per mm of the deepest place in the layer below",
+        value=lambda deepest: deepest / PER_DEPTH,
+    ),
+)
+"""Costs of the depth, in order; none is charged for a cut as deep as wanted."""
+
+
+def depth_cost(of_map: Mapping[str, float]) -> float:
+    """Return the sum of :data:`DEPTH_COSTS`, with their weights, for the quantities :data:`OF_MAP` of a cut."""
+    values = {
+        cost.name: cost.value(**{name: of_map[name] for name in inspect.signature(cost.value).parameters})
+        for cost in DEPTH_COSTS
+    }
+    return math.fsum(cost.weight * values[cost.name] for cost in DEPTH_COSTS)

@@ -22,7 +22,7 @@ _SENSED = ("position", "speed", "angle", "depth")
 COMPONENTS_OF_FORCE = ("force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z")
 """Fields of a :class:`Trace` for all six components that a force sensor measures, in its own axes [N], [N m]."""
 BESIDE = ("height", "vertical_force", *COMPONENTS_OF_FORCE)
-"""Fields that a :class:`Trace` may hold beside those of a :class:`Reading`; nothing that is scored needs them."""
+"""Fields that a :class:`Trace` may hold beside those of a :class:`Reading`; only the score of the depth needs them."""
 _RANGES: dict[str, tuple[float, float, str, str]] = {
     "time": (-1e12, 1e12, "s", "Give seconds."),
     "position": (-0.05, 0.5, "m", "Give metres from the clamp: 5 looks like centimetres, which is 0.05."),

@@ -1,8 +1,9 @@
-"""Build the law of the page: WebAssembly from the kernels that Python runs, assets/browser/law.wasm.
+"""Build the laws of the page: WebAssembly from the kernels that Python runs, assets/browser.
 
-    python scripts/build_browser_law.py            # build it
-    python scripts/build_browser_law.py --check    # build it and compare with the one that is kept; 1 if they differ
-    python scripts/build_browser_law.py --out FILE # build it elsewhere
+    python scripts/build_browser_law.py              # build those of gentle cutting and of cutting along a wanted depth
+    python scripts/build_browser_law.py --check      # build them and compare with those that are kept; 1 if one differs
+    python scripts/build_browser_law.py --out FOLDER # build them elsewhere
+    python scripts/build_browser_law.py --task depth # build one of them
 
 Another Python or Numba may give other instructions for the same arithmetic.
 
@@ -23,7 +24,9 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-BUILT = Path(__file__).parents[1] / "assets" / "browser" / "law.wasm"
+BUILT = Path(__file__).parents[1] / "assets" / "browser"
+PROGRAMS = {"gentle": "law.wasm", "depth": "depth_law.wasm"}
+"""Program of each task."""
 _ENTRY = "follow"
 _LAYOUT = "e-m:e-p:32:32-p10:8:8-p20:8:8-i64:64-i128:128-n32:64-S128-ni:1:10:20"  # of data, for wasm32
 _TRIPLE = "wasm32-unknown-unknown"
@@ -32,24 +35,29 @@ _FEATURES = "+bulk-memory,+bulk-memory-opt,+mutable-globals,+nontrapping-fptoint
 
 
 def main() -> int:
-    """Build; return 1 if the result is to be compared and differs."""
+    """Build; return 1 if a result is to be compared and differs."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--check", action="store_true", help="compare with the file that is kept")
-    parser.add_argument("--out", type=Path, default=BUILT, metavar="FILE", help="file to write; default the one kept")
+    parser.add_argument("--check", action="store_true", help="compare with the files that are kept")
+    parser.add_argument("--task", choices=PROGRAMS, help="the only one to build")
+    parser.add_argument("--out", type=Path, default=BUILT, metavar="FOLDER", help="folder to write to")
     arguments = parser.parse_args()
-    content = linked(compiled(intermediate_code()))
-    if arguments.check:
-        same = BUILT.read_bytes() == content
-        print(f"{BUILT.name}: {len(content)} bytes, {'as kept' if same else 'NOT as kept: build it again'}")
-        return 0 if same else 1
-    arguments.out.parent.mkdir(parents=True, exist_ok=True)
-    arguments.out.write_bytes(content)
-    print(f"{arguments.out}: {len(content)} bytes")
-    return 0
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    differ = False
+    for task in [arguments.task] if arguments.task else PROGRAMS:
+        content = linked(compiled(intermediate_code(task)))
+        name = PROGRAMS[task]
+        if arguments.check:
+            same = (BUILT / name).read_bytes() == content
+            differ |= not same
+            print(f"{name}: {len(content)} bytes, {'as kept' if same else 'NOT as kept: build it again'}")
+        else:
+            (arguments.out / name).write_bytes(content)
+            print(f"{arguments.out / name}: {len(content)} bytes")
+    return 1 if differ else 0
 
 
-def intermediate_code() -> str:
-    """Return LLVM's intermediate code of the entry and all that it calls."""
+def intermediate_code(task: str) -> str:
+    """Return LLVM's intermediate code of a task's entry and all that it calls."""
     # Numba reads these when it is imported.  Its cache would hold code for this processor.
     os.environ |= {"NUMBA_OPT": "0", "NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
     with tempfile.TemporaryDirectory() as cache:
@@ -60,15 +68,21 @@ def intermediate_code() -> str:
         from numba.core import types
         from numba.np.numpy_support import from_dtype
 
+        from cutenv.browser.depth_steps import follow_deep_stylus
+        from cutenv.browser.page_alone import TABLES
         from cutenv.browser.stylus_steps import follow_stylus
+        from cutenv.cutting.descent import DESCENT
         from cutenv.cutting.dtypes import READING
         from cutenv.cutting.simulate import CUT
         from cutenv.task.cuts import EPISODE
+        from cutenv.task.depth_cuts import N_MEMORY
+        from cutenv.task.depth_terms import DEPTH
 
         library: Any = numba  # which has no types
         carray, pointer = library.carray, library.types.CPointer
-        cut, episode, reading = (pointer(from_dtype(kind)) for kind in (CUT, EPISODE, READING))
-        number, single = pointer(types.float64), pointer(types.float32)
+        kinds = CUT, EPISODE, READING, DESCENT, DEPTH, TABLES
+        cut, episode, reading, descent, depth, tables = (pointer(from_dtype(kind)) for kind in kinds)
+        number, single, real, whole = pointer(types.float64), pointer(types.float32), types.float64, types.int32
 
         def follow(
             cuts: Any, episodes: Any, stylus: Any, count: Any, lag: Any, acceleration: Any, actions: Any,
@@ -80,12 +94,29 @@ def intermediate_code() -> str:
                 carray(outcome, (2,)),
             )  # fmt: skip
 
-        kind = types.int32(
-            cut, episode, number, types.int32, types.float64, types.float64, number, single, reading, number
-        )  # fmt: skip
+        def follow_deep(
+            cuts: Any, episodes: Any, descents: Any, depths: Any, slabs: Any, stylus: Any, count: Any, lag: Any,
+            acceleration: Any, start: Any, memory: Any, actions: Any, observations: Any, readings: Any, beside: Any,
+            outcome: Any,
+        ) -> Any:  # fmt: skip
+            return follow_deep_stylus(
+                carray(cuts, (1,)), carray(episodes, (1,)), carray(descents, (1,)), carray(depths, (1,)),
+                carray(slabs, (1,)), carray(stylus, (count, 3)), lag, acceleration, start,
+                carray(memory, (N_MEMORY, 1)), carray(actions, (1, 3)), carray(observations, (1, 22)),
+                carray(readings, (count, 1)), carray(beside, (2, count)), carray(outcome, (2,)),
+            )  # fmt: skip
+
+        entry, arguments = {
+            "gentle": (follow, (cut, episode, number, whole, real, real, number, single, reading, number)),
+            "depth": (
+                follow_deep,
+                (cut, episode, descent, depth, tables, number, whole, real, real, real, number, number, single, reading,
+                 number, number),
+            ),
+        }[task]  # fmt: skip
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", numba.NumbaWarning)  # of what cannot be cached
-            made: Any = library.cfunc(kind, nopython=True, error_model="numpy")(follow)
+            made: Any = library.cfunc(whole(*arguments), nopython=True, error_model="numpy")(entry)
         code: str = made._library.get_llvm_str()
         return code.replace(made.native_name, _ENTRY)
 
@@ -96,10 +127,7 @@ def compiled(code: str) -> bytes:
 
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
-    code = re.sub(r'^target datalayout = ".*"', f'target datalayout = "{_LAYOUT}"', code, flags=re.M)
-    code = re.sub(r'^target triple = ".*"', f'target triple = "{_TRIPLE}"', code, flags=re.M)
-    code = re.sub(r"^declare (\w+) @(?!llvm\.)([\w.]+)\((.*?)\).*$", _defined, code, flags=re.M)
-    module: Any = llvm.parse_assembly(f"{code}\ndeclare void @llvm.trap()\n")
+    module = _parsed(llvm, code)
     for each in (*module.functions, *module.global_variables):
         if not each.is_declaration:
             each.linkage = "external" if each.name == _ENTRY else "internal"
@@ -113,13 +141,23 @@ def compiled(code: str) -> bytes:
     return content
 
 
+def _parsed(llvm: Any, code: str) -> Any:
+    """Return the module of an entry, for WebAssembly."""
+    code = re.sub(r'^target datalayout = ".*"', f'target datalayout = "{_LAYOUT}"', code, flags=re.M)
+    code = re.sub(r'^target triple = ".*"', f'target triple = "{_TRIPLE}"', code, flags=re.M)
+    code = re.sub(r"^declare (\w+) @(?!llvm\.)([\w.]+)\((.*?)\).*$", _defined, code, flags=re.M)
+    intrinsics = "void @llvm.trap()", "double @llvm.sqrt.f64(double)", "double @llvm.floor.f64(double)"
+    missing = [f"declare {each}" for each in intrinsics if f"declare {each}" not in code]
+    return llvm.parse_assembly("\n".join([code, *missing, ""]))
+
+
 def _defined(declared: re.Match[str]) -> str:
     """Return a function in the place of a declared one that the browser does not have."""
     kind, name, parameters = declared.groups()
-    if name == "sqrt":  # an instruction of WebAssembly
+    if name in ("sqrt", "floor"):  # instructions of WebAssembly, and exact
         return (
-            "declare double @llvm.sqrt.f64(double)\ndefine internal double @sqrt(double %x) {\n"
-            "  %root = call double @llvm.sqrt.f64(double %x)\n  ret double %root\n}"
+            f"define internal double @{name}(double %x) {{\n"
+            f"  %y = call double @llvm.{name}.f64(double %x)\n  ret double %y\n}}"
         )
     if not name.startswith(_RUNTIME):
         raise RuntimeError(f"the kernels call {name}, which is not part of the engine: it would differ by machine.")

@@ -1,9 +1,9 @@
 """Cut a thousand specimens twice, in Python and in the WebAssembly of the page, and compare every byte.
 
-    python scripts/check_browser_law.py [--cuts 1000]    some minutes
+    python scripts/check_browser_law.py [--cuts 1000] [--task depth]    some minutes
 
-Specimens of all classes in turn; seeded hands that go forward and back, pause and tilt.  Compared are all readings and
-the whole state of cut and task at the end.
+Specimens of all classes in turn; seeded hands that go forward and back, pause and tilt, and where a depth is wanted up
+and down.  Compared are all readings and the whole state of cut and task at the end.
 """
 
 from __future__ import annotations
@@ -18,12 +18,18 @@ import wasmtime
 from tqdm import tqdm
 
 from cutenv._base import resources
-from cutenv.browser.page_alone import LAW_PROGRAM
+from cutenv.browser.depth_steps import HandDepthCut
+from cutenv.browser.page_alone import LAW_PROGRAMS, partial_depth_tables
 from cutenv.browser.stylus_steps import HandCut
 from cutenv.cutting.dtypes import READING
+from cutenv.task.depth_cuts import N_MEMORY
 
 CLASSES = ("uniform", "liver", "vascular", "mixed")
 MILLISECONDS = 12_000
+
+
+CUTS = {"gentle": HandCut, "depth": HandDepthCut}
+"""Cut of each task in Python."""
 
 
 class CompiledCut:
@@ -31,20 +37,30 @@ class CompiledCut:
 
     Attributes
     ----------
-    cut, episode : int
-        Addresses of the two records of its state.
+    records : list of (int, Records)
+        Address of each record of its state, beside Python's.
     """
 
     def __init__(self, cut: HandCut, program: bytes | None = None) -> None:
+        task = "depth" if isinstance(cut, HandDepthCut) else "gentle"
         self._store = wasmtime.Store(_ENGINE)
-        module = CARRIED if program is None else wasmtime.Module(_ENGINE, program)
+        module = CARRIED[task] if program is None else wasmtime.Module(_ENGINE, program)
         instance = wasmtime.Instance(self._store, module, [])
         self._exports: Any = instance.exports(self._store)
         self._hand = cut.hand
         begin: Any = self._exports["__heap_base"]
         self._next: int = begin.value(self._store)
-        self.cut, self.episode = self._put(cut.cuts.tobytes()), self._put(cut.episodes.tobytes())
-        self._action, self._observation, self._outcome = (self._put(bytes(size)) for size in (16, 48, 16))
+        state = [cut.cuts, cut.episodes]
+        self._tables: list[int] = []
+        self._start: list[float] = []
+        memory = [16, 48, 16]  # action, observation, outcome
+        if isinstance(cut, HandDepthCut):
+            state += [cut.descents, cut.depths]
+            self._tables = [self._put(partial_depth_tables(cut.cutting.slabs).tobytes())]
+            self._start = [float(cut.descents["level"][0])]
+            memory = [8 * N_MEMORY, 24, 88, 16]
+        self.records = [(self._put(each.tobytes()), each) for each in state]
+        *self._memory, self._outcome = (self._put(bytes(size)) for size in memory)
 
     def _put(self, content: bytes) -> int:
         place = -(-self._next // 16) * 16
@@ -55,14 +71,17 @@ class CompiledCut:
         memory.write(self._store, content, place)
         return place
 
-    def follow(self, stylus: Any) -> bytes:
-        """Advance by a millisecond for each row of ``stylus``; return the readings as they lie in memory."""
+    def follow(self, stylus: Any) -> tuple[bytes, bytes]:
+        """Advance by a millisecond for each row of ``stylus``; return readings, and level and vertical force."""
         places, readings = self._put(stylus.tobytes()), self._put(bytes(READING.itemsize * len(stylus)))
+        beside = [self._put(bytes(16 * len(stylus)))] if self._tables else []
         done = self._exports["follow"](
-            self._store, self.cut, self.episode, places, len(stylus), self._hand.motor_lag, self._hand.acceleration,
-            self._action, self._observation, readings, self._outcome,
+            self._store, *(place for place, _ in self.records), *self._tables, places, len(stylus),
+            self._hand.motor_lag, self._hand.acceleration, *self._start, *self._memory, readings, *beside,
+            self._outcome,
         )  # fmt: skip
-        return self.bytes_at(readings, READING.itemsize * done)
+        told = b"".join(self.bytes_at(beside[0] + 8 * row * len(stylus), 8 * done) for row in range(2 * len(beside)))
+        return self.bytes_at(readings, READING.itemsize * done), told
 
     def bytes_at(self, place: int, size: int) -> bytes:
         """Return ``size`` bytes of its memory."""
@@ -70,39 +89,47 @@ class CompiledCut:
 
 
 _ENGINE = wasmtime.Engine()
-CARRIED = wasmtime.Module(_ENGINE, resources.path(LAW_PROGRAM).read_bytes())
-"""The program that the page carries."""
+CARRIED = {
+    task: wasmtime.Module(_ENGINE, resources.path(program).read_bytes()) for task, program in LAW_PROGRAMS.items()
+}
+"""The programs that the page carries."""
 
 
-def wandering(seed: int, count: int = MILLISECONDS) -> Any:
-    """Return a seeded hand that goes forward and back, pauses and tilts: position [m], angle [rad], shape (n, 2)."""
+def wandering(seed: int, count: int = MILLISECONDS, numbers: int = 2) -> Any:
+    """Return a seeded hand that goes forward and back, pauses and tilts, and with a third number up and down.
+
+    Position [m], angle [rad] and level of the blade above that at the start [m], shape (n, ``numbers``).
+    """
     random = np.random.default_rng(seed)
     steps = random.uniform(-0.6, 1.0, count // 200 + 1) * (random.random(count // 200 + 1) < 0.9)
     angles = random.uniform(0.7, 1.65, count // 300 + 1).repeat(300)[:count]
-    return np.stack([np.clip(np.cumsum(steps.repeat(200)[:count] * 3e-5), 0.0, 0.149), angles], axis=-1)
+    levels = np.cumsum(random.uniform(-1.0, 1.0, count // 250 + 1).repeat(250)[:count] * 1e-5)
+    places = np.clip(np.cumsum(steps.repeat(200)[:count] * 3e-5), 0.0, 0.149)
+    return np.stack([places, angles, np.clip(levels, -0.02, 0.02)][:numbers], axis=-1)
 
 
 def same(cut: HandCut, stylus: Any, program: bytes | None = None) -> bool:
     """Return whether a cut and its copy in WebAssembly agree in every byte after the same movements."""
     compiled = CompiledCut(cut, program)
-    return (
-        compiled.follow(stylus) == cut.follow(stylus).tobytes()
-        and compiled.bytes_at(compiled.cut, cut.cuts.nbytes) == cut.cuts.tobytes()
-        and compiled.bytes_at(compiled.episode, cut.episodes.nbytes) == cut.episodes.tobytes()
-    )
+    readings, beside = compiled.follow(stylus)
+    known = cut.follow(stylus).tobytes()
+    told = np.stack([cut.levels, cut.vertical_force]).tobytes() if isinstance(cut, HandDepthCut) else b""
+    state = all(compiled.bytes_at(place, record.nbytes) == record.tobytes() for place, record in compiled.records)
+    return readings == known and beside == told and state
 
 
 def main() -> int:
     """Compare; return 1 if a cut differs."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cuts", type=int, default=1000, metavar="N", help="number of cuts; default 1000")
+    parser.add_argument("--task", choices=CUTS, default="gentle", help="task to cut; default gentle")
     arguments = parser.parse_args()
     ends: Counter[str] = Counter()
     different = []
     milliseconds = 0
     for seed in tqdm(range(arguments.cuts), unit="cut", disable=None):
-        cut = HandCut(specimen_class=CLASSES[seed % len(CLASSES)], seed=seed)
-        if not same(cut, wandering(seed)):
+        cut = CUTS[arguments.task](specimen_class=CLASSES[seed % len(CLASSES)], seed=seed)
+        if not same(cut, wandering(seed, numbers=cut.stylus_numbers)):
             different.append(seed)
         ends[cut.end or "still going on"] += 1
         milliseconds += int(cut.cuts["states"]["tick"][0, 0])

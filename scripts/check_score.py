@@ -2,6 +2,7 @@
 
     python scripts/check_score.py                   500 specimens of each class, some fifteen minutes
     python scripts/check_score.py --specimens 50    a quick look
+    python scripts/check_score.py --task depth --specimens 60    cuts along a wanted depth; some ten minutes
     python scripts/check_score.py --print           prints what is in runs/check-score/
 
 A success must have more than any failure on the same specimen; where two returns differ by more than 0.1, the score
@@ -11,6 +12,7 @@ must agree in 95 % of the pairs.  The records are those of a simulator: where th
 from __future__ import annotations
 
 import argparse
+import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
@@ -20,22 +22,33 @@ import numpy as np
 from benchmark.table import markdown_table
 from scipy.stats import spearmanr
 
+from cutenv.envs.depth_cut import DepthCutEnv
 from cutenv.learning.batched_rollout import batched_rollout
 from cutenv.learning.evaluation import contestant
 from cutenv.learning.result_tables import rows_of, write_csv
 from cutenv.learning.seeds import TEST_SEEDS
-from cutenv.plant.protocol import recorded_trace
+from cutenv.measurement.depth import LAYER_DEPTH_KEY
+from cutenv.plant.protocol import recorded_trace, to_trace
 from cutenv.policy import NULL_POLICIES, ORACLE, SCRIPTS
+from cutenv.policy.depth_planner import DepthPlanner
+from cutenv.policy.depth_scripts import DEPTH_SCRIPTS, FollowDepth
+from cutenv.policy.interface import PrivilegedPolicy
 from cutenv.scoring import score
-from cutenv.scoring.scored_cut import TIP_AT_END
+from cutenv.scoring.scored_cut import FLOOR_AT_END, TIP_AT_END
+from cutenv.task.depth_terms import DEPTH_COMPONENTS
+from cutenv.task.observation import COMPONENTS
+from cutenv.trace import Trace
 
-FOLDER, FILE = Path("runs") / "check-score", "rows.csv"
+FOLDER, FILE, DEPTH_FILE = Path("runs") / "check-score", "rows.csv", "depth.csv"
 CLASSES = ("mixed", "vascular", "liver", "uniform")
 FEED, GIVES_UP = "constant 1.27 cm/s 90 deg", "gives up at two thirds"
 PLAYERS = (ORACLE, *SCRIPTS, "ppo-free", "ppo-fixed", FEED, "constant 0.38 cm/s 45 deg", *NULL_POLICIES)
 """Names of all who cut; beside them one who gives up: the constant feed, up to two thirds of its target."""
 ORDER = (ORACLE, "return stroke", FEED, GIVES_UP)
 """Those whose mean scores must stand in this order."""
+DEEPER = 0.003  # [m]
+TOO_DEEP = f"{1e3 * DEEPER:.0f} mm too deep"
+"""One who follows the depth, but deeper than wanted."""
 DIFFERENT = 0.1  # in return
 
 
@@ -67,6 +80,85 @@ def measure(names: Iterable[str], specimens: int, kind: str) -> list[dict[str, A
                 given_up = {"return": np.nan, "success": 0.0, "score": scored(cut, target, end, "given up")}
                 rows.append(row | {"policy": GIVES_UP} | given_up)
     return rows
+
+
+class Deeper(FollowDepth):
+    """Script that follows the depth, and believes that a deeper cut is wanted."""
+
+    def __call__(self, observation: Any) -> Any:
+        """Return the action for an observation."""
+        seen = observation.copy()
+        for place, one in enumerate(DEPTH_COMPONENTS, start=len(COMPONENTS)):
+            if one.name.startswith("wanted"):
+                seen[place] += DEEPER / one.scale
+        return super().__call__(seen)
+
+
+def depth_cut(env: DepthCutEnv, policy: Any, seed: int) -> tuple[float, Trace]:
+    """Cut a specimen along a wanted depth; return the return and the record, with what a simulator notes."""
+    observation, _ = env.reset(seed=seed, options={"episode": 0})
+    policy.reset(np.random.default_rng(seed))
+    if isinstance(policy, PrivilegedPolicy):
+        policy.set_state(env.cutting)
+    total, parts, beside, ended = 0.0, [], [], False
+    while not ended:
+        observation, reward, ended, _, _ = env.step(policy(observation))
+        total += float(reward)
+        parts.append(env.cutting.readings.copy())
+        beside.append(env.cutting.beside)
+    cutting = env.cutting
+    noted = {TIP_AT_END: cutting.tip, FLOOR_AT_END: cutting.floor_to_tip.tolist(), "end": cutting.end}
+    noted[LAYER_DEPTH_KEY] = float(cutting.descents["boundary"][0])
+    trace = to_trace(env.plant, np.concatenate(parts), **noted, **cutting.noted)
+    measured = {name: np.concatenate([each[name] for each in beside]) for name in beside[0]}
+    return total, dataclasses.replace(trace, **measured)
+
+
+def measure_depth(specimens: int) -> list[dict[str, Any]]:
+    """Let scripts and planner cut the first held-out specimens along a wanted depth, and score the records."""
+    players = {ORACLE: DepthPlanner, **DEPTH_SCRIPTS, TOO_DEEP: Deeper}
+    env, rows = DepthCutEnv(specimen_class="mixed"), []
+    for name, make in players.items():
+        for seed in TEST_SEEDS[:specimens]:
+            total, trace = depth_cut(env, make(), seed)
+            card = score(trace)
+            plain = {key: value for key, value in trace.metadata.items() if key not in (TIP_AT_END, FLOOR_AT_END)}
+            alone = score(trace.with_metadata(plain))
+            errors = env.cutting.depth_errors
+            row = {
+                "class": "mixed",
+                "seed": seed,
+                "policy": name,
+                "return": total,
+                "success": float(env.cutting.success),
+            }
+            row |= {"score": card.overall_score or 0.0, "from_record": alone.overall_score or 0.0}
+            row |= {"end": env.cutting.end, "layer_mm": errors["layer_mm"], "mean_error_mm": errors["mean_error_mm"]}
+            for key, one in (("mean_error", "mean_depth_error"), ("layer", "layer_depth")):
+                row[f"{key}_recorded_mm"] = 1e3 * alone[one] if alone.metrics[one].value is not None else np.nan
+            row["definitions_apart_mm"] = abs(1e3 * card["mean_depth_error"] - errors["mean_error_mm"])
+            rows.append(row)
+    return rows
+
+
+def depth_report(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return the report on cuts along a wanted depth, and how well a record alone tells the depth."""
+    told = np.array([[float(r["mean_error_mm"]), float(r["mean_error_recorded_mm"])] for r in rows])
+    layer = np.array([[float(r["layer_mm"]), float(r["layer_recorded_mm"])] for r in rows])
+    alone = agreement([{**row, "score": row["from_record"]} for row in rows])
+    apart = max(float(row["definitions_apart_mm"]) for row in rows)
+    off, into = (np.abs(pair[:, 1] - pair[:, 0]) for pair in (told, layer))
+    ends = sum(row["end"] == "layer" for row in rows)
+    return (
+        f"{report(rows)}\n\n"
+        f"{ends} cuts ended in the layer below. The mean error of the depth on the card is the task's within "
+        f"{apart:.0e} mm.\n\n"
+        "From the record alone, without what the simulator notes: the mean error of the depth is off by "
+        f"{np.nanmedian(off):.2f} mm (median; 95 % within {np.nanquantile(off, 0.95):.2f} mm), the depth into the "
+        f"layer by {np.nanmedian(into):.2f} mm (95 % within {np.nanquantile(into, 0.95):.2f} mm); success not above "
+        f"failure in {alone.success_wrong} of {alone.success_pairs} pairs, agreement with the return in "
+        f"{100 * alone.agreeing:.1f} %."
+    )
 
 
 def scored(cut: Any, target: float, count: int, end: str) -> float:
@@ -128,9 +220,9 @@ def report(rows: Sequence[Mapping[str, Any]]) -> str:
     )
 
 
-def kept(folder: Path) -> list[dict[str, str]]:
+def kept(folder: Path, file: str = FILE) -> list[dict[str, str]]:
     """Return the rows of an earlier measurement; SystemExit if there is none."""
-    path = folder / FILE
+    path = folder / file
     if not path.is_file():
         raise SystemExit(f"{path} is missing; run 'python scripts/check_score.py' first.")
     return list(rows_of(path))
@@ -139,6 +231,7 @@ def kept(folder: Path) -> list[dict[str, str]]:
 def main() -> None:
     """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--task", default="gentle", choices=("gentle", "depth"), help="default gentle")
     parser.add_argument("--specimens", type=int, default=500, metavar="N", help="of each class; default 500")
     parser.add_argument("--classes", nargs="+", default=CLASSES, choices=CLASSES, help="default all")
     parser.add_argument("--out", type=Path, default=FOLDER, metavar="FOLDER", help=f"folder; default {FOLDER}")
@@ -146,6 +239,12 @@ def main() -> None:
     arguments = parser.parse_args()
     if arguments.specimens < 1:
         parser.error(f"--specimens {arguments.specimens} is less than 1")
+    if arguments.task == "depth":
+        if not arguments.print:
+            arguments.out.mkdir(parents=True, exist_ok=True)
+            write_csv(arguments.out / DEPTH_FILE, measure_depth(arguments.specimens))
+        print(depth_report(kept(arguments.out, DEPTH_FILE)), flush=True)
+        return
     if not arguments.print:
         rows = [row for kind in arguments.classes for row in measure(PLAYERS, arguments.specimens, kind)]
         arguments.out.mkdir(parents=True, exist_ok=True)

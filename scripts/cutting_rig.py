@@ -21,6 +21,8 @@ SPEED = 0.015
 """Speed of the cuts [m/s]."""
 PERIOD = 0.020
 """Control period, from command to command [s]."""
+SLOW_SPEED, SLOW_PERIOD = 0.0045, 0.100
+"""The same of a serial rig."""
 STALL = 0.005
 """Lateness of a thread that should run every 2 ms, above which the host counts as stalled [s]."""
 WATCHED = 0.002
@@ -32,6 +34,11 @@ LATCHED_FOR = 0.5
 _BACK = 0.02  # speed back to the clamp [m/s]
 _ATTEMPTS = 5  # at beginning a cut
 _FAR = 0.09  # [m], position from which the cut continues in another specimen
+
+
+def pace_of(settings: RigSettings) -> tuple[float, float]:
+    """Return speed [m/s] and control period [s] of the cuts on a rig."""
+    return (SLOW_SPEED, SLOW_PERIOD) if settings.blade.driver == "serial" else (SPEED, PERIOD)
 
 
 class HostWatch:
@@ -66,6 +73,7 @@ class CuttingRig:
 
     def __init__(self, settings: RigSettings, control: EmulatorControl) -> None:
         self.settings, self._supply = settings, EmulatedSpecimens(control)
+        self.speed, self.period = pace_of(settings)
         Specimen.drawn(0, 0)  # compiles: a drive would miss this process's heartbeat
         self._open()
 
@@ -125,7 +133,7 @@ class CuttingRig:
         ends = self.clock.now() + seconds
         try:
             while self.clock.now() < ends:
-                self.plant.advance(SPEED, UPRIGHT, round(1e3 * PERIOD))
+                self.plant.advance(self.speed, UPRIGHT, round(1e3 * self.period))
         except RigStopped as stop:
             return stop.report
         return None
@@ -134,7 +142,7 @@ class CuttingRig:
         """Return True if commands are refused, for half a second."""
         for _ in range(5):
             try:
-                self.plant.supervisor.drive(SPEED, UPRIGHT, PERIOD)
+                self.plant.supervisor.drive(self.speed, UPRIGHT, self.period)
             except RigError:
                 self.clock.sleep_until(self.clock.now() + LATCHED_FOR / 5)
                 continue

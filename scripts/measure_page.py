@@ -51,7 +51,7 @@ TIMED = """(() => {
   window.timed = kept;
 })()"""
 CUT = """(() => {
-  const { law, told } = cutenvPage, values = new Float64Array(bytesOf("%s").buffer), stylus = [];
+  const { laws: { gentle: law }, told } = cutenvPage, values = new Float64Array(bytesOf("%s").buffer), stylus = [];
   for (let i = 0; i < values.length; i += 2) stylus.push([values[i], values[i + 1]]);
   const cut = new HandCut(law, %s);
   for (let i = 0; i < stylus.length; i += 100) cut.advance(stylus.slice(i, i + 100));

@@ -235,7 +235,7 @@ def sound(suffix: str) -> tuple[Sound, ...]:
 
 
 KINDS = {suffix: (*ANY_FILE, *TEXT) for suffix in (".csv", ".txt")} | dict.fromkeys(
-    (".parquet", ".h5"), tuple(ANY_FILE)
+    (".parquet", ".h5", ".mcap"), tuple(ANY_FILE)
 )
 """Kinds of damage by suffix; ".txt" stands for the dialects of other programs."""
 

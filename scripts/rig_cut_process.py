@@ -39,12 +39,11 @@ class CutProcess:
 
     def __init__(self, emulator: RunningEmulator, *, seed: int, kept: bool = False) -> None:
         settings = emulator.settings
-        ready = {
-            "can": settings.bus.port,
-            "sensor": settings.sensor.port,
-            "page": settings.sensor.page,
-            "control": emulator.control.port,
-        }
+        if settings.blade.driver == "serial":
+            ready = {"port": settings.blade.options.port, "converter": emulator.converter}
+        else:
+            ready = {"can": settings.bus.port, "sensor": settings.sensor.port, "page": settings.sensor.page}
+        ready["control"] = emulator.control.port
         command = [sys.executable, __file__, json.dumps(ready), str(seed)]
         keeper = [sys.executable, "-c", "import subprocess, sys; subprocess.run(sys.argv[1:])"]
         self.process = subprocess.Popen(
@@ -133,7 +132,7 @@ def cut_until_stopped(ready: dict[str, Any], seed: int, tell: Callable[[dict[str
     rig = CuttingRig(emulated_settings(ready), control)
     try:
         rig.begin(seed)
-        rig.cut(0.1)
+        rig.cut(rig.period)
         tell({"since": len(control.events())})
         report = rig.cut(20.0)
         refused = report is not None and rig.refuses()

@@ -12,12 +12,13 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
-from cutting_rig import PERIOD, SPEED, UPRIGHT, WATCHED, CuttingRig
+from cutting_rig import PERIOD, SPEED, UPRIGHT, WATCHED, CuttingRig, pace_of
 
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.canopen.network import DRIVE_PATIENCE
+from cutenv.rig.devices.serial.board import BOARD_PATIENCE
+from cutenv.rig.devices.serial.load_cell import sensor_delay
 from cutenv.rig.emulator.control import EmulatorControl
-from cutenv.rig.emulator.faults import FAULTS
 from cutenv.rig.safety.stop_causes import Cause, RigStopped, StopReport, detection_times
 
 SENSOR_DELAY = 0.010
@@ -86,33 +87,67 @@ EXPECTED_OF_HEIGHT: dict[str, tuple[Cause, ...]] = {
     "vertical force": (Cause.VERTICAL_FORCE,),
 }
 """Causes as which the faults of a height axis may be detected, see ``scripts/height_trials.py``."""
-BY_THE_DRIVE = ("bus_off", "power_loss", "kill_9", "cable out", "power loss")
-"""Faults in which no frame reaches the drive: its own watchdog for the heartbeat stops it, or it coasts."""
+EXPECTED_OF_SERIAL: dict[str, tuple[Cause, ...]] = {
+    "cable_out": (Cause.BUS,),
+    "board_restart": (Cause.DRIVE, Cause.FORCE_STATUS),
+    "board_deaf": (Cause.DRIVE,),
+    "board_mute": (Cause.MOTION_STALE, Cause.FORCE_STALE),
+    "damaged_lines": (Cause.FORCE_LOST, Cause.FORCE_STALE, Cause.MOTION_STALE),
+    "lost_lines": (Cause.FORCE_LOST, Cause.FORCE_STALE, Cause.MOTION_STALE),
+    "noise": (Cause.MOTION_STALE, Cause.FORCE_STALE),
+    "doubled_lines": (Cause.MOTION_DOUBLED,),
+    "latency": (Cause.MOTION_STALE, Cause.FORCE_STALE),
+    "stop_button": (Cause.DRIVE,),
+    "limit_switch": (Cause.DRIVE,),
+    "blocked": (),
+    "cell_silent": (Cause.FORCE_STALE,),
+    "cell_frozen": (Cause.FORCE_FROZEN,),
+    "cell_saturated": (Cause.FORCE_STATUS,),
+    "cell_wire_off": (Cause.FORCE, Cause.FORCE_RISE),
+    "over_force": (Cause.FORCE, Cause.FORCE_RISE),
+    **{fault: EXPECTED[fault] for fault in OWN},
+}
+"""Causes as which the faults of a serial rig may be detected. A motor that loses steps cannot be: it has no encoder."""
+UNKNOWABLE = ("slip", "blocked")
+"""Faults that nothing here can detect: the carriage stands, or moves less than commanded."""
+SPOILS = ("slip", "blocked", "cable_out", "board_restart")
+"""Faults after which a rig is set up anew: nobody knows where its carriage is, or its port has gone."""
+BY_THE_DRIVE = (
+    "bus_off", "power_loss", "kill_9", "cable out", "power loss", "cable_out", "board_deaf", "board_restart",
+    "stop_button", "limit_switch",
+)  # fmt: skip
+"""Faults in which no command reaches the drive, or it has stopped before: its own watch stops it, or it coasts."""
 
 
 def stated_detection(fault: str, cause: Cause, settings: RigSettings) -> float | None:
     """Return the longest time from a fault to the decision to stop for that cause, from what grows at this speed [s].
 
-    None for readings out of order: about a fifth of them are lost, as many as are allowed.
+    None for readings out of order, of which about a fifth are lost, as many as are allowed; and for lines that are lost
+    by chance: some get through.
     """
-    if fault == "reordering":
+    if fault in ("reordering", "damaged_lines", "lost_lines"):
         return None
+    limits, (speed, period) = settings.limits, pace_of(settings)
+    serial = settings.blade.driver == "serial"
     if fault == "kill_9":
-        return DRIVE_PATIENCE + _DIES  # the drive's own watchdog
-    limits = settings.limits
-    stated = detection_times(limits, sync=settings.bus.sync)[cause]
+        return (BOARD_PATIENCE if serial else DRIVE_PATIENCE) + _DIES  # the drive's own watchdog
+    stated = detection_times(limits, packet=1.0 / settings.sensor.rate, sync=settings.bus.sync)[cause]
+    if fault == "cell_wire_off":
+        stated += 2.0 / settings.sensor.rate  # a reading may lie within the limit by chance
+    if fault == "board_deaf":
+        stated += BOARD_PATIENCE
     if cause is Cause.FORCE_LOST:
         stated += _WINDOW
     if cause is Cause.FOLLOWING:
         # A blade that stands falls back by its speed; one that runs away gains ever more, by its acceleration.
         gained = math.sqrt(2.0 * limits.following / settings.blade.acceleration)
-        stated += limits.following / SPEED if fault != "runaway" else gained + _LAG
+        stated += limits.following / speed if fault != "runaway" else gained + _LAG
     if cause is Cause.SPEED:
-        stated += (limits.speed - SPEED) / settings.blade.acceleration + _LAG
+        stated += (limits.speed - speed) / settings.blade.acceleration + _LAG
     if cause is Cause.OVERRUN:
-        stated += PERIOD * limits.overrun
+        stated += period * limits.overrun
     if fault == "over_force":
-        stated += SENSOR_DELAY
+        stated += sensor_delay(settings) if serial else SENSOR_DELAY
     if fault == "parent_death":
         stated += _DIES
     return stated
@@ -127,6 +162,8 @@ class Trial:
     injected: float
     speed: float
     """Speed of the carriage just before, if the fault is the rig's own; else the commanded one [m/s]."""
+    commanded: float = SPEED
+    """Commanded speed [m/s]."""
     cause: str | None = None
     detail: str = ""
     stated: float | None = None
@@ -151,14 +188,14 @@ class Trial:
     @property
     def expected(self) -> tuple[Cause, ...]:
         """Causes as which the fault may be detected."""
-        return (EXPECTED | EXPECTED_OF_HEIGHT)[self.fault]
+        return (EXPECTED | EXPECTED_OF_HEIGHT | EXPECTED_OF_SERIAL)[self.fault]
 
     @property
     def before(self) -> bool:
         """True if the rig had stopped before the fault, or for the tissue's own force: not a trial of it."""
         early = self.detected is not None and self.detected < self.injected - WAY
         by_tissue = self.crossed is not None and Cause.FORCE not in self.expected and self.cause == Cause.FORCE
-        return early or by_tissue or self.speed < 0.5 * SPEED
+        return early or by_tissue or self.speed < 0.5 * self.commanded
 
     @property
     def stopped(self) -> bool:
@@ -182,7 +219,7 @@ class Trial:
 
     def wrong(self) -> list[str]:
         """Return what is not as promised; the host's stalls excuse only a late decision, or another one."""
-        if self.fault == "slip":
+        if self.fault in UNKNOWABLE:
             return [] if self.cause is None else [f"stopped for {self.cause}, which cannot be known"]
         found = []
         if self.cause is None or (self.cause not in self.expected and not self.stalls):
@@ -224,7 +261,7 @@ def trial(rig: CuttingRig, control: EmulatorControl, fault: str, *, seed: int, a
     result.moved = moved_since(control, events)
     result.stalls = stalls_around(result, events, rig.host.stalls)
     control.clear()
-    if fault == "slip":
+    if fault in UNKNOWABLE:
         rig.plant.halt()
     if fault in ("power_loss", "exception"):
         time.sleep(WATCHED)
@@ -239,10 +276,10 @@ def _happens(
 
     Returns the emulator's state just before, the time of the rig's own fault [s], and the rig's report.
     """
-    if fault in FAULTS or fault in GAPS:
+    if fault not in OWN:
         injection = threading.Timer(after, _inject, [control, fault])
         injection.start()
-        report = rig.cut(after + (1.0 if fault == "slip" else _UNSTOPPED))
+        report = rig.cut(after + (1.0 if fault in UNKNOWABLE else _UNSTOPPED))
         injection.join()
         return {}, None, report
     report = rig.cut(after)
@@ -258,7 +295,7 @@ def _happens(
     if fault == "late_policy":
         time.sleep(0.2)
     try:
-        rig.plant.advance(math.nan if fault == "nan_command" else SPEED, UPRIGHT, round(1e3 * PERIOD))
+        rig.plant.advance(math.nan if fault == "nan_command" else rig.speed, UPRIGHT, round(1e3 * rig.period))
     except RigStopped as stop:
         return truth, injected, stop.report
     return truth, injected, None
@@ -283,7 +320,7 @@ def put_together(
     """Combine the reports of the rig and the emulator's events."""
     if injected is None:
         event = next(event for event in events if event["what"] == "fault injected")
-        injected, start, speed = event["time_s"], event["position_m"], SPEED
+        injected, start, speed = event["time_s"], event["position_m"], pace_of(settings)[0]
     else:
         speed = truth["speed_m_s"]
         start = truth["position_m"] + speed * (injected - truth["time_s"])
@@ -298,6 +335,7 @@ def put_together(
         seed=seed,
         injected=injected,
         speed=speed,
+        commanded=pace_of(settings)[0],
         crossed=first("force limit crossed"),
         received=first("quick stop received"),
         standstill=rests[-1]["time_s"] if rests else None,

@@ -26,7 +26,7 @@ import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from types import ModuleType
@@ -71,9 +71,10 @@ from cutenv.learning.result_tables import rows_of
 from cutenv.learning.statistics import mean_with_interval
 from cutenv.policy import CONSTANT_FEEDS, ORACLE, SCRIPTS, ConstantFeed
 from cutenv.report import draw_cut
-from cutenv.rig.toml_file import template
-from cutenv.scoring import INVARIANCES, METRICS
+from cutenv.rig.toml_text import template
+from cutenv.scoring import DEPTH_METRICS, INVARIANCES, METRICS, Metric
 from cutenv.task.depth_terms import DepthConstants
+from cutenv.task.path_terms import PathConstants
 from cutenv.task.reward import CUT_ENDS, REWARD
 from cutenv.task.weights import Limits
 from cutenv.tissue import Layers, measured_liver
@@ -103,6 +104,7 @@ PAGES = {
     "specimens": "docs/validation/specimens.md",
     "calibration": "docs/validation/calibration.md",
     "check-score": "docs/validation/score.md",
+    "check-depth-score": "docs/validation/score.md",
     "pass-marks": "docs/validation/pass-marks.md",
     "field": "docs/validation/field.md",
     "depth": "docs/validation/depth.md",
@@ -116,6 +118,7 @@ PAGES = {
     "steering-speed": "docs/validation/steering.md",
     "parameters": "docs/reference/constants.md",
     "metrics": "docs/reference/metrics.md",
+    "depth-metrics": "docs/reference/metrics.md",
     "weights": "docs/how-to/train.md",
     "ends": "docs/concepts/task.md",
     "tip-errors": "docs/concepts/task.md",
@@ -147,6 +150,7 @@ def parameters(_: argparse.Namespace) -> str:
         DescentParameters,
         SteeringParameters,
         DepthConstants,
+        PathConstants,
     ):
         value = getattr(liver, row["name"], row["default"])
         sweep = "" if row["sensitivity"] is None else f"{row['sensitivity'][0]:.4g} to {row['sensitivity'][1]:.4g}"
@@ -349,16 +353,20 @@ def errata(_: argparse.Namespace) -> str:
 
 
 def metrics(_: argparse.Namespace) -> str:
-    """Return every metric of a score card: meaning, formula, unit, source and promised invariances."""
+    """Return every metric of a score card, and what each invariance means."""
+    promises = "\n".join(f"- `{name}`: {meaning}" for name, meaning in INVARIANCES.items())
+    return f"{metric_table(METRICS)}\n\n{promises}"
+
+
+def metric_table(among: Mapping[str, Metric]) -> str:
+    """Return metrics as a table: meaning, formula, unit, source and promised invariances."""
     rows = []
-    for each in METRICS.values():
+    for each in among.values():
         cells = (each.meaning, each.formula, each.unit, each.direction, each.validity, each.source)
         promised = ", ".join(f"`{name}`" for name in each.invariances)
         rows.append((f"`{each.name}`", *(cell.replace("|", r"\|") for cell in cells), promised))
     header = ("metric", "meaning", "formula", "unit", "better", "valid for", "source", "unchanged by")
-    table = markdown_table(header, rows)
-    promises = "\n".join(f"- `{name}`: {meaning}" for name, meaning in INVARIANCES.items())
-    return f"{table}\n\n{promises}"
+    return markdown_table(header, rows)
 
 
 def weights(_: argparse.Namespace) -> str:
@@ -408,11 +416,15 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "steering": lambda _: check_steering.markdown(),
     "steering-speed": lambda _: speed_of("steering"),
     "check-score": lambda _: check_score.report(check_score.kept(ROOT / check_score.FOLDER)),
+    "check-depth-score": lambda _: check_score.depth_report(
+        check_score.kept(ROOT / check_score.FOLDER, check_score.DEPTH_FILE)
+    ),
     "depth": lambda _: measure_depth_accuracy.report(measure_depth_accuracy.kept(ROOT / measure_depth_accuracy.KEPT)),
     "seen-runs": lambda _: measure_seen_runs.report(measure_depth_accuracy.kept(ROOT / measure_seen_runs.KEPT)),
     "live-camera": lambda _: camera_beside_rig.markdown(left_by(camera_beside_rig)),
     "errata": errata,
     "metrics": metrics,
+    "depth-metrics": lambda _: metric_table(DEPTH_METRICS),
     "weights": weights,
     "ends": ends,
     "tip-errors": lambda _: tip_errors.report(),

@@ -92,6 +92,7 @@ SPEEDS = (
 )
 TORQUES = (Unit("N m", "N m", word="N_m"), Unit("N mm", "N m", parts=1000, word="N_mm"))
 ANGLES = (Unit("rad", "rad"), Unit("deg", "rad", _RADIANS, spellings=("\u00b0", "degree", "degrees")))
+_SQUARE_MILLIMETRE = Unit("mm2", "m2", parts=10**6)
 _OTHERS = (
     Unit("m/s2", "m/s2"),
     Unit("deg/s", "rad/s", _RADIANS),
@@ -117,4 +118,4 @@ NAMED_UNITS: Mapping[str, Unit] = MappingProxyType(
 
 def shown_unit(si: str) -> Unit:
     """Return the unit in which pages show a quantity of this SI unit: millimetres for metres, else the unit itself."""
-    return NAMED_UNITS["mm"] if si == "m" else Unit(si, si)
+    return {"m": NAMED_UNITS["mm"], "m2": _SQUARE_MILLIMETRE}.get(si) or Unit(si, si)

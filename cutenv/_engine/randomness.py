@@ -20,11 +20,12 @@ Integer: TypeAlias = int | np.integer[Any]
 
 # Streams: one for each use; numbers of different streams are independent.
 # NumPy integers, because Numba would compile every function anew for each value of a plain Python number.
-SENSOR_NOISE, SENSOR_DRIFT, TASK, CUT, MODULUS_FIELD, RESISTANCE_FIELD, VESSELS, DEPTH_ERROR, VERTICAL_NOISE = (
-    np.uint64(stream) for stream in range(1, 10)
-)
-CLASS_DRAW, LENGTH_DRAW, WANTED_DRAW = np.int64(0), np.int64(1), np.int64(2)
-"""Counters within stream TASK: tissue class, target length, and the first of those of the wanted depth."""
+(
+    SENSOR_NOISE, SENSOR_DRIFT, TASK, CUT, MODULUS_FIELD, RESISTANCE_FIELD, VESSELS, DEPTH_ERROR, VERTICAL_NOISE,
+    SURFACE, LATERAL_NOISE,
+) = (np.uint64(stream) for stream in range(1, 12))  # fmt: skip
+CLASS_DRAW, LENGTH_DRAW, WANTED_DRAW, LINE_DRAW = np.int64(0), np.int64(1), np.int64(2), np.int64(16)
+"""Counters within stream TASK: tissue class, target length, the first of those of the wanted depth, and of the line."""
 
 _WORD = np.uint64(0xFFFFFFFF)
 _SHIFT = np.uint64(32)

@@ -1,7 +1,8 @@
 """Cuts by a person in a web browser: the compiled task as WebAssembly, in a page that fetches nothing.
 
-``scripts/build_browser_law.py`` makes ``assets/browser/law.wasm`` from the kernels that Python runs, so a cut in the
-browser is that of Python to the last bit.  It is kept with the data because its linker is large.
+``scripts/build_browser_law.py`` makes the programs in ``assets/browser``, one for each task, from the kernels that
+Python runs, so a cut in the browser is that of Python to the last bit.  They are kept with the data because their
+linker is large.
 """
 
 from __future__ import annotations

@@ -16,42 +16,56 @@ from scipy.signal import butter, sosfilt_zi
 
 import cutenv
 from cutenv._base import resources
-from cutenv._base.arrays import Array
+from cutenv._base.arrays import Array, StructArray
 from cutenv._base.atomic_file import atomic_write
 from cutenv._base.document import render
 from cutenv._base.languages import LANGUAGES, texts_by_key
 from cutenv._base.validation import in_range, one_of
+from cutenv.browser.depth_steps import HandDepthCut
 from cutenv.browser.stylus_steps import HandCut
+from cutenv.cutting.descent import DESCENT
 from cutenv.cutting.dtypes import READING
 from cutenv.cutting.simulate import CUT
 from cutenv.measurement.strokes import STANDSTILL_SPEED
-from cutenv.play.devices import INCLINED, LEAD, NOTCH, TRAVEL
+from cutenv.play.devices import INCLINED, LEAD, LEVEL_REACH, LOWERED_BY_NOTCH, NOTCH, TRAVEL
 from cutenv.play.hand_model import PLAYED_HAND
 from cutenv.scoring import points
 from cutenv.scoring.scored_cut import BANDWIDTH, RATE, SHORTEST_FORCE
 from cutenv.task.assessment import NEAR_TARGET
 from cutenv.task.cuts import EPISODE
-from cutenv.task.reward import ENDS, FORCE_ALLOWED, TERMS, TIME_AT_REST
+from cutenv.task.depth_cuts import N_MEMORY
+from cutenv.task.depth_terms import DEPTH, DEPTH_ENDS, DEPTH_TERMS, DESCENT_SCALE
+from cutenv.task.reward import FORCE_ALLOWED, TERMS, TIME_AT_REST
 from cutenv.task_quantities import (
     ANGLE_TOLERANCE,
     CLOSE,
+    DEPTH_TOLERANCE,
     FORCE_LIMIT_PER_DEPTH,
+    LAYER_TOLERANCE,
     OVERSHOOT_ALLOWED,
     SHALLOWEST,
     TIP_TOLERANCE,
 )
 from cutenv.tissue import measured_liver
+from cutenv.tissue.slab import SLAB
 from cutenv.tissue.specimen import CLASSES, LENGTH, SPACING
 from cutenv.trace import SPEED_WINDOW
 from cutenv.viewer.drawn_slab import Slab
 from cutenv.viewer.scene_parts import WORDS, scene_data
 
-LAW_PROGRAM = "browser/law.wasm"
-"""The compiled task, below ``assets``."""
+LAW_PROGRAMS = {"gentle": "browser/law.wasm", "depth": "browser/depth_law.wasm"}
+"""The compiled tasks, below ``assets``."""
+TABLES: np.dtype[Any] = np.dtype((np.record, [(name, SLAB[name]) for name in ("ratio", "share")]))
+"""Part of a slab that the law needs while a blade descends: its table of partial depth."""
+HAND_CUTS: dict[str, type[HandCut]] = {"gentle": HandCut, "depth": HandDepthCut}
+"""Cut of each task, in Python."""
 OFFERED = ("liver", "uniform", "vascular")
 """Classes of specimens that a page offers by default."""
 _HERE = Path(__file__).parent / "page"
-_SCRIPTS = ("law.js", "words.js", "record.js", "score.js", "platform.js", "scene.js", "drawing.js", "page.js")
+_SCRIPTS = (
+    "law.js", "words.js", "depth.js", "record.js", "score.js", "platform.js", "scene.js", "drawing.js", "hand.js",
+    "page.js",
+)  # fmt: skip
 _TIPS = 61  # positions of the tip for which the page holds the field; between them it is interpolated
 
 
@@ -78,6 +92,7 @@ def write_page_alone(path: Path, **options: Any) -> int:
 
 def page_alone(
     *,
+    tasks: Sequence[str] = ("gentle",),
     specimen_classes: Sequence[str] = OFFERED,
     count: int = 4,
     seed: int = 0,
@@ -88,10 +103,12 @@ def page_alone(
 
     Parameters
     ----------
+    tasks : sequence of str
+        Tasks to offer: "gentle", and "depth" for cuts along a wanted depth.
     specimen_classes : sequence of str
         Classes of specimens to offer.
     count : int
-        Number of specimens of each class, episodes 0 to ``count`` - 1 of ``seed``.
+        Number of specimens of each task and class, episodes 0 to ``count`` - 1 of ``seed``.
     seed : int
         Seed of specimens, targets and noise.
     language : {"en", "de"}
@@ -102,29 +119,40 @@ def page_alone(
     Raises
     ------
     ValueError
-        If an argument is out of range.
+        If an argument is out of range, or cuts along a wanted depth are to be reported to a learning platform.
     ModuleNotFoundError
         If Jinja2 is not installed.
     """
+    for each in tasks:
+        one_of("task", each, tuple(HAND_CUTS))
+    if platform is not None and tuple(tasks) != ("gentle",):
+        raise ValueError(
+            f"tasks = {', '.join(tasks)}: a learning platform is told points, which the page has for gentle cutting "
+            'alone. Take "gentle", or write the page without a package.'
+        )
     for each in specimen_classes:
         one_of("specimen_class", each, CLASSES)
     one_of("language", language, LANGUAGES)
     in_range("seed", seed, 0, 2**53, "1", "Give a whole number from 0.")
     numbers = range(round(in_range("count", count, 1, 100, "1", "Give how many specimens of each class.")))
-    told = page_data() | {
+    tasks = tuple(dict.fromkeys(tasks))
+    told = page_data(tasks) | {
         "language": language,
         "platform": platform,
         "scoring": scoring_data(),
-        "specimens": [specimen_data(each, seed, k) for each, k in itertools.product(specimen_classes, numbers)],
+        "specimens": [
+            specimen_data(each, seed, k, task=task)
+            for task, each, k in itertools.product(tasks, dict.fromkeys(specimen_classes), numbers)
+        ],
     }
     return page_text("page_alone.html", told)
 
 
 def page_text(template: str, told: dict[str, Any], **values: Any) -> str:
-    """Return a page that cuts, filled with what it is told, the law, its scripts and further values of its template."""
+    """Return a page that cuts, filled with what it is told, laws, scripts and further values of its template."""
     filled = {
         "data": json.dumps(told, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c"),
-        "law": _base64(resources.path(LAW_PROGRAM).read_bytes()),
+        "laws": {task: _base64(resources.path(LAW_PROGRAMS[task]).read_bytes()) for task in told["tasks"]},
         "code": "\n".join((_HERE / name).read_text(encoding="utf-8") for name in _SCRIPTS),
         "words": told["texts"][told["language"]],
         **values,
@@ -132,13 +160,15 @@ def page_text(template: str, told: dict[str, Any], **values: Any) -> str:
     return render(_HERE / template, filled, filters={"digest": script_digest})
 
 
-def page_data() -> dict[str, Any]:
-    """Return what every page needs to know, whatever the specimen: layouts, hand, limits, slab, texts; SI units."""
+def page_data(tasks: Sequence[str] = ("gentle",)) -> dict[str, Any]:
+    """Return what a page of ``tasks`` needs to know, whatever the specimen: layouts, hand, limits, texts; SI units."""
+    kinds = {"cut": CUT, "episode": EPISODE, "reading": READING, "descent": DESCENT, "depth": DEPTH}
     return {
         "version": cutenv.__version__,
-        "layout": {"cut": layout(CUT), "episode": layout(EPISODE), "reading": layout(READING)},
+        "tasks": {task: _task_data(task) for task in tasks},
+        "layout": {name: layout(kind) for name, kind in kinds.items()},
         "hand": dataclasses.asdict(PLAYED_HAND),
-        "ends": ENDS,
+        "ends": DEPTH_ENDS,
         "terms": TERMS,
         "force_allowed_per_depth": FORCE_ALLOWED,
         "tip_tolerance": TIP_TOLERANCE,
@@ -148,6 +178,12 @@ def page_data() -> dict[str, Any]:
         "lead": LEAD,
         "travel": TRAVEL,
         "notch": NOTCH,
+        "level_notch": LOWERED_BY_NOTCH,
+        "level_reach": LEVEL_REACH,
+        "fastest_descent": DESCENT_SCALE,
+        "depth_terms": DEPTH_TERMS,
+        "depth_tolerance": DEPTH_TOLERANCE,
+        "layer_tolerance": LAYER_TOLERANCE,
         "inclined": INCLINED,
         "spacing": SPACING,
         "length": LENGTH,
@@ -163,15 +199,36 @@ def page_texts(language: str) -> dict[str, str]:
     return own if language != "en" else own | WORDS
 
 
-def specimen_data(specimen_class: str, seed: int, episode: int, target_length: float | None = None) -> dict[str, Any]:
-    """Return a cut at its start: its key, and the records of its whole state as base64; hidden truth included."""
-    cut = HandCut(specimen_class=specimen_class, seed=seed, episode=episode, target_length=target_length)
+def _task_data(task: str) -> dict[str, Any]:
+    """Return how a task's law is called: numbers of the hand in a millisecond, records, and sizes of memory [bytes]."""
+    kind = HAND_CUTS[task]
+    memory = [8 * kind.stylus_numbers, 4 * len(kind.components)]  # action and observation
+    if task == "gentle":
+        return {"numbers": kind.stylus_numbers, "records": ("cut", "episode"), "memory": memory}
     return {
+        "numbers": kind.stylus_numbers,
+        "records": ("cut", "episode", "descent", "depth"),
+        "memory": [8 * N_MEMORY, *memory],
+        "tables": _base64(partial_depth_tables(measured_liver().slab()).tobytes()),
+    }
+
+
+def specimen_data(
+    specimen_class: str, seed: int, episode: int, target_length: float | None = None, *, task: str = "gentle"
+) -> dict[str, Any]:
+    """Return a cut at its start: its key, and the records of its whole state as base64; hidden truth included."""
+    cut = HAND_CUTS[task](specimen_class=specimen_class, seed=seed, episode=episode, target_length=target_length)
+    records, facts = {"cut": cut.cuts, "episode": cut.episodes}, {}
+    if isinstance(cut, HandDepthCut):
+        records |= {"descent": cut.descents, "depth": cut.depths}
+        facts = cut.cutting.given_depth
+    return {
+        "task": task,
         "specimen_class": specimen_class,
         "seed": seed,
         "episode": episode,
-        "cut": _base64(cut.cuts.tobytes()),
-        "task": _base64(cut.episodes.tobytes()),
+        "records": {name: _base64(record.tobytes()) for name, record in records.items()},
+        "facts": facts,
     }
 
 
@@ -204,6 +261,14 @@ def scoring_data() -> dict[str, Any]:
         # scipy.signal.sosfiltfilt continues a signal by three times the filter's three taps.
         "filter": {"section": lowpass[0].tolist(), "start": sosfilt_zi(lowpass)[0].tolist(), "pad": 9},
     }
+
+
+def partial_depth_tables(slabs: StructArray) -> StructArray:
+    """Return the :data:`TABLES` of a slab, both of shape (1,)."""
+    tables: StructArray = np.zeros(1, TABLES)
+    for name in TABLES.names or ():
+        tables[name] = slabs[name]
+    return tables
 
 
 def layout(kind: np.dtype[Any]) -> dict[str, Any]:

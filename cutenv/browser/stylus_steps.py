@@ -12,11 +12,13 @@ from cutenv._engine.jit import njit
 from cutenv.cutting.drive import Hand
 from cutenv.cutting.dtypes import READING, TICK
 from cutenv.envs.gentle_cut import GentleCutEnv
+from cutenv.plant.protocol import recorded_trace
 from cutenv.play.hand_model import PLAYED_HAND, speed_over
 from cutenv.task.assessment import succeeded
 from cutenv.task.cuts import step_one
-from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, COMPONENTS, speed_action
-from cutenv.task.reward import ENDS
+from cutenv.task.depth_terms import DEPTH_ENDS
+from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, COMPONENTS, Component, speed_action
+from cutenv.trace import Trace
 
 
 @njit
@@ -89,6 +91,13 @@ class HandCut:
         True once the cut has ended in success.
     """
 
+    environment: type[GentleCutEnv] = GentleCutEnv
+    """Environment whose episode it is."""
+    components: tuple[Component, ...] = COMPONENTS
+    """Components of its observation."""
+    stylus_numbers = 2
+    """Numbers of the hand in each millisecond: position [m] and angle [rad]."""
+
     def __init__(
         self,
         *,
@@ -99,7 +108,7 @@ class HandCut:
         deadline: float = 30.0,
         hand: Hand = PLAYED_HAND,
     ) -> None:
-        self._env = GentleCutEnv(
+        self._env = self.environment(
             specimen_class=specimen_class,
             target_length=target_length,
             deadline_s=deadline,
@@ -110,7 +119,8 @@ class HandCut:
         self._env.reset(seed=seed, options={"episode": episode})
         self.hand = hand
         self.end, self.success = "", False
-        self._action, self._observation = np.zeros((1, 2)), np.zeros((1, len(COMPONENTS)), np.float32)
+        self._action = np.zeros((1, self.stylus_numbers))
+        self._observation = np.zeros((1, len(self.components)), np.float32)
 
     @property
     def cuts(self) -> StructArray:
@@ -140,13 +150,27 @@ class HandCut:
         stylus : array_like, shape (n, 2)
             Wanted position of the hand, from the clamp [m], and angle of the blade [rad].
         """
-        places = np.ascontiguousarray(stylus, dtype=np.float64).reshape(-1, 2)
+        places = np.ascontiguousarray(stylus, dtype=np.float64).reshape(-1, self.stylus_numbers)
         readings, outcome = np.zeros((len(places), 1), READING), np.zeros(2)
         if self.end:
             return readings[:0, 0]
-        done = follow_stylus(
+        done = self._follow(places, readings, outcome)
+        self.end, self.success = DEPTH_ENDS[int(outcome[0])], bool(outcome[1])
+        return readings[:done, 0]
+
+    def _follow(self, places: Array, readings: StructArray, outcome: Array) -> int:
+        done: int = follow_stylus(
             self.cuts, self.episodes, places, self.hand.motor_lag, self.hand.acceleration, self._action,
             self._observation, readings, outcome,
         )  # fmt: skip
-        self.end, self.success = ENDS[int(outcome[0])], bool(outcome[1])
-        return readings[:done, 0]
+        return done
+
+    def trace(self, readings: StructArray, **metadata: object) -> Trace:
+        """Return all readings of this cut, shape (n,), as a rig would have recorded them.
+
+        Raises
+        ------
+        ValueError
+            If there are fewer than two.
+        """
+        return recorded_trace(readings, self.measured_depth, **metadata)

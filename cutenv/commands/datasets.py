@@ -1,8 +1,8 @@
-"""Record cuts as a Minari data set with the force in newtons: by a script, a trained agent or a person.
+"""Record cuts as a data set with the force in newtons, of Minari or LeRobot: by a script, an agent or a person.
 
 A policy is named as for 'cutenv evaluate'; records are those of 'cutenv play' or of a rig.  The data set is written
-where Minari keeps them, MINARI_DATASETS_PATH or ~/.minari/datasets; nothing is downloaded.  'cutenv train --learner bc
---dataset ID' clones its cuts.
+where Minari keeps them, MINARI_DATASETS_PATH or ~/.minari/datasets, or LeRobot, HF_LEROBOT_HOME; nothing is downloaded
+or sent.  'cutenv train --learner bc --dataset ID' clones the cuts of one in Minari's format.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ class Arguments:
     """Options of the command."""
 
     dataset: str = option("", "id of the new data set, such as cutenv/probe-and-creep-v0", metavar="ID")
+    format: str = option("minari", "format: Minari's, or LeRobot's v3.0", ("minari", "lerobot"))
     policy: str = option(
         "", "baseline, shipped policy, or folder of a trained one, which makes the cuts", metavar="POLICY"
     )
@@ -46,7 +47,7 @@ class Arguments:
     )
 
     def __post_init__(self) -> None:
-        if not _ID.fullmatch(self.dataset):
+        if self.format == "minari" and not _ID.fullmatch(self.dataset):
             raise ValueError(f"--dataset {self.dataset!r} must be an id with a version, such as cutenv/mine-v0.")
         if bool(self.policy) == bool(self.records):
             raise ValueError("give either --policy, which cuts in the simulator, or --records of cuts that were made.")
@@ -68,13 +69,19 @@ class Arguments:
 def main(argv: Sequence[str]) -> int:
     """Write a data set and print its size; 2 if an option or a record is bad."""
     arguments = from_options(Arguments, _parser().parse_args(argv))
+    from cutenv.learning.lerobot_datasets import lerobot_folder, write_lerobot
     from cutenv.learning.minari_datasets import free_folder, write
 
-    folder = free_folder(arguments.dataset)
+    lerobot = arguments.format == "lerobot"
+    folder = lerobot_folder(arguments.dataset) if lerobot else free_folder(arguments.dataset)
     keywords, cuts = cuts_of(arguments)
-    dataset = write(arguments.dataset, arguments.policy or "recorded cuts", keywords, cuts)
+    source = arguments.policy or "recorded cuts"
+    if lerobot:
+        write_lerobot(folder, source, keywords, cuts)
+    else:
+        write(arguments.dataset, source, keywords, cuts)
     returns, ended = [cut.rewards.sum() for cut in cuts], [cut.infos["is_success"][-1] for cut in cuts]
-    print(f"{dataset.total_episodes} cuts, {dataset.total_steps} decisions in {folder}")
+    print(f"{len(cuts)} cuts, {sum(len(cut.rewards) for cut in cuts)} decisions in {folder}")
     print(f"mean return {np.mean(returns):.3f}, success {np.mean(ended):.2f}")
     return 0
 
@@ -105,6 +112,7 @@ def _parser() -> argparse.ArgumentParser:
             '--dataset cutenv/probe-v0 --policy "probe and creep" --cuts 100',
             "--dataset cutenv/agent-v0 --policy ppo-free",
             "--dataset cutenv/people-v0 --records cuts/*.csv",
+            '--format lerobot --dataset cutenv/probe --policy "probe and creep"',
         ),
     )
     add_options(parser, Arguments)

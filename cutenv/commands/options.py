@@ -7,10 +7,13 @@ import functools
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Literal, TypeVar
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 from cutenv._base.languages import LANGUAGES
 from cutenv._base.output import reader_has_gone
+
+if TYPE_CHECKING:  # slow to import, and --help does not need it
+    from cutenv.measurement import DepthProfile
 
 T = TypeVar("T")
 Main = Callable[[Sequence[str]], int]
@@ -18,7 +21,7 @@ Main = Callable[[Sequence[str]], int]
 
 LIVE_PORT = 8801
 """Default port at which a rig's readings can be watched, on its own machine alone."""
-RIG = 'a rig\'s TOML file, "emulator" or "fake"'
+RIG = 'a rig\'s TOML file, "emulator", "serial" (an emulated serial rig) or "fake"'
 """Help of every argument that names a rig."""
 
 
@@ -89,6 +92,62 @@ def target_length(arguments: argparse.Namespace) -> float | None:
     return in_range("--target-length", length, 0.005, 0.15, "m", "Write 80mm or 8cm.")
 
 
+def add_depth_options(parser: argparse.ArgumentParser) -> None:
+    """Add ``--wanted-depth`` and ``--layer-depth``, for :func:`wanted_depth_given` and :func:`layer_depth_given`."""
+    parser.add_argument(
+        "--wanted-depth",
+        metavar="DEPTH",
+        help="depth below the surface that the cut should have, with its unit: 8mm; or along the cut, linear between "
+        "POSITION:DEPTH: 0mm:6mm,80mm:14mm; default the record's own",
+    )
+    parser.add_argument(
+        "--layer-depth",
+        metavar="DEPTH",
+        help="depth below the surface at which another layer begins, which must not be opened: 12mm; default the "
+        "record's own",
+    )
+
+
+def wanted_depth_given(arguments: argparse.Namespace) -> DepthProfile | None:
+    """Return ``--wanted-depth``, None if it is not given.
+
+    Raises
+    ------
+    ValueError
+        If it is neither a length with a unit nor pairs of them, or out of range.
+    """
+    from cutenv.measurement.depth import wanted_depth
+    from cutenv.recording.columns import parse_length
+
+    given: str | None = arguments.wanted_depth
+    if given is None:
+        return None
+    option, points = "--wanted-depth", []
+    for part in given.split(","):
+        position, colon, depth = part.partition(":")
+        if not colon and given != part:
+            raise ValueError(f"{option} {given}: {part!r} is no POSITION:DEPTH. Write 8mm, or 0mm:6mm,80mm:14mm.")
+        points.append([parse_length(option, position) if colon else 0.0, parse_length(option, depth or position)])
+    return wanted_depth(points, name=option)
+
+
+def layer_depth_given(arguments: argparse.Namespace) -> float | None:
+    """Return ``--layer-depth`` in metres, None if it is not given.
+
+    Raises
+    ------
+    ValueError
+        If it is not a length with a unit, or out of range.
+    """
+    from cutenv._base.validation import in_range
+    from cutenv.recording.columns import parse_length
+
+    if arguments.layer_depth is None:
+        return None
+    depth = parse_length("--layer-depth", arguments.layer_depth)
+    return in_range("--layer-depth", depth, 0.0005, 0.1, "m", "Write 12mm.")
+
+
 def add_specimen_class(parser: argparse.ArgumentParser, default: str) -> None:
     """Add ``--specimen-class``."""
     from cutenv.tissue.specimen import CLASSES
@@ -103,6 +162,15 @@ def add_watch(parser: argparse.ArgumentParser, about: str) -> None:
     parser.add_argument(
         "--watch", type=_port, nargs="?", const=LIVE_PORT, metavar="PORT", help=f"{about}; default port {LIVE_PORT}"
     )
+
+
+def add_lsl(parser: argparse.ArgumentParser) -> None:
+    """Add ``--lsl``, how far the streams of a Lab Streaming Layer can be found; off by default."""
+    parser.add_argument(
+        "--lsl", choices=("machine", "link", "site"), nargs="?", const="machine",
+        help="stream force, position, depth and markers by the Lab Streaming Layer while a cut goes on, to be found on "
+        "this machine (the default), its network (link) or its site; off unless asked",
+    )  # fmt: skip
 
 
 def _port(text: str) -> int:

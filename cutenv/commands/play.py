@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cutenv.commands.options import (
+    add_lsl,
     add_specimen_class,
     add_target_length,
     command_parser,
@@ -35,8 +36,10 @@ def main(argv: Sequence[str]) -> int:
         print(f"cutenv play: {' and '.join(missing)} not installed: pip install 'cutenv[play]'", file=sys.stderr)
         return 1
     from cutenv.play.devices import MouseDevice
+    from cutenv.play.listened_session import ListenedSession
     from cutenv.play.play_session import COUNTDOWN, Session
     from cutenv.play.play_window import PlayWindow
+    from cutenv.recording.lsl_outlet import LslOutlet
     from cutenv.viewer.window import open_display
 
     course = _course_of(arguments)
@@ -59,10 +62,16 @@ def main(argv: Sequence[str]) -> int:
         handle=True,
         course=course,
     )
+    outlet = None
+    if arguments.lsl:
+        outlet = LslOutlet("cutenv play", scope=arguments.lsl)
+        session.after_advance = ListenedSession(session, outlet)
     window = PlayWindow(session, scripted=arguments.scripted)
     try:
         window.run()
     finally:
+        if outlet is not None:
+            outlet.close()
         for path in session.records:
             print(f"record: {path}")
     if session.card is not None and session.sight().shown.result:
@@ -148,5 +157,6 @@ def _parser() -> argparse.ArgumentParser:
         help="let a simple script move the hand (one cut unless --cuts), as fast as it can be drawn; with "
         "SDL_VIDEODRIVER=dummy it needs no display",
     )
+    add_lsl(parser)
     parser.add_argument("--picture", type=Path, metavar="FILE", help="PNG of the last picture to write")
     return parser

@@ -11,12 +11,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cutenv.commands.options import (
+    add_depth_options,
     add_record_options,
     add_target_length,
     command_parser,
+    layer_depth_given,
     made_folder,
     reports_errors,
     target_length,
+    wanted_depth_given,
 )
 
 if TYPE_CHECKING:  # what scores is slow to import, and --help does not need it
@@ -36,7 +39,7 @@ def main(argv: Sequence[str]) -> int:
     from cutenv.scoring.reference import fitting_reference
 
     made_folder("--out", arguments.out)
-    target = target_length(arguments)
+    target, wanted, layer = target_length(arguments), wanted_depth_given(arguments), layer_depth_given(arguments)
     reference = reference_set(arguments.reference)
     records = read_records(arguments)
     for note in [*records.notes, *without_target(records.traces, target)]:
@@ -46,7 +49,9 @@ def main(argv: Sequence[str]) -> int:
     written = []
     for trace in records.traces:
         aimed = target if target is not None else trace.metadata.get("target_length_m")
-        card = score(trace, target_length=aimed, reference=fitting_reference(reference, trace))
+        card = score(
+            trace, target_length=aimed, reference=fitting_reference(reference, trace), wanted=wanted, layer_depth=layer
+        )
         card = dataclasses.replace(card, scripts=scripts_on_specimen_of(trace))
         name = re.sub(r"[^\w.-]+", "_", card.name) + "_score.html"
         scored = ScoredRecord(trace=trace, card=card, target_length=aimed)
@@ -106,12 +111,14 @@ def _parser() -> argparse.ArgumentParser:
         examples=(
             "cut.csv",
             "cuts/*.csv --target-length 80mm --out scored",
+            "cut.csv --target-length 80mm --wanted-depth 0mm:6mm,80mm:14mm --layer-depth 16mm",
             'forces.txt --map "time=Zeit" "force=Kraft" --unit mN',
         ),
         note="Training feedback for research; not validated for assessment or credentialing of people.",
     )
     add_record_options(parser)
     add_target_length(parser, "the record's own")
+    add_depth_options(parser)
     parser.add_argument(
         "--reference",
         default="baselines",

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cutenv._base.languages import LANGUAGES
-from cutenv.browser.page_alone import OFFERED, write_page_alone
+from cutenv.browser.page_alone import HAND_CUTS, OFFERED, write_page_alone
 from cutenv.browser.scorm_package import write_scorm_package
 from cutenv.commands.options import command_parser, made_folder, reports_errors
 from cutenv.tissue.specimen import CLASSES
@@ -19,8 +19,14 @@ def main(argv: Sequence[str]) -> int:
     arguments = _parser().parse_args(argv)
     if arguments.pass_mark is not None and arguments.scorm is None:
         raise ValueError("--pass-mark is for a learning platform's package: give --scorm PACKAGE too.")
+    if arguments.scorm is not None and "depth" in (arguments.task or ()):
+        raise ValueError(
+            "--scorm cannot be given with --task depth: a learning platform is told points, which the page has for "
+            "gentle cutting alone."
+        )
     made_folder("PAGE", arguments.page.parent)
     options = {
+        "tasks": arguments.task or ("gentle",),
         "specimen_classes": arguments.specimen_class or OFFERED,
         "count": arguments.count,
         "seed": arguments.seed,
@@ -47,10 +53,18 @@ def _parser() -> argparse.ArgumentParser:
             "cut.html --open",
             "klasse.html --language de --specimen-class vascular --count 10 --seed 7",
             "cut.html --scorm cut.zip --pass-mark 60",
+            "depth.html --task depth --open",
         ),
         note="The page saves records that 'cutenv score' and 'cutenv study' read.",
     )
     parser.add_argument("page", type=Path, metavar="PAGE", help="page to write (.html)")
+    parser.add_argument(
+        "--task",
+        action="append",
+        choices=HAND_CUTS,
+        help="depth: cuts along a wanted depth, with a blade that also moves up and down; may be repeated; default "
+        "gentle",
+    )
     parser.add_argument(
         "--specimen-class",
         action="append",

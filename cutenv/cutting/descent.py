@@ -33,9 +33,9 @@ from cutenv._base.arrays import Struct, StructArray
 from cutenv._base.parameter import check_parameters, parameter
 from cutenv._engine.jit import njit, njit_inline, njit_internal
 from cutenv.cutting.dtypes import PROFILE, TICK
-from cutenv.cutting.floor import press
 from cutenv.cutting.law import LONGEST_ADVANCE, depth_at, grid_index, stiffness_at, toughness_at
 from cutenv.cutting.update import grow_row, leap_row, load_row, look_row, relax_row, run_row, turn_row
+from cutenv.tissue.floor import BEDDING, EDGE_LENGTH, press
 from cutenv.tissue.grid import N_POINTS, POINTS_PER_METRE
 from cutenv.tissue.layers import Layers, layered_depth, summed_toughness
 from cutenv.tissue.slab import at_depth, cut_through_along
@@ -52,11 +52,11 @@ class DescentParameters:
     """Constants of the vertical motion."""
 
     edge_length: float = parameter(
-        0.006, unit="m", low=0.0, high=0.03, provenance="assumed",
+        EDGE_LENGTH, unit="m", low=0.0, high=0.03, provenance="assumed",
         source="part of a No. 10 blade's edge, its belly, that meets the floor of a cut", sensitivity=(0.003, 0.010),
     )  # fmt: skip
     bedding: float = parameter(
-        1.0, unit="1", low=0.05, high=50.0, provenance="assumed",
+        BEDDING, unit="1", low=0.05, high=50.0, provenance="assumed",
         source="stiffness of the floor under an edge, per length, over the modulus: near 1 for a long indenter",
         sensitivity=(0.5, 2.0),
     )  # fmt: skip

@@ -36,7 +36,7 @@ from cutenv.cutting.dtypes import TICK
 from cutenv.cutting.law import LONGEST_ADVANCE, grid_index, lerp, stiffness_at, toughness_at
 from cutenv.cutting.update import grow_row, leap_row, load_row, look_row, run_row, turn_row
 from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING
-from cutenv.tissue.lines import CutLine
+from cutenv.tissue.lines import WIDTH, CutLine
 from cutenv.tissue.path_model import stiffness_on_line
 from cutenv.tissue.specimen import Specimen
 
@@ -88,6 +88,8 @@ STEERING: np.dtype[Any] = np.dtype(
             ("guided", "i8"),  # 1 while the blade is behind the tip, between the faces of the cut
             ("lateral", "f8"),  # force of the tissue on the blade, to its right [N]
             ("crack_curvature", "f8"),  # limit [1/m]
+            ("reach", "f8"),  # largest distance of the blade to its line, and to the axis of the slab [m]
+            ("side", "f8"),
             ("response", "i8"),  # updates between those of the crack's direction
             ("waiting", "i8"),  # updates until the next one
             ("settled", "f8"),  # s of the tip at the last response [m]
@@ -132,12 +134,13 @@ def steering_records(
         record["cosine"], record["sine"], record["curvature"] = np.cos(line.angle), np.sin(line.angle), line.curvature
         record["along"], record["coupled"], record["sideways"] = stiffness_on_line(specimen, line)
         record["toughness"], record["crack_curvature"] = profile["toughness"], parameters.crack_curvature
+        record["north"], record["tip_north"] = line.y[0], line.y[0]
+        record["reach"], record["side"] = LINE_REACH, WIDTH
         record["response"] = record["waiting"] = round(parameters.response_time / TICK)
         for name in ("", "tip_"):
             record[f"{name}ahead"], record[f"{name}across"] = record["cosine"][0], record["sine"][0]
-        record["belongs"] = -1
     for n in range(len(records)):
-        _begin(profiles[n], records[n])
+        begin_steering(profiles[n], records[n], 0.0)
     return records
 
 
@@ -155,10 +158,12 @@ def place_of_tip(states: StructArray, steerings: StructArray) -> tuple[float, fl
 
 
 @njit
-def _begin(profile: Struct, steering: Struct) -> None:
+def begin_steering(profile: Struct, steering: Struct, tip: float) -> None:
+    """Take every point of a profile from the stiffness in ``steering``, for a crack that begins at ``tip`` [m]."""
     for i in range(N_POINTS):
+        steering.belongs[i] = -1
         renew_point(profile, steering, i)
-    _stand(steering, 0.0)
+    _stand(steering, tip)
 
 
 class CrackFrame(NamedTuple):
@@ -281,7 +286,7 @@ def steered_row(row: Struct, profiles: StructArray, steerings: StructArray, turn
 def point(row: Struct, steering: Struct, n: int, turn: float) -> None:
     """Turn one blade, find where its motion leads, and reduce it to that along the crack, on which the law acts.
 
-    At the ends of the line, and at the reach on its sides, a blade stops as at an end stop.
+    At the ends of the line, at the reach on its sides, and beside the slab, a blade stops as at an end stop.
     """
     if turn != 0.0:
         steering.ahead, steering.across = turned(steering.ahead, steering.across, turn)
@@ -294,7 +299,9 @@ def point(row: Struct, steering: Struct, n: int, turn: float) -> None:
     cosine, sine = to_crack(steering)
     seen = way * ((cosine + steering.coupling * sine) * steering.per_stretch)
     within = 0.0 <= start + passed <= LENGTH and start - row.creep[n] + seen <= LENGTH
-    if not (within and abs(aside) <= max(LINE_REACH, abs(steering.aside))):
+    north = steering.north + way * steering.across
+    within = within and abs(north) <= max(steering.side, abs(steering.north))
+    if not (within and abs(aside) <= max(steering.reach, abs(steering.aside))):
         row.hand[n] -= way
         way, passed, aside, seen = 0.0, 0.0, steering.aside, 0.0
     steering.aside = aside

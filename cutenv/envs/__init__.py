@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from cutenv._engine.parallel import set_cores
     from cutenv.envs.depth_cut import DepthCutEnv, DepthCutVectorEnv
     from cutenv.envs.gentle_cut import GentleCutEnv
+    from cutenv.envs.path_cut import PathCutEnv, PathCutVectorEnv
     from cutenv.envs.rig_cut import RigCutEnv
     from cutenv.envs.rig_depth_cut import RigDepthCutEnv
     from cutenv.envs.vector import GentleCutVectorEnv
@@ -18,6 +19,8 @@ __all__ = [
     "DepthCutVectorEnv",
     "GentleCutEnv",
     "GentleCutVectorEnv",
+    "PathCutEnv",
+    "PathCutVectorEnv",
     "RigCutEnv",
     "RigDepthCutEnv",
     "set_cores",
@@ -29,6 +32,8 @@ _WHEN_USED = {
     "DepthCutVectorEnv": "cutenv.envs.depth_cut",
     "GentleCutEnv": "cutenv.envs.gentle_cut",
     "GentleCutVectorEnv": "cutenv.envs.vector",
+    "PathCutEnv": "cutenv.envs.path_cut",
+    "PathCutVectorEnv": "cutenv.envs.path_cut",
     "RigCutEnv": "cutenv.envs.rig_cut",
     "RigDepthCutEnv": "cutenv.envs.rig_depth_cut",
     "set_cores": "cutenv._engine.parallel",

@@ -86,9 +86,10 @@ class CutBatch:
     @cached_property
     def _drawn_by(self) -> tuple[Any, ...]:
         """Return the arguments with which :func:`~cutenv.task.beginning.begin_some` draws specimens and depths."""
-        knowledge = self.single.constants.knowledge
+        knowledge, surface = self.single.constants.knowledge, self.single.surface
         tissue = sampler(self._tissue), tissue_modes(self._tissue)
-        return *tissue, knowledge.depth_noise, knowledge.depth_modes()
+        deviation = surface.surface_spread, self._tissue.thickness, surface.modes()
+        return *tissue, knowledge.depth_noise, knowledge.depth_modes(), deviation
 
     def give_seeds(self, seeds: Sequence[int | None], which: NDArray[np.int64], chance: np.random.Generator) -> None:
         """Assign ``seeds``, one for each cut of the batch, to the cuts numbered ``which``; None keeps a cut's own.
@@ -224,6 +225,10 @@ class CutBatch:
 
     def further_scores(self) -> dict[str, NDArray[np.float64]]:
         """Return scores that the task adds to those of gentle cutting, by name; each of shape (count,)."""
+        return {}
+
+    def further_infos(self) -> dict[str, dict[str, NDArray[np.float64]]]:
+        """Return what the task adds to the info, by group and name; each of shape (count,)."""
         return {}
 
     def append_hidden(self, features: NDArray[np.float32], which: NDArray[np.int64]) -> NDArray[np.float32]:

@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from cutenv.tissue.field import field_modes
 from cutenv.tissue.specimen import N_POINTS, SPACING
 
 _PREFIX = "weight_"
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,6 +51,18 @@ class Knowledge:
         measured = np.empty(N_POINTS)
         measure_depth(np.uint64(seed), np.uint64(episode), self.depth_noise, self.depth_modes(), depth, measured)
         return measured
+
+
+def taken_from(keywords: dict[str, Any], kind: type[T]) -> T:
+    """Return constants of a ``kind`` that a task adds, of those ``keywords`` that name its fields, which are removed.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For a value out of range.
+    """
+    names = [field.name for field in dataclasses.fields(kind) if field.name in keywords]  # type: ignore[arg-type]
+    return kind(**{name: keywords.pop(name) for name in names})
 
 
 def identified_constants(rig: str | Path, *, drive: str = "rig") -> dict[str, float]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
 from typing import Any, ClassVar
 
@@ -15,18 +14,21 @@ from cutenv._engine.parallel import MIN_CHUNK, parallel_for
 from cutenv.cutting.descent import DESCENT, DescentParameters, descent_records
 from cutenv.cutting.parameters import profile_records
 from cutenv.envs.batch import FEWEST_TICKS, NO_READINGS, CutBatch
+from cutenv.envs.constants import taken_from
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.envs.vector import GentleCutVectorEnv
 from cutenv.task.cuts import Cuts
 from cutenv.task.depth_beginning import begin_depth_some
-from cutenv.task.depth_cuts import depth_charges, depth_errors, step_depth_some
+from cutenv.task.depth_cuts import depth_errors, step_depth_some
 from cutenv.task.depth_cutting import DepthCutting, depth_record
 from cutenv.task.depth_privileged import append_depth_privileged
-from cutenv.task.depth_terms import ALL_COMPONENTS, DEPTH, DEPTH_ENDS, DESCENT_SCALE, DepthConstants
+from cutenv.task.depth_terms import ALL_COMPONENTS, DEPTH, DEPTH_COSTS, DEPTH_ENDS, DESCENT_SCALE, DepthConstants
 from cutenv.task.info import INFO
+from cutenv.task.map_costs import map_charges
 from cutenv.task.observation import SPEED_SCALE as _SPEED_SCALE
 from cutenv.task.observation import speed_action, to_action
 from cutenv.task.wanted_depth import WANTED_KINDS
+from cutenv.tissue.surface import SurfaceSpread
 
 _NO_VERTICAL = np.zeros((0, 0))
 
@@ -78,7 +80,8 @@ class DepthCutEnv(GentleCutEnv):
     21  last_descent   last action: descent                                        1    1     0
     === ============== =========================================================== ==== ===== ======
 
-    The surface was measured beforehand with an error of 0.5 mm.  Tip, toughness and the layer below are hidden.
+    The surface of each slice differs, by 2 mm from that of the mean liver, and was measured beforehand with an error of
+    0.5 mm.  Tip, toughness and the layer below are hidden.
 
     Reward
     ------
@@ -114,7 +117,7 @@ class DepthCutEnv(GentleCutEnv):
     The others are those of ``cutenv/GentleCut-v1``, of which ``reward_from`` cannot be changed, and
     ``edge_length``, ``bedding``, ``vertical_lag``, ``vertical_acceleration``, ``response_time``, ``layer_limit``,
     ``vertical_noise``, ``vertical_resolution``, ``weight_too_deep``, ``weight_uncut``, ``weight_layer_area``,
-    ``weight_layer_depth``.
+    ``weight_layer_depth``, ``surface_spread`` (0 with ``wanted="profile"``), ``surface_length``.
 
     Info
     ----
@@ -132,6 +135,7 @@ class DepthCutEnv(GentleCutEnv):
     component_count = len(ALL_COMPONENTS)
     other_keywords = (
         "wanted", "layer", *DepthConstants.__dataclass_fields__, *DescentParameters.__dataclass_fields__,
+        *SurfaceSpread.__dataclass_fields__,
     )  # fmt: skip
     cutting: DepthCutting
 
@@ -144,13 +148,11 @@ class DepthCutEnv(GentleCutEnv):
                 f'reward_from = {keywords["reward_from"]!r}: cutenv/DepthCut-v1 has only reward_from="truth". '
                 "Leave it out."
             )
-        own: list[Any] = []
-        for kind in (DepthConstants, DescentParameters):
-            given = {
-                field.name: keywords.pop(field.name) for field in dataclasses.fields(kind) if field.name in keywords
-            }
-            own.append(kind(**given))
-        self.depth_constants, self.descent_parameters = own
+        if wanted == "profile":  # of the mean liver, as in cutenv/GentleCut-v1
+            keywords.setdefault("surface_spread", 0.0)
+        self.depth_constants = taken_from(keywords, DepthConstants)
+        self.descent_parameters = taken_from(keywords, DescentParameters)
+        self.surface = taken_from(keywords, SurfaceSpread)
         super().__init__(**keywords)
 
     def new_cutting(self, *arguments: Any, key: tuple[int, int], **keywords: Any) -> DepthCutting:
@@ -164,7 +166,7 @@ class DepthCutEnv(GentleCutEnv):
     def _info(self) -> dict[str, Any]:
         info, descents = super()._info(), self.cutting.descents
         info["truth"] |= {name: float(value[0]) for name, value in depth_truth(descents).items()}
-        info["reward_terms"] |= self.cutting.depth_terms
+        info["reward_terms"] |= self.cutting.map_terms
         info["depth"] = self.cutting.depth_errors
         return info
 
@@ -252,7 +254,7 @@ class DepthBatch(CutBatch):
 
     def extra_terms(self) -> dict[str, NDArray[np.float64]]:
         """Return the costs of the depth in the last step's reward, by name; each of shape (count,)."""
-        return depth_charges(self.depths)
+        return map_charges(self.depths, DEPTH_COSTS)
 
     def further_scores(self) -> dict[str, NDArray[np.float64]]:
         """Return the depth of each cut in numbers: areas [mm2], depth into the layer and mean error [mm]."""
@@ -261,6 +263,12 @@ class DepthBatch(CutBatch):
     def append_hidden(self, features: NDArray[np.float32], which: NDArray[np.int64]) -> NDArray[np.float32]:
         """Append the hidden state of the cuts numbered ``which``, for a critic, to features of shape (m, size)."""
         return append_depth_privileged(self.cuts, self.descents, self.depths, features, which)
+
+    def further_infos(self) -> dict[str, dict[str, NDArray[np.float64]]]:
+        """Return what the task adds to the info, by group and name; each of shape (count,)."""
+        return {
+            "truth": depth_truth(self.descents), "reward_terms": self.extra_terms(), "depth": self.further_scores(),
+        }  # fmt: skip
 
     def succeeded(self) -> NDArray[np.bool_]:
         """Return which cuts ended in success, shape (count,)."""
@@ -274,17 +282,3 @@ class DepthCutVectorEnv(GentleCutVectorEnv):
     single_class = DepthCutEnv
     batch_class = DepthBatch
     batch: DepthBatch
-
-    def _completed(self, info: dict[str, Any], infos: StructArray, present: NDArray[np.bool_]) -> dict[str, Any]:
-        whole, batch = super()._completed(info, infos, present), self.batch
-        added = {
-            "truth": depth_truth(batch.descents),
-            "reward_terms": batch.extra_terms(),
-            "depth": depth_errors(batch.depths, batch.cuts.tasks["target"]),
-        }
-        whole.setdefault("depth", {})
-        whole["_depth"] = present
-        for group, values in added.items():
-            for name, value in values.items():
-                whole[group][name], whole[group]["_" + name] = value.copy(), present
-        return whole

@@ -36,6 +36,8 @@ def scripts_on_specimen_of(trace: Trace) -> tuple[ScriptScore, ...]:
     known = kind in CLASSES and all(isinstance(each, int) and each >= 0 for each in (seed, number))
     if not known or not isinstance(length, float) or trace.position is None or trace.depth is None:
         return ()
+    if trace.height is not None:  # these scripts keep the blade at one level
+        return ()
     try:
         env = GentleCutEnv(specimen_class=str(kind), target_length=length)
         env.reset(seed=seed, options={"episode": number})

@@ -27,6 +27,7 @@ from cutenv.task.info import COST, GROUPS, OUT_OF_RANGE, PLACES
 from cutenv.task.observation import CLIP, COMPONENTS, within_reach
 from cutenv.tissue.sampling import sample_all_profiles
 from cutenv.tissue.specimen import CLASSES, Specimen
+from cutenv.tissue.surface import SurfaceSpread
 
 RESET_OPTIONS = ("specimen", "target_length", "episode")
 """Options of a reset."""
@@ -176,6 +177,8 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """Number of components of an observation."""
     other_keywords: ClassVar[tuple[str, ...]] = ()
     """Keywords of a task that is made of this one."""
+    surface = SurfaceSpread(surface_spread=0.0)
+    """Spread of the surface between drawn specimens; none: the depth of cut is the mean liver's."""
 
     def __init__(
         self,
@@ -262,6 +265,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         specimen = self.given_specimen(options.get("specimen"))
         if specimen is None:
             specimen = self.tissue.drawn(self._seed, episode, self.specimen_class)
+            specimen = self.surface.of(specimen, self._seed, episode)
         depth = self.constants.knowledge.measure_depth(specimen.depth, self._seed, episode)
         self.set_up(specimen, length, seed=self._seed, episode=episode, depth=depth)
         self._episode = episode + 1

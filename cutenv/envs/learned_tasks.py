@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from cutenv._base.validation import one_of
 from cutenv.envs.batch import CutBatch
 from cutenv.envs.depth_cut import DepthBatch, DepthCutEnv, DepthCutVectorEnv
 from cutenv.envs.gentle_cut import GentleCutEnv
+from cutenv.envs.path_cut import PathBatch, PathCutEnv, PathCutVectorEnv
 from cutenv.envs.vector import GentleCutVectorEnv
-from cutenv.policy import BASELINES, SCRIPTS, Policy
-from cutenv.policy.depth_scripts import DEPTH_SCRIPTS
+from cutenv.policy import BASELINES, SCRIPTS, OneReturnStroke, Policy
+from cutenv.policy.depth_scripts import DEPTH_SCRIPTS, FollowTrueTip
+from cutenv.policy.path_scripts import PATH_SCRIPTS
 from cutenv.policy.policy_space import PolicySpace, space_of
 from cutenv.task.depth_privileged import DEPTH_PRIVILEGED
+from cutenv.task.path_privileged import PATH_PRIVILEGED
 from cutenv.task.privileged import PRIVILEGED_FEATURES
 
 
@@ -30,16 +33,27 @@ class LearnedTask:
     privileged: tuple[str, ...]
     """Names of the hidden state that a critic is shown."""
     scripts: tuple[str, ...]
-    """Names of the scripts that learners imitate and are compared with."""
+    """Names of the scripts that learners are compared with."""
     script: str
-    """Name of the script that they imitate by default."""
+    """Name of the script that they imitate, and reach after some time, by default."""
+    options: Mapping[str, Any] = field(default_factory=dict)
+    """Options of PPO that differ from its defaults on this task."""
     teachers: Mapping[str, Callable[[], Policy]]
-    """Policies by name, the scripts among them; call a value to make the policy."""
+    """Policies to imitate by name, the scripts among them; call a value to make the policy."""
 
     @property
     def space(self) -> PolicySpace:
         """Components of an observation, actions and features of a policy."""
         return space_of(self.id)
+
+
+TRUE_TIP = "follow the true tip"
+"""Name of the teacher that is told the true tip."""
+
+
+def careful_true_tip() -> FollowTrueTip:
+    """Return the teacher that is told the true tip; it gives up earlier before a run than the scripts do."""
+    return FollowTrueTip(OneReturnStroke(run_share=1.0, beyond=0.002), lead=0.0045)
 
 
 TASKS = {
@@ -49,7 +63,16 @@ TASKS = {
     ),
     "depth": LearnedTask(
         id="cutenv/DepthCut-v1", single=DepthCutEnv, batch=DepthBatch, vector=DepthCutVectorEnv,
-        privileged=DEPTH_PRIVILEGED, scripts=tuple(DEPTH_SCRIPTS), script="depth by force", teachers=DEPTH_SCRIPTS,
+        privileged=DEPTH_PRIVILEGED, scripts=tuple(DEPTH_SCRIPTS), script="depth by force",
+        options={
+            "script": TRUE_TIP, "control_hz": 25, "demonstrations": 400_000, "corrections": 250_000,
+            "timesteps": 3_000_000, "validation_specimens": 1000,
+        },
+        teachers={**DEPTH_SCRIPTS, TRUE_TIP: careful_true_tip},
+    ),
+    "path": LearnedTask(
+        id="cutenv/PathCut-v1", single=PathCutEnv, batch=PathBatch, vector=PathCutVectorEnv,
+        privileged=PATH_PRIVILEGED, scripts=tuple(PATH_SCRIPTS), script="steer by force", teachers=PATH_SCRIPTS,
     ),
 }  # fmt: skip
 """Tasks by name."""

@@ -21,6 +21,7 @@ from cutenv.envs.rig_source import RigSource
 from cutenv.envs.rig_work import Work, action_text, blade_angle, numbers
 from cutenv.envs.tissue_source import TissueSource
 from cutenv.plant import Plant, SimulatedPlant
+from cutenv.recording.cut_listener import CutListener
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.contradictions import AHEAD
 from cutenv.rig.operation.operator import Operator
@@ -77,7 +78,8 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     Keyword         Default    Meaning
     =============== ========== ========================================================================
     rig             "emulator" a rig's TOML file (``cutenv rig init``); "emulator": an emulated rig in a
-                               process of its own; "fake": one in memory, on a clock of its own
+                               process of its own; "serial": one with stepper and load cell on a serial
+                               line; "fake": one in memory, on a clock of its own
     target_length   None       length of the cut [m]; None: drawn from 0.060 to 0.100 m
     specimen_class  "mixed"    of the specimens that an emulated or fake rig draws
     tissue          None       path of a tissue or specimen JSON file: what is drawn, and what the rig
@@ -227,7 +229,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             self.cutting = self._cutting(plant, tissue, length, key)
             self._source.begin_record(
                 plant,
-                target_length_m=length,
+                **self.cutting.noted,
                 specimen_class=None if self.specimen is None else self.specimen.specimen_class,
                 seed=self._seed,
                 episode=episode,
@@ -369,6 +371,10 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         it.
         """
         return type(self)(**{**self._arguments, "records": None, "operator": None, "dry_run": True})
+
+    def listen(self, listener: CutListener) -> None:
+        """Have a listener told of the cuts from the next one on; it is part of the control loop and must not wait."""
+        self._source.listener = listener
 
     @property
     def records(self) -> list[Path]:

@@ -18,10 +18,11 @@ from cutenv._base.unit_table import NAMED_UNITS
 from cutenv.cutting.drive import PDRig, Rig
 from cutenv.envs.constants import Constants
 from cutenv.recording.appending import AppendingRecord, RecordingFailed
+from cutenv.recording.cut_listener import CutListener
 from cutenv.recording.provenance import Provenance
 from cutenv.rig.config.imitated_rig import HEIGHT, fake_settings
 from cutenv.rig.config.settings import PositionControl, RigSettings, SensorCalibration
-from cutenv.rig.connection import EMULATOR, FAKE, operator_of
+from cutenv.rig.connection import EMULATOR, FAKE, SERIAL, operator_of, settings_of
 from cutenv.rig.contradictions import refuse_contradictions
 from cutenv.rig.devices.camera import CAMERA_NOTE, RigCamera
 from cutenv.rig.errors import RigError
@@ -32,6 +33,7 @@ from cutenv.rig.operation.specimen_source import SpecimenKey, SpecimensByHand
 from cutenv.rig.plant import RigPlant
 from cutenv.rig.safety.stop_causes import Cause
 from cutenv.rig.toml_file import read_rig_file
+from cutenv.tissue.grid import depth_below
 
 if TYPE_CHECKING:
     from cutenv.rig.emulator.control import EmulatorControl
@@ -133,13 +135,24 @@ def emulator_arguments(constants: Constants) -> list[str]:
     return arguments
 
 
+def changed_constants(constants: Constants) -> list[str]:
+    """Return the names of the constants of drive, sensor and law that differ from their defaults."""
+    plain = Constants()
+    return [
+        field.name
+        for part in ("drive", "sensor", "law")
+        for field in dataclasses.fields(getattr(constants, part))
+        if getattr(getattr(constants, part), field.name) != getattr(getattr(plain, part), field.name, None)
+    ]
+
+
 class RigSource:
     """Rig that an environment's argument names, with the records of its cuts.
 
     Parameters
     ----------
     rig : str or Path
-        "fake", "emulator", or a TOML file.
+        "fake", "emulator", "serial", or a TOML file.
     constants : Constants
         Constants of an emulated or fake rig's drive and sensor.
     operator : Operator, optional
@@ -181,16 +194,20 @@ class RigSource:
     ) -> None:
         self._rig, self._constants, self._operator = str(rig), constants, operator
         self._lower = dict(lower_limits or {})
-        named = self._rig in (FAKE, EMULATOR)
+        named = self._rig in (FAKE, EMULATOR, SERIAL)
         control = None
         if isinstance(constants.drive, PDRig):
             control = PositionControl(**{key.name: getattr(constants.drive, key.name) for key in _OF_PD_CONTROL})
-            if not named:
+            if self._rig not in (FAKE, EMULATOR):
                 raise ValueError(
                     f'drive = "pd" is for rig="{EMULATOR}" and rig="{FAKE}"; the file of a rig, here {self._rig}, has '
                     "the section [position_control] instead."
                 )
-        own = fake_settings(name=self._rig, height=HEIGHT if needs_height else None, position_control=control)
+        own = (
+            settings_of(SERIAL)
+            if self._rig == SERIAL
+            else fake_settings(name=self._rig, height=HEIGHT if needs_height else None, position_control=control)
+        )
         self.settings = self._lowered(own if named else read_rig_file(rig))
         if needs_height:
             self.settings.require_height_axis(by=needs_height)
@@ -205,8 +222,10 @@ class RigSource:
                 calibration=SensorCalibration(date=datetime.now().date().isoformat()),
                 sensor=dataclasses.replace(self.settings.sensor, rate=FakeSensor.rate),
             )
-        self.draws = self._rig in (FAKE, EMULATOR)
+        self.draws = self._rig in (FAKE, EMULATOR, SERIAL)
         self._emulated = emulator_arguments(constants) if self._rig == EMULATOR else []
+        if self._rig == SERIAL and (changed := changed_constants(constants)):
+            raise ValueError(f'{changed[0]}: an emulated serial rig is as it is. Leave it out, or take rig="fake".')
         self.supply: FakeSpecimens | EmulatedSpecimens | None = None
         """Supply of drawn specimens, once there is a session; its ``layers`` are those of the next specimen laid."""
         self.fake: FakeRig | None = None
@@ -218,6 +237,8 @@ class RigSource:
         self._camera: RigCamera | None = None
         self.records: list[Path] = []
         """Files of the finished cuts."""
+        self.listener: CutListener | None = None
+        """Listener to the cuts as they go on, if there is one."""
 
     def session(self) -> RigSession:
         """Make the session of the rig, which connects at its first cut."""
@@ -230,10 +251,13 @@ class RigSource:
             return RigSession(fake.plant, operator, self.supply)
         from cutenv.rig.hardware import rig_plant
 
-        if self._rig == EMULATOR:
+        if self._rig in (EMULATOR, SERIAL):
             from cutenv.rig.emulator.process import start
 
-            emulator = start(free_air=True, height=self.settings.height is not None, arguments=self._emulated)
+            emulator = start(
+                free_air=True, height=self.settings.height is not None, serial=self._rig == SERIAL,
+                arguments=self._emulated,
+            )  # fmt: skip
             self.emulator, self.settings = emulator, self._lowered(emulator.settings)
             operator = self._operator or AutomaticOperator(self.settings)
             self.supply = EmulatedSpecimens(emulator.control)
@@ -252,6 +276,11 @@ class RigSource:
 
     def begin_record(self, plant: RigPlant, *, seed: int, episode: int, **metadata: Any) -> None:
         """Begin the record of a cut, if records are kept; if it cannot be written later, the blade is stopped."""
+        if (listener := self.listener) is not None:
+            listener.began(f"seed {seed} episode {episode}")
+            plant.keep = lambda readings: listener.readings(
+                readings, depth_below(plant.depth, readings["position"]), plant.began
+            )
         if self._folder is None:
             return
         self._folder.mkdir(parents=True, exist_ok=True)
@@ -280,12 +309,14 @@ class RigSource:
             beside=recorded_beside(settings),
         )
         self._record = record
+        heard = plant.keep
 
         def keep(readings: StructArray) -> None:
             try:
                 record.append(*recorded_rows(plant, readings))
             except (RecordingFailed, TypeError, ValueError) as error:  # full disk, or invalid values
                 plant.supervisor.trip(Cause.EXCEPTION, f"the record cannot be kept: {error}")
+            heard(readings)
 
         plant.keep = keep
         if self._camera is not None:
@@ -293,6 +324,9 @@ class RigSource:
 
     def end_record(self, plant: RigPlant, **metadata: Any) -> None:
         """Finish the record of a cut, if one is being written."""
+        if self.listener is not None and plant.keep is not _forget:
+            stop = metadata.get("stop")
+            self.listener.ended(str(metadata.get("end", "")) + (f": {stop['cause']}" if stop else ""))
         plant.keep = _forget
         record, self._record = self._record, None  # only once, if another thread closes the rig meanwhile
         if record is not None:

@@ -202,6 +202,10 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         truth["specimen_class"], truth["_specimen_class"] = _where(present, self.batch.classes), present
         info["cost"], info["_cost"] = infos["cost"], present
         info["speed_out_of_range"], info["_speed_out_of_range"] = infos["out_of_range"] > 0, present
+        for group, values in self.batch.further_infos().items():
+            inside, info["_" + group] = info.setdefault(group, {}), present
+            for name, value in values.items():
+                inside[name], inside["_" + name] = value.copy(), present
         return info
 
     def _add_ends(self, info: dict[str, Any], ended: Flags, ends: NDArray[np.int64]) -> None:

@@ -82,7 +82,7 @@ class LearnerArguments:
     script: str = option(
         "return stroke",
         "script of the task to imitate",
-        tuple(name for one in TASKS.values() for name in one.scripts),
+        (*TASKS["gentle"].scripts, *TASKS["depth"].teachers),
     )
     demonstration_noise: float = option(
         0.15, "standard deviation of the noise added to half of the demonstrations", (0.0, 1.0)
@@ -110,9 +110,9 @@ class LearnerArguments:
             raise BadArguments("--specimens 1 gives no interval; give 2 or more, or 0 for no evaluation")
         if self.task not in self.tasks:
             raise BadArguments(f"--task {self.task} is learned by PPO alone; leave it out, or give --learner ppo")
-        other = [name for name, one in TASKS.items() if self.script in one.scripts and name != self.task]
+        other = [name for name, one in TASKS.items() if self.script in one.teachers and name != self.task]
         if other:
-            own = ", ".join(map(repr, self.learned_task.scripts))
+            own = ", ".join(map(repr, self.learned_task.teachers))
             raise BadArguments(
                 f"--script {self.script!r} is for --task {other[0]}; those for --task {self.task} are {own}"
             )
@@ -126,15 +126,18 @@ class LearnerArguments:
         BadArguments
             For options that contradict each other.
         """
-        task = chosen.get("task", "gentle")
-        if task == "gentle" or "script" in chosen:
-            return dict(chosen)
-        return {**chosen, "script": TASKS[task].script}
+        options = TASKS[chosen.get("task", "gentle")].options
+        return {**{name: value for name, value in options.items() if name in cls.__dataclass_fields__}, **chosen}
 
     @property
     def learned_task(self) -> LearnedTask:
         """The task to learn."""
         return TASKS[self.task]
+
+    @property
+    def known_script(self) -> str:
+        """Name of a script whose return the agent is to reach: the teacher, unless that is told what no rig knows."""
+        return self.script if self.script in self.learned_task.scripts else self.learned_task.script
 
     @property
     def environment(self) -> dict[str, Any]:
@@ -205,6 +208,9 @@ class PPOArguments(LearnerArguments):
     averaging: float = option(
         0.15, "share of the actor that its running average takes over at every update", (1e-6, 1.0)
     )
+    corrections: int = option(
+        0, "number of decisions in which the clone sets the depth and the script corrects it; 0: none", (0, 10**9)
+    )
     critic: str = option("truth", "input of the critic; truth: features and hidden state", ("truth", "features"))
     critic_first: float = option(
         0.1, "share of training, after demonstrations, in which only the critic learns", (0.0, 1.0)
@@ -213,6 +219,13 @@ class PPOArguments(LearnerArguments):
         0.08, "standard deviation of the actions at the start", (1e-6, 10.0)
     )  # not 0: its log is kept
     last_exploration: float = option(0.04, "standard deviation of the actions at the end of training", (1e-6, 10.0))
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.corrections and not (self.demonstrations and self.task == "depth"):
+            raise BadArguments(
+                f"--corrections {self.corrections} needs --task depth and --demonstrations: a clone that sets the depth"
+            )
 
     @property
     def sizes(self) -> dict[str, int]:

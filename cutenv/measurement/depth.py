@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,14 +12,20 @@ from scipy.integrate import trapezoid
 from scipy.optimize import least_squares
 
 from cutenv._base.arrays import Array
-from cutenv._base.validation import in_range
+from cutenv._base.validation import array_in_range, in_range
 from cutenv.tissue.specimen import LENGTH
 from cutenv.tissue.thickness import bulge
 from cutenv.trace import Trace
 
 DEPTH_SD_KEY = "depth_sd_m"
 """Key in a record's metadata for the standard deviation of its depth [m]; ``cutenv depth`` writes it."""
+WANTED_DEPTH_KEY = "wanted_depth_m"
+"""Key in a record's metadata for the wanted depth: pairs [position, depth] along the cut [m], linear between."""
+LAYER_DEPTH_KEY = "layer_depth_m"
+"""Key in a record's metadata for the depth below the surface at which another layer begins [m]."""
 _LARGEST_SD = 0.02  # [m]
+_DEEPEST = 0.1  # [m]
+_STRAIGHT = 1e-9  # change of the slope that is rounding
 
 
 def depth_sd(trace: Trace) -> float | None:
@@ -67,6 +74,52 @@ class DepthProfile:
         inside = self.position[(self.position > start) & (self.position < end)]
         x = np.concatenate(([start], inside, [end]))
         return float(trapezoid(self.at(x), x))
+
+
+def wanted_depth(points: object, *, name: str = WANTED_DEPTH_KEY) -> DepthProfile:
+    """Return the depth that is wanted along a cut from pairs [position, depth] [m].
+
+    Parameters
+    ----------
+    points : sequence of pairs
+        Positions from the clamp, increasing, -0.05 to 0.5, and depths below the surface, 0 to 0.1 [m].  A single pair
+        is one depth everywhere.
+    name : str
+        Name of the argument in messages.
+
+    Raises
+    ------
+    ValueError
+        If they are no such pairs.
+    """
+    try:
+        pairs = np.array(points, dtype=np.float64)
+    except (TypeError, ValueError):
+        pairs = np.zeros(0)
+    if pairs.ndim != 2 or pairs.shape[1:] != (2,) or not len(pairs):
+        raise ValueError(f"{name} = {points!r} is no list of pairs [position, depth] in metres, as [[0, 0.008]].")
+    position = array_in_range(f"{name}: position", pairs[:, 0], -0.05, 0.5, "m", "8 cm is 0.08.")
+    depth = array_in_range(f"{name}: depth", pairs[:, 1], 0.0, 0.1, "m", "8 mm is 0.008.")
+    if (np.diff(position) <= 0.0).any():
+        raise ValueError(f"{name}: its positions must increase, and are {position.tolist()} m. Sort the pairs.")
+    return DepthProfile(position=position, depth=depth)
+
+
+def corners(position: Array, depth: Array) -> list[list[float]]:
+    """Return the pairs [position, depth] [m] between which a depth given at many positions is linear."""
+    slope = np.diff(depth) / np.diff(position)
+    bent = np.abs(np.diff(slope)) > _STRAIGHT
+    return [[float(position[i]), float(depth[i])] for i in (0, *(np.flatnonzero(bent) + 1), len(position) - 1)]
+
+
+def with_blade_depth(trace: Trace) -> Trace:
+    """Return a record whose depth is that of the blade, whatever its height; one without height as it is.
+
+    A rig records the depth that a blade at height 0 would cut, as measured beforehand, and the height beside it.
+    """
+    if trace.height is None or trace.depth is None:
+        return trace
+    return dataclasses.replace(trace, depth=np.clip(trace.depth - trace.height, 0.0, _DEEPEST))
 
 
 def fit_bulge(profiles: Sequence[DepthProfile], first: Sequence[float]) -> dict[str, float]:

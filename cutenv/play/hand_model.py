@@ -7,13 +7,15 @@ import math
 from cutenv._base.arrays import Struct
 from cutenv._engine.jit import njit_internal
 from cutenv.cutting.drive import Hand
-from cutenv.task.observation import SPEED_SCALE
+from cutenv.task.depth_terms import DESCENT_SCALE
+from cutenv.task.observation import SPEED_SCALE, speed_action
 
 PLAYED_HAND = Hand(motor_lag=0.020, acceleration=2.0)
 """Hand that is quicker than a simulated person's (80 ms, 0.5 m/s2): the real person in front adds a lag."""
 
 FASTEST = SPEED_SCALE
 """Greatest speed of the hand [m/s]: the fastest measured, and an agent's action 1. The blade may lurch faster."""
+_LEVEL_GAIN = 20.0  # descent speed over the error of the level [1/s]
 
 
 def speed_toward(target: float, state: Struct, hand: Hand = PLAYED_HAND) -> float:
@@ -39,3 +41,10 @@ def speed_over(left: float, lag: float, acceleration: float) -> float:
     """Return the speed command [m/s] of :func:`speed_toward` for the distance that is ``left`` [m]; compiled, too."""
     stoppable = math.sqrt(2.0 * acceleration * abs(left))
     return math.copysign(min(abs(left) / (4.0 * lag), stoppable, FASTEST), left)
+
+
+@njit_internal
+def descent_toward(level: float, wanted: float) -> float:
+    """Return the descent action that brings a blade from ``level`` to the ``wanted`` level [m]; compiled, too."""
+    fall = min(max(_LEVEL_GAIN * (level - wanted), -DESCENT_SCALE), DESCENT_SCALE)
+    return speed_action(fall * (SPEED_SCALE / DESCENT_SCALE))

@@ -153,6 +153,8 @@ class Session:
         """Number of cuts that came to one of the task's ends."""
         self.records: list[Path] = []
         """Files written, in order."""
+        self.after_advance: Callable[[], None] = lambda: None
+        """Called after every advance, and when the session is closed."""
         self._attempts = 0
         self._serial = 0
         self._held: frozenset[str] = frozenset()
@@ -222,6 +224,7 @@ class Session:
     def close(self) -> None:
         """End the session: abandon and record a cut in progress, and release the device; further calls do nothing."""
         self._give_up()
+        self.after_advance()
         self.device.close()
 
     @property
@@ -251,6 +254,7 @@ class Session:
         for _ in range(due):
             self._ticks += 1
             self._tick()
+        self.after_advance()
         return max(due, 0)
 
     def _tick(self) -> None:

@@ -9,15 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array
-from cutenv.envs.depth_cut import DepthCutEnv, to_depth_action
+from cutenv.envs.depth_cut import DepthCutEnv
+from cutenv.play.hand_model import descent_toward
 from cutenv.play.haptics import Stylus
 from cutenv.play.played_cut import PlayedCut
 from cutenv.task.depth_cutting import DepthCutting
-from cutenv.task.depth_terms import DESCENT_SCALE
+from cutenv.task.observation import to_action
 from cutenv.tissue.grid import depth_below
 from cutenv.trace import Trace
-
-_GAIN = 20.0  # descent speed over the error of the level [1/s]
 
 
 class PlayedDepthCut(PlayedCut):
@@ -57,8 +56,8 @@ class PlayedDepthCut(PlayedCut):
 
     def action(self, speed: float, stylus: Stylus) -> NDArray[np.float32]:
         """Return the environment's action, whose descent brings the blade to the wanted level."""
-        fall = _GAIN * (self.level - (self._start + stylus.level))
-        return to_depth_action(speed, stylus.angle, min(max(fall, -DESCENT_SCALE), DESCENT_SCALE))
+        descent = descent_toward(self.level, self._start + stylus.level)
+        return np.append(to_action(speed, stylus.angle), np.float32(np.clip(descent, -1.0, 1.0)))
 
     def tick(self, stylus: Stylus) -> None:
         """Advance by a millisecond under a person's hand; does nothing once the cut has ended."""
@@ -83,8 +82,7 @@ class PlayedDepthCut(PlayedCut):
         ValueError
             If there are fewer than two readings.
         """
-        errors = {name: round(value, 3) for name, value in self.cutting.depth_errors.items()}
-        trace = super().trace(task="cutenv/DepthCut-v1", **errors, **metadata)
+        trace = super().trace(environment="cutenv/DepthCut-v1", **self.cutting.noted_depth, **metadata)
         return dataclasses.replace(
             trace, height=self._levels[: self._count].copy(), vertical_force=self.vertical_force.copy()
         )

@@ -2,7 +2,8 @@
 
 A cut is as deep as the blade is where the crack tip is, some millimetres behind.  So surface and wanted depth are
 remembered as the blade passes, and the most useful features are by how much the blade must go down for the depth that
-is wanted at the tip and ahead of it.  Nothing is included that a rig could not know.
+is wanted at the tip and ahead of it; the tip is estimated from the force along the cut, and from both forces
+(:mod:`cutenv.policy.two_forces`).  Nothing is included that a rig could not know.
 """
 
 from __future__ import annotations
@@ -16,23 +17,32 @@ from cutenv._base.arrays import Array32, Indices, Struct, StructArray
 from cutenv._engine.elementary import tanh
 from cutenv._engine.jit import njit, njit_internal
 from cutenv.policy.features import Features
-from cutenv.policy.signals import DEPTH_COLUMN, POSITION_COLUMN
+from cutenv.policy.signals import DEPTH_COLUMN, FORCE_MEAN_COLUMN, POSITION_COLUMN, SPEED_COLUMN
+from cutenv.policy.two_forces import feel_two_forces, nothing_felt
 from cutenv.task.depth_terms import ALL_COMPONENTS, DEPTH_COMPONENTS
 from cutenv.task.observation import CLIP, COMPONENTS, SCALES
+from cutenv.task_quantities import SHALLOWEST
+from cutenv.tissue.description import measured_liver
 from cutenv.tissue.grid import N_POINTS, SPACING
+from cutenv.tissue.nominal import nominal_tissue
 
 _FIRST = len(COMPONENTS)
 _COLUMNS = {one.name: _FIRST + number for number, one in enumerate(DEPTH_COMPONENTS)}
 _SCALES = np.array([one.scale for one in ALL_COMPONENTS])
+_FORCES = [number for number, one in enumerate(COMPONENTS) if one.name.startswith("force")]
 _VERTICALS = [_COLUMNS[name] for name in ("vertical", "vertical_mean", "vertical_max")]
-_VERTICAL_MEAN, _BLADE_DEPTH, _WANTED = (_COLUMNS[name] for name in ("vertical_mean", "blade_depth", "wanted"))
+_VERTICAL_MEAN, _BLADE_DEPTH, _DESCENT_SPEED, _WANTED = (
+    _COLUMNS[name] for name in ("vertical_mean", "blade_depth", "descent_speed", "wanted")
+)
 _AHEAD = 4  # wanted depths in an observation: at the blade, and at three places ahead of it
 _LEADS = (0.0, 0.002, 0.004, 0.007, 0.010)  # distances ahead of the tip at which the error of the depth is told [m]
 _LENGTH = 0.002  # [m], scale of errors of the depth
+_LAG = 0.010  # [m], scale of the tip's lag
 _FINE = 0.0005  # [m], scale of errors that a blade can still correct
 _PER_FORCE = 0.002  # [m/N], depth to which a newton presses the floor of the cut
 _OBSERVED = len(DEPTH_COMPONENTS)
-_OF_DEPTH = _OBSERVED + 2 * len(_LEADS) + 2 * _AHEAD + 1  # features that depth adds
+_FELT = 3  # lag, stiffness and friction by two forces
+_OF_DEPTH = _OBSERVED + 2 * len(_LEADS) + 2 * _AHEAD + 1 + _FELT + 2 * len(_LEADS)  # features that depth adds
 
 DEPTH_MEMORY: np.dtype[Any] = np.dtype(
     (
@@ -71,7 +81,7 @@ class DepthFeatures:
 
     def __init__(self, count: int = 1, *, history: int = 6, force: bool = True) -> None:
         self._along = Features(count, history=history, force=force)
-        self._memory = np.zeros(int(count), DEPTH_MEMORY)
+        self._memory, self._felt = np.zeros(int(count), DEPTH_MEMORY), nothing_felt(int(count))
         self._force = force
         self._all = np.arange(int(count))
         self.size = self._along.size + _OF_DEPTH
@@ -84,6 +94,7 @@ class DepthFeatures:
         """Forget one of the cuts, or several, given by index."""
         self._along.forget(cuts)
         self._memory["passed"][cuts] = 0
+        self._felt[cuts] = nothing_felt(1)[0]
 
     def __call__(self, observations: ArrayLike, cuts: Indices | None = None) -> Array32:
         """Return the features, float32, clipped like observations.
@@ -113,12 +124,15 @@ class DepthFeatures:
         if not np.isfinite(seen).all():
             raise ValueError(f"observation = {seen} must be finite; give it as the environment returned it.")
         if not self._force:
-            seen[:, _VERTICALS] = 0.0
+            seen[:, _FORCES + _VERTICALS] = 0.0
         along = seen[:, :_FIRST].copy()
         along[:, DEPTH_COLUMN] = seen[:, _BLADE_DEPTH] * (_SCALES[_BLADE_DEPTH] / SCALES[DEPTH_COLUMN])
         features = np.empty((len(seen), self.size), np.float32)
         features[:, : self._along.size] = self._along(along, cuts)
-        add_depth_some(self._memory, self._along.estimates, cuts, seen, features)
+        add_depth_some(
+            self._memory, self._felt, self._along.estimates, self._along.memory, nominal_tissue(measured_liver()), cuts,
+            seen, features,
+        )  # fmt: skip
         found: Array32 = features.reshape(*shape[:-1], self.size)
         return found
 
@@ -126,22 +140,30 @@ class DepthFeatures:
 @njit
 def add_depth_some(
     memory: StructArray,
+    felt: StructArray,
     estimates: StructArray,
+    tips: StructArray,
+    nominals: StructArray,
     cuts: StructArray,
     observations: StructArray,
     features: StructArray,
 ) -> None:
     """Fill the last features, of depth, and update the memory of the n cuts given by index.
 
-    ``estimates`` are those of all cuts, :data:`~cutenv.policy.tip_estimate.CUT_ESTIMATE`; ``observations`` and
-    ``features`` have shape (n, 22) and (n, size).
+    ``estimates`` and ``tips`` are those of all cuts, :data:`~cutenv.policy.tip_estimate.CUT_ESTIMATE` and
+    :data:`~cutenv.policy.tip_estimate.CUT_MEMORY`; ``felt`` is :data:`~cutenv.policy.two_forces.TWO_FORCES`;
+    ``observations`` and ``features`` have shape (n, 22) and (n, size).
     """
     for k in range(len(cuts)):
-        _add_depth(memory[cuts[k]], estimates[cuts[k]], observations[k], features[k])
+        n = cuts[k]
+        _add_depth(memory[n], felt[n], estimates[n], tips[n].probed, nominals[0], observations[k], features[k])
 
 
 @njit_internal
-def _add_depth(memory: Struct, estimate: Struct, observation: StructArray, features: StructArray) -> None:
+def _add_depth(
+    memory: Struct, felt: Struct, estimate: Struct, probed: int, nominal: Struct, observation: StructArray,
+    features: StructArray,
+) -> None:  # fmt: skip
     position = max(observation[POSITION_COLUMN] * _SCALES[POSITION_COLUMN], 0.0)
     surface = observation[DEPTH_COLUMN] * _SCALES[DEPTH_COLUMN]  # depth of a blade at level 0
     blade = observation[_BLADE_DEPTH] * _SCALES[_BLADE_DEPTH]
@@ -153,12 +175,7 @@ def _add_depth(memory: Struct, estimate: Struct, observation: StructArray, featu
     for i in range(_OBSERVED):
         features[k + i] = observation[_FIRST + i]
     k += _OBSERVED
-    for lead in _LEADS:
-        i = min(max(int((estimate.tip + lead) / SPACING + 0.5), 0), memory.passed - 1)
-        lower = level - (memory.surface[i] - memory.wanted[i])  # by how much the blade must go down
-        features[k] = lower / _LENGTH
-        features[k + 1] = tanh(lower / _FINE)
-        k += 2
+    k = _add_lower(memory, estimate.tip, level, features, k)
     for i in range(_AHEAD):
         lower = observation[_WANTED + i] * _SCALES[_WANTED + i] - blade
         features[k] = lower / _LENGTH
@@ -166,8 +183,29 @@ def _add_depth(memory: Struct, estimate: Struct, observation: StructArray, featu
         k += 2
     pressed = _PER_FORCE * observation[_VERTICAL_MEAN] * _SCALES[_VERTICAL_MEAN]
     features[k] = tanh(pressed / _FINE)
+
+    lag = feel_two_forces(
+        felt, nominal, position, observation[SPEED_COLUMN] * _SCALES[SPEED_COLUMN], max(blade, SHALLOWEST),
+        observation[FORCE_MEAN_COLUMN] * _SCALES[FORCE_MEAN_COLUMN],
+        observation[_VERTICAL_MEAN] * _SCALES[_VERTICAL_MEAN],
+        observation[_DESCENT_SPEED] * _SCALES[_DESCENT_SPEED],
+    )  # fmt: skip
+    features[k + 1], features[k + 2], features[k + 3] = lag / _LAG, felt.stiffness, felt.friction
+    _add_lower(memory, estimate.tip if probed == 1 else position - lag, level, features, k + 1 + _FELT)
     for i in range(first, len(features)):
         features[i] = min(max(features[i], -CLIP), CLIP)
+
+
+@njit_internal
+def _add_lower(memory: Struct, tip: float, level: float, features: StructArray, k: int) -> int:
+    """Fill by how much the blade must go down, for a tip [m], from feature ``k`` on; return the next one."""
+    for lead in _LEADS:
+        i = min(max(int((tip + lead) / SPACING + 0.5), 0), memory.passed - 1)
+        lower = level - (memory.surface[i] - memory.wanted[i])
+        features[k] = lower / _LENGTH
+        features[k + 1] = tanh(lower / _FINE)
+        k += 2
+    return k
 
 
 @njit_internal

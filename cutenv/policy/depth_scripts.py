@@ -82,16 +82,25 @@ class DepthScript(ArrayPolicy):
         self.elapsed = self._begun - along[:, _TIME_LEFT]
         self._remember(along[:, POSITION_COLUMN], along[:, DEPTH_COLUMN], seen[:, WANTED])
         shown[:, DEPTH_COLUMN] = seen[:, BLADE_DEPTH] / _DEPTH_SCALE
-        tips = self._estimate.tips(in_si(shown))
-        point = np.minimum(((tips + self._lead) / SPACING + 0.5).astype(int), self._passed)
+        tips = self.tips(in_si(shown))
+        point = np.clip(((tips + self._lead) / SPACING + 0.5).astype(int), 0, self._passed)
         rows = np.arange(len(point))
         actions = np.empty((len(shown), 3), np.float32)
         actions[:, :2] = self.along.act(shown)
         depths = self.depths(self._wanted[rows, point], seen, actions)
         level = along[:, DEPTH_COLUMN] - seen[:, BLADE_DEPTH]
-        descent = self._gain * (level - (self._surface[rows, point] - depths))
+        descent = self._gain * (level - (self.surfaces(point) - depths))
         actions[:, 2] = np.clip(speed_action(descent * (SPEED_SCALE / DESCENT_SCALE)), -1.0, 1.0)
         return actions
+
+    def tips(self, seen: Array) -> Array:
+        """Return the tips [m], shape (n,), for observations in SI units, shape (n, 12), with the depth of the blade."""
+        return self._estimate.tips(seen)
+
+    def surfaces(self, point: Indices) -> Array:
+        """Return the levels of the surface [m], shape (n,), at these points of the grid."""
+        levels: Array = self._surface[np.arange(len(point)), point]
+        return levels
 
     def _remember(self, position: Array, surface: Array, wanted: Array) -> None:
         """Remember surface and wanted depth [m] at the points that the blades have passed."""
@@ -140,6 +149,23 @@ class FollowDepth(DepthScript):
     def depths(self, wanted: Array, seen: Array, actions: Array32) -> Array:
         """Return the wanted depths."""
         return wanted
+
+
+class FollowTrueTip(FollowDepth):
+    """The wanted depth at the true tip, which only a simulator tells: a teacher, for training and never for a rig.
+
+    A learner that imitates it learns where the tip is on average, for all that it is shown.
+    """
+
+    def tell(self, lags: Array) -> None:
+        """Tell the lags of the tips behind the blades [m], shape (n,), before :meth:`act` is asked."""
+        self._lags = np.asarray(lags, float)
+
+    def tips(self, seen: Array) -> Array:
+        """Return the true tips [m]."""
+        super().tips(seen)
+        tips: Array = seen[:, POSITION_COLUMN] - self._lags
+        return tips
 
 
 class DepthByForce(DepthScript):

@@ -90,6 +90,11 @@ class Features:
         self._frames[cuts] = 0.0
 
     @property
+    def memory(self) -> StructArray:
+        """What is remembered of each cut, :data:`~cutenv.policy.tip_estimate.CUT_MEMORY`, shape (count,)."""
+        return self._memory
+
+    @property
     def estimates(self) -> StructArray:
         """Last estimate of each cut, :data:`~cutenv.policy.tip_estimate.CUT_ESTIMATE`, shape (count,)."""
         return self._estimates

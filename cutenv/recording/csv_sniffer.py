@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,6 +67,8 @@ class SniffedTable:
     lines: NDArray[np.intp]
     n_columns: int
     above: str
+    row_name: ClassVar[str] = "line"
+    """Word for a row in messages."""
 
     def __str__(self) -> str:
         decimal = "comma" if self.decimal == "," else "point"

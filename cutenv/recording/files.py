@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from cutenv._base.atomic_file import atomic_write
 from cutenv._base.validation import one_of
-from cutenv.recording import csv_file, hdf5_file, parquet_file
+from cutenv.recording import csv_file, hdf5_file, mcap_file, parquet_file
 from cutenv.recording.provenance import check_operator
 from cutenv.recording.record_errors import RecordError, check_beginning
 from cutenv.recording.table import ALONG_CUT, CutTable, traces_of
@@ -30,6 +30,7 @@ _FORMATS = {
     ".parquet": _Format("Parquet", parquet_file.write, parquet_file.read),
     ".h5": _HDF5,
     ".hdf5": _HDF5,
+    ".mcap": _Format("MCAP", mcap_file.write, mcap_file.read),
 }
 
 
@@ -43,7 +44,7 @@ def save(traces: Trace | Iterable[Trace], path: str | os.PathLike[str]) -> None:
     traces : Trace, or iterable of Trace
         At least one.
     path : path
-        Its suffix is the format: ``.csv``, ``.parquet``, ``.h5`` or ``.hdf5``.
+        Its suffix is the format: ``.csv``, ``.parquet``, ``.h5``, ``.hdf5`` or ``.mcap``.
 
     Raises
     ------
@@ -82,7 +83,7 @@ def load(path: str | os.PathLike[str], *, force: str | None = None) -> list[Trac
     Parameters
     ----------
     path : path
-        Its suffix is the format: ``.csv``, ``.parquet``, ``.h5`` or ``.hdf5``.
+        Its suffix is the format: ``.csv``, ``.parquet``, ``.h5``, ``.hdf5`` or ``.mcap``.
     force : {"norm", "x", "y", "z", "-x", "-y", "-z"}, optional
         Computation of the force along the cut from components (``force_x_N``, ...). It is positive against forward
         motion: choose the axis along the cut, and the minus if the sensor's sign is reversed. By default the metadata's
@@ -148,6 +149,11 @@ def load_one(path: str | os.PathLike[str], *, force: str | None = None) -> Trace
     if len(traces) != 1:
         raise RecordError(path, f"it holds {len(traces)} cuts. Read them with load() and choose one.")
     return traces[0]
+
+
+def check_format(path: Path) -> None:
+    """Raise RecordError for a file whose suffix is no format of a record, before any work starts."""
+    _format_of(path)
 
 
 def _format_of(path: Path) -> _Format:

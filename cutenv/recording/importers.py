@@ -1,4 +1,4 @@
-"""Reading of any record: of this package, or of other programs, through a mapping of their columns."""
+"""Reading of any record: of this package, or of other programs, through a mapping of their columns or topics."""
 
 from __future__ import annotations
 
@@ -16,13 +16,16 @@ from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array
 from cutenv.measurement import QualityIssue, quality_issues
+from cutenv.recording import mcap_file
 from cutenv.recording.column_map import MAP_FILE, ColumnMap
 from cutenv.recording.csv_file import is_own
 from cutenv.recording.csv_sniffer import SniffedTable, bare_name, column_stem, sniff_table
 from cutenv.recording.cut_detection import STANDARD, CutSearch, FoundCut, contact_level, find_cuts, find_tare
 from cutenv.recording.files import load
 from cutenv.recording.mapped_columns import MappedReadings
+from cutenv.recording.number_table import NumberTable
 from cutenv.recording.record_errors import RecordError
+from cutenv.recording.ros_bag import BAGS, bag_table
 from cutenv.trace import Trace
 
 _NAMED_INSIDE = (".parquet", ".h5", ".hdf5")  # formats that need no mapping
@@ -101,8 +104,8 @@ def read_record(
     """Read the cuts of a file that this package or another program wrote, and check them.
 
     A file whose headers name quantity and unit (:func:`cutenv.recording.load`) needs no mapping; its cuts are used as
-    they are. Any other text file is read by :func:`load_foreign`, through `mapping` or the
-    one saved beside it.
+    they are. Any other text file, and a bag of ROS, is read by :func:`load_foreign`, through `mapping` or the one saved
+    beside it.
 
     Parameters
     ----------
@@ -128,20 +131,24 @@ def read_record(
         If the format's library is not installed; the message gives the pip command.
     """
     path = Path(path)
-    is_text = path.suffix.lower() not in _NAMED_INSIDE
+    own_bag = path.suffix.lower() == ".mcap" and mcap_file.holds_cuts(path)
+    is_mapped = path.suffix.lower() not in _NAMED_INSIDE and not own_bag
     if mapping is not None:
-        if is_text:
+        if is_mapped:
             return load_foreign(path, mapping, search=search)
-        raise RecordError(path, "a mapping is for text files; here the names of the columns define them. Leave it out.")
+        raise RecordError(
+            path,
+            "a mapping is for other programs' text and bags; here the names of the columns define them. Leave it out.",
+        )
     try:
         traces = tuple(load(path))
     except RecordError as error:
-        if not is_text or is_own(path):
+        if not is_mapped or is_own(path):
             raise
         if (path.parent / MAP_FILE).is_file():
             return load_foreign(path, search=search)
         try:
-            table = sniff_table(path)
+            table = _foreign_table(path)
         except RecordError:  # no table of numbers either
             raise error from None
         cure = "if another program wrote it, leave it as it is and name its columns, as at the end of this message."
@@ -162,16 +169,17 @@ def read_record(
 def load_foreign(
     path: str | os.PathLike[str], mapping: ColumnMap | None = None, *, search: CutSearch | None = STANDARD
 ) -> Imported:
-    """Read the cuts in a table that another program wrote.
+    """Read the cuts in a table that another program wrote, or in a bag of ROS.
 
-    Encoding, separator, decimal comma, lines above the header and units in it or below it are detected. The sensor's
+    Encoding, separator, decimal comma, lines above the header and units in it or below it are detected. In a bag each
+    number of a topic is a column, such as ``/ft/wrench.wrench.force.x``, and ``stamp`` is the time. The sensor's
     offset is subtracted if the record has a quiet start, for a norm from each component; then the cuts in it are found.
     A record that `mapping.split_by` separates from the others is one cut.
 
     Parameters
     ----------
     path : path
-        Path of a text file (.csv, .txt, .dat, .lvm, ...).
+        Path of a text file (.csv, .txt, .dat, .lvm, ...), or of a bag (.mcap, .db3 or .bag; needs the extra ``ros``).
     mapping : ColumnMap, optional
         Mapping of its columns; by default the one saved beside the file.
     search : CutSearch or None
@@ -189,9 +197,10 @@ def load_foreign(
         If the file cannot be opened.
     """
     path = Path(path)
-    table = sniff_table(path)
+    table = _foreign_table(path, mapping)
     if mapping is None:
         mapping = _saved_mapping(path, table)
+        table = _foreign_table(path, mapping) if isinstance(table, NumberTable) else table
     notes = [f"{path.name}: {table}."]
     readings = MappedReadings.of(table, mapping, notes)
     records, tared, cuts = [], [], []
@@ -222,6 +231,16 @@ def load_foreign(
         notes=tuple(notes),
         unused=_unused(table, mapping),
     )
+
+
+def _foreign_table(path: Path, mapping: ColumnMap | None = None) -> SniffedTable:
+    """Return the numbers of a text file or a bag; those of a bag at the times of the mapping's force."""
+    if path.suffix.lower() not in BAGS:
+        return sniff_table(path)
+    if mapping is None:
+        return bag_table(path)
+    fields = ("force", *(field for field in mapping.fields if field not in ("force", "time")))
+    return bag_table(path, [name for field in fields for name in mapping.expression(field).columns])
 
 
 def _how_to_map(table: SniffedTable) -> str:
@@ -273,7 +292,8 @@ def _unit(table: SniffedTable, column: int, field: str) -> str | None:
 def _name(table: SniffedTable, column: int) -> str:
     """Return a column as written after ``--map``: its bare name, or its number where the name is not plain."""
     names = [bare_name(header) for header in table.headers]
-    plain = column < len(names) and re.fullmatch(r"[^\W\d][\w .]*", names[column]) and names.count(names[column]) == 1
+    is_plain = re.compile(r"[^\W\d][\w .]*|/[\w./]+")  # a name, or that of a topic
+    plain = column < len(names) and is_plain.fullmatch(names[column]) and names.count(names[column]) == 1
     return names[column] if plain else f"#{column + 1}"
 
 

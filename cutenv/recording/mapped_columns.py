@@ -41,8 +41,8 @@ class MappedReadings:
             row, column = (int(i) for i in np.argwhere(beyond)[0])
             raise RecordError(
                 table.path,
-                f"line {table.lines[row]} has {numbers[row, column]:g} in column #{needed[column] + 1}, which is no "
-                "reading of a sensor.",
+                f"{table.row_name} {table.lines[row]} has {numbers[row, column]:g} in column #{needed[column] + 1}, "
+                "which is no reading of a sensor.",
             )
         columns: dict[str, Array] = {}
         force_unit = "N"
@@ -87,17 +87,21 @@ class MappedReadings:
             i = int(back[0])
             raise RecordError(
                 self.table.path,
-                f"line {self.lines[rows[i + 1]]}: time goes from {time[i]:.9g} s to {time[i + 1]:.9g} s, but must "
-                "increase. Delete repeated lines; several cuts in one file: split_by=column; times printed too "
-                "coarsely: leave time out and give rate=1000Hz.",
+                f"{self.table.row_name} {self.lines[rows[i + 1]]}: time goes from {time[i]:.9g} s to "
+                f"{time[i + 1]:.9g} s, but must increase. Delete repeated rows; several cuts in one file: "
+                "split_by=column; times printed too coarsely: leave time out and give rate=1000Hz.",
             )
         return time
+
+    def along_cut(self, components: Array) -> Array:
+        """Return the force along the cut, shape (n,), of components of shape (n, k), [force unit]."""
+        return self.expression.sign * _norm(components) if self.expression.is_norm else components[:, 0]
 
     def trace(self, group: dict[str, str], rows: NDArray[np.intp], tare: tuple[Array, int] | None) -> Trace:
         """Return a record as a trace, without the components' offsets [force unit] if a tare is given."""
         offsets, quiet = (None, 0) if tare is None else tare
         components = self.force[rows] if offsets is None else self.force[rows] - offsets
-        force = self.expression.sign * _norm(components) if self.expression.is_norm else components[:, 0]
+        force = self.along_cut(components)
         first, last = int(self.lines[rows[0]]), int(self.lines[rows[-1]])
         metadata: dict[str, Any] = {
             "source": self.table.path.name,
@@ -122,7 +126,9 @@ class MappedReadings:
         except RecordError:
             raise
         except ValueError as error:
-            raise RecordError(self.table.path, f"lines {first} to {last}: {error}{self._units_taken()}") from None
+            raise RecordError(
+                self.table.path, f"{self.table.row_name}s {first} to {last}: {error}{self._units_taken()}"
+            ) from None
 
     def _units_taken(self) -> str:
         """Return a hint at fields assumed to be in SI for want of a unit: a likely cause of values out of range."""

@@ -1,4 +1,4 @@
-"""Libraries for Parquet and HDF5, which the extra ``data`` installs and which are loaded when used."""
+"""Libraries for files and streams of other kinds, which extras install and which are loaded when used."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from importlib import import_module
 from typing import Any
 
 
-def optional_import(name: str, package: str, format_name: str) -> Any:
-    """Import a module of the extra.
+def optional_import(name: str, package: str, format_name: str, extra: str = "data") -> Any:
+    """Import a module of an extra.
 
     Raises
     ------
@@ -20,6 +20,6 @@ def optional_import(name: str, package: str, format_name: str) -> Any:
         if (error.name or "").partition(".")[0] != package:
             raise
         raise ModuleNotFoundError(
-            f"Records in {format_name} are kept with {package}, which is not installed: pip install 'cutenv[data]'",
+            f"{format_name} is read and written with {package}, which is not installed: pip install 'cutenv[{extra}]'",
             name=package,
         ) from None

@@ -12,6 +12,9 @@ UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 _BEGINNINGS = {
     b"PAR1": "Parquet",
     b"\x89HDF\r\n\x1a\n": "HDF5",
+    b"\x89MCAP0\r\n": "MCAP",
+    b"#ROSBAG V": "a bag of ROS 1",
+    b"SQLite format 3\x00": "a bag of ROS 2 in SQLite, or another SQLite file",
     b"PK\x03\x04": "a zip file or a spreadsheet",
     b"\xd0\xcf\x11\xe0": "an old Excel workbook",
     b"\x1f\x8b": "a gzip file (unpack it first)",

@@ -11,7 +11,7 @@ import numpy as np
 from cutenv._base.arrays import Array
 from cutenv.measurement import loading_segments
 from cutenv.report.figure import PHONE_WIDTH, label, new_figure, plain_axes
-from cutenv.scoring import ScoreCard
+from cutenv.scoring import DepthMap, ScoreCard
 from cutenv.task_quantities import FORCE_LIMIT_PER_DEPTH, TIP_TOLERANCE
 from cutenv.trace import Trace
 
@@ -41,7 +41,8 @@ def score_figure(trace: Trace, card: ScoreCard, target_length: float | None, wid
         Width [in].
     """
     along = trace.position is not None
-    rows = 1 + along + (trace.angle is not None)
+    deep = along and card.depth_map is not None
+    rows = 1 + along + (trace.angle is not None) + deep
     figure = new_figure(width, 3.4 + 1.1 * (rows - 1))
     panels = np.atleast_1d(figure.subplots(rows, 1, sharex=True, height_ratios=[3.0, *[1.0] * (rows - 1)]))
     step = max(1, len(trace) // _POINTS)
@@ -58,15 +59,33 @@ def score_figure(trace: Trace, card: ScoreCard, target_length: float | None, wid
         panels[1].plot(x[::step], speed[::step], color=_SPEED, linewidth=0.9)
         panels[1].set_ylabel("speed\n[cm/s]")
     if trace.angle is not None:
-        panels[-1].plot(x[::step], np.degrees(trace.angle[::step]), color=_ANGLE, linewidth=1.2)
-        panels[-1].set_ylabel("angle\n[°]")
-        panels[-1].set_ylim(min(40.0, math.degrees(trace.angle.min()) - 5.0), 95.0)
+        turned = panels[2 if along else 1]
+        turned.plot(x[::step], np.degrees(trace.angle[::step]), color=_ANGLE, linewidth=1.2)
+        turned.set_ylabel("angle\n[°]")
+        turned.set_ylim(min(40.0, math.degrees(trace.angle.min()) - 5.0), 95.0)
+    if deep and card.depth_map is not None:
+        _draw_depth(panels[-1], card.depth_map)
     panels[-1].set_xlabel("blade [cm]" if along else "time [s]")
     for axes in panels:
         plain_axes(axes)
     columns = 2 if width < PHONE_WIDTH else 5
     figure.legend(loc="outside upper left", ncols=columns, frameon=False, fontsize=9)
     return figure
+
+
+def _draw_depth(axes: Axes, found: DepthMap) -> None:
+    """Draw the floor of a cut, the wanted depth and the layer below, the surface on top."""
+    x = 100.0 * found.position
+    lowest = float(found.depth.max())
+    axes.plot(x, 1e3 * found.depth, color=_SPEED, linewidth=1.4, label="floor of the cut")
+    if found.wanted is not None:
+        lowest = max(lowest, float(found.wanted.max()))
+        axes.plot(x, 1e3 * found.wanted, color=_TARGET, linewidth=1.2, linestyle="--", label="wanted depth")
+    if found.layer is not None:
+        lowest = max(lowest, found.layer + 0.001)
+        axes.axhspan(1e3 * found.layer, 1.1e3 * lowest, color=_FAULT, alpha=0.2, linewidth=0.0, label="layer below")
+    axes.set_ylim(1.1e3 * lowest, 0.0)
+    axes.set_ylabel("depth\n[mm]")
 
 
 def summary_figure(cuts: Sequence[tuple[str, ScoreCard]], width: float) -> Figure:

@@ -12,7 +12,7 @@ from cutenv._base.atomic_file import atomic_write
 from cutenv._base.unit_table import shown_unit
 from cutenv.report.page import number, write_page, write_text
 from cutenv.report.score_figure import score_figure, summary_figure
-from cutenv.scoring import METRICS, ScoreCard
+from cutenv.scoring import DEPTH_METRICS, METRICS, ScoreCard
 from cutenv.scoring.score_card import DISCLAIMER, DOUBT
 from cutenv.trace import Trace
 
@@ -36,7 +36,9 @@ METRIC_GROUPS = {
     ),
     "Time": ("duration", "idle_time", "reversals"),
 }  # fmt: skip
-"""All metrics by what they tell, in the order of the page."""
+"""Metrics of every record by what they tell, in the order of the page; those of the depth follow."""
+DEPTH_GROUP = "Depth"
+"""Group of the metrics that a record with height adds."""
 _SPOILS = {"short", "overshoot", "force"}
 """Kinds of faults that no score compensates: a target missed, a force above the limit."""
 
@@ -86,7 +88,7 @@ def write_score_page(path: Path, scored: ScoredRecord) -> Path:
         directions={"lower": "lower", "higher": "higher", "none": "not rewarded"},
         sentence=lambda text: text[0].upper() + text[1:] + ".",
         **vars(scored),
-        **_SHARED,
+        **_shared([card]),
     )
     data = path.with_suffix(".json")
     write_text(data, card.to_json() + "\n")
@@ -100,7 +102,8 @@ def write_summary(folder: Path, records: Sequence[tuple[ScoredRecord, str]]) -> 
     -------
     table, page : Path
     """
-    columns = [name for name in METRICS if any(r.card.metrics[name].value is not None for r, _ in records)]
+    valued = {name for r, _ in records for name, scored in r.card.metrics.items() if scored.value is not None}
+    columns = [name for name in (*METRICS, *DEPTH_METRICS) if name in valued]
     data = folder / "scores.csv"
     with atomic_write(data) as part, part.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
@@ -108,7 +111,7 @@ def write_summary(folder: Path, records: Sequence[tuple[ScoredRecord, str]]) -> 
         writer.writerow(["name", "overall_score", "outcome", "tip_source", *units, "faults"])
         for record, _ in records:
             card = record.card
-            values = [card.metrics[name].value for name in columns]
+            values = [card.metrics[name].value if name in card.metrics else None for name in columns]
             overall = "" if card.overall_score is None else f"{card.overall_score:.1f}"
             cells = ["" if value is None else f"{value:.6g}" for value in values]
             faults = "; ".join(fault.says for fault in card.faults)
@@ -130,7 +133,7 @@ def write_summary(folder: Path, records: Sequence[tuple[ScoredRecord, str]]) -> 
         mean_score=number(sum(scores) / len(scores), 0) if scores else "",
         successes=f"{successes} of {len(known)}" if known else "",
         means=[_mean(cards, name) for name in ("tip_error", "largest_jump", "peak_force", "duration")],
-        **_SHARED,
+        **_shared(cards),
     )
     return data, target
 
@@ -169,9 +172,18 @@ def _digits(value: float) -> str:
 
 _SHARED: dict[str, Any] = {
     "disclaimer": DISCLAIMER,
-    "groups": METRIC_GROUPS,
     "handy": _handy,
     "leading": ON_TOP,
-    "metrics": METRICS,
+    "metrics": METRICS | DEPTH_METRICS,
 }
 """Context of both pages."""
+
+
+def _shared(cards: Sequence[ScoreCard]) -> dict[str, Any]:
+    """Return the context of a page; the depth is a group of its own where a card has it."""
+    deep = (
+        {DEPTH_GROUP: tuple(DEPTH_METRICS)}
+        if any(name in card.metrics for card in cards for name in DEPTH_METRICS)
+        else {}
+    )
+    return _SHARED | {"groups": METRIC_GROUPS | deep}

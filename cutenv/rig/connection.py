@@ -4,20 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
+from datetime import date
 from typing import NamedTuple
 
 from cutenv.rig.config.imitated_rig import fake_settings
-from cutenv.rig.config.settings import RigSettings
+from cutenv.rig.config.settings import RigSettings, SensorCalibration
 from cutenv.rig.devices.clock import FakeClock
 from cutenv.rig.devices.real_time import preferred
+from cutenv.rig.devices.serial.slow_profile import slow_settings
 from cutenv.rig.operation.operator import AutomaticOperator, Operator, TerminalOperator
 from cutenv.rig.operation.preflight import SETTLE
 from cutenv.rig.plant import RigPlant
 from cutenv.rig.safety.guard import guarded
 from cutenv.rig.toml_file import read_rig_file
 
-FAKE, EMULATOR = "fake", "emulator"
-"""Names that are not files: a rig in memory on its own clock, and an emulated one in its own process."""
+FAKE, EMULATOR, SERIAL = "fake", "emulator", "serial"
+"""Names that are not files: a rig in memory on its own clock, and two emulated ones in a process of their own."""
 
 
 class Connection(NamedTuple):
@@ -34,7 +37,7 @@ def connected(rig: str, *, clock: FakeClock | None = None) -> Iterator[Connectio
     Parameters
     ----------
     rig : str
-        A rig's TOML file, "emulator" or "fake"; the latter two have the blade in free air.
+        A rig's TOML file, "emulator", "serial" or "fake"; the latter three have the blade in free air.
     clock : FakeClock, optional
         Clock of a fake rig.
 
@@ -55,10 +58,10 @@ def connected(rig: str, *, clock: FakeClock | None = None) -> Iterator[Connectio
         else:
             from cutenv.rig.hardware import rig_plant
 
-            if rig == EMULATOR:
+            if rig in (EMULATOR, SERIAL):
                 from cutenv.rig.emulator.process import start
 
-                settings = stack.enter_context(start(free_air=True)).settings
+                settings = stack.enter_context(start(free_air=True, serial=rig == SERIAL)).settings
             else:
                 settings = read_rig_file(rig)
             plant = rig_plant(settings)
@@ -89,4 +92,10 @@ def settings_of(rig: str) -> RigSettings:
     FileNotFoundError, ValueError
         If its file is missing or not valid.
     """
+    if rig == SERIAL:
+        return replace(slow_settings("", name=rig), emulated=True, armed_by="the emulator", calibration=_today())
     return fake_settings(name=rig) if rig in (FAKE, EMULATOR) else read_rig_file(rig)
+
+
+def _today() -> SensorCalibration:
+    return SensorCalibration(date=date.today().isoformat())

@@ -13,7 +13,7 @@ from cutenv._base.validation import array_in_range, in_range
 from cutenv.cutting.dtypes import READING, TICK
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.clock import Clock, Repeating
-from cutenv.rig.devices.drivers import ForceDriver, MotionDriver, Observer
+from cutenv.rig.devices.drivers import ForceDriver, MotionDriver, Observer, ZeroedByHand
 from cutenv.rig.devices.owner import Owner
 from cutenv.rig.devices.samples import ForceSample, MotionSample
 from cutenv.rig.devices.timing import Timing
@@ -192,6 +192,21 @@ class RigPlant:
     def rate_error(self) -> float:
         """Greatest relative error of the force sensor's rate [1]."""
         return self._sensor.rate_error
+
+    def set_zero(self) -> None:
+        """Take the blade's present position, without power, as zero: it stands at the clamp.
+
+        Raises
+        ------
+        RigError
+            If its drive keeps a zero of its own, or does not take it.
+        """
+        blade = self._axes[0]
+        if not isinstance(blade, ZeroedByHand):
+            raise RigError(
+                f"the drive of {self.settings.name!r} keeps its own zero: home it with its maker's tool, at the clamp."
+            )
+        blade.set_zero()
 
     def drive_limits(self) -> dict[str, dict[str, float]]:
         """Return the limits that each drive reports, by axis."""
@@ -400,6 +415,11 @@ class RigPlant:
         Of type :data:`~cutenv.rig.reading_grid.BESIDE_READINGS`, one for each reading that :meth:`advance` returned.
         """
         return self._grid.beside
+
+    @property
+    def began(self) -> float:
+        """Time of the rig's clock at which the time of the present cut's readings is zero [s]."""
+        return self._grid.start
 
     @property
     def position(self) -> float:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import os
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Iterable, Mapping
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -23,27 +21,15 @@ from cutenv.rig.contradictions import refuse_contradictions
 from cutenv.rig.devices.driver_registry import (
     CONDITIONAL,
     KIND_OF_ROLE,
-    OWN_KEYS,
+    OPTIONS,
     DriverKind,
     driven_roles,
     option_keys,
     traits_of,
 )
 
-_TO_FILL = "# FILL IN: "
-_BEGINNING = """\
-# A rig for cutenv.  Every name ends with its unit.  A missing key has the default in its comment.
-"""
-_UNFINISHED = f"""\
-#
-# Not finished: replace each line that begins with '{_TO_FILL.strip()}' by the true value for this rig, without that
-# beginning.  Until then the file is refused, and the missing keys are listed.  The sections [angle], [height],
-# [position_control] and [camera] may stay as they are.
-"""
-_OPTIONS = "options"  # table of a driver's own keys, as in [blade.options]
 _NAMED = {section.name: section for section in SECTIONS}
 _OPTIONAL = ("angle", "height", "position_control", "camera")
-_WIDTH = 116  # characters of a comment, after its mark
 
 
 def read_rig_file(path: str | os.PathLike[str]) -> RigSettings:
@@ -77,19 +63,6 @@ def read_rig_file(path: str | os.PathLike[str]) -> RigSettings:
     return _settings(text, path)
 
 
-def template(name: str = "rig", like: RigSettings | None = None) -> str:
-    """Return a new rig's file: every key with meaning, unit, range and default; it is refused until filled in.
-
-    Values and drivers are those of ``like``, by default of a CANopen drive and a Net F/T.
-    """
-    return _text(replace(like or RigSettings(), name=name), to_fill=True)
-
-
-def to_toml(settings: RigSettings) -> str:
-    """Return the file of a rig, commented like the template, with up to 15 digits, for :func:`read_rig_file`."""
-    return _text(settings, to_fill=False)
-
-
 def write_identified(path: str | os.PathLike[str], identified: Identified) -> None:
     """Replace the values in the file's section ``[identified]``; comments, order and the rest of the file stay.
 
@@ -112,21 +85,49 @@ def write_identified(path: str | os.PathLike[str], identified: Identified) -> No
     OSError
         If the file cannot be written.
     """
+    values: dict[tuple[str, ...], Any] = {
+        (IDENTIFIED.name, key.name): None if value is None else key.from_si(value) if key.kind is float else value
+        for key in IDENTIFIED.keys
+        for value in [getattr(identified, key.field)]
+    }
+    write_values(path, values)
+
+
+def write_values(path: str | os.PathLike[str], values: Mapping[tuple[str, ...], Any]) -> None:
+    """Replace values in a rig's file; comments, order and the rest of the file stay.
+
+    Parameters
+    ----------
+    path : path
+        Path of a valid rig file.
+    values : mapping of tuple of str
+        Values in the file's units, by the names that lead to each: ("calibration", "date"). None removes one.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        If the file cannot be read, or would not be valid with these values; it is then as before.
+    ModuleNotFoundError
+        If tomlkit is not installed.
+    OSError
+        If the file cannot be written.
+    """
     import tomlkit
 
     path = Path(path)
     read_rig_file(path)
     with path.open(encoding="utf-8", newline="") as file:  # line endings stay as they are
-        document = tomlkit.parse(file.read())
-    if IDENTIFIED.name not in document:
-        document.append(IDENTIFIED.name, tomlkit.table())
-    section: Any = document[IDENTIFIED.name]
-    for key in IDENTIFIED.keys:
-        value = getattr(identified, key.field)
+        document: Any = tomlkit.parse(file.read())
+    for (*tables, name), value in values.items():
+        table = document
+        for each in tables:
+            if each not in table:
+                table.append(each, tomlkit.table())
+            table = table[each]
         if value is not None:
-            section[key.name] = key.from_si(value) if key.kind is float else value
-        elif key.name in section:
-            del section[key.name]
+            table[name] = value
+        elif name in table:
+            del table[name]
     text = tomlkit.dumps(document)
     _settings(text, path)  # write nothing that could not be read
     with atomic_write(path) as part, part.open("w", encoding="utf-8", newline="") as file:
@@ -227,7 +228,7 @@ def _tables(content: Mapping[str, Any], path: Path) -> dict[str, Mapping[str, An
             raise ValueError(f"{path}: {name} must be {kind}.")
     tables = {name: content.get(name, {}) for name in sections if name not in _OPTIONAL or name in content}
     for name, table in tables.items():
-        known = [each.name for each in sections[name].keys] + [_OPTIONS] * (name in KIND_OF_ROLE)
+        known = [each.name for each in sections[name].keys] + [OPTIONS] * (name in KIND_OF_ROLE)
         for key in table:
             one_of(f"{path}: in [{name}] the name", key, known)
     return {"": {name: value for name, value in content.items() if name not in sections}, **tables}
@@ -239,7 +240,7 @@ def _part(section: FileSection, table: Mapping[str, Any], path: Path) -> Any:
     values = _values(section.keys, table, where)
     if section.name in KIND_OF_ROLE:
         driver = _driver_of(section.name, table.get("driver"), path)
-        values[_OPTIONS] = _driver_options(section.name, driver, table.get(_OPTIONS, {}), path)
+        values[OPTIONS] = _driver_options(section.name, driver, table.get(OPTIONS, {}), path)
     names = {key.field: key for key in section.keys}
     for low, high in (("low", "high"), ("angle_low", "angle_high"), ("lowest", "highest")):
         if low in names:
@@ -263,10 +264,10 @@ def _values(keys: Iterable[FileKey], table: Mapping[str, Any], where: str) -> di
 
 def _driver_options(role: str, driver: str, table: Any, path: Path) -> Any:
     """Return the options of a section's driver, of the class that it declares; None if it declares none."""
-    where, kind = f"{path}: [{role}.{_OPTIONS}] ", KIND_OF_ROLE[role]
+    where, kind = f"{path}: [{role}.{OPTIONS}] ", KIND_OF_ROLE[role]
     of, keys = traits_of(kind, driver).options, option_keys(kind, driver)
     if not isinstance(table, dict):
-        raise ValueError(f"{path}: {role}.{_OPTIONS} must be a table, [{role}.{_OPTIONS}], got {table!r}.")
+        raise ValueError(f"{path}: {role}.{OPTIONS} must be a table, [{role}.{OPTIONS}], got {table!r}.")
     if of is None:
         if table:
             raise ValueError(
@@ -319,88 +320,3 @@ def _profile(key: FileKey, raw: Any, name: str) -> tuple[tuple[float, float], ..
         raise TypeError(f"{name} must be a list of [position_mm, depth_mm], such as {key.example}, got {raw!r}.")
     points = [[key.to_si(in_range(name, number, -1e3, 1e3, "mm")) for number in point] for point in raw]
     return tuple((position, depth) for position, depth in points)
-
-
-def _text(settings: RigSettings, *, to_fill: bool) -> str:
-    lines = (_BEGINNING + (_UNFINISHED if to_fill else "")).splitlines()
-    unread = _unread(settings)
-    for section in SECTIONS:
-        part = getattr(settings, section.name) if section.name else settings
-        if part is None:  # no axis of that kind, no camera
-            lines += ["", *(f"# {line}".rstrip() for line in _lines(section, section.of(), to_fill=True))]
-        else:
-            lines += ["", *_lines(section, part, to_fill=to_fill, unread=unread)]
-            lines += _option_lines(section, part, to_fill=to_fill)
-    return "\n".join(lines) + "\n"
-
-
-def _unread(settings: RigSettings) -> set[str]:
-    """Return the fields, as in ``"bus.host"``, that no driver of this rig reads."""
-    drivers = driven_roles(settings)
-    used = set(drivers.values()) | {"opencv"}
-    unread = set().union(*(keys for name, keys in OWN_KEYS.items() if name not in used))
-    for role in ("blade", "angle", "height"):
-        if drivers.get(role, "canopen") != "canopen":
-            unread |= {key for key in OWN_KEYS["canopen"] if key.startswith(f"{role}.")}
-    return unread
-
-
-def _option_lines(section: FileSection, part: Any, *, to_fill: bool) -> Iterator[str]:
-    if section.name not in KIND_OF_ROLE or part.options is None:
-        return
-    keys = option_keys(KIND_OF_ROLE[section.name], part.driver)
-    yield ""
-    yield f"# What the driver {part.driver!r} takes."
-    yield f"[{section.name}.{_OPTIONS}]"
-    yield from _key_lines(keys, part.options, to_fill=to_fill)
-
-
-def _lines(section: FileSection, part: Any, *, to_fill: bool, unread: Iterable[str] = ()) -> Iterator[str]:
-    if section.name:
-        yield f"# {section.about}"
-        yield f"[{section.name}]"
-    if section is IDENTIFIED:  # explained on top: the program adds the lines below
-        for key in section.keys:
-            yield f"#   {key.name:<20} {key.meaning}"
-    keys = [key for key in section.keys if f"{section.name}.{key.field}" not in unread]
-    yield from _key_lines(keys, part, to_fill=to_fill, comments=section is not IDENTIFIED)
-
-
-def _key_lines(keys: Iterable[FileKey], part: Any, *, to_fill: bool, comments: bool = True) -> Iterator[str]:
-    for key in keys:
-        value = getattr(part, key.field)
-        if comments:
-            yield from key_comment(key)
-        if to_fill and key.example:
-            yield f"{_TO_FILL}{key.name} = {key.example}"
-        elif value is not None:
-            yield f"{key.name} = {_toml(key, value)}"
-
-
-def key_comment(key: FileKey) -> list[str]:
-    """Return the comment above a key, in lines: its meaning, range, choices and default."""
-    about = [key.meaning]
-    if key.limits:
-        sign = "" if key.unit.sign == "1" else f" {key.unit.sign}"
-        about.append(f"{key.limits[0]:g} to {key.limits[1]:g}{sign}.")
-    if key.choices:
-        about.append(" or ".join(f'"{choice}"' for choice in key.choices) + ".")
-    if not key.example:
-        about.append(f"Default {_toml(key, key.default)}.")
-    lines = ["#"]
-    for word in " ".join(about).split():
-        if len(lines[-1]) + len(word) > _WIDTH:
-            lines.append("#")
-        lines[-1] += f" {word}"
-    return lines
-
-
-def _toml(key: FileKey, value: Any) -> str:
-    if key.kind is float:
-        return repr(key.from_si(value))
-    if key.kind is tuple:
-        points = (f"[{key.from_si(position)!r}, {key.from_si(depth)!r}]" for position, depth in value)
-        return f"[{', '.join(points)}]"
-    if key.kind is str:
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")  # TOML's only other escape
-    return str(value).lower()  # true, false, whole numbers

@@ -1,7 +1,8 @@
 """One score for people, scripts, agents and rigs, from what a rig can measure."""
 
-from cutenv.scoring import force, motion, outcome  # noqa: F401  they enter their metrics
-from cutenv.scoring.metric import INVARIANCES, METRICS, Metric
+from cutenv.scoring import depth_metrics, force, motion, outcome  # noqa: F401  they enter their metrics
+from cutenv.scoring.depth_map import DepthMap
+from cutenv.scoring.metric import DEPTH_METRICS, INVARIANCES, METRICS, Metric
 from cutenv.scoring.metric_weights import ForceOnlyWeights
 from cutenv.scoring.points import ScorePoints
 from cutenv.scoring.reference import ReferenceSet
@@ -11,8 +12,10 @@ from cutenv.scoring.technique import TechniqueFault
 from cutenv.scoring.unavailable import Unavailable
 
 __all__ = [
+    "DEPTH_METRICS",
     "INVARIANCES",
     "METRICS",
+    "DepthMap",
     "ForceOnlyWeights",
     "Metric",
     "ReferenceSet",

@@ -65,20 +65,27 @@ class Metric:
 
 
 METRICS: dict[str, Metric] = {}
-"""All metrics by name, in the order of the score card."""
+"""Metrics of every record by name, in the order of the score card."""
+DEPTH_METRICS: dict[str, Metric] = {}
+"""Metrics that a record with height, or a wanted depth, adds; in the order of the score card."""
 
 
 def metric(
-    unit: str, direction: Direction, **about: Any
+    unit: str, direction: Direction, *, among: dict[str, Metric] = METRICS, **about: Any
 ) -> Callable[[Callable[[ScoredCut], float]], Callable[[ScoredCut], float]]:
     """Register a function of a cut in :data:`METRICS` by its name; its docstring's first line is the meaning.
 
-    ``about`` are the other fields of a :class:`Metric`.
+    ``among`` is :data:`DEPTH_METRICS` for one of the depth; ``about`` are the other fields of a :class:`Metric`.
     """
 
     def enter(function: Callable[[ScoredCut], float]) -> Callable[[ScoredCut], float]:
         name, meaning = function.__name__, (function.__doc__ or "").strip().partition("\n")[0]
-        METRICS[name] = Metric(name=name, unit=unit, direction=direction, meaning=meaning, function=function, **about)
+        among[name] = Metric(name=name, unit=unit, direction=direction, meaning=meaning, function=function, **about)
         return function
 
     return enter
+
+
+def metric_named(name: str) -> Metric:
+    """Return a metric of any record by its name."""
+    return METRICS[name] if name in METRICS else DEPTH_METRICS[name]

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from cutenv.scoring.depth_metrics import depth_in_words
 from cutenv.scoring.scored_cut import ScoredCut
 from cutenv.task_quantities import (
     ANGLE_TOLERANCE,
     CLOSE,
     FORCE_LIMIT_PER_DEPTH,
+    LAYER_LIMIT,
     OVERSHOOT_ALLOWED,
     RUN_ALLOWED,
     TIP_TOLERANCE,
@@ -38,6 +41,10 @@ TISSUE_HARMED = {
     "mean_lag": (0.008, 0.020),
 }
 """Metrics that take points for the tissue: value up to which nothing is taken, and how far beyond it all is."""
+DEPTH_POINTS = 30.0
+"""Points for the depth of a cut along a wanted depth; those for gentle cutting then share the other 70."""
+DEPTH_COST = 0.44
+"""Charge of the task for the depth from which on there are no points; a point is then as dear as the others."""
 RESTLESS = 2.0
 """RMS rate of the force over its peak that has no points for steadiness [1/s]."""
 _LEAST_ANGLE = 0.5 * math.pi - ANGLE_TOLERANCE  # [rad]
@@ -96,7 +103,7 @@ def task_points(cut: ScoredCut, metrics: Mapping[str, float]) -> tuple[ScorePoin
         )
     success = is_success(cut)
     counts = way * (1.0 if success else MISSED)
-    less = "" if success else "; counts for less, because the target was missed"
+    less = "" if success else f"; counts for less, because {_missed(cut)}"
     side = "short of" if end < length else "beyond"
     gained = (
         ScorePoints(part="limits", points=LIMIT_POINTS, most=LIMIT_POINTS, reason="not too long, not too much force"),
@@ -123,14 +130,27 @@ def task_points(cut: ScoredCut, metrics: Mapping[str, float]) -> tuple[ScorePoin
             f"from {DEADLINE:.0f} s on there is nothing",
         ),
     )
-    return gained + tuple(
+    gentle = gained + tuple(
         ScorePoints(part=name, points=most * counts * _share(quality), most=most, reason=why + less)
         for name, most, quality, why in qualities
     )
+    if cut.wanted is None:
+        return gentle
+    share = 1.0 - DEPTH_POINTS / 100.0
+    depth = ScorePoints(
+        part="depth",
+        points=DEPTH_POINTS * counts * _share(1.0 - cut.depth_map.cost(length) / DEPTH_COST),
+        most=DEPTH_POINTS,
+        reason=f"{depth_in_words(cut)}{less}",
+    )
+    gentle = tuple(dataclasses.replace(each, points=share * each.points, most=share * each.most) for each in gentle)
+    return *gentle, depth
 
 
 def is_success(cut: ScoredCut) -> bool:
     """Return True for a tip near the target, under an upright blade, in a cut that ended as it should.
+
+    Where a depth is wanted, the cut is as deep as wanted, and the layer below is not opened.
 
     Raises
     ------
@@ -139,7 +159,19 @@ def is_success(cut: ScoredCut) -> bool:
     """
     near = tip_error(float(cut.tip[cut.end]), cut.length) <= TIP_TOLERANCE
     upright = cut.trace.angle is None or abs(wedge(float(cut.angle[cut.end]), 1.0)) <= wedge(_LEAST_ANGLE, 1.0)
-    return near and upright and cut.trace.metadata.get("end", "finished") == "finished"
+    ended = cut.trace.metadata.get("end", "finished") == "finished"
+    return near and upright and ended and not _depth_missed(cut)
+
+
+def _depth_missed(cut: ScoredCut) -> str:
+    """Return what the depth lacks for a success, in words; "" for nothing, or where no depth is wanted."""
+    return "" if cut.wanted is None else cut.depth_map.shortcoming(cut.length)
+
+
+def _missed(cut: ScoredCut) -> str:
+    """Return what was missed, in words."""
+    near = tip_error(float(cut.tip[cut.end]), cut.length) <= TIP_TOLERANCE
+    return (_depth_missed(cut) if near else "") or "the target was missed"
 
 
 def outcome_of(cut: ScoredCut, metrics: Mapping[str, float]) -> str:
@@ -157,7 +189,7 @@ def outcome_of(cut: ScoredCut, metrics: Mapping[str, float]) -> str:
     if fault := beyond_limit(cut, metrics):
         return fault
     if is_success(cut):
-        return f"success, {place}"
+        return ", ".join(filter(None, ("success", place, depth_in_words(cut))))
     return place if abs(off) > 1e3 * TIP_TOLERANCE else f"{place}, but {_success(cut, success=False)}"
 
 
@@ -175,6 +207,9 @@ def beyond_limit(cut: ScoredCut, metrics: Mapping[str, float]) -> str:
         return f"the cut is {1e3 * max(too_far, OVERSHOOT_ALLOWED):.0f} mm too long"
     if metrics.get("peak_force_per_depth", 0.0) > FORCE_LIMIT_PER_DEPTH or told == "force_limit":
         return f"the force exceeded {FORCE_LIMIT_PER_DEPTH:.0f} N per metre of depth"
+    opened = metrics.get("layer_depth", 0.0)
+    if opened > LAYER_LIMIT or told == "layer":
+        return f"the layer below is opened by {1e3 * max(opened, LAYER_LIMIT):.1f} mm"
     return ""
 
 
@@ -184,7 +219,9 @@ def _success(cut: ScoredCut, *, success: bool) -> str:
     if tip_error(float(cut.tip[cut.end]), cut.length) > TIP_TOLERANCE:
         return f"the tip must end within {1e3 * TIP_TOLERANCE:.0f} mm of the target"
     ended = cut.trace.metadata.get("end", "finished")
-    return "the blade must end upright" if ended == "finished" else f"the cut was not finished: {ended}"
+    if ended != "finished":
+        return f"the cut was not finished: {ended}"
+    return _depth_missed(cut) or "the blade must end upright"
 
 
 def _tissue(metrics: Mapping[str, float]) -> float:

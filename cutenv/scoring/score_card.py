@@ -12,12 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cutenv.measurement.depth import depth_sd
-from cutenv.scoring.metric import METRICS, Metric
+from cutenv.measurement import DepthProfile
+from cutenv.measurement.depth import LAYER_DEPTH_KEY, WANTED_DEPTH_KEY, depth_sd, wanted_depth
+from cutenv.scoring.depth_map import DepthMap
+from cutenv.scoring.metric import DEPTH_METRICS, METRICS, Metric, metric_named
 from cutenv.scoring.metric_weights import ForceOnlyWeights, weights_by_metric
 from cutenv.scoring.points import ScorePoints, outcome_of, task_points
 from cutenv.scoring.reference import ReferenceSet
-from cutenv.scoring.scored_cut import ScoredCut, Truth
+from cutenv.scoring.scored_cut import FLOOR_AT_END, ScoredCut, Truth
 from cutenv.scoring.technique import TechniqueFault, technique_faults
 from cutenv.scoring.unavailable import Unavailable
 from cutenv.scoring.validity import validity_warnings
@@ -27,6 +29,10 @@ from cutenv.trace import Trace
 SCORE_SCHEMA = "cutenv-score/2"
 DOUBT = "doubtful"
 """First word of a note on a record that can hardly be true."""
+EXPECTED_FLOOR = (
+    "floor of the cut: that of mean tissue under a blade that moved so, by an assumed edge; the surface as recorded"
+)
+"""Note on a record whose floor is not known but expected."""
 _SAME_DEPTH = 1e-6  # [m]
 _LONG = 0.03  # [m], advance over which a real depth changes
 _ROUNDED_OFF = 1e-9  # rounding residue of a computed zero
@@ -69,7 +75,7 @@ class ScoreCard:
     force_unit : str
         "N" or "1".
     metrics : mapping of str to Scored
-        All of :data:`~cutenv.scoring.METRICS`, in their order.
+        All of :data:`~cutenv.scoring.METRICS`, in their order; then those of the depth, where the record tells it.
     tip_source : str
         Source of the tip: "truth", "return stroke", "estimated" or "unknown".
     overall_score : float or None
@@ -89,6 +95,8 @@ class ScoreCard:
         Assumptions and warnings.
     scripts : tuple of ScriptScore
         What scripts got on this very specimen, for its difficulty; empty if that is unknown.
+    depth_map : DepthMap or None
+        Depth of the cut along its line; None for a record without height or wanted depth, or if it is unknown.
     """
 
     name: str
@@ -103,6 +111,7 @@ class ScoreCard:
     faults: tuple[TechniqueFault, ...]
     notes: tuple[str, ...]
     scripts: tuple[ScriptScore, ...] = ()
+    depth_map: DepthMap | None = None
 
     def __getitem__(self, name: str) -> float:
         """Return the value of a metric; raise ValueError with the reason if it is unavailable."""
@@ -114,11 +123,11 @@ class ScoreCard:
     def unit(self, name: str) -> str:
         """Return the unit of a metric on this card."""
         force = {"N": "N", "1": ""}[self.force_unit]
-        unit = METRICS[name].unit.replace("F", force).strip()
+        unit = metric_named(name).unit.replace("F", force).strip()
         return f"1{unit}" if unit.startswith("/") else unit or "1"
 
     def readable(self, name: str) -> tuple[str, str]:
-        """Return value and unit of a metric for people: lengths in mm, no unit for a pure number.
+        """Return value and unit of a metric for people: lengths in mm, areas in mm2, no unit for a pure number.
 
         Raises
         ------
@@ -128,6 +137,8 @@ class ScoreCard:
         value, unit = self[name], self.unit(name)
         if unit == "m":
             value, unit = 1e3 * value, "mm"
+        elif unit == "m2":
+            value, unit = 1e6 * value, "mm2"
         shown = f"{value:.4g}" if abs(value) >= _ROUNDED_OFF else "0"
         return shown, "" if unit == "1" else unit
 
@@ -144,7 +155,7 @@ class ScoreCard:
             "reference": self.reference,
             "tip_source": self.tip_source,
             "metrics": {
-                name: {"unit": self.unit(name), "direction": METRICS[name].direction, **dataclasses.asdict(scored)}
+                name: {"unit": self.unit(name), "direction": metric_named(name).direction, **dataclasses.asdict(scored)}
                 for name, scored in self.metrics.items()
             },
             "scripts_on_this_specimen": [dataclasses.asdict(each) for each in self.scripts],
@@ -156,7 +167,7 @@ class ScoreCard:
 
     def __str__(self) -> str:
         lines = [self.name, self.headline()]
-        lines += [f"  {p.part:24s} {p.points:6.1f} of {p.most:3.0f} points: {p.reason}" for p in self.points]
+        lines += [f"  {p.part:24s} {p.points:6.1f} of {p.most:3g} points: {p.reason}" for p in self.points]
         if self.scripts:
             lines.append(f"  scripts on this very specimen: {self.difficulty()}")
         for name, scored in self.metrics.items():
@@ -206,6 +217,8 @@ def score(
     weights: ForceOnlyWeights | None = None,
     tissue: TissueDescription | None = None,
     name: str | None = None,
+    wanted: DepthProfile | None = None,
+    layer_depth: float | None = None,
 ) -> ScoreCard:
     """Score one cut by a person, a script, an agent or a rig.
 
@@ -225,6 +238,12 @@ def score(
         Tissue with which the tip is estimated; default pig liver.
     name : str, optional
         Name of the cut; default from the metadata.
+    wanted : DepthProfile, optional
+        Wanted depth of the cut below the surface, see :func:`cutenv.measurement.depth.wanted_depth`; default
+        ``trace.metadata["wanted_depth_m"]`` if there.
+    layer_depth : float, optional
+        Depth below the surface at which another layer begins [m], 0.0005 to 0.1; default
+        ``trace.metadata["layer_depth_m"]`` if there.
 
     Returns
     -------
@@ -241,9 +260,20 @@ def score(
         )
     if target_length is None and trace.metadata.get("target_length_m") is not None:
         target_length = trace.metadata["target_length_m"]
-    cut = ScoredCut(trace=trace, target_length=target_length, truth=truth, tissue=tissue or measured_liver())
+    if wanted is None and trace.metadata.get(WANTED_DEPTH_KEY) is not None:
+        wanted = wanted_depth(trace.metadata[WANTED_DEPTH_KEY], name=f"metadata {WANTED_DEPTH_KEY}")
+    cut = ScoredCut(
+        trace=trace,
+        target_length=target_length,
+        truth=truth,
+        tissue=tissue or measured_liver(),
+        wanted=wanted,
+        layer_depth=trace.metadata.get(LAYER_DEPTH_KEY) if layer_depth is None else layer_depth,
+    )
     fits = reference is not None and reference.force_unit == trace.force_unit
     metrics = {each.name: _scored(each, cut, reference if fits else None) for each in METRICS.values()}
+    if cut.tells_depth:  # no reference set holds such cuts
+        metrics |= {each.name: _scored(each, cut, None) for each in DEPTH_METRICS.values()}
     points, outcome, no_score = _overall(cut, metrics, reference, weights or ForceOnlyWeights())
     faults = () if cut.twofold else tuple(technique_faults(cut))
     return ScoreCard(
@@ -258,7 +288,16 @@ def score(
         reference="" if reference is None else f"{reference.name} ({len(reference)} cuts: {reference.about})",
         faults=faults,
         notes=(*_notes(cut, points, outcome), *_doubted_depth(cut)),
+        depth_map=_depth_map(cut),
     )
+
+
+def _depth_map(cut: ScoredCut) -> DepthMap | None:
+    if not cut.tells_depth or cut.twofold:
+        return None
+    with contextlib.suppress(Unavailable):
+        return cut.depth_map
+    return None
 
 
 def _overall(
@@ -316,6 +355,9 @@ def _notes(cut: ScoredCut, points: Sequence[ScorePoints], outcome: str) -> list[
     ]
     if cut.truth is None and cut.noted_end is not None:
         notes.append("where the tip ended is the simulator's own")
+    if cut.trace.height is not None and cut.trace.depth is not None:
+        known = FLOOR_AT_END in cut.trace.metadata or (cut.truth is not None and cut.truth.floor is not None)
+        notes.append("floor of the cut: the simulator's own" if known else EXPECTED_FLOOR)
     if not points:
         notes.append("metrics, and no claim of skill")
     counted = {each.part for each in points}

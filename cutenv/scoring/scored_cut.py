@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,13 +20,16 @@ from cutenv.measurement import (
     estimate_local_effective_moduli,
     quality_issues,
 )
+from cutenv.measurement.depth import with_blade_depth
 from cutenv.measurement.loading_ratio import loading_ratio
 from cutenv.measurement.strokes import STANDSTILL_SPEED
+from cutenv.scoring.depth_map import DepthMap
 from cutenv.scoring.unavailable import Unavailable
 from cutenv.scoring.validity import LONGEST_RECORD, force_unusable, holds_two_cuts, is_truncated
 from cutenv.task_quantities import SHALLOWEST, SMALLEST_RUN
 from cutenv.tissue import CutModel, TissueDescription, measured_liver
 from cutenv.tissue.crack_tip import ASSESSED_TIP, ESTIMATED_EVERY, assess_tips, believe_mean
+from cutenv.tissue.floor import FLOOR_EVERY, expected_floor
 from cutenv.tissue.grid import N_POINTS, SPACING
 from cutenv.tissue.slab import THICKNESS, effective_depth
 from cutenv.trace import Trace
@@ -36,6 +40,8 @@ BANDWIDTH = 5.0
 """Low-pass cut-off of the force for its rate and jerk [Hz]: Butterworth of order 2, forward and backward, no delay."""
 TIP_AT_END = "tip_end_m"
 """Metadata in which a simulator notes the true crack tip at the end of its record [m]."""
+FLOOR_AT_END = "floor_end_m"
+"""Metadata in which it notes the depth of the floor then, every 0.5 mm from the clamp to the tip [m]."""
 SHORTEST_FORCE = 30
 """Samples at :data:`RATE` that a change at :data:`BANDWIDTH` needs."""
 _FARTHEST = 0.5  # [m]
@@ -59,16 +65,22 @@ class Truth:
         Unstable growth at that instant [m].
     resistance : float
         Mean fracture resistance of the cut tissue, friction's share included [J/m2].
+    floor : array_like of shape (m,), optional
+        Depth of the floor below the surface every 0.5 mm from the clamp to the tip [m], of a blade that moves up and
+        down; without it the floor is expected from the motion.
     """
 
     tip: Array
     jump: Array
     resistance: float
+    floor: Array | None = None
 
     def __post_init__(self) -> None:
         for name in ("tip", "jump"):
             object.__setattr__(self, name, array_in_range(name, getattr(self, name), -0.05, 0.5, "m", "8 cm is 0.08."))
         in_range("resistance", self.resistance, 1.0, 1e6, "J/m2", "0.211 kJ/m2 is 211.")
+        if self.floor is not None:
+            object.__setattr__(self, "floor", _floor("floor", self.floor))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -85,14 +97,22 @@ class ScoredCut:
         Hidden state of a simulated cut; without it the tip is estimated.
     tissue : TissueDescription, optional
         Tissue with which the tip is estimated if there is no return stroke; default pig liver.
+    wanted : DepthProfile, optional
+        Wanted depth of the floor below the surface, along the cut.
+    layer_depth : float, optional
+        Depth below the surface at which another layer begins [m], 0.0005 to 0.1.
     """
 
     trace: Trace
     target_length: float | None = None
     truth: Truth | None = None
     tissue: TissueDescription = field(default_factory=measured_liver)
+    wanted: DepthProfile | None = None
+    layer_depth: float | None = None
 
     def __post_init__(self) -> None:
+        if self.layer_depth is not None:
+            in_range("layer_depth", self.layer_depth, 0.0005, 0.1, "m", "12 mm is 0.012.")
         if self.target_length is not None:
             in_range("target_length", self.target_length, 0.005, 0.15, "m", "8 cm is 0.08.")
         if self.truth is not None and len(self.truth.tip) != len(self.trace):
@@ -125,6 +145,46 @@ class ScoredCut:
     def depth(self) -> Array:
         """Depth of the cut at the blade, at least 1 mm [m], shape (n,)."""
         return np.maximum(self._field("depth"), SHALLOWEST)
+
+    @cached_property
+    def at_blade(self) -> Trace:
+        """The record, with the depth at the blade whatever its height; the trace itself without height."""
+        return with_blade_depth(self.trace)
+
+    @property
+    def tells_depth(self) -> bool:
+        """True if the card has metrics of the depth: for a record with height, or beside a wanted depth."""
+        return self.trace.height is not None or self.wanted is not None
+
+    @cached_property
+    def floor(self) -> Array:
+        """Depth of the floor of the cut below the surface every 0.5 mm from the clamp to the tip [m], shape (m,).
+
+        Truth, or as the simulator noted it in the record; of a record with height, that which the tissue would have
+        under this blade; else the recorded depth.
+        """
+        if self.truth is not None and self.truth.floor is not None:
+            return self.truth.floor
+        noted = self.trace.metadata.get(FLOOR_AT_END)
+        if noted is not None:
+            return _floor(f"metadata {FLOOR_AT_END}", noted)
+        tip, _ = np.maximum.accumulate(np.maximum(self.tip[: self.end + 1], 0.0)), self.model  # which limits positions
+        grid = np.arange(N_POINTS, dtype=np.float64) * SPACING
+        if self.trace.height is None:
+            return self.profile.at(grid[: int(tip[-1] / SPACING + 0.5) + 1])
+        instants = even_instants(self.time, 1.0 / FLOOR_EVERY)
+        position, height, tips = (
+            np.interp(instants, self.time, each) for each in (np.maximum(self.position, 0.0), self.trace.height, tip)
+        )
+        surface = DepthProfile.recorded(self.trace, by="score").at(grid)
+        return expected_floor(self.tissue, surface, position, height, tips)[0]
+
+    @cached_property
+    def depth_map(self) -> DepthMap:
+        """Depth of the cut along its line, beside the wanted one and the layer below."""
+        floor = self.floor
+        wanted = None if self.wanted is None else self.wanted.at(np.arange(len(floor), dtype=np.float64) * SPACING)
+        return DepthMap(depth=floor, wanted=wanted, layer=self.layer_depth)
 
     @property
     def angle(self) -> Array:
@@ -276,7 +336,7 @@ class ScoredCut:
         return np.asarray(sosfiltfilt(butter(2, BANDWIDTH, fs=RATE, output="sos"), self._even))
 
     def _field(self, name: str) -> Array:
-        values: Array | None = getattr(self.trace, name)
+        values: Array | None = getattr(self.at_blade, name)
         if values is None:
             raise Unavailable(f"{name} was not recorded")
         return values
@@ -285,7 +345,7 @@ class ScoredCut:
     def profile(self) -> DepthProfile:
         """Depth of cut over position."""
         _ = self.position, self.depth  # raises, naming the missing field
-        found = DepthProfile.recorded(self.trace, by="score")
+        found = DepthProfile.recorded(self.at_blade, by="score")
         if float(found.depth.max()) < SHALLOWEST:
             raise Unavailable(f"the depth of cut is below {1e3 * SHALLOWEST:g} mm everywhere")
         return DepthProfile(position=found.position, depth=np.maximum(found.depth, SHALLOWEST))
@@ -369,7 +429,7 @@ class ScoredCut:
             return None
         try:
             found = estimate_local_effective_moduli(
-                self.trace,
+                self.at_blade,
                 self.tissue.cut_model(),
                 friction_per_depth=self.tissue.nominal_friction_per_depth,
                 smallest_drop=max(_DROP * float(self.force.max()), 1e-6),
@@ -394,6 +454,14 @@ class ScoredCut:
         """Return the estimated tip, stretched to its noted end."""
         noted = self.noted_end
         return tip if noted is None or tip[-1] <= 0.0 else np.minimum(tip * (noted / float(tip[-1])), noted)
+
+
+def _floor(name: str, depth: Any) -> Array:
+    """Return a floor's depth [m], shape (m,), checked."""
+    floor = array_in_range(name, depth, 0.0, 0.1, "m", "8 mm is 0.008.")
+    if floor.ndim != 1 or not 1 <= len(floor) <= N_POINTS:
+        raise ValueError(f"{name} has shape {floor.shape}; give one depth every 0.5 mm, 1 to {N_POINTS} of them.")
+    return floor
 
 
 def even_instants(time: Array, rate: float) -> Array:

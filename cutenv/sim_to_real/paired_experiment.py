@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -117,18 +118,22 @@ def cut_once(env: GentleCutEnv | RigCutEnv, policy: Policy, *, seed: int, episod
         observation = env.cutting.rest(env.start_angle)
     policy.reset(np.random.default_rng([seed, episode]))
     cutting, plant = env.cutting, env.cutting.plant
-    parts, value, ended = [], 0.0, False
+    parts, beside, value, ended = [], [], 0.0, False
     while not ended:
         observation, reward, ended, _, _ = env.step(policy(observation))
         value += reward
         assert cutting.readings is not None  # at least one step was made
         parts.append(cutting.readings.copy())
+        beside.append(cutting.beside)
     if sum(map(len, parts)) < 2:
         raise RigError("the blade was stopped before it had moved: there is no cut.")
-    about = {"target_length_m": cutting.target_length, "specimen_seed": seed, "specimen_episode": episode}
+    about = {**cutting.noted, "specimen_seed": seed, "specimen_episode": episode}
+    measured: dict[str, Any] = {name: np.concatenate([each[name] for each in beside]) for name in beside[0]}
     trace = to_trace(
-        plant, np.concatenate(parts), name=f"{seed}-{episode}", end=cutting.end, success=cutting.success, **about
-    )
+        plant, np.concatenate(parts),
+        name=f"{seed}-{episode}", end=cutting.end, success=cutting.success, **about,
+    )  # fmt: skip
+    trace = dataclasses.replace(trace, **measured)
     return ComparedCut(trace=trace, value=value, success=cutting.success, end=cutting.end)
 
 

@@ -16,6 +16,7 @@ from cutenv.tissue.grid import N_POINTS
 from cutenv.tissue.nominal import nominal_stiffness
 from cutenv.tissue.sampling import is_vascular, sample_profiles, smooth_field
 from cutenv.tissue.slab import fill_stiffness
+from cutenv.tissue.surface import vary_surface
 
 SHORTEST, LONGEST = 0.060, 0.100
 """Range from which the target length is sampled [m]."""
@@ -75,6 +76,7 @@ def begin_some(
     modes: Array,
     depth_noise: float,
     depth_modes: Array,
+    surface: tuple[float, float, Array],
     observations: StructArray,
     vascular: StructArray,
 ) -> None:
@@ -106,6 +108,9 @@ def begin_some(
         See :func:`cutenv.tissue.sampling.sample_profiles`.
     depth_noise, depth_modes
         See :func:`measure_depth`.
+    surface : tuple
+        Spread [m], greatest depth [m] and modes of :func:`cutenv.tissue.surface.vary_surface`; spread 0: every drawn
+        specimen has the mean surface.
     observations : array of float32, shape (n, 12)
         Filled for the cuts in ``which``.
     vascular : array of int8, shape (n,)
@@ -146,9 +151,11 @@ def begin_some(
             fracture_share = 1.0 - recipe[0].friction_share
             fill_stiffness(recipe[0].slab, along.modulus, recipe[0].effective_depth, recipe[0].share, profile.stiffness)
             for i in range(N_POINTS):
-                depth = recipe[0].depth[i]
-                profile.toughness[i] = fracture_share * along.fracture_resistance[i] * depth
-                profile.depth[i] = depth
+                profile.depth[i] = recipe[0].depth[i]
+            if surface[0] > 0.0:
+                vary_surface(seed, episode, surface[0], surface[1], surface[2], profile.depth)
+            for i in range(N_POINTS):
+                profile.toughness[i] = fracture_share * along.fracture_resistance[i] * profile.depth[i]
         measure_depth(seed, episode, depth_noise, depth_modes, profile.depth, nominal.depth)
         expect(expected[0], nominal)
         angle = cuts.states[n].angle

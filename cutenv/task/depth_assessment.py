@@ -6,21 +6,23 @@ import math
 from typing import Any
 
 from cutenv._base.arrays import Struct, StructArray
-from cutenv._engine.fuse import expression, fuse
+from cutenv._engine.fuse import fuse
 from cutenv._engine.jit import njit_fused, njit_inline, njit_internal
 from cutenv._engine.randomness import VERTICAL_NOISE, Integer, normal_at
 from cutenv.cutting.law import depth_at
 from cutenv.task import depth_terms
-from cutenv.task.depth_terms import (
-    DEPTH_COMPONENTS,
+from cutenv.task.depth_terms import DEPTH_COMPONENTS, LOOK_AHEAD, OF_DEPTH
+from cutenv.task.map_costs import charge_lines, observe_lines
+from cutenv.task.observation import COMPONENTS
+from cutenv.task_quantities import (
     DEPTH_COSTS,
     DEPTH_TOLERANCE,
     LAYER_TOLERANCE,
-    LOOK_AHEAD,
-    OF_DEPTH,
     OF_MAP,
+    into_layer,
+    left_uncut,
+    too_deep,
 )
-from cutenv.task.observation import CLIP, COMPONENTS
 from cutenv.tissue.grid import N_POINTS, POINTS_PER_METRE, SPACING
 
 _FIRST = len(COMPONENTS)  # component of the observation that depth adds first
@@ -31,27 +33,8 @@ def _fused(name: str, parameters: tuple[str, ...], lines: list[str]) -> Any:
     return njit_fused(fuse(name, list(parameters), lines, [depth_terms, __name__]))
 
 
-def _charge_lines() -> list[str]:
-    lines = []
-    for cost in DEPTH_COSTS:
-        now = f"0.0 - depth.weight_{cost.name} * {expression(cost.value, OF_MAP)}"
-        lines += [
-            f"before = depth.total_{cost.name}",
-            f"depth.total_{cost.name} = {now}",
-            f"depth.term_{cost.name} = depth.total_{cost.name} - before",
-        ]
-    return lines
-
-
-def _observe_lines() -> list[str]:
-    return [
-        f"observation[{_FIRST + number}] = min(max({expression(one.value, OF_DEPTH)} / {one.scale!r}, {-CLIP}), {CLIP})"
-        for number, one in enumerate(DEPTH_COMPONENTS)
-    ]
-
-
-_charge = _fused("_charge", ("depth", *OF_MAP), _charge_lines())
-_fill = _fused("_fill", (*OF_DEPTH, "observation"), _observe_lines())
+_charge = _fused("_charge", ("depth", *OF_MAP), charge_lines(DEPTH_COSTS, "depth", OF_MAP))
+_fill = _fused("_fill", (*OF_DEPTH, "observation"), observe_lines(DEPTH_COMPONENTS, _FIRST, OF_DEPTH))
 
 
 @njit_internal
@@ -61,13 +44,13 @@ def survey(depth: Struct, descent: Struct, low: float) -> None:
         now, before, wanted = descent.surface[i] - descent.floor[i], depth.counted[i], depth.wanted[i]
         if now == before:
             continue
-        depth.deep += SPACING * max(now - wanted, 0.0)
-        depth.uncut += SPACING * max(wanted - now, 0.0)
-        depth.layer += SPACING * max(now - descent.boundary, 0.0)
+        depth.deep += SPACING * too_deep(now, wanted)
+        depth.uncut += SPACING * left_uncut(now, wanted)
+        depth.layer += SPACING * into_layer(now, descent.boundary)
         if before >= 0.0:
-            depth.deep -= SPACING * max(before - wanted, 0.0)
-            depth.uncut -= SPACING * max(wanted - before, 0.0)
-            depth.layer -= SPACING * max(before - descent.boundary, 0.0)
+            depth.deep -= SPACING * too_deep(before, wanted)
+            depth.uncut -= SPACING * left_uncut(before, wanted)
+            depth.layer -= SPACING * into_layer(before, descent.boundary)
         depth.deepest = max(depth.deepest, now - descent.boundary)
         depth.counted[i] = now
     depth.counts = max(depth.counts, descent.cell + 1)

@@ -33,11 +33,13 @@ from cutenv.task.depth_assessment import (
     observe_depth,
     survey,
 )
-from cutenv.task.depth_terms import DEPTH_TERMS, DESCENT_SCALE, LAYER
+from cutenv.task.depth_terms import DESCENT_SCALE, LAYER
 from cutenv.task.observation import DEAD_ZONE
 from cutenv.task.reward import ENDS, SAFETY_ENDS
 
 _SAFETY = ENDS.index("force_limit")  # whose charges an end in the layer below shares
+N_MEMORY = N_REMEMBERED + 1
+"""Numbers that :func:`step_depth_one` has to remember."""
 _SAFETY_CODES = max(ENDS.index(name) for name in SAFETY_ENDS)  # the ends for safety are the first ones
 
 
@@ -59,6 +61,7 @@ def step_depth_one(
     observations: StructArray,
     readings: StructArray,
     vertical: StructArray,
+    memory: Array,
 ) -> tuple[float, int]:
     """Step one cut by one decision; return its reward and end, see :func:`step_depth_some`.
 
@@ -72,14 +75,16 @@ def step_depth_one(
         Milliseconds until the next decision.
     action, observations, readings, vertical : array, shape (1, 3), (1, 22) float32, (1, ticks), (1, ticks)
         Action within [-1, 1]; observation, readings and true vertical force [N]: filled.
+    memory : array, shape (N_MEMORY, 1)
+        Memory of the call: in a browser nothing can be allocated.
     """
     c, e = cuts[0], episodes[0]
     one = Cuts(
         c.states, c.profiles, c.laws, c.drives, c.sensors, e.tasks, e.progresses, e.nominals, e.specimens, e.tips
     )  # fmt: skip
     row, count = first_row(c.rows), first_row(e.counts)
-    plain, numbers, levels = plain_views(c.rows, c.states, c.laws, c.drives), as_float64_view(e.infos), np.empty(1)
-    step = np.empty((N_REMEMBERED, 1))
+    plain, numbers = plain_views(c.rows, c.states, c.laws, c.drives), as_float64_view(e.infos)
+    step, levels = memory, memory[N_REMEMBERED]
     take_cut(one, row, plain, count, action, 0, 0)
     begin_depth_step(step, 0, commanded_descent(action[0, 2]), c.states[0].tip)
     begin(row, plain, 1)
@@ -273,11 +278,6 @@ def _conclude_depth(
         (step[VERTICAL_SUM, k], step[VERTICAL_MAX, k]), action[2], observation,
     )  # fmt: skip
     return progress.end  # type: ignore[no-any-return]
-
-
-def depth_charges(depths: StructArray, prefix: str = "term") -> dict[str, Any]:
-    """Return the costs of the depth of the last step, or with "total" since reset, by name; each of shape (n,)."""
-    return {name: depths[f"{prefix}_{name}"] for name in DEPTH_TERMS}
 
 
 def depth_errors(depths: StructArray, targets: Array) -> dict[str, Any]:

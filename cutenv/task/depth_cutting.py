@@ -9,17 +9,16 @@ from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array, StructArray
 from cutenv.cutting.descent import DescentParameters, descent_records
+from cutenv.measurement.depth import LAYER_DEPTH_KEY, WANTED_DEPTH_KEY, corners
 from cutenv.plant.simulator import SimulatedPlant
+from cutenv.scoring.scored_cut import FLOOR_AT_END
 from cutenv.task.depth_beginning import begin_depth_one, observe_depth_at_start
-from cutenv.task.depth_cuts import (
-    depth_charges,
-    depth_errors,
-    step_depth_one,
-)
-from cutenv.task.depth_terms import ALL_COMPONENTS, DEPTH, DEPTH_ENDS, DEPTH_TERMS, DepthConstants
-from cutenv.task.gentle_cutting import GentleCutting, ShownDepth, SimulatedCutting
+from cutenv.task.depth_cuts import N_MEMORY, depth_errors, step_depth_one
+from cutenv.task.depth_terms import ALL_COMPONENTS, DEPTH, DEPTH_COSTS, DEPTH_ENDS, DepthConstants
+from cutenv.task.gentle_cutting import ShownDepth, SimulatedCutting
+from cutenv.task.map_assessed import MapAssessed
 from cutenv.task.observation import COMPONENTS
-from cutenv.task.reward import STOPPED
+from cutenv.tissue.grid import SPACING
 
 
 def depth_record(constants: DepthConstants) -> StructArray:
@@ -30,7 +29,7 @@ def depth_record(constants: DepthConstants) -> StructArray:
     return record
 
 
-class DepthAssessed(GentleCutting):
+class DepthAssessed(MapAssessed):
     """Episode whose depth of cut is assessed as well, by a map of its floor.
 
     Attributes
@@ -43,38 +42,14 @@ class DepthAssessed(GentleCutting):
     descents: StructArray
     depths: StructArray
 
-    @property
-    def end(self) -> str:
-        """Name of the reason why the episode ended, or an empty string."""
-        return STOPPED if self._stopped else DEPTH_ENDS[self._end]
+    end_names = DEPTH_ENDS
+    map_costs = DEPTH_COSTS
+    shown_as = "depth"
 
     @property
-    def success(self) -> bool:
-        """True if it is a success of gentle cutting, as deep as wanted, and the layer below is not opened."""
-        return bool(self.depths["success"][0])
-
-    @property
-    def depth_terms(self) -> dict[str, float]:
-        """The costs of the depth in the last step's reward."""
-        return {name: float(value[0]) for name, value in depth_charges(self.depths).items()}
-
-    @property
-    def reward_terms(self) -> dict[str, float]:
-        """The reward of the last step by term; costs are negative; the sum is the reward."""
-        return super().reward_terms | self.depth_terms
-
-    @property
-    def reward_totals(self) -> dict[str, float]:
-        """The reward since the start by term; the sum is the return."""
-        totals = {name: float(value[0]) for name, value in depth_charges(self.depths, "total").items()}
-        return super().reward_totals | totals
-
-    @property
-    def shown_totals(self) -> dict[str, float]:
-        """The reward since the start by line of a picture, with one line for all costs of the depth."""
-        charges = depth_charges(self.depths, "total").values()
-        gentle = {name: total for name, total in self.reward_totals.items() if name not in DEPTH_TERMS}
-        return gentle | {"depth": sum(float(value[0]) for value in charges)}
+    def maps(self) -> StructArray:
+        """The map of the depth, shape (1,)."""
+        return self.depths
 
     @property
     def depth_errors(self) -> dict[str, float]:
@@ -96,6 +71,29 @@ class DepthAssessed(GentleCutting):
         """Depth of the cut below the surface at each point [m], shape (301,); 0 where nothing is cut."""
         cut: Array = self.descents["surface"][0] - self.descents["floor"][0]
         return cut
+
+    @property
+    def floor_to_tip(self) -> Array:
+        """Depth of the cut at each point from the clamp to the tip [m], shape (n,)."""
+        return np.maximum(self.floor[: int(self.descents["cell"][0]) + 1], 0.0)
+
+    @property
+    def noted(self) -> dict[str, Any]:
+        """Target length and wanted depth for the metadata of a record, by key."""
+        wanted = self.depths["wanted"][0]
+        return super().noted | {WANTED_DEPTH_KEY: corners(np.arange(len(wanted), dtype=np.float64) * SPACING, wanted)}
+
+    @property
+    def given_depth(self) -> dict[str, Any]:
+        """Depths that are given, by key of a record's metadata: the wanted one, and the layer below if there is one."""
+        given, boundary = {WANTED_DEPTH_KEY: self.noted[WANTED_DEPTH_KEY]}, float(self.descents["boundary"][0])
+        return given | ({LAYER_DEPTH_KEY: boundary} if boundary < float(self.descents["thickness"][0]) else {})
+
+    @property
+    def noted_depth(self) -> dict[str, Any]:
+        """Notes of a simulated record on its depth, by key of its metadata: errors, given depths, floor at the end."""
+        errors = {name: round(value, 3) for name, value in self.depth_errors.items()}
+        return errors | self.given_depth | {FLOOR_AT_END: np.round(self.floor_to_tip, 6).tolist()}
 
 
 class DepthCutting(DepthAssessed, SimulatedCutting):
@@ -135,8 +133,10 @@ class DepthCutting(DepthAssessed, SimulatedCutting):
         self.slabs = specimen.tissue.slab()
         self.descents = descent_records([specimen], None, descent)
         self.depths = depth_record(constants)
+        self._level_before = 0.0
         self.vertical: Array = np.zeros((1, self.ticks))
         """True vertical force on the blade since the last decision, upwards [N]."""
+        self._memory: Array = np.empty((N_MEMORY, 1))
         begin_depth_one(
             plant.cuts, self.episode, self.descents, self.depths, self.slabs,
             (1.0 - specimen.tissue.friction_share, descent.bedding), (wanted, int(layer)),
@@ -145,14 +145,21 @@ class DepthCutting(DepthAssessed, SimulatedCutting):
 
     def step(self, action: NDArray[np.float64]) -> tuple[NDArray[np.float32], float]:
         """Command an action (3 numbers in [-1, 1]) for one decision; return observation, shape (22,), and reward."""
-        self.last_action = action
+        self.last_action, self._level_before = action, float(self.descents["level"][0])
         observation = np.empty((1, len(ALL_COMPONENTS)), np.float32)
         reward, self._end = step_depth_one(
             self.plant.cuts, self.episode, self.descents, self.depths, self.slabs, self.ticks, action.reshape(1, 3),
-            observation, self._recorded, self.vertical,
+            observation, self._recorded, self.vertical, self._memory,
         )  # fmt: skip
         self._felt = self._recorded[0]
         return observation[0], reward
+
+    @property
+    def beside(self) -> dict[str, Array]:
+        """Height, linear between two decisions, and true vertical force at the readings since the last one."""
+        count = self.updates
+        heights = np.linspace(self._level_before, float(self.descents["level"][0]), count + 1)[1:]
+        return {"height": heights, "vertical_force": self.vertical[0, :count].copy()}
 
     def rest(self, angle: float) -> NDArray[np.float32]:
         """Return the observation at the start: the blade at rest, forces tared to zero."""

@@ -9,9 +9,9 @@ from cutenv._base.arrays import Struct, StructArray
 from cutenv._engine.elementary import log
 from cutenv._engine.jit import njit, njit_internal
 from cutenv.task.cuts import Cuts
-from cutenv.task.depth_terms import DEPTH_TOLERANCE
 from cutenv.task.observation import CLIP
 from cutenv.task.privileged import PRIVILEGED_FEATURES, append_privileged
+from cutenv.task_quantities import DEPTH_TOLERANCE
 from cutenv.tissue.grid import N_POINTS, POINTS_PER_METRE
 
 DEPTH_PRIVILEGED = (

@@ -2,7 +2,7 @@
 
 Tip and floor of the cut are hidden.  The tip is estimated from the force, with the stiffness of the mean tissue at the
 depth to which the blade is engaged; the floor is that which the mean tissue would have under this blade
-(:func:`cutenv.cutting.floor.press`).  No layer below is known, and none is charged.
+(:func:`cutenv.tissue.floor.follow_floor`).  No layer below is known, and none is charged.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from cutenv._engine.lanes import first_row
 from cutenv._engine.randomness import Integer
 from cutenv.cutting.descent import held_depth
 from cutenv.cutting.dtypes import TICK
-from cutenv.cutting.floor import press
 from cutenv.cutting.law import depth_at
 from cutenv.task.assessment import add_terms, begin_count, conclude, count_lane, succeeded
 from cutenv.task.depth_assessment import as_deep_as_wanted, charge_depth, fill_depth, survey
@@ -22,10 +21,11 @@ from cutenv.task.depth_cuts import terms_of
 from cutenv.task.tip_estimation import estimated_tip
 from cutenv.task.wanted_depth import AT_LEVEL, draw_layer, draw_wanted
 from cutenv.tissue.crack_tip import ESTIMATED_EVERY
+from cutenv.tissue.floor import FLOOR_EVERY, follow_floor
 from cutenv.tissue.grid import N_POINTS, POINTS_PER_METRE
 from cutenv.tissue.nominal import nominal_stiffness
 
-_RESPONSE = 10  # updates between those of the floor
+_RESPONSE = round(FLOOR_EVERY / TICK)
 _EVERY = round(ESTIMATED_EVERY / TICK)
 _AHEAD = 3  # cells ahead of the blade that it may reach until the tip is estimated again
 
@@ -118,7 +118,7 @@ def assess_depth_readings(
             _engage(profile, nominals[0], descent, position)
         tip, jump = estimated_tip(known, task, profile, tick, position, reading.speed, felt)
         if tick % _RESPONSE == 0:
-            _respond(descent, position, tip)
+            follow_floor(descent, position, tip)
         count_lane(count, 0, position, reading.speed, felt, felt, tip, jump, depth_at(profile, position))
         total, largest, used = total + now, max(largest, now), used + 1
         lowest = min(lowest, position, tip)
@@ -149,15 +149,3 @@ def _engage(profile: Struct, nominal: Struct, descent: Struct, position: float) 
         profile.depth[k] = depth
         profile.stiffness[k] = nominal_stiffness(nominal, k, depth)
         profile.toughness[k] = nominal.toughness_per_depth * depth
-
-
-@njit_internal
-def _respond(descent: Struct, position: float, tip: float) -> None:
-    """Let the expected floor respond to the motion of blade and tip [m], as in :mod:`cutenv.cutting.descent`."""
-    cell = min(int(tip * POINTS_PER_METRE + 0.5), N_POINTS - 1)
-    for i in range(descent.cell + 1, cell + 1):
-        descent.floor[i] = max(descent.engaged, descent.surface[i] - descent.thickness)
-    slip = max(tip - descent.tip, 0.0) if position >= tip else abs(position - descent.blade)
-    descent.cell, descent.tip, descent.blade = max(cell, descent.cell), tip, position
-    press(descent, min(position, tip), tip, slip)
-    descent.engaged = max(descent.level, descent.floor[cell])

@@ -9,78 +9,16 @@ from typing import Any
 import numpy as np
 
 from cutenv._base.parameter import check_parameters, parameter
-from cutenv._engine.fuse import Formula
+from cutenv.task.map_costs import map_fields
 from cutenv.task.observation import COMPONENTS, Component
 from cutenv.task.reward import ENDS, TERMS
+from cutenv.task_quantities import DEPTH_COSTS, LAYER_LIMIT, PER_DEPTH  # noqa: F401  a formula of a cost needs it
 from cutenv.tissue.grid import N_POINTS
 
 DESCENT_SCALE = 0.010
 """Speed downwards of descent action 1 [m/s]."""
 LOOK_AHEAD = (0.005, 0.010, 0.020)
 """Distances ahead of the blade at which the wanted depth is observed [m]."""
-DEPTH_TOLERANCE = 0.0015
-"""Mean error of the depth of cut up to which a cut is a success [m]."""
-LAYER_TOLERANCE = 0.0005
-"""Depth to which a success may open the layer below [m]."""
-_PER_DEPTH = 0.001  # [m], error of the depth that costs its weight once
-
-
-@dataclass(frozen=True, kw_only=True)
-class DepthCost:
-    """One cost of the depth: ``weight`` times a quantity of the whole cut, charged as it grows.
-
-    What shrinks is refunded.  The map of the cut has the depth of its floor at each point that the tip has passed; the
-    formulas are of sums over it.
-    """
-
-    name: str
-    title: str
-    text: str
-    weight: float
-    per: str
-    value: Formula
-    """The quantity, of :data:`OF_MAP`."""
-
-
-OF_MAP = ("deep", "uncut", "layer", "deepest", "target")
-"""Quantities of the map: areas cut too deep, left uncut and opened in the layer below [m2]; largest depth into that
-layer [m]; target length [m]."""
-
-DEPTH_COSTS = (
-    DepthCost(
-        name="too_deep",
-        title="cut too deep",
-        text="area below the wanted depth / (L x 1 mm)",
-        weight=0.1,
-        per="per mm too deep along the whole cut",
-        value=lambda deep, target: deep / (target * _PER_DEPTH),
-    ),
-    DepthCost(
-        name="uncut",
-        title="left uncut",
-        text="area above the wanted depth, behind the tip, / (L x 1 mm)",
-        weight=0.1,
-        per="per mm too shallow along the whole cut",
-        value=lambda uncut, target: uncut / (target * _PER_DEPTH),
-    ),
-    DepthCost(
-        name="layer_area",
-        title="layer opened",
-        text="area opened in the layer below / (L x 1 mm)",
-        weight=0.2,
-        per="per mm of the layer below opened along the whole cut",
-        value=lambda layer, target: layer / (target * _PER_DEPTH),
-    ),
-    DepthCost(
-        name="layer_depth",
-        title="depth into the layer",
-        text="largest depth into the layer below / 1 mm",
-        weight=0.05,
-        per="per mm of the deepest place in the layer below",
-        value=lambda deepest: deepest / _PER_DEPTH,
-    ),
-)
-"""Costs of the depth, in order; none is charged for a cut as deep as wanted."""
 DEPTH_TERMS = tuple(cost.name for cost in DEPTH_COSTS)
 """Names of the costs of the depth."""
 ALL_TERMS = (*TERMS, *DEPTH_TERMS)
@@ -157,7 +95,7 @@ class DepthConstants:
     """Constants of the depth: weights of its costs, limit of the layer, sensor of the vertical force."""
 
     layer_limit: float = parameter(
-        0.003, unit="m", low=0.0001, high=0.03, provenance="choice",
+        LAYER_LIMIT, unit="m", low=0.0001, high=0.03, provenance="choice",
         source="depth into the layer below at which a cut ends for safety", sensitivity=(0.001, 0.005),
     )  # fmt: skip
     vertical_noise: float = parameter(
@@ -196,9 +134,7 @@ DEPTH: np.dtype[Any] = np.dtype(
             ("layer", "f8"),
             ("deepest", "f8"),
             ("counts", "i8"),  # number of points in the map
-            ("success", "i8"),
-            *((f"term_{name}", "f8") for name in DEPTH_TERMS),  # of this step
-            *((f"total_{name}", "f8") for name in DEPTH_TERMS),  # since reset
+            *map_fields(DEPTH_COSTS),
         ],
     )
 )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -145,6 +145,16 @@ class GentleCutting:
     def readings(self) -> StructArray | None:
         """Readings since the last decision that count; None before the first."""
         return None if self._felt is None else self._felt[: self.updates]
+
+    @property
+    def beside(self) -> dict[str, Array]:
+        """Further measurements at these readings, by field of a trace; none where the blade keeps its height."""
+        return {}
+
+    @property
+    def noted(self) -> dict[str, Any]:
+        """Facts about the task for the metadata of a record, by key."""
+        return {"target_length_m": self.target_length}
 
     @property
     def updates(self) -> int:

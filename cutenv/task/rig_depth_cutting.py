@@ -62,6 +62,7 @@ class RigDepthCutting(DepthAssessed):
     ) -> None:  # fmt: skip
         super().__init__(plant, tissue, *arguments, **keywords)
         self._mean = nominal_tissue(tissue)
+        self._beside = np.zeros(0), np.zeros(0)
         self._measured: StructArray = self.nominal.copy()
         self.descents, self.depths = expected_descent(tissue, descent), depth_record(constants)
         self.key = np.uint64(key[0]), np.uint64(key[1])
@@ -82,13 +83,19 @@ class RigDepthCutting(DepthAssessed):
 
     def assess(self, readings: StructArray, heights: Array, vertical: Array) -> tuple[NDArray[np.float32], float]:
         """Assess readings with the level [m] and the vertical force [N] at each; return observation and reward."""
-        self._felt = readings
+        self._felt, self._beside = readings, (heights, vertical)
         observation = np.empty(len(ALL_COMPONENTS), np.float32)
         reward, self._end = assess_depth_readings(
             self.episode, self.descents, self.depths, self._measured, self._mean, readings, heights, vertical,
             self.last_action, observation,
         )  # fmt: skip
         return observation, reward
+
+    @property
+    def beside(self) -> dict[str, Array]:
+        """Height and vertical force as measured with the readings since the last decision."""
+        heights, vertical = (values[: self.updates] for values in self._beside)
+        return {"height": heights, "vertical_force": vertical}
 
     def rest(self, angle: float) -> NDArray[np.float32]:
         """Return the observation at the start: the blade at rest, forces tared to zero."""

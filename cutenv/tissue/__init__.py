@@ -7,12 +7,14 @@ from cutenv.tissue.fracture_resistance import measured_fracture_resistance
 from cutenv.tissue.layers import Layers
 from cutenv.tissue.path_model import PathModel
 from cutenv.tissue.specimen import Specimen, draw_liver
+from cutenv.tissue.steered_model import SteeredModel
 
 __all__ = [
     "CutModel",
     "Layers",
     "PathModel",
     "Specimen",
+    "SteeredModel",
     "TissueDescription",
     "draw_liver",
     "load_description",

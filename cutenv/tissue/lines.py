@@ -47,22 +47,33 @@ def straight() -> CutLine:
     return bent(np.zeros(N_POINTS))
 
 
-def arc(radius: float) -> CutLine:
-    """Return an arc that leaves the clamp at right angles.
+def arc(radius: float, *, start: float = 0.0, turn: float = math.pi / 4.0) -> CutLine:
+    """Return a line that leaves the clamp at right angles, and bends along an arc.
 
     Parameters
     ----------
     radius : float
-        [m], 20 mm or more; negative: to the right. Where the arc has turned by 45 degrees, it goes on straight.
+        [m], 20 mm or more; negative: to the right.
+    start : float
+        Length of line before the arc [m].
+    turn : float
+        Angle by which the arc turns [rad]; beyond it the line goes on straight.
 
     Raises
     ------
     ValueError
-        If it bends too far.
+        If it bends or turns too far.
     """
     size = in_range("radius", abs(radius), 1.0 / LARGEST_CURVATURE, 1e3, "m", _BEND_CURE)
-    turned = np.arange(N_POINTS) * SPACING <= math.pi / 4.0 * size
-    return bent(np.where(turned, 1.0 / math.copysign(size, radius), 0.0))
+    start = in_range("start", start, 0.0, LENGTH, "m", "Give the length of line before the arc.")
+    turn = in_range("turn", turn, 0.0, STEEPEST, "rad", "Angles are in radians: 45 degrees is 0.7854.")
+    s = np.arange(N_POINTS) * SPACING
+    return bent(np.where((s >= start) & (s <= start + turn * size), 1.0 / math.copysign(size, radius), 0.0))
+
+
+def mirrored(line: CutLine) -> CutLine:
+    """Return the line that bends to the other side."""
+    return CutLine(line.x, -line.y, -line.angle, -line.curvature)
 
 
 def s_shape(radius: float, length: float = 0.1) -> CutLine:

@@ -130,6 +130,7 @@ class PathModel:
     def tips(self) -> Array:
         """Arc length of the line at each tip [m], shape (n_tips,): element corners until the line leaves the slab."""
         x = self.mesh.nodes[self.mesh.tip_pairs[:, 0, 0], ALONG]
+        x = x[x <= self.line.x[-1]]  # a long line ends within the slab
         s = np.interp(x, self.line.x, np.linspace(0.0, LENGTH, len(self.line.x)))
         return read_only(s[s <= length_within(self.line)])
 
@@ -211,20 +212,30 @@ def stiffness_on_line(specimen: Specimen, line: CutLine) -> TipStiffness:
     """
     tissue = specimen.tissue
     plane = tissue.element, tissue.formulation, tissue.poisson
-    own, (base, _, _) = specimen.stiffness(), _straight_stiffness(*plane)
-    along, coupled, across = _unit_stiffness(line, *plane)
-    return TipStiffness(own * (along / base), own * (coupled / base), own * (across / base))
+    own, ratio = specimen.stiffness(), over_straight(stiffness_at_unit_modulus(line, *plane), *plane)
+    return TipStiffness(own * ratio.along, own * ratio.coupled, own * ratio.across)
+
+
+def over_straight(found: TipStiffness, element: str, formulation: str, poisson: float) -> TipStiffness:
+    """Return the stiffness of a uniform slab on a line, over that along a straight one as long [1]."""
+    base = _straight_stiffness(element, formulation, poisson).along
+    return TipStiffness(*(part / base for part in found))
 
 
 @lru_cache(maxsize=4)
 def _straight_stiffness(element: str, formulation: str, poisson: float) -> TipStiffness:
-    return _unit_stiffness(straight(), element, formulation, poisson)
+    return stiffness_at_unit_modulus(straight(), element, formulation, poisson)
 
 
-def _unit_stiffness(line: CutLine, element: str, formulation: str, poisson: float) -> TipStiffness:
+def stiffness_at_unit_modulus(line: CutLine, element: str, formulation: str, poisson: float) -> TipStiffness:
     """Interpolate the uniform slab's stiffness between tips; outside them it keeps its value."""
     model = PathModel(line, element=element, formulation=formulation, poisson=poisson)
-    places = np.clip(np.arange(N_POINTS) * SPACING, model.tips[0], model.tips[-1])
     stiffness = np.where(abs(model.stiffness) > _ROUNDING, model.stiffness, 0.0)  # none is coupled by symmetry
-    between = PchipInterpolator(model.tips, stiffness)(places)
+    return along_whole_line(model.tips, stiffness)
+
+
+def along_whole_line(tips: Array, stiffness: Array) -> TipStiffness:
+    """Return the stiffness at each point of a line, of shape (n_tips, 2, 2) at some tips; outside them it is kept."""
+    places = np.clip(np.arange(N_POINTS) * SPACING, tips[0], tips[-1])
+    between = PchipInterpolator(tips, stiffness)(places)
     return TipStiffness(between[:, 0, 0], between[:, 0, 1], between[:, 1, 1])

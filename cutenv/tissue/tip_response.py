@@ -18,6 +18,7 @@ block's inverses: no tip needs a separate solve.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,9 +85,12 @@ def factorise(
     the time of the default ordering; the matrix of a mixed element is not, and is pivoted.
     """
     constrained = (constraints.T @ stiffness @ constraints).tocsc()
-    if not definite:
-        return splu(constrained)
-    return splu(constrained, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    return sparse_factors(constrained) if definite else splu(constrained)
+
+
+def sparse_factors(matrix: Any) -> SuperLU:
+    """Factorise a positive definite sparse matrix, in columns."""
+    return splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
 
 
 def blade_unknowns(mesh: CutMesh, constraints: csr_array[np.float64]) -> NDArray[np.int64]:

@@ -19,6 +19,7 @@ from cutenv.task_quantities import TIP_TOLERANCE
 from cutenv.tissue.grid import depth_below
 from cutenv.viewer.formula import SceneFormula
 from cutenv.viewer.scene_parts import (
+    BELOW,
     CHART_CEILING,
     CHART_FILLED,
     CHART_FLOOR,
@@ -114,7 +115,7 @@ class Moment:
             "depth_at": lambda along: depth_below(self.depth, along),
         }
         if self.shown_depth is not None:
-            values |= _of_depth(self.shown_depth)
+            values |= quantities_of_depth(self.shown_depth)
         return derived_quantities(values)
 
     @property
@@ -168,7 +169,7 @@ class Layout:
 
     def with_depth(self) -> Layout:
         """Return the layout that shows what is below level 0, for cuts whose depth is wanted."""
-        return replace(self, below=self.scale * _BELOW)
+        return replace(self, below=self.scale * BELOW)
 
     def place(self, view: str, places: Array, chart: tuple[float, float] = (CHART_FLOOR, CHART_CEILING)) -> Array:
         """Return the pixels of a view's places, shape (..., 2); ``chart`` is the range of the force chart [N]."""
@@ -239,17 +240,16 @@ _NUMBERS = {name: (SceneFormula(text), digits) for name, (text, digits) in NUMBE
 
 AT_LEVEL_ZERO: dict[str, Any] = {"level": 0.0, "bottom": 0.0, "floor_at": lambda along: 0.0 * along}
 """Quantities of a blade that neither rises nor descends."""
-_BELOW = 0.0085  # depth below level 0 that is drawn where blades descend [m]
 
 
-def _of_depth(shown: ShownDepth) -> dict[str, Any]:
+def quantities_of_depth(shown: ShownDepth) -> dict[str, Any]:
     """Return the quantities of a cut whose depth is wanted."""
     heights = {
         "depth_at": shown.surface, "limited_at": shown.surface - shown.wanted, "floor_at": shown.floor,
         "wanted_at": shown.wanted, "layer_at": shown.layer,
     }  # fmt: skip
     along = {name: partial(_height, each) for name, each in heights.items()}
-    return {"level": shown.level, "bottom": -_BELOW} | along
+    return {"level": shown.level, "bottom": -BELOW} | along
 
 
 def _height(heights: Array, along: Any) -> Any:

@@ -38,6 +38,8 @@ HANDLE_WIDTHS: PointRows = ((0.0, 0.00308), (0.004, 0.0056), (0.013, 0.0056), (0
 """Distance from the handle's start, and its width there [m]."""
 NARROWED = 0.0012
 """By which the tang is narrower than the blade, on both sides [m]."""
+BELOW = 0.0085
+"""Depth below level 0 that is drawn where blades descend [m]."""
 LARGEST_DISPLACEMENT = 0.012
 """Displacement at the dark end of the tissue's colours [m]."""
 RULER_STEP, RULER_LABELLED = 0.01, 5
@@ -352,9 +354,6 @@ PARTS = (
 )  # fmt: skip
 """Parts in the order in which they are drawn, after the tissue from above."""
 
-PAGE_PARTS = tuple(part for part in PARTS if part.shown not in ("depth", "layer"))
-"""Parts that the page draws: its blade keeps its level."""
-
 _FORMULAS: dict[str, SceneFormula] = {
     text: SceneFormula(text)
     for text in itertools.chain(
@@ -373,7 +372,7 @@ def _formula(text: str) -> SceneFormula:
 def scene_data() -> dict[str, Any]:
     """Return the description as data for a page: formulas as trees, colours by role for light and dark."""
     parts = []
-    for part in PAGE_PARTS:
+    for part in PARTS:
         told = dataclasses.asdict(part)
         parts.append(told | {"place": [each.tree for each in part.formulas]})
     return {
@@ -383,6 +382,7 @@ def scene_data() -> dict[str, Any]:
         "half_gap": HALF_GAP.tree,
         "opened_aside": OPENED_ASIDE.tree,
         "tint": [(role, _formula(text).tree) for role, text in TINT],
+        "below": BELOW,
         "largest_displacement": LARGEST_DISPLACEMENT,
         "ruler": {"step": RULER_STEP, "labelled": RULER_LABELLED},
         "clamp": Hatched()._asdict(),

@@ -14,6 +14,7 @@ import cutenv  # noqa: F401  registers the environments
 IDS = {
     "gentle-cut": "cutenv/GentleCut-v1",
     "depth-cut": "cutenv/DepthCut-v1",
+    "path-cut": "cutenv/PathCut-v1",
     "rig-cut": "cutenv/RigCut-v1",
     "rig-depth-cut": "cutenv/RigDepthCut-v1",
 }

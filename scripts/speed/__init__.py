@@ -9,6 +9,7 @@ BENCHMARKS = {
     "descent": "vertical_motion",
     "depth": "depth_environment",
     "steering": "steering",
+    "freehand": "freehand",
     "tick": "tick",
     "picture": "picture",
     "field": "field",

@@ -10,8 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cutenv.browser.depth_steps import HandDepthCut
 from cutenv.browser.stylus_steps import HandCut
 from cutenv.play import PlayedCut, Stylus
+from cutenv.play.played_depth_cut import PlayedDepthCut
 
 pytest.importorskip("wasmtime", reason="runs WebAssembly in the tests: pip install 'cutenv[dev]'")
 
@@ -20,14 +22,20 @@ import check_browser_law
 ROOT = Path(__file__).parents[2]
 
 
-def test_the_program_asks_its_surroundings_for_nothing() -> None:
-    assert list(check_browser_law.CARRIED.imports) == []
+@pytest.mark.parametrize("task", check_browser_law.CUTS)
+def test_the_program_asks_its_surroundings_for_nothing(task: str) -> None:
+    assert list(check_browser_law.CARRIED[task].imports) == []
 
 
+@pytest.mark.parametrize("task", check_browser_law.CUTS)
 @pytest.mark.parametrize("seed", range(8))
-def test_a_cut_in_webassembly_is_pythons_to_the_last_bit(seed: int) -> None:
-    cut = HandCut(specimen_class=check_browser_law.CLASSES[seed % 4], seed=seed, episode=seed // 4)
-    assert check_browser_law.same(cut, check_browser_law.wandering(seed))
+def test_a_cut_in_webassembly_is_pythons_to_the_last_bit(task: str, seed: int) -> None:
+    kind = check_browser_law.CUTS[task]
+    cut = kind(specimen_class=check_browser_law.CLASSES[seed % 4], seed=seed, episode=seed // 4)
+    assert check_browser_law.same(cut, check_browser_law.wandering(seed, numbers=cut.stylus_numbers))
+    if isinstance(cut, HandDepthCut):
+        assert np.ptp(cut.levels) > 0.003, "the blade stays at its level: the test compares too little"
+        return
     assert cut.cuts["states"]["uncontrolled"][0, 0] > 0.0, "nothing was cut: the test compares too little"
 
 
@@ -41,6 +49,18 @@ def test_a_led_cut_is_the_windows() -> None:
     assert led.end == played.end
 
 
+def test_a_led_cut_along_a_wanted_depth_is_the_windows() -> None:
+    led, played = HandDepthCut(specimen_class="vascular", seed=5), PlayedDepthCut(specimen_class="vascular", seed=5)
+    stylus = check_browser_law.wandering(5, 3_000, numbers=3)
+    readings = np.concatenate([led.follow(part) for part in np.split(stylus, [7, 1500])])
+    for position, angle, level in stylus.tolist():
+        played.tick(Stylus(position, angle, level=level))
+    assert led.end == played.end
+    ours, theirs = led.trace(readings), played.trace()
+    for name in ("time", "force", "position", "speed", "angle", "depth", "height", "vertical_force"):
+        assert getattr(ours, name).tobytes() == getattr(theirs, name).tobytes(), name
+
+
 def test_a_cut_that_has_ended_stays_as_it_is() -> None:
     cut = HandCut(seed=1, deadline=1.0)
     assert len(cut.follow(np.tile([0.0, 1.5], (1500, 1)))) == 1000
@@ -50,11 +70,13 @@ def test_a_cut_that_has_ended_stays_as_it_is() -> None:
 
 
 @pytest.mark.skipif(importlib.util.find_spec("ziglang") is None, reason="its linker: pip install 'cutenv[dev]'")
-def test_it_can_be_built_anew_from_the_kernels_and_is_the_same_law(tmp_path: Path) -> None:
-    built = tmp_path / "law.wasm"
-    build = [sys.executable, "scripts/build_browser_law.py", "--out", str(built)]
+@pytest.mark.parametrize("task", check_browser_law.CUTS)
+def test_it_can_be_built_anew_from_the_kernels_and_is_the_same_law(tmp_path: Path, task: str) -> None:
+    build = [sys.executable, "scripts/build_browser_law.py", "--task", task, "--out", str(tmp_path)]
     done = subprocess.run(build, cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, f"the kept one still serves: {done.stdout[-500:]}{done.stderr[-500:]}"
+    (built,) = tmp_path.glob("*.wasm")
     for seed in (20, 21):
-        cut = HandCut(specimen_class=check_browser_law.CLASSES[seed % 4], seed=seed)
-        assert check_browser_law.same(cut, check_browser_law.wandering(seed, 6000), built.read_bytes())
+        cut = check_browser_law.CUTS[task](specimen_class=check_browser_law.CLASSES[seed % 4], seed=seed)
+        stylus = check_browser_law.wandering(seed, 6000, cut.stylus_numbers)
+        assert check_browser_law.same(cut, stylus, built.read_bytes())

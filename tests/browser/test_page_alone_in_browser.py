@@ -54,7 +54,7 @@ def hands(seed: int, count: int) -> list[list[float]]:
 
 
 LED = """(() => {
-  const { law, told } = cutenvPage, cut = new HandCut(law, told.specimens[%d]), stylus = %s;
+  const { laws: { gentle: law }, told } = cutenvPage, cut = new HandCut(law, told.specimens[%d]), stylus = %s;
   for (let i = 0; i < stylus.length; i += 16) cut.advance(stylus.slice(i, i + 16));
   return [cut.csv("P07", false), cut.end, cut.success, cut.numbers()];
 })()"""

@@ -18,27 +18,33 @@ pytest.importorskip("jinja2", reason="pages are an extra: pip install 'cutenv[vi
 
 from cutenv.browser import write_page_alone
 from cutenv.browser.page_alone import page_texts
+from cutenv.task.gentle_cutting import ShownDepth
 from cutenv.task.reward import FORCE_ALLOWED
 from cutenv.tissue import measured_liver
 from cutenv.tissue.grid import depth_below
 from cutenv.viewer import Slab, palette
-from cutenv.viewer.scene import derived_quantities, rest_places, scene_label
-from cutenv.viewer.scene_parts import PAGE_PARTS, WORDS
+from cutenv.viewer.scene import derived_quantities, quantities_of_depth, rest_places, scene_label
+from cutenv.viewer.scene_parts import PARTS, WORDS
 from cutenv.viewer.views import tint
 
 Browser = chromium.Browser | firefox.Browser
 Array = NDArray[np.float64]
 
 CUT = """(() => {
-  const { page, law, told } = cutenvPage, cut = page.cut = new HandCut(law, told.specimens[%d]);
-  for (let at = 0; cut.blade < %s && !cut.end; ) cut.advance([[at += 1.2e-5, %s]]);
+  const { page, laws, told } = cutenvPage, specimen = told.specimens[%d];
+  const cut = page.cut = new HandCut(laws[specimen.task], specimen);
+  for (let at = 0; cut.blade < %s && !cut.end; ) cut.advance([[at += 1.2e-5, %s, 0.02 * at]]);
 })()"""
 
 PLACES = """(() => {
   const { page: { cut }, drawing: { scene } } = cutenvPage, values = scene.values(cut, { low: -1, high: 8 });
   const moved = scene.displacement(values);
   return { ...values, depth: Array.from(cut.depth), moved: Array.from(moved),
-    places: scene.parts.map(part => scene.places(part, values, moved)),
+    places: scene.parts.map(part => {
+      const left = ["depth", "layer"].includes(part.shown) && !cut.deep;
+      return left ? null : scene.places(part, values, moved);
+    }),
+    deep: cut.deep && [cut.deep.level, ...["surface", "floor", "wanted", "layer"].map(name => [...cut.deep[name]])],
     labels: [WORDS].map(key => scene.label(cutenvPage.told.texts.en[key], values)),
     tint: cutenvPage.drawing.tint(values) };
 })()""".replace("[WORDS]", str(list(WORDS)))
@@ -47,7 +53,7 @@ PLACES = """(() => {
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("page") / "cut.html"
-    write_page_alone(path, count=1)
+    write_page_alone(path, count=1, tasks=("gentle", "depth"))
     return path
 
 
@@ -68,7 +74,11 @@ def moment(told: dict[str, Any]) -> dict[str, Any]:
     names = ("blade", "tip", "angle", "hand", "target", "force", "force_limit_per_depth", "half_width")
     given = {name: told[name] for name in names}
     given |= {"force_allowed_per_depth": FORCE_ALLOWED, "chart_low": -1.0, "chart_high": 8.0}
-    return derived_quantities(given | {"depth_at": lambda along: depth_below(depth, along)})
+    given["depth_at"] = lambda along: depth_below(depth, along)
+    if told["deep"]:
+        level, *heights = told["deep"]
+        given |= quantities_of_depth(ShownDepth(level, *(np.array(each) for each in heights)))
+    return derived_quantities(given)
 
 
 def differences(told: dict[str, Any]) -> dict[str, float]:
@@ -77,7 +87,9 @@ def differences(told: dict[str, Any]) -> dict[str, float]:
     slab = Slab(measured_liver().cut_model(), (1, 1))
     moved = np.array(told["moved"]).reshape(slab.rest.shape)
     found = {}
-    for part, places in zip(PAGE_PARTS, told["places"], strict=True):
+    for part, places in zip(PARTS, told["places"], strict=True):
+        if places is None:  # of a depth that this task does not want
+            continue
         known, own = rest_places(part, quantities)
         if part.carried:
             known = slab.carried(moved, quantities["tip"], own[:, 0], known)
@@ -87,7 +99,8 @@ def differences(told: dict[str, Any]) -> dict[str, float]:
 
 
 @pytest.mark.parametrize(
-    ("specimen", "blade", "angle"), [(0, 0.0, 1.5707963), (0, 0.045, 0.8), (1, 0.07, 1.2), (2, 0.02, 1.5707963)]
+    ("specimen", "blade", "angle"),
+    [(0, 0.0, 1.5707963), (0, 0.045, 0.8), (1, 0.07, 1.2), (2, 0.02, 1.5707963), (3, 0.03, 1.2)],
 )
 def test_every_place_of_the_page_is_pythons(page: Browser, specimen: int, blade: float, angle: float) -> None:
     page.value(CUT % (specimen, blade, angle))
@@ -95,6 +108,7 @@ def test_every_place_of_the_page_is_pythons(page: Browser, specimen: int, blade:
     assert blade == 0.0 or told["lag"] > 1e-4, "nothing is displaced: the test compares too little"
     found = differences(told)
     assert max(found.values()) < 1e-12, max(found, key=lambda name: found[name])
+    assert ("wanted floor" in found) == (specimen == 3)
     quantities = moment(told)
     assert told["labels"] == [scene_label(key, quantities) for key in WORDS]
     assert told["tint"] == "rgb({}, {}, {})".format(*tint(told["force"], quantities))
@@ -125,6 +139,6 @@ def test_the_page_has_the_colours_and_words_of_the_window(page: Browser) -> None
     assert {key: told["texts"]["en"][key] for key in WORDS} == WORDS
     assert set(told["texts"]["de"]) >= set(WORDS)
     assert json.dumps(told["texts"]["en"]) == json.dumps(page_texts("en"))
-    for part in PAGE_PARTS:
+    for part in PARTS:
         assert {part.fill, part.line} <= {"", "tint", *palette.LIGHT}
         assert not part.words or part.words in WORDS

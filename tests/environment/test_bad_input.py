@@ -266,7 +266,9 @@ def test_every_public_function_that_takes_an_argument_is_in_the_tables():
     interfaces = {"ArrayPolicy", "Plant", "Policy", "PrivilegedPolicy", "Script"}
     in_their_own_tests = {
         "PathModel",
+        "SteeredModel",
         "SteeredPlant",
+        "FreehandPlant",
         "Network",
         "RecurrentNetwork",
         "PolicyCard",

@@ -15,9 +15,10 @@ from cutenv.envs.learned_tasks import task_of
 from cutenv.learning.evaluation import Contestant, evaluate
 from cutenv.policy.depth_planner import DepthPlanner
 from cutenv.policy.depth_scripts import DEPTH_SCRIPTS, FollowDepth, HoldDepth
-from cutenv.task.depth_terms import ALL_TERMS, DEPTH_COMPONENTS, DEPTH_COSTS, DEPTH_TERMS
+from cutenv.task.depth_terms import ALL_TERMS, DEPTH_COMPONENTS, DEPTH_TERMS
 from cutenv.task.observation import COMPONENTS
 from cutenv.task.wanted_depth import DEEP, LEAST_BELOW, LEAST_CHANGE, MOST_BELOW, SHALLOW
+from cutenv.task_quantities import DEPTH_COSTS
 
 UPRIGHT = math.pi / 2
 SPECIMENS = range(7000, 7030)

@@ -62,7 +62,7 @@ def test_the_record_holds_height_and_vertical_force(tmp_path: Path) -> None:
     assert trace.height is not None
     assert trace.vertical_force is not None
     assert np.ptp(trace.height) > 0.005
-    assert trace.metadata["task"] == "cutenv/DepthCut-v1"
+    assert trace.metadata["environment"] == "cutenv/DepthCut-v1"
     assert json.loads(json.dumps(trace.metadata))["mean_error_mm"] < 1.0
     words = session.sight().verdict
     assert len(words) == 1

@@ -14,7 +14,7 @@ from record_trials import KINDS, damaged, sound
 
 from cutenv.recording import RecordError, load
 
-SUFFIXES = (".csv", ".parquet", ".h5")
+SUFFIXES = (".csv", ".parquet", ".h5", ".mcap")
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from made_up import FULL, traces
 from cutenv.recording import SCHEMA, load, load_one, save
 from cutenv.trace import Reading, Trace
 
-SUFFIXES = (".csv", ".parquet", ".h5", ".hdf5", ".CSV")
+SUFFIXES = (".csv", ".parquet", ".h5", ".hdf5", ".CSV", ".mcap")
 
 
 def check_same(found: list[Trace], given: list[Trace]) -> None:
@@ -27,7 +27,7 @@ def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("records")
 
 
-@pytest.mark.parametrize("suffix", [".csv", ".parquet", ".h5"])
+@pytest.mark.parametrize("suffix", [".csv", ".parquet", ".h5", ".mcap"])
 @given(given=st.lists(traces(), min_size=1, max_size=3))
 @settings(max_examples=100)
 def test_any_traces_come_back_to_the_last_bit(folder, suffix, given):

@@ -24,7 +24,8 @@ from cutenv.rig.devices.clock import SystemClock
 from cutenv.rig.devices.driver_registry import Mounting
 from cutenv.rig.emulator.board_server import BoardServer
 from cutenv.rig.errors import RigError
-from cutenv.rig.toml_file import read_rig_file, to_toml
+from cutenv.rig.toml_file import read_rig_file
+from cutenv.rig.toml_text import to_toml
 
 JR3 = AnalogueCalibration.read(SHIPPED)
 TEXT = resources.path(f"sensors/{SHIPPED}.toml").read_text(encoding="utf-8")

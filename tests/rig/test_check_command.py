@@ -22,7 +22,7 @@ from cutenv.rig.hardware import rig_plant
 from cutenv.rig.operation.preflight import SETTLE
 from cutenv.rig.operation.self_check import Inspection, inspect
 from cutenv.rig.safety.stop_causes import Cause
-from cutenv.rig.toml_file import to_toml
+from cutenv.rig.toml_text import to_toml
 
 
 def inspected(**faults: object) -> Inspection:

@@ -26,7 +26,8 @@ from cutenv.rig.operation.operator import AutomaticOperator
 from cutenv.rig.operation.session import RigSession
 from cutenv.rig.operation.specimen_source import SpecimenKey
 from cutenv.rig.safety.stop_causes import Cause, RigStopped
-from cutenv.rig.toml_file import read_rig_file, to_toml
+from cutenv.rig.toml_file import read_rig_file
+from cutenv.rig.toml_text import to_toml
 from cutenv.tissue.specimen import Specimen
 
 ATTEMPTS = 8  # at half a second of cutting in which the host does not stall

@@ -17,7 +17,7 @@ from cutenv.rig.errors import RigError
 from cutenv.rig.operation.operator import ScriptedOperator
 from cutenv.rig.operation.specimen_source import SpecimenKey
 from cutenv.rig.safety.stop_causes import Cause, RigStopped
-from cutenv.rig.toml_file import to_toml
+from cutenv.rig.toml_text import to_toml
 from cutenv.tissue.layers import Layers
 from cutenv.tissue.specimen import Specimen
 from cutenv.trace import BESIDE, Reading

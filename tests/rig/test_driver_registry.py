@@ -21,7 +21,8 @@ from cutenv.rig.devices.driver_registry import (
     rig_driver,
 )
 from cutenv.rig.hardware import rig_plant
-from cutenv.rig.toml_file import read_rig_file, to_toml
+from cutenv.rig.toml_file import read_rig_file
+from cutenv.rig.toml_text import to_toml
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

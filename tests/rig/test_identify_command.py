@@ -19,7 +19,8 @@ from cutenv.rig.identification import Plan, identification_from, perform
 from cutenv.rig.operation.operator import AutomaticOperator
 from cutenv.rig.operation.preflight import SETTLE, prepare
 from cutenv.rig.safety.stop_causes import Cause, RigStopped
-from cutenv.rig.toml_file import read_rig_file, to_toml, write_identified
+from cutenv.rig.toml_file import read_rig_file, write_identified
+from cutenv.rig.toml_text import to_toml
 
 DEPTH = ((0.0, 0.02), (0.149, 0.02))
 

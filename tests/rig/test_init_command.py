@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from cutenv import cli
-from cutenv.rig.toml_file import read_rig_file, template
+from cutenv.rig.toml_file import read_rig_file
+from cutenv.rig.toml_text import template
 
 
 def test_a_new_file_is_the_template_with_the_rig_s_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

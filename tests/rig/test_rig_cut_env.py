@@ -20,7 +20,7 @@ from cutenv.rig.errors import RigError
 from cutenv.rig.fake.fake_rig import Faults
 from cutenv.rig.operation.operator import ScriptedOperator
 from cutenv.rig.safety.stop_causes import Cause
-from cutenv.rig.toml_file import to_toml
+from cutenv.rig.toml_text import to_toml
 from cutenv.scoring import score
 from cutenv.task.observation import to_action
 
@@ -389,3 +389,28 @@ def test_drives_that_stopped_by_themselves_between_cuts_are_the_operators_to_res
     _, info, _ = cut(env, episode=1)
     assert info["end"] == "finished"
     assert any("quick stop active" in asked for asked in env.session.operator.asked)
+
+
+def test_a_listener_hears_every_reading_of_the_record_and_what_ended_the_cut(tmp_path):
+    env = RigCutEnv(rig="fake", records=tmp_path)
+    told, parts = [], []
+
+    class Heard:
+        def began(self, name):
+            told.append(f"begin {name}")
+
+        def readings(self, readings, depth, origin):
+            parts.append(np.column_stack([origin + readings["time"], readings["force"], depth]))
+
+        def ended(self, cause):
+            told.append(f"end {cause}")
+
+    env.listen(Heard())
+    cut(env, until=20)
+    env.close()
+    trace = load_one(env.records[-1])
+    heard = np.concatenate(parts)
+    assert np.array_equal(heard[:, 1], trace.force)
+    assert np.array_equal(heard[:, 2], trace.depth)
+    assert np.allclose(np.diff(heard[:, 0]), 1e-3)
+    assert told == ["begin seed 5 episode 0", "end closed: operator"]

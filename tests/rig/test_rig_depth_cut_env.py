@@ -19,7 +19,7 @@ from cutenv.recording import load_one
 from cutenv.rig.config.imitated_rig import fake_settings
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.operator import ScriptedOperator
-from cutenv.rig.toml_file import to_toml
+from cutenv.rig.toml_text import to_toml
 
 UPRIGHT = math.pi / 2
 

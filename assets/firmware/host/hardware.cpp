@@ -13,7 +13,7 @@ HostWire Wire;
 
 namespace {
 const int STEP = 3, DIRECTION = 4, ENABLE = 5, DATA = 9, CLOCK = 10, PINS = 32;  // as in the sketch
-int levels[PINS];
+int levels[PINS] = {0, 0, 0, 0, 0, HIGH};  // the enable line is pulled up
 unsigned long now = 0;         // us
 long position = 0;             // steps that the motor has made
 bool blocked = false;          // fault: the motor does not follow its pulses

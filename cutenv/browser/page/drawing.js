@@ -35,14 +35,15 @@ class Drawing {
   looks() { return [this.canvas.clientWidth, devicePixelRatio, this.colour.ink]; }
 
   // Fit the canvas to its box; lengths are in CSS pixels from here on.
-  fit() {
+  fit(deep) {
     const ratio = devicePixelRatio || 1, width = this.canvas.clientWidth, margin = width < 560 ? 26 : 44;
     this.left = margin;
     this.scale = (width - margin - 12) / this.told.length;
     const half = 0.5 * this.told.slab.width * this.scale;
     this.line = 36 + half;
     this.sideTop = this.line + half + 28;
-    this.ground = this.sideTop + SIDE_HEIGHT * this.scale;
+    this.level = this.sideTop + SIDE_HEIGHT * this.scale; // of a blade at level 0
+    this.ground = this.level + (deep ? this.told.scene.below * this.scale : 0);
     this.chartTop = this.ground + 50;
     this.chartBottom = this.chartTop + (width < 560 ? 90 : 110);
     const height = this.chartBottom + 12;
@@ -59,7 +60,7 @@ class Drawing {
 
   pixels(view, [first, second]) {
     if (view === "above") return [this.left + this.scale * second, this.line + this.scale * first];
-    if (view === "side") return [this.left + this.scale * first, this.ground - this.scale * second];
+    if (view === "side") return [this.left + this.scale * first, this.level - this.scale * second];
     const { low, high } = this.range, share = (second - low) / (high - low);
     return [this.left + this.scale * first, this.chartBottom - (this.chartBottom - this.chartTop) * share];
   }
@@ -100,10 +101,11 @@ class Drawing {
   }
 
   draw(cut, { texts, showTip, seen }) {
-    this.fit();
+    this.fit(cut.deep);
     this.keepUp(cut);
     const { scene } = this, values = scene.values(cut, this.range), moved = scene.displacement(values);
-    const shown = { "": true, truth: showTip, hand: true, force: seen.force };
+    const shown = { "": true, truth: showTip, hand: true, force: seen.force,
+      depth: cut.deep, layer: cut.deep && showTip };
     this.colour.tint = seen.force ? this.tint(values) : this.colour.steel;
     this.drawTissue(values, moved);
     this.drawChart(texts, values, seen);
@@ -115,7 +117,7 @@ class Drawing {
     }
     this.drawRuler();
     this.hatch(this.line - this.scale * values.half_width, this.line + this.scale * values.half_width);
-    this.hatch(this.ground - this.scale * this.told.scene.clamp.height, this.ground);
+    this.hatch(this.level - this.scale * this.told.scene.clamp.height, this.ground);
     this.words(scene.label(texts.above, values), this.left, 14);
     this.words(scene.label(texts.side, values), this.left, this.sideTop - 8);
   }

@@ -7,27 +7,32 @@ const singlesOf = encoded => new Float32Array(bytesOf(encoded).buffer);
 const MOST_MILLISECONDS = 250; // made up for after a stall
 
 class Law {
-  constructor(program, told) {
+  constructor(program, told, task) {
+    const { numbers, records, memory, tables } = told.tasks[task];
     this.told = told;
     this.layout = told.layout;
     this.memory = program.memory;
     this.follow = program.follow;
     this.next = program.__heap_base.value;
-    this.cut = this.room(this.layout.cut.size);
-    this.episode = this.room(this.layout.episode.size);
-    this.stylus = this.room(16 * MOST_MILLISECONDS);
-    this.action = this.room(16);
-    this.observation = this.room(48);
+    this.records = records;
+    for (const name of records) this[name] = this.room(this.layout[name].size);
+    const kept = tables ? bytesOf(tables) : null;
+    this.tables = kept ? [this.room(kept.length)] : [];
+    this.columns = numbers;
+    this.stylus = this.room(8 * numbers * MOST_MILLISECONDS);
+    this.calls = memory.map(size => this.room(size));
     this.readings = this.room(this.layout.reading.size * MOST_MILLISECONDS);
+    this.besides = kept ? [this.room(16 * MOST_MILLISECONDS)] : [];
     this.outcome = this.room(16);
     const missing = this.next - this.memory.buffer.byteLength;
     if (missing > 0) this.memory.grow(Math.ceil(missing / 65536));
     this.view = new DataView(this.memory.buffer);
+    if (kept) new Uint8Array(this.memory.buffer).set(kept, this.tables[0]);
   }
 
-  static async load(encoded, told) {
+  static async load(encoded, told, task) {
     const { instance } = await WebAssembly.instantiate(bytesOf(encoded), {});
-    return new Law(instance.exports, told);
+    return new Law(instance.exports, told, task);
   }
 
   room(size) {
@@ -39,21 +44,22 @@ class Law {
   // Put the blade to the start of a specimen's cut.
   begin(specimen) {
     const memory = new Uint8Array(this.memory.buffer);
-    memory.set(bytesOf(specimen.cut), this.cut);
-    memory.set(bytesOf(specimen.task), this.episode);
+    for (const name of this.records) memory.set(bytesOf(specimen.records[name]), this[name]);
+    this.start = this.tables.length ? [this.number("descent", "level")] : [];
   }
 
-  // Advance by a millisecond for each [position, angle] of the stylus; return the readings up to the end of the cut.
+  // Advance by a millisecond for each row of numbers of the stylus; return the readings up to the end of the cut, and
+  // where the blade also moves up and down, its levels and vertical forces.
   advance(stylus) {
-    stylus.forEach(([position, angle], i) => {
-      this.view.setFloat64(this.stylus + 16 * i, position, true);
-      this.view.setFloat64(this.stylus + 16 * i + 8, angle, true);
-    });
-    const { motor_lag: lag, acceleration } = this.told.hand;
-    const done = this.follow(this.cut, this.episode, this.stylus, stylus.length, lag, acceleration, this.action,
-      this.observation, this.readings, this.outcome);
-    const size = this.layout.reading.size;
-    return new Float64Array(this.memory.buffer.slice(this.readings, this.readings + size * done));
+    stylus.forEach((row, i) => row.forEach((value, k) => {
+      this.view.setFloat64(this.stylus + 8 * (this.columns * i + k), value, true);
+    }));
+    const { motor_lag: lag, acceleration } = this.told.hand, count = stylus.length;
+    const done = this.follow(...this.records.map(name => this[name]), ...this.tables, this.stylus, count, lag,
+      acceleration, ...this.start, ...this.calls, this.readings, ...this.besides, this.outcome);
+    const { size } = this.layout.reading, row = (start, bytes) => new Float64Array(this.memory.buffer.slice(start, start + bytes));
+    const beside = this.besides.flatMap(start => [row(start, 8 * done), row(start + 8 * count, 8 * done)]);
+    return { readings: row(this.readings, size * done), beside };
   }
 
   number(record, field) {

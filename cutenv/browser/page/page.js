@@ -5,35 +5,32 @@
   const told = JSON.parse(byId("data").textContent);
   const canvas = byId("picture");
   let texts = told.texts[told.language];
-  let law;
+  const laws = {};
   try {
-    law = await Law.load(byId("law").textContent.trim(), told);
+    for (const task of Object.keys(told.tasks)) laws[task] = await Law.load(byId(`law-${task}`).textContent.trim(), told, task);
   } catch (error) {
     byId("trouble").hidden = false;
     throw error;
   }
   const drawing = new Drawing(canvas, told);
-  const upright = 0.5 * Math.PI;
   const FEWEST = 100; // ms that make a cut a record
-  const within = (value, low, high) => Math.min(Math.max(value, low), high);
 
   const page = { phase: "ready", chosen: 0, cut: null, practised: false, from: 0, given: 0 };
-  const stylus = { position: 0, angle: upright, keys: new Set(), pointer: null };
+  const stylus = new Stylus(told);
 
   // A server hands out each specimen, and says what is shown of the force; the page alone has its own.
   async function prepare() {
     if (told.served) {
       page.handedOut = await ask("POST", "cuts");
       sayCourse();
-      page.done = !page.handedOut.cut;
+      page.done = !page.handedOut.records;
       if (page.done) { show(); return; }
     }
-    page.cut = new HandCut(law, page.handedOut ?? told.specimens[page.chosen]);
+    const specimen = page.handedOut ?? told.specimens[page.chosen];
+    page.cut = new HandCut(laws[specimen.task], specimen);
     page.practised = false;
     page.phase = "ready";
-    stylus.position = 0;
-    stylus.angle = upright;
-    stylus.pointer = null;
+    stylus.rest(Boolean(page.cut.deep));
     show();
   }
 
@@ -66,7 +63,7 @@
   function finish(end) {
     page.cut.end ||= end;
     page.phase = "ended";
-    page.points = told.served || page.cut.count < FEWEST ? null : taskPoints(page.cut, told);
+    page.points = told.served || page.cut.deep || page.cut.count < FEWEST ? null : taskPoints(page.cut, told);
     if (told.served) keep();
     if (platform?.open && !page.practised) platform.report(page.chosen, page.points && sum(page.points), page.cut.end !== "given up");
     show();
@@ -146,7 +143,7 @@
   // What a course's rule shows of the force now, as cutenv.play.course.shown_feedback.
   function shown() {
     const rule = page.handedOut?.feedback ?? "always", ended = page.phase === "ended", { cut } = page;
-    const costs = cut.last("force") > told.force_allowed_per_depth * cut.depthAt(cut.depth, cut.blade);
+    const costs = cut.last("force") > told.force_allowed_per_depth * cut.engaged;
     const after = ended && rule !== "never", whole = rule === "always" || after;
     return { force: whole || (rule === "above-limit" && costs), trace: whole, result: after || !ended };
   }
@@ -166,12 +163,10 @@
         page.from += due - MOST_MILLISECONDS;
         due = MOST_MILLISECONDS;
       }
-      moveByKeys(due);
-      moveByGamepad(due);
-      stylus.position = within(within(stylus.position, page.cut.hand - told.lead, page.cut.hand + told.lead), 0, told.travel);
+      stylus.advance(due, page.cut.hand);
       page.practised ||= practising();
       if (due > 0) {
-        page.cut.advance(Array.from({ length: due }, () => [stylus.position, stylus.angle]));
+        page.cut.advance(Array.from({ length: due }, () => stylus.numbers));
         page.given += due;
       }
       if (page.cut.end) finish(page.cut.end);
@@ -206,7 +201,13 @@
     byId("start").disabled = Boolean(page.busy || page.done);
     if (page.done) byId("card").hidden = true;
     if (!cut) return;
-    byId("task").textContent = say(texts.task, { target: fixed(1e3 * cut.target, 1) });
+    byId("task").textContent = say(cut.deep ? texts.task_depth : texts.task, { target: fixed(1e3 * cut.target, 1) });
+    document.body.classList.toggle("deep", Boolean(cut.deep));
+    for (const name of ["help", "advice", "result_note"]) {
+      if (!byId(name)) continue;
+      byId(name).dataset.text = cut.deep ? `${name}_depth` : name;
+      byId(name).textContent = texts[byId(name).dataset.text];
+    }
     byId("start").hidden = at === "cutting" || at === "countdown";
     byId("start").textContent = at === "ended" ? texts.again : texts.start;
     if (told.served) byId("start").textContent = at === "ended" ? texts.next : texts.start;
@@ -224,17 +225,23 @@
     const off = say(found.off > 0 ? texts.beyond : texts.short, { value: millimetres(apart(found.off)) });
     byId("verdict").textContent = verdict(cut, found, millimetres);
     byId("card").className = cut.success ? "card good" : "card bad";
-    const reward = law.numbers("episode", "totals", told.terms.length).reduce((sum, term) => sum + term, 0);
     const scored = page.points ? [[texts.score, say(texts.points_of, { value: fixed(sum(page.points), told.platform ? 1 : 0), most: 100 })]] : [];
     const rows = [...scored, [texts.result_off, off], [texts.result_peak, `${fixed(found.peak, 1)} N`],
       [texts.result_longest, `${millimetres(found.longest)} mm`], [texts.result_time, `${fixed(found.time, 1)} s`],
-      [texts.result_return, fixed(reward, 2)]];
+      ...depthRows(cut), [texts.result_return, fixed(cut.gained, 2)]];
     const toldRows = shown().result ? rows : [];
     if (!shown().result) byId("verdict").textContent = texts.ended;
     byId("results").replaceChildren(...toldRows.flatMap(([name, value]) => [element("dt", name), element("dd", value)]));
     if (!told.served) showPoints(page.points ?? []);
     byId("practised").hidden = !page.practised;
     if (byId("save")) byId("save").disabled = cut.count < FEWEST;
+  }
+
+  function depthRows(cut) {
+    if (!cut.deep) return [];
+    const { mean_error_mm: mean, layer_mm: opened, too_deep_mm2: below, uncut_mm2: above } = cut.deep.errors(cut.target);
+    return [[texts.result_depth, `${fixed(mean, 1)} mm`], [texts.result_layer, opened > 0 ? `${fixed(opened, 1)} mm` : texts.not_opened],
+      [texts.result_too_deep, `${fixed(below, 0)} mm²`], [texts.result_uncut, `${fixed(above, 0)} mm²`]];
   }
 
   // A tip that missed the target is not rounded to one that did not.
@@ -246,6 +253,11 @@
     if (Math.abs(found.off) > told.tip_tolerance) {
       return say(texts.end_finished_off, { off: millimetres(apart(found.off)), tolerance: fixed(1e3 * told.tip_tolerance, 0) });
     }
+    if (cut.deep && Math.abs(UPRIGHT - cut.angle) <= told.angle_tolerance) {
+      const { mean_error_mm: mean, layer_mm: opened } = cut.deep.errors(cut.target), allowed = 1e3 * told.layer_tolerance;
+      return opened > allowed ? say(texts.end_finished_layer, { opened: fixed(Math.max(opened, allowed + 0.1), 1) })
+        : say(texts.end_finished_depth, { mean: fixed(Math.max(mean, 1e3 * told.depth_tolerance + 0.1), 1), tolerance: fixed(1e3 * told.depth_tolerance, 1) });
+    }
     return say(texts.end_finished_tilted, { angle: fixed(cut.angle * 180 / Math.PI, 0) });
   }
 
@@ -255,7 +267,7 @@
   }
 
   function tell() {
-    const { cut } = page, force = cut.last("force"), depth = cut.depthAt(cut.depth, cut.blade);
+    const { cut } = page, force = cut.last("force"), depth = cut.engaged;
     const limit = cut.limitPerDepth * depth, distance = 1e3 * (cut.target - cut.blade);
     const seen = shown().force;
     put("force", seen ? `${fixed(force, 1)} N` : "–");
@@ -263,85 +275,31 @@
     byId("bar").className = force > told.force_allowed_per_depth * depth ? "costs" : "";
     for (const name of ["costs", "costs-word"]) byId(name).style.left = `${100 * told.force_allowed_per_depth / cut.limitPerDepth}%`;
     put("distance", `${fixed(distance, 1)} mm`);
+    if (cut.deep) put("below", signed(1e3 * (cut.depthAt(cut.deep.wanted, cut.blade) - cut.deep.level)));
     put("ahead", `${fixed(1e3 * (cut.hand - cut.blade), 1)} mm`);
     put("speed", `${fixed(1e2 * cut.last("speed"), 1)} cm/s`);
     put("angle", say(texts.degrees, { value: fixed(cut.angle * 180 / Math.PI, 0) }));
     put("time", say(texts.of, { value: fixed(cut.last("time"), 1), most: fixed(cut.deadline, 0) }));
     byId("tilt").value = Math.round(stylus.angle * 180 / Math.PI);
+    byId("level").value = 1e3 * stylus.level;
     put("countdown", page.phase === "countdown" ? String(Math.max(1, Math.ceil((1500 - (performance.now() - page.from)) / 500))) : "");
     put("missing", page.phase === "cutting" ? missing(cut, force) : "");
     canvas.setAttribute("aria-label", say(texts.picture, { force: seen ? fixed(force, 1) : "–", distance: fixed(distance, 0) }));
   }
 
+  const signed = value => `${value >= 0.05 ? "+" : ""}${fixed(value, 1)} mm`;
+
   // What is still missing to finish, once the blade has come near the target; from what a rig measures, too.
   function missing(cut, force) {
-    const progress = name => law.number("episode", `progresses.${name}`);
+    const progress = name => cut.law.number("episode", `progresses.${name}`);
     if (!cut.count || progress("furthest") < cut.target - told.near_target) return "";
-    if (Math.abs(upright - cut.angle) > told.angle_tolerance) return say(texts.missing_upright, { angle: fixed(cut.angle * 180 / Math.PI, 0) });
+    if (Math.abs(UPRIGHT - cut.angle) > told.angle_tolerance) return say(texts.missing_upright, { angle: fixed(cut.angle * 180 / Math.PI, 0) });
     const rested = progress("quiet");
     if (rested > 0) return say(texts.missing_still, { time: fixed(Math.max(told.time_at_rest - rested, 0), 1) });
     return say(texts.missing_back, { force: shown().force ? fixed(Math.max(force, 0), 1) : "…" });
   }
 
-  // The hand: pointer, wheel, keys, gamepad, slider
-
-  function move(distance) { stylus.position = within(stylus.position + distance, 0, told.travel); }
-  function tilt(by) { stylus.angle = within(stylus.angle + by, told.inclined, upright); }
-
-  canvas.addEventListener("pointermove", event => {
-    if (page.phase === "cutting" && stylus.pointer?.id === event.pointerId) {
-      move((event.clientX - stylus.pointer.x) / drawing.scale);
-      if (event.pointerType === "pen" && (event.tiltX || event.tiltY)) {
-        stylus.angle = within(upright - Math.hypot(event.tiltX, event.tiltY) * Math.PI / 180, told.inclined, upright);
-      }
-    }
-    if (event.pointerType === "mouse" || event.buttons) stylus.pointer = { id: event.pointerId, x: event.clientX };
-  });
-  canvas.addEventListener("pointerdown", event => {
-    stylus.pointer = { id: event.pointerId, x: event.clientX };
-    canvas.setPointerCapture(event.pointerId);
-  });
-  for (const name of ["pointerup", "pointerleave", "pointercancel"]) {
-    canvas.addEventListener(name, () => { stylus.pointer = null; });
-  }
-  canvas.addEventListener("wheel", event => {
-    if (page.phase !== "cutting") return;
-    event.preventDefault();
-    tilt(-Math.sign(event.deltaY) * told.notch);
-  }, { passive: false });
-  byId("tilt").addEventListener("input", event => { stylus.angle = within(event.target.value * Math.PI / 180, told.inclined, upright); });
-
-  const KEYS = { ArrowRight: 1, ArrowLeft: -1 };
-  canvas.addEventListener("keydown", event => {
-    if (event.key === " ") { event.preventDefault(); start(); return; }
-    if (page.phase !== "cutting") return;
-    if (event.key in KEYS) stylus.keys.add(event.key);
-    else if (event.key === "ArrowUp") tilt(told.notch);
-    else if (event.key === "ArrowDown") tilt(-told.notch);
-    else return;
-    stylus.slowly = event.shiftKey;
-    event.preventDefault();
-  });
-  canvas.addEventListener("keyup", event => {
-    stylus.keys.delete(event.key);
-    stylus.slowly = event.shiftKey;
-  });
-  canvas.addEventListener("blur", () => stylus.keys.clear());
-
-  function moveByKeys(milliseconds) {
-    const speed = stylus.slowly ? 0.003 : 0.015; // m/s
-    for (const key of stylus.keys) move(KEYS[key] * speed * milliseconds / 1e3);
-  }
-
-  function moveByGamepad(milliseconds) {
-    for (const pad of navigator.getGamepads?.() ?? []) {
-      if (!pad) continue;
-      const push = Math.abs(pad.axes[0]) > 0.12 ? pad.axes[0] : 0;
-      move(push * 0.0254 * milliseconds / 1e3);
-      const pull = pad.buttons[7]?.value ?? 0;
-      if (pull > 0.02) stylus.angle = upright - pull * (upright - told.inclined);
-    }
-  }
+  stylus.listen(canvas, { cutting: () => page.phase === "cutting", scale: () => drawing.scale, start }, byId("tilt"), byId("level"));
 
   // Buttons and choices
 
@@ -376,8 +334,9 @@
     if (page.cut) show();
     if (told.served) return;
     byId("operator").title = texts.bad_operator;
-    byId("specimen").replaceChildren(...told.specimens.map(({ specimen_class: kind, episode }, k) => {
-      const option = element("option", `${texts[`class_${kind}`]}, ${say(texts.number, { number: episode + 1 })}`);
+    byId("specimen").replaceChildren(...told.specimens.map(({ task, specimen_class: kind, episode }, k) => {
+      const called = `${texts[`class_${kind}`]}, ${say(texts.number, { number: episode + 1 })}`;
+      const option = element("option", task === "depth" ? say(texts.along_depth, { specimen: called }) : called);
       option.value = k;
       return option;
     }));
@@ -400,5 +359,5 @@
   await prepare();
   speak(told.language === "en" && wanted in told.texts ? wanted : told.language);
   if (page.cut) requestAnimationFrame(frame);
-  window.cutenvPage = { page, stylus, law, start, told, drawing }; // for tests, and for whoever looks inside
+  window.cutenvPage = { page, stylus, laws, start, told, drawing }; // for tests, and for whoever looks inside
 })();

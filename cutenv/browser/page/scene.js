@@ -42,10 +42,19 @@ class Scene {
       half_width: 0.5 * this.told.slab.width, chart_low: low, chart_high: high,
       force_limit_per_depth: cut.limitPerDepth, force_allowed_per_depth: this.told.force_allowed_per_depth,
       depth_at: along => cut.depthAt(cut.depth, along), limited_at: along => cut.depthAt(cut.depth, along),
-      level: 0, bottom: 0, floor_at: () => 0,
+      level: 0, bottom: 0, floor_at: () => 0, ...this.heights(cut),
     };
     for (const [name, each] of this.quantities) values[name] = each(values);
     return values;
+  }
+
+  // Quantities of a cut whose depth is wanted.
+  heights(cut) {
+    if (!cut.deep) return {};
+    const { surface, wanted, layer, floor, level } = cut.deep;
+    const heights = { depth_at: surface, limited_at: surface.map((height, i) => height - wanted[i]), floor_at: floor, wanted_at: wanted, layer_at: layer };
+    const along = Object.entries(heights).map(([name, each]) => [name, place => cut.depthAt(each, place)]);
+    return { level, bottom: -this.told.scene.below, ...Object.fromEntries(along) };
   }
 
   // Displacement of the lattice for the tip and lag of the moment: the finite-element field between two tips.

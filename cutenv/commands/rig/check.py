@@ -7,16 +7,19 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 from collections.abc import Sequence
 from datetime import date
 from typing import Any
 
 from cutenv.commands.options import RIG, command_parser, reports_errors
+from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.connection import connected, settings_of
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.camera_check import inspect_camera
 from cutenv.rig.operation.preflight import Check, may_move
 from cutenv.rig.operation.self_check import Inspection, inspect
+from cutenv.rig.operation.suitability import decisions, fits, stopping_ways, suitability_lines
 
 
 @reports_errors("rig check")
@@ -34,9 +37,10 @@ def main(argv: Sequence[str]) -> int:
         seen = inspect_camera(settings.camera)
         found = Inspection(checks=found.checks + seen.checks, told=found.told | seen.told)
     if arguments.json:
-        print(json.dumps(as_json(found), indent=2))
+        print(json.dumps(as_json(found) | told_tasks(settings), indent=2))
     else:
         print("\n".join(lines(found)))
+        print("\n".join(suitability_lines(settings)))
     return 0 if found.passed else 1
 
 
@@ -44,6 +48,16 @@ def as_json(found: Inspection) -> dict[str, Any]:
     """Return the inspection as a dictionary for JSON."""
     checks = [{"name": check.name, "passed": check.passed, "found": check.found} for check in found.checks]
     return {"passed": found.passed, "checks": checks, "told": found.told}
+
+
+def told_tasks(settings: RigSettings) -> dict[str, Any]:
+    """Return what the rig can do as a dictionary for JSON."""
+    ways = {what: None if math.isnan(way) else way for what, way in stopping_ways(settings).items()}
+    return {
+        "decisions_Hz": decisions(settings),
+        "stopping_ways_m": ways,
+        "tasks": [each._asdict() for each in fits(settings)],
+    }
 
 
 def lines(found: Inspection) -> list[str]:

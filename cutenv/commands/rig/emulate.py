@@ -1,5 +1,7 @@
-"""Run an emulated rig: an EPOS4 drive on a CAN hub, screw, tissue and a force sensor, in real time.
+"""Run an emulated rig in real time: drive, screw, tissue and force sensor.
 
+That is an EPOS4 drive on a CAN hub and a Net F/T; with --serial a board with stepper and load cell behind a
+pseudo-terminal, which runs its own sketch and needs a C++ compiler.
 Prints one line of JSON when it is ready: the ports and the sensor's page.
 """
 
@@ -17,6 +19,8 @@ from cutenv.rig.config.settings import Axis
 
 if TYPE_CHECKING:
     from cutenv.rig.emulator.assembly import Options
+    from cutenv.rig.emulator.emulated_tissue import Laid
+    from cutenv.rig.emulator.serial.serial_rig import SerialOptions
 
 _ROTOR_INERTIA_PER_MASS = (Axis().lead / (2.0 * math.pi * Axis().gear)) ** 2  # [m2]
 _CONSTANTS = (
@@ -52,9 +56,11 @@ def main(argv: Sequence[str]) -> int:
     """Run the command until it is ended; return 0, or 2 if an option is bad or a port is taken."""
     arguments = _parser().parse_args(argv)
     from cutenv.rig.emulator.faults import FAULTS, parsed_fault
+    from cutenv.rig.emulator.serial.serial_faults import SERIAL_FAULTS
 
+    known_faults = SERIAL_FAULTS if arguments.serial else FAULTS
     if arguments.list_faults:
-        for name, fault in FAULTS.items():
+        for name, fault in known_faults.items():
             known = [f"{key}={about.default:g} {about.unit}" for key, about in fault.parameters.items()]
             known += ["axis=blade"] if fault.of_axis else []
             print(f"{name:<16} {fault.summary}" + (f" ({', '.join(known)})" if known else ""))
@@ -62,28 +68,58 @@ def main(argv: Sequence[str]) -> int:
     from cutenv.rig.emulator.process import serve
 
     parent = os.getppid() if arguments.with_parent == 0 else arguments.with_parent
-    faults = [parsed_fault(text) for text in arguments.fault]
-    options = _options(arguments)
-    serve(
-        options, faults=faults, parent=parent, real_time=arguments.real_time, file=arguments.write,
-        calibration=str(arguments.calibration),
-    )  # fmt: skip
+    faults = [parsed_fault(text, known_faults) for text in arguments.fault]
+    options = _serial_options(arguments) if arguments.serial else _options(arguments)
+    serve(options, faults=faults, parent=parent, real_time=arguments.real_time, file=arguments.write)
     return 0
+
+
+def _laid(arguments: argparse.Namespace) -> Laid | None:
+    from cutenv.rig.emulator.emulated_tissue import Laid
+    from cutenv.tissue.description import load_description
+
+    if arguments.free_air:
+        return None
+    tissue = None if arguments.tissue is None else load_description(arguments.tissue)
+    return Laid(seed=arguments.seed, episode=arguments.episode, specimen_class=arguments.specimen_class, tissue=tissue)
+
+
+def _serial_options(arguments: argparse.Namespace) -> SerialOptions:
+    from cutenv.cutting.parameters import LawParameters
+    from cutenv.rig.emulator.serial.serial_rig import SerialOptions
+
+    allowed = {"debt_length_mm": "debt_length", "blade_friction_Ns_m2": "friction_per_depth_speed"}
+    law = {}
+    for option, _, unit, *_ in _CONSTANTS:
+        name = option.removeprefix("--").replace("-", "_")
+        value = getattr(arguments, name)
+        if value is not None and name not in allowed:
+            raise ValueError(f"{option}: a serial rig has no such property. Leave it out, or leave out --serial.")
+        if value is not None:
+            law[allowed[name]] = unit * value
+    if arguments.height or arguments.can_port or arguments.sensor_port or arguments.page_port:
+        raise ValueError("--height and the ports of bus, sensor and page are not for --serial. Leave them out.")
+    if arguments.sensor != "netft" or arguments.range != "task":
+        raise ValueError("--sensor and --range are not for --serial, which has a load cell. Leave them out.")
+    return SerialOptions(
+        angle=math.radians(arguments.angle_deg),
+        converter=arguments.converter,
+        laid=_laid(arguments),
+        force_limit=arguments.force_limit_N,
+        zeroed=not arguments.no_zero,
+        law=LawParameters(**law),
+        host=arguments.host,
+        control_port=arguments.control_port,
+    )
 
 
 def _options(arguments: argparse.Namespace) -> Options:
     from cutenv.cutting.parameters import LawParameters
     from cutenv.cutting.sensor import SensorParameters
     from cutenv.rig.config.imitated_rig import HEIGHT
-    from cutenv.rig.devices.analogue.sensor_calibration_file import AnalogueCalibration
     from cutenv.rig.emulator.assembly import Options
-    from cutenv.rig.emulator.emulated_tissue import Laid
     from cutenv.rig.emulator.motor import Mechanics, hinge
-    from cutenv.tissue.description import load_description
 
-    analogue = AnalogueCalibration.read(arguments.calibration) if arguments.sensor == "analogue" else None
-    tissue = None if arguments.tissue is None else load_description(arguments.tissue)
-    laid = Laid(seed=arguments.seed, episode=arguments.episode, specimen_class=arguments.specimen_class, tissue=tissue)
     given: dict[str, dict[str, float]] = {"mechanics": {}, "sensor": {}, "law": {}}
     for option, constant, unit, *_ in _CONSTANTS:
         value = getattr(arguments, option.removeprefix("--").replace("-", "_"))
@@ -93,14 +129,15 @@ def _options(arguments: argparse.Namespace) -> Options:
     return Options(
         angle_mode=arguments.angle,
         angle=math.radians(arguments.angle_deg),
-        laid=None if arguments.free_air else laid,
+        laid=_laid(arguments),
         force_limit=arguments.force_limit_N,
         height_axis=HEIGHT if arguments.height else None,
         blade_mechanics=Mechanics(**given["mechanics"]),
         hinge_mechanics=hinge(),
         sensor=SensorParameters(**given["sensor"]),
         law=LawParameters(**given["law"]),
-        analogue=analogue,
+        analogue=arguments.calibration if arguments.sensor == "analogue" else None,
+        range=arguments.range,
         host=arguments.host,
         can_port=arguments.can_port,
         sensor_port=arguments.sensor_port,
@@ -113,7 +150,12 @@ def _parser() -> argparse.ArgumentParser:
     parser = command_parser(
         "rig emulate",
         __doc__,
-        examples=("--write emulated.toml", "--seed 3 --fault sensor_silent@5", "--list-faults"),
+        examples=(
+            "--write emulated.toml",
+            "--serial --write serial.toml",
+            "--seed 3 --fault sensor_silent@5",
+            "--list-faults",
+        ),
         note="Drivers meet it by python-can's interface socketcand, channel vcan0, and by UDP. Ctrl-C ends it.",
     )
     add = parser.add_argument
@@ -129,6 +171,12 @@ def _parser() -> argparse.ArgumentParser:
         "--angle-deg", type=float, default=90.0, metavar="DEG", help="angle of the blade at the start [deg]; default 90"
     )
     add("--height", action="store_true", help="a further axis raises and lowers the blade")
+    add(
+        "--serial", action="store_true", help="a board with stepper and load cell on a serial line, not CAN and Net F/T"
+    )
+    add("--converter", choices=("hx711", "ads1220", "nau7802"), default="hx711", help="converter of the load cell of a "
+        "serial rig; default hx711")  # fmt: skip
+    add("--no-zero", action="store_true", help="a serial rig whose zero nobody has set yet")
     add("--fault", action="append", default=[], metavar="NAME@SECONDS", help="fault to raise at this time; "
         "NAME:KEY=VALUE,KEY=VALUE@SECONDS with parameters; may be given again")  # fmt: skip
     add("--list-faults", action="store_true", help="print the faults and their parameters, and end")
@@ -136,6 +184,8 @@ def _parser() -> argparse.ArgumentParser:
         "default 15")  # fmt: skip
     for option, _, _, metavar, about in _CONSTANTS:
         add(option, type=float, metavar=metavar, help=about)
+    add("--range", choices=("task", "thesis"), default="task", help="mechanical range: task (43 to 92 deg, 2.65 cm/s) "
+        "or thesis (0 to 180 deg, which is 90 either way from upright, and 3.81 cm/s); default task")  # fmt: skip
     add("--sensor", choices=("netft", "analogue"), default="netft", help="force sensor: a Net F/T, or an analogue "
         "six-axis one on a board; default netft")  # fmt: skip
     add("--calibration", default="jr3_85m35a_i40", metavar="FILE", help="matrix and converter of the analogue sensor; "

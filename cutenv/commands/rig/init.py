@@ -7,7 +7,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cutenv.commands.options import command_parser, reports_errors
-from cutenv.rig.toml_file import template
+from cutenv.rig.config.settings import RigSettings
+from cutenv.rig.devices.serial.slow_profile import slow_settings
+from cutenv.rig.toml_text import template
+
+PROFILES = {"canopen": RigSettings, "serial": lambda: slow_settings("")}
+"""Settings that a new file begins from, by the kind of rig."""
 
 
 @reports_errors("rig init")
@@ -19,7 +24,7 @@ def main(argv: Sequence[str]) -> int:
         raise ValueError(f"{path} must end in .toml.")
     try:
         with path.open("x", encoding="utf-8") as file:
-            file.write(template(arguments.name or path.stem))
+            file.write(template(arguments.name or path.stem, like=PROFILES[arguments.profile]()))
     except FileExistsError:
         raise ValueError(f"{path} is there already, and is left as it is. Give another name.") from None
     print(f"rig: {path}\n  fill in what its lines '# FILL IN:' ask for; nothing moves while armed_by is empty")
@@ -27,7 +32,9 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = command_parser("rig init", __doc__, examples=("my_rig.toml",))
+    parser = command_parser("rig init", __doc__, examples=("my_rig.toml", "my_rig.toml --profile serial"))
     parser.add_argument("file", type=Path, metavar="FILE.toml", help="file to write, which must not exist yet")
+    parser.add_argument("--profile", choices=PROFILES, default="canopen", help="kind of rig: a CANopen drive and a Net "
+                        "F/T, or a stepper and a load cell on a serial board; default canopen")  # fmt: skip
     parser.add_argument("--name", metavar="NAME", help="name of the rig; default the file's")
     return parser

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from cutenv.commands.options import (
     RIG,
+    add_lsl,
     add_specimen_class,
     add_target_length,
     add_watch,
@@ -141,11 +142,18 @@ def _dry_run(arguments: argparse.Namespace) -> int:
 
 
 def _run(arguments: argparse.Namespace) -> int:
+    from cutenv.recording.lsl_outlet import LslOutlet
     from cutenv.rig.operation.live_readings import published
     from cutenv.rig.safety.stop_causes import BY_PEOPLE
 
+    if arguments.lsl and arguments.rig == "fake":
+        raise ValueError("--lsl streams in real time, which a fake rig has none of. Give --rig emulator, or a file.")
     policy, keywords = chosen_policy(arguments.policy, arguments.task)
     env = _environment(arguments, keywords, records=arguments.out)
+    outlet = None
+    if arguments.lsl:
+        outlet = LslOutlet("cutenv rig", scope=arguments.lsl, about={"rig": env.settings.name})
+        env.listen(outlet)
     if env.settings.angle_mode == "fixed" and not keywords:
         by_hand = math.degrees(env.settings.fixed_angle)
         print(f"the blade is set by hand, at {by_hand:.0f} degrees: angles that the policy asks for are ignored")
@@ -166,6 +174,8 @@ def _run(arguments: argparse.Namespace) -> int:
                     break
         finally:
             env.close()
+            if outlet is not None:
+                outlet.close()
     return _STOPPED if stopped else 0
 
 
@@ -257,6 +267,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--force-limit-N", type=float, metavar="N", help="limit of each axis of the force [N]")
     add("--speed-limit-cm-s", type=float, metavar="CM_S", help="limit of the blade's speed [cm/s]")
     add("--travel-limit-mm", type=float, metavar="MM", help="limit of the blade's travel from the clamp [mm]")
+    add_lsl(parser)
     add_watch(parser, "publish force, position and stops on this machine, for 'cutenv serve FOLDER --watch'")
     add(
         "--dry-run", type=float, nargs="?", const=2.0, metavar="SECONDS",

@@ -1,1 +1,29 @@
-"""Devices of a rig: driver protocols, samples, clocks, CANopen drives and the Net F/T sensor."""
+"""Devices of a rig: what a driver of your own needs, and the drivers that come with the package."""
+
+from cutenv.rig.devices.clock import Clock, FakeClock, SystemClock
+from cutenv.rig.devices.driver_registry import DriverKind, DriverTraits, Mounting, registered_drivers, rig_driver
+from cutenv.rig.devices.drivers import ForceDriver, ForceListener, MotionDriver, MotionListener
+from cutenv.rig.devices.latch import Event, Latch
+from cutenv.rig.devices.samples import DriveState, ForceSample, MotionSample
+from cutenv.rig.errors import RigError
+
+__all__ = [
+    "Clock",
+    "DriveState",
+    "DriverKind",
+    "DriverTraits",
+    "Event",
+    "FakeClock",
+    "ForceDriver",
+    "ForceListener",
+    "ForceSample",
+    "Latch",
+    "MotionDriver",
+    "MotionListener",
+    "MotionSample",
+    "Mounting",
+    "RigError",
+    "SystemClock",
+    "registered_drivers",
+    "rig_driver",
+]

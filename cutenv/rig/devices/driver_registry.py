@@ -7,6 +7,7 @@ A driver is a class, or a function, that is called with a :class:`Mounting` and 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -44,6 +45,8 @@ KIND_OF_ROLE = {
 }
 """Kind of driver that each section of a rig's file takes."""
 
+OPTIONS = "options"
+"""Name of the table of a driver's own keys, as in ``[blade.options]``."""
 OWN_DRIVERS: Mapping[DriverKind, Mapping[str, str]] = {
     DriverKind.MOTION: {
         "canopen": "cutenv.rig.devices.canopen.mounted_axis:mounted_axis",
@@ -132,12 +135,15 @@ class DriverTraits:
     emulated : callable
         Called likewise; returns True if what the driver reaches is an emulator on this computer, which needs nobody's
         consent to move.
+    patience : float
+        Of an axis: time for which it may go on after the computer has fallen silent [s]; nan: not stated.
     """
 
     options: type[Any] | None = None
     needs: tuple[str, ...] = ()
     check: Callable[[RigSettings, str], None] = lambda rig, role: None
     emulated: Callable[[RigSettings, str], bool] = lambda rig, role: False
+    patience: float = math.nan
 
 
 _NO_TRAITS = DriverTraits()
@@ -150,11 +156,14 @@ def rig_driver(
     needs: tuple[str, ...] = (),
     check: Callable[[RigSettings, str], None] = _NO_TRAITS.check,
     emulated: Callable[[RigSettings, str], bool] = _NO_TRAITS.emulated,
+    patience: float = math.nan,
 ) -> Callable[[Made], Made]:
     """Return a decorator for a driver's class or function; see :class:`DriverTraits`."""
 
     def decorated(made: Made) -> Made:
-        setattr(made, _TRAITS, DriverTraits(options=options, needs=needs, check=check, emulated=emulated))
+        setattr(
+            made, _TRAITS, DriverTraits(options=options, needs=needs, check=check, emulated=emulated, patience=patience)
+        )
         return made
 
     return decorated

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from cutenv.rig.devices.samples import ForceSample, MotionSample
 
@@ -118,6 +118,15 @@ class MotionDriver(Protocol):
 
     def close(self) -> None:
         """Leave the axis at rest without power, and leave the bus; never raises, and may be called twice."""
+        ...
+
+
+@runtime_checkable
+class ZeroedByHand(Protocol):
+    """Axis without a reference of its own: a person puts it at the clamp, and says so, whenever it had no power."""
+
+    def set_zero(self) -> None:
+        """Take the present position, without power, as zero."""
         ...
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
@@ -50,8 +50,8 @@ class InjectedFault:
     """
 
     summary: str
-    begin: Callable[[FaultyRig, Parameters], None]
-    end: Callable[[FaultyRig, Parameters], None]
+    begin: Callable[[Any, Parameters], None]
+    end: Callable[[Any, Parameters], None]
     parameters: dict[str, Range] = field(default_factory=dict)
     of_axis: bool = False
 
@@ -194,7 +194,7 @@ FAULTS: dict[str, InjectedFault] = {
 """Every fault, by name."""
 
 
-def parsed_fault(text: str) -> tuple[str, Parameters, float]:
+def parsed_fault(text: str, faults: Mapping[str, InjectedFault] = FAULTS) -> tuple[str, Parameters, float]:
     """Parse ``NAME@SECONDS`` or ``NAME:KEY=VALUE,KEY=VALUE@SECONDS`` into name, parameters and time [s].
 
     Raises
@@ -212,5 +212,5 @@ def parsed_fault(text: str) -> tuple[str, Parameters, float]:
         given: Parameters = {key: value if key == "axis" else float(value) for key, value in pairs}
     except ValueError:
         raise ValueError(f"fault {text!r}: write NAME@SECONDS, or NAME:KEY=VALUE,KEY=VALUE@SECONDS.") from None
-    one_of("fault", name, FAULTS)
+    one_of("fault", name, faults)
     return name, given, moment

@@ -27,12 +27,15 @@ from cutenv.rig.config.imitated_rig import HEIGHT
 from cutenv.rig.config.settings import Bus, PositionControl, RigSettings, SensorCalibration, SensorSettings
 from cutenv.rig.devices.analogue.analogue_sensor import AnalogueOptions
 from cutenv.rig.devices.real_time import prefer
-from cutenv.rig.emulator.assembly import BLADE, HINGE, EmulatedRig, Options
+from cutenv.rig.devices.serial.slow_profile import slow_settings
+from cutenv.rig.emulator.assembly import RANGES, EmulatedRig, Options
 from cutenv.rig.emulator.control import ControlServer, EmulatorControl
+from cutenv.rig.emulator.emulated_bench import EmulatedBench
 from cutenv.rig.emulator.emulated_tissue import Laid, feel
 from cutenv.rig.emulator.motor import position_control, turn_motor
+from cutenv.rig.emulator.serial.serial_rig import EmulatedSerialRig, SerialOptions
 from cutenv.rig.errors import RigError
-from cutenv.rig.toml_file import to_toml
+from cutenv.rig.toml_text import to_toml
 from cutenv.tissue.grid import N_POINTS, SPACING
 
 STARTS_WITHIN = 180.0
@@ -41,13 +44,18 @@ _ENDS_WITHIN = 5.0  # [s]
 _SWITCH = 0.0005  # [s] after which a thread lets another one run: a millisecond holds several
 
 
-def warm_up(*, height: bool = False) -> None:
+def warm_up(*, height: bool = False, serial: bool = False) -> None:
     """Compile, or load from disk, the kernels of a millisecond, before anybody waits for it."""
     warn_before_first_compile(*(follow_levels, measure) if height else (feel,), turn_motor)
-    rig = EmulatedRig(Options(laid=Laid(specimen_class="liver"), height_axis=HEIGHT if height else None))
-    try:
-        for axis in rig.axes.values():
+    laid = Laid(specimen_class="liver")
+    rig: EmulatedBench
+    if serial:
+        rig = EmulatedSerialRig(SerialOptions(laid=laid))
+    else:
+        rig = driven = EmulatedRig(Options(laid=laid, height_axis=HEIGHT if height else None))
+        for axis in driven.axes.values():
             axis.motor["mode"] = 1
+    try:
         for _ in range(10):
             rig.step(rig.now())
     finally:
@@ -55,21 +63,21 @@ def warm_up(*, height: bool = False) -> None:
 
 
 def serve(
-    options: Options,
+    options: Options | SerialOptions,
     *,
     faults: Sequence[tuple[str, dict[str, Any], float]] = (),
     parent: int | None = None,
     real_time: bool = False,
     file: Path | None = None,
-    calibration: str = "",
 ) -> None:
     """Run an emulated rig until a signal, a request on the control port, or the end of its parent.
 
-    Prints one line of JSON when it is ready: the ports "can", "sensor" and "control", the URL "page", and "pid".
+    Prints one line of JSON when it is ready: the ports "can", "sensor" and "control", the URL "page", and "pid"; of a
+    serial rig "port", "converter", "control" and "pid".
 
     Parameters
     ----------
-    options : Options
+    options : Options or SerialOptions
         Construction of the rig.
     faults : sequence of (name, parameters, seconds)
         Faults, each with its time after the start [s].
@@ -78,8 +86,6 @@ def serve(
     real_time : bool
         Take priority over other processes, if the system allows; "state" on the control port reports whether it did.
 
-    calibration : str
-        Name or file of the calibration that ``options.analogue`` has, for the rig's file.
     file : Path, optional
         Path at which a rig file for it is written, for ``cutenv rig run --rig FILE`` and other commands.
 
@@ -91,9 +97,10 @@ def serve(
         For an unknown fault or parameter.
     """
     sys.setswitchinterval(_SWITCH)
-    warm_up(height=options.height_axis is not None)
+    serial = isinstance(options, SerialOptions)
+    warm_up(height=not serial and options.height_axis is not None, serial=serial)  # type: ignore[union-attr]
     first = real_time and prefer()  # only now: compiling takes seconds; before there are threads: they inherit it
-    rig = EmulatedRig(options)
+    rig: EmulatedBench = EmulatedSerialRig(options) if isinstance(options, SerialOptions) else EmulatedRig(options)
     rig.real_time = first
     control = None
     try:
@@ -105,22 +112,12 @@ def serve(
         if parent is not None:
             threading.Thread(target=_watch_parent, args=(rig, parent), name="parent", daemon=True).start()
         gc.freeze()  # present objects are not searched for garbage again
-        ready = {
-            "can": rig.hub.port, "sensor": rig.sensor.port, "page": rig.sensor.page, "control": control.port,
-            "pid": os.getpid(),
-        }  # fmt: skip
-        if (control_of_blade := position_control(options.blade_mechanics, options.blade_axis)) is not None:
-            ready["position_control"] = asdict(control_of_blade)
-        if options.analogue is not None:
-            ready["calibration"] = calibration
+        ready = _told(rig) | {"control": control.port, "pid": os.getpid()}
         if file is not None:
-            settings = emulated_settings(
-                ready, angle_mode=options.angle_mode, angle=options.angle, height=options.height_axis is not None,
-                host=options.host,
-            )  # fmt: skip
             laid = options.laid or Laid()
             depth = laid.drawn().depth
             profile = tuple((k * SPACING, round(float(depth[k]), 6)) for k in range(0, N_POINTS, 20))
+            settings = _settings_of(options, ready)
             with atomic_write(file) as part:
                 part.write_text(to_toml(replace(settings, depth_profile=profile)), encoding="utf-8")
         print(json.dumps(ready), flush=True)
@@ -131,7 +128,32 @@ def serve(
         rig.close()
 
 
-def _watch_parent(rig: EmulatedRig, parent: int) -> None:
+def _told(rig: EmulatedBench) -> dict[str, Any]:
+    """Return what a driver has to know to reach the rig."""
+    if isinstance(rig, EmulatedSerialRig):
+        return {"port": rig.line.port, "converter": rig.options.converter}
+    assert isinstance(rig, EmulatedRig)
+    told = {"can": rig.hub.port, "sensor": rig.sensor.port, "page": rig.sensor.page}
+    options = rig.options
+    if (control := position_control(options.blade_mechanics, options.blade_axis)) is not None:
+        told["position_control"] = asdict(control)
+    if options.analogue is not None:
+        told["calibration"] = options.analogue
+    if options.range != "task":
+        told["range"] = options.range
+    return told
+
+
+def _settings_of(options: Options | SerialOptions, ready: dict[str, Any]) -> RigSettings:
+    if isinstance(options, SerialOptions):
+        return emulated_settings(ready, angle=options.angle)
+    return emulated_settings(
+        ready, angle_mode=options.angle_mode, angle=options.angle, height=options.height_axis is not None,
+        host=options.host,
+    )  # fmt: skip
+
+
+def _watch_parent(rig: EmulatedBench, parent: int) -> None:
     while not rig.stopped.wait(0.2):
         if os.getppid() != parent:
             rig.stopped.set()
@@ -147,20 +169,30 @@ def emulated_settings(
 ) -> RigSettings:
     """Return the settings with which drivers reach an emulated rig that has printed ``ready``, calibrated today.
 
-    ``angle`` is the angle of a fixed blade [rad]; ``height``: it has a height axis.
+    ``angle`` is the angle of a fixed blade [rad]; ``height``: it has a height axis. On a serial rig no drive turns the
+    blade, and nothing raises it.
     """
-    gains = ready.get("position_control")
+    if "port" in ready:
+        return replace(
+            slow_settings(ready["port"], converter=ready["converter"], name="emulated serial rig"),
+            armed_by="the emulator",
+            fixed_angle=angle,
+            calibration=SensorCalibration(date=datetime.date.today().isoformat()),
+            emulated=True,
+        )
+    gains, mounted = ready.get("position_control"), RANGES[ready.get("range", "task")]
     return RigSettings(
         name="emulated rig",
         armed_by="the emulator",
         angle_mode="free" if angle_mode == "free" else "fixed",
         fixed_angle=angle,
         bus=Bus(interface="socketcand", channel="vcan0", host=host, port=ready["can"]),
-        blade=BLADE,
-        angle=HINGE if angle_mode == "free" else None,
+        blade=mounted.blade,
+        angle=mounted.angle if angle_mode == "free" else None,
         height=HEIGHT if height else None,
         position_control=None if gains is None else PositionControl(**gains),
         sensor=_sensor(ready, host),
+        limits=mounted.limits,
         calibration=SensorCalibration(date=datetime.date.today().isoformat()),
         emulated=True,
     )
@@ -192,6 +224,8 @@ class RunningEmulator:
         Settings for drivers that connect to it.
     control : EmulatorControl
         Client of its control port.
+    converter : str
+        Converter of a serial rig's load cell, else "".
 
     Raises
     ------
@@ -222,6 +256,7 @@ class RunningEmulator:
         self.pid = self._process.pid
         try:
             ready = self._ready(timeout)
+            self.converter: str = ready.get("converter", "")
             self.settings = emulated_settings(ready, angle_mode=angle_mode, angle=angle, height=height)
             self.control = EmulatorControl(ready["control"])
         except BaseException:
@@ -281,6 +316,7 @@ def start(
     free_air: bool = False,
     angle_deg: float | None = None,
     height: bool = False,
+    serial: bool = False,
     real_time: bool = True,
     arguments: Sequence[str] = (),
     timeout: float = STARTS_WITHIN,
@@ -295,6 +331,8 @@ def start(
         Angle at which the blade is fixed [degrees]; None: a second axis turns it.
     height : bool
         True for a rig with a height axis.
+    serial : bool
+        True for a serial rig, whose blade is fixed, upright by default.
     real_time : bool
         Take priority over other processes, if the system allows.
     arguments : sequence of str
@@ -311,6 +349,9 @@ def start(
     given += ["--free-air"] if free_air else []
     given += ["--real-time"] if real_time else []
     given += ["--height"] if height else []
+    given += ["--serial"] if serial else []
+    if serial and angle_deg is None:
+        angle_deg = 90.0
     given += [] if angle_deg is None else ["--angle", "fixed", "--angle-deg", str(angle_deg)]
     return RunningEmulator(
         [*given, *arguments],

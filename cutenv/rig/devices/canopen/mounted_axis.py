@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.canopen.axis import CanopenAxis
-from cutenv.rig.devices.canopen.network import CanNetwork
+from cutenv.rig.devices.canopen.network import DRIVE_PATIENCE, CanNetwork
 from cutenv.rig.devices.driver_registry import Mounting, rig_driver
 
 _EMULATED_BUSES, _HERE = ("socketcand", "virtual"), ("127.0.0.1", "localhost", "::1")
@@ -14,7 +14,7 @@ def _emulated(rig: RigSettings, role: str) -> bool:
     return rig.bus.interface in _EMULATED_BUSES and rig.bus.host in _HERE
 
 
-@rig_driver(needs=("bus.interface", "node", "gear", "lead", "pulses"), emulated=_emulated)
+@rig_driver(needs=("bus.interface", "node", "gear", "lead", "pulses"), emulated=_emulated, patience=DRIVE_PATIENCE)
 def mounted_axis(mounting: Mounting) -> CanopenAxis:
     """Drive of the CiA 402 profile over CANopen, such as a Maxon EPOS4."""
     network = mounting.share("CAN", lambda: CanNetwork(mounting.rig.bus, mounting.clock))

@@ -18,7 +18,7 @@ from cutenv.rig.devices.serial.board_lines import (
     board_line,
     board_report,
 )
-from cutenv.rig.devices.serial.ports import open_port
+from cutenv.rig.devices.serial.ports import open_port, write_line
 from cutenv.rig.errors import RigError
 
 _log = logging.getLogger(__name__)
@@ -134,7 +134,7 @@ class SerialBoard:
         if not self._sending.acquire(timeout=_WRITE):
             raise self._break("the port takes no more lines")
         try:
-            line.write(board_line(text))
+            write_line(line, board_line(text), _WRITE)
         except Exception as error:  # pyserial and the system raise many kinds
             raise self._break(f"a line could not be sent: {error}") from error
         finally:
@@ -167,7 +167,7 @@ class SerialBoard:
 
     def _open(self) -> None:
         self._owner = Owner()
-        self._line = open_port(self.port, self._baud, read_limit=_READ, write_limit=_WRITE)
+        self._line = open_port(self.port, self._baud, read_limit=_READ)
         self.broken, self.identity, self._silent, self.damaged = None, None, False, 0
         self._ending = threading.Event()
         self._reader = threading.Thread(

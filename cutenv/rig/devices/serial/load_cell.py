@@ -15,7 +15,7 @@ from cutenv.rig.devices.reading_stream import ReadingMean, ReadingStream
 from cutenv.rig.devices.samples import ForceSample
 from cutenv.rig.devices.serial.board import SerialBoard
 from cutenv.rig.devices.serial.board_lines import ForceReport, Report
-from cutenv.rig.devices.serial.stepper_axis import on_pseudo_terminal
+from cutenv.rig.devices.serial.stepper_settings import on_pseudo_terminal
 from cutenv.rig.errors import RigError
 
 _RATE_ERROR = 0.15  # [1] assumed: the HX711 has a clock of its own, which its data sheet does not bound

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import os
+import select
 import stat
+import time
 from typing import Any
 
 from cutenv.rig.errors import RigError
 
 
-def open_port(port: str, baud: int, *, read_limit: float, write_limit: float) -> Any:
+def open_port(port: str, baud: int, *, read_limit: float) -> Any:
     """Open a serial port for this program alone.
 
     Parameters
@@ -18,8 +20,8 @@ def open_port(port: str, baud: int, *, read_limit: float, write_limit: float) ->
         Device, such as ``/dev/ttyACM0``.
     baud : int
         Baud rate.
-    read_limit, write_limit : float
-        Time limits [s].
+    read_limit : float
+        Time that a read waits [s].
 
     Returns
     -------
@@ -34,11 +36,34 @@ def open_port(port: str, baud: int, *, read_limit: float, write_limit: float) ->
     import serial
 
     try:
-        line = serial.Serial(port, baud, timeout=read_limit, write_timeout=write_limit, exclusive=True)
+        line = serial.Serial(port, baud, timeout=read_limit, exclusive=True)
     except (serial.SerialException, OSError, ValueError) as error:
         raise RigError(f"the serial port {port} cannot be opened: {_why(port, error)}") from error
     line.reset_input_buffer()
     return line
+
+
+def write_line(line: Any, data: bytes, limit: float) -> None:
+    """Write bytes to an open port, waiting at most ``limit`` [s] for their place in its buffer.
+
+    Not by pyserial's own ``write``: with a time limit that takes a late computer for a full buffer, and without one it
+    waits for ever.
+
+    Raises
+    ------
+    OSError
+        If the port is gone, or its buffer stays full.
+    """
+    number, ends = line.fileno(), time.monotonic() + limit
+    while data:
+        try:
+            data = data[os.write(number, data) :]
+            continue
+        except BlockingIOError:
+            pass
+        left = ends - time.monotonic()
+        if left <= 0.0 or not select.select([], [number], [], left)[1]:
+            raise TimeoutError("the port takes no more bytes")
 
 
 def _why(port: str, error: Exception) -> str:

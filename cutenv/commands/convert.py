@@ -1,0 +1,73 @@
+"""Convert records of cuts into one file of another format: CSV, Parquet, HDF5, or MCAP for the tools of ROS.
+
+Cutenv's own files keep every number, cut and metadata. Files and bags of other programs are read by --map; without
+--cuts each record stays whole and its force as it was.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from cutenv.commands.options import command_parser, reports_errors
+
+
+@reports_errors("convert")
+def main(argv: Sequence[str]) -> int:
+    """Run the command; return 0, or 2 if an option or a record is bad."""
+    arguments = _parser().parse_args(argv)
+    from cutenv.recording import ColumnMap, read_record, save
+    from cutenv.recording.cut_detection import STANDARD
+    from cutenv.recording.files import check_format
+
+    check_format(arguments.out)
+    if arguments.out.exists() and not arguments.force:
+        raise ValueError(f"--out {arguments.out} exists; give another name, or --force to replace it.")
+    if arguments.unit is not None and arguments.map is None:
+        raise ValueError("--unit goes with --map: cutenv's own files have their units in the header.")
+    mapping = None if arguments.map is None else ColumnMap.parse(arguments.map, unit=arguments.unit)
+    traces = []
+    for path in arguments.records:
+        imported = read_record(path, mapping, search=STANDARD if arguments.cuts else None)
+        kept = imported.traces if arguments.cuts else imported.records
+        traces += [trace.with_metadata({"name": path.stem, **trace.metadata}) for trace in kept]
+        for note in imported.notes:
+            print(f"note: {note}", file=sys.stderr)
+    arguments.out.parent.mkdir(parents=True, exist_ok=True)
+    save(traces, arguments.out)
+    readings = sum(map(len, traces))
+    print(f"{len(traces)} record{'s' * (len(traces) != 1)}, {readings} readings: {arguments.out}")
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = command_parser(
+        "convert",
+        __doc__,
+        examples=(
+            "cuts/*.csv --out session.mcap",
+            "session.mcap --out session.parquet",
+            "rig.bag --out rig.csv --map time=stamp force=/ft/wrench.wrench.force.x position=/stage.position.feed",
+        ),
+        note="Without --map, a bag of another program is answered with the topics in it and a --map for it.",
+    )
+    add = parser.add_argument
+    add(
+        "records", nargs="+", type=Path, metavar="FILE",
+        help="records: CSV, Parquet, HDF5, MCAP; text of other programs; bags of ROS (.mcap or .db3 out of the bag's "
+        "folder, .bag)",
+    )  # fmt: skip
+    add(
+        "--out", type=Path, required=True, metavar="FILE",
+        help="new file; its suffix .csv, .parquet, .h5 or .mcap is the format",
+    )  # fmt: skip
+    add("--force", action="store_true", help="replace the file if it exists")
+    add("--cuts", action="store_true", help="keep the cuts found in the records of other programs, offset taken off")
+    add(
+        "--map", nargs="+", metavar="FIELD=COLUMN",
+        help="which column or topic is what: time=stamp force=/ft/wrench.wrench.force.x position=x[mm] depth=20mm",
+    )  # fmt: skip
+    add("--unit", metavar="UNIT", help="unit of the force: N, mN, kN, gf, kgf, lbf, or 1 if it is normalised")
+    return parser

@@ -1,0 +1,88 @@
+"""Calibrate the force sensor by known weights, which you hang on it along the cut; nothing is powered, nothing moves.
+
+It prints the counts per newton of a load cell, or the gain of another sensor, and how straight the line is.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from collections.abc import Sequence
+from datetime import date
+
+from cutenv.commands.options import RIG, command_parser, reports_errors
+from cutenv.rig.config.settings import RigSettings
+from cutenv.rig.connection import EMULATOR, FAKE, SERIAL, connected, operator_of
+from cutenv.rig.errors import RigError
+from cutenv.rig.operation.weighing import Weighing, weigh
+from cutenv.rig.toml_file import write_values
+
+_UNITS = {"g": 1e-3, "kg": 1.0}
+
+
+@reports_errors("rig weigh")
+def main(argv: Sequence[str]) -> int:
+    """Weigh; return 0, 1 if the rig or the operator refuses, or 2 if an option or the file is bad."""
+    arguments = _parser().parse_args(argv)
+    masses = [mass_of(text) for text in arguments.masses]
+    if arguments.write and arguments.rig in (FAKE, EMULATOR, SERIAL):
+        raise ValueError(f'--write needs a rig\'s file, and "{arguments.rig}" has none.')
+    try:
+        with connected(arguments.rig) as rig:
+            found = weigh(rig.plant, masses, operator_of(rig.settings))
+            settings = rig.settings
+    except RigError as error:
+        print(f"cutenv rig weigh: {error}", file=sys.stderr)
+        return 1
+    print("\n".join(report(found, settings)))
+    if arguments.write:
+        write_values(arguments.rig, measured_values(found, settings, date.today()))
+        print(f"rig: {arguments.rig}")
+    return 0
+
+
+def mass_of(text: str) -> float:
+    """Return a mass in kilograms; raises ValueError if the text is none with a unit."""
+    match = re.fullmatch(r"([0-9.]+)(g|kg)", text)
+    try:
+        if match is None:
+            raise ValueError
+        return float(match[1]) * _UNITS[match[2]]
+    except ValueError:
+        raise ValueError(f"--masses {text}: write a mass with its unit, such as 200g or 0.2kg.") from None
+
+
+def measured_values(found: Weighing, settings: RigSettings, today: date) -> dict[tuple[str, ...], float | str]:
+    """Return what a calibration changes in the rig's file, by the names that lead to each value."""
+    day: dict[tuple[str, ...], float | str] = {("calibration", "date"): today.isoformat()}
+    if hasattr(settings.sensor.options, "counts_per_N"):
+        counts = float(f"{abs(found.counts_per_newton):.6g}")
+        return {**day, ("sensor", "options", "counts_per_N"): counts, ("calibration", "gain"): 1.0}
+    return {**day, ("calibration", "gain"): float(f"{settings.calibration.gain * found.gain:.6g}")}
+
+
+def report(found: Weighing, settings: RigSettings) -> list[str]:
+    """Return the calibration as lines of text."""
+    lines = ["   mass [g]   weight [N]       counts   reading [N]"]
+    for mass, force, counts, reading in zip(found.masses, found.forces, found.counts, found.readings, strict=True):
+        lines.append(f"{1e3 * mass:11.1f} {force:12.4f} {counts:12.0f} {reading:13.4f}")
+    lines.append(f"counts per newton: {found.counts_per_newton:.6g}; the greatest distance from the line is "
+                 f"{found.residual:.4f} N")  # fmt: skip
+    if found.counts_per_newton < 0.0:
+        lines.append("the counts fall as the weight grows: if the weight pulls as the tissue does, write sensor.sign = "
+                     f"{-settings.sensor.sign}")  # fmt: skip
+    for where, value in measured_values(found, settings, date.today()).items():
+        lines.append(f"{'.'.join(where)} = {value}")
+    return lines
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = command_parser(
+        "rig weigh", __doc__, examples=("my_rig.toml --masses 0g 100g 200g 500g --write", "serial --masses 0g 200g")
+    )
+    parser.add_argument("rig", metavar="RIG", help=RIG)
+    parser.add_argument("--masses", nargs="+", required=True, metavar="MASS", help="masses in order, with their units: "
+                        "0g for none, two different ones at least")  # fmt: skip
+    parser.add_argument("--write", action="store_true", help="write the result and today's date into the rig's file")
+    return parser

@@ -1,0 +1,41 @@
+"""Set the zero of a stepper, which knows no position when its board gets power: put the blade at the clamp by hand.
+
+The motor has no power meanwhile: turn the screw until the blade's edge is at the clamp, where every cut begins.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+
+from cutenv.commands.options import RIG, command_parser, reports_errors
+from cutenv.rig.connection import connected, operator_of
+from cutenv.rig.errors import RigError
+
+_QUESTION = (
+    "The motor has no power. Turn the screw by hand until the blade's edge stands at the clamp, 0 mm. Is it there, and "
+    "are your hands away?"
+)
+
+
+@reports_errors("rig zero")
+def main(argv: Sequence[str]) -> int:
+    """Set the zero; return 0, 1 if the rig or the operator refuses, or 2 if the file is bad."""
+    arguments = _parser().parse_args(argv)
+    try:
+        with connected(arguments.rig) as rig:
+            if not operator_of(rig.settings).confirm(_QUESTION, expected=rig.settings.name):
+                raise RigError("the operator has not confirmed: the zero is as it was.")
+            rig.plant.set_zero()
+    except RigError as error:
+        print(f"cutenv rig zero: {error}", file=sys.stderr)
+        return 1
+    print("zero set: the blade stands at 0 mm. It is lost when the board loses its power")
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = command_parser("rig zero", __doc__, examples=("my_rig.toml", "serial"))
+    parser.add_argument("rig", metavar="RIG", help=RIG)
+    return parser

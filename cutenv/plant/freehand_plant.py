@@ -1,0 +1,199 @@
+"""A simulated slab that is cut where the blade is led: its model is solved again as the cut opens."""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cutenv._base.arrays import Array, StructArray
+from cutenv._base.validation import in_range
+from cutenv.cutting.steering import begin_steering
+from cutenv.plant.steered_plant import SteeredPlant
+from cutenv.tissue.cut_model import CutModel
+from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING
+from cutenv.tissue.lines import SIDE_MARGIN, WIDTH, CutLine, straight
+from cutenv.tissue.specimen import Specimen
+from cutenv.tissue.steered_model import SteeredModel
+
+NODES_AHEAD = 3
+"""Nodes for which the model tells the stiffness of a crack that goes straight on."""
+_ELEMENT = 0.01  # of the model to which the measured moduli belong [m]
+_SIDE = 0.5 * WIDTH - SIDE_MARGIN  # largest distance of the blade to the axis of the slab [m]
+_CHUNK = 10  # milliseconds after which the tip is followed: the crack turns no sooner
+
+
+class _Grown(NamedTuple):
+    """Growth of the model: stiffness over that of a straight cut at points of the line, and why it ended, if it did."""
+
+    ways: Array
+    ratios: Array
+    end: str | None
+
+
+class FreehandPlant(SteeredPlant):
+    """A simulated slab, cut by a blade that is led anywhere; the finite-element model follows the crack.
+
+    The blade is driven where it points and turned to the left and right, as with
+    :class:`~cutenv.plant.SteeredPlant`.  Whenever the crack passes a node, its 2 x 2 stiffness is computed for the cut
+    as it is, and for :data:`NODES_AHEAD` nodes straight on; the force responds at the crack's next turn.  The line only
+    tells places, and where the specimen's profiles lie.
+
+    Parameters
+    ----------
+    specimen : Specimen
+        The tissue to cut.
+    line : CutLine, optional
+        Line beside which the blade is led, by default the axis of the slab; the cut begins where it does.
+    model : SteeredModel, optional
+        Model of the slab, with earlier cuts if it has any; by default a new one with elements of 5 mm.
+    background : bool
+        Whether the model is solved in a second thread, while the force comes from the last stiffness.  What is cut
+        then depends on the speed of the machine; without it, it is the same at every run.
+    **arguments
+        Those of :class:`~cutenv.plant.SteeredPlant`.
+
+    Attributes
+    ----------
+    model : SteeredModel
+        Mesh and cuts; with ``background``, look at it after :meth:`settle`.
+    end : str or None
+        Why the crack could not be followed further: it met a cut, or a side of the slab.
+    """
+
+    def __init__(
+        self,
+        specimen: Specimen,
+        line: CutLine | None = None,
+        *,
+        model: SteeredModel | None = None,
+        background: bool = False,
+        **arguments: Any,
+    ) -> None:
+        line = straight() if line is None else line
+        in_range("line.y at its start", line.y[0], -_SIDE, _SIDE, "m", "Begin within the slab, away from its sides.")
+        super().__init__(specimen, line, **arguments)
+        tissue = specimen.tissue
+        self.model = model or SteeredModel(formulation=tissue.formulation, poisson=tissue.poisson)
+        self.end: str | None = None
+        self._noted = (float(line.x[0]), float(line.y[0]))
+        self._way: list[tuple[float, float, float]] = []
+        self._solver = ThreadPoolExecutor(1, "model") if background else None
+        self._growing: Future[_Grown] | None = None
+        grid = np.arange(N_POINTS) * SPACING
+        self._own: Array = specimen.stiffness()
+        self._straight = CutModel(formulation=tissue.formulation, poisson=tissue.poisson)
+        self._ratios = np.empty((N_POINTS, 2, 2))
+        self._frames = np.moveaxis(
+            np.array([[np.cos(line.angle), -np.sin(line.angle)], [np.sin(line.angle), np.cos(line.angle)]]), -1, 0
+        )
+        self._grid = grid
+        self.steerings["reach"], self.steerings["side"] = WIDTH, _SIDE
+        self.model.begin(self._noted, float(line.angle[0]))
+        self._take(self._looked_ahead(), 0)
+        begin_steering(self.cuts.profiles[0], self.steerings[0], 0.0)
+
+    def advance(self, speed: float, angle: float, ticks: int, turn_rate: float = 0.0) -> StructArray:
+        """Command a speed [m/s], an inclination [rad] and a turn to the left [rad/s] for ``ticks`` milliseconds.
+
+        Returns and raises as :meth:`SteeredPlant.advance <cutenv.plant.SteeredPlant.advance>`.
+        """
+        readings, lateral = [], []
+        for start in range(0, max(ticks, 1), _CHUNK):
+            readings.append(super().advance(speed, angle, min(_CHUNK, ticks - start), turn_rate))
+            lateral.append(self.lateral_force)
+            self._follow()
+        self.lateral_force = np.concatenate(lateral)
+        found: StructArray = np.concatenate(readings).view(readings[0].dtype)
+        return found
+
+    def settle(self) -> None:
+        """Wait until the model has followed the crack as far as it can."""
+        while self._growing is not None or (self._way and self.end is None):
+            if self._growing is not None:
+                self._growing.result()
+            self._follow()
+
+    @property
+    def cut(self) -> Array:
+        """Places of the cut in the model, from its beginning to the last node it passed, shape (n, 2) [m]."""
+        return self.model.path
+
+    def _follow(self) -> None:
+        """Note where the tip is, and let the model grow there."""
+        x, y = self.tip
+        steering = self.steerings[0]
+        if math.dist((x, y), self._noted) > 0.5 * SPACING:
+            self._noted = (x, y)
+            self._way.append((x, y, math.atan2(steering["tip_across"], steering["tip_ahead"])))
+        if self._growing is not None and self._growing.done():
+            self._accept(self._growing.result())
+            self._growing = None
+        if self._way and self._growing is None and self.end is None:
+            way, self._way = self._way, []
+            if self._solver is None:
+                self._accept(self._grown(way))
+            else:
+                self._growing = self._solver.submit(self._grown, way)
+
+    def _accept(self, grown: _Grown) -> None:
+        self.end = grown.end
+        if len(grown.ways):
+            first = int(np.searchsorted(self._grid, float(self.cuts.states["tip"][0]), side="right")) - 1
+            self._take(grown, max(first, 0))
+
+    def _grown(self, way: list[tuple[float, float, float]]) -> _Grown:
+        """Lead the model's crack along places that the tip has passed."""
+        passed = 0
+        try:
+            for x, y, angle in way:
+                passed += self.model.cut_to((x, y), angle)
+        except ValueError as error:
+            return _Grown(np.zeros(0), np.zeros(0), str(error))
+        return self._looked_ahead() if passed else _Grown(np.zeros(0), np.zeros(0), None)
+
+    def _looked_ahead(self) -> _Grown:
+        """Return the stiffness at the model's tip, and at the nodes that a crack straight on would pass."""
+        ahead, places, stiffness = self.model.copy(), [], []
+        if len(ahead.path) > 1:
+            places.append(ahead.tip)
+            stiffness.append(self._in_plane(ahead))
+        for _ in range(NODES_AHEAD):
+            try:
+                ahead.go_straight_on()
+            except ValueError:
+                break
+            places.append(ahead.tip)
+            stiffness.append(self._in_plane(ahead))
+        ways = np.array([self._arc_length(place) for place in places])
+        base = np.asarray(self._straight.stiffness(np.clip(ways, self._straight.tips[0], LENGTH)))
+        return _Grown(ways, np.array(stiffness) / base[:, np.newaxis, np.newaxis], None)
+
+    def _in_plane(self, model: SteeredModel) -> Array:
+        """Return the stiffness at a tip along and across the slab, with the elements of the measured moduli."""
+        c, s = math.cos(model.angle), math.sin(model.angle)
+        frame = np.array([[c, -s], [s, c]])
+        return frame @ model.converted_stiffness(_ELEMENT) @ frame.T  # type: ignore[no-any-return]
+
+    def _arc_length(self, place: Array) -> float:
+        """Return the arc length of the line at the foot of a place [m]."""
+        line = self.line
+        i = int(np.argmin((line.x - place[0]) ** 2 + (line.y - place[1]) ** 2))
+        along = (place[0] - line.x[i]) * math.cos(line.angle[i]) + (place[1] - line.y[i]) * math.sin(line.angle[i])
+        return float(min(max(i * SPACING + along, 0.0), LENGTH))
+
+    def _take(self, grown: _Grown, first: int) -> None:
+        """Write the stiffness of the specimen from point ``first`` of the line on; beyond the last node it is held."""
+        order = np.argsort(grown.ways)
+        ways, ratios = grown.ways[order], grown.ratios[order]
+        at = self._grid[first:]
+        for i in (0, 1):
+            for j in (0, 1):
+                self._ratios[first:, i, j] = np.interp(at, ways, ratios[:, i, j])
+        frames = self._frames[first:]
+        turned = np.einsum("nri,nrs,nsj->nij", frames, self._ratios[first:], frames)
+        own, steering = self._own[first:], self.steerings[0]
+        steering["along"][first:], steering["coupled"][first:] = own * turned[:, 0, 0], own * turned[:, 0, 1]
+        steering["sideways"][first:] = own * turned[:, 1, 1]

@@ -1,0 +1,243 @@
+"""Scripts for ``cutenv/PathCut-v1``: a script of gentle cutting moves along the line, and they steer."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from cutenv._base.arrays import Array, Array32, Indices, StructArray
+from cutenv._base.validation import in_range
+from cutenv.policy.interface import ArrayPolicy
+from cutenv.policy.one_return_stroke import OneReturnStroke
+from cutenv.policy.signals import POSITION_COLUMN, SPEED_COLUMN, in_si
+from cutenv.policy.tip_estimate import TipEstimate
+from cutenv.task.observation import COMPONENTS, DEAD_ZONE, SPEED_SCALE, speed_action
+from cutenv.task.path_terms import ALL_PATH_COMPONENTS, LINE_AHEAD, PATH_COMPONENTS, TURN_SCALE
+from cutenv.tissue.grid import N_POINTS, SPACING
+
+_SCALES = np.array([one.scale for one in PATH_COMPONENTS])
+_COLUMNS = {one.name: number for number, one in enumerate(PATH_COMPONENTS)}
+LATERAL_MEAN, ASIDE, DIRECTION, BEND, ASIDE_FURTHER = (
+    _COLUMNS[name] for name in ("lateral_mean", "aside", "direction", "bend", "aside_further")
+)
+"""Columns of what the path adds to an observation."""
+_BENDS = [_COLUMNS[name] for name in ("bend", "bend_near", "bend_further")]
+_RETURN = 0.004  # [m], length within which a blade comes back to its course
+_LEAST_FORCE = 0.3  # [N], below which its direction tells nothing
+_LARGEST_TURN = 0.5  # [rad], of a blade to the line
+
+
+class SeenPath(NamedTuple):
+    """Observations of n cuts as a script sees them; each of shape (n,) or (n, columns), SI."""
+
+    along: Array
+    """Components of gentle cutting, shape (n, 12)."""
+    line: Array
+    """Components that the path adds, shape (n, 16)."""
+    estimates: StructArray
+    """Estimates of the tip, :data:`~cutenv.policy.tip_estimate.CUT_ESTIMATE`."""
+
+    @property
+    def lag(self) -> Array:
+        """Distance by which the estimated tip is behind the blade [m]."""
+        behind: Array = np.maximum(self.along[:, POSITION_COLUMN] - self.estimates["tip"], 0.0)
+        return behind
+
+    @property
+    def turned(self) -> Array:
+        """Angle of the blade to the left of the line [rad]."""
+        angle: Array = -np.arcsin(np.clip(self.line[:, DIRECTION], -1.0, 1.0))
+        return angle
+
+
+class PathScript(ArrayPolicy):
+    """Base class: a policy of gentle cutting moves along the line, and :meth:`bends` says how to steer.
+
+    Parameters
+    ----------
+    along : ArrayPolicy, optional
+        Policy of gentle cutting.  Default: the best script.
+    """
+
+    def __init__(self, along: ArrayPolicy | None = None) -> None:
+        self.along = along or OneReturnStroke()
+        self._estimate = TipEstimate()
+
+    def begin(self, rngs: Sequence[np.random.Generator]) -> None:
+        """Forget all cuts, and begin ``len(rngs)``; a script uses no randomness."""
+        self.along.begin(rngs)
+        self._estimate.begin(len(rngs))
+        self.start(len(rngs))
+
+    def start(self, count: int) -> None:
+        """Begin ``count`` cuts."""
+
+    def forget(self, cuts: Indices) -> None:
+        """Begin those cuts again that are given by index."""
+        self.along.forget(cuts)
+        self._estimate.forget(cuts)
+
+    def act(self, observations: Array32) -> Array32:
+        """Return the actions, shape (n, 3), for the observations of all cuts, shape (n, 28)."""
+        observations = np.asarray(observations, np.float32)
+        if observations.shape[1:] != (len(ALL_PATH_COMPONENTS),):
+            raise ValueError(f"observations have shape {observations.shape}; give (n, {len(ALL_PATH_COMPONENTS)}).")
+        shown = observations[:, : len(COMPONENTS)]
+        along = in_si(shown)
+        seen = SeenPath(along, observations[:, len(COMPONENTS) :] * _SCALES, self._estimate.estimates(along))
+        actions = np.empty((len(shown), 3), np.float32)
+        actions[:, :2] = self.along.act(shown)
+        turn = along[:, SPEED_COLUMN] * self.bends(seen, actions)
+        actions[:, 2] = np.clip(speed_action(turn * (SPEED_SCALE / TURN_SCALE)), -1.0, 1.0)
+        return actions
+
+    @abstractmethod
+    def bends(self, seen: SeenPath, actions: Array32) -> Array:
+        """Return the bends of the blade's way to the left [1/m], shape (n,); ``actions``, shape (n, 3), may be changed.
+
+        Each is what a blade that moves forward turns by, over its way.
+        """
+
+
+def course(seen: SeenPath, aside: Array | float) -> Array:
+    """Return the bends [1/m], shape (n,), of a way that comes to a distance ``aside`` to the left of the line [m]."""
+    back = np.where(seen.along[:, SPEED_COLUMN] < 0.0, -1.0, 1.0)
+    off = aside + seen.line[:, ASIDE]
+    bends: Array = seen.line[:, BEND] + off / _RETURN**2 - back * 2.0 / _RETURN * seen.turned
+    return bends
+
+
+class StraightOn(PathScript):
+    """A blade that is never turned."""
+
+    def bends(self, seen: SeenPath, actions: Array32) -> Array:
+        """Return zeros."""
+        return np.zeros(len(actions))
+
+
+class BladeOnLine(PathScript):
+    """A blade that follows the line."""
+
+    def bends(self, seen: SeenPath, actions: Array32) -> Array:
+        """Return bends that keep the blade on the line."""
+        return course(seen, 0.0)
+
+
+class LookAhead(PathScript):
+    """A blade that heads for the line 10 mm further, as a driver does: inside the bends."""
+
+    def bends(self, seen: SeenPath, actions: Array32) -> Array:
+        """Return the bends of arcs to the line ahead; backwards, the blade goes back along the line."""
+        ahead: Array = 2.0 * seen.line[:, ASIDE_FURTHER] / LINE_AHEAD[1] ** 2
+        return np.where(seen.along[:, SPEED_COLUMN] < 0.0, course(seen, 0.0), ahead)
+
+
+class SlowInBends(PathScript):
+    """A blade that follows the line, slower where the line bends within the next 10 mm.
+
+    Parameters
+    ----------
+    bend : float
+        Curvature at which the speed is half [1/m].
+    """
+
+    def __init__(self, along: ArrayPolicy | None = None, *, bend: float = 40.0) -> None:
+        super().__init__(along)
+        self._bend = in_range("bend", bend, 1.0, 1000.0, "1/m", "A radius of 25 mm is 40.")
+
+    def bends(self, seen: SeenPath, actions: Array32) -> Array:
+        """Return bends that keep the blade on the line, and slow it down."""
+        bend = np.abs(seen.line[:, _BENDS]).max(axis=1)
+        forward = actions[:, 0] > DEAD_ZONE
+        slower = DEAD_ZONE + (actions[:, 0] - DEAD_ZONE) / (1.0 + bend / self._bend)
+        actions[:, 0] = np.where(forward, slower, actions[:, 0])
+        return course(seen, 0.0)
+
+
+class OutsideTheBend(PathScript):
+    """A blade outside the bend, on the tangent of the line at the estimated tip, so that the tip trails along the line.
+
+    Parameters
+    ----------
+    share : float
+        Share of that distance.
+    """
+
+    def __init__(self, along: ArrayPolicy | None = None, *, share: float = 1.0) -> None:
+        super().__init__(along)
+        self._share = in_range("share", share, -5.0, 5.0, "1", "The whole distance is 1.")
+
+    def bends(self, seen: SeenPath, actions: Array32) -> Array:
+        """Return bends that keep the blade beside the line."""
+        return course(seen, -0.5 * self._share * seen.line[:, BEND] * seen.lag**2)
+
+
+class SteerByForce(PathScript):
+    """A blade that is led to the side until the force points where the crack is to go.
+
+    The crack turns after the force, whose direction is felt.  So the way of the tip can be reckoned, and the blade is
+    led to that side where the force must be for the tip to come back to the line.
+
+    Parameters
+    ----------
+    gain : float
+        Angle of the blade to the line over that by which the crack is to turn [1].
+    back : float
+        Length within which the tip is to come back to the line [m].
+    """
+
+    def __init__(self, along: ArrayPolicy | None = None, *, gain: float = 1.5, back: float = 0.010) -> None:
+        super().__init__(along)
+        self._gain = in_range("gain", gain, 0.0, 20.0, "1", "A few.")
+        self._back = in_range("back", back, 0.001, 0.2, "m", "10 mm is 0.01.")
+
+    def start(self, count: int) -> None:
+        """Begin ``count`` cuts."""
+        self._turned, self._passed = np.zeros((count, N_POINTS)), np.zeros(count, int)  # direction of the line, so far
+        self._tip, self._aside = np.full(count, np.nan), np.zeros(count)
+
+    def forget(self, cuts: Indices) -> None:
+        """Begin those cuts again that are given by index."""
+        super().forget(cuts)
+        self._turned[cuts], self._passed[cuts] = 0.0, 0
+        self._tip[cuts], self._aside[cuts] = np.nan, 0.0
+
+    def bends(self, seen: SeenPath, actions: Array32) -> Array:
+        """Return bends that bring the force to where the crack is to go."""
+        position, tip = seen.along[:, POSITION_COLUMN], seen.estimates["tip"]
+        line = self._directions(position, seen.line[:, BEND])
+        elastic, lateral = seen.estimates["elastic"], seen.line[:, LATERAL_MEAN]
+        rows, behind = np.arange(len(tip)), np.clip((tip / SPACING + 0.5).astype(int), 0, self._passed)
+        crack = np.arctan2(lateral, np.maximum(elastic, _LEAST_FORCE)) + seen.turned + line - self._turned[rows, behind]
+        grown = np.where(np.isnan(self._tip), 0.0, np.maximum(tip - self._tip, 0.0))
+        self._tip = np.fmax(self._tip, tip)
+        self._aside += grown * np.sin(crack)
+        wanted = -np.arctan(self._aside / self._back)
+        turned = np.clip(self._gain * (wanted - crack), -_LARGEST_TURN, _LARGEST_TURN)
+        ahead: Array = seen.line[:, BEND] + (turned - seen.turned) / _RETURN
+        return np.where(seen.along[:, SPEED_COLUMN] <= 0.0, course(seen, -seen.line[:, ASIDE]), ahead)
+
+    def _directions(self, position: Array, bend: Array) -> Array:
+        """Remember the direction of the lines at the points that the blades pass; return it at the blades [rad]."""
+        point = np.clip((position / SPACING + 0.5).astype(int), 0, N_POINTS - 1)
+        for n in np.flatnonzero(point > self._passed).tolist():
+            first, last = self._passed[n], point[n]
+            ways = np.arange(1, last - first + 1) * SPACING
+            self._turned[n, first + 1 : last + 1] = self._turned[n, first] + bend[n] * ways
+            self._passed[n] = last
+        found: Array = self._turned[np.arange(len(point)), np.minimum(point, self._passed)]
+        return found
+
+
+PATH_SCRIPTS: dict[str, Callable[[], ArrayPolicy]] = {
+    "straight on": StraightOn,
+    "blade on the line": BladeOnLine,
+    "look ahead": LookAhead,
+    "slow in bends": SlowInBends,
+    "outside the bend": OutsideTheBend,
+    "steer by force": SteerByForce,
+}
+"""Scripts for ``cutenv/PathCut-v1`` by name."""

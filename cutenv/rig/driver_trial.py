@@ -1,0 +1,95 @@
+"""Trial of a rig's drivers, each by itself: the rig by its name or file, or a driver alone by its name."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+
+from cutenv.rig.config.settings import Axis, RigSettings, SensorSettings
+from cutenv.rig.connection import EMULATOR, FAKE, SERIAL, operator_of, settings_of
+from cutenv.rig.devices.clock import SystemClock
+from cutenv.rig.devices.driver_registry import KIND_OF_ROLE, DriverKind, Mounting, driver_named, mounted, traits_of
+from cutenv.rig.devices.real_time import preferred
+from cutenv.rig.errors import RigError
+from cutenv.rig.operation.conformance import Finding
+from cutenv.rig.operation.force_conformance import conform_force
+from cutenv.rig.operation.motion_conformance import TRAVEL, conform_motion
+
+SECTIONS_TRIED = ("blade", "angle", "height", "sensor")
+"""Sections of a rig's file whose drivers can be tried."""
+Tried = dict[str, tuple[str, list[Finding]]]
+"""Name of the driver, and its findings, by section."""
+
+
+def tried_drivers(rig: str, sections: list[str] | None = None) -> Tried:
+    """Try the drivers of a rig, or one driver.
+
+    Parameters
+    ----------
+    rig : str
+        A rig's TOML file, "emulator", "serial", or the name of a driver that needs no options.
+    sections : list of str, optional
+        Sections to be tried; by default the blade's axis and the sensor.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        If there is no such rig and no such driver, or the file is not valid.
+    RigError
+        If a device does not answer, or the operator does not agree.
+    """
+    if rig == FAKE:
+        raise ValueError("a fake rig has no drivers to try. Give 'emulator', 'serial', or a rig's file.")
+    with ExitStack() as stack:
+        if rig in (EMULATOR, SERIAL):
+            from cutenv.rig.emulator.process import start
+
+            settings = stack.enter_context(start(free_air=True, serial=rig == SERIAL)).settings
+        elif rig.endswith(".toml") or Path(rig).exists():
+            settings = settings_of(rig)
+        else:
+            settings, sections = _rig_of(rig), sections or [_role_of(rig)]
+        stack.enter_context(preferred())
+        found: Tried = {}
+        for role in sections or ("blade", "sensor"):
+            part = getattr(settings, role)
+            if part is None:
+                raise ValueError(f"rig {settings.name!r} has no section [{role}]. Try one that it has.")
+            found[role] = part.driver, _findings(settings, role)
+        return found
+
+
+def _findings(settings: RigSettings, role: str) -> list[Finding]:
+    clock = SystemClock()
+    driver = mounted(Mounting(role=role, rig=settings, clock=clock))
+    if KIND_OF_ROLE[role] is DriverKind.FORCE:
+        return conform_force(driver, settings, clock)
+    if not settings.emulated:
+        question = (
+            f"The {role} axis of {settings.name} will move to and fro by up to {1e3 * TRAVEL:g} mm (a hinge: 0.6 "
+            "degrees), several times. Is the blade off, is its way clear, and is the stop button within reach?"
+        )
+        if not operator_of(settings).confirm(question, expected=settings.name):
+            raise RigError("the operator has not confirmed: nothing moves.")
+    return conform_motion(driver, settings, clock)
+
+
+def _role_of(name: str) -> str:
+    """Return the section that a driver by its name is for: by its methods, if it is a class."""
+    made = driver_named(DriverKind.MOTION, name).load() if ":" in name else None
+    return "sensor" if made is not None and hasattr(made, "tare") else "blade"
+
+
+def _rig_of(name: str) -> RigSettings:
+    """Return a rig with nothing but this driver, whatever its kind."""
+    role = _role_of(name)
+    traits = traits_of(KIND_OF_ROLE[role], name)
+    if traits.options is not None:
+        raise ValueError(
+            f"driver {name!r} takes options, such as its port. Write them into a rig's file ('cutenv rig init'), and "
+            "give that file."
+        )
+    part = Axis(driver=name) if role == "blade" else SensorSettings(driver=name)
+    settings: RigSettings = replace(RigSettings(name=name), **{role: part})  # type: ignore[arg-type]
+    return replace(settings, emulated=traits.emulated(settings, role))

@@ -1,0 +1,215 @@
+"""Emulated serial rig: the board's firmware, a stepper on a screw, tissue, a load cell, a pseudo-terminal."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from cutenv._base.validation import in_range, one_of
+from cutenv.cutting.dtypes import TICK
+from cutenv.cutting.parameters import LawParameters
+from cutenv.cutting.sensor import SensorParameters
+from cutenv.plant.simulator import check_angle
+from cutenv.rig.config.settings import Axis
+from cutenv.rig.devices.serial.board_lines import (
+    BoardFlag,
+    BoardState,
+    LineError,
+    MotionReport,
+    board_line,
+    board_report,
+)
+from cutenv.rig.devices.serial.slow_profile import COUNTS_PER_NEWTON, DELAYS, SCREW, SCREW_STEPS
+from cutenv.rig.devices.serial.stepper_settings import StepRates
+from cutenv.rig.emulator.emulated_bench import EmulatedBench
+from cutenv.rig.emulator.emulated_tissue import EmulatedTissue, Laid
+from cutenv.rig.emulator.serial.firmware import CONVERTERS, HIGH_PIN, LOW_PIN, Firmware
+from cutenv.rig.emulator.serial.line import EmulatedLine
+from cutenv.rig.emulator.serial.serial_faults import SERIAL_FAULTS
+
+CELL = SensorParameters(force_delay=0.0, force_noise=0.01, force_resolution=0.0)
+"""Load cell before its converter: noise as assumed of a cell for 50 N; the converter averages it."""
+_SPEED_OVER = 10  # ms over which the carriage's speed is taken: a step is 2.5 um
+_SWITCHES = 0.002  # [m] beyond the board's ends of travel, at which the limit switches open
+_FULL = 8_388_607  # counts of the converter's range
+
+
+@dataclass(frozen=True, kw_only=True)
+class SerialOptions:
+    """Construction of the emulated serial rig.
+
+    Attributes
+    ----------
+    angle : float
+        Angle at which the blade is fixed [rad].
+    converter : str
+        Converter of the load cell, of :data:`cutenv.rig.emulator.serial.firmware.CONVERTERS`.
+    clock_error : float
+        Relative error of the converter's own clock [1]: its readings come that much faster.
+    laid : Laid, optional
+        Specimen at the start; None: free air.
+    force_limit : float
+        True force whose crossing is recorded as an event [N].
+    zeroed : bool
+        True if a person has already set the blade's zero at the clamp.
+    sensor : SensorParameters
+        Load cell before its converter.
+    law : LawParameters
+        Cutting law, as in the simulator.
+    host : str
+        Address of the control port.
+    control_port : int
+        Control port; 0 takes a free one.
+    """
+
+    angle: float = math.pi / 2
+    converter: str = "hx711"
+    clock_error: float = 0.0
+    laid: Laid | None = field(default_factory=Laid)
+    force_limit: float = 15.0
+    zeroed: bool = True
+    sensor: SensorParameters = CELL
+    law: LawParameters = field(default_factory=LawParameters)
+    host: str = "127.0.0.1"
+    control_port: int = 0
+
+    def __post_init__(self) -> None:
+        check_angle(self.angle)
+        one_of("converter", self.converter, CONVERTERS)
+        in_range("clock_error", self.clock_error, -0.2, 0.2, "1", "An HX711 may be off by a tenth.")
+        in_range("force_limit", self.force_limit, 0.01, 1000.0, "N", "What the rig's own limit is.")
+
+
+class EmulatedSerialRig(EmulatedBench):
+    """Emulated serial rig, whose board runs the sketch of ``assets/firmware``.
+
+    Attributes
+    ----------
+    board : Firmware
+        The board.
+    line : EmulatedLine
+        Its serial line; ``line.port`` is the port to open.
+    frozen, saturated, wire_off : bool
+        Faults of the load cell.
+    """
+
+    faults = SERIAL_FAULTS
+    stands_after = 10
+
+    def __init__(self, options: SerialOptions | None = None) -> None:
+        self.options = options or SerialOptions()
+        super().__init__(EmulatedTissue(self.options.sensor, self.options.law), self.options.force_limit)
+        self._rates, self._axis = StepRates(SCREW, SCREW_STEPS), SCREW
+        self._made = 0  # steps by boards before the last restart
+        self.board = Firmware(self.options.converter)
+        self.convert()
+        self.frozen = self.saturated = self.wire_off = False
+        window = max(round(DELAYS[self.options.converter] / TICK), 1)
+        self._readings: deque[float] = deque([0.0] * window, maxlen=window)
+        self._positions: deque[float] = deque([0.0] * (_SPEED_OVER + 1), maxlen=_SPEED_OVER + 1)
+        self._random = np.random.default_rng(0)
+        self._flags, self._state = BoardFlag(0), BoardState.OFF
+        if self.options.zeroed:
+            self.board.feed(board_line("Z"))
+            self.board.advance()
+            self.board.drain()
+        if self.options.laid is not None:
+            self.mount(self.options.laid)
+        self.line = EmulatedLine()
+
+    def restart(self) -> None:
+        """Switch the board off and on: a new one, with the carriage where it is."""
+        self._made += self.board.steps
+        self.board = Firmware(self.options.converter)
+        self.convert()
+
+    def convert(self, *, silent: bool = False) -> None:
+        """Let the converter run at its rate, or fall silent."""
+        self.board.converting(CONVERTERS[self.options.converter] * (1.0 + self.options.clock_error), silent=silent)
+
+    @property
+    def position(self) -> float:
+        """Position of the carriage from the clamp [m]."""
+        return self._rates.metres(self._made + self.board.steps)
+
+    @property
+    def speed(self) -> float:
+        """Speed of the carriage over the last ten milliseconds [m/s]."""
+        return (self._positions[-1] - self._positions[0]) / (_SPEED_OVER * TICK)
+
+    @property
+    def angle(self) -> float:
+        """Angle of the blade [rad]."""
+        return self.options.angle
+
+    @property
+    def axis_names(self) -> Sequence[str]:
+        """Names of the driven axes."""
+        return ["blade"]
+
+    @property
+    def axis(self) -> Axis:
+        """Axis as mounted."""
+        return self._axis
+
+    def state(self) -> dict[str, Any]:
+        """Return whether the stepper has power, and whether the cable is in."""
+        state = "operation enabled" if self._state is BoardState.ENABLED else "not enabled"
+        return {"nodes": [{"axis": "blade", "state": state}], "clients": {"port": int(self.line.plugged)}}
+
+    def truth(self) -> dict[str, Any]:
+        """Return the steps that the motor has made."""
+        return {"steps": self._made + self.board.steps}
+
+    def step(self, due: float) -> None:
+        """Advance by one millisecond, that of time ``due`` [s]."""
+        with self.lock:
+            heard = self.line.heard()
+            if heard:
+                self.board.feed(heard)
+                if b"Q*" in heard:
+                    self.happened("quick stop received", time=due, axis="blade")
+            self.board.advance(round(1e6 * TICK))
+            position = self.position
+            self._positions.append(position)
+            self.board.open_pin(LOW_PIN, position < self._axis.low - _SWITCHES or self._opened(LOW_PIN))
+            self.board.open_pin(HIGH_PIN, position > self._axis.high + _SWITCHES or self._opened(HIGH_PIN))
+            before = abs(self.bench.true_force)
+            self._readings.append(self.bench.advance(position, self.angle))
+            if not self.frozen:
+                self.board.weigh(self._counts())
+            for line in self.line.say(self.board.drain(), due):
+                self._overhear(line, due)
+            moved = abs(self._positions[-1] - self._positions[-2]) / TICK
+        self._watch(due, before, abs(self.bench.true_force), moved)
+
+    def _opened(self, pin: int) -> bool:
+        return pin == HIGH_PIN and ("limit_switch", "") in self.active
+
+    def _counts(self) -> int:
+        if self.saturated:
+            return _FULL
+        if self.wire_off:
+            return int(self._random.integers(-_FULL, _FULL))
+        return round(COUNTS_PER_NEWTON * sum(self._readings) / len(self._readings))
+
+    def _overhear(self, line: bytes, due: float) -> None:
+        """Record that the board has stopped by its own watch."""
+        try:
+            report = board_report(line)
+        except LineError:
+            return
+        if isinstance(report, MotionReport):
+            if report.flags & ~self._flags & BoardFlag.SILENT:
+                self.happened("heartbeat of the master lost", time=due, axis="blade")
+            self._flags, self._state = report.flags, report.state
+
+    def close(self) -> None:
+        """Remove the port; may be called twice."""
+        self.stopped.set()
+        self.line.close()

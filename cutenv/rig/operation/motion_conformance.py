@@ -1,0 +1,288 @@
+"""Conformance of a motion driver: it moves as told, refuses what it must, and stops. The axis moves by millimetres."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from contextlib import suppress
+
+import numpy as np
+
+from cutenv.rig.config.settings import Axis, RigSettings
+from cutenv.rig.devices.clock import Clock, SystemClock
+from cutenv.rig.devices.drivers import MotionDriver
+from cutenv.rig.devices.samples import DriveState, MotionSample
+from cutenv.rig.errors import RigError
+from cutenv.rig.operation.conformance import (
+    CALL_TIME,
+    Finding,
+    Listening,
+    closed,
+    must_refuse,
+    refused,
+    reopened,
+    timed,
+    within,
+)
+
+TRAVEL = 0.010
+"""Way that the axis needs free, from where it stands towards the middle of its travel [m or rad]."""
+LIMIT_NAMES = ("low", "high", "speed", "acceleration", "quick_stop")
+"""Limits that a drive tells."""
+_SPEED = 0.004  # [m/s or rad/s]
+_LISTEN = 1.0  # [s]
+_STANDS = 2e-5  # [m or rad] by which an axis at rest may flicker
+_RESTS = 1e-4  # [m/s or rad/s]
+_BEGINS = 0.30  # [s] from a command to motion
+_OWN_WATCH = 0.5  # [s] within which a drive stops that hears nothing from its computer
+_SAME = 0.02  # relative difference allowed between a drive's limit and the file: whole steps
+_HAMMERED = 200  # commands of a thread beside a quick stop
+
+
+class _Trial:
+    """Axis under trial, with what it has reported."""
+
+    def __init__(self, driver: MotionDriver, rig: RigSettings, clock: Clock) -> None:
+        self.driver, self.rig, self.clock = driver, rig, clock
+        self.axis: Axis = rig.axes[driver.name]
+        self.listening = Listening()
+        self.findings: list[Finding] = []
+        self.way = 1.0
+        self.unit = "mrad" if driver.name == "angle" else "mm"
+        self.speed = min(_SPEED, 0.6 * self.axis.speed, 0.6 * rig.limits.speed)
+
+    @property
+    def newest(self) -> MotionSample:
+        return self.listening.motions[-1]
+
+    def wait(self, seconds: float) -> list[MotionSample]:
+        """Wait; return the samples meanwhile."""
+        seen = len(self.listening.motions)
+        self.clock.sleep_until(self.clock.now() + seconds)
+        return self.listening.motions[seen:]
+
+    def found(self, promise: str, allowed: str, measured: str, kept: bool) -> None:
+        self.findings.append(Finding(promise, allowed, measured, bool(kept)))
+
+    def speeds(self, promise: str, wanted: float, got: float) -> None:
+        """Compare a speed with the wanted one: a tenth of it may be off."""
+        unit, tolerance = f"{self.unit}/s", 0.1 * abs(wanted)
+        self.found(
+            promise,
+            f"{1e3 * wanted:+.2f} {unit} within 10%",
+            f"{1e3 * got:+.2f} {unit}",
+            abs(got - wanted) <= tolerance,
+        )
+
+    def stays(self, promise: str, seconds: float) -> None:
+        """Check that the axis stands for so long."""
+        start = self.newest.position
+        moved = max((abs(each.position - start) for each in self.wait(seconds)), default=math.inf)
+        self.found(promise, f"{1e3 * _STANDS:g} {self.unit}", f"{1e3 * moved:.3f} {self.unit}", moved <= _STANDS)
+
+    def until_rest(self, limit: float) -> float:
+        """Wait until the axis rests; return the time until its first sample at rest [s], infinite if it does not."""
+        begun = self.clock.now()
+        seen = len(self.listening.motions)
+        while self.clock.now() - begun < limit:
+            self.clock.sleep_until(self.clock.now() + 0.005)
+            for each in self.listening.motions[seen:]:
+                if abs(each.speed) < _RESTS:
+                    return max(each.time - begun, 0.0)
+        return math.inf
+
+    def clear(self) -> None:
+        with self.driver.latch.resetting():
+            self.driver.clear()
+
+    def run_up(self) -> None:
+        """Switch on, and move at speed for half a second, toward the side with room."""
+        middle = 0.5 * (self.axis.low + self.axis.high)
+        self.way = 1.0 if self.newest.position < middle else -1.0
+        self.driver.enable()
+        self.driver.command(self.way * self.speed)
+        self.wait(0.5)
+
+
+def conform_motion(driver: MotionDriver, rig: RigSettings, clock: Clock) -> list[Finding]:
+    """Try a motion driver against its protocol: the axis moves to and fro by some millimetres, several times.
+
+    Parameters
+    ----------
+    driver : MotionDriver
+        Driver, not open, with a latch of its own.
+    rig : RigSettings
+        Rig that it is for: its limits are what is allowed.
+    clock : Clock
+        Clock of the driver.
+
+    Returns
+    -------
+    list of Finding
+        What was promised, allowed, measured.
+
+    Raises
+    ------
+    RigError
+        If it cannot be opened, switched on or cleared.
+    """
+    before, trial = set(threading.enumerate()), _Trial(driver, rig, clock)
+    driver.open(trial.listening)
+    try:
+        _opened(trial)
+        _switched_on(trial)
+        _moves(trial)
+        _stops(trial)
+        if isinstance(clock, SystemClock):
+            _races(trial)
+        troubles = trial.listening.troubles
+        trial.found("no error was reported", "none", "; ".join(troubles) or "none", not troubles)
+        _watches(trial)
+    finally:
+        ends = closed(driver, trial.listening, clock, before)
+    return [*trial.findings, *ends, reopened(driver, clock)]
+
+
+def _opened(trial: _Trial) -> None:
+    driver, limits, sync = trial.driver, trial.rig.limits, trial.rig.bus.sync
+    samples = trial.wait(_LISTEN)
+    if len(samples) < 3:
+        raise RigError(f"{driver.name}: {len(samples)} samples in {_LISTEN:g} s: nothing else can be tried.")
+    times = np.array([each.time for each in samples])
+    period, gap = float(np.median(np.diff(times))), float(np.diff(times).max())
+    beat = float(np.diff(trial.listening.beats).max()) if len(trial.listening.beats) > 1 else math.inf
+    moved = max(abs(each.position - samples[0].position) for each in samples)
+    trial.found(
+        "open moves nothing", f"{1e3 * _STANDS:g} {trial.unit}", f"{1e3 * moved:.3f} {trial.unit}", moved <= _STANDS
+    )
+    states = {each.state for each in samples}
+    trial.found(
+        "open gives no power", "no power", ", ".join(each.value for each in states), DriveState.ENABLED not in states
+    )
+    trial.found(
+        "samples come every bus.sync",
+        f"{1e3 * sync:g} ms within 20%",
+        f"{1e3 * period:.2f} ms",
+        abs(period / sync - 1.0) <= 0.2,
+    )
+    trial.findings.append(within("no gap of samples stops the blade", gap, limits.stale_motion))
+    trial.findings.append(within("no gap of heartbeats stops the blade", beat, limits.heartbeat))
+    trial.findings.append(must_refuse("a second open is refused", lambda: driver.open(Listening())))
+    trial.findings.append(must_refuse("a command without power is refused", lambda: driver.command(trial.speed)))
+    told = driver.limits()
+    wrong = [name for name in LIMIT_NAMES if not _same_limit(trial.axis, name, told.get(name, math.inf))]
+    found = f"not: {', '.join(wrong) or 'none'}"
+    trial.found("limits are read back from the drive", "as in the file", found, not wrong)
+    about = driver.about()
+    trial.found("about tells of the drive", "names and values", f"{len(about)} values", bool(about))
+
+
+def _switched_on(trial: _Trial) -> None:
+    driver = trial.driver
+    took = timed(driver.enable)
+    state = trial.wait(0.1)[-1].state
+    trial.found(
+        "enable ends with power on",
+        "enabled, within 3000 ms",
+        f"{state.value}, {1e3 * took:.0f} ms",
+        state is DriveState.ENABLED and took <= 3.0,
+    )
+    trial.stays("enable moves nothing", 0.3)
+    driver.disable()
+    state = trial.wait(0.1)[-1].state
+    trial.found("disable takes the power away", "no power", state.value, state is not DriveState.ENABLED)
+
+
+def _moves(trial: _Trial) -> None:
+    driver, clock, axis, speed = trial.driver, trial.clock, trial.axis, trial.speed
+    middle = 0.5 * (axis.low + axis.high)
+    trial.way = 1.0 if trial.newest.position < middle else -1.0
+    driver.enable()
+    start, begun = trial.newest.position, clock.now()
+    trial.findings.append(
+        within("a command does not wait", timed(lambda: driver.command(trial.way * speed)), CALL_TIME)
+    )
+    samples = trial.wait(1.0)
+    began = next((each.time - begun for each in samples if abs(each.position - start) > _STANDS), math.inf)
+    trial.findings.append(within("motion begins", began, _BEGINS))
+    late = [each for each in samples if each.time > begun + 0.6]
+    mean = float(np.mean([each.speed for each in late])) if late else 0.0
+    trial.speeds("it moves as fast as told, and that way", trial.way * speed, mean)
+    if len(late) > 1:
+        by_position = (late[-1].position - late[0].position) / max(late[-1].time - late[0].time, 1e-9)
+        trial.speeds("and so it is by its position", trial.way * speed, by_position)
+    bad = [driver_refuses(driver, value) for value in (math.nan, math.inf, 10.0 * axis.speed)]
+    trial.found("a speed that is none, or too high, is refused", "3 errors", f"{bad.count(True)} errors", all(bad))
+    after = trial.wait(0.2)[-1].speed
+    trial.speeds("and changes nothing", trial.way * speed, after)
+    driver.command(-trial.way * speed)
+    trial.wait(1.5)
+    driver.command(0.0)
+    rested = trial.until_rest(1.0)
+    trial.findings.append(within("a command of 0 brings it to rest", rested, speed / axis.acceleration + 0.3))
+    driver.disable()
+
+
+def _same_limit(axis: Axis, name: str, told: float) -> bool:
+    wanted = float(getattr(axis, name))
+    span = axis.high - axis.low if name in ("low", "high") else abs(wanted)
+    return abs(told - wanted) <= _SAME * span
+
+
+def driver_refuses(driver: MotionDriver, speed: float) -> bool:
+    """Return whether a driver refuses a speed with an error."""
+    return refused(lambda: driver.command(speed)) is not None
+
+
+def _stops(trial: _Trial) -> None:
+    driver, axis, sync = trial.driver, trial.axis, trial.rig.bus.sync
+    trial.run_up()
+    start = trial.newest.position
+    trial.findings.append(within("a quick stop does not wait", timed(driver.quick_stop), CALL_TIME))
+    allowed = trial.speed / axis.quick_stop + 3 * sync + 0.05
+    trial.findings.append(within("a quick stop brings it to rest", trial.until_rest(1.0), allowed))
+    way, most = abs(trial.newest.position - start), trial.speed * (allowed + sync)
+    trial.found("and on a short way", f"{1e3 * most:.2f} {trial.unit}", f"{1e3 * way:.2f} {trial.unit}", way <= most)
+    trial.found(
+        "a quick stop closes the latch", "closed", "closed" if driver.latch.closed else "open", driver.latch.closed
+    )
+    trial.findings.append(must_refuse("a stopped axis takes no command", lambda: driver.command(trial.speed)))
+    trial.findings.append(must_refuse("a stopped axis is not switched on", driver.enable))
+    trial.stays("a stopped axis stays", 0.5)
+    trial.clear()
+    state = trial.wait(0.1)[-1].state
+    trial.found("clear leaves it without power", "no power", state.value, state is not DriveState.ENABLED)
+
+
+def _races(trial: _Trial) -> None:
+    """Let one thread send commands while another stops the axis: the stop must win."""
+    driver = trial.driver
+    trial.run_up()
+    sent = threading.Event()
+
+    def hammer() -> None:
+        for _ in range(_HAMMERED):
+            with suppress(RigError):
+                driver.command(trial.way * trial.speed)
+            time.sleep(0.0005)
+        sent.set()
+
+    thread = threading.Thread(target=hammer, name="hammering")
+    thread.start()
+    trial.wait(0.02)
+    driver.quick_stop()
+    thread.join()
+    trial.until_rest(1.0)
+    trial.stays("commands beside a quick stop start nothing", 0.5)
+    trial.clear()
+
+
+def _watches(trial: _Trial) -> None:
+    driver = trial.driver
+    trial.run_up()
+    driver.withhold_heartbeat("its own watch is tried")
+    allowed = _OWN_WATCH + trial.speed / trial.axis.quick_stop
+    trial.findings.append(within("a drive that hears nothing stops by itself", trial.until_rest(2.0), allowed))
+    trial.stays("and stays at rest", 0.5)
+    trial.clear()

@@ -1,0 +1,118 @@
+"""Suitability of a rig: decisions a second, ways of a stop, and tasks that it can do, from its file alone."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from cutenv.rig.config.settings import RigSettings
+from cutenv.rig.devices.driver_registry import KIND_OF_ROLE, traits_of
+from cutenv.rig.devices.serial.load_cell import sensor_delay
+from cutenv.rig.safety.stop_causes import Cause, detection_times
+from cutenv.rig.safety.supervisor import MARGIN
+
+TASK_SPEED = 0.0254
+"""Greatest speed that an action of the tasks commands [m/s]."""
+FEWEST_DECISIONS = 5.0
+"""Decisions a second below which no policy is worth trying: assumed [Hz]."""
+_DEADLINE, _ENDING = 30.0, 4.0  # [s] of a cut, of which so much is needed to stop and unload
+_LONGEST, _SHORTEST, _AHEAD = 0.100, 0.060, 0.010  # [m] targets of the tasks, and how far the blade leads the tip
+_FRAME = 0.002  # [s] of a line or frame, and of the threads
+
+
+class Fit(NamedTuple):
+    """One thing that a rig can do, or cannot, with the reason."""
+
+    name: str
+    possible: bool
+    why: str
+
+    def __str__(self) -> str:
+        return f"{'yes ' if self.possible else 'no  '} {self.name}: {self.why}"
+
+
+def top_speed(settings: RigSettings) -> float:
+    """Return the greatest speed that is ever commanded [m/s]."""
+    return min(settings.limits.speed / MARGIN, settings.blade.speed)
+
+
+def decisions(settings: RigSettings) -> int:
+    """Return the most decisions a second of which each sees the outcome of the one before [Hz]; divides 1000.
+
+    That is the rate at which sensor's delay, one reading and one sample of the motion fit into a period.
+    """
+    shortest = sensor_delay(settings) + 1.0 / settings.sensor.rate + settings.bus.sync
+    return max((rate for rate in range(1, 1001) if 1000 % rate == 0 and rate * shortest <= 1.0), default=1)
+
+
+def stopping_ways(settings: RigSettings) -> dict[str, float]:
+    """Return the way of the blade at top speed from each fault to rest [m], as stated, none of it measured.
+
+    By what has happened: a force that passes its limit, a sensor or a drive that falls silent, a computer that does.
+    nan: the driver does not state how long it goes on.
+    """
+    limits, speed = settings.limits, top_speed(settings)
+    found = detection_times(limits, packet=1.0 / settings.sensor.rate, sync=settings.bus.sync)
+    braking = speed**2 / (2.0 * settings.blade.quick_stop)
+    patience = traits_of(KIND_OF_ROLE["blade"], settings.blade.driver).patience
+
+    def way(seconds: float) -> float:
+        return speed * (seconds + _FRAME) + braking
+
+    return {
+        "force beyond its limit": way(sensor_delay(settings) + found[Cause.FORCE]),
+        "force sensor silent": way(found[Cause.FORCE_STALE]),
+        "drive silent": way(found[Cause.MOTION_STALE]),
+        "computer silent": way(patience),
+    }
+
+
+def fits(settings: RigSettings) -> list[Fit]:
+    """Return what a rig can do, task by task."""
+    rate, speed, most = decisions(settings), top_speed(settings), settings.limits.high - _AHEAD
+    reach = min(speed * (_DEADLINE - _ENDING) - _AHEAD, most)
+    enough = rate >= FEWEST_DECISIONS
+    slow = f"{rate} decisions a second see their outcome, {FEWEST_DECISIONS:g} are needed"
+    cut = enough and reach >= _SHORTEST
+    why = (
+        f"{rate} decisions a second, {1e3 * speed:.1f} mm/s, targets up to {1e3 * min(reach, _LONGEST):.0f} mm in 30 s"
+    )
+    if not enough:
+        why = slow
+    elif reach < _SHORTEST:
+        why = f"in 30 s it cuts {1e3 * max(reach, 0.0):.0f} mm, and targets begin at {1e3 * _SHORTEST:g} mm"
+    free = settings.angle is not None
+    lifts = settings.height is not None
+    fast = speed >= 0.98 * TASK_SPEED / MARGIN
+    found = [
+        Fit("RigCut-v1 with a fixed angle", cut, why),
+        Fit("RigCut-v1 with a free angle", cut and free, why if free else "no drive turns the blade"),
+        Fit("RigDepthCut-v1", cut and lifts, why if lifts else "no drive raises the blade"),
+        Fit(
+            "policies at their own speed",
+            cut and fast,
+            f"commands reach {1e2 * TASK_SPEED:g} cm/s" + ("" if fast else f", this rig {1e2 * speed:.2g}"),
+        ),
+        Fit("records for score and calibrate", True, f"force at {settings.sensor.rate:g} readings a second"),
+    ]
+    run = 0.06  # [s] in which a crack runs some millimetres
+    seen = settings.sensor.rate * run >= 4.0 and not sensor_delay(settings) > run
+    found.append(
+        Fit(
+            "sudden runs of the crack, each as it is",
+            seen,
+            f"a force is in the readings after {1e3 * (sensor_delay(settings) + 1.0 / settings.sensor.rate):.0f} ms",
+        )
+    )
+    return found
+
+
+def suitability_lines(settings: RigSettings) -> list[str]:
+    """Return decisions, ways and tasks as lines of text."""
+    shown = [
+        f"decisions: {decisions(settings)} a second at most (control_hz), each of which sees what the last one did"
+    ]
+    shown.append(f"ways to rest from {1e3 * top_speed(settings):.1f} mm/s, as stated:")
+    for what, way in stopping_ways(settings).items():
+        shown.append(f"  {what:<24} {'not stated by its driver' if math.isnan(way) else f'{1e3 * way:.2f} mm'}")
+    return [*shown, "what it can do:", *(f"  {each}" for each in fits(settings))]

@@ -1,0 +1,125 @@
+"""Calibration of a force sensor by known weights: counts, or newtons, against what hangs on it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cutenv._base.validation import in_range
+from cutenv.rig.devices.samples import ForceSample, MotionSample
+from cutenv.rig.errors import RigError
+from cutenv.rig.operation.operator import Operator
+from cutenv.rig.plant import RigPlant
+
+GRAVITY = 9.80665
+"""Standard gravity [m/s2]; the local one differs by up to 0.3 %."""
+LISTENED = 2.0
+"""Time over which readings are averaged for each weight [s]."""
+_FEWEST = 10  # readings of a mean
+_STEADY = 0.05  # [1] of the step between weights, by which readings may vary: more is a weight that swings
+
+
+@dataclass(frozen=True, kw_only=True)
+class Weighing:
+    """Result of a calibration by weights.
+
+    Attributes
+    ----------
+    masses : tuple of float
+        Masses, in order [kg].
+    counts, readings : tuple of float
+        Mean counts, and mean readings by the present calibration [N], for each.
+    """
+
+    masses: tuple[float, ...]
+    counts: tuple[float, ...]
+    readings: tuple[float, ...]
+
+    @property
+    def forces(self) -> tuple[float, ...]:
+        """Weights [N]."""
+        return tuple(GRAVITY * mass for mass in self.masses)
+
+    @property
+    def counts_per_newton(self) -> float:
+        """Slope of the counts over the weight [1/N], its sign by the sense of the load."""
+        return float(np.polyfit(self.forces, self.counts, 1)[0])
+
+    @property
+    def gain(self) -> float:
+        """Slope of the weight over the present reading, without its sign [1]."""
+        return 1.0 / abs(float(np.polyfit(self.forces, self.readings, 1)[0]))
+
+    @property
+    def residual(self) -> float:
+        """Greatest distance of a mean from the straight line [N]."""
+        slope, offset = np.polyfit(self.forces, self.counts, 1)
+        return float(np.abs((np.array(self.counts) - offset) / slope - np.array(self.forces)).max())
+
+
+class _Witness:
+    """Receiver of readings of one axis."""
+
+    def __init__(self, axis: int) -> None:
+        self._axis = axis
+        self.counts: list[int] = []
+        self.readings: list[float] = []
+
+    def force(self, sample: ForceSample) -> None:
+        self.counts.append(sample.counts[self._axis])
+        self.readings.append(sample.force[self._axis])
+
+    def motion(self, axis: str, sample: MotionSample) -> None:
+        """Ignore it."""
+
+    def alive(self, axis: str, time: float) -> None:
+        """Ignore it."""
+
+
+def weigh(plant: RigPlant, masses: Sequence[float], operator: Operator) -> Weighing:
+    """Ask for each weight in turn, and average the readings along the cut; nothing is powered, nothing moves.
+
+    Parameters
+    ----------
+    plant : RigPlant
+        Open rig without power; its present zero does not matter.
+    masses : sequence of float
+        Masses to hang on the sensor along the cut, 0 for none [kg].
+    operator : Operator
+        Person who hangs them.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than 2 masses, or all are the same.
+    RigError
+        If the operator does not go on, readings are missing, or do not change with the weight.
+    """
+    checked = [in_range("masses", mass, 0.0, 50.0, "kg", "200 g is 0.2.") for mass in masses]
+    if len(set(checked)) < 2:
+        raise ValueError(f"masses = {masses}: give two different ones at least, such as 0 g and 500 g.")
+    means, spreads = [], []
+    for mass in checked:
+        what = f"Hang {1e3 * mass:g} g on the sensor, along the cut" if mass else "Take every weight off the sensor"
+        if not operator.ask_ready(f"{what}, and let it rest"):
+            raise RigError("the operator has not gone on: nothing was calibrated.")
+        witness = _Witness("xyz".index(plant.settings.sensor.cut_axis))
+        plant.witness = witness
+        try:
+            plant.clock.sleep_until(plant.clock.now() + max(LISTENED, _FEWEST / plant.settings.sensor.rate))
+        finally:
+            plant.witness = None
+        if len(witness.counts) < _FEWEST // 2:
+            raise RigError(f"{len(witness.counts)} readings came within {LISTENED:g} s: is the sensor streaming?")
+        means.append((float(np.mean(witness.counts)), float(np.mean(witness.readings))))
+        spreads.append(float(np.std(witness.counts)))
+    counts, readings = zip(*means, strict=True)
+    step = max(counts) - min(counts)
+    if step < 20.0 or max(spreads) > _STEADY * step:
+        raise RigError(
+            f"the readings change by {step:.0f} counts between the weights, and vary by {max(spreads):.0f} at rest. "
+            "Does the weight pull along the cut, does it hang still, are the cell's wires on?"
+        )
+    return Weighing(masses=tuple(checked), counts=counts, readings=readings)

@@ -1,0 +1,178 @@
+"""The lines that a task draws: 64 of each kind, with the stiffness of a uniform slab along each.
+
+A line's stiffness is a finite-element solution, which takes a hundred times as long as the cut.  So there is a set of
+lines, the same for everybody, whose solutions ``scripts/derive_lines.py`` has stored; a line that is given is solved
+for when it is given.  Every second line of a kind is the mirror image of the one before it.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cutenv._base import resources
+from cutenv._base.arrays import Array, StructArray
+from cutenv.tissue.derivation import FOLDER
+from cutenv.tissue.grid import N_POINTS, SPACING
+from cutenv.tissue.lines import (
+    LARGEST_CURVATURE,
+    CutLine,
+    arc,
+    half_ellipse,
+    length_within,
+    mirrored,
+    random_line,
+    s_shape,
+    straight,
+)
+from cutenv.tissue.path_model import PathModel, TipStiffness, along_whole_line, over_straight, stiffness_at_unit_modulus
+
+KINDS = ("straight", "arc", "s", "excision", "random")
+"""Kinds of drawn lines."""
+MIXED_LINES = len(KINDS)
+"""Number of the kind that is one of all of these."""
+OF_A_KIND = 64
+"""Lines of each kind but the straight one."""
+LEAST_LENGTH = 0.13
+"""Length of each within the slab [m]: the longest cut that is drawn, and room for the blade that leads its tip."""
+LEAST_ASIDE = 0.008
+"""Distance that each but the straight one comes away from the axis of the slab within the longest cut [m]."""
+STORED: dict[str, Any] = {"element": "quad8", "formulation": "plane_stress", "poisson": 0.3}
+"""The model whose solutions are stored: that of the measured liver."""
+_LONGEST = 201  # points of the longest cut that is drawn
+_SEED = 29
+_FILE = "lines.json"
+
+LINE: np.dtype[Any] = np.dtype(
+    (
+        np.record,
+        [
+            ("within", "f8"),  # length within the slab [m]
+            ("x_excess", "f8", (N_POINTS,)),  # x - s [m]
+            ("y", "f8", (N_POINTS,)),  # [m]
+            ("cosine", "f8", (N_POINTS,)),  # of its direction
+            ("sine", "f8", (N_POINTS,)),
+            ("curvature", "f8", (N_POINTS,)),  # [1/m]
+            ("along", "f8", (N_POINTS,)),  # stiffness of a uniform slab over that along a straight line
+            ("coupled", "f8", (N_POINTS,)),
+            ("across", "f8", (N_POINTS,)),
+        ],
+    )
+)
+"""Record of a line, and of the stiffness of a crack on it."""
+
+
+class DrawnLines(NamedTuple):
+    """Lines, and their records, :data:`LINE` of shape (n,)."""
+
+    lines: tuple[CutLine, ...]
+    records: StructArray
+
+
+def line_record(line: CutLine, ratio: TipStiffness) -> StructArray:
+    """Return a line as a :data:`LINE` array, shape (1,); ``ratio`` is its stiffness over that of a straight one [1]."""
+    record = np.zeros(1, LINE)
+    record["within"] = length_within(line)
+    record["x_excess"], record["y"] = line.x - np.arange(N_POINTS) * SPACING, line.y
+    record["cosine"], record["sine"], record["curvature"] = np.cos(line.angle), np.sin(line.angle), line.curvature
+    record["along"], record["coupled"], record["across"] = ratio
+    return record
+
+
+def given_line(line: CutLine, element: str, formulation: str, poisson: float) -> DrawnLines:
+    """Return a single line with its record; the model along it is solved."""
+    plane = element, formulation, poisson
+    return DrawnLines((line,), line_record(line, over_straight(stiffness_at_unit_modulus(line, *plane), *plane)))
+
+
+@lru_cache(maxsize=2)
+def drawn_lines(element: str, formulation: str, poisson: float) -> DrawnLines:
+    """Return all drawn lines: the straight one, then those of each kind in order.
+
+    Another model than :data:`STORED` is solved for every line, which takes some ten seconds.
+    """
+    plane = element, formulation, poisson
+    solved = stored_stiffness() if plane == tuple(STORED.values()) else None
+    lines, ratios = [straight()], [over_straight(stiffness_at_unit_modulus(straight(), *plane), *plane)]
+    for kind in range(1, len(KINDS)):
+        for number in range(0, OF_A_KIND, 2):
+            line = first_of_pair(kind, number)
+            found = (
+                stiffness_at_unit_modulus(line, *plane) if solved is None else along_whole_line(*solved[kind, number])
+            )
+            ratio = over_straight(found, *plane)
+            lines += [line, mirrored(line)]
+            ratios += [ratio, TipStiffness(ratio.along, -ratio.coupled, ratio.across)]
+    records = np.concatenate([line_record(*both) for both in zip(lines, ratios, strict=True)])
+    records.setflags(write=False)
+    return DrawnLines(tuple(lines), records)
+
+
+def kind_of(number: int) -> str:
+    """Return the kind of the line with this number among all that are drawn."""
+    return KINDS[0] if number == 0 else KINDS[1 + (number - 1) // OF_A_KIND]
+
+
+def first_of_pair(kind: int, number: int) -> CutLine:
+    """Draw one line of a kind, 1 to 4, with its bends and its place within the limits; ``number`` is even."""
+    rng = np.random.default_rng([_SEED, kind, number])
+    while True:
+        try:
+            line = _drawn(KINDS[kind], rng)
+        except ValueError:  # it bends too far, or leaves the slab
+            continue
+        if length_within(line) >= LEAST_LENGTH and abs(line.y[:_LONGEST]).max() >= LEAST_ASIDE:
+            return line
+
+
+def _drawn(kind: str, rng: np.random.Generator) -> CutLine:
+    if kind == "arc":
+        return arc(rng.uniform(0.03, 0.1), start=rng.uniform(0.005, 0.04), turn=math.radians(rng.uniform(15.0, 35.0)))
+    if kind == "s":
+        return s_shape(rng.uniform(0.022, 0.06), length=rng.uniform(0.05, 0.1))
+    if kind == "excision":
+        return half_ellipse(rng.uniform(0.06, 0.11), height=rng.uniform(0.008, 0.018))
+    return random_line(rng, largest_curvature=rng.uniform(20.0, LARGEST_CURVATURE), least_length=LEAST_LENGTH)
+
+
+def solved_stiffness() -> list[dict[str, Any]]:
+    """Solve the stored model along the first line of every pair; return kind, number, tips [m] and stiffness [1]."""
+    found = []
+    for kind in range(1, len(KINDS)):
+        for number in range(0, OF_A_KIND, 2):
+            model = PathModel(first_of_pair(kind, number), **STORED)
+            parts = model.stiffness[:, (0, 0, 1), (0, 1, 1)]  # along, coupled, across
+            found.append({"kind": kind, "number": number, "tips": model.tips, "stiffness": parts})
+    return found
+
+
+@lru_cache(maxsize=1)
+def stored_stiffness() -> dict[tuple[int, int], tuple[Array, Array]]:
+    """Return what is stored by kind and number: tips [m], shape (n,), and stiffness there [1], shape (n, 2, 2)."""
+    content = json.loads(resources.path(f"{FOLDER}/{_FILE}").read_text())
+    found = {}
+    for one in content["lines"]:
+        along, coupled, across = np.array(one["stiffness"]).T
+        matrix = np.stack((along, coupled, coupled, across), axis=-1).reshape(-1, 2, 2)
+        found[one["kind"], one["number"]] = np.array(one["tips"]), matrix
+    return found
+
+
+def store(found: list[dict[str, Any]]) -> None:
+    """Write solutions of :func:`solved_stiffness` where :func:`stored_stiffness` reads them."""
+    lines = [one | {name: _rounded(one[name]) for name in ("tips", "stiffness")} for one in found]
+    content = {
+        "source": "PathModel along each drawn line (cutenv.tissue.drawn_lines): stiffness along, coupled, across [1]",
+        "script": "scripts/derive_lines.py --write",
+        **STORED,
+        "lines": lines,
+    }
+    resources.path(FOLDER).joinpath(_FILE).write_text(json.dumps(content) + "\n")
+
+
+def _rounded(values: Array) -> Any:
+    return np.vectorize(lambda value: float(f"{value:.9g}"))(values).tolist()

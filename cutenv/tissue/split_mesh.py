@@ -1,0 +1,204 @@
+"""Mesh of 8-node quadrilaterals that a crack passes: its nodes move onto the crack, and cells split along it.
+
+Places are counted in half elements, (along, across), both even at a corner and both odd at the middle of a cell, where
+there is a node only once the cell is split into two 6-node triangles.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from skfem.element import Element, ElementQuadS2, ElementTriP2
+from skfem.quadrature import get_quadrature
+
+from cutenv._base.arrays import Array, Indices
+
+MeshPlace = tuple[int, int]
+"""MeshPlace of a node in half elements, along and across."""
+
+AROUND: tuple[MeshPlace, ...] = ((2, 0), (2, 2), (2, -2), (0, 2), (0, -2), (-2, 2), (-2, -2), (-2, 0))
+"""Steps to the eight corners around a corner."""
+_QUAD: tuple[MeshPlace, ...] = ((0, 0), (2, 0), (2, 2), (0, 2), (1, 0), (2, 1), (1, 2), (0, 1))
+_QUADRATURE_DEGREE = 5  # 3 x 3 Gauss points, as in the model of a straight cut; exact for the triangle
+
+
+class Part(NamedTuple):
+    """A finite element: the places of its nodes, in the order of its shape functions."""
+
+    places: tuple[MeshPlace, ...]
+
+    @property
+    def corners(self) -> tuple[MeshPlace, ...]:
+        """Places of its corners, counter-clockwise."""
+        return self.places[: len(self.places) // 2]
+
+
+class SplitMesh:
+    """Quadrilaterals in rows and columns, some of them split into triangles.
+
+    Parameters
+    ----------
+    corners : array, shape (n_along + 1, n_across + 1, 2)
+        Position of each corner, along the slab and across it to the left [m].
+
+    Attributes
+    ----------
+    positions : array, shape (2 n_along + 1, 2 n_across + 1, 2)
+        Of all places [m].
+    """
+
+    def __init__(self, corners: Array) -> None:
+        n_along, n_across = corners.shape[0] - 1, corners.shape[1] - 1
+        self.cells: MeshPlace = (n_along, n_across)
+        self.positions: Array = np.zeros((2 * n_along + 1, 2 * n_across + 1, 2))
+        self.positions[::2, ::2] = corners
+        self.positions[1::2, ::2] = 0.5 * (corners[1:] + corners[:-1])
+        self.positions[::2, 1::2] = 0.5 * (corners[:, 1:] + corners[:, :-1])
+        self.split: dict[MeshPlace, tuple[Part, Part]] = {}
+        self.moved: set[MeshPlace] = set()
+        """Cells that no longer have their first shape."""
+
+    def copy(self) -> SplitMesh:
+        """Return an independent copy."""
+        other = object.__new__(SplitMesh)
+        other.cells, other.positions = self.cells, self.positions.copy()
+        other.split, other.moved = dict(self.split), set(self.moved)
+        return other
+
+    def within(self, place: MeshPlace) -> bool:
+        """Return whether there is such a place."""
+        return 0 <= place[0] <= 2 * self.cells[0] and 0 <= place[1] <= 2 * self.cells[1]
+
+    def at(self, place: MeshPlace) -> Array:
+        """Return the position of a place [m], shape (2,)."""
+        return self.positions[place]  # type: ignore[no-any-return]
+
+    def parts(self, cell: MeshPlace) -> tuple[Part, ...]:
+        """Return the elements of a cell: itself, or its two triangles."""
+        return self.split.get(cell) or (whole(cell),)
+
+    def cells_at(self, place: MeshPlace) -> list[MeshPlace]:
+        """Return the cells that touch a place: four around a corner, two beside an edge, one around its middle."""
+        a, b = place
+        rows = {(a - 1) // 2, a // 2}
+        columns = {(b - 1) // 2, b // 2}
+        return [(i, j) for i in sorted(rows) for j in sorted(columns) if self._is_cell(i, j)]
+
+    def move(self, corner: MeshPlace, to: Array) -> None:
+        """Move a corner to a position [m]; the nodes in the middle of its edges follow."""
+        if np.array_equal(self.positions[corner], to):
+            return
+        self.positions[corner] = to
+        self.moved.update(self.cells_at(corner))
+        for step in ((2, 0), (0, 2), (-2, 0), (0, -2)):
+            other = corner[0] + step[0], corner[1] + step[1]
+            if self.within(other):
+                self.positions[halfway(corner, other)] = 0.5 * (self.positions[corner] + self.positions[other])
+        for cell in self.cells_at(corner):
+            self._place_middle(cell)
+
+    def split_cell(self, one: MeshPlace, other: MeshPlace) -> MeshPlace:
+        """Split the cell of which two corners are opposite into triangles; return it."""
+        cell = (min(one[0], other[0]) // 2, min(one[1], other[1]) // 2)
+        self.split[cell] = _triangles(one, other)
+        self.moved.add(cell)
+        self._place_middle(cell)
+        return cell
+
+    def thinnest_after(self, corner: MeshPlace, to: Array, crossed_from: MeshPlace | None = None) -> float:
+        """Return the least of twice the area at a corner of the elements around ``corner`` if it moved ``to`` [m2].
+
+        ``crossed_from``: opposite corner of the cell that would be split.
+        """
+        x, y = float(to[0]), float(to[1])
+        least = math.inf
+        for cell in self.cells_at(corner):
+            parts = self.parts(cell)
+            if crossed_from is not None and halfway(corner, crossed_from) == (2 * cell[0] + 1, 2 * cell[1] + 1):
+                parts = _triangles(corner, crossed_from)
+            for part in parts:
+                p = [(x, y) if each == corner else tuple(self.positions[each].tolist()) for each in part.corners]
+                for k in range(len(p)):
+                    (x_0, y_0), (x_1, y_1), (x_2, y_2) = p[k - 2], p[k - 1], p[k]
+                    least = min(least, (x_2 - x_1) * (y_0 - y_1) - (y_2 - y_1) * (x_0 - x_1))
+        return least
+
+    def _place_middle(self, cell: MeshPlace) -> None:
+        if cell in self.split:
+            first, second = self.split[cell][0].corners, self.split[cell][1].corners
+            shared = [corner for corner in first if corner in second]
+            self.positions[2 * cell[0] + 1, 2 * cell[1] + 1] = 0.5 * (self.at(shared[0]) + self.at(shared[1]))
+
+    def _is_cell(self, i: int, j: int) -> bool:
+        return 0 <= i < self.cells[0] and 0 <= j < self.cells[1]
+
+
+def halfway(one: MeshPlace, other: MeshPlace) -> MeshPlace:
+    """Return the place in the middle of two corners."""
+    return (one[0] + other[0]) // 2, (one[1] + other[1]) // 2
+
+
+def whole(cell: MeshPlace) -> Part:
+    """Return the quadrilateral of a cell."""
+    return Part(tuple((2 * cell[0] + a, 2 * cell[1] + b) for a, b in _QUAD))
+
+
+def cell_places(cells: MeshPlace) -> Indices:
+    """Return the places of the nodes of all cells, shape (n_cells, 8, 2), the first index varying slowest."""
+    first = np.indices(cells).reshape(2, -1).T[:, np.newaxis]
+    return 2 * first + np.array(_QUAD)  # type: ignore[no-any-return]
+
+
+def element_stiffness(positions: Array, lam: float, mu: float) -> Array:
+    """Return the stiffness of 8-node quadrilaterals or 6-node triangles at unit thickness.
+
+    Parameters
+    ----------
+    positions : array, shape (n, m, 2)
+        Nodes of n elements in the order of their m shape functions [m].
+    lam, mu : float
+        Lame parameters, see :func:`cutenv.tissue.elasticity.lame_parameters`.
+
+    Returns
+    -------
+    array, shape (n, 2 m, 2 m)
+    """
+    gradients, weights = _shapes(positions.shape[1])
+    jacobian = np.einsum("gma,nmi->ngia", gradients, positions)
+    inverse, size = np.linalg.inv(jacobian), np.linalg.det(jacobian) * weights
+    slopes = np.einsum("gma,ngai->ngmi", gradients, inverse)
+    weighted = slopes * size[:, :, np.newaxis, np.newaxis]
+    products = np.einsum("ngmi,ngkj->nmikj", weighted, slopes, optimize=True)
+    same = products[:, :, 0, :, 0] + products[:, :, 1, :, 1]
+    stiffness = lam * products + mu * products.transpose(0, 1, 4, 3, 2)
+    stiffness[:, :, 0, :, 0] += mu * same
+    stiffness[:, :, 1, :, 1] += mu * same
+    n = 2 * positions.shape[1]
+    return stiffness.reshape(-1, n, n)  # type: ignore[no-any-return]
+
+
+@lru_cache(maxsize=2)
+def _shapes(nodes: int) -> tuple[Array, Array]:
+    """Return the slopes of the shape functions at the Gauss points, (n_points, m, 2), and the weights, (n_points,)."""
+    element: Element = ElementQuadS2() if nodes == 8 else ElementTriP2()
+    points, weights = get_quadrature(element, _QUADRATURE_DEGREE)
+    slopes = np.stack([element.lbasis(points, k)[1] for k in range(nodes)])  # (m, 2, n_points)
+    return np.ascontiguousarray(slopes.transpose(2, 0, 1)), np.asarray(weights)
+
+
+def _triangles(one: MeshPlace, other: MeshPlace) -> tuple[Part, Part]:
+    """Return the two halves of the cell of which two corners are opposite."""
+    a, b = min(one[0], other[0]), min(one[1], other[1])
+    if (other[0] - one[0]) * (other[1] - one[1]) > 0:
+        first, second = ((0, 0), (2, 0), (2, 2)), ((0, 0), (2, 2), (0, 2))
+    else:
+        first, second = ((2, 0), (2, 2), (0, 2)), ((2, 0), (0, 2), (0, 0))
+    return _triangle([(a + i, b + j) for i, j in first]), _triangle([(a + i, b + j) for i, j in second])
+
+
+def _triangle(corners: list[MeshPlace]) -> Part:
+    a, b, c = corners
+    return Part((a, b, c, halfway(a, b), halfway(b, c), halfway(a, c)))

@@ -1,0 +1,182 @@
+"""Stiffness of a mesh that a crack passes: what moved nodes, split cells and jumps behind the tip change in it."""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.sparse import coo_array
+
+from cutenv._base.arrays import Array, Indices
+from cutenv.tissue.augmented_system import AugmentedSystem
+from cutenv.tissue.split_mesh import MeshPlace, Part, SplitMesh, cell_places, element_stiffness, whole
+from cutenv.tissue.tip_response import sparse_factors
+
+
+class SplitStiffness:
+    """Stiffness of a slab clamped at x = 0, factorised once.
+
+    Each doubled node has a jump: by half of it either face moves along the crack, the left one back and the right one
+    forth; faces that open have a second one, across.
+
+    Parameters
+    ----------
+    mesh : SplitMesh
+        Mesh before any cut.
+    modulus : array, shape (n_along, n_across)
+        Relative modulus of the cells [1].
+    lame : tuple of float
+        Lame parameters of unit Young's modulus.
+    opens : bool
+        Whether the faces open.
+    """
+
+    def __init__(self, mesh: SplitMesh, modulus: Array, lame: tuple[float, float], *, opens: bool) -> None:
+        self._mesh, self._modulus, self._lame, self._opens = mesh, modulus, lame, opens
+        cells = cell_places(mesh.cells)
+        a, b = cells[..., 0], cells[..., 1]
+        self._whole: Array = modulus.reshape(-1, 1, 1) * element_stiffness(mesh.positions[a, b], *lame)
+        free = np.zeros(mesh.positions.shape[:2], dtype=bool)
+        free[a, b] = True
+        free[0] = False  # clamped
+        n = int(2 * free.sum())
+        self._number: Indices = np.full((*free.shape, 2), -1)
+        self._number[free] = np.arange(n).reshape(-1, 2)
+        unknowns = self._number[a, b].reshape(len(cells), -1)
+        rows, columns = np.broadcast_arrays(unknowns[:, :, np.newaxis], unknowns[:, np.newaxis, :])
+        kept = (rows >= 0) & (columns >= 0)
+        matrix = coo_array((self._whole[kept], (rows[kept], columns[kept])), shape=(n, n))
+        self.system = AugmentedSystem(sparse_factors(matrix.tocsc()), n)
+        self._shares: dict[MeshPlace, tuple[Indices, Array]] = {}
+        self._middles: dict[MeshPlace, tuple[int, int]] = {}
+        self._jumps: dict[MeshPlace, tuple[tuple[int, Array], ...]] = {}
+        self._sides: dict[tuple[Part, MeshPlace], float] = {}
+
+    def copy(self, mesh: SplitMesh) -> SplitStiffness:
+        """Return an independent copy for a copy of the mesh; it shares the factorisation."""
+        other = copy.copy(self)
+        other._mesh, other.system = mesh, self.system.copy()
+        other._shares, other._middles = dict(self._shares), dict(self._middles)
+        other._jumps, other._sides = dict(self._jumps), dict(self._sides)
+        return other
+
+    def is_clamped(self, place: MeshPlace) -> bool:
+        """Return whether a node is clamped."""
+        return bool(self._number[place][0] < 0)
+
+    def touched(self, place: MeshPlace) -> list[int]:
+        """Return the local unknowns of a node, which it gets if it has none yet."""
+        numbers = self._number[place].tolist()
+        self.system.touch(numbers)
+        return [self.system.local(number) for number in numbers if number >= 0]
+
+    def split(self, one: MeshPlace, other: MeshPlace) -> None:
+        """Split the cell between opposite corners; its middle becomes a node."""
+        cell = self._mesh.split_cell(one, other)
+        sides = [(place, self._sides.get((whole(cell), place))) for place in whole(cell).places]
+        self._sides.update({(part, place): side for part in self._mesh.parts(cell) for place, side in sides if side})
+        self._middles[cell] = (self.system.add_unknown(), self.system.add_unknown())
+
+    def double(self, place: MeshPlace, angle: float, before: MeshPlace | None, after: MeshPlace) -> None:
+        """Give a node of the crack, which runs there at an angle [rad], its jumps, and elements around it their sides.
+
+        ``before`` and ``after`` are the corners between which it lies on the crack; none before it: it lies on an edge.
+        """
+        along = np.array([math.cos(angle), math.sin(angle)])
+        directions = [along, np.array([-along[1], along[0]])] if self._opens else [along]
+        self._jumps[place] = tuple((self.system.add_unknown(), direction) for direction in directions)
+        at = self._mesh.at(place)
+        ahead = self._mesh.at(after) - at
+        back = self._mesh.at(before) - at if before is not None else -ahead
+        for cell in self._mesh.cells_at(place):
+            for part in self._mesh.parts(cell):
+                if place in part.places:
+                    centre = np.mean([self._mesh.at(corner) for corner in part.corners], axis=0) - at
+                    self._sides[part, place] = -0.5 if _turn(ahead, centre) < _turn(ahead, back) else 0.5
+
+    def renew(self, cells: Sequence[MeshPlace]) -> None:
+        """Bring the shares of cells up to date with their shape, their parts and the jumps of their nodes."""
+        self.system.touch([n for cell in cells for p in whole(cell).places for n in self._number[p].tolist()])
+        for cell in cells:
+            unknowns, share = self._share(cell)
+            if cell in self._shares:
+                old, before = self._shares[cell]
+                self.system.change(old, -before)
+            self.system.change(unknowns, share)
+            self._shares[cell] = unknowns, share
+
+    def loads(self, forces: ArrayLike) -> Array:
+        """Return forces on all places, shape of ``mesh.positions``, as loads on the local unknowns."""
+        given = np.asarray(forces, dtype=float)
+        places = [(int(a), int(b)) for a, b in np.argwhere(given.any(axis=2)) if not self.is_clamped((a, b))]
+        unknowns = [self.touched(place) for place in places]
+        load = np.zeros(len(self.system))
+        for place, both in zip(places, unknowns, strict=True):
+            load[both] = given[place]
+        return load
+
+    def push_faces(self, load: Array, place: MeshPlace, apart: Array) -> None:
+        """Add to loads a force [N] on the left face of a doubled node, and its opposite on the right one."""
+        for unknown, direction in self._jumps.get(place, ()):
+            load[unknown] -= float(apart @ direction)
+
+    def motion(self, local: Array, load: Array) -> Array:
+        """Return the motion of every place, shape of ``mesh.positions``, from the local unknowns and their loads."""
+        motion: Array = np.append(self.system.spread(local, load), 0.0)[self._number]
+        for cell, unknowns in self._middles.items():
+            motion[2 * cell[0] + 1, 2 * cell[1] + 1] = local[list(unknowns)]
+        return motion
+
+    def face_motion(self, part: Part, motion: Array, local: Array) -> Array:
+        """Return the motion of the nodes of an element, shape (m, 2), faces apart."""
+        moved = np.array([motion[place] for place in part.places])
+        for k, place in enumerate(part.places):
+            side = self._sides.get((part, place), 0.0)
+            for unknown, direction in self._jumps[place] if side else ():
+                moved[k] += side * local[unknown] * direction
+        return moved
+
+    def _share(self, cell: MeshPlace) -> tuple[Indices, Array]:
+        """Return the local unknowns of a cell, and its stiffness in them less that of its first shape."""
+        first = self._whole[cell[0] * self._mesh.cells[1] + cell[1]]
+        columns: dict[int, int] = {}
+        terms = [(self._moves(whole(cell), columns, plain=True), -first)]
+        for part in self._mesh.parts(cell):
+            stiffness = first
+            if cell in self._mesh.moved:
+                positions = np.array([self._mesh.at(place) for place in part.places])[np.newaxis]
+                stiffness = self._modulus[cell] * element_stiffness(positions, *self._lame)[0]
+            terms.append((self._moves(part, columns), stiffness))
+        n = len(columns)
+        total = np.zeros((n, n))
+        for moves, stiffness in terms:
+            motion = np.zeros((len(stiffness), n))
+            for row, column, weight in moves:
+                motion[row, column] += weight
+            total += motion.T @ stiffness @ motion
+        return np.fromiter(columns, dtype=np.int64, count=n), 0.5 * (total + total.T)
+
+    def _moves(self, part: Part, columns: dict[int, int], *, plain: bool = False) -> list[tuple[int, int, float]]:
+        """Return which motion of a part depends on which column of the local unknowns, and how much."""
+        moves = []
+        for k, place in enumerate(part.places):
+            if place[0] % 2 and place[1] % 2:
+                unknowns: Sequence[int] = self._middles[place[0] // 2, place[1] // 2]
+            else:
+                unknowns = [self.system.local(n) if n >= 0 else -1 for n in self._number[place].tolist()]
+            for axis, unknown in enumerate(unknowns):
+                if unknown >= 0:
+                    moves.append((2 * k + axis, columns.setdefault(unknown, len(columns)), 1.0))
+            side = 0.0 if plain else self._sides.get((part, place), 0.0)
+            for unknown, direction in self._jumps[place] if side else ():
+                column = columns.setdefault(unknown, len(columns))
+                moves += [(2 * k + axis, column, side * float(direction[axis])) for axis in (0, 1)]
+        return moves
+
+
+def _turn(start: Array, end: Array) -> float:
+    """Return the angle from one direction to the left to another [rad], 0 to 2 pi."""
+    return math.atan2(start[0] * end[1] - start[1] * end[0], float(start @ end)) % (2.0 * math.pi)

@@ -1,0 +1,420 @@
+"""Finite-element model of a slab whose cut is not known beforehand: nodes move onto the crack and double behind it."""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cutenv._base.arrays import Array
+from cutenv._base.validation import in_range, one_of
+from cutenv.tissue.elasticity import lame_parameters
+from cutenv.tissue.grid import LENGTH
+from cutenv.tissue.lines import WIDTH, CutLine
+from cutenv.tissue.local_compliance import local_compliance, square_compliance
+from cutenv.tissue.mesh import ELEMENT_KINDS, CutMesh, checked_divisions
+from cutenv.tissue.model_arguments import METRES, checked_relative_modulus
+from cutenv.tissue.path_model import PathMesh
+from cutenv.tissue.split_mesh import AROUND, MeshPlace, SplitMesh, halfway
+from cutenv.tissue.split_stiffness import SplitStiffness
+
+_THINNEST = 0.1  # of a cell: an element that would become smaller at a corner is no way for the crack
+_ON_THE_WAY = 0.3  # of an element: a node that is nearer to the tip is no next one
+_SAME = 1e-9  # of an element
+
+
+class SteeredModel:
+    """Plane model of a slab, clamped at x = 0, with cuts that grow to where they are led.
+
+    Places are (x, y): along the slab from the clamp, and across it to the left of its axis [m].  A crack goes from
+    corner to corner of the mesh; the next corner moves onto it, and a cell that it crosses is split.  Pairs of nodes
+    behind the tip slide along the crack, and neither open nor overlap.  The blade acts on the tip.
+
+    A cut that follows the edges of the mesh has the stiffness of :class:`~cutenv.tissue.CutModel`, and along the line
+    of ``line`` that of :class:`~cutenv.tissue.PathModel`, on the same mesh.  The slab is factorised once; each node
+    that a crack passes takes some solves and a dense system of the unknowns that the cuts have touched, see
+    `cutenv.tissue.augmented_system`.
+
+    Parameters
+    ----------
+    divisions : tuple of int
+        Elements across (even) and along the slab.
+    width, length : float
+        Size of the slab [m], 1 mm to 5 m.
+    formulation : {"plane_stress", "plane_strain"}
+    poisson : float
+        Poisson's ratio [1], 0 to 0.499.
+    relative_modulus : array, shape (n_elements,), optional
+        Modulus of each element over the common one, in the order of ``CutModel.element_centres``.
+    line : CutLine, optional
+        Line that the mesh follows, as that of `PathModel`, in a slab of the usual size.
+    faces : {"slide", "open"}
+        Whether the faces of a cut only slide along it, or move freely.
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of range.
+
+    Attributes
+    ----------
+    mesh : SplitMesh
+        Places, and cells that are split.
+
+    Examples
+    --------
+    >>> model = SteeredModel()
+    >>> model.begin()
+    >>> model.cut_to((0.05, 0.0))
+    10
+    >>> round(float(model.stiffness[0, 0]), 3)
+    0.61
+    """
+
+    def __init__(
+        self,
+        divisions: Sequence[int] = (16, 30),
+        *,
+        width: float = WIDTH,
+        length: float = LENGTH,
+        formulation: str = "plane_stress",
+        poisson: float = 0.3,
+        relative_modulus: ArrayLike | None = None,
+        line: CutLine | None = None,
+        faces: str = "slide",
+    ) -> None:
+        one_of("formulation", formulation, ("plane_stress", "plane_strain"))
+        one_of("faces", faces, ("slide", "open"))
+        across, along = checked_divisions("quad8", tuple(divisions))
+        size = in_range("width", width, 1e-3, 5.0, "m", METRES), in_range("length", length, 1e-3, 5.0, "m", METRES)
+        if line is not None and size != (WIDTH, LENGTH):
+            raise ValueError(f"line goes with a slab of {WIDTH:g} x {LENGTH:g} m: leave out width and length.")
+        self._lame = lame_parameters(formulation, poisson)
+        self.mesh = SplitMesh(_corners((across, along), size, line))
+        self._element = min(size[0] / across, size[1] / along)
+        modulus = np.ones(across * along)
+        if relative_modulus is not None:
+            modulus = checked_relative_modulus(np.asarray(relative_modulus), across * along)
+        self._modulus: Array = modulus.reshape(across, along)[::-1].T
+        self._body = SplitStiffness(self.mesh, self._modulus, self._lame, opens=faces == "open")
+        self._used: set[MeshPlace] = set()
+        self._corners: list[MeshPlace] = []
+        self._angles: list[float] = []
+
+    def copy(self) -> SteeredModel:
+        """Return an independent copy that shares the factorisation."""
+        other = copy.copy(self)
+        other.mesh = self.mesh.copy()
+        other._body = self._body.copy(other.mesh)
+        other._used, other._corners, other._angles = set(self._used), list(self._corners), list(self._angles)
+        return other
+
+    @property
+    def path(self) -> Array:
+        """Nodes of the cut that grows, shape (n, 2): from its beginning to the tip [m]."""
+        return np.array([self.mesh.at(place) for place in self._corners]).reshape(-1, 2)
+
+    @property
+    def tip(self) -> Array:
+        """Position of the tip [m], shape (2,)."""
+        return self.mesh.at(self._tip).copy()
+
+    @property
+    def angle(self) -> float:
+        """Direction of the crack at its tip: angle to the axis of the slab [rad], positive to the left."""
+        return self._angles[-1]
+
+    @property
+    def n_touched(self) -> int:
+        """Number of unknowns that the cuts have touched or added."""
+        return len(self._body.system)
+
+    @property
+    def _tip(self) -> MeshPlace:
+        if not self._corners:
+            raise ValueError("The model has no cut yet: begin one.")
+        return self._corners[-1]
+
+    def begin(self, at: ArrayLike = (0.0, 0.0), angle: float = 0.0) -> None:
+        """Begin a cut at the nearest corner of the mesh, which moves there; earlier cuts stay.
+
+        A beginning within the slab is a second tip, which stays where it is.
+
+        Parameters
+        ----------
+        at : array_like, shape (2,)
+            MeshPlace on the clamp, on another edge, or within the slab [m].
+        angle : float
+            Direction in which the cut begins [rad], to the left of the axis.
+
+        Raises
+        ------
+        ValueError
+            If it is outside the slab, or there is a cut.
+        """
+        to = _checked_point(at)
+        where = f"({to[0]:g}, {to[1]:g}) m"
+        gaps = np.hypot(*np.moveaxis(self.mesh.positions[::2, ::2] - to, -1, 0))
+        i, j = np.unravel_index(int(np.argmin(gaps)), gaps.shape)
+        corner, far = (2 * int(i), 2 * int(j)), float(gaps[i, j])
+        if corner in self._used:
+            raise ValueError(f"A cut cannot begin at {where}: there is one already.")
+        if far > _SAME * self._element:
+            if self._thinnest_after(corner, to) < _THINNEST * self._element**2 or self._leaves_edge(corner, to):
+                raise ValueError(f"A cut cannot begin at {where}: that is outside the slab, or nearly on its edge.")
+            self.mesh.move(corner, to)
+            self._body.renew(self.mesh.cells_at(corner))
+        self._corners, self._angles = [], []
+        self._take(corner, angle)
+
+    def cut_to(self, point: ArrayLike, angle: float | None = None) -> int:
+        """Lead the crack straight toward a point, as far as it passes nodes; return how many.
+
+        The tip stays behind the point by less than two elements.
+
+        Parameters
+        ----------
+        point : array_like, shape (2,)
+            [m]
+        angle : float, optional
+            Direction of the crack there [rad]; by default that from node to node.
+
+        Raises
+        ------
+        ValueError
+            If the crack would meet a cut or come too near to a side; the message names the place.
+        """
+        aim = _checked_point(point)
+        passed = 0
+        while True:
+            way = aim - self.tip
+            left = float(np.hypot(*way))
+            if left < _ON_THE_WAY * self._element:
+                return passed
+            corner, to = self._next_corner(way / left)
+            if float(np.hypot(*(to - self.tip))) > left + _SAME * self._element:
+                return passed
+            self._grow(corner, to, angle)
+            passed += 1
+
+    def go_straight_on(self) -> None:
+        """Lead the crack to the next node in its direction."""
+        self._grow(*self._next_corner(np.array([math.cos(self.angle), math.sin(self.angle)])), self.angle)
+
+    def advance(self, point: ArrayLike, angle: float | None = None, angle_between: float | None = None) -> None:
+        """Grow the crack by one node, which moves to a point.
+
+        Parameters
+        ----------
+        point : array_like, shape (2,)
+            MeshPlace of the new tip, about an element away [m].
+        angle, angle_between : float, optional
+            Direction of the crack there, and half-way [rad]; by default that from node to node.
+
+        Raises
+        ------
+        ValueError
+            If no node of the mesh can move there.
+        """
+        to = _checked_point(point)
+        candidates = self._candidates(lambda corner: to)
+        if not candidates:
+            raise ValueError(
+                f"No node can move to ({to[0]:g}, {to[1]:g}) m from the tip at ({self.tip[0]:g}, {self.tip[1]:g}) m: "
+                f"advance by about an element, {1e3 * self._element:g} mm."
+            )
+        self._grow(min(candidates)[1], to, angle, angle_between)
+
+    @property
+    def compliance(self) -> Array:
+        """Displacement of the tip per force on it, times modulus and thickness, along x and y, shape (2, 2)."""
+        unknowns = self._tip_unknowns()
+        load = np.zeros((len(self._body.system), 2))
+        load[unknowns, [0, 1]] = 1.0
+        return self._body.system.solve(load)[unknowns]
+
+    @property
+    def stiffness(self) -> Array:
+        """Force on the tip per displacement, modulus and thickness [1], along the crack and to its left, (2, 2)."""
+        return self._along_and_left(self.compliance)
+
+    def converted_stiffness(self, element: float) -> Array:
+        """Return the stiffness that the model would have with square elements of a size at the tip.
+
+        Nodes that moved onto the crack, and triangles, make elements of other sizes and shapes at every tip, which
+        a point force feels; see :mod:`cutenv.tissue.local_compliance`.
+
+        Parameters
+        ----------
+        element : float
+            Size of the squares [m].
+        """
+        size = in_range("element", element, 1e-4, 1.0, "m", METRES)
+        mesh, (a, b) = self.mesh, self._tip
+        rows, columns = range(a // 2 - 2, a // 2 + 2), range(b // 2 - 2, b // 2 + 2)
+        cells = [
+            (i, j) for i in rows for j in columns if mesh.within((2 * i, 2 * j)) and mesh.within((2 * i + 2, 2 * j + 2))
+        ]
+        square = square_compliance(size, *self._lame)
+        if a == 2 * mesh.cells[0]:  # at the free end there are no elements around it
+            local = square_compliance(self._element, *self._lame) * np.eye(2)
+        else:
+            parts = [part.places for cell in cells for part in mesh.parts(cell)]
+            local = local_compliance(parts, mesh.positions.__getitem__, (a, b), *self._lame)
+        modulus = float(np.mean([self._modulus[cell] for cell in mesh.cells_at((a, b))]))
+        return self._along_and_left(self.compliance - (local - square * np.eye(2)) / modulus)
+
+    def displacement(self, force: ArrayLike) -> Array:
+        """Return the displacement of every place by a force on the tip, times modulus and thickness [N].
+
+        Parameters
+        ----------
+        force : array_like, shape (2,)
+            Along the slab and to its left [N].
+
+        Returns
+        -------
+        array, shape (2 n_along + 1, 2 n_across + 1, 2)
+            As ``mesh.positions``; on a cut the mean of both faces.
+        """
+        load = np.zeros(len(self._body.system))
+        load[self._tip_unknowns()] = np.asarray(force, dtype=float)
+        return self._body.motion(self._body.system.solve(load[:, np.newaxis])[:, 0], load)
+
+    def pushed(self, forces: ArrayLike | None = None, pressure: float = 0.0) -> float:
+        """Return twice the energy that forces and a pressure on the faces of the cuts store, times modulus [N2].
+
+        Parameters
+        ----------
+        forces : array_like, shape of ``mesh.positions``, optional
+            On every place, at unit thickness [N].
+        pressure : float
+            On both faces of the cut that grows, for a model whose faces open [N/m2].
+        """
+        load = self._body.loads(np.zeros_like(self.mesh.positions) if forces is None else forces)
+        for one, other in zip(self._corners, self._corners[1:], strict=False):
+            ahead = self.mesh.at(other) - self.mesh.at(one)
+            left = pressure * np.array([-ahead[1], ahead[0]])
+            for place, share in ((one, 1.0 / 6.0), (halfway(one, other), 4.0 / 6.0), (other, 1.0 / 6.0)):
+                self._body.push_faces(load, place, share * left)
+        return float(load @ self._body.system.solve(load[:, np.newaxis])[:, 0])
+
+    def _along_and_left(self, compliance: Array) -> Array:
+        """Return the stiffness in the frame of the crack's direction."""
+        c, s = math.cos(self.angle), math.sin(self.angle)
+        frame = np.array([[c, -s], [s, c]])
+        return np.asarray(np.linalg.inv(frame.T @ compliance @ frame), dtype=np.float64)
+
+    def _tip_unknowns(self) -> list[int]:
+        if self._body.is_clamped(self._tip):
+            raise ValueError("The cut has not left the clamp: lead it on.")
+        return self._body.touched(self._tip)
+
+    def _candidates(
+        self, to: Callable[[MeshPlace], Array | None]
+    ) -> list[tuple[float, MeshPlace, tuple[float, float]]]:
+        """Return the corners around the tip that can be next: how far each moves [m], the corner, and where to."""
+        found = []
+        for step in AROUND:
+            corner = self._tip[0] + step[0], self._tip[1] + step[1]
+            if not self.mesh.within(corner) or corner in self._used or self._body.is_clamped(corner):
+                continue
+            crosses = step[0] != 0 and step[1] != 0
+            if crosses and tuple(n // 2 for n in halfway(self._tip, corner)) in self.mesh.split:
+                continue
+            point = to(corner)
+            if point is None or self._leaves_edge(corner, point):
+                continue
+            thinnest = self._thinnest_after(corner, point)
+            if thinnest > _THINNEST * self._element**2:
+                found.append((math.dist(point, self.mesh.at(corner)), corner, (float(point[0]), float(point[1]))))
+        return found
+
+    def _next_corner(self, direction: Array) -> tuple[MeshPlace, Array]:
+        """Return the corner that the crack passes next in a direction, and where it meets the way."""
+        tip, end = self.tip, float(self.mesh.positions[-1, 0, 0])
+
+        def foot(corner: MeshPlace) -> Array | None:
+            gap = self.mesh.at(corner) - tip
+            along = float(gap @ direction)
+            if corner[0] == 2 * self.mesh.cells[0]:  # a corner on the free end stays on it
+                along = (end - tip[0]) / direction[0] if direction[0] > 0.0 else -1.0
+            if along < _ON_THE_WAY * self._element:
+                return None
+            to: Array = tip + along * direction
+            return self.mesh.at(corner) if math.dist(to, self.mesh.at(corner)) <= _SAME * self._element else to
+
+        candidates = self._candidates(foot)
+        if not candidates:
+            raise ValueError(f"The crack cannot go on from ({tip[0]:.4f}, {tip[1]:.4f}) m: a cut or a side is there.")
+        _, corner, to = min(candidates)
+        return corner, np.array(to)
+
+    def _leaves_edge(self, corner: MeshPlace, to: Array) -> bool:
+        """Return whether a corner on the slab's outline would leave it."""
+        at, same = self.mesh.at(corner), _SAME * self._element
+        return any(
+            corner[axis] in (0, 2 * self.mesh.cells[axis]) and abs(to[axis] - at[axis]) > same for axis in (0, 1)
+        )
+
+    def _thinnest_after(self, corner: MeshPlace, to: Array) -> float:
+        start = self._corners[-1] if self._corners else corner
+        crossed = start if corner[0] != start[0] and corner[1] != start[1] else None
+        return self.mesh.thinnest_after(corner, to, crossed)
+
+    def _take(self, corner: MeshPlace, angle: float) -> None:
+        self._corners.append(corner)
+        self._angles.append(angle)
+        self._used.add(corner)
+        self._body.touched(corner)
+
+    def _grow(self, corner: MeshPlace, to: Array, angle: float | None, angle_between: float | None = None) -> None:
+        """Move a corner to the new tip, split the cell that the crack crosses, and double what is behind."""
+        last, mesh = self._tip, self.mesh
+        middle = halfway(last, corner)
+        if corner[0] != last[0] and corner[1] != last[1]:
+            self._body.split(last, corner)
+        mesh.move(corner, to)
+        chord = math.atan2(*(mesh.at(corner) - mesh.at(last))[::-1])
+        self._body.double(middle, chord if angle_between is None else angle_between, last, corner)
+        if len(self._corners) > 1:
+            own = self._angles[-1] if angle is not None else _mean_angle(self._chord(), chord)
+            self._body.double(last, own, self._corners[-2], corner)
+        elif not self._body.is_clamped(last) and self._at_edge(last):
+            self._body.double(last, self._angles[-1] if angle is not None else chord, None, corner)
+        self._take(corner, chord if angle is None else angle)
+        self._body.renew(sorted({cell for place in (last, middle, corner) for cell in mesh.cells_at(place)}))
+
+    def _chord(self) -> float:
+        """Return the direction from the last node but one to the tip [rad]."""
+        return math.atan2(*(self.mesh.at(self._tip) - self.mesh.at(self._corners[-2]))[::-1])
+
+    def _at_edge(self, place: MeshPlace) -> bool:
+        return any(place[axis] in (0, 2 * self.mesh.cells[axis]) for axis in (0, 1))
+
+
+def _mean_angle(one: float, other: float) -> float:
+    return math.atan2(math.sin(one) + math.sin(other), math.cos(one) + math.cos(other))
+
+
+def _checked_point(point: ArrayLike) -> Array:
+    given = np.asarray(point, dtype=float)
+    if given.shape != (2,) or not np.isfinite(given).all():
+        raise ValueError(f"point = {point!r}: give two finite numbers, along and across the slab [m].")
+    return given
+
+
+def _corners(divisions: tuple[int, int], size: tuple[float, float], line: CutLine | None) -> Array:
+    """Return the corners of the mesh along the slab and across it to the left, shape (along + 1, across + 1, 2) [m]."""
+    kind = ELEMENT_KINDS["quad8"]
+    mesh = (
+        CutMesh(kind=kind, divisions=divisions, size=size)
+        if line is None
+        else PathMesh(kind=kind, divisions=divisions, size=size, drawn=line)
+    )
+    grid = mesh.corners.reshape(divisions[0] + 2, divisions[1] + 1, 2)
+    single = np.delete(grid, mesh.line, axis=0)[::-1].swapaxes(0, 1)
+    return np.stack((single[..., 1], -single[..., 0]), axis=-1)

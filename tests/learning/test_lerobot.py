@@ -1,0 +1,146 @@
+"""Cuts as a LeRobot data set v3.0: nothing is lost, forces are in newtons, and LeRobot's own library reads it."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet as parquet
+import pytest
+
+from cutenv import cli
+from cutenv.commands.datasets import Arguments, cuts_of
+from cutenv.learning import lerobot_datasets
+from cutenv.learning.demonstration import Demonstration
+from cutenv.learning.lerobot_datasets import INSTRUCTION, lerobot_folder, write_lerobot
+
+ROOT = Path(__file__).parents[2]
+PYTHON = ROOT / (".venv-lerobot/Scripts/python.exe" if os.name == "nt" else ".venv-lerobot/bin/python")
+
+
+@pytest.fixture(scope="module")
+def made() -> tuple[dict[str, Any], list[Demonstration]]:
+    return cuts_of(Arguments(dataset="cutenv/x", format="lerobot", policy="probe and creep", cuts=3))
+
+
+@pytest.fixture
+def folder(tmp_path: Path, made: tuple[dict[str, Any], list[Demonstration]]) -> Path:
+    write_lerobot(tmp_path / "set", "probe and creep", *made)
+    return tmp_path / "set"
+
+
+def test_every_decision_is_a_frame_with_the_force_in_newtons(
+    folder: Path, made: tuple[dict[str, Any], list[Demonstration]]
+) -> None:
+    cuts = made[1]
+    table = parquet.read_table(folder / "data/chunk-000/file-000.parquet").to_pydict()
+    info = json.loads((folder / "meta/info.json").read_text())
+    force = info["features"]["observation.state"]["names"].index("force_N")
+    for number, cut in enumerate(cuts):
+        rows = [k for k, episode in enumerate(table["episode_index"]) if episode == number]
+        assert len(rows) == len(cut.rewards)
+        found = {name: np.array([table[name][k] for k in rows]) for name in table}
+        assert np.array_equal(found["observation.state"][:, force], cut.infos["force_N"][:-1].astype(np.float32))
+        assert np.array_equal(found["action"], cut.actions)
+        assert np.array_equal(found["observation.environment_state"], cut.observations[:-1])
+        assert np.array_equal(found["next.reward"], cut.rewards.astype(np.float32))
+        assert found["next.done"].tolist() == [False] * (len(rows) - 1) + [True]
+        assert found["next.success"][-1] == bool(cut.infos["is_success"][-1])
+        assert np.allclose(found["timestamp"], np.arange(len(rows)) / 10, atol=1e-6)
+        assert found["frame_index"].tolist() == list(range(len(rows)))
+    assert table["index"] == list(range(len(table["index"])))
+    assert {name: len(np.atleast_1d(table[name][0])) for name in table} == {
+        name: feature["shape"][0] for name, feature in info["features"].items()
+    }
+    assert info["features"]["info"]["names"] == ["tip_m", "true_force_N"]
+    assert info["total_frames"] == len(table["index"])
+    assert info["codebase_version"] == "v3.0"
+
+
+def test_the_statistics_are_those_of_the_frames(folder: Path) -> None:
+    stats = json.loads((folder / "meta/stats.json").read_text())
+    table = parquet.read_table(folder / "data/chunk-000/file-000.parquet")
+    values = np.array(table["action"].to_pylist())
+    assert stats["action"]["max"] == values.max(axis=0).tolist()
+    assert stats["action"]["count"] == [len(values)]
+    assert np.allclose(stats["action"]["q90"], np.quantile(values, 0.9, axis=0))
+    episodes = parquet.read_table(folder / "meta/episodes/chunk-000/file-000.parquet").to_pylist()
+    last = episodes[-1]
+    part = values[last["dataset_from_index"] : last["dataset_to_index"]]
+    assert np.allclose(last["stats/action/mean"], part.mean(axis=0))
+    assert json.loads(last["cutenv/about"])["target_length_m"] > 0.05
+    assert last["tasks"] == [INSTRUCTION]
+
+
+def test_more_frames_than_a_file_takes_go_into_the_next(
+    tmp_path: Path, made: tuple[dict[str, Any], list[Demonstration]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(lerobot_datasets, "_FRAMES_IN_FILE", 100)
+    monkeypatch.setattr(lerobot_datasets, "_FILES_IN_CHUNK", 2)
+    write_lerobot(tmp_path / "set", "x", *made)
+    files = sorted(path.relative_to(tmp_path).as_posix() for path in (tmp_path / "set/data").rglob("*.parquet"))
+    assert files[0].endswith("chunk-000/file-000.parquet")
+    assert files[-1].endswith("chunk-001/file-000.parquet")
+    rows = parquet.read_table(tmp_path / "set/meta/episodes/chunk-000/file-000.parquet").to_pylist()
+    assert [(row["data/chunk_index"], row["data/file_index"]) for row in rows] == [(0, 0), (0, 1), (1, 0)]
+
+
+def test_nothing_is_left_of_a_data_set_that_cannot_be_written(
+    tmp_path: Path, made: tuple[dict[str, Any], list[Demonstration]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: Any) -> None:
+        raise OSError("no space left on device")
+
+    monkeypatch.setattr(lerobot_datasets, "_info", full)
+    with pytest.raises(OSError, match="no space left"):
+        write_lerobot(tmp_path / "set", "x", *made)
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_command_writes_where_lerobot_looks_and_never_over_another(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("HF_LEROBOT_HOME", str(tmp_path))
+    given = ["datasets", "--format", "lerobot", "--cuts", "1", "--policy", "probe and creep", "--dataset"]
+    assert cli.main([*given, "cutenv/probe"]) == 0
+    assert "1 cuts" in capsys.readouterr().out
+    assert (tmp_path / "cutenv/probe/README.md").is_file()
+    assert cli.main([*given, "cutenv/probe"]) == 2
+    assert "exists in" in capsys.readouterr().err
+    assert cli.main([*given, "probe"]) == 2
+    assert "must be owner/name for LeRobot" in capsys.readouterr().err
+    monkeypatch.delenv("HF_LEROBOT_HOME")
+    monkeypatch.setenv("HF_HOME", str(tmp_path / "hf"))
+    assert lerobot_folder("a/b") == tmp_path / "hf/lerobot/a/b"
+
+
+@pytest.mark.skipif(
+    not PYTHON.exists(), reason="LeRobot wants packages of its own: 'pip install lerobot' in .venv-lerobot"
+)
+def test_lerobots_library_reads_the_same_numbers(
+    folder: Path, made: tuple[dict[str, Any], list[Demonstration]]
+) -> None:
+    offline = os.environ | {"HF_HUB_OFFLINE": "1", "HF_HOME": str(folder.parent / "home")}
+    command = [str(PYTHON), str(Path(__file__).with_name("in_lerobot.py")), "cutenv/probe", str(folder)]
+    ran = subprocess.run(command, env=offline, capture_output=True, text=True)
+    assert ran.returncode == 0, ran.stderr[-3000:]
+    found = json.loads(ran.stdout.splitlines()[-1])
+    cuts = made[1]
+    force = np.concatenate([cut.infos["force_N"][:-1] for cut in cuts]).astype(np.float32)
+    assert found["episodes"] == len(cuts)
+    assert found["fps"] == 10
+    assert found["names"][0] == "force_N"
+    assert np.array_equal(np.float32(found["force"]), force)
+    assert np.array_equal(np.float32(found["force_before"][1:20]), force[:19])  # a tenth of a second earlier
+    assert np.array_equal(np.float32(found["actions"]), np.concatenate([cut.actions for cut in cuts]))
+    assert np.array_equal(
+        np.float32(found["rewards"]), np.concatenate([cut.rewards for cut in cuts]).astype(np.float32)
+    )
+    assert sum(found["done"]) == len(cuts)
+    assert found["task"] == INSTRUCTION
+    assert np.float32(found["greatest_force"]) == force.max()
+    assert found["second"] == len(cuts[1].rewards)
