@@ -22,12 +22,13 @@ from cutenv.task.depth_beginning import begin_depth_some
 from cutenv.task.depth_cuts import depth_errors, step_depth_some
 from cutenv.task.depth_cutting import DepthCutting, depth_record
 from cutenv.task.depth_privileged import append_depth_privileged
-from cutenv.task.depth_terms import ALL_COMPONENTS, DEPTH, DEPTH_COSTS, DEPTH_ENDS, DESCENT_SCALE, DepthConstants
+from cutenv.task.depth_terms import ALL_COMPONENTS, DEPTH, DEPTH_ENDS, DESCENT_SCALE, DepthConstants
 from cutenv.task.info import INFO
 from cutenv.task.map_costs import map_charges
 from cutenv.task.observation import SPEED_SCALE as _SPEED_SCALE
 from cutenv.task.observation import speed_action, to_action
 from cutenv.task.wanted_depth import WANTED_KINDS
+from cutenv.task_quantities import DEPTH_COSTS
 from cutenv.tissue.surface import SurfaceSpread
 
 _NO_VERTICAL = np.zeros((0, 0))

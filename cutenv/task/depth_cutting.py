@@ -14,10 +14,11 @@ from cutenv.plant.simulator import SimulatedPlant
 from cutenv.scoring.scored_cut import FLOOR_AT_END
 from cutenv.task.depth_beginning import begin_depth_one, observe_depth_at_start
 from cutenv.task.depth_cuts import N_MEMORY, depth_errors, step_depth_one
-from cutenv.task.depth_terms import ALL_COMPONENTS, DEPTH, DEPTH_COSTS, DEPTH_ENDS, DepthConstants
+from cutenv.task.depth_terms import ALL_COMPONENTS, DEPTH, DEPTH_ENDS, DepthConstants
 from cutenv.task.gentle_cutting import ShownDepth, SimulatedCutting
 from cutenv.task.map_assessed import MapAssessed
 from cutenv.task.observation import COMPONENTS
+from cutenv.task_quantities import DEPTH_COSTS
 from cutenv.tissue.grid import SPACING
 
 
