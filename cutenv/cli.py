@@ -28,6 +28,7 @@ _EXTRAS_OF_MODULE = {
     "meshcat": ("view3d",),
     "minari": ("data",),
     "pyarrow": ("data", "vision"),
+    "nidaqmx": ("daq",),
     "pygame": ("view",),
     "pymunk": ("play",),
     "pylsl": ("streams",),

@@ -99,6 +99,8 @@ def _serial_options(arguments: argparse.Namespace) -> SerialOptions:
             law[allowed[name]] = unit * value
     if arguments.height or arguments.can_port or arguments.sensor_port or arguments.page_port:
         raise ValueError("--height and the ports of bus, sensor and page are not for --serial. Leave them out.")
+    if arguments.sensor != "netft" or arguments.range != "task":
+        raise ValueError("--sensor and --range are not for --serial, which has a load cell. Leave them out.")
     return SerialOptions(
         angle=math.radians(arguments.angle_deg),
         converter=arguments.converter,
@@ -134,6 +136,8 @@ def _options(arguments: argparse.Namespace) -> Options:
         hinge_mechanics=hinge(),
         sensor=SensorParameters(**given["sensor"]),
         law=LawParameters(**given["law"]),
+        analogue=arguments.calibration if arguments.sensor == "analogue" else None,
+        range=arguments.range,
         host=arguments.host,
         can_port=arguments.can_port,
         sensor_port=arguments.sensor_port,
@@ -180,6 +184,12 @@ def _parser() -> argparse.ArgumentParser:
         "default 15")  # fmt: skip
     for option, _, _, metavar, about in _CONSTANTS:
         add(option, type=float, metavar=metavar, help=about)
+    add("--range", choices=("task", "thesis"), default="task", help="mechanical range: task (43 to 92 deg, 2.65 cm/s) "
+        "or thesis (0 to 180 deg, which is 90 either way from upright, and 3.81 cm/s); default task")  # fmt: skip
+    add("--sensor", choices=("netft", "analogue"), default="netft", help="force sensor: a Net F/T, or an analogue "
+        "six-axis one on a board; default netft")  # fmt: skip
+    add("--calibration", default="jr3_85m35a_i40", metavar="FILE", help="matrix and converter of the analogue sensor; "
+        "default the shipped one, in its resolution the thesis's JR3")  # fmt: skip
     add("--host", default="127.0.0.1", metavar="ADDRESS", help="address to listen on; default 127.0.0.1, this computer "
         "alone")  # fmt: skip
     for name, used in (("can", "the CAN bus"), ("sensor", "the force sensor"), ("page", "the sensor's page"),

@@ -53,6 +53,7 @@ OWN_DRIVERS: Mapping[DriverKind, Mapping[str, str]] = {
         "serial": "cutenv.rig.devices.serial.stepper_axis:StepperAxis",
     },
     DriverKind.FORCE: {
+        "analogue": "cutenv.rig.devices.analogue.analogue_sensor:AnalogueSensor",
         "netft": "cutenv.rig.devices.netft.mounted_sensor:mounted_sensor",
         "serial": "cutenv.rig.devices.serial.load_cell:LoadCell",
     },

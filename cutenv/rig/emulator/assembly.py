@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Any, Literal
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -13,7 +14,9 @@ from cutenv._base.validation import in_range, one_of
 from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.plant.simulator import check_angle
-from cutenv.rig.config.settings import Axis, HeightAxis
+from cutenv.rig.config.settings import Axis, HeightAxis, SafetyLimits
+from cutenv.rig.devices.analogue.sensor_calibration_file import AnalogueCalibration
+from cutenv.rig.emulator.board_server import BoardServer
 from cutenv.rig.emulator.emulated_axis import EmulatedAxis
 from cutenv.rig.emulator.emulated_bench import EmulatedBench
 from cutenv.rig.emulator.emulated_tissue import EmulatedTissue, Laid
@@ -31,6 +34,39 @@ HINGE = Axis(
     acceleration=20.0, quick_stop=40.0, following_error=0.05,
 )  # fmt: skip
 """Axis that turns the blade of the emulated rig."""
+
+
+class MechanicalRange(NamedTuple):
+    """Travel and speed of an emulated rig: axes as mounted, and the limits of its file.
+
+    Attributes
+    ----------
+    blade, angle : Axis
+        Axes.
+    limits : SafetyLimits
+        Limits at which the blade is stopped.
+    """
+
+    blade: Axis
+    angle: Axis
+    limits: SafetyLimits
+
+
+RANGES: Mapping[str, MechanicalRange] = MappingProxyType(
+    {
+        "task": MechanicalRange(BLADE, HINGE, SafetyLimits()),
+        "thesis": MechanicalRange(
+            replace(BLADE, high=0.198, speed=0.0397),  # 20 cm, and 4 % for the loop
+            replace(HINGE, low=math.radians(-2.0), high=math.radians(182.0)),
+            SafetyLimits(speed=0.0397, force_rise=300.0, angle_low=0.0, angle_high=math.pi),
+        ),
+    }
+)
+"""Mechanical ranges by name: what a task asks for, and what the thesis's rig could do (3.1).
+
+The thesis's rig turned its blade by 90 degrees either way from upright, which is 0 to 180 degrees here, and went up to
+3.81 cm/s. Its cuts, and so the law, are of 45 to 90 degrees and up to 2.54 cm/s.
+"""
 _OTHER_NOISE = (0.02, 0.02, 0.001, 0.001, 0.001)  # Fy, Fz [N], Tx, Ty, Tz [N m]: enough to make the counts flicker
 
 
@@ -40,6 +76,8 @@ class Options:
 
     Attributes
     ----------
+    range : {"task", "thesis"}
+        Mechanical range, one of :data:`RANGES`.
     angle_mode : {"free", "fixed"}
         "free": a second axis turns the blade; "fixed": the blade stays at ``angle``.
     angle : float
@@ -48,12 +86,15 @@ class Options:
         Specimen at the start; None: free air.
     force_limit : float
         True force whose crossing is recorded as an event [N].
-    blade_axis, hinge_axis : Axis
-        Axes as mounted; blade_mechanics, hinge_mechanics: the mechanics that they move.
+    blade_mechanics, hinge_mechanics : Mechanics
+        Mechanics that the axes of the range move.
     height_axis : HeightAxis, optional
         Axis that raises and lowers the blade, with the mechanics of the blade's; None: the blade stays at one height.
     sensor : SensorParameters
         Force sensor, as in the simulator.
+    analogue : str, optional
+        Calibration of an analogue sensor on a board, which takes the place of the Net F/T: its file, or its name. The
+        converter then has the resolution, and ``sensor`` the noise and delay.
     law : LawParameters
         Cutting law, as in the simulator.
     host : str
@@ -62,16 +103,16 @@ class Options:
         Ports; 0 takes free ones.
     """
 
+    range: Literal["task", "thesis"] = "task"
     angle_mode: Literal["free", "fixed"] = "free"
     angle: float = math.pi / 2
     laid: Laid | None = field(default_factory=Laid)
     force_limit: float = 15.0
-    blade_axis: Axis = BLADE
-    hinge_axis: Axis = HINGE
     height_axis: HeightAxis | None = None
     blade_mechanics: Mechanics = field(default_factory=Mechanics)
     hinge_mechanics: Mechanics = field(default_factory=hinge)
     sensor: SensorParameters = field(default_factory=SensorParameters)
+    analogue: str | None = None
     law: LawParameters = field(default_factory=LawParameters)
     host: str = "127.0.0.1"
     can_port: int = 0
@@ -80,9 +121,20 @@ class Options:
     control_port: int = 0
 
     def __post_init__(self) -> None:
+        one_of("range", self.range, RANGES)
         one_of("angle_mode", self.angle_mode, ("free", "fixed"))
         check_angle(self.angle)
         in_range("force_limit", self.force_limit, 0.01, 1000.0, "N", "What the rig's own limit is.")
+
+    @property
+    def blade_axis(self) -> Axis:
+        """Axis of the carriage."""
+        return RANGES[self.range].blade
+
+    @property
+    def hinge_axis(self) -> Axis:
+        """Axis that turns the blade."""
+        return RANGES[self.range].angle
 
 
 class EmulatedRig(EmulatedBench):
@@ -100,10 +152,13 @@ class EmulatedRig(EmulatedBench):
 
     def __init__(self, options: Options | None = None) -> None:
         self.options = options or Options()
+        felt = self.options.sensor
+        if self.options.analogue is not None:
+            felt = replace(felt, force_resolution=0.0)  # the converter's
         self._layered: LayeredTissue | None = None
-        bench = EmulatedTissue(self.options.sensor, self.options.law)
+        bench = EmulatedTissue(felt, self.options.law)
         if self.options.height_axis is not None:
-            bench = self._layered = LayeredTissue(self.options.sensor, self.options.law)
+            bench = self._layered = LayeredTissue(felt, self.options.law)
         super().__init__(bench, self.options.force_limit)
         self.axes: dict[str, EmulatedAxis] = {
             "blade": EmulatedAxis(
@@ -126,9 +181,15 @@ class EmulatedRig(EmulatedBench):
         self._ticks = 0
         self.intruders: dict[str, float] = {}
         self.nodes = {name: Node(axis, self._send, self.happened) for name, axis in self.axes.items()}
-        self.sensor = SensorServer(
-            host=self.options.host, port=self.options.sensor_port, page_port=self.options.page_port
-        )
+        self.sensor: SensorServer | BoardServer
+        if self.options.analogue is None:
+            self.sensor = SensorServer(
+                host=self.options.host, port=self.options.sensor_port, page_port=self.options.page_port
+            )
+        else:
+            self.sensor = BoardServer(
+                AnalogueCalibration.read(self.options.analogue), host=self.options.host, port=self.options.sensor_port
+            )
         try:
             self.hub = Hub(self._receive, host=self.options.host, port=self.options.can_port)
         except OSError:

@@ -10,10 +10,11 @@ from cutenv._base.validation import in_range, one_of
 from cutenv.rig.emulator.node import Emergency
 
 if TYPE_CHECKING:
+    from cutenv.rig.emulator.board_server import BoardServer
     from cutenv.rig.emulator.emulated_axis import EmulatedAxis
     from cutenv.rig.emulator.emulated_tissue import EmulatedTissue
     from cutenv.rig.emulator.node import Node
-    from cutenv.rig.emulator.sensor_server import SensorServer
+from cutenv.rig.emulator.sensor_server import SensorServer
 
 Parameters = dict[str, Any]
 
@@ -23,7 +24,7 @@ class FaultyRig(Protocol):
 
     nodes: dict[str, Node]
     axes: dict[str, EmulatedAxis]
-    sensor: SensorServer
+    sensor: SensorServer | BoardServer
     bench: EmulatedTissue
     intruders: dict[str, float]
 

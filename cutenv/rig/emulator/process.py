@@ -25,9 +25,10 @@ from cutenv.cutting.descending_cut import follow_levels
 from cutenv.cutting.sensor import measure
 from cutenv.rig.config.imitated_rig import HEIGHT
 from cutenv.rig.config.settings import Bus, PositionControl, RigSettings, SensorCalibration, SensorSettings
+from cutenv.rig.devices.analogue.analogue_sensor import AnalogueOptions
 from cutenv.rig.devices.real_time import prefer
 from cutenv.rig.devices.serial.slow_profile import slow_settings
-from cutenv.rig.emulator.assembly import BLADE, HINGE, EmulatedRig, Options
+from cutenv.rig.emulator.assembly import RANGES, EmulatedRig, Options
 from cutenv.rig.emulator.control import ControlServer, EmulatorControl
 from cutenv.rig.emulator.emulated_bench import EmulatedBench
 from cutenv.rig.emulator.emulated_tissue import Laid, feel
@@ -136,6 +137,10 @@ def _told(rig: EmulatedBench) -> dict[str, Any]:
     options = rig.options
     if (control := position_control(options.blade_mechanics, options.blade_axis)) is not None:
         told["position_control"] = asdict(control)
+    if options.analogue is not None:
+        told["calibration"] = options.analogue
+    if options.range != "task":
+        told["range"] = options.range
     return told
 
 
@@ -175,21 +180,30 @@ def emulated_settings(
             calibration=SensorCalibration(date=datetime.date.today().isoformat()),
             emulated=True,
         )
-    gains = ready.get("position_control")
+    gains, mounted = ready.get("position_control"), RANGES[ready.get("range", "task")]
     return RigSettings(
         name="emulated rig",
         armed_by="the emulator",
         angle_mode="free" if angle_mode == "free" else "fixed",
         fixed_angle=angle,
         bus=Bus(interface="socketcand", channel="vcan0", host=host, port=ready["can"]),
-        blade=BLADE,
-        angle=HINGE if angle_mode == "free" else None,
+        blade=mounted.blade,
+        angle=mounted.angle if angle_mode == "free" else None,
         height=HEIGHT if height else None,
         position_control=None if gains is None else PositionControl(**gains),
-        sensor=SensorSettings(address=host, port=ready["sensor"], page=ready["page"]),
+        sensor=_sensor(ready, host),
+        limits=mounted.limits,
         calibration=SensorCalibration(date=datetime.date.today().isoformat()),
         emulated=True,
     )
+
+
+def _sensor(ready: dict[str, Any], host: str) -> SensorSettings:
+    """Return the settings of the emulated sensor: a Net F/T, or an analogue one where ``ready`` tells a calibration."""
+    if "calibration" not in ready:
+        return SensorSettings(address=host, port=ready["sensor"], page=ready["page"])
+    options = AnalogueOptions(calibration=ready["calibration"], board="emulated", host=host, port=ready["sensor"])
+    return SensorSettings(driver="analogue", options=options)
 
 
 class RunningEmulator:

@@ -1,0 +1,1 @@
+"""Analogue six-axis sensors through a data acquisition board."""
