@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 
 import cutenv
 from cutenv.envs.learned_tasks import task_of
-from cutenv.learning.demonstration import DEPTH_FELT, FELT, INTERVENED, Demonstration
+from cutenv.learning.added_infos import ADDED
+from cutenv.learning.demonstration import FELT, INTERVENED, Demonstration
 from cutenv.learning.minari_datasets import ACTIONS
 from cutenv.policy.trained import observation_scaling
 from cutenv.recording.optional_import import optional_import
@@ -30,7 +31,11 @@ FORMAT = "v3.0"
 """Version of LeRobot's format that is written."""
 INSTRUCTION = "Cut the slice of liver gently to the target length, and unload the blade there."
 """Task of every cut in words, as LeRobot gives it to policies that read."""
-_MEASURED = tuple(name for name in (*FELT, *DEPTH_FELT) if name not in ("time_s", "is_success"))
+_MEASURED = tuple(
+    name
+    for name in (*FELT, *(name for one in ADDED.values() for name in one.felt))
+    if name not in ("time_s", "is_success")
+)
 _ELSEWHERE = (*_MEASURED, "time_s", "is_success", *INTERVENED)
 _FRAMES_IN_FILE, _FILES_IN_CHUNK, _MEGABYTES = (
     200_000,
