@@ -19,7 +19,7 @@ from cutenv.tissue.grid import SPACING
 from cutenv.trace import Trace
 from cutenv.viewer.scene_parts import BELOW
 from cutenv.viewer.solid import ShownCut
-from cutenv.viewer.solid.cut_plane import ROWS, plane_rows
+from cutenv.viewer.solid.cut_plane import PLANE_ROWS, plane_rows
 from cutenv.viewer.solid.scalpel import blade
 from cutenv.viewer.solid.slab_solid import SlabSolid
 from cutenv.viewer.solid.view_page import view_page
@@ -64,7 +64,7 @@ def test_floor_wanted_depth_and_layer_are_where_the_record_says() -> None:
     noted = np.array(record().metadata[FLOOR_AT_END])
     along = np.arange(len(noted)) * SPACING
     surface = cut.depth.at(along)
-    rows = dict(zip(ROWS, plane_rows(cut, along, surface), strict=True))
+    rows = dict(zip(PLANE_ROWS, plane_rows(cut, along, surface), strict=True))
     heights = {name: row[:, 2] for name, row in rows.items()}
     np.testing.assert_allclose(heights["floor"], np.maximum(surface - noted, -BELOW), atol=1e-9)
     np.testing.assert_allclose(heights["layer"], np.maximum(surface - record().metadata["layer_depth_m"], -BELOW))

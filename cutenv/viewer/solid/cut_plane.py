@@ -14,7 +14,7 @@ from cutenv.viewer.solid.shown_cut import ShownCut
 
 BOTTOM = -BELOW
 """Height of the specimen's lower face, as the side view draws it [m]."""
-ROWS = ("floor", "layer", "below layer", "wanted", "below wanted")
+PLANE_ROWS = ("floor", "layer", "below layer", "wanted", "below wanted")
 """Rows of points, in order."""
 _LAYER_ASIDE, _WANTED_ASIDE = 0.05e-3, 0.1e-3  # toward the near half, so that one is drawn upon the other [m]
 _LINE = 0.6e-3  # thickness of the wanted depth's line [m]
