@@ -28,6 +28,13 @@ _CLAMP_LENGTH, _CLAMP_MARGIN = 0.012, 0.005  # [m] along the specimen, and aroun
 _JAW = 0.007  # [m] height of each jaw above what it holds
 _ARROW_RADIUS, _HEAD_RADIUS, _HEAD_LENGTH = 0.0011, 0.0026, 0.006  # [m]
 _TIP_RADIUS = 0.0016  # [m]
+_PLANE: dict[str, Rgb] = {
+    name: palette.LIGHT[role]
+    for name, role in (
+        ("near", "cut face"), ("below", "tissue"), ("ahead", "tissue"), ("layer", "layer"), ("wanted", "target"),
+    )
+}  # fmt: skip
+"""Colours of the parts of the cut's plane: those of the side view."""
 
 
 def commands(solid: SlabSolid) -> list[bytes]:
@@ -43,6 +50,8 @@ def commands(solid: SlabSolid) -> list[bytes]:
         stage.surface(f"tissue/{name}", _of(solid, skin.points, skin.parts), coloured=True)
     faces = solid.cut_faces
     stage.surface("tissue/faces", _of(solid, faces.points, faces.parts), palette.CUT_FACE)
+    for name, skin in solid.plane.items():
+        stage.surface(f"tissue/{name}", _of(solid, skin.points, skin.parts), _PLANE[name])
     stage.lines("tissue/lines", solid.rest[solid.lines.points], palette.MESH)
     if solid.sheet is not None:
         stage.surface("target", _of(solid, solid.sheet.points, solid.sheet.parts), palette.TARGET, opacity=0.34)
@@ -85,9 +94,9 @@ def _clamp(solid: SlabSolid) -> Surface:
     half = 0.5 * solid.cut.model.width + _CLAMP_MARGIN
     edge = float(solid.rest[solid.rest[:, 1] == 0.0, 2].max())
     jaws = [
-        box((-half, -_CLAMP_LENGTH, -0.6 * _JAW), (half, 0.0, 0.0005)),
+        box((-half, -_CLAMP_LENGTH, solid.bottom - 0.6 * _JAW), (half, 0.0, solid.bottom + 0.0005)),
         box((-half, -_CLAMP_LENGTH, edge), (half, 0.0, edge + _JAW)),
-        box((-half, -_CLAMP_LENGTH, 0.0), (half, -0.8 * _CLAMP_LENGTH, edge)),
+        box((-half, -_CLAMP_LENGTH, solid.bottom), (half, -0.8 * _CLAMP_LENGTH, edge)),
     ]
     t = np.linspace(0.0, 2.0 * math.pi, 6, endpoint=False)
     hexagon = 0.0032 * np.stack([np.cos(t), np.sin(t)], axis=-1)

@@ -25,6 +25,7 @@ from cutenv.viewer.solid.slab_solid import SlabSolid
 ARROW_PER_NEWTON = 0.01
 """Length of the force's arrow [m/N]."""
 _ARROW_ABOVE = 0.014  # [m] above the tissue
+_GROUND = 0.006  # [m] below the specimen, on which its shadow falls
 _CHART_WIDTH, _CHART_HEIGHT = 1000, 100  # of the force's chart, in its own units
 _BINS = 500  # of the chart, each from its least to its greatest force
 _HERE = Path(__file__).parent
@@ -110,9 +111,11 @@ def _told(solid: SlabSolid) -> dict[str, Any]:
     """Return the data for the page's script, instant by instant; the unit is in every name."""
     cut = solid.cut
     depth = cut.depth.at(cut.position)
-    poses = np.array([pose(*each) for each in zip(cut.position, cut.angle, depth, strict=True)])
+    height = np.zeros(len(cut)) if cut.height is None else cut.height
+    poses = np.array([pose(*each) for each in zip(cut.position, cut.angle, depth, height, strict=True)])
     lattice = solid.rest[: solid.n_lattice]
     skins = {f"tissue/{name}": skin for name, skin in solid.lattices.items()} | {"tissue/faces": solid.cut_faces}
+    skins |= {f"tissue/{name}": skin for name, skin in solid.plane.items()}
     if solid.sheet is not None:
         skins["target"] = solid.sheet
     tip_height = np.interp(cut.tip, *_profile(lattice))
@@ -137,6 +140,10 @@ def _told(solid: SlabSolid) -> dict[str, Any]:
         "skins": {name: skin.points.tolist() for name, skin in skins.items()},
         "cut_parts": [solid.cut_parts(i) for i in range(len(cut))],
         "lines": solid.lines.parts.ravel().tolist(),
+        "ground_m": solid.bottom - _GROUND,
+        "plane": list(solid.plane),
+        "below_m": _rounded(depth - height, 6),
+        "wanted_m": None if cut.wanted is None else _rounded(cut.wanted.at(cut.position), 6),
     }
 
 
