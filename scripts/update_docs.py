@@ -83,6 +83,7 @@ from cutenv.tissue import Layers, measured_liver
 from cutenv.tissue import tables as thesis_tables
 from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.specimen import CLASSES
+from cutenv.tissue.surface import SurfaceSpread
 
 ROOT = Path(__file__).parents[1]
 SPECIFICATION = ROOT / "cutenv" / "envs" / "gentle_cut.py"
@@ -152,6 +153,7 @@ def parameters(_: argparse.Namespace) -> str:
         DescentParameters,
         SteeringParameters,
         DepthConstants,
+        SurfaceSpread,
     ):
         value = getattr(liver, row["name"], row["default"])
         sweep = "" if row["sensitivity"] is None else f"{row['sensitivity'][0]:.4g} to {row['sensitivity'][1]:.4g}"
