@@ -88,6 +88,7 @@ from cutenv.tissue import Layers, measured_liver
 from cutenv.tissue import tables as thesis_tables
 from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.specimen import CLASSES
+from cutenv.tissue.surface import SurfaceSpread
 
 ROOT = Path(__file__).parents[1]
 SPECIFICATION = ROOT / "cutenv" / "envs" / "gentle_cut.py"
@@ -163,6 +164,7 @@ def parameters(_: argparse.Namespace) -> str:
         SteeringParameters,
         DepthConstants,
         PathConstants,
+        SurfaceSpread,
     ):
         value = getattr(liver, row["name"], row["default"])
         sweep = "" if row["sensitivity"] is None else f"{row['sensitivity'][0]:.4g} to {row['sensitivity'][1]:.4g}"

@@ -71,7 +71,7 @@ TASKS = {
     ),
     "depth": LearnedTask(
         id="cutenv/DepthCut-v1", single=DepthCutEnv, batch=DepthBatch, vector=DepthCutVectorEnv,
-        privileged=DEPTH_PRIVILEGED, scripts=tuple(DEPTH_SCRIPTS), script="depth by force",
+        privileged=DEPTH_PRIVILEGED, scripts=tuple(DEPTH_SCRIPTS), script="depth by two forces",
         options={
             "script": TRUE_TIP, "control_hz": 25, "demonstrations": 400_000, "corrections": 250_000,
             "timesteps": 2_500_000, "exploration": 0.04, "last_exploration": 0.02, "validation_specimens": 1000,

@@ -297,6 +297,7 @@ def test_a_cut_that_is_begun_is_as_deep_as_wanted():
         ({"drive": "foot"}, "drive must be one of 'rig', 'hand', got 'foot'"),
         ({"reward_from": "estimate"}, "reward_from"),
         ({"layer_limit": -1.0}, "layer_limit"),
+        ({"surface_spread": 2.0}, "surface_spread"),
         ({"weight_uncat": 1.0}, "weight_uncut"),
         ({"edge_length": 5.0}, "edge_length"),
     ],

@@ -140,7 +140,7 @@ def test_a_script_of_the_other_task_is_refused_by_name():
     with pytest.raises(BadArguments, match="'probe down' is for --task depth; those for --task gentle are 'fast then"):
         PPOArguments(script="probe down")
     known = PPOArguments(**PPOArguments.completed({"task": "depth"}))
-    assert (known.script, known.known_script) == ("follow the true tip", "depth by force")
+    assert (known.script, known.known_script) == ("follow the true tip", "depth by two forces")
     assert PPOArguments(task="depth", script="probe down").known_script == "probe down"
     assert PPOArguments.completed({"task": "depth", "script": "probe down"})["script"] == "probe down"
 

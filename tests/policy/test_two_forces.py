@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from cutenv.envs.depth_cut import DepthBatch, DepthCutEnv
+from cutenv.learning.evaluation import Contestant, evaluate
+from cutenv.policy import OneReturnStroke
 from cutenv.policy.depth_features import DepthFeatures
-from cutenv.policy.depth_scripts import FollowDepth
+from cutenv.policy.depth_scripts import DepthByTwoForces, FollowDepth
 from cutenv.policy.features import Features
 
 CUTS = 60
@@ -50,3 +52,16 @@ def test_they_tell_the_lag_of_the_tip_better_than_the_mean_tissue(seen):
 def test_they_tell_the_friction(seen):
     _, friction, told = seen
     assert np.corrcoef(friction, told)[0, 1] > 0.8
+
+
+def test_a_script_that_knows_the_tip_by_them_cuts_nearer_to_the_wanted_depth():
+    scripts = {"two": DepthByTwoForces(OneReturnStroke()), "one": FollowDepth()}  # the same way along the cut
+    rows = evaluate(
+        {name: Contestant(script) for name, script in scripts.items()}, range(4000, 4000 + CUTS),
+        {"task": "depth", "wanted": "constant"}, processes=1,
+    )  # fmt: skip
+    two, one = (
+        np.array([row["mean_error_mm"] for row in rows if row["policy"] == name]) for name in ("two", "one")
+    )  # fmt: skip
+    assert np.median(two - one) < 0.0
+    assert two.mean() < one.mean()
