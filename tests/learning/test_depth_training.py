@@ -125,6 +125,7 @@ def test_a_script_of_the_other_task_is_refused_by_name():
         PPOArguments(script="probe down")
     assert PPOArguments(**PPOArguments.completed({"task": "depth"})).script in DEPTH_SCRIPTS
     assert PPOArguments.completed({"task": "depth", "script": "probe down"})["script"] == "probe down"
+    assert PPOArguments(**PPOArguments.completed({"task": "path"})).script == "steer by force"
 
 
 def test_the_first_sentence_says_whether_it_beats_every_script():
