@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array, StructArray
 from cutenv.plant.simulator import SimulatedPlant
-from cutenv.task.gentle_cutting import GentleCutting, ShownDepth
+from cutenv.task.gentle_cutting import GentleCutting, ShownDepth, ShownPath
 from cutenv.task.reward import FORCE_ALLOWED
 from cutenv.task_quantities import ANGLE_TOLERANCE, TIP_TOLERANCE
 from cutenv.tissue.grid import depth_below
@@ -53,6 +53,7 @@ class Moment:
     end: str
     success: bool
     shown_depth: ShownDepth | None = None
+    shown_path: ShownPath | None = None
 
     tolerance = TIP_TOLERANCE
     force_allowed_per_depth = FORCE_ALLOWED
@@ -76,6 +77,7 @@ class Moment:
             end=cutting.end,
             success=cutting.success,
             shown_depth=shown,
+            shown_path=cutting.shown_path,
         )
 
     @property

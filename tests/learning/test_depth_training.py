@@ -143,6 +143,7 @@ def test_a_script_of_the_other_task_is_refused_by_name():
     assert (known.script, known.known_script) == ("follow the true tip", "depth by two forces")
     assert PPOArguments(task="depth", script="probe down").known_script == "probe down"
     assert PPOArguments.completed({"task": "depth", "script": "probe down"})["script"] == "probe down"
+    assert PPOArguments(**PPOArguments.completed({"task": "path"})).script == "steer by force"
 
 
 def test_corrections_need_demonstrations_of_the_teacher_who_knows_the_tip():
