@@ -2,6 +2,7 @@
 
     python scripts/draw_excision.py FILE              PNG or SVG; elements are drawn displaced by the blade's last force
     python scripts/draw_excision.py FILE --hand 3     another hand
+    python scripts/draw_excision.py FILE --view PAGE  and write a page that shows it in 3-D
 
 The hand follows both sides of an elliptical excision, one after the other; the second cut begins beside the first, and
 ends where it would meet it.
@@ -22,6 +23,7 @@ from cutenv.plant import FreehandPlant
 from cutenv.tissue import Specimen
 from cutenv.tissue.grid import SPACING
 from cutenv.tissue.lines import CutLine, half_ellipse
+from cutenv.viewer.solid import write_curved_view
 
 LENGTH, HEIGHT = 0.056, 0.01
 """Of the excision's one side: distance of its ends, and to its summit [m]."""
@@ -123,6 +125,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("file", type=Path, help="picture to write")
     parser.add_argument("--hand", type=int, default=0, metavar="N", help="number of the hand, default 0")
+    parser.add_argument("--view", type=Path, metavar="PAGE", help="page in 3-D to write, .html; needs cutenv[view3d]")
     arguments = parser.parse_args(argv)
     if arguments.hand < 0:
         parser.error(f"--hand {arguments.hand} is negative")
@@ -136,6 +139,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         )
     print(f"between the cuts: {1e6 * area_within(first, second):.0f} mm2")
     draw(arguments.file, first, second)
+    if arguments.view is not None:
+        size = write_curved_view(arguments.view, second.plant, title="An ellipse, cut by a free hand")
+        print(f"page: {arguments.view} ({size / 1e6:.1f} MB)")
     return 0
 
 

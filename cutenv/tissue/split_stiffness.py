@@ -173,20 +173,24 @@ class SplitStiffness:
             np.array([n for (place, _), n in number.items() if place[0] == 0]), number[tip, 0.0],
         )  # fmt: skip
 
-    def displaced(self, motion: Array, local: Array) -> list[Array]:
-        """Return the outlines of all elements after a motion of the places and of the local unknowns [m]."""
-        outlines = []
+    def outlines(self, motion: Array, local: Array, opening: float, tip: Array) -> list[Array]:
+        """Return the outlines of all elements after a motion of the places and of the local unknowns [m].
+
+        Faces of cuts are drawn ``opening`` [m] apart, less within 2 cm of the ``tip``.
+        """
+        found = []
         for cell in np.ndindex(self._mesh.cells):
             for part in self._mesh.parts((cell[0], cell[1])):
                 corners = []
                 for place in part.corners:
                     at = self._mesh.at(place) + motion[place]
                     side = self._sides.get((part, place), 0.0)
-                    for unknown, direction in self._jumps[place] if side else ():
-                        at = at + side * local[unknown] * direction
+                    for unknown, (x, y) in self._jumps[place] if side else ():
+                        gap = opening * math.sqrt(min(math.dist(self._mesh.at(place), tip) / 0.02, 1.0))
+                        at = at + side * (local[unknown] * np.array([x, y]) + gap * np.array([y, -x]))
                     corners.append(at)
-                outlines.append(np.array(corners))
-        return outlines
+                found.append(np.array(corners))
+        return found
 
     def _share(self, cell: MeshPlace) -> tuple[Indices, Array]:
         """Return the local unknowns of a cell, and its stiffness in them less that of its first shape."""

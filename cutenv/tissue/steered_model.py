@@ -302,15 +302,20 @@ class SteeredModel:
                 self._body.push_faces(load, place, share * left)
         return float(load @ self._body.system.solve(load[:, np.newaxis])[:, 0])
 
-    def displaced(self, force: ArrayLike) -> list[Array]:
+    def outlines(self, force: ArrayLike = (0.0, 0.0), opening: float = 0.0) -> list[Array]:
         """Return the outlines of the elements, each of shape (3 or 4, 2) [m], displaced by a force on the tip.
 
-        ``force``: along the slab and to its left, over modulus and thickness [m].
+        Parameters
+        ----------
+        force : array_like, shape (2,)
+            Along the slab and to its left, over modulus and thickness [m].
+        opening : float
+            Distance by which the faces of cuts are drawn apart, far from the tip [m].
         """
         load = np.zeros(len(self._body.system))
         load[self._tip_unknowns()] = np.asarray(force, dtype=float)
         local = self._body.system.solve(load[:, np.newaxis])[:, 0]
-        return self._body.displaced(self._body.motion(local, load), local)
+        return self._body.outlines(self._body.motion(local, load), local, opening, self.tip)
 
     def doubled_mesh(self) -> DoubledMesh:
         """Return the mesh with a node for each face of the cuts, for another program."""
