@@ -86,8 +86,13 @@ def led(
     return Led(cuts, steerings, readings, lateral)
 
 
-def follow_line(plant: SteeredPlant, speed: float, length: float) -> Any:
-    """Lead the blade along its line at ``speed`` [m/s] up to ``length`` [m]; return its places, shape (n, 2) [m]."""
+def follow_line(
+    plant: SteeredPlant, speed: float, length: float, told: Callable[[Any], object] = lambda readings: None
+) -> Any:
+    """Lead the blade along its line at ``speed`` [m/s] up to ``length`` [m]; return its places, shape (n, 2) [m].
+
+    ``told`` is called with the readings of every 20 ms.
+    """
     places = [plant.blade]
     for _ in range(round(3.0 * length / speed / 0.02)):
         at = float(plant.cuts.states["blade"][0])
@@ -96,7 +101,7 @@ def follow_line(plant: SteeredPlant, speed: float, length: float) -> Any:
         i = min(round(at / SPACING), len(plant.line.x) - 1)
         aside = plant.heading - float(plant.line.angle[i])
         turn = speed * float(plant.line.curvature[i]) - _GAIN_ANGLE * aside - _GAIN_DISTANCE * plant.distance
-        plant.advance(speed, UPRIGHT, 20, min(max(turn, -4.0), 4.0))
+        told(plant.advance(speed, UPRIGHT, 20, min(max(turn, -4.0), 4.0)))
         places.append(plant.blade)
     return np.array(places)
 
@@ -218,6 +223,7 @@ CHECKS: dict[str, Callable[[Sequence[Specimen]], Iterator[Row]]] = {
     "model": check_model,
     "steered": crack_truth.check_other_models,
     "table": crack_truth.check_table,
+    "second solver": crack_truth.check_second_solver,
     "turned": crack_truth.check_turned,
     "fracture": crack_truth.check_fracture,
     "arcs": crack_truth.check_arcs,

@@ -8,11 +8,13 @@ pressure (Sih, Paris and Erdogan 1962, the example of Cotterell and Rice).
 from __future__ import annotations
 
 import math
+import shutil
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 from check_physics import Row
+from curves.calculix import compliance
 
 from cutenv.tissue import CutModel, PathModel, Specimen, SteeredModel
 from cutenv.tissue.elasticity import lame_parameters
@@ -203,6 +205,21 @@ def released(model: SteeredModel, direction: float, element: float, energy: Call
         moved.advance(model.tip + way * np.array([math.cos(direction), math.sin(direction)]))
         ahead.append(energy(moved))
     return 0.5 * (ahead[0] - ahead[1]) / (2.0 * _STEP * element)
+
+
+def check_second_solver(_: Sequence[Specimen]) -> Iterator[Row]:
+    """Check the compliance of a bent cut against CalculiX, which has elements and constraints of its own."""
+    program = shutil.which("ccx")
+    what = "compliance at the tip of a bent cut in plane strain against CalculiX on the same mesh, relative"
+    if program is None:
+        yield Row(what, "CalculiX (ccx) is not installed")
+        return
+    model = SteeredModel(formulation="plane_strain")
+    model.begin()
+    for point in ((0.03, 0.004), (0.05, 0.015), (0.055, 0.025)):
+        model.cut_to(point)
+    other = compliance(model.doubled_mesh(), program)
+    yield _small(what, float(abs(other / model.compliance - 1.0).max()), 1e-5)
 
 
 def check_fracture(_: Sequence[Specimen]) -> Iterator[Row]:

@@ -41,6 +41,7 @@ import check_score
 import check_steering
 import class_attacks
 import class_load
+import curved_cuts
 import declared_tables
 import depth_agents
 import depth_ladder
@@ -127,6 +128,8 @@ PAGES = {
     "layers-fit": "docs/validation/descent.md",
     "steering": "docs/validation/steering.md",
     "steering-speed": "docs/validation/steering.md",
+    "freehand-speed": "docs/validation/steering.md",
+    "curved-benchmark": "docs/validation/curved-benchmark.md",
     "parameters": "docs/reference/constants.md",
     "metrics": "docs/reference/metrics.md",
     "depth-metrics": "docs/reference/metrics.md",
@@ -442,6 +445,8 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "layers-fit": lambda _: fit_layers.markdown(),
     "steering": lambda _: check_steering.markdown(),
     "steering-speed": lambda _: speed_of("steering"),
+    "freehand-speed": lambda _: speed_of("freehand"),
+    "curved-benchmark": lambda _: curved_cuts.table(),
     "check-score": lambda _: check_score.report(check_score.kept(ROOT / check_score.FOLDER)),
     "check-depth-score": lambda _: check_score.depth_report(
         check_score.kept(ROOT / check_score.FOLDER, check_score.DEPTH_FILE)

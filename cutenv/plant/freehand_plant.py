@@ -121,6 +121,20 @@ class FreehandPlant(SteeredPlant):
         """Places of the cut in the model, from its beginning to the last node it passed, shape (n, 2) [m]."""
         return self.model.path
 
+    def displaced(self, opening: float = 0.0) -> list[Array]:
+        """Return the outlines of the model's elements, each of shape (3 or 4, 2) [m]: the tip moved with the blade.
+
+        Parameters
+        ----------
+        opening : float
+            Distance by which the faces of cuts are drawn apart, far from their ends [m].
+        """
+        self.settle()
+        c, s = math.cos(self.model.angle), math.sin(self.model.angle)
+        frame = np.array([[c, -s], [s, c]])
+        lag = np.subtract(self.blade, self.tip)
+        return self.model.outlines(frame @ self.model.stiffness @ frame.T @ lag, opening)
+
     def _follow(self) -> None:
         """Note where the tip is, and let the model grow there."""
         x, y = self.tip

@@ -19,7 +19,7 @@ from cutenv.tissue.mesh import ELEMENT_KINDS, CutMesh, checked_divisions
 from cutenv.tissue.model_arguments import METRES, checked_relative_modulus
 from cutenv.tissue.path_model import PathMesh
 from cutenv.tissue.split_mesh import AROUND, MeshPlace, SplitMesh, halfway
-from cutenv.tissue.split_stiffness import SplitStiffness
+from cutenv.tissue.split_stiffness import DoubledMesh, SplitStiffness
 
 _THINNEST = 0.1  # of a cell: an element that would become smaller at a corner is no way for the crack
 _ON_THE_WAY = 0.3  # of an element: a node that is nearer to the tip is no next one
@@ -301,6 +301,25 @@ class SteeredModel:
             for place, share in ((one, 1.0 / 6.0), (halfway(one, other), 4.0 / 6.0), (other, 1.0 / 6.0)):
                 self._body.push_faces(load, place, share * left)
         return float(load @ self._body.system.solve(load[:, np.newaxis])[:, 0])
+
+    def outlines(self, force: ArrayLike = (0.0, 0.0), opening: float = 0.0) -> list[Array]:
+        """Return the outlines of the elements, each of shape (3 or 4, 2) [m], displaced by a force on the tip.
+
+        Parameters
+        ----------
+        force : array_like, shape (2,)
+            Along the slab and to its left, over modulus and thickness [m].
+        opening : float
+            Distance by which the faces of cuts are drawn apart, far from the tip [m].
+        """
+        load = np.zeros(len(self._body.system))
+        load[self._tip_unknowns()] = np.asarray(force, dtype=float)
+        local = self._body.system.solve(load[:, np.newaxis])[:, 0]
+        return self._body.outlines(self._body.motion(local, load), local, opening, self.tip)
+
+    def doubled_mesh(self) -> DoubledMesh:
+        """Return the mesh with a node for each face of the cuts, for another program."""
+        return self._body.doubled_mesh(self._tip)
 
     def _along_and_left(self, compliance: Array) -> Array:
         """Return the stiffness in the frame of the crack's direction."""

@@ -33,7 +33,9 @@ from cutenv.tissue.lines import (
 from cutenv.tissue.path_model import PathModel, stiffness_on_line
 
 
-@pytest.mark.parametrize("part", ["straight", "account", "bends", "steered", "table", "turned", "fracture", "arcs"])
+@pytest.mark.parametrize(
+    "part", ["straight", "account", "bends", "steered", "table", "second solver", "turned", "fracture", "arcs"]
+)
 def test_every_promise_is_kept(part: str) -> None:
     rows = list(check_steering.CHECKS[part](drawn(1)))
     assert [str(row) for row in rows if row.holds is not True and row.promised] == []

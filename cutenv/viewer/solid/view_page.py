@@ -67,7 +67,7 @@ def view_page(cut: ShownCut, *, colour: str = "displacement") -> str:
     one_of("colour", colour, COLOURINGS)
     solid = SlabSolid(cut)
     packed = solid_scene.commands(solid)  # a missing meshcat is noticed here, before its files are looked for
-    viewer, licences = _meshcat()
+    viewer, licences = meshcat_viewer()
     amounts = np.stack([solid.amount(i, colour) for i in range(len(cut))])
     displacements = np.stack([solid.displacement(i) for i in range(len(cut))])
     # 16 bits cover 10 mm in steps of 0.3 um; 256 steps are enough for the colours.
@@ -76,7 +76,7 @@ def view_page(cut: ShownCut, *, colour: str = "displacement") -> str:
     share = amounts / greatest if colour == "displacement" else np.sqrt(amounts / greatest)
     colours = palette.TISSUE if colour == "displacement" else palette.ENERGY
     told = _told(solid) | {
-        "commands": [_base64(each) for each in packed],
+        "commands": [as_base64(each) for each in packed],
         "units_per_metre": solid_scene.UNITS_PER_METRE,
         "displacement_step_m": step,
         "palette": colours,
@@ -86,9 +86,9 @@ def view_page(cut: ShownCut, *, colour: str = "displacement") -> str:
     }
     blocks = {
         "told": json.dumps(told, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c"),
-        "rest": _base64(solid.rest.astype("<f4").tobytes()),
-        "displacements": _base64(np.rint(displacements / step).astype("<i2").tobytes()),
-        "amounts": _base64(np.rint(255 * share).astype(np.uint8).tobytes()),
+        "rest": as_base64(solid.rest.astype("<f4").tobytes()),
+        "displacements": as_base64(np.rint(displacements / step).astype("<i2").tobytes()),
+        "amounts": as_base64(np.rint(255 * share).astype(np.uint8).tobytes()),
         "licences": licences.replace("<", "&lt;"),
     }
     values = {
@@ -104,7 +104,7 @@ def view_page(cut: ShownCut, *, colour: str = "displacement") -> str:
         "viewer": viewer,
         "player": (_HERE / "player.js").read_text(encoding="utf-8"),
     }
-    return render(_HERE / "view.html", values, filters={"digest": _digest})
+    return render(_HERE / "view.html", values, filters={"digest": digest})
 
 
 def _told(solid: SlabSolid) -> dict[str, Any]:
@@ -167,7 +167,7 @@ def _chart(cut: ShownCut) -> dict[str, Any]:
     return {"width": _CHART_WIDTH, "height": _CHART_HEIGHT, "points": " ".join(points), "zero": zero, "high": high}
 
 
-def _meshcat() -> tuple[str, str]:
+def meshcat_viewer() -> tuple[str, str]:
     """Return meshcat's viewer, and its licences."""
     import meshcat  # an extra, and slow to import
 
@@ -179,12 +179,14 @@ def _meshcat() -> tuple[str, str]:
     return viewer, "\n\n".join((folder / name).read_text(encoding="utf-8") for name in texts)
 
 
-def _base64(data: bytes) -> str:
+def as_base64(data: bytes) -> str:
+    """Return bytes as text for a page."""
     return base64.b64encode(data).decode("ascii")
 
 
-def _digest(code: str) -> str:
-    return _base64(hashlib.sha256(code.encode()).digest())
+def digest(code: str) -> str:
+    """Return the digest by which a page's policy admits a script."""
+    return as_base64(hashlib.sha256(code.encode()).digest())
 
 
 def _rounded(values: Array, digits: int) -> Any:
