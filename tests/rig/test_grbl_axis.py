@@ -13,7 +13,7 @@ import pytest
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.contradictions import refuse_contradictions
 from cutenv.rig.devices import DriveState, Mounting, RigError, SystemClock
-from cutenv.rig.devices.serial.grbl_axis import AHEAD, PIECE, GrblAxis
+from cutenv.rig.devices.serial.grbl_axis import PIECE, SENT_AHEAD, GrblAxis
 from cutenv.rig.devices.serial.grbl_lines import GrblStatus, grbl_status, jog_line
 from cutenv.rig.devices.serial.slow_profile import grbl_settings
 from cutenv.rig.emulator.serial.emulated_grbl import EmulatedGrbl
@@ -84,7 +84,7 @@ def test_when_the_computer_is_silent_it_goes_on_no_farther_than_stated(
     before = machine.position
     until(lambda: machine.speed == 0.0)
     way = 1e-3 * (machine.position - before)
-    assert 0.0 < way <= SPEED * (AHEAD + PIECE + 0.02)
+    assert 0.0 < way <= SPEED * (SENT_AHEAD + PIECE + 0.02)
     assert machine._state == "Idle"
 
 

@@ -2,7 +2,7 @@
 
 What GRBL cannot promise: it has no watch for a silent computer, and moves to the end of the jogs that it has; a quick
 stop is its plain deceleration; its lines have no check sum; it reports ten times a second; it has no encoder. Here that
-is bounded: no more than :data:`AHEAD` of motion is ever under way.
+is bounded: no more than :data:`SENT_AHEAD` of motion is ever under way.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ from cutenv.rig.devices.latch import Event, Latch
 from cutenv.rig.devices.owner import Owner
 from cutenv.rig.devices.samples import DriveState, MotionSample
 from cutenv.rig.devices.serial.grbl_lines import (
-    AXES,
+    GRBL_AXES,
     JOG_CANCEL,
     MARK,
     SOFT_RESET,
     STATUS,
     GrblStatus,
+    grbl_setting,
     grbl_status,
     jog_line,
-    numbered,
     offsets_of,
 )
 from cutenv.rig.devices.serial.ports import open_port, write_line
@@ -45,7 +45,7 @@ REPORT_PERIOD = 0.100
 """Period at which status reports are asked for [s]: GRBL is not made for much more."""
 PIECE = 0.025
 """Time of one jog [s]."""
-AHEAD = 0.150
+SENT_AHEAD = 0.150
 """Time of the motion that is sent ahead [s]: after a silence of the computer the blade goes on for so long."""
 _STOPPING = 0.020  # [s] between reports while it stops
 _BOOT, _ANSWER, _REPORTS, _STATE = 4.0, 1.0, 0.5, 1.5  # [s]
@@ -69,7 +69,7 @@ class GrblOptions:
 
     def __post_init__(self) -> None:
         check_parameters(self)
-        one_of("letter", self.letter, AXES)
+        one_of("letter", self.letter, GRBL_AXES)
         in_range("baud", self.baud, 9600, 4_000_000, "baud", "GRBL's own is 115200.")
 
 
@@ -89,7 +89,7 @@ def check_grbl(rig: RigSettings, role: str) -> None:
         raise ValueError(f"bus.sync_ms = {1e3 * rig.bus.sync:g}: GRBL tells its position every 100 ms. Write 100.")
 
 
-@rig_driver(options=GrblOptions, check=check_grbl, emulated=on_pseudo_terminal, patience=AHEAD + PIECE)
+@rig_driver(options=GrblOptions, check=check_grbl, emulated=on_pseudo_terminal, patience=SENT_AHEAD + PIECE)
 class GrblAxis:
     """Axis of a machine with GRBL 1.1 as it is: jogs, jog cancel, soft reset, status reports.
 
@@ -107,7 +107,7 @@ class GrblAxis:
         self.latch = Latch()  # until a supervisor replaces it by the shared one
         self._settings: Axis = mounting.settings
         self._options: GrblOptions = mounting.options
-        self._number = AXES.index(self._options.letter)
+        self._number = GRBL_AXES.index(self._options.letter)
         self._clock: Clock = mounting.clock
         self._changed = threading.Condition()
         self._sending, self._feeding = threading.Lock(), threading.Lock()
@@ -186,7 +186,7 @@ class GrblAxis:
             raise RigError(f"the machine at {self._options.port} is not GRBL 1.1; it says {lines}.")
 
     def _compare(self) -> None:
-        self._told = dict(pair for line in self._ask("$$") if (pair := numbered(line)) is not None)
+        self._told = dict(pair for line in self._ask("$$") if (pair := grbl_setting(line)) is not None)
         wanted = {
             110 + self._number: _MINUTE * self._settings.speed, 120 + self._number: 1e3 * self._settings.acceleration,
         }  # fmt: skip
@@ -380,7 +380,7 @@ class GrblAxis:
                 self._jogging, self._sent, self._base = True, 0.0, status.position[self._number]
             moved = status.position[self._number] - self._base
             moved += math.copysign(status.feed / 60.0, target) * (now - self._heard)
-            if abs(self._sent) - abs(moved) > abs(target) * (AHEAD - PIECE):
+            if abs(self._sent) - abs(moved) > abs(target) * (SENT_AHEAD - PIECE):
                 return
             self._sent += target * PIECE
             self._write_quietly(jog_line(self._options.letter, target * PIECE, 60.0 * abs(target)))

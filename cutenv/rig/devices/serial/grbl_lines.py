@@ -9,7 +9,7 @@ JOG_CANCEL, SOFT_RESET, STATUS = b"\x85", b"\x18", b"?"
 """Commands of one byte, which GRBL obeys at once, whatever it is doing."""
 MARK = 5000.0
 """Coordinate at the clamp [mm] that ``cutenv rig zero`` gives the machine, in its memory only: proof of it."""
-AXES = ("X", "Y", "Z")
+GRBL_AXES = ("X", "Y", "Z")
 """Letters of the axes."""
 
 
@@ -46,7 +46,7 @@ def grbl_status(line: bytes) -> GrblStatus | None:
         return None
     feed, pins = _FEED.search(match[3]), _PINS.search(match[3])
     position = tuple(float(number) for number in match[2].split(b","))
-    if len(position) < len(AXES) or feed is None:
+    if len(position) < len(GRBL_AXES) or feed is None:
         return None
     return GrblStatus(match[1].decode(), position, float(feed[1]), pins[1].decode() if pins else "")
 
@@ -56,7 +56,7 @@ def jog_line(letter: str, way: float, feed: float) -> bytes:
     return f"$J=G91G21{letter}{way:.4f}F{feed:.2f}\n".encode("ascii")
 
 
-def numbered(line: str) -> tuple[int, float] | None:
+def grbl_setting(line: str) -> tuple[int, float] | None:
     """Return number and value of a setting such as ``$120=100.000``; None if the line is none."""
     match = re.fullmatch(r"\$(\d+)=(-?\d+(?:\.\d+)?)", line)
     return None if match is None else (int(match[1]), float(match[2]))
