@@ -48,7 +48,7 @@ PIECE = 0.025
 SENT_AHEAD = 0.150
 """Time of the motion that is sent ahead [s]: after a silence of the computer the blade goes on for so long."""
 _STOPPING = 0.020  # [s] between reports while it stops
-_BOOT, _ANSWER, _REPORTS, _STATE = 4.0, 1.0, 0.5, 1.5  # [s]
+_BOOT, _ANSWER, _REPORTS, _STATE = 4.0, 1.0, 1.0, 1.5  # [s]
 _WRITE, _READ = 0.02, 0.05  # [s]
 _LINE = 128  # bytes at most
 _SAME = 0.02  # [1] relative difference allowed between the machine's settings and the file
