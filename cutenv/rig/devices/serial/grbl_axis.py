@@ -116,6 +116,7 @@ class GrblAxis:
         self._owner = Owner()
         self._turns: list[Repeating] = []
         self._ending = threading.Event()
+        self._reader: threading.Thread | None = None
         self._reset()
 
     def _reset(self) -> None:
@@ -151,8 +152,10 @@ class GrblAxis:
         self._owner = Owner()
         self._port = open_port(self._options.port, self._options.baud, read_limit=_READ)
         self._listener, self._ending = listener, threading.Event()
-        reader = threading.Thread(target=self._read, args=(self._port, self._ending), name="cutenv GRBL", daemon=True)
-        reader.start()
+        self._reader = threading.Thread(
+            target=self._read, args=(self._port, self._ending), name="cutenv GRBL", daemon=True
+        )
+        self._reader.start()
         try:
             self._identify()
             self._compare()
@@ -229,6 +232,8 @@ class GrblAxis:
             self._turns.pop().stop()
         self._ending.set()
         self._listener, port, self._port = None, self._port, None
+        if self._reader is not None and self._reader is not threading.current_thread():
+            self._reader.join(timeout=1.0)
         try:
             port.close()
         except Exception:  # the device is gone
