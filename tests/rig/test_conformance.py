@@ -194,8 +194,12 @@ def test_a_driver_by_its_name_alone_is_tried_and_its_table_printed(capsys: pytes
 
 @pytest.mark.parametrize("rig", ["serial", "emulator"])
 def test_ours_keep_every_promise_in_real_time(rig: str) -> None:
-    missed = [each for _, findings in tried_drivers(rig).values() for each in findings if not each.kept]
-    timed = [each for each in missed if "ms" in each.allowed]
-    if timed:  # a busy machine: once more
-        missed = [each for _, findings in tried_drivers(rig).values() for each in findings if not each.kept]
+    missed: list[Any] = []
+    for _ in range(3):  # on a busy machine once more
+        try:
+            missed = [each for _, findings in tried_drivers(rig).values() for each in findings if not each.kept]
+        except RigError as error:
+            missed = [error]
+        if not missed:
+            break
     assert missed == []

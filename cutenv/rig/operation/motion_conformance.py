@@ -62,6 +62,14 @@ class _Trial:
         self.clock.sleep_until(self.clock.now() + seconds)
         return self.listening.motions[seen:]
 
+    def settled(self) -> list[MotionSample]:
+        """Wait for samples that show the last call; return them."""
+        return self.wait(max(0.1, 3.0 * self.rig.bus.sync)) or [self.newest]
+
+    def settled_state(self) -> DriveState:
+        """Wait for a sample that shows the last call; return its state."""
+        return self.settled()[-1].state
+
     def found(self, promise: str, allowed: str, measured: str, kept: bool) -> None:
         self.findings.append(TriedPromise(promise, allowed, measured, bool(kept)))
 
@@ -181,7 +189,7 @@ def _opened(trial: _Trial) -> None:
 def _switched_on(trial: _Trial) -> None:
     driver = trial.driver
     took = timed(driver.enable)
-    state = trial.wait(0.1)[-1].state
+    state = trial.settled_state()
     trial.found(
         "enable ends with power on",
         "enabled, within 3000 ms",
@@ -190,7 +198,7 @@ def _switched_on(trial: _Trial) -> None:
     )
     trial.stays("enable moves nothing", 0.3)
     driver.disable()
-    state = trial.wait(0.1)[-1].state
+    state = trial.settled_state()
     trial.found("disable takes the power away", "no power", state.value, state is not DriveState.ENABLED)
 
 
@@ -214,7 +222,7 @@ def _moves(trial: _Trial) -> None:
         trial.speeds("and so it is by its position", trial.way * speed, by_position)
     bad = [driver_refuses(driver, value) for value in (math.nan, math.inf, 10.0 * axis.speed)]
     trial.found("a speed that is none, or too high, is refused", "3 errors", f"{bad.count(True)} errors", all(bad))
-    after = trial.wait(0.2)[-1].speed
+    after = trial.settled()[-1].speed
     trial.speeds("and changes nothing", trial.way * speed, after)
     driver.command(-trial.way * speed)
     trial.wait(1.5)
@@ -251,7 +259,7 @@ def _stops(trial: _Trial) -> None:
     trial.findings.append(must_refuse("a stopped axis is not switched on", driver.enable))
     trial.stays("a stopped axis stays", 0.5)
     trial.clear()
-    state = trial.wait(0.1)[-1].state
+    state = trial.settled_state()
     trial.found("clear leaves it without power", "no power", state.value, state is not DriveState.ENABLED)
 
 
