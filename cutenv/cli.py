@@ -78,6 +78,7 @@ RIG_COMMANDS = {
     "init": Command("write the file of a new rig for you to fill in"),
     "jog": Command("move the blade while a key is held"),
     "run": Command("cut with a policy from simulation, unchanged"),
+    "speed": Command("draw desired and actual speed of the blade in tissue"),
 }
 """Sub-commands of ``cutenv rig``."""
 

@@ -42,7 +42,8 @@ class ForceDimensionLink:
             if error.name != "forcedimension_core":
                 raise
             raise OSError(
-                "forcedimension_core is not installed, which wants a Python below 3.13: pip install 'cutenv[force-dimension]'"
+                "forcedimension_core, which wants a Python below 3.13, is not installed: "
+                "pip install 'cutenv[force-dimension]'"
             ) from None
         except ImportError:
             raise OSError(
