@@ -68,7 +68,7 @@ def led(seed: int) -> Callable[[float], float]:
 
 @dataclass
 class Observed:
-    """What an observer of the hand's work saw."""
+    """Record of an observer of the hand's work."""
 
     seconds: float = 0.0
     cuts: int = 0

@@ -27,7 +27,7 @@ from cutenv.learning.minari_datasets import ACTIONS
 from cutenv.policy.trained import observation_scaling
 from cutenv.recording.optional_import import optional_import
 
-FORMAT = "v3.0"
+LEROBOT_FORMAT = "v3.0"
 """Version of LeRobot's format that is written."""
 INSTRUCTION = "Cut the slice of liver gently to the target length, and unload the blade there."
 """Task of every cut in words, as LeRobot gives it to policies that read."""
@@ -249,7 +249,7 @@ def _info(
     task, _ = task_of(dict(keywords))
     rate = float(keywords["control_hz"])
     return {
-        "codebase_version": FORMAT,
+        "codebase_version": LEROBOT_FORMAT,
         "robot_type": "cutenv",
         "total_episodes": len(episodes),
         "total_frames": sum(len(episode["index"]) for episode in episodes),

@@ -42,7 +42,7 @@ class ForceDimensionLink:
             if error.name != "forcedimension_core":
                 raise
             raise OSError(
-                "forcedimension_core is not installed, which wants a Python below 3.13: "
+                "forcedimension_core, which wants a Python below 3.13, is not installed: "
                 "pip install 'cutenv[force-dimension]'"
             ) from None
         except ImportError:

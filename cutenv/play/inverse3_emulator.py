@@ -20,8 +20,8 @@ from typing import Any
 from cutenv._base.validation import in_range
 from cutenv.play.devices import simple_hand
 
-FAULTS = ("freeze", "garbage", "unplugged", "hang up", "slow")
-"""What can go wrong from a moment on: no answers, answers that are no JSON, no device in them, an end of the
+SERVICE_FAULTS = ("freeze", "garbage", "unplugged", "hang up", "slow")
+"""Faults from a moment on: no answers, answers that are no JSON, no device in them, an end of the
 connection, answers after 50 ms."""
 _SUBSTEP = 2.5e-4  # [s]
 _LETS_GO = 0.1  # [s] without a message
@@ -145,7 +145,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--target-mm", type=float, default=80.0, metavar="MM", help="target of the cut at which the hand aims [mm]")
     add("--wait", type=float, default=4.0, metavar="S", help="rest of the hand after the connection [s]; default 4")
     add("--service", type=float, default=3.5, choices=(3.1, 3.5), help="version of the protocol; default 3.5")
-    add("--fault", choices=FAULTS, help="what goes wrong")
+    add("--fault", choices=SERVICE_FAULTS, help="what goes wrong")
     add("--after", type=float, default=0.0, metavar="S", help="time of the fault after the connection [s]")
     return parser
 

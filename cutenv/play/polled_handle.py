@@ -31,7 +31,7 @@ _UPRIGHT = 0.5 * math.pi
 
 
 class HandleSample(NamedTuple):
-    """What a handle reports: x, y, z [m] in its own axes, and the buttons held down ("next", "repeat")."""
+    """Report of a handle: x, y, z [m] in its own axes, and the buttons held down ("next", "repeat")."""
 
     position: tuple[float, float, float]
     buttons: frozenset[str] = frozenset()
