@@ -22,6 +22,7 @@ import numpy as np
 from cutenv._base.atomic_file import atomic_write
 from cutenv.envs.constants import Knowledge
 from cutenv.measurement import estimate_fracture_resistance, fit_wear
+from cutenv.measurement.wear import without_friction
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
 from cutenv.tissue import Specimen
 from cutenv.tissue.blade_wear import BladeWear
@@ -37,7 +38,7 @@ CUTS = {"liver": 36, "uniform": 8}
 
 
 def series(specimen_class: str, wear: float, number: int) -> tuple[list[float], list[float]]:
-    """Return measured R [J/m2] of every cut of a series, and the length cut before its middle [m]."""
+    """Return measured R without friction [J/m2] of every cut of a series, and the length cut before its middle [m]."""
     found, middles, used = [], [], 0.0
     for cut in range(CUTS[specimen_class]):
         seed, blade = 1000 + number, BladeWear(blade_wear=wear, blade_used=used)
@@ -47,7 +48,7 @@ def series(specimen_class: str, wear: float, number: int) -> tuple[list[float], 
         legs = [Leg(position=place, speed=SPEED, angle=math.pi / 2, dwell=0.2) for place in (LENGTH, 0.0)]
         measured = estimate_fracture_resistance(to_trace(plant, run(plant, legs)))
         if measured.cut_length > 0.5 * LENGTH:
-            found.append(measured.corrected)
+            found.append(without_friction(measured))
             middles.append(used + 0.5 * measured.cut_length)
         used += measured.cut_length
     return found, middles

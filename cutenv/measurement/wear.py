@@ -11,6 +11,7 @@ from scipy.stats import t as student
 
 from cutenv._base.arrays import Array
 from cutenv._base.validation import array_in_range
+from cutenv.measurement.fracture import FractureEstimate
 from cutenv.measurement.measured_cut import MeasuredCut, by_specimen
 from cutenv.trace import Trace
 
@@ -32,7 +33,7 @@ class WearEstimate:
     wear, low, high : float
         Rise of the fracture resistance for each metre cut, over that of a new blade [1/m], and its interval.
     fresh, fresh_low, fresh_high : float
-        Fracture resistance with a new blade [J/m2], and its interval.
+        Fracture resistance with a new blade, without friction's share [J/m2], and its interval.
     spread : float
         Standard deviation between cuts, relative to the fit [1].
     cuts, specimens : int
@@ -63,8 +64,8 @@ class WearEstimate:
         of = f"{self.cuts} cuts" + (f" of {self.specimens} specimens, each with its own level" * (self.specimens > 1))
         return [
             f"blade wear: {of}, up to {self.used:.2f} m cut by a blade, 95 % intervals",
-            f"  rise of R per metre cut   {self.wear:11.3f}  {self.low:.3f} to {self.high:.3f} 1/m",
-            f"  R with a new blade        {self.fresh:11.4g}  {self.fresh_low:.4g} to {self.fresh_high:.4g} J/m2",
+            f"  rise of R per metre cut         {self.wear:5.3f}  {self.low:.3f} to {self.high:.3f} 1/m",
+            f"  R of a new blade, less friction {self.fresh:5.4g}  {self.fresh_low:.4g} to {self.fresh_high:.4g} J/m2",
             f"  {'wear' if self.seen else 'no wear'} is seen; besides, cuts differ by {100 * self.spread:.0f} %",
         ]
 
@@ -80,7 +81,7 @@ def fit_wear(
     Parameters
     ----------
     resistance : array, shape (n,)
-        Fracture resistance of each cut [J/m2].
+        Fracture resistance of each cut, without friction's share [J/m2]; see :func:`without_friction`.
     used : array, shape (n,)
         Length that its blade had cut in the middle of the cut [m].
     specimen : sequence of str, optional
@@ -163,7 +164,15 @@ def blade_wear(cuts: Sequence[MeasuredCut]) -> WearEstimate:
     groups = by_specimen(list(cuts))
     own = len(groups) > 1 and "" not in groups and all(len(group) > 1 for group in groups.values())
     names = [cut.specimen for cut in cuts] if own else None
-    return fit_wear([cut.fracture.corrected for cut in cuts], middle, names)
+    return fit_wear([without_friction(cut.fracture) for cut in cuts], middle, names)
+
+
+def without_friction(fracture: FractureEstimate) -> float:
+    """Return the part of a measured R that starts and carries on the crack [J/m2]: less friction on the blade's faces.
+
+    Friction is the blade's faces', and is not taken to change with its edge.
+    """
+    return fracture.corrected - fracture.friction_per_depth
 
 
 def used_before(traces: Sequence[Trace], lengths: Sequence[float]) -> list[float]:
