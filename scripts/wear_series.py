@@ -27,6 +27,7 @@ from cutenv.plant import Leg, SimulatedPlant, run, to_trace
 from cutenv.tissue import Specimen
 from cutenv.tissue.blade_wear import BladeWear
 
+DEFAULT = Path("runs") / "wear.json"
 LENGTH = 0.08
 """Length of each cut [m]."""
 SPEED = 0.0127
@@ -90,7 +91,7 @@ def main() -> None:
     """Run all series, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--series", type=int, default=20, metavar="N", help="series of each row; default 20")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="file for the rows too")
+    parser.add_argument("--json", type=Path, metavar="FILE", help=f"keep the rows there; the page has {DEFAULT}")
     arguments = parser.parse_args()
     if arguments.series < 1:
         parser.error(f"--series {arguments.series}: give 1 or more.")
@@ -103,7 +104,7 @@ def main() -> None:
     if arguments.json is not None:
         arguments.json.parent.mkdir(parents=True, exist_ok=True)
         with atomic_write(arguments.json) as part:
-            part.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+            part.write_text(json.dumps({"rows": rows}, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
