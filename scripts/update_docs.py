@@ -7,6 +7,7 @@
     python scripts/update_docs.py benchmark                 what scripts/leaderboard.py --publish has kept
     python scripts/update_docs.py rig-faults rig-faults-height rig-soak class-load  what scripts left in runs/
     python scripts/update_docs.py depth seen-runs           what measure_depth_accuracy.py and measure_seen_runs.py left
+    python scripts/update_docs.py wear                      what scripts/wear_series.py left in runs/ (--json)
     python scripts/update_docs.py live-camera               what scripts/camera_beside_rig.py left in runs/ (--json)
     python scripts/update_docs.py bead-tracking             what scripts/measure_bead_tracking.py left in runs/
     python scripts/update_docs.py browser-page              what scripts/measure_page.py left in runs/ (--json)
@@ -64,11 +65,12 @@ import rig_soak
 import safe_cut
 import stock_learners
 import tip_errors
+import wear_series
 from benchmark.table import markdown_table
 
 from cutenv._base.parameter import parameter_table
 from cutenv.cutting.descent import DescentParameters
-from cutenv.cutting.drive import Rig
+from cutenv.cutting.drive import PDRig, Rig
 from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.cutting.steering import SteeringParameters
@@ -87,6 +89,7 @@ from cutenv.task.reward import CUT_ENDS, REWARD
 from cutenv.task.weights import Limits
 from cutenv.tissue import Layers, measured_liver
 from cutenv.tissue import tables as thesis_tables
+from cutenv.tissue.blade_wear import BladeWear
 from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.specimen import CLASSES
 from cutenv.tissue.surface import SurfaceSpread
@@ -138,6 +141,7 @@ PAGES = {
     "tip-errors": "docs/concepts/task.md",
     "tissue-file": "docs/reference/files/tissue.md",
     "rig-file": "docs/reference/files/rig.md",
+    "wear": "docs/rig/thesis-rig.md",
     "bead-tracking": "docs/validation/beads.md",
     "rig-faults": "docs/rig/what-stops-it.md",
     "rig-faults-height": "docs/rig/what-stops-it.md",
@@ -154,11 +158,13 @@ PAGES = {
 def parameters(_: argparse.Namespace) -> str:
     """Return every constant of tissue, law, drive, sensor and task, with provenance."""
     liver = measured_liver()
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for row in parameter_table(
         TissueDescription,
         LawParameters,
         Rig,
+        PDRig,
+        BladeWear,
         SensorParameters,
         Knowledge,
         Limits,
@@ -169,6 +175,8 @@ def parameters(_: argparse.Namespace) -> str:
         PathConstants,
         SurfaceSpread,
     ):
+        if any(known[0] == f"`{row['name']}`" for known in rows):
+            continue  # both drives of a rig have it, with the same default
         value = getattr(liver, row["name"], row["default"])
         sweep = "" if row["sensitivity"] is None else f"{row['sensitivity'][0]:.4g} to {row['sensitivity'][1]:.4g}"
         rows.append((f"`{row['name']}`", f"{value:.4g}", row["unit"], row["provenance"], row["source"], sweep))
@@ -462,6 +470,7 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "tip-errors": lambda _: tip_errors.report(),
     "tissue-file": tissue_file,
     "rig-file": rig_file,
+    "wear": lambda _: "\n".join(wear_series.table(left_by(wear_series)["rows"])),
     "bead-tracking": lambda _: bead_tracking.markdown(*bead_tracking.kept(ROOT / bead_tracking.FOLDER)),
     "rig-faults": lambda _: rig_faults.markdown(left_by(rig_faults)),
     "rig-faults-height": lambda _: rig_faults.markdown(left_by(rig_faults, rig_faults.DEFAULT_OF_HEIGHT)),

@@ -15,6 +15,7 @@ from cutenv.commands.inputs import read_records
 from cutenv.commands.options import add_record_options, command_parser, made_folder, reports_errors, watched
 from cutenv.measurement.calibration import RESAMPLES, check_resamples, measure_cuts, tissue_of
 from cutenv.measurement.measured_cut import MeasuredCut
+from cutenv.measurement.wear import blade_wear
 from cutenv.measurement.within_specimens import compare_settings
 from cutenv.recording import Provenance, TissueHandling
 from cutenv.tissue import CutModel, TissueDescription
@@ -42,6 +43,7 @@ def main(argv: Sequence[str]) -> int:
         cuts, model, name=arguments.name or arguments.out.stem, resamples=arguments.resamples, refused=refused
     )
     compared = settings_table(cuts) if arguments.within_specimens else ""
+    worn = "\n".join(blade_wear(cuts).lines) if arguments.blade_wear else ""
     if arguments.report:  # first, for it may need an extra: a tissue without its card would look finished
         from cutenv.report.calibration_card import ValidationCard, calibration_headline, write_validation_card
 
@@ -50,8 +52,8 @@ def main(argv: Sequence[str]) -> int:
     with atomic_write(arguments.out) as part:
         part.write_text(tissue.to_json() + "\n", encoding="utf-8")
     print(summary(tissue))
-    if compared:
-        print(f"\n{compared}")
+    for table in filter(None, (compared, worn)):
+        print(f"\n{table}")
     if arguments.report:
         print(f"\n{calibration_headline(card)}\ncard: {arguments.report} and {data}")
     print(f"tissue: {arguments.out}")
@@ -151,6 +153,12 @@ def _parser() -> argparse.ArgumentParser:
         action="store_true",
         help="compare speeds and angles within specimens too, by a mixed model whose random effect is the specimen; "
         "needs cutenv[stats]",
+    )
+    parser.add_argument(
+        "--blade-wear",
+        action="store_true",
+        help="tell the blade's wear from the cuts, in the order given: the rise of R with the length cut before, "
+        "blade_used_m in the records' metadata, else the sum of the cuts before",
     )
     model = parser.add_argument_group("finite-element model that the moduli belong to")
     model.add_argument("--element", default="quad8", choices=["quad4", "quad8"], help="element; default quad8")

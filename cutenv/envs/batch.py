@@ -90,7 +90,8 @@ class CutBatch:
         knowledge, surface = self.single.constants.knowledge, self.single.surface
         tissue = sampler(self._tissue), tissue_modes(self._tissue)
         deviation = surface.surface_spread, self._tissue.thickness, surface.modes()
-        return *tissue, knowledge.depth_noise, knowledge.depth_modes(), deviation
+        worn = self.single.constants.wear.factors()
+        return *tissue, knowledge.depth_noise, knowledge.depth_modes(), deviation, worn
 
     def give_seeds(self, seeds: Sequence[int | None], which: NDArray[np.int64], chance: np.random.Generator) -> None:
         """Assign ``seeds``, one for each cut of the batch, to the cuts numbered ``which``; None keeps a cut's own.
@@ -251,6 +252,8 @@ class CutBatch:
         if specimen is None and self.single.specimen_class == "uniform":
             specimen = Specimen.drawn(0, specimen_class="uniform", tissue=self._tissue)
         given = specimen is not None
+        if specimen is not None:
+            specimen = self.single.constants.wear.of(specimen)
         specimen = specimen or Specimen.mean(self._tissue)  # only its tissue matters
         self.single.set_up(specimen, self.single.target_length or LONGEST, seed=0, episode=0, depth=specimen.depth)
         start = self.single.cutting.snapshot()

@@ -18,6 +18,7 @@ from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.task.beginning import measure_depth
 from cutenv.task.weights import Limits, RewardWeights
+from cutenv.tissue.blade_wear import BladeWear
 from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.field import field_modes
 from cutenv.tissue.specimen import N_POINTS, SPACING
@@ -104,6 +105,7 @@ class Constants:
 
     drive: Drive = dataclasses.field(default_factory=Rig)
     sensor: SensorParameters = dataclasses.field(default_factory=SensorParameters)
+    wear: BladeWear = dataclasses.field(default_factory=BladeWear)
     law: LawParameters = dataclasses.field(default_factory=LawParameters)
     weights: RewardWeights = dataclasses.field(default_factory=RewardWeights)
     limits: Limits = dataclasses.field(default_factory=Limits)
@@ -125,6 +127,7 @@ class Constants:
         kinds: dict[str, Any] = {
             "drive": DRIVES[one_of("drive", drive, DRIVES)],
             "sensor": SensorParameters,
+            "wear": BladeWear,
             "law": LawParameters,
             "weights": RewardWeights,
             "limits": Limits,

@@ -266,6 +266,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if specimen is None:
             specimen = self.tissue.drawn(self._seed, episode, self.specimen_class)
             specimen = self.surface.of(specimen, self._seed, episode)
+        specimen = self.constants.wear.of(specimen)
         depth = self.constants.knowledge.measure_depth(specimen.depth, self._seed, episode)
         self.set_up(specimen, length, seed=self._seed, episode=episode, depth=depth)
         self._episode = episode + 1

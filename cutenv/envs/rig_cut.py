@@ -268,10 +268,10 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             if option is not None:
                 raise ValueError("option specimen: a real rig cuts what is laid there; leave it out.")
             return None
-        if option is not None:
-            return Specimen.from_json(option) if isinstance(option, str) else option
         assert self._seed is not None  # there is one since the reset
-        return self.tissue.specimen or self.tissue.drawn(self._seed, episode, self.specimen_class)
+        laid = Specimen.from_json(option) if isinstance(option, str) else option
+        laid = laid or self.tissue.specimen or self.tissue.drawn(self._seed, episode, self.specimen_class)
+        return self.constants.wear.of(laid)
 
     @property
     def start_angle(self) -> float:

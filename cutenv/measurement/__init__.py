@@ -13,6 +13,7 @@ from cutenv.measurement.segments import Segment, filtered, loading_segments
 from cutenv.measurement.signal_quality import QualityIssue, quality_issues
 from cutenv.measurement.speed_dependence import SpeedDependence, fit_speed_dependence
 from cutenv.measurement.unit_resistance import UnitResistances, estimate_unit_resistances
+from cutenv.measurement.wear import WearEstimate, blade_wear, fit_wear
 from cutenv.measurement.zero import SensorZero, zeroed
 
 __all__ = [
@@ -29,6 +30,8 @@ __all__ = [
     "SpeedDependence",
     "SpeedTracking",
     "UnitResistances",
+    "WearEstimate",
+    "blade_wear",
     "calibrate",
     "estimate_fracture_resistance",
     "estimate_initiation",
@@ -37,6 +40,7 @@ __all__ = [
     "filtered",
     "fit_return_stroke",
     "fit_speed_dependence",
+    "fit_wear",
     "initiation_excess",
     "iterate_modulus",
     "leave_one_out",

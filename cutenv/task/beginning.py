@@ -77,6 +77,7 @@ def begin_some(
     depth_noise: float,
     depth_modes: Array,
     surface: tuple[float, float, Array],
+    worn: Array,
     observations: StructArray,
     vascular: StructArray,
 ) -> None:
@@ -111,6 +112,9 @@ def begin_some(
     surface : tuple
         Spread [m], greatest depth [m] and modes of :func:`cutenv.tissue.surface.vary_surface`; spread 0: every drawn
         specimen has the mean surface.
+    worn : array, shape (301,)
+        Fracture resistance over that of a new blade, :meth:`cutenv.tissue.blade_wear.BladeWear.factors`; a given
+        specimen has it already.
     observations : array of float32, shape (n, 12)
         Filled for the cuts in ``which``.
     vascular : array of int8, shape (n,)
@@ -142,6 +146,8 @@ def begin_some(
             friction, inclined = sample_profiles(
                 seed, episode, vessels, 0.0, recipe[0], modes, along.modulus, along.fracture_resistance
             )
+            for i in range(N_POINTS):
+                along.fracture_resistance[i] *= worn[i]
             vascular[n] = 1 if vessels else 0
             cuts.laws[n].friction_per_depth = friction
             cuts.laws[n].intercept_45 *= inclined

@@ -13,7 +13,7 @@ import numpy as np
 from cutenv._base.validation import in_range, one_of
 from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.sensor import SensorParameters
-from cutenv.plant.simulator import check_angle
+from cutenv.plant.simulator import ANGLE_RANGE, check_angle
 from cutenv.rig.config.settings import Axis, HeightAxis, SafetyLimits
 from cutenv.rig.devices.analogue.sensor_calibration_file import AnalogueCalibration
 from cutenv.rig.emulator.board_server import BoardServer
@@ -67,6 +67,8 @@ RANGES: Mapping[str, MechanicalRange] = MappingProxyType(
 The thesis's rig turned its blade by 90 degrees either way from upright, which is 0 to 180 degrees here, and went up to
 3.81 cm/s. Its cuts, and so the law, are of 45 to 90 degrees and up to 2.54 cm/s.
 """
+_SLACK = math.radians(1.0)  # of the hinge and its play
+_FASTEST = 0.0265  # [m/s]: 2.54 cm/s, and 4 % for the loop
 _OTHER_NOISE = (0.02, 0.02, 0.001, 0.001, 0.001)  # Fy, Fz [N], Tx, Ty, Tz [N m]: enough to make the counts flicker
 
 
@@ -179,6 +181,7 @@ class EmulatedRig(EmulatedBench):
         self._noise = np.random.default_rng(0).standard_normal((4096, 5)) * _OTHER_NOISE
         self._noise_rows = [tuple(row) for row in self._noise.tolist()]
         self._ticks = 0
+        self._measured = True
         self.intruders: dict[str, float] = {}
         self.nodes = {name: Node(axis, self._send, self.happened) for name, axis in self.axes.items()}
         self.sensor: SensorServer | BoardServer
@@ -272,11 +275,25 @@ class EmulatedRig(EmulatedBench):
                 self._layered.height = self.height
             reading = self.bench.advance(float(blade.motor["carriage"]), self.angle)
         self._watch(due, before, abs(self.bench.true_force), speed)
+        if self.options.range != "task":
+            self._flag(due, speed)
         self._ticks += 1
         fy, fz, tx, ty, tz = self._noise_rows[self._ticks % len(self._noise_rows)]
         if self._layered is not None:
             fz, ty = fz + self._layered.vertical_force, ty - ARM * reading
         self.sensor.send((reading, fy, fz, tx, ty, tz))
+
+    def _flag(self, due: float, speed: float) -> None:
+        """Record that the blade leaves what was measured: there, tissue answers as at the nearest angle and speed."""
+        low, high = ANGLE_RANGE
+        measured = low - _SLACK <= self.angle <= high + _SLACK and speed <= _FASTEST
+        if measured is self._measured:
+            return
+        self._measured = measured
+        self.happened(
+            f"{'inside' if measured else 'outside'} the measured range", time=due,
+            angle_deg=round(math.degrees(self.angle), 1), speed_cm_s=round(100.0 * speed, 2),
+        )  # fmt: skip
 
     def close(self) -> None:
         """Stop listening; may be called twice."""

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from cutenv.cutting.drive import Drive, advance_in_air, delayed_command, lag_gain
 from cutenv.cutting.dtypes import STATE, TICK
 from cutenv.cutting.sensor import Sensor, SensorParameters
+from cutenv.plant.simulator import ANGLE_RANGE
 from cutenv.rig.config.identified import drive_of
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.fake.specimen_plant import AtOneHeight
@@ -52,7 +51,8 @@ class AirPlant(AtOneHeight):
         self._states["hand"] = self._states["blade"] = _FAR + (middle if start is None else start)
         self._usual = self._records[0].copy()
         self._quick_stop = settings.blade.quick_stop
-        self._angle = settings.fixed_angle
+        self._angle, hinge = settings.fixed_angle, settings.angle
+        self._reach = ANGLE_RANGE if hinge is None else (hinge.low, hinge.high)
         self._sensor = Sensor(sensor)
         self._force = self._sensor.measure(0.0)
 
@@ -63,7 +63,7 @@ class AirPlant(AtOneHeight):
         drive.lag = min(TICK, self._usual.lag) if stopping else self._usual.lag
         target = 0.0 if stopping else float(delayed_command(state, drive, speed))
         advance_in_air(state, drive, lag_gain(drive, TICK), target, TICK)
-        self._angle = min(max(self._angle + turn * TICK, math.radians(45.0)), math.radians(90.0))
+        self._angle = min(max(self._angle + turn * TICK, self._reach[0]), self._reach[1])
         self._force = self._sensor.measure(0.0)
 
     def block(self) -> None:
