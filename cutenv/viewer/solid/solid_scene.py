@@ -57,7 +57,7 @@ def commands(solid: SlabSolid) -> list[bytes]:
     if solid.sheet is not None:
         stage.surface("target", _of(solid, solid.sheet.points, solid.sheet.parts), palette.TARGET, opacity=0.34)
     edge = float(solid.rest[solid.rest[:, 1] == 0.0, 2].max())
-    stage.furnish(_clamp(solid.cut.model.width, edge))
+    stage.furnish(_clamp(solid.cut.model.width, solid.bottom, edge))
     stage.arrow("arrow", palette.ARROW)
     stage.ball("tip", palette.TIP)
     return stage.packed
@@ -76,7 +76,7 @@ def curved_commands(solid: CurvedSolid) -> list[bytes]:
         stage.surface(f"tissue/{name}", solid.skins[name], coloured=solid.colours(solid.skins[name]))
     stage.surface("tissue/faces", solid.skins["faces"], palette.CUT_FACE)
     stage.lines("tissue/lines", solid.lines, palette.MESH)
-    stage.furnish(_clamp(solid.width, solid.depth))
+    stage.furnish(_clamp(solid.width, 0.0, solid.depth))
     return stage.packed
 
 
@@ -95,13 +95,13 @@ def _of(solid: SlabSolid, points: NDArray[np.int64], parts: NDArray[np.int64]) -
     return Surface(vertices=solid.rest[points], faces=parts)
 
 
-def _clamp(width: float, edge: float) -> Surface:
-    """Return two jaws and two bolts at the edge where the cut starts, ``edge`` [m] thick there."""
+def _clamp(width: float, bottom: float, edge: float) -> Surface:
+    """Return two jaws and two bolts at the edge where the cut starts, from height ``bottom`` to ``edge`` [m] there."""
     half = 0.5 * width + _CLAMP_MARGIN
     jaws = [
-        box((-half, -_CLAMP_LENGTH, solid.bottom - 0.6 * _JAW), (half, 0.0, solid.bottom + 0.0005)),
+        box((-half, -_CLAMP_LENGTH, bottom - 0.6 * _JAW), (half, 0.0, bottom + 0.0005)),
         box((-half, -_CLAMP_LENGTH, edge), (half, 0.0, edge + _JAW)),
-        box((-half, -_CLAMP_LENGTH, solid.bottom), (half, -0.8 * _CLAMP_LENGTH, edge)),
+        box((-half, -_CLAMP_LENGTH, bottom), (half, -0.8 * _CLAMP_LENGTH, edge)),
     ]
     t = np.linspace(0.0, 2.0 * math.pi, 6, endpoint=False)
     hexagon = 0.0032 * np.stack([np.cos(t), np.sin(t)], axis=-1)
