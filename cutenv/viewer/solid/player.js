@@ -193,7 +193,7 @@
     const points = told.skins[`tissue/${name}`], point = points[Math.round(0.47 * points.length)]; // of its upper row
     anchors[name] = [0, rest[3 * point + 1], rest[3 * point + 2]];
   }
-  const beside = { layer: [0, 14], wanted: [0, -12], target: [0, -14], clamp: [0, 20], arrow: [0, -16], "tip-mark": [74, 26], opened: [44, 56] };
+  const beside = { layer: [0, 26], wanted: [0, -12], target: [0, -14], clamp: [0, 20], arrow: [0, -16], "tip-mark": [74, 26], opened: [44, 56] };
   function placeLabels() {
     const width = pane.clientWidth, height = pane.clientHeight;
     for (const name of Object.keys(beside)) {
