@@ -1,5 +1,7 @@
 """Virtual records of cuts in steps of depth, as a rig with a height axis would have made them, and what was put in.
 
+    python scripts/stepped_cuts.py --out stepped --cuts 6 --layer-mm 10 --toughness 3 --modulus 2
+
 The blade cuts some centimetres at one depth below the surface, is raised by half a millimetre, and goes back past the
 tip.  Then it cuts on, and is lowered or raised on the way.  So each step ends unloaded, by which ``cutenv calibrate``
 finds layers.
@@ -7,8 +9,10 @@ finds layers.
 
 from __future__ import annotations
 
+import argparse
 import math
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +20,7 @@ import numpy as np
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.plant import DescendingPlant
 from cutenv.plant.protocol import to_trace
+from cutenv.recording import save
 from cutenv.tissue import Layers, Specimen
 from cutenv.tissue.grid import depth_below
 from cutenv.trace import Trace
@@ -111,6 +116,7 @@ class SteppedCut:
 def stepped_cut(
     specimen: Specimen,
     layers: Layers,
+    /,
     *,
     depths: Sequence[float] = DEPTHS,
     speed: float = 0.0089,
@@ -137,3 +143,38 @@ def stepped_cut(
         cut.go_back(BACK, speed)
     cut.rest(_REST)
     return cut.trace(**metadata), cut
+
+
+def main() -> None:
+    """Write the records of some cuts, each of another drawn liver."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="folder of the records")
+    parser.add_argument("--cuts", type=int, default=6, metavar="N", help="number of cuts; default 6")
+    parser.add_argument("--layer-mm", type=float, metavar="MM", help="depth of a layer below; default none")
+    parser.add_argument("--toughness", type=float, default=3.0, help="its toughness over the tissue's; default 3")
+    parser.add_argument("--modulus", type=float, default=2.0, help="its modulus over the tissue's; default 2")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the livers; default 0")
+    arguments = parser.parse_args()
+    layers = Layers()
+    if arguments.layer_mm is not None:
+        layers = Layers(
+            boundary=1e-3 * arguments.layer_mm, deep_toughness=arguments.toughness, deep_modulus=arguments.modulus
+        )
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    for number in range(arguments.cuts):
+        trace, _ = stepped_cut(
+            Specimen.drawn(arguments.seed, number),
+            layers,
+            depths=DEPTHS if number % 2 else DEPTHS[::-1],
+            seed=arguments.seed,
+            episode=number,
+            name=f"liver {number}",
+            specimen=f"liver {number}",
+            end="finished",
+        )
+        save(trace, arguments.out / f"liver{number}.csv")
+    print(f"{arguments.cuts} records: {arguments.out}")
+
+
+if __name__ == "__main__":
+    main()

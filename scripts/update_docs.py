@@ -60,6 +60,7 @@ import measure_seen_runs
 import memory_gap
 import numpy as np
 import path_table
+import recover_layers
 import rig_faults
 import rig_soak
 import safe_cut
@@ -118,6 +119,7 @@ PAGES = {
     "agreement": "docs/validation/agreement.md",
     "specimens": "docs/validation/specimens.md",
     "calibration": "docs/validation/calibration.md",
+    "layers-recovered": "docs/validation/calibration.md",
     "check-score": "docs/validation/score.md",
     "check-depth-score": "docs/validation/score.md",
     "pass-marks": "docs/validation/pass-marks.md",
@@ -459,6 +461,7 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "check-depth-score": lambda _: check_score.depth_report(
         check_score.kept(ROOT / check_score.FOLDER, check_score.DEPTH_FILE)
     ),
+    "layers-recovered": lambda _: recover_layers.tables(recover_layers.left()),
     "depth": lambda _: measure_depth_accuracy.report(measure_depth_accuracy.kept(ROOT / measure_depth_accuracy.KEPT)),
     "seen-runs": lambda _: measure_seen_runs.report(measure_depth_accuracy.kept(ROOT / measure_seen_runs.KEPT)),
     "live-camera": lambda _: camera_beside_rig.markdown(left_by(camera_beside_rig)),

@@ -212,7 +212,9 @@ class DepthBatch(CutBatch):
         start = self._depth_start
         if given is not None or start is None:
             specimen = single.specimen
-            descents = descent_records([specimen], None, single.descent_parameters)
+            descents = descent_records(
+                [specimen], specimen.tissue.layers if single.layer else None, single.descent_parameters
+            )
             start = descents, depth_record(single.depth_constants), specimen.tissue.slab()
         if given is None:
             self._depth_start = start

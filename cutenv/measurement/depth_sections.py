@@ -28,12 +28,14 @@ from cutenv.task_quantities import MEASURABLE_DEPTH
 from cutenv.tissue.description import TissueDescription, measured_liver
 from cutenv.tissue.floor import FLOOR_EVERY, expected_floor
 from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING
-from cutenv.tissue.layers import Layers
+from cutenv.tissue.layers import Layers, layered_depth
+from cutenv.tissue.slab import effective_depth
 from cutenv.trace import Trace
 
 SAME_HEIGHT = 0.3e-3
 """Change of the height on a way back up to which the tissue counts as unloaded at one depth [m]."""
 _LEAST_AREA = 5e-6  # [m2] that a section opens
+_TIP_ROUNDS = 4
 _ENDLESS = 1.0  # [m], deeper than any slab
 _WayBack = tuple[int, int, ReturnStroke]
 
@@ -78,11 +80,16 @@ class DepthSection:
 
     def area(self, top: float = 0.0, bottom: float = _ENDLESS) -> float:
         """Return the area [m2] that the section opens between two depths below the surface [m]."""
-        places = np.arange(N_POINTS, dtype=np.float64) * SPACING
         deeper = np.clip(self.floor_after, top, bottom) - np.clip(self.floor_before, top, bottom)
+        return float(self.width @ deeper)
+
+    @property
+    def width(self) -> Array:
+        """Length of the cut that each point of the grid stands for, up to the tip [m], shape (301,)."""
+        places = np.arange(N_POINTS, dtype=np.float64) * SPACING
         width = np.clip(self.tip - (places - 0.5 * SPACING), 0.0, SPACING)
         width[0] = min(0.5 * SPACING, self.tip)
-        return float(width @ deeper)
+        return np.asarray(width)
 
     @property
     def fracture_energy(self) -> float:
@@ -246,14 +253,11 @@ def _floors(
 ) -> tuple[list[Array], Array]:
     """Return the floor at the end of each section, shape (301,) [m], and the level engaged at each reading [m]."""
     position, height = trace.require("position", "height", by="depth_sections")
-    reached = np.maximum.accumulate(np.clip(position, 0.0, LENGTH))
-    stops = [0, *(stop - 1 for _, stop, _ in ends)]
-    tips = [max(float(position[0]), 0.0), *(back.tip for *_, back in ends)]
-    tip = np.interp(reached, reached[stops] + 1e-9 * np.arange(len(stops)), np.maximum.accumulate(tips))
-    tip = np.minimum(tip, reached)
     known = surface.at(np.arange(N_POINTS, dtype=np.float64) * SPACING)
     instants = np.arange(float(trace.time[0]), float(trace.time[-1]), FLOOR_EVERY)
-    x, h, a = (np.interp(instants, trace.time, values) for values in (np.clip(position, 0.0, LENGTH), height, tip))
+    x, h = (np.interp(instants, trace.time, values) for values in (np.clip(position, 0.0, LENGTH), height))
+    a = _tips(_Slab(tissue, layers or Layers(), surface), trace, ends, instants, h)
+    _, engaged = expected_floor(tissue, known, x, h, a, layers=layers)
     floors = []
     for _, stop, back in ends:
         n = max(int(np.searchsorted(instants, trace.time[stop - 1])), 2)
@@ -261,8 +265,54 @@ def _floors(
         until[-1] = max(back.tip, float(until[-2]))
         depth, _ = expected_floor(tissue, known, x[:n], h[:n], until, layers=layers)
         floors.append(np.append(depth, np.zeros(N_POINTS - len(depth))))
-    _, engaged = expected_floor(tissue, known, x, h, a, layers=layers)
     return floors, np.interp(trace.time, instants, engaged)
+
+
+@dataclass(frozen=True, eq=False)
+class _Slab:
+    """Slab of a tissue in layers below a surface."""
+
+    tissue: TissueDescription
+    layers: Layers
+    surface: DepthProfile
+
+    def depth(self, place: Array, level: Array | float) -> Array:
+        """Return the depth of a blade at a level [m], within the slab [m]."""
+        return np.clip(self.surface.at(place) - level, MEASURABLE_DEPTH, self.tissue.thickness)
+
+    def stiffness(self, tip: Array, level: Array | float) -> Array:
+        """Return K over the modulus of the material [m]."""
+        depth, model = self.depth(tip, level), self.tissue.cut_model()
+        effective = effective_depth(tip, depth, self.tissue.thickness)
+        if self.layers != Layers():
+            pairs = zip(depth.tolist(), effective.tolist(), strict=True)
+            effective = np.array([layered_depth(self.layers, *pair) for pair in pairs])
+        return np.asarray(model.stiffness(np.clip(tip, 0.0, model.length)) * effective)
+
+
+def _tips(slab: _Slab, trace: Trace, ends: list[_WayBack], instants: Array, levels: Array) -> Array:
+    """Return the tip at instants [s] of a blade at ``levels`` [m], shape (n,) [m].
+
+    It is behind the blade by the elastic force over K, of which the way back that follows gives the modulus, and never
+    goes back.
+    """
+    position, height = trace.require("position", "height", by="depth_sections")
+    x, force, speed = (
+        np.interp(instants, trace.time, values)
+        for values in (np.clip(position, 0.0, LENGTH), trace.force, trace.blade_speed)
+    )
+    friction = float(np.median([back.friction_per_depth for _, _, back in ends]))
+    tips, first, start = np.full(len(instants), ends[-1][2].tip), 0, max(float(position[0]), 0.0)
+    for began, stop, back in ends:
+        now = slice(first, int(np.searchsorted(instants, trace.time[stop - 1])))
+        modulus = back.stiffness / float(slab.stiffness(np.array([back.tip]), float(height[began]))[0])
+        elastic = np.maximum(force[now] - friction * slab.depth(x[now], levels[now]), 0.0)
+        tip = x[now]
+        for _ in range(_TIP_ROUNDS):  # of a = x - F/K(a)
+            tip = np.clip(x[now] - elastic / (modulus * slab.stiffness(tip, levels[now])), start, back.tip)
+        tips[now] = np.maximum.accumulate(np.where(speed[now] > 0.0, tip, start))
+        first, start = now.stop, back.tip
+    return np.maximum.accumulate(tips)
 
 
 def _travelled(trace: Trace, position: Array) -> Array:

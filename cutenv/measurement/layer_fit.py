@@ -15,10 +15,9 @@ cut is the error.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
@@ -27,13 +26,11 @@ from scipy import stats
 from scipy.optimize import least_squares
 
 from cutenv._base.arrays import Array
-from cutenv.measurement.depth_sections import DepthSection, depth_sections
+from cutenv.measurement.depth_sections import DepthSection
 from cutenv.tissue.cut_model import CutModel
-from cutenv.tissue.description import TissueDescription, measured_liver
 from cutenv.tissue.layers import Layers, layered_depth
 from cutenv.tissue.parameter_provenance import Evidence
 from cutenv.tissue.slab import effective_depth
-from cutenv.trace import Trace
 
 FEWEST_TOUCHED = 2
 """Smallest number of sections that open a layer, below which nothing is said of it."""
@@ -46,7 +43,6 @@ _ROUNDS = 3  # of weighing energies against stiffnesses by their own scatter
 _LEAST_SCATTER = np.array([0.03, 0.04])
 """Error of a section's energy and stiffness in tissue that does not vary [1]: that of virtual cuts of one tissue, and
 that of the effective depth in layers beside bricks (``scripts/fit_layers.py``)."""
-_FLOORS = 3  # rounds of finding layers, and the floor under the blade in these
 _RANGE = math.log(100.0)  # of a ratio, either way
 _HOW = "least squares of the sections' {what} within cuts"
 _OF = {"toughness": "fracture energies", "modulus": "stiffnesses of unloading"}
@@ -96,7 +92,10 @@ class _Sections:
     kappa: Array
     effective: Array
     depth: Array
-    deepest: Array = field(repr=False)
+    deepest: Array
+    before: Array
+    after: Array
+    width: Array
 
     @classmethod
     def of(cls, cuts: Sequence[Sequence[DepthSection]], model: CutModel) -> _Sections:
@@ -110,10 +109,14 @@ class _Sections:
             effective=effective_depth(tips, depth),
             depth=depth,
             deepest=np.array([float(each.floor_after.max()) for _, each in pairs]),
+            before=np.array([each.floor_before for _, each in pairs]),
+            after=np.array([each.floor_after for _, each in pairs]),
+            width=np.array([each.width for _, each in pairs]),
         )
 
     def areas(self, top: float, bottom: float) -> Array:
-        return np.array([each.area(top, bottom) for each in self.sections])
+        deeper = np.clip(self.after, top, bottom) - np.clip(self.before, top, bottom)
+        return np.asarray((self.width * deeper).sum(axis=1))
 
     def log_energy(self) -> Array:
         return np.log([max(each.fracture_energy, 1e-9) for each in self.sections])
@@ -125,48 +128,6 @@ class _Sections:
         """Return values less the mean of their cut."""
         count = np.bincount(self.cut)
         return np.asarray(values - (np.bincount(self.cut, values) / np.maximum(count, 1))[self.cut])
-
-
-def find_layers(
-    traces: Sequence[Trace],
-    model: CutModel,
-    *,
-    tissue: TissueDescription | None = None,
-    boundary: float | None = None,
-    capsule_thickness: float | None = None,
-) -> tuple[LayerFit, list[list[DepthSection]]]:
-    """Find layers from records of cuts in steps of depth; also return the sections of each.
-
-    Layers and the floor of the cut under the blade, which yields less in a tougher layer, are found in turn.
-
-    Parameters
-    ----------
-    traces : sequence of Trace
-        Records as :func:`~cutenv.measurement.depth_sections.depth_sections` takes them.
-    model, boundary, capsule_thickness
-        See :func:`fit_layers`.
-    tissue : TissueDescription, optional
-        Tissue whose floor is expected at first; default pig liver.
-
-    Raises
-    ------
-    ValueError
-        If a record lacks what is needed, or none has a section.
-    """
-    tissue = tissue or measured_liver()
-    tissues, layers = [tissue] * len(traces), None
-    for _ in range(_FLOORS):
-        cuts = [depth_sections(trace, tissue=own, layers=layers) for trace, own in zip(traces, tissues, strict=True)]
-        fit = fit_layers(cuts, model, boundary=boundary, capsule_thickness=capsule_thickness)
-        layers, found = fit.layers, iter(zip(fit.resistance, fit.modulus, strict=True))
-        tissues = [_like(tissue, *next(found)) if sections else tissue for sections in cuts]
-    return fit, cuts
-
-
-def _like(tissue: TissueDescription, resistance: float, modulus: float) -> TissueDescription:
-    """Return the tissue with the fracture part of another resistance [J/m2], and another modulus [Pa]."""
-    whole = float(resistance) / (1.0 - tissue.friction_share)
-    return dataclasses.replace(tissue, fracture_resistance=whole, modulus=float(modulus))
 
 
 def fit_layers(

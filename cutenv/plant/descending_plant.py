@@ -26,7 +26,7 @@ class DescendingPlant:
     specimen : Specimen
         The tissue to cut.
     layers : Layers, optional
-        Its layers over the depth; default one tissue throughout.
+        Its layers over the depth; default those of its tissue, where they were measured, or one tissue throughout.
     drive : Rig, optional
         Drive along the cut.
     sensor : SensorParameters, optional
@@ -74,7 +74,7 @@ class DescendingPlant:
         self.specimen = specimen
         self.depth = specimen.depth if depth is None else depth
         self._slab = specimen.tissue.slab()
-        self.descents = descent_records([specimen], layers, descent)
+        self.descents = descent_records([specimen], layers or specimen.tissue.layers, descent)
         self.descents["level"] = self.descents["settled"] = self.descents["engaged"] = level
         self.descents["floor"][:, 0] = level
         self.cuts = Physics(

@@ -162,8 +162,9 @@ _HEIGHT = Measure(
     paired=True,
     value=_beside(lambda cut, other: height_rmse(cut.trace, other.trace)),
 )
-DEPTH_MEASURES: Mapping[str, Measure] = {each.name: each for each in (_HEIGHT, *map(_metric, DEPTH_METRICS))}
-"""Further measures of cuts with height: its curve, and every metric of the depth."""
+_SEEN = [name for name in DEPTH_METRICS if not name.startswith("layer_")]  # no rig sees a layer below
+DEPTH_MEASURES: Mapping[str, Measure] = {each.name: each for each in (_HEIGHT, *map(_metric, _SEEN))}
+"""Further measures of cuts with height: its curve, and the metrics of the depth that a rig can tell."""
 
 
 def measures_of(cuts: Sequence[ComparedCut]) -> Mapping[str, Measure]:

@@ -137,7 +137,7 @@ class DepthCutting(DepthAssessed, SimulatedCutting):
         super().__init__(plant, *arguments, **keywords)
         specimen = plant.specimen
         self.slabs = specimen.tissue.slab()
-        self.descents = descent_records([specimen], None, descent)
+        self.descents = descent_records([specimen], specimen.tissue.layers if layer else None, descent)
         self.depths = depth_record(constants)
         self._level_before = 0.0
         self.vertical: Array = np.zeros((1, self.ticks))

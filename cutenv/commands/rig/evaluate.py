@@ -87,7 +87,9 @@ def _evaluated(arguments: argparse.Namespace) -> Evaluation:
         given=given,
         changed=changed,
         notes=tuple(
-            cuts.between
+            ["the task is to cut along a wanted depth; tip and floor are estimates on both sides"]
+            * (arguments.task == "depth")
+            + cuts.between
             + ["constants of the rig were changed: " + ", ".join(f"{k} = {v:g}" for k, v in changed.items())]
             * bool(changed)
         ),
