@@ -37,7 +37,7 @@ def draw(path: Path) -> None:
     figure, axes = plt.subplots(2, 1, figsize=(8.0, 6.0), sharex=True, layout="constrained")
     for axis, wanted in zip(axes, ("ramp", "step"), strict=True):
         env = DepthCutEnv(wanted=wanted, target_length=0.08)
-        for name, colour in (("depth by force", "tab:blue"), ("hold one depth", "tab:gray")):
+        for name, colour in (("depth by two forces", "tab:blue"), ("hold one depth", "tab:gray")):
             policy = DEPTH_SCRIPTS[name]()
             observation, info = env.reset(seed=TEST_SEEDS[0], options={"episode": 0})
             policy.reset(np.random.default_rng(0))

@@ -73,7 +73,7 @@ TASKS = {
         id="cutenv/DepthCut-v1", single=DepthCutEnv, batch=DepthBatch, vector=DepthCutVectorEnv,
         privileged=DEPTH_PRIVILEGED, scripts=tuple(DEPTH_SCRIPTS), script="depth by two forces",
         options={
-            "script": TRUE_TIP, "control_hz": 25, "demonstrations": 400_000, "corrections": 250_000,
+            "script": TRUE_TIP, "control_hz": 25, "demonstrations": 300_000, "corrections": 200_000,
             "timesteps": 2_500_000, "exploration": 0.04, "last_exploration": 0.02, "validation_specimens": 1000,
         },
         teachers={**DEPTH_SCRIPTS, TRUE_TIP: careful_true_tip},

@@ -53,7 +53,7 @@ def compare_task(run: Path, facts: Mapping[str, Any], *, processes: int | None =
     write_csv(run / "comparison.csv", further)
     paired = differences([*rows, *further], agent)
     write_csv(run / "differences.csv", paired)
-    write_depth_page(run, facts, rows, paired, {**learned, **scripts}, shared)
+    write_run_page(run, facts, rows, paired, {**learned, **scripts}, shared)
 
     print(f"\n{task_headline(agent, paired, task.scripts)}")
     print(f"\n{len(few)} held-out specimens of class {arguments['specimen_class']}, mean [95 % interval]\n")
@@ -64,7 +64,7 @@ def compare_task(run: Path, facts: Mapping[str, Any], *, processes: int | None =
     print("scores.csv and comparison.csv (every cut), summary.csv, differences.csv, learning_curve.csv, run.json")
 
 
-def write_depth_page(
+def write_run_page(
     run: Path,
     facts: Mapping[str, Any],
     rows: Sequence[Mapping[str, Any]],

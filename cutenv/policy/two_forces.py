@@ -27,7 +27,7 @@ from cutenv.tissue.nominal import nominal_stiffness, nominal_tissue
 
 _STIFFNESS_SPREAD, _FRICTION_SPREAD = 0.30, 0.45  # SD of the logarithms over slices, as drawn
 _CHANGE = (
-    0.03  # SD by which the stiffness's logarithm changes along a millimetre; assumed, chosen on training specimens
+    0.03  # SD by which the stiffness's logarithm changes along a millimetre; assumed, chosen on validation specimens
 )
 _NOISE, _MODEL = 0.1, 0.3  # [N], and share of the tissue's push: SD of the upward force about the model; likewise
 _UNUSUAL = (
