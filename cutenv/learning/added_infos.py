@@ -12,7 +12,7 @@ from cutenv.task.observation import COMPONENTS
 
 
 class AddedInfos(NamedTuple):
-    """What the data sets of one task add."""
+    """Infos that the data sets of one task add."""
 
     felt: Mapping[str, str]
     """Meaning of what is observed, by name with unit."""
@@ -58,7 +58,7 @@ ADDED = {
         action="rate of turn: 0 within 0.1, 1.5 rad/s to the left at 1",
     ),
 }
-"""What is added, by id of the environment."""
+"""Added infos by id of the environment."""
 
 
 def added_infos(environment: str, observation: np.ndarray, info: Mapping[str, Any]) -> dict[str, float]:

@@ -16,7 +16,7 @@ from cutenv._engine.jit import njit, njit_internal
 from cutenv.policy.crack_course import BACK, follow_course, no_course
 from cutenv.policy.features import Features
 from cutenv.policy.signals import POSITION_COLUMN, SPEED_COLUMN
-from cutenv.task.observation import CLIP, COMPONENTS
+from cutenv.task.observation import CLIP, COMPONENTS, SPEED_SCALE, speed_action
 from cutenv.task.path_terms import ALL_PATH_COMPONENTS, PATH_COMPONENTS, TURN_SCALE
 from cutenv.tissue.grid import POINTS_PER_METRE
 
@@ -147,7 +147,7 @@ def _add_path(course: Struct, estimate: Struct, observation: StructArray, featur
     features[k + 1] = course.aside / _LENGTH
     features[k + 2] = tanh(course.aside / _FINE)
     features[k + 3] = (wanted - course.crack) / _TURN
-    features[k + 4] = rate / TURN_SCALE
+    features[k + 4] = min(max(speed_action(rate * (SPEED_SCALE / TURN_SCALE)), -1.0), 1.0)  # that action
     features[k + 5] = blade / _TURN
     features[k + 6] = (course.turned[course.passed] - behind) / _TURN
     features[k + 7] = outside / _LENGTH
