@@ -26,7 +26,7 @@ from cutenv.tissue.lines import CutLine, half_ellipse
 from cutenv.viewer.solid import write_curved_view
 
 LENGTH, HEIGHT = 0.056, 0.01
-"""Of the excision's one side: distance of its ends, and to its summit [m]."""
+"""Distance of the ends of one side of the excision, and height of its summit [m]."""
 _BEGIN = 0.0025  # from the first cut's beginning to the second's, along the clamp [m]
 _SPEED = 0.01
 _UPRIGHT = math.radians(90.0)

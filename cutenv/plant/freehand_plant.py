@@ -100,8 +100,12 @@ class FreehandPlant(SteeredPlant):
 
         Returns and raises as :meth:`SteeredPlant.advance <cutenv.plant.SteeredPlant.advance>`.
         """
+        if ticks <= _CHUNK:
+            told = super().advance(speed, angle, ticks, turn_rate)
+            self._follow()
+            return told
         readings, lateral = [], []
-        for start in range(0, max(ticks, 1), _CHUNK):
+        for start in range(0, ticks, _CHUNK):
             readings.append(super().advance(speed, angle, min(_CHUNK, ticks - start), turn_rate))
             lateral.append(self.lateral_force)
             self._follow()
