@@ -76,6 +76,18 @@ def check_other_models(_: Sequence[Specimen]) -> Iterator[Row]:
         model.advance((along, -across), end, middle)
         errors.append(abs(model.stiffness - expected).max())
     yield _small("steered model on half an excision against PathModel, same mesh", max(errors), EXACT)
+    model, before, errors, softer = SteeredModel((8, 15)), [], [], []
+    for y, length in ((0.03, 0.08), (0.01, 0.08), (-0.01, 0.08), (-0.03, 0.08)):
+        model.begin((0.0, y))
+        model.cut_to((length, y))
+        earlier = tuple((y - other, cut) for other, cut in before)
+        found = 1.0 / model.compliance[0, 0]
+        errors.append(abs(found / CutModel(offset=-y, earlier_cuts=earlier).stiffness(length) - 1.0))
+        softer.append(found / CutModel(offset=-y).stiffness(length))
+        before.append((y, length))
+    yield _small("four parallel cuts of 8 cm, 2 cm apart, against CutModel, same mesh", max(errors), EXACT)
+    shown = ", ".join(f"{each:.3f}" for each in softer)
+    yield Row("stiffness of each of the four over that in a slab without the others", shown)
     plain = CutModel()
     for divisions in ((16, 30), (32, 60)):
         model, errors = SteeredModel(divisions), []

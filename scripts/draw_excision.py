@@ -26,7 +26,7 @@ from cutenv.tissue.lines import CutLine, half_ellipse
 from cutenv.viewer.solid import write_curved_view
 
 LENGTH, HEIGHT = 0.056, 0.01
-"""Of the excision's one side: distance of its ends, and to its summit [m]."""
+"""Distance of the ends of one side of the excision, and height of its summit [m]."""
 _BEGIN = 0.0025  # from the first cut's beginning to the second's, along the clamp [m]
 _SPEED = 0.01
 _UPRIGHT = math.radians(90.0)
@@ -92,8 +92,8 @@ def draw(path: Path, first: Side, second: Side) -> None:
     from matplotlib.collections import PolyCollection
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(9.0, 8.4), layout="constrained")
-    above, below = figure.subplots(2, 1, sharex=True)
+    figure = Figure(figsize=(9.0, 9.4), layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(98, 56))
     for side, name in ((first, "drawn ellipse"), (second, None)):
         n = round((LENGTH + 0.003) / SPACING)
         below.plot(1e3 * side.line.x[:n], 1e3 * side.line.y[:n], "k--", lw=1.0, label=name)
@@ -101,7 +101,7 @@ def draw(path: Path, first: Side, second: Side) -> None:
         below.plot(*(1e3 * side.cut.T), color="tab:orange", lw=2.0, label=name and "cut")
         low, high = (np.interp(side.line.x[:n], side.cut[:, 0], side.cut[:, 1]), side.line.y[:n])
         below.fill_between(1e3 * side.line.x[:n], 1e3 * low, 1e3 * high, color="tab:orange", alpha=0.25, lw=0)
-    below.set(xlabel="along the slab, from the clamp [mm]", ylabel="across [mm]", xlim=(-3, 152), ylim=(-27, 27))
+    below.set(xlabel="along the slab, from the clamp [mm]", ylabel="across [mm]", xlim=(-3, 152), ylim=(-28, 28))
     below.set_title(
         f"{1e6 * area_within(first, second):.0f} mm² between the cuts; "
         f"{1e6 * (area_between(first) + area_between(second)):.0f} mm² between cuts and lines"

@@ -13,7 +13,9 @@ from scipy.sparse import coo_array
 
 from cutenv._base.arrays import Array, Indices
 from cutenv.tissue.augmented_system import AugmentedSystem
-from cutenv.tissue.split_mesh import MeshPlace, Part, SplitMesh, cell_places, element_stiffness, whole
+from cutenv.tissue.element_matrices import element_stiffness
+from cutenv.tissue.local_compliance import local_compliance, square_compliance
+from cutenv.tissue.split_mesh import MeshPlace, Part, SplitMesh, cell_places, whole
 from cutenv.tissue.tip_response import sparse_factors
 
 
@@ -127,6 +129,23 @@ class SplitStiffness:
                 self.system.change(old, -before)
             self.system.change(unknowns, share)
             self._shares[cell] = unknowns, share
+
+    def local_excess(self, tip: MeshPlace, size: float, element: float) -> Array:
+        """Return what the elements around a tip add to its compliance, beyond squares of a ``size`` [m], shape (2, 2).
+
+        At the free end, where there are none around it, that is the excess of squares of the size ``element``.
+        """
+        mesh, (a, b) = self._mesh, tip
+        square = square_compliance(size, *self._lame) * np.eye(2)
+        if a == 2 * mesh.cells[0]:
+            local = square_compliance(element, *self._lame) * np.eye(2)
+        else:
+            rows, columns = range(a // 2 - 2, a // 2 + 2), range(b // 2 - 2, b // 2 + 2)
+            around = [(i, j) for i in rows for j in columns if 0 <= i < mesh.cells[0] and 0 <= j < mesh.cells[1]]
+            parts = [part.places for cell in around for part in mesh.parts(cell)]
+            local = local_compliance(parts, mesh.positions.__getitem__, tip, *self._lame)
+        modulus = float(np.mean([self._modulus[cell] for cell in mesh.cells_at(tip)]))
+        return (local - square) / modulus
 
     def loads(self, forces: ArrayLike) -> Array:
         """Return forces on all places, shape of ``mesh.positions``, as loads on the local unknowns."""

@@ -13,7 +13,7 @@ import numpy as np
 from cutenv.tissue.split_stiffness import DoubledMesh
 
 MODULUS, POISSON, THICKNESS = 1e4, 0.3, 0.01
-"""Of the slab: [Pa], [1], [m]."""
+"""Modulus [Pa], Poisson's ratio [1] and thickness [m] of the slab."""
 _LOAD = 1e-2  # on the tip [N]
 _DISPLACED = re.compile(r"^\s*(\d+)\s+(\S+)\s+(\S+)\s+(\S+)\s*$")
 

@@ -59,27 +59,33 @@ def make(folder: Path) -> None:
     )
     _write(folder / "paths.csv", ("path", "arc_length_m", "x_m", "y_m", "angle_rad", "curvature_per_m"), points)
     (folder / "meshes").mkdir(exist_ok=True)
-    reference, steered, seconds = [], [], []
+    reference = []
     for name, line in PATHS.items():
         reference += _rows(name, *led_along(line, SteeredModel((32, 60), line=line), reach(line)))
-        model, start = SteeredModel(), time.perf_counter()
-        ways, found = led_along(line, model, reach(line))
-        seconds.append((time.perf_counter() - start) / len(ways))
-        steered += _rows(name, ways, found)
-        title = f"cut along the path {name}, tip at {ways[-1]:.4f} m of it"
-        (folder / "meshes" / f"{name}.inp").write_text(deck(model.doubled_mesh(), title), encoding="ascii")
     _write(folder / "reference.csv", STIFFNESS, reference)
-    method = "cutenv: SteeredModel, nodes moved and doubled, 5 mm elements"
-    free: list[SteeredPlant] = [FreehandPlant(_specimen(), line) for line in PATHS.values()]
-    _entry(folder / "entries" / "steered", method, steered, float(np.mean(seconds)), free)
-    table, start = [], time.perf_counter()
+    for entry, divisions in (("steered", (16, 30)), ("steered-fine", (32, 60))):
+        steered, seconds = [], []
+        for name, line in PATHS.items():
+            model, start = SteeredModel(divisions), time.process_time()
+            ways, found = led_along(line, model, reach(line))
+            seconds.append((time.process_time() - start) / len(ways))
+            steered += _rows(name, ways, found)
+            if entry == "steered":
+                title = f"cut along the path {name}, tip at {ways[-1]:.4f} m of it"
+                (folder / "meshes" / f"{name}.inp").write_text(deck(model.doubled_mesh(), title), encoding="ascii")
+        method = f"cutenv: SteeredModel, nodes moved and doubled, {150 / divisions[1]:g} mm elements"
+        free: list[SteeredPlant] = [
+            FreehandPlant(_specimen(), line, model=SteeredModel(divisions)) for line in PATHS.values()
+        ]
+        _entry(folder / "entries" / entry, method, steered, float(np.mean(seconds)), free)
+    table, start = [], time.process_time()
     base = np.asarray(CutModel().stiffness(np.clip(grid, ELEMENT, LENGTH)))
     for name, line in PATHS.items():
         parts = [part / _specimen().stiffness() * base for part in stiffness_on_line(_specimen(), line)]
         kept = [i for i in range(0, N_POINTS, 5) if grid[i] <= reach(line)]
         found = np.array([[[parts[0][i], parts[1][i]], [parts[1][i], parts[2][i]]] for i in kept])
         table += _rows(name, grid[kept], found)
-    method, seconds_each = "cutenv: table of a known path, PathModel, 10 mm elements", time.perf_counter() - start
+    method, seconds_each = "cutenv: table of a known path, PathModel, 10 mm elements", time.process_time() - start
     held = [SteeredPlant(_specimen(), line) for line in PATHS.values()]
     _entry(folder / "entries" / "table", method, table, seconds_each / len(table), held)
 

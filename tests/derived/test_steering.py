@@ -44,7 +44,7 @@ def test_every_promise_is_kept(part: str) -> None:
 def test_stiffness_that_is_not_converted_breaks_promises(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(SteeredModel, "converted_stiffness", lambda model, element: model.stiffness)
     broken = [row.holds for row in check_steering.CHECKS["steered"]([])]
-    assert broken[2:5] == [False, False, False]
+    assert broken[4:7] == [False, False, False]
 
 
 def test_every_promise_of_the_model_is_kept() -> None:
