@@ -16,6 +16,7 @@ import rig_faults
 import rig_trials
 
 from cutenv import cli
+from cutenv.commands.rig.run import paced
 from cutenv.commands.rig.weigh import mass_of, measured_values
 from cutenv.rig.config.settings import RigSettings, SafetyLimits, SensorCalibration
 from cutenv.rig.contradictions import refuse_contradictions
@@ -252,20 +253,20 @@ def test_each_decision_sees_what_the_last_one_did() -> None:
 
 def test_a_slow_rig_cuts_at_a_fixed_angle_and_says_what_it_cannot() -> None:
     able = possible(slow_settings("/dev/x"))
-    assert able["RigCut-v1 with a fixed angle"]
-    assert able["records for score and calibrate"]
-    assert not able["RigCut-v1 with a free angle"]
+    assert able["RigCut-v1, angle fixed"]
+    assert able["records to score"]
+    assert not able["RigCut-v1, angle free"]
     assert not able["RigDepthCut-v1"]
-    assert not able["policies at their own speed"]
-    assert not able["sudden runs of the crack, each as it is"]
-    assert possible(slow_settings("/dev/x", converter="ads1220"))["sudden runs of the crack, each as it is"]
+    assert not able["policies at full speed"]
+    assert not able["sudden runs as they are"]
+    assert possible(slow_settings("/dev/x", converter="ads1220"))["sudden runs as they are"]
 
 
 def test_ten_readings_a_second_are_for_records_only() -> None:
     settings = slow_settings("/dev/x")
     cell = dataclasses.replace(settings.sensor.options, delay=0.4)
     slowest = dataclasses.replace(settings, sensor=dataclasses.replace(settings.sensor, rate=10.0, options=cell))
-    assert [name for name, can in possible(slowest).items() if can] == ["records for score and calibrate"]
+    assert [name for name, can in possible(slowest).items() if can] == ["records to score"]
 
 
 def test_ways_of_a_stop_grow_with_the_sensors_delay_and_the_drives_patience() -> None:
@@ -276,6 +277,15 @@ def test_ways_of_a_stop_grow_with_the_sensors_delay_and_the_drives_patience() ->
     assert ways["ads1220"]["force beyond its limit"] < 0.25 * ways["hx711"]["force beyond its limit"]
     assert ways["hx711"]["computer silent"] == pytest.approx(0.51e-3, abs=0.05e-3)
     assert "computer silent          0.51 mm" in "\n".join(suitability_lines(slow_settings("/dev/x")))
+
+
+def test_a_script_decides_as_fast_as_the_rig_allows_and_a_trained_policy_keeps_its_rate() -> None:
+    slow = slow_settings("/dev/x")
+    assert paced({}, slow) == ({"control_hz": 10}, "10 decisions a second, as this rig allows")
+    assert paced({"control_hz": 10}, slow) == ({"control_hz": 10}, "")
+    assert paced({"control_hz": 50}, slow)[0] == {"control_hz": 50}
+    assert "decides 50 times a second; on this rig 10" in paced({"control_hz": 50}, slow)[1]
+    assert paced({}, RigSettings()) == ({}, "")
 
 
 # Watches of a slow sensor
