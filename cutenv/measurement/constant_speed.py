@@ -24,8 +24,8 @@ _NAME = "speed_tracking"
 class SpeedTracking:
     """Actual speed of a cut beside the desired, constant one; SI.
 
-    The steady part lasts from the first reading of :data:`STEADY_FROM` times the desired speed to the last; what happens
-    between them, however slow, counts.
+    The steady part lasts from the first reading of :data:`STEADY_FROM` times the desired speed to the last; what
+    happens between them, however slow, counts.
 
     Attributes
     ----------
@@ -88,8 +88,8 @@ def speed_tracking(trace: Trace, speed: float) -> SpeedTracking:
     reached = np.flatnonzero(actual >= STEADY_FROM * speed)
     if len(reached) < _FEWEST:
         raise ValueError(
-            f"the blade reached {100 * STEADY_FROM:g} % of the desired {100 * speed:.4g} cm/s in {len(reached)} readings "
-            f"only; its greatest speed is {100 * actual.max():.4g} cm/s. Give the speed that was commanded."
+            f"the blade reached {100 * STEADY_FROM:g} % of the desired {100 * speed:.4g} cm/s in {len(reached)} "
+            f"readings only; its greatest speed is {100 * actual.max():.4g} cm/s. Give the speed that was commanded."
         )
     steady = slice(int(reached[0]), int(reached[-1]) + 1)
     moving = np.flatnonzero(actual[: steady.start] <= 0.0)

@@ -66,8 +66,8 @@ def _check(rig: RigSettings, role: str) -> None:
     calibration = AnalogueCalibration.read(options.calibration)
     if options.board != "emulated" and options.calibration == SHIPPED_CALIBRATION:
         raise ValueError(
-            f"sensor.options.calibration = {SHIPPED_CALIBRATION!r} has an assumed cross-talk, for emulated rigs. Copy it, and "
-            "write the matrix of this sensor's own certificate into it."
+            f"sensor.options.calibration = {SHIPPED_CALIBRATION!r} has an assumed cross-talk, for emulated rigs. "
+            "Copy it, and write the matrix of this sensor's own certificate into it."
         )
     reach = calibration.full_scale[:3].min()
     if rig.limits.force > reach:
