@@ -14,7 +14,7 @@ from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range
 from cutenv.trace import Trace
 
-REACHED = 0.98
+STEADY_FROM = 0.98
 """Share of the desired speed from which the blade counts as moving steadily."""
 _FEWEST = 20  # readings of a steady motion
 _NAME = "speed_tracking"
@@ -24,8 +24,8 @@ _NAME = "speed_tracking"
 class SpeedTracking:
     """Actual speed of a cut beside the desired, constant one; SI.
 
-    The steady part lasts from the first reading of :data:`REACHED` times the desired speed to the last; what happens
-    between them, however slow, counts.
+    The steady part lasts from the first reading of :data:`STEADY_FROM` times the desired speed to the last; what
+    happens between them, however slow, counts.
 
     Attributes
     ----------
@@ -80,16 +80,16 @@ def speed_tracking(trace: Trace, speed: float) -> SpeedTracking:
     Raises
     ------
     ValueError
-        If the record has no position, or the blade never reaches :data:`REACHED` of the desired speed.
+        If the record has no position, or the blade never reaches :data:`STEADY_FROM` of the desired speed.
     """
     in_range("speed", speed, 1e-5, 0.5, "m/s", "Speeds are in m/s: 2.54 cm/s is 0.0254.")
     (position,) = trace.require("position", by=_NAME)
     actual = trace.blade_speed if trace.speed is None else trace.speed
-    reached = np.flatnonzero(actual >= REACHED * speed)
+    reached = np.flatnonzero(actual >= STEADY_FROM * speed)
     if len(reached) < _FEWEST:
         raise ValueError(
-            f"the blade reached {100 * REACHED:g} % of the desired {100 * speed:.4g} cm/s in {len(reached)} readings "
-            f"only; its greatest speed is {100 * actual.max():.4g} cm/s. Give the speed that was commanded."
+            f"the blade reached {100 * STEADY_FROM:g} % of the desired {100 * speed:.4g} cm/s in {len(reached)} "
+            f"readings only; its greatest speed is {100 * actual.max():.4g} cm/s. Give the speed that was commanded."
         )
     steady = slice(int(reached[0]), int(reached[-1]) + 1)
     moving = np.flatnonzero(actual[: steady.start] <= 0.0)

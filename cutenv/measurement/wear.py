@@ -55,7 +55,7 @@ class WearEstimate:
 
     @property
     def seen(self) -> bool:
-        """Whether the interval excludes a blade that does not wear."""
+        """True if the interval excludes a blade that does not wear."""
         return self.low > 0.0
 
     @property

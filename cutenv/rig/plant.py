@@ -415,7 +415,7 @@ class RigPlant:
 
     @property
     def beside(self) -> StructArray | None:
-        """Height, vertical force and six components of the last readings; None for a rig without a height axis.
+        """Height, vertical force and six components of the last readings; None for a rig that records none of them.
 
         Of type :data:`~cutenv.rig.reading_grid.BESIDE_READINGS`, one for each reading that :meth:`advance` returned.
         """

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cutenv._base.arrays import StructArray
 from cutenv.cutting.dtypes import READING, TICK
-from cutenv.rig.config.settings import HeightAxis, RigSettings
+from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.samples import ForceSample, MotionSample, interpolated, newest_since
 from cutenv.rig.safety.motion_history import REST_SPEED
 from cutenv.trace import BESIDE, COMPONENTS_OF_FORCE
@@ -21,7 +21,7 @@ _KEPT = 4.0  # [s] of samples kept
 _UNKNOWN = ("true_force", "elastic_force", "tip", "jump")
 
 BESIDE_READINGS: np.dtype[Any] = np.dtype([(name, "f8") for name in BESIDE])
-"""Measurements of a rig with a height axis beside a reading: the fields of :data:`cutenv.trace.BESIDE`."""
+"""Measurements of a rig beside a reading: the fields of :data:`cutenv.trace.BESIDE`."""
 
 
 class ReadingGrid:
@@ -45,7 +45,8 @@ class ReadingGrid:
     newest : float
         Time of the newest force that :meth:`collect` used [s].
     beside : Records or None
-        :data:`BESIDE_READINGS` for the last readings that :meth:`collect` returned; None without a height axis.
+        :data:`BESIDE_READINGS` for the last readings that :meth:`collect` returned; None for a rig that
+        has no height axis and records the force along the cut alone.
     """
 
     def __init__(self, settings: RigSettings, rate: float, axes: Iterable[str]) -> None:
@@ -57,7 +58,8 @@ class ReadingGrid:
         self.start = self.newest = 0.0
         self.ticks = 0
         self._height = settings.height
-        self.beside = None if self._height is None else np.zeros(0, BESIDE_READINGS)
+        self._all = settings.sensor.components == "all"
+        self.beside = None if self._height is None and not self._all else np.zeros(0, BESIDE_READINGS)
 
     def force(self, sample: ForceSample) -> None:
         """Keep a reading of the force sensor."""
@@ -96,18 +98,18 @@ class ReadingGrid:
             readings["angle"], _ = self._interpolated("angle", time)
         else:
             readings["angle"] = self._fixed_angle
-        if self._height is not None:
-            self.beside = self._measured_beside(self._height, time, [forces[i] for i in newest.tolist()])
+        if self.beside is not None:
+            self.beside = self._measured_beside(time, [forces[i] for i in newest.tolist()])
         return readings
 
-    def _measured_beside(
-        self, axis: HeightAxis, time: NDArray[np.float64], samples: list[ForceSample]
-    ) -> NDArray[np.void]:
+    def _measured_beside(self, time: NDArray[np.float64], samples: list[ForceSample]) -> NDArray[np.void]:
         """Return height, vertical force and all six components at times [s], of the force sample of each."""
-        beside = np.zeros(len(time), BESIDE_READINGS)
-        beside["height"], _ = self._interpolated("height", time)
+        beside, axis = np.zeros(len(time), BESIDE_READINGS), self._height
+        if axis is not None:
+            beside["height"], _ = self._interpolated("height", time)
         if samples:
-            beside["vertical_force"] = [axis.vertical(sample.force) for sample in samples]
+            if axis is not None:
+                beside["vertical_force"] = [axis.vertical(sample.force) for sample in samples]
             six = np.array([(*sample.force, *sample.torque) for sample in samples])
             for number, name in enumerate(COMPONENTS_OF_FORCE):
                 beside[name] = six[:, number]

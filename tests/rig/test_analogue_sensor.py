@@ -17,9 +17,9 @@ from nidaqmx.errors import DaqNotFoundError
 from cutenv._base import resources
 from cutenv.rig.config.imitated_rig import fake_settings
 from cutenv.rig.config.settings import SensorSettings
-from cutenv.rig.devices.analogue.analogue_sensor import SATURATED, AnalogueOptions, AnalogueSensor
+from cutenv.rig.devices.analogue.analogue_sensor import CHANNEL_AT_END, AnalogueOptions, AnalogueSensor
 from cutenv.rig.devices.analogue.boards import NidaqmxBoard
-from cutenv.rig.devices.analogue.sensor_calibration_file import SHIPPED, AnalogueCalibration
+from cutenv.rig.devices.analogue.sensor_calibration_file import SHIPPED_CALIBRATION, AnalogueCalibration
 from cutenv.rig.devices.clock import SystemClock
 from cutenv.rig.devices.driver_registry import Mounting
 from cutenv.rig.emulator.board_server import BoardServer
@@ -27,8 +27,8 @@ from cutenv.rig.errors import RigError
 from cutenv.rig.toml_file import read_rig_file
 from cutenv.rig.toml_text import to_toml
 
-JR3 = AnalogueCalibration.read(SHIPPED)
-TEXT = resources.path(f"sensors/{SHIPPED}.toml").read_text(encoding="utf-8")
+JR3 = AnalogueCalibration.read(SHIPPED_CALIBRATION)
+TEXT = resources.path(f"sensors/{SHIPPED_CALIBRATION}.toml").read_text(encoding="utf-8")
 LOADS = (3.0, -1.0, 2.0, 0.1, -0.05, 0.2)
 
 
@@ -65,7 +65,7 @@ def board() -> Iterator[BoardServer]:
 
 
 def sensor_at(port: int, **options: Any) -> AnalogueSensor:
-    own = AnalogueOptions(calibration=SHIPPED, board="emulated", port=port, **options)
+    own = AnalogueOptions(calibration=SHIPPED_CALIBRATION, board="emulated", port=port, **options)
     rig = fake_settings(sensor=SensorSettings(driver="analogue", options=own))
     return AnalogueSensor(Mounting(role="sensor", rig=rig, clock=SystemClock()))
 
@@ -137,7 +137,7 @@ def test_a_calibration_that_cannot_be_is_refused_with_file_and_key(tmp_path: Pat
 
 
 def test_a_missing_calibration_says_where_to_find_one(tmp_path: Path):
-    with pytest.raises(FileNotFoundError, match=f"no such file.*shipped '{SHIPPED}'"):
+    with pytest.raises(FileNotFoundError, match=f"no such file.*shipped '{SHIPPED_CALIBRATION}'"):
         AnalogueCalibration.read(tmp_path / "none.toml")
 
 
@@ -178,7 +178,7 @@ def test_a_channel_at_the_end_of_the_converter_is_a_status_and_no_tare(board: Bo
     sensor.open(heard)
     try:
         board.faults.saturated = True
-        wait_for(lambda: heard.samples[-1].status == SATURATED)
+        wait_for(lambda: heard.samples[-1].status == CHANNEL_AT_END)
         with pytest.raises(RigError, match="a channel at the end of the converter's range"):
             sensor.tare(50)
     finally:
@@ -207,7 +207,7 @@ def test_a_board_that_is_not_there_is_an_error():
 
 
 def test_a_rig_file_holds_the_sensor(tmp_path: Path):
-    options = AnalogueOptions(calibration=SHIPPED, board="emulated", port=1234)
+    options = AnalogueOptions(calibration=SHIPPED_CALIBRATION, board="emulated", port=1234)
     rig = fake_settings(sensor=SensorSettings(driver="analogue", options=options), emulated=False)
     rig = dataclasses.replace(rig, depth_profile=((0.0, 0.02), (0.149, 0.02)))
     path = tmp_path / "rig.toml"

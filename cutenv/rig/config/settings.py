@@ -234,9 +234,14 @@ class SensorSettings:
     rate: float = setting(1000.0, "Hz", "Rate of the readings, as set in the sensor.", 5.0, 7000.0)
     cut_axis: Literal["x", "y", "z"] = setting("x", "1", "Axis of the sensor along the cut line.")
     sign: int = setting(1, "1", "1 or -1: sign of the reading when the tissue resists forward motion.")
+    components: Literal["along", "all"] = setting(
+        "along", "1", "Components in a record: the force along the cut, or all six beside it. A rig with a height axis "
+        "always records all."
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
         check_parameters(self)
+        one_of("components", self.components, ("along", "all"))
         one_of("cut_axis", self.cut_axis, ("x", "y", "z"))
         one_of("sign", self.sign, (1, -1))
         in_range("port", self.port, 1, 65535, "1", "The sensor's UDP port is 49152 unless it was changed.")

@@ -203,7 +203,7 @@ def _sensor(ready: dict[str, Any], host: str) -> SensorSettings:
     if "calibration" not in ready:
         return SensorSettings(address=host, port=ready["sensor"], page=ready["page"])
     options = AnalogueOptions(calibration=ready["calibration"], board="emulated", host=host, port=ready["sensor"])
-    return SensorSettings(driver="analogue", options=options)
+    return SensorSettings(driver="analogue", options=options, components="all")
 
 
 class RunningEmulator:

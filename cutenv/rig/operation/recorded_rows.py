@@ -1,4 +1,4 @@
-"""Rows of a cut's record: the readings, and on a rig with a height axis what is measured beside them."""
+"""Rows of a cut's record: the readings, and what a rig measures beside them."""
 
 from __future__ import annotations
 
@@ -6,18 +6,20 @@ from cutenv._base.arrays import StructArray
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.plant import RigPlant
 from cutenv.tissue.grid import depth_below
-from cutenv.trace import BESIDE, Reading
+from cutenv.trace import BESIDE, COMPONENTS_OF_FORCE, Reading
 
 Row = tuple[float, ...]
 
 
 def recorded_beside(settings: RigSettings) -> tuple[str, ...]:
-    """Return the fields that a rig records beside a :class:`~cutenv.trace.Reading`'s: none without a height axis.
+    """Return the fields that a rig records beside a :class:`~cutenv.trace.Reading`'s.
 
-    With one: "height", "vertical_force" and the six components, as ``beside`` of
-    :class:`cutenv.recording.AppendingRecord` takes them.
+    With a height axis "height", "vertical_force" and the six components; without one the six, if its file says so.
+    They are what ``beside`` of :class:`cutenv.recording.AppendingRecord` takes.
     """
-    return () if settings.height is None else BESIDE
+    if settings.height is not None:
+        return BESIDE
+    return COMPONENTS_OF_FORCE if settings.sensor.components == "all" else ()
 
 
 def recorded_rows(plant: RigPlant, readings: StructArray) -> tuple[list[Reading], list[Row] | None]:
@@ -35,9 +37,10 @@ def recorded_rows(plant: RigPlant, readings: StructArray) -> tuple[list[Reading]
     Returns
     -------
     tuple of (list of Reading, list of tuple or None)
-        For :meth:`cutenv.recording.AppendingRecord.append`; None without a height axis.
+        For :meth:`cutenv.recording.AppendingRecord.append`; None where nothing is beside them.
     """
     depth = depth_below(plant.depth, readings["position"])
     columns = [readings[field].tolist() for field in ("time", "force", "position", "speed", "angle")]
     rows = list(map(Reading._make, zip(*columns, depth.tolist(), strict=True)))
-    return rows, None if plant.beside is None else plant.beside.tolist()
+    names = list(recorded_beside(plant.settings))
+    return rows, None if plant.beside is None else plant.beside[names].tolist()

@@ -12,7 +12,11 @@ from cutenv._base.parameter import check_parameters
 from cutenv._base.validation import in_range, one_of
 from cutenv.rig.config.settings import RigSettings, setting
 from cutenv.rig.devices.analogue.boards import AnalogueBoard, EmulatedBoard, NidaqmxBoard, Scans
-from cutenv.rig.devices.analogue.sensor_calibration_file import AXES, SHIPPED, AnalogueCalibration
+from cutenv.rig.devices.analogue.sensor_calibration_file import (
+    COMPONENTS_OF_LOAD,
+    SHIPPED_CALIBRATION,
+    AnalogueCalibration,
+)
 from cutenv.rig.devices.clock import Clock
 from cutenv.rig.devices.driver_registry import Mounting, rig_driver
 from cutenv.rig.devices.drivers import ForceListener
@@ -20,7 +24,7 @@ from cutenv.rig.devices.reading_stream import ReadingMean, ReadingStream, Zero
 from cutenv.rig.devices.samples import ForceSample
 from cutenv.rig.errors import RigError
 
-SATURATED = 1
+CHANNEL_AT_END = 1
 """Status of a reading with a channel at an end of the converter's range: its load is unknown."""
 _NO_ZERO: Zero = (0.0,) * 6
 _HERE = ("127.0.0.1", "localhost", "::1")
@@ -60,10 +64,10 @@ def _emulated(rig: RigSettings, role: str) -> bool:
 def _check(rig: RigSettings, role: str) -> None:
     options: AnalogueOptions = rig.sensor.options
     calibration = AnalogueCalibration.read(options.calibration)
-    if options.board != "emulated" and options.calibration == SHIPPED:
+    if options.board != "emulated" and options.calibration == SHIPPED_CALIBRATION:
         raise ValueError(
-            f"sensor.options.calibration = {SHIPPED!r} has an assumed cross-talk, for emulated rigs. Copy it, and "
-            "write the matrix of this sensor's own certificate into it."
+            f"sensor.options.calibration = {SHIPPED_CALIBRATION!r} has an assumed cross-talk, for emulated rigs. "
+            "Copy it, and write the matrix of this sensor's own certificate into it."
         )
     reach = calibration.full_scale[:3].min()
     if rig.limits.force > reach:
@@ -169,7 +173,7 @@ class AnalogueSensor:
             "bits": self.calibration.bits,
             "rate_Hz": self.rate,
         }
-        for number, axis in enumerate(AXES):
+        for number, axis in enumerate(COMPONENTS_OF_LOAD):
             unit = "N" if number < 3 else "Nm"
             told[f"{axis}_resolution_{unit}"] = float(self.calibration.resolution[number])
             told[f"{axis}_range_{unit}"] = float(self.calibration.full_scale[number])
@@ -211,7 +215,7 @@ class AnalogueSensor:
             self._received += 1
             self._lost += lost
             self._saturated += ended[k]
-            status = SATURATED if ended[k] else 0
+            status = CHANNEL_AT_END if ended[k] else 0
             sample = ForceSample(now, tuple(load[:3]), tuple(counts), status, part.number + k, lost, tuple(load[3:]))
             if (mean := self._mean) is not None:
                 mean.add(sample)
@@ -225,4 +229,4 @@ def _board_of(options: AnalogueOptions) -> AnalogueBoard:
 
 
 def _meaning(status: int) -> str:
-    return "a channel at the end of the converter's range" if status == SATURATED else f"status {status}"
+    return "a channel at the end of the converter's range" if status == CHANNEL_AT_END else f"status {status}"

@@ -16,9 +16,9 @@ from cutenv._base import resources
 from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range, one_of
 
-AXES = ("force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z")
+COMPONENTS_OF_LOAD = ("force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z")
 """Components of a load, in the order of the matrix's rows: [N], [N m]."""
-SHIPPED = "jr3_85m35a_i40"
+SHIPPED_CALIBRATION = "jr3_85m35a_i40"
 """Name of the calibration that comes with cutenv; its resolution is measured, its cross-talk assumed."""
 _KEYS = ("name", "serial", "date", "range_V", "bits", "force_N_per_V", "torque_N_m_per_V")
 _WORST_CONDITION = 1e4  # of the matrix with rows scaled alike: six loads that voltages hardly tell apart
@@ -37,7 +37,7 @@ class AnalogueCalibration:
     bits : int
         Bits of the converter over the whole range.
     matrix : array, shape (6, 6)
-        Loads over voltages: rows are :data:`AXES` [N/V], [N m/V], columns the channels.
+        Loads over voltages: rows are :data:`COMPONENTS_OF_LOAD` [N/V], [N m/V], columns the channels.
     """
 
     name: str
@@ -75,13 +75,13 @@ class AnalogueCalibration:
         ValueError
             If it is no TOML, or a key is unknown, missing or not valid; names file and key.
         """
-        file = resources.path(f"sensors/{SHIPPED}.toml") if str(path) == SHIPPED else Path(path)
+        file = resources.path(f"sensors/{SHIPPED_CALIBRATION}.toml") if str(path) == SHIPPED_CALIBRATION else Path(path)
         try:
             told = tomllib.loads(file.read_text(encoding="utf-8"))
         except FileNotFoundError:
             raise FileNotFoundError(
                 f"{path}: no such file. Give a calibration as TOML, see the page Wiring and configuration, or the "
-                f"shipped {SHIPPED!r}."
+                f"shipped {SHIPPED_CALIBRATION!r}."
             ) from None
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
             raise ValueError(f"{path}: it is not TOML: {error}.") from None
