@@ -6,19 +6,25 @@ import dataclasses
 import threading
 import time
 from collections.abc import Callable, Iterator
+from datetime import date
 from typing import Any
 
 import pytest
 
-from cutenv.rig.config.settings import RigSettings
+from cutenv.rig.config.settings import RigSettings, SensorCalibration
 from cutenv.rig.contradictions import refuse_contradictions
 from cutenv.rig.devices import DriveState, Mounting, RigError, SystemClock
 from cutenv.rig.devices.serial.grbl_axis import PIECE, SENT_AHEAD, GrblAxis
 from cutenv.rig.devices.serial.grbl_lines import GrblStatus, grbl_status, jog_line
 from cutenv.rig.devices.serial.slow_profile import grbl_settings
 from cutenv.rig.emulator.serial.emulated_grbl import EmulatedGrbl
+from cutenv.rig.emulator.serial.serial_rig import EmulatedSerialRig, SerialOptions
+from cutenv.rig.hardware import rig_plant
 from cutenv.rig.operation.conformance import Listening
 from cutenv.rig.operation.motion_conformance import conform_motion
+from cutenv.rig.operation.operator import AutomaticOperator
+from cutenv.rig.operation.preflight import prepare
+from cutenv.rig.safety.stop_causes import Cause
 from cutenv.rig.toml_text import template
 
 PATIENCE = 3.0  # [s]
@@ -105,6 +111,10 @@ def test_a_machine_that_ignores_the_cancel_is_reset_and_loses_its_zero(
     driver, listening = axis
     moving(driver, machine)
     machine.deaf_to_cancel = True
+    driver._feed = lambda now: None  # type: ignore[method-assign]
+    for _ in range(20):  # a long jog that is under way
+        machine._blocks.append([0.5, 4.0])
+    driver.quick_stop()
     driver.withhold_heartbeat("it ignores the quick stop")
     until(lambda: machine.speed == 0.0)
     until(lambda: listening.motions[-1].state is DriveState.FAULT)
@@ -202,3 +212,37 @@ def test_its_profile_contradicts_nothing_and_what_it_cannot_do_is_refused() -> N
         with pytest.raises(ValueError, match=said):
             refuse_contradictions(dataclasses.replace(settings, **changes))
     assert 'letter = "X"' in template("rig", like=settings)
+
+
+def test_a_whole_rig_is_prepared_moves_to_and_fro_stops_and_keeps_its_zero(machine: EmulatedGrbl) -> None:
+    board = EmulatedSerialRig(SerialOptions(laid=None))
+    board.step(board.now())  # compiles
+    threading.Thread(target=board.run, daemon=True).start()
+    settings = grbl_settings(machine.line.port, board.line.port)
+    patient = dataclasses.replace(settings.limits, overrun=5.0, stale_force=0.3, late_force=0.3)  # of a busy machine
+    plant = rig_plant(
+        dataclasses.replace(
+            settings, emulated=True, armed_by="a test", limits=patient,
+            calibration=SensorCalibration(date=date.today().isoformat()),
+        )
+    )  # fmt: skip
+    plant.open()
+    try:
+        plant.set_zero()
+        operator = AutomaticOperator(plant.settings)
+        prepare(plant, operator, today=date.today())
+        assert "Did the blade move so?" in operator.asked[-1]
+        plant.begin()
+        for speed in (0.004, 0.004, 0.004, -0.002, -0.002, 0.003, 0.003):
+            plant.advance(speed, plant.settings.fixed_angle, 200)
+        plant.supervisor.trip(Cause.OPERATOR, "to try it")
+        until(lambda: plant.supervisor.report is not None and plant.supervisor.report.standstill)
+        assert plant.supervisor.report is not None
+        assert "ignores" not in plant.supervisor.report.detail
+        plant.supervisor.reset(agreed=True)
+        plant.power()  # its zero is still there
+        assert plant.position == pytest.approx(1e-3 * machine.position, abs=2e-5)
+    finally:
+        plant.close()
+        board.stopped.set()
+        board.close()

@@ -49,6 +49,7 @@ SENT_AHEAD = 0.150
 """Time of the motion that is sent ahead [s]: after a silence of the computer the blade goes on for so long."""
 _STOPPING = 0.020  # [s] between reports while it stops
 _BOOT, _ANSWER, _REPORTS, _STATE = 4.0, 1.0, 1.0, 1.5  # [s]
+_DEAF = 0.1  # [s] beyond its ramp, after which a machine that does not slow down is reset
 _WRITE, _READ = 0.02, 0.05  # [s]
 _LINE = 128  # bytes at most
 _SAME = 0.02  # [1] relative difference allowed between the machine's settings and the file
@@ -135,6 +136,9 @@ class GrblAxis:
         self._jogging = self._cancelled = False
         self._fastest = 0.0  # [mm/min] feed at the stop
         self._asked = 0.0
+        self._reset_at = math.inf  # [s] when a machine that is deaf is reset
+        self._mark = 0.0  # [mm] coordinate of the clamp
+        self._passed_on, self._passed_state = -math.inf, self._state
 
     # Life cycle
 
@@ -213,6 +217,7 @@ class GrblAxis:
         work, shift = ([off for line in lines if (off := offsets_of(line, name))] for name in ("G54", "G92"))
         self._offset = sum(offsets[0][self._number] for offsets in (work, shift) if offsets)
         self._zeroed = bool(shift) and abs(shift[0][self._number]) > 0.5 * MARK
+        self._mark = MARK * self._zeroed
 
     def close(self) -> None:
         """Stop, and leave the port; never raises, and may be called twice."""
@@ -325,11 +330,14 @@ class GrblAxis:
         self._write(JOG_CANCEL)  # repeated until it is seen to obey: a jog that it has not read yet is cancelled too
 
     def withhold_heartbeat(self, why: str) -> None:
-        """Reset the machine: it stops at once, without a ramp, and loses its zero. It has no watch of its own."""
+        """Send no more jogs, and reset a machine that does not slow down soon: it has no watch of its own.
+
+        A reset stops it at once, without a ramp, and loses its zero.
+        """
         self.latch.happens(Event.STOP)
-        _log.warning("%s: %s: the machine is reset", self.name, why)
-        self._target, self._cancelled, self._zeroed = 0.0, True, False
-        self._write(SOFT_RESET)
+        _log.warning("%s: %s: no more jogs are sent", self.name, why)
+        self._target, self._cancelled = 0.0, True
+        self._reset_at = self._clock.now() + self._settings.speed / self._settings.acceleration + _DEAF
 
     def disable(self) -> None:
         """Send no more jogs; the axis is at rest then.
@@ -358,7 +366,7 @@ class GrblAxis:
         if self._status is not None and self._status.state == "Alarm":
             self._ask("$X")
         self._read_offsets()
-        self._cancelled, self._jogging = False, False
+        self._cancelled, self._jogging, self._reset_at = False, False, math.inf
         self._state = DriveState.DISABLED
         self._fresh()
         if self._state is DriveState.FAULT:
@@ -393,6 +401,11 @@ class GrblAxis:
                 self._write_quietly(JOG_CANCEL)
 
     def _ask_status(self, now: float) -> None:
+        if now > self._reset_at:
+            self._reset_at = math.inf
+            if self._status is None or (self._status.state == "Jog" and self._status.feed >= 0.9 * self._fastest):
+                self._zeroed = False
+                self._write_quietly(SOFT_RESET)
         stopping = self._cancelled and self._status is not None and self._status.state != "Idle"
         if stopping or now - self._asked_at >= REPORT_PERIOD - 0.5 * _STOPPING:
             self._asked_at = now
@@ -481,12 +494,14 @@ class GrblAxis:
         speed = status.feed / _MINUTE
         if self._sent < 0.0:
             speed = -speed
-        position = 1e-3 * (status.position[self._number] - self._offset - MARK * self._zeroed)
+        position = 1e-3 * (status.position[self._number] - self._offset - self._mark)
         direction = self._settings.direction
-        if self._listener is not None:
-            self._listener.motion(
-                self.name, MotionSample(now, direction * position, direction * speed, 0.0, self._state)
-            )
+        # A stop is watched more closely, and told at once; samples between are not for the listener, who counts them.
+        due = now - self._passed_on >= REPORT_PERIOD - 0.5 * _STOPPING
+        if self._listener is not None and (due or self._state is not self._passed_state):
+            self._passed_on, self._passed_state = now, self._state
+            sample = MotionSample(now, direction * position, direction * speed, 0.0, self._state)
+            self._listener.motion(self.name, sample)
             self._listener.alive(self.name, now)
 
     def _break(self, why: str, now: float) -> None:
