@@ -27,8 +27,9 @@ def test_the_program_asks_its_surroundings_for_nothing(task: str) -> None:
     assert list(check_browser_law.CARRIED[task].imports) == []
 
 
-@pytest.mark.parametrize("task", check_browser_law.CUTS)
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize(
+    ("task", "seed"), [*(("gentle", seed) for seed in range(8)), *(("depth", seed) for seed in range(4))]
+)
 def test_a_cut_in_webassembly_is_pythons_to_the_last_bit(task: str, seed: int) -> None:
     kind = check_browser_law.CUTS[task]
     cut = kind(specimen_class=check_browser_law.CLASSES[seed % 4], seed=seed, episode=seed // 4)
