@@ -14,8 +14,9 @@ import pytest
 from cutenv.rig.config.settings import RigSettings, SensorCalibration
 from cutenv.rig.contradictions import refuse_contradictions
 from cutenv.rig.devices import DriveState, Mounting, RigError, SystemClock
-from cutenv.rig.devices.serial.grbl_axis import PIECE, SENT_AHEAD, GrblAxis
+from cutenv.rig.devices.serial.grbl_axis import GrblAxis
 from cutenv.rig.devices.serial.grbl_lines import GrblStatus, grbl_status, jog_line
+from cutenv.rig.devices.serial.grbl_options import PIECE, SENT_AHEAD
 from cutenv.rig.devices.serial.slow_profile import grbl_settings
 from cutenv.rig.emulator.serial.emulated_grbl import EmulatedGrbl
 from cutenv.rig.emulator.serial.serial_rig import EmulatedSerialRig, SerialOptions

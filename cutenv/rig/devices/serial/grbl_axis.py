@@ -2,7 +2,7 @@
 
 What GRBL cannot promise: it has no watch for a silent computer, and moves to the end of the jogs that it has; a quick
 stop is its plain deceleration; its lines have no check sum; it reports ten times a second; it has no encoder. Here that
-is bounded: no more than :data:`SENT_AHEAD` of motion is ever under way.
+is bounded: no more than ``SENT_AHEAD`` of motion is ever under way.
 """
 
 from __future__ import annotations
@@ -11,12 +11,10 @@ import logging
 import math
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
-from cutenv._base.parameter import check_parameters
-from cutenv._base.validation import in_range, one_of
-from cutenv.rig.config.settings import Axis, RigSettings, setting
+from cutenv._base.validation import in_range
+from cutenv.rig.config.settings import Axis
 from cutenv.rig.devices.clock import Clock, Repeating
 from cutenv.rig.devices.driver_registry import Mounting, rig_driver
 from cutenv.rig.devices.drivers import MotionListener
@@ -35,18 +33,13 @@ from cutenv.rig.devices.serial.grbl_lines import (
     jog_line,
     offsets_of,
 )
+from cutenv.rig.devices.serial.grbl_options import PIECE, REPORT_PERIOD, SENT_AHEAD, GrblOptions, check_grbl
 from cutenv.rig.devices.serial.ports import open_port, write_line
 from cutenv.rig.devices.serial.stepper_settings import on_pseudo_terminal
 from cutenv.rig.errors import RigError
 
 _log = logging.getLogger(__name__)
 
-REPORT_PERIOD = 0.100
-"""Period at which status reports are asked for [s]: GRBL is not made for much more."""
-PIECE = 0.025
-"""Time of one jog [s]."""
-SENT_AHEAD = 0.150
-"""Time of the motion that is sent ahead [s]: after a silence of the computer the blade goes on for so long."""
 _STOPPING = 0.020  # [s] between reports while it stops
 _BOOT, _ANSWER, _REPORTS, _STATE = 4.0, 1.0, 1.0, 1.5  # [s]
 _DEAF = 0.1  # [s] beyond its ramp, after which a machine that does not slow down is reset
@@ -55,39 +48,6 @@ _LINE = 128  # bytes at most
 _SAME = 0.02  # [1] relative difference allowed between the machine's settings and the file
 _MINUTE = 6e4  # mm/min of a m/s
 _MOVING = ("Idle", "Jog")
-
-
-@dataclass(frozen=True, kw_only=True)
-class GrblOptions:
-    """Options of an axis on a machine with GRBL."""
-
-    port: str = setting(
-        "", "1", "Serial port of the machine; a name below /dev/serial/by-id stays the same.",
-        example='"/dev/serial/by-id/usb-..."',
-    )  # fmt: skip
-    baud: int = setting(115_200, "1", "Baud rate of GRBL.")
-    letter: Literal["X", "Y", "Z"] = setting("X", "1", "Axis of the machine that moves the blade.")
-
-    def __post_init__(self) -> None:
-        check_parameters(self)
-        one_of("letter", self.letter, GRBL_AXES)
-        in_range("baud", self.baud, 9600, 4_000_000, "baud", "GRBL's own is 115200.")
-
-
-def check_grbl(rig: RigSettings, role: str) -> None:
-    """Raise ValueError for an axis that GRBL cannot drive."""
-    axis: Axis = getattr(rig, role)
-    if role != "blade":
-        raise ValueError(f'{role}.driver = "grbl": it moves the blade alone. Set the angle by hand.')
-    if axis.options is None:
-        raise ValueError('blade.driver = "grbl" needs [blade.options] with port.')
-    if axis.quick_stop != axis.acceleration:
-        raise ValueError(
-            f"blade.quick_stop_m_s2 = {axis.quick_stop:g} and blade.acceleration_m_s2 = {axis.acceleration:g}: GRBL "
-            "has one deceleration for both ($120, $121, $122). Write the same."
-        )
-    if rig.bus.sync != REPORT_PERIOD:
-        raise ValueError(f"bus.sync_ms = {1e3 * rig.bus.sync:g}: GRBL tells its position every 100 ms. Write 100.")
 
 
 @rig_driver(options=GrblOptions, check=check_grbl, emulated=on_pseudo_terminal, patience=SENT_AHEAD + PIECE)

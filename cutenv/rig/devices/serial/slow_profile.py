@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from cutenv.rig.config.settings import Axis, Bus, RigSettings, SafetyLimits, SensorSettings
-from cutenv.rig.devices.serial.grbl_axis import REPORT_PERIOD, GrblOptions
+from cutenv.rig.devices.serial.grbl_options import REPORT_PERIOD, GrblOptions
 from cutenv.rig.devices.serial.load_cell import LoadCellOptions
 from cutenv.rig.devices.serial.stepper_settings import BOARD_PERIOD, StepperOptions
 
