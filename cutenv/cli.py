@@ -46,6 +46,7 @@ _EXTRAS_OF_MODULE = {
     "torch": ("rl",),
     "tqdm": ("view", "data", "rl", "serve", "vision"),
     "umsgpack": ("view3d",),
+    "websockets": ("play",),
 }
 """Extras that bring a module; the first is named unless the command has one of the others."""
 

@@ -30,7 +30,7 @@ __all__ = ["FeatureVecEnv", "NativeVecEnv"]
 
 
 class NativeVecEnv(VecEnv):
-    """``cutenv/GentleCut-v1`` many times over, or ``cutenv/DepthCut-v1``, with its own observations and actions.
+    """``cutenv/GentleCut-v1`` many times over, or another task, with its own observations and actions.
 
     A cut that has ended starts again within the same step; its return and length are in ``info["episode"]``, as from
     Stable-Baselines3's ``Monitor``, with its ``cost``, beside ``is_success``, ``end`` and ``terminal_observation``.
@@ -45,8 +45,8 @@ class NativeVecEnv(VecEnv):
         Whether the hidden state of the simulator follows the observation, for a critic such as that of
         :mod:`cutenv.learning.asymmetric_actor_critic` or the fully observed twin of ``cutenv/GentleCutRaw-v1``.  A
         policy that reads it cannot be used on a rig.
-    task : {"gentle", "depth"}
-        Name of the task: ``cutenv/GentleCut-v1`` or ``cutenv/DepthCut-v1``.
+    task : {"gentle", "depth", "path"}
+        Name of the task: ``cutenv/GentleCut-v1``, ``cutenv/DepthCut-v1`` or ``cutenv/PathCut-v1``.
     **arguments
         Keyword arguments of the environment; :data:`cutenv.envs.tracks.PROTOCOL` are those of the tracks.
     """
@@ -167,7 +167,8 @@ class FeatureVecEnv(NativeVecEnv):
     """Environments of ``cutenv train``: the observations are features.
 
     An observation is the output of :class:`cutenv.policy.Features`: forces by depth, an estimate of the crack tip, the
-    distance to the target; with depth, that of :class:`cutenv.policy.depth_features.DepthFeatures`.  The attribute
+    distance to the target; with depth, that of :class:`cutenv.policy.depth_features.DepthFeatures`, along a line that
+    of :class:`cutenv.policy.path_features.PathFeatures`.  The attribute
     ``features`` is its size.
 
     Parameters

@@ -4,8 +4,9 @@
     python scripts/depth_ladder.py --validation         on validation specimens, to plan a training
     python scripts/depth_ladder.py --print              the table of what is in runs/depth
 
-Every rung is the script "follow the depth" with other knowledge, but for the planner with truth.  The steps between the
-rungs say what of the gap is the tip, the surface, the place of the stop, and the tissue ahead.
+Every rung is the script "follow the depth" with other knowledge.  The steps between the rungs say what of the gap to
+the planner with truth, which is in the table of ``scripts/depth_table.py``, is the tip, the surface, the place of the
+stop, and the tissue ahead.
 """
 
 from __future__ import annotations
@@ -18,55 +19,33 @@ from typing import Any
 import ladder
 import numpy as np
 
-from cutenv._base.arrays import Array, Array32, Indices
-from cutenv._engine.jit import njit
+from cutenv._base.arrays import Array, Indices
 from cutenv.envs.depth_cut import DepthBatch, DepthCutEnv
-from cutenv.learning.evaluation import Contestant, evaluate
 from cutenv.learning.result_tables import rows_of, write_csv
 from cutenv.learning.seeds import TEST_SEEDS, VALIDATION_SEEDS
 from cutenv.learning.statistics import by_policy, mean_with_interval
 from cutenv.policy import OneReturnStroke, StopAndUnload
-from cutenv.policy.depth_planner import DepthPlanner
-from cutenv.policy.depth_scripts import BLADE_DEPTH, VERTICAL_MEAN, FollowDepth
-from cutenv.policy.signals import FORCE_MEAN_COLUMN, POSITION_COLUMN, SPEED_COLUMN, in_si
-from cutenv.policy.two_forces import feel_two_forces, nothing_felt
-from cutenv.task.depth_terms import DEPTH_COMPONENTS
+from cutenv.policy.depth_scripts import DepthByTwoForces, FollowDepth
 from cutenv.task.info import GROUPS, INFO, column
-from cutenv.task.observation import COMPONENTS
-from cutenv.task_quantities import SHALLOWEST
-from cutenv.tissue.description import measured_liver
-from cutenv.tissue.nominal import nominal_tissue
 
 TABLE = Path("runs") / "depth" / "ladder.csv"
-START, ORACLE = "as the script has it", "planner with truth"
-_SCALES = np.array([one.scale for one in DEPTH_COMPONENTS])
-_DESCENT_SPEED = [one.name for one in DEPTH_COMPONENTS].index("descent_speed")
+START = "as the script has it"
 _TERMS = [column(field) for field in GROUPS["reward_terms"]]
 SCORES = ("return", "success", "mean_error_mm", "layer_mm", "safety", "tip_error_mm")
-
-
-@njit
-def lags_by_two_forces(felt: Any, nominal: Any, seen: Array, lags: Array) -> None:
-    """Fill the lags of the tips [m] for position, speed, depth, both forces and speed downwards, shape (n, 6)."""
-    for n in range(len(felt)):
-        lags[n] = feel_two_forces(
-            felt[n], nominal[0], max(seen[n, 0], 0.0), seen[n, 1], max(seen[n, 2], SHALLOWEST), seen[n, 3], seen[n, 4],
-            seen[n, 5],
-        )  # fmt: skip
 
 
 class Rung(FollowDepth):
     """The script with the tip of the depth, the surface, or the tip of the stop from elsewhere."""
 
-    def __init__(self, *, careful: bool = False, tip: str = "", surface: bool = False, stop: bool = False) -> None:
+    def __init__(self, *, careful: bool = False, tip: bool = False, surface: bool = False, stop: bool = False) -> None:
         self._told = ladder.TrueTip() if stop else None
         along = {"run_share": 1.0, "beyond": 0.002} if careful else {}
         if self._told is not None:
             unloading = StopAndUnload(margin=-0.0005, retreat_speed=0.012, tip_estimate=self._told)
             super().__init__(OneReturnStroke(approach=0.0, unloading=unloading, **along))
         else:
-            super().__init__(OneReturnStroke(**along), lead=0.006 if tip == "two forces" else 0.004)
-        self._tip, self._true_surface = tip, surface
+            super().__init__(OneReturnStroke(**along))
+        self._true_tip, self._true_surface = tip, surface
 
     def watch(self, batch: DepthBatch) -> None:
         """Let the script see the hidden state of a batch."""
@@ -74,30 +53,10 @@ class Rung(FollowDepth):
         if self._told is not None:
             self._told.batch = batch
 
-    def start(self, count: int) -> None:
-        """Begin ``count`` cuts."""
-        self._felt, self._lags = nothing_felt(count), np.zeros(count)
-
-    def act(self, observations: Array32) -> Array32:
-        """Return the actions, shape (n, 3), for the observations of all cuts, shape (n, 22)."""
-        along, beside = in_si(observations[:, : len(COMPONENTS)]), observations[:, len(COMPONENTS) :] * _SCALES
-        seen = np.column_stack(
-            [
-                along[:, [POSITION_COLUMN, SPEED_COLUMN]], beside[:, BLADE_DEPTH], along[:, FORCE_MEAN_COLUMN],
-                beside[:, [VERTICAL_MEAN, _DESCENT_SPEED]],
-            ]
-        )  # fmt: skip
-        lags_by_two_forces(self._felt, nominal_tissue(measured_liver()), seen, self._lags)
-        return super().act(observations)
-
-    def tips(self, seen: Array) -> Array:
+    def tips(self, along: Array, seen: Array) -> Array:
         """Return the tips [m] by which the depth is set."""
-        tips, probed = super().tips(seen), self._estimate.memory["probed"] == 1
-        if self._tip == "truth":
-            tips = self._batch.cuts.states["tip"].copy()
-        elif self._tip == "two forces":
-            tips = np.where(probed, tips, seen[:, POSITION_COLUMN] - self._lags)
-        return tips
+        tips = super().tips(along, seen)
+        return self._batch.cuts.states["tip"].copy() if self._true_tip else tips
 
     def surfaces(self, point: Indices) -> Array:
         """Return the levels of the surface [m] at these points."""
@@ -107,24 +66,25 @@ class Rung(FollowDepth):
         return levels
 
 
-RUNGS: dict[str, Callable[[], Rung]] = {
+RUNGS: dict[str, Callable[[], FollowDepth]] = {
     START: Rung,
     "and it gives up earlier": lambda: Rung(careful=True),
-    "tip by two forces": lambda: Rung(careful=True, tip="two forces"),
-    "true tip for the depth": lambda: Rung(careful=True, tip="truth"),
-    "and the true surface": lambda: Rung(careful=True, tip="truth", surface=True),
-    "and the true tip for the stop": lambda: Rung(careful=True, tip="truth", surface=True, stop=True),
+    "tip by two forces": DepthByTwoForces,
+    "true tip for the depth": lambda: Rung(careful=True, tip=True),
+    "and the true surface": lambda: Rung(careful=True, tip=True, surface=True),
+    "and the true tip for the stop": lambda: Rung(careful=True, tip=True, surface=True, stop=True),
 }
 
 
-def rows_of_rung(policy: Rung, name: str, seeds: Sequence[int]) -> list[dict[str, Any]]:
+def rows_of_rung(policy: FollowDepth, name: str, seeds: Sequence[int]) -> list[dict[str, Any]]:
     """Return the scores of a rung, one row for each seed."""
     count = len(seeds)
     batch = DepthBatch(count, DepthCutEnv(specimen_class="mixed"))
     batch.give_seeds(seeds, np.arange(count), np.random.default_rng())
     batch.begin(np.arange(count))
     policy.begin([np.random.default_rng(seed) for seed in seeds])
-    policy.watch(batch)
+    if isinstance(policy, Rung):
+        policy.watch(batch)
     infos, returns, safety, ends = np.zeros(count, INFO), np.zeros(count), np.zeros(count), np.zeros(count, np.int64)
     lost = _TERMS[[field.name for field in GROUPS["reward_terms"]].index("safety")]
     while not ends.all():
@@ -146,15 +106,9 @@ def rows_of_rung(policy: Rung, name: str, seeds: Sequence[int]) -> list[dict[str
     ]
 
 
-def measure(seeds: Sequence[int], processes: int | None) -> list[dict[str, Any]]:
+def measure(seeds: Sequence[int]) -> list[dict[str, Any]]:
     """Return one row for each rung and specimen."""
-    rows = [row for name, make in RUNGS.items() for row in rows_of_rung(make(), name, seeds)]
-    planned = evaluate(
-        {ORACLE: Contestant(DepthPlanner())}, seeds, {"task": "depth", "specimen_class": "mixed"}, processes=processes
-    )
-    for row in planned:
-        row["safety"] = row["reward_safety"]
-    return rows + [{"policy": ORACLE, "seed": row["seed"], **{name: row[name] for name in SCORES}} for row in planned]
+    return [row for name, make in RUNGS.items() for row in rows_of_rung(make(), name, seeds)]
 
 
 def report(rows: Sequence[Mapping[str, Any]]) -> str:
@@ -194,14 +148,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--specimens", type=int, default=500, metavar="N", help="number of specimens; default 500")
     parser.add_argument("--validation", action="store_true", help="cut validation specimens, print, and keep nothing")
-    parser.add_argument("--processes", type=int, metavar="N", help="number of processes of the planner")
     parser.add_argument("--print", action="store_true", help="print the kept table without measuring again")
     arguments = parser.parse_args()
     if arguments.validation:
-        print(report(measure(VALIDATION_SEEDS[: arguments.specimens], arguments.processes)), flush=True)
+        print(report(measure(VALIDATION_SEEDS[: arguments.specimens])), flush=True)
         return
     if not arguments.print:
-        rows = measure(TEST_SEEDS[: arguments.specimens], arguments.processes)
+        rows = measure(TEST_SEEDS[: arguments.specimens])
         TABLE.parent.mkdir(parents=True, exist_ok=True)
         write_csv(TABLE, rows)
     print(report(kept()), flush=True)

@@ -58,7 +58,7 @@ def main() -> None:
     parser.add_argument("--specimens", type=int, default=6, help="number of specimens; default 6")
     parser.add_argument("--seed", type=int, default=0, help="seed of the specimens; default 0")
     arguments = parser.parse_args()
-    rig, simulator = RigDepthCutEnv(rig=arguments.rig), DepthCutEnv()
+    rig, simulator = RigDepthCutEnv(rig=arguments.rig), DepthCutEnv(surface_spread=0.0)  # an imitated rig has none
     print(f"{arguments.specimens} specimens, seed {arguments.seed}, rig {arguments.rig}; medians\n")
     print("| Script | same end and success | position apart, rms [mm] | depth apart, rms [mm] | returns apart "
           "| return on the rig | in the simulator | depth error on the rig [mm] | in the simulator [mm] |")  # fmt: skip

@@ -1,8 +1,9 @@
-"""Draw assets/pictures/view.png: a virtual cut in ``cutenv view``, photographed in a headless Chromium.
+"""Draw two virtual cuts in ``cutenv view``, photographed in a headless Chromium: view.png and view-depth.png.
 
     python scripts/draw_view.py
 
-Needs Debian's ``chromium``; takes half a minute, because the browser draws in software.
+They lie in assets/pictures.  The first is a gentle cut, coloured by energy; the second one along a wanted depth, by a
+simple hand.  Needs Debian's ``chromium``; takes a minute, because the browser draws in software.
 """
 
 from __future__ import annotations
@@ -17,10 +18,13 @@ from PIL import Image  # comes with matplotlib
 
 from cutenv._engine.randomness import generator
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
+from cutenv.play.devices import simple_hand
+from cutenv.play.played_depth_cut import PlayedDepthCut
 from cutenv.tissue import Specimen, measured_liver
+from cutenv.trace import Trace
 from cutenv.viewer.solid import ShownCut, write_view
 
-PICTURE = Path(__file__).parents[1] / "assets" / "pictures" / "view.png"
+PICTURES = Path(__file__).parents[1] / "assets" / "pictures"
 SIZE = "1100,760"  # px, of the window
 COLOURS = 256  # of the picture, which halves the file
 LEGS = [
@@ -47,16 +51,34 @@ def photograph(page: Path, picture: Path) -> None:
     subprocess.run(command, check=True, capture_output=True, timeout=300)
 
 
-def main() -> None:
-    """Cut, write the page, photograph it, and reduce the picture."""
+def gentle_cut() -> Trace:
+    """Return a cut of a virtual liver by a leaning blade."""
     plant = SimulatedPlant(Specimen.draw(generator(4), specimen_class="liver", tissue=measured_liver()))
-    trace = to_trace(plant, run(plant, LEGS), name="A virtual liver", target_length_m=0.08)
-    with tempfile.TemporaryDirectory() as folder:
-        page, shot = Path(folder) / "view.html", Path(folder) / "view.png"
-        write_view(page, ShownCut.of(trace), colour="energy")
-        photograph(page, shot)
-        Image.open(shot).convert("RGB").quantize(COLOURS, kmeans=3).save(PICTURE, optimize=True)
-    print(f"picture: {PICTURE} ({PICTURE.stat().st_size / 1e3:.0f} kB)")
+    return to_trace(plant, run(plant, LEGS), name="A virtual liver", target_length_m=0.08)
+
+
+def deep_cut() -> Trace:
+    """Return a cut of a virtual liver along a wanted depth, by a hand that follows it."""
+    cut = PlayedDepthCut()
+    hand = simple_hand(cut.target_length, level=cut.wanted_level)
+    while not cut.end:
+        cut.tick(hand.read())
+    return cut.trace(name="A virtual liver, along a wanted depth", end=cut.end)
+
+
+def main() -> None:
+    """Cut, write the pages, photograph them, and reduce the pictures."""
+    for name, trace, colour in (
+        ("view.png", gentle_cut(), "energy"),
+        ("view-depth.png", deep_cut(), "displacement"),
+    ):
+        with tempfile.TemporaryDirectory() as folder:
+            page, shot = Path(folder) / "view.html", Path(folder) / "view.png"
+            write_view(page, ShownCut.of(trace), colour=colour)
+            photograph(page, shot)
+            picture = PICTURES / name
+            Image.open(shot).convert("RGB").quantize(COLOURS, kmeans=3).save(picture, optimize=True)
+        print(f"picture: {picture} ({picture.stat().st_size / 1e3:.0f} kB)")
 
 
 if __name__ == "__main__":

@@ -31,6 +31,7 @@ CHECKS: dict[str, list[str]] = {
     "rig: soak": ["scripts/rig_soak.py", "--minutes", "60"],
     "rig: faults": ["scripts/rig_faults.py"],
     "rig: faults of a height axis": ["scripts/rig_faults.py", "--height"],
+    "rig: faults of a serial rig": ["scripts/rig_faults.py", "--serial"],
     "rig: attacks": ["scripts/rig_attacks.py", "--times", "3"],
     "records: damaged, and of other programs": ["scripts/record_trials.py"],
     "physics": ["scripts/check_physics.py"],

@@ -220,7 +220,7 @@ class Trial:
     def wrong(self) -> list[str]:
         """Return what is not as promised; the host's stalls excuse only a late decision, or another one."""
         if self.fault in UNKNOWABLE:
-            return [] if self.cause is None else [f"stopped for {self.cause}, which cannot be known"]
+            return [] if self.cause is None or self.stalls else [f"stopped for {self.cause}, which cannot be known"]
         found = []
         if self.cause is None or (self.cause not in self.expected and not self.stalls):
             found.append(f"the cause is {self.cause} ({self.detail})")

@@ -3,6 +3,7 @@
     python scripts/update_docs.py parameters agreement specimens calibration field pass-marks speed baselines
     python scripts/update_docs.py training results --runs runs/NAME ...  one run for each training seed
     python scripts/update_docs.py ladder learned-stop stock safe-cut memory check-score depth-cut  left in runs/
+    python scripts/update_docs.py depth-ladder depth-agents                                        likewise
     python scripts/update_docs.py benchmark                 what scripts/leaderboard.py --publish has kept
     python scripts/update_docs.py rig-faults rig-faults-height rig-soak class-load  what scripts left in runs/
     python scripts/update_docs.py depth seen-runs           what measure_depth_accuracy.py and measure_seen_runs.py left
@@ -10,7 +11,8 @@
     python scripts/update_docs.py live-camera               what scripts/camera_beside_rig.py left in runs/ (--json)
     python scripts/update_docs.py bead-tracking             what scripts/measure_bead_tracking.py left in runs/
     python scripts/update_docs.py browser-page              what scripts/measure_page.py left in runs/ (--json)
-    python scripts/update_docs.py errata tissue-file rig-file metrics weights ends class-attacks
+    python scripts/update_docs.py rig-faults-serial         what scripts/rig_faults.py --serial left in runs/ (--json)
+    python scripts/update_docs.py errata tissue-file rig-file slow-rig metrics weights ends class-attacks
     python scripts/update_docs.py --docstring               tables in the docstring of cutenv/envs/gentle_cut.py
     python scripts/update_docs.py --check parameters        fails if a block is not what it would print
     python scripts/update_docs.py --picture                 draws assets/pictures/cut.png
@@ -40,7 +42,10 @@ import check_score
 import check_steering
 import class_attacks
 import class_load
+import curved_cuts
 import declared_tables
+import depth_agents
+import depth_ladder
 import depth_table
 import fit_layers
 import gymnasium
@@ -54,6 +59,8 @@ import measure_page
 import measure_seen_runs
 import memory_gap
 import numpy as np
+import path_table
+import recover_layers
 import rig_faults
 import rig_soak
 import safe_cut
@@ -73,6 +80,8 @@ from cutenv.learning.result_tables import rows_of
 from cutenv.learning.statistics import mean_with_interval
 from cutenv.policy import CONSTANT_FEEDS, ORACLE, SCRIPTS, ConstantFeed
 from cutenv.report import draw_cut
+from cutenv.rig.devices.serial.slow_profile import RATES, slow_settings
+from cutenv.rig.operation.suitability import suitability_lines
 from cutenv.rig.toml_text import template
 from cutenv.scoring import DEPTH_METRICS, INVARIANCES, METRICS, Metric
 from cutenv.task.depth_terms import DepthConstants
@@ -84,6 +93,7 @@ from cutenv.tissue import tables as thesis_tables
 from cutenv.tissue.blade_wear import BladeWear
 from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.specimen import CLASSES
+from cutenv.tissue.surface import SurfaceSpread
 
 ROOT = Path(__file__).parents[1]
 SPECIFICATION = ROOT / "cutenv" / "envs" / "gentle_cut.py"
@@ -102,10 +112,15 @@ PAGES = {
     "safe-cut": "docs/results/safe-cut.md",
     "memory": "docs/results/memory-gap.md",
     "depth-cut": "docs/results/depth-cut.md",
+    "depth-ladder": "docs/results/depth-cut.md",
+    "depth-agents": "docs/results/depth-cut.md",
+    "path-cut": "docs/results/path-cut.md",
+    "path-speed": "docs/results/path-cut.md",
     "speed": "docs/results/speed.md",
     "agreement": "docs/validation/agreement.md",
     "specimens": "docs/validation/specimens.md",
     "calibration": "docs/validation/calibration.md",
+    "layers-recovered": "docs/validation/calibration.md",
     "check-score": "docs/validation/score.md",
     "check-depth-score": "docs/validation/score.md",
     "pass-marks": "docs/validation/pass-marks.md",
@@ -119,6 +134,8 @@ PAGES = {
     "layers-fit": "docs/validation/descent.md",
     "steering": "docs/validation/steering.md",
     "steering-speed": "docs/validation/steering.md",
+    "freehand-speed": "docs/validation/steering.md",
+    "curved-benchmark": "docs/validation/curved-benchmark.md",
     "parameters": "docs/reference/constants.md",
     "metrics": "docs/reference/metrics.md",
     "depth-metrics": "docs/reference/metrics.md",
@@ -131,6 +148,8 @@ PAGES = {
     "bead-tracking": "docs/validation/beads.md",
     "rig-faults": "docs/rig/what-stops-it.md",
     "rig-faults-height": "docs/rig/what-stops-it.md",
+    "rig-faults-serial": "docs/rig/serial-rig.md",
+    "slow-rig": "docs/rig/serial-rig.md",
     "rig-soak": "docs/rig/what-stops-it.md",
     "browser-page": "docs/how-to/browser.md",
     "class-load": "docs/how-to/class.md",
@@ -157,6 +176,7 @@ def parameters(_: argparse.Namespace) -> str:
         SteeringParameters,
         DepthConstants,
         PathConstants,
+        SurfaceSpread,
     ):
         if any(known[0] == f"`{row['name']}`" for known in rows):
             continue  # both drives of a rig have it, with the same default
@@ -399,6 +419,16 @@ def rig_file(_: argparse.Namespace) -> str:
     return f"```toml\n{template('my_rig').rstrip()}\n```"
 
 
+def slow_rig(_: argparse.Namespace) -> str:
+    """Return what a serial rig with each converter can do, as ``cutenv rig check`` says."""
+    lines = [
+        f"{converter}, {rate:g} readings a second\n"
+        + "\n".join(f"  {line}" for line in suitability_lines(slow_settings("", converter=converter)))
+        for converter, rate in RATES.items()
+    ]
+    return "```text\n" + "\n\n".join(lines) + "\n```"
+
+
 BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "parameters": parameters,
     "agreement": agreement,
@@ -416,17 +446,24 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "safe-cut": lambda _: safe_cut.report(safe_cut.kept(ROOT / safe_cut.FOLDER)),
     "memory": lambda _: memory_gap.report(memory_gap.kept(ROOT / memory_gap.FOLDER)),
     "benchmark": benchmark,
-    "depth-cut": lambda _: "\n".join(depth_table.table(depth_table.kept())),
+    "depth-cut": lambda _: "\n".join(depth_table.TABLE.lines(depth_table.TABLE.kept())),
+    "depth-ladder": lambda _: depth_ladder.report(depth_ladder.kept()),
+    "depth-agents": lambda _: depth_agents.report(depth_agents.kept()),
+    "path-cut": lambda _: "\n".join(path_table.TABLE.lines(path_table.TABLE.kept())),
+    "path-speed": lambda _: speed_of("path"),
     "measures": lambda _: measure_codebase.comparison(),
     "descent": lambda _: check_descent.markdown(),
     "descent-speed": lambda _: speed_of("descent"),
     "layers-fit": lambda _: fit_layers.markdown(),
     "steering": lambda _: check_steering.markdown(),
     "steering-speed": lambda _: speed_of("steering"),
+    "freehand-speed": lambda _: speed_of("freehand"),
+    "curved-benchmark": lambda _: curved_cuts.table(),
     "check-score": lambda _: check_score.report(check_score.kept(ROOT / check_score.FOLDER)),
     "check-depth-score": lambda _: check_score.depth_report(
         check_score.kept(ROOT / check_score.FOLDER, check_score.DEPTH_FILE)
     ),
+    "layers-recovered": lambda _: recover_layers.tables(recover_layers.left()),
     "depth": lambda _: measure_depth_accuracy.report(measure_depth_accuracy.kept(ROOT / measure_depth_accuracy.KEPT)),
     "seen-runs": lambda _: measure_seen_runs.report(measure_depth_accuracy.kept(ROOT / measure_seen_runs.KEPT)),
     "live-camera": lambda _: camera_beside_rig.markdown(left_by(camera_beside_rig)),
@@ -442,6 +479,8 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "bead-tracking": lambda _: bead_tracking.markdown(*bead_tracking.kept(ROOT / bead_tracking.FOLDER)),
     "rig-faults": lambda _: rig_faults.markdown(left_by(rig_faults)),
     "rig-faults-height": lambda _: rig_faults.markdown(left_by(rig_faults, rig_faults.DEFAULT_OF_HEIGHT)),
+    "rig-faults-serial": lambda _: rig_faults.markdown(left_by(rig_faults, rig_faults.DEFAULT_OF_SERIAL)),
+    "slow-rig": slow_rig,
     "rig-soak": lambda _: "```\n" + rig_soak.text(left_by(rig_soak)) + "\n```",
     "browser-page": lambda _: measure_page.markdown(left_by(measure_page)),
     "class-load": lambda _: class_load.markdown(left_by(class_load)),

@@ -65,6 +65,16 @@ def uniform_at(seed: Integer, episode: Integer, stream: Integer, counter: Intege
     return float((high << np.uint64(21)) | (low >> np.uint64(11))) * 2.0**-53
 
 
+@njit_internal
+def three_normals_at(seed: Integer, episode: Integer, stream: Integer, number: int) -> tuple[float, float, float]:
+    """Return :func:`normal_at` of counters 4 ``number``, 4 ``number`` + 1 and 4 ``number`` + 2."""
+    words, counter = words_at(seed, episode, stream, number), 4 * number
+    return (
+        _normal(words[0], seed, episode, stream, counter), _normal(words[1], seed, episode, stream, counter + 1),
+        _normal(words[2], seed, episode, stream, counter + 2),
+    )  # fmt: skip
+
+
 @njit
 def normal_at(seed: Integer, episode: Integer, stream: Integer, counter: Integer) -> float:
     """Return one standard normal number for (seed, episode, stream, counter)."""

@@ -112,6 +112,11 @@ class HandDepthCut(HandCut):
         return self.cutting.depths
 
     @property
+    def noted(self) -> dict[str, Any]:
+        """Notes of a record on this cut, by key of its metadata: environment, errors, wanted depth, layer, floor."""
+        return {"environment": "cutenv/DepthCut-v1", **self.cutting.noted_depth}
+
+    @property
     def levels(self) -> Array:
         """Level of the blade at every reading so far [m]."""
         return np.concatenate([np.zeros(0), *(part[0] for part in self._beside)])

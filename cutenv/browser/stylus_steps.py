@@ -142,6 +142,11 @@ class HandCut:
         """Depth of cut along the line as measured beforehand, shape (301,) [m]: that of the record."""
         return self._env.plant.depth
 
+    @property
+    def noted(self) -> dict[str, Any]:
+        """Notes of a record on this cut, by key of its metadata; nothing where no depth is wanted."""
+        return {}
+
     def follow(self, stylus: Any) -> StructArray:
         """Advance by a millisecond for each row of ``stylus``, until the cut ends; return the readings.
 

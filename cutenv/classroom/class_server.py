@@ -33,7 +33,7 @@ from cutenv.classroom.score_curve import score_curve
 from cutenv.classroom.teacher_pages import UPLOAD_PATH, overview, teacher_routes
 from cutenv.classroom.xapi_statements import Courier
 
-LARGEST_BODY = 16 * LONGEST_CUT + 4096
+LARGEST_BODY = 24 * LONGEST_CUT + 4096
 """Largest body of a request that is read [bytes]: the movements of the longest cut."""
 _PAGES = Path(__file__).parent / "pages"
 _PERSON, _TEACHER = "cutenv_person", "cutenv_teacher"
@@ -160,7 +160,7 @@ def class_app(
     ticket : str, optional
         Secret that signs the teacher in once, by the address ``teacher/open/TICKET``, within the first minute.
     """
-    common = page_data()
+    common = page_data(lesson.kinds)
     trials, opened = Trials(), time.monotonic()
     words = common["texts"][language]
 

@@ -20,7 +20,7 @@ import numpy as np
 
 import cutenv
 from cutenv._base.atomic_file import whole_files
-from cutenv.browser.page_alone import specimen_data
+from cutenv.browser.page_alone import HAND_CUTS, specimen_data
 from cutenv.browser.stylus_steps import HandCut
 from cutenv.classroom.analysis import Analyses
 from cutenv.classroom.class_store import (
@@ -37,15 +37,13 @@ from cutenv.classroom.class_store import (
     Place,
 )
 from cutenv.classroom.foreign_upload import Uploads
-from cutenv.plant.protocol import recorded_trace
+from cutenv.classroom.shown_result import ahead_words, shown_card
 from cutenv.play.course import Course
 from cutenv.play.course_progress import GIVEN_UP, CourseProgress
-from cutenv.play.course_words import COURSE_WORDS
 from cutenv.recording import Provenance, load_one, save
 from cutenv.report.score_page import ScoredRecord, write_score_page
 from cutenv.scoring import ReferenceSet, ScoreCard, score
 from cutenv.scoring.reference import fitting_reference
-from cutenv.scoring.score_card import whole_score
 from cutenv.scoring.scored_cut import TIP_AT_END
 from cutenv.trace import Trace
 
@@ -134,7 +132,7 @@ class Lesson:
             else:
                 cut = cut or self.store.hand_out(code, *progress.specimen(), task=progress.task.name)
                 said = {"ahead": ahead_words(progress), "feedback": progress.task.feedback}
-            data = specimen_data(cut.specimen_class, cut.seed, 0, cut.target_length)
+            data = specimen_data(cut.specimen_class, cut.seed, 0, cut.target_length, task=self._kind(code, cut))
             return data | said | {"id": cut.id, "done": False}
 
     def finish(self, code: str, number: str, movements: bytes, digest: str, *, stalled: float = 0.0) -> dict[str, Any]:
@@ -145,7 +143,8 @@ class Lesson:
         code, number : str
             The person, and the cut that was handed out.
         movements : bytes
-            Position of the hand [m] and angle of the blade [rad] of every millisecond, float64, little endian.
+            Position of the hand [m] and angle of the blade [rad] of every millisecond, and where a depth is wanted the
+            level of the blade above that at the start [m]; float64, little endian.
         digest : str
             CRC-32 of the page's readings as they lie in memory, in 8 hexadecimal digits. It need not withstand forgery:
             what is kept are the readings that the law finds here.
@@ -179,9 +178,8 @@ class Lesson:
                 specimen=f"{handed_out.specimen_class}, seed {handed_out.seed}, number 0",
                 date=date.isoformat(timespec="seconds"),
             )
-            trace = recorded_trace(
+            trace = cut.trace(
                 readings,
-                cut.measured_depth,
                 **origin.metadata,
                 **({} if progress is None else progress.metadata()),
                 name=name,
@@ -195,6 +193,7 @@ class Lesson:
                 success=cut.success,
                 device="browser",
                 hand=dataclasses.asdict(cut.hand),
+                **cut.noted,
                 stalled_s=round(min(max(0.0, stalled), 3600.0), 3),  # in this order: of NaN it is 0
             )
             card = score(trace, target_length=cut.target_length, reference=self._reference)
@@ -234,14 +233,17 @@ class Lesson:
         return self.store.close_unfinished()
 
     def _repeated(self, handed_out: HandedOutCut, movements: bytes, digest: str) -> tuple[HandCut, Any]:
-        if len(movements) % 16 or not FEWEST_MOVEMENTS <= len(movements) // 16 <= LONGEST_CUT:
+        kind = HAND_CUTS[self._kind(handed_out.code, handed_out)]
+        size = 8 * kind.stylus_numbers
+        if len(movements) % size or not FEWEST_MOVEMENTS <= len(movements) // size <= LONGEST_CUT:
             raise RefusedCut(
-                f"{len(movements)} bytes are no cut: {FEWEST_MOVEMENTS} to {LONGEST_CUT} milliseconds of 16 bytes are."
+                f"{len(movements)} bytes are no cut: {FEWEST_MOVEMENTS} to {LONGEST_CUT} milliseconds of {size} bytes "
+                "are."
             )
-        stylus = np.frombuffer(movements, "<f8").reshape(-1, 2)
+        stylus = np.frombuffer(movements, "<f8").reshape(-1, kind.stylus_numbers)
         if not np.isfinite(stylus).all() or np.abs(stylus).max() > 10.0:
             raise RefusedCut("a movement of the hand is no number, or farther than any hand reaches.")
-        cut = HandCut(
+        cut = kind(
             specimen_class=handed_out.specimen_class, seed=handed_out.seed, target_length=handed_out.target_length
         )
         readings = cut.follow(stylus)
@@ -250,6 +252,16 @@ class Lesson:
         if f"{zlib.crc32(readings.tobytes()):08x}" != digest.lower():
             raise RefusedCut("its readings are not those of the law for these movements.")
         return cut, readings
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Tasks that are cut in the class, "gentle" and "depth"."""
+        return ("gentle",) if self.course is None else self.course.kinds
+
+    def _kind(self, code: str, cut: HandedOutCut) -> str:
+        """Return the task that a cut was handed out for, "gentle" or "depth"."""
+        tasks = () if self.course is None else self.course.for_operator(code).tasks
+        return next((task.task for task in tasks if task.name == cut.task), "gentle")
 
     def scored(self, cut: HandedOutCut) -> tuple[Trace, ScoreCard]:
         """Return the record of a saved cut and its score card; LookupError if it was not saved."""
@@ -355,31 +367,6 @@ class Lesson:
                 shutil.rmtree(self.folder / code, ignore_errors=True)
             self._progress.pop(code, None)
             return known
-
-
-def shown_card(
-    card: ScoreCard, progress: CourseProgress | None, *, hidden: bool = False, mark: MarkInForce | None = None
-) -> dict[str, Any]:
-    """Return what the page shows of a card, whether it passes the ``mark``, and what comes next.
-
-    Of a card that is to be ``hidden`` nothing is shown but whether it passes.
-    """
-    overall = None if card.overall_score is None else whole_score(card.overall_score)  # what is shown decides
-    return {
-        "pass_mark": None if mark is None else mark.mark,
-        "passed": None if mark is None or overall is None else overall >= mark.mark,
-        "score": None if hidden else overall,
-        "outcome": "" if hidden else card.outcome,
-        "points": [] if hidden else [dataclasses.asdict(each) for each in card.points],
-        "verdict": {} if progress is None else progress.verdicts,
-        "ahead": ahead_words(progress),
-        "done": progress is not None and progress.task is None,
-    }
-
-
-def ahead_words(progress: CourseProgress | None) -> dict[str, str]:
-    """Return what comes next in a course, by language; empty without a course."""
-    return {} if progress is None else {language: progress.ahead(language) for language in COURSE_WORDS}
 
 
 def _record_name(cut: HandedOutCut) -> str:

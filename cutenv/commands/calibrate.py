@@ -8,16 +8,28 @@ import sys
 from collections import Counter
 from collections.abc import Sequence
 from importlib.util import find_spec
+from operator import attrgetter
 from pathlib import Path
 
 from cutenv._base.atomic_file import atomic_write
+from cutenv._base.validation import in_range
 from cutenv.commands.inputs import read_records
-from cutenv.commands.options import add_record_options, command_parser, made_folder, reports_errors, watched
+from cutenv.commands.options import (
+    add_layer_depth,
+    add_record_options,
+    command_parser,
+    layer_depth_given,
+    made_folder,
+    reports_errors,
+    watched,
+)
 from cutenv.measurement.calibration import RESAMPLES, check_resamples, measure_cuts, tissue_of
+from cutenv.measurement.layered_cuts import in_layers
 from cutenv.measurement.measured_cut import MeasuredCut
 from cutenv.measurement.wear import blade_wear
 from cutenv.measurement.within_specimens import compare_settings
 from cutenv.recording import Provenance, TissueHandling
+from cutenv.recording.columns import parse_length
 from cutenv.tissue import CutModel, TissueDescription
 from cutenv.trace import Trace
 
@@ -30,6 +42,7 @@ def main(argv: Sequence[str]) -> int:
     check_resamples(arguments.resamples)
     if arguments.within_specimens and find_spec("statsmodels") is None:
         raise ModuleNotFoundError("comparing within specimens needs statsmodels", name="statsmodels")
+    boundary, capsule = layer_depth_given(arguments), capsule_given(arguments)
     model = CutModel(element=arguments.element, formulation=arguments.formulation, poisson=arguments.poisson)
     records = read_records(arguments)
     for note in [*records.notes, *differences_in_handling(records.traces)]:
@@ -39,8 +52,14 @@ def main(argv: Sequence[str]) -> int:
         listed = "\n".join(f"  {each.name}: {each.reason}" for each in unmeasured)
         raise ValueError(f"{len(unmeasured)} records cannot be measured; --skip-bad goes on without them:\n{listed}")
     refused = [*records.refused, *unmeasured]
+    cuts, layers = in_layers(cuts, records.traces, model, boundary=boundary, capsule_thickness=capsule)
     tissue = tissue_of(
-        cuts, model, name=arguments.name or arguments.out.stem, resamples=arguments.resamples, refused=refused
+        cuts,
+        model,
+        name=arguments.name or arguments.out.stem,
+        resamples=arguments.resamples,
+        refused=refused,
+        layers=layers,
     )
     compared = settings_table(cuts) if arguments.within_specimens else ""
     worn = "\n".join(blade_wear(cuts).lines) if arguments.blade_wear else ""
@@ -70,8 +89,9 @@ def summary(tissue: TissueDescription) -> str:
     lines = [f"{tissue.name}: {made}, SI units, 95 % intervals over cuts"]
     for each in about.evidence:
         interval = "" if each.low is None or each.high is None else f"{each.low:.4g} to {each.high:.4g}"
+        value = attrgetter(each.name)(tissue)
         why = "" if each.provenance == "measured" else f"  {each.provenance}: {each.how}"
-        lines.append(f"  {each.name:25s} {getattr(tissue, each.name):11.4g}  {interval:24s}{why}".rstrip())
+        lines.append(f"  {each.name:25s} {value:11.4g}  {interval:24s}{why}".rstrip())
     lines += [f"note: {note}" for note in about.notes]
     return "\n".join(lines)
 
@@ -92,6 +112,20 @@ def settings_table(cuts: Sequence[MeasuredCut]) -> str:
         if found.without_reference:
             lines.append(f"  note: no reference cut on {', '.join(found.without_reference)}")
     return "\n".join(lines)
+
+
+def capsule_given(arguments: argparse.Namespace) -> float | None:
+    """Return ``--capsule-thickness`` in metres, None if it is not given.
+
+    Raises
+    ------
+    ValueError
+        If it is not a length with a unit, or out of range.
+    """
+    if arguments.capsule_thickness is None:
+        return None
+    thickness = parse_length("--capsule-thickness", arguments.capsule_thickness)
+    return in_range("--capsule-thickness", thickness, 1e-5, 0.005, "m", "Write 0.2mm.")
 
 
 def differences_in_handling(traces: Sequence[Trace]) -> list[str]:
@@ -131,6 +165,7 @@ def _parser() -> argparse.ArgumentParser:
         __doc__,
         examples=(
             "cuts/*.csv --out tissue.json --report tissue.html",
+            "stepped/*.csv --layer-depth 12mm --out tissue.json",
             'rig/*.txt --map "time=t[ms]" "force=Fx" "position=x[mm]" angle=90deg depth=20mm --out tissue.json',
         ),
         note="Records need position, angle and depth of cut beside force. Return strokes past the crack tip give the\n"
@@ -147,6 +182,12 @@ def _parser() -> argparse.ArgumentParser:
         default=RESAMPLES,
         metavar="N",
         help=f"bootstrap resamples for the intervals; default {RESAMPLES}",
+    )
+    add_layer_depth(parser, "searched in records of cuts in steps of depth")
+    parser.add_argument(
+        "--capsule-thickness",
+        metavar="LENGTH",
+        help="thickness of the capsule, with its unit: 0.2mm; default: nothing is said of a capsule",
     )
     parser.add_argument(
         "--within-specimens",

@@ -1,7 +1,7 @@
 """Compare policies on the same held-out specimens: every score of every cut, means and paired differences.
 
 A policy is the name of a baseline or of a shipped policy (ppo-free), or the folder of a trained one, which holds
-policy.safetensors and card.json. Those that cut along a wanted depth are compared with each other alone.
+policy.safetensors and card.json. Those of another task than gentle cutting are compared with each other alone.
 """
 
 from __future__ import annotations
@@ -34,8 +34,9 @@ def _evaluate(arguments: argparse.Namespace) -> None:
     if arguments.list or not arguments.policies:
         print("\n".join(BASELINES))
         return
+    from cutenv.envs.learned_tasks import TASKS
     from cutenv.learning.evaluation import contestant, evaluate
-    from cutenv.learning.result_tables import DEPTH_SHOWN, SHOWN, print_differences, print_table, write_csv
+    from cutenv.learning.result_tables import print_differences, print_table, write_csv
     from cutenv.learning.seeds import TEST_SEEDS, VALIDATION_SEEDS
     from cutenv.learning.statistics import differences, summarise
 
@@ -64,7 +65,7 @@ def _evaluate(arguments: argparse.Namespace) -> None:
             write_csv(arguments.out / "differences.csv", paired)
     kind = "validation" if arguments.validation else "held-out"
     print(f"\n{arguments.specimens} {kind} specimens of class {arguments.specimen_class}, mean [95 % interval]\n")
-    print_table(summary, DEPTH_SHOWN if "depth" in tasks.values() else SHOWN)
+    print_table(summary, TASKS[next(iter(tasks.values()))].shown)
     if paired and len(chosen) <= 12:
         print_differences(paired)
 

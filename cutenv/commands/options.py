@@ -100,11 +100,15 @@ def add_depth_options(parser: argparse.ArgumentParser) -> None:
         help="depth below the surface that the cut should have, with its unit: 8mm; or along the cut, linear between "
         "POSITION:DEPTH: 0mm:6mm,80mm:14mm; default the record's own",
     )
+    add_layer_depth(parser, "the record's own")
+
+
+def add_layer_depth(parser: argparse.ArgumentParser, default: str) -> None:
+    """Add ``--layer-depth``, read by :func:`layer_depth_given`; ``default`` describes what holds without it."""
     parser.add_argument(
         "--layer-depth",
         metavar="DEPTH",
-        help="depth below the surface at which another layer begins, which must not be opened: 12mm; default the "
-        "record's own",
+        help=f"depth below the surface at which another layer begins, with its unit: 12mm; default {default}",
     )
 
 
@@ -154,6 +158,16 @@ def add_specimen_class(parser: argparse.ArgumentParser, default: str) -> None:
 
     parser.add_argument(
         "--specimen-class", choices=CLASSES, default=default, help=f"class of drawn specimens; default {default}"
+    )
+
+
+def add_task(parser: argparse.ArgumentParser) -> None:
+    """Add ``--task`` of a rig."""
+    parser.add_argument(
+        "--task",
+        choices=("gentle", "depth"),
+        default="gentle",
+        help="gentle cutting (the default), or along a wanted depth, on a rig with a height axis",
     )
 
 

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 _EXTRA = ("pygame", "pymunk")
 _DEFAULT_CLASS = "liver"
+_EMULATED, _EMULATED_TARGET = "emulated-inverse3", 0.08  # [m]
 
 
 @reports_errors("play")
@@ -35,45 +36,53 @@ def main(argv: Sequence[str]) -> int:
     if missing:
         print(f"cutenv play: {' and '.join(missing)} not installed: pip install 'cutenv[play]'", file=sys.stderr)
         return 1
-    from cutenv.play.devices import MouseDevice
+    from cutenv.play.inverse3 import INVERSE3_URL
     from cutenv.play.listened_session import ListenedSession
+    from cutenv.play.named_devices import named_device
     from cutenv.play.play_session import COUNTDOWN, Session
     from cutenv.play.play_window import PlayWindow
+    from cutenv.play.polled_handle import HandleAxes
     from cutenv.recording.lsl_outlet import LslOutlet
     from cutenv.viewer.window import open_display
 
     course = _course_of(arguments)
     length = target_length(arguments)
+    by_itself = arguments.scripted or arguments.device == _EMULATED
+    if arguments.scripted and arguments.device != "mouse":
+        raise ValueError(f"--scripted moves the hand by itself, and --device {arguments.device} has one. Give either.")
+    axes = None if arguments.axes is None else HandleAxes.parse(arguments.axes)
     open_display()  # before what takes half a minute where it has to be compiled
     print("preparing the first specimen ...", file=sys.stderr, flush=True)
     if arguments.picture is not None:
         made_folder("--picture", arguments.picture.parent)
-    session = Session(
-        MouseDevice(),
-        task=arguments.task,
-        specimen_class=arguments.specimen_class or _DEFAULT_CLASS,
-        target_length=length,
-        seed=secrets.randbelow(2**31) if arguments.seed is None else arguments.seed,
-        folder=arguments.out,
-        operator=arguments.operator,
-        practice=arguments.practice,
-        countdown=0.0 if arguments.scripted else COUNTDOWN,
-        cuts=1 if arguments.scripted and arguments.cuts is None else arguments.cuts,
-        handle=True,
-        course=course,
-    )
-    outlet = None
-    if arguments.lsl:
-        outlet = LslOutlet("cutenv play", scope=arguments.lsl)
-        session.after_advance = ListenedSession(session, outlet)
-    window = PlayWindow(session, scripted=arguments.scripted)
-    try:
-        window.run()
-    finally:
-        if outlet is not None:
-            outlet.close()
-        for path in session.records:
-            print(f"record: {path}")
+    target = _EMULATED_TARGET if length is None else length
+    with named_device(arguments.device, target=target, url=arguments.device_url or INVERSE3_URL, axes=axes) as device:
+        session = Session(
+            device,
+            task=arguments.task,
+            specimen_class=arguments.specimen_class or _DEFAULT_CLASS,
+            target_length=length if arguments.device != _EMULATED else target,
+            seed=secrets.randbelow(2**31) if arguments.seed is None else arguments.seed,
+            folder=arguments.out,
+            operator=arguments.operator,
+            practice=arguments.practice,
+            countdown=0.0 if arguments.scripted else COUNTDOWN,
+            cuts=1 if by_itself and arguments.cuts is None else arguments.cuts,
+            handle=True,
+            course=course,
+        )
+        outlet = None
+        if arguments.lsl:
+            outlet = LslOutlet("cutenv play", scope=arguments.lsl)
+            session.after_advance = ListenedSession(session, outlet)
+        window = PlayWindow(session, scripted=arguments.scripted, ends=by_itself)
+        try:
+            window.run()
+        finally:
+            if outlet is not None:
+                outlet.close()
+            for path in session.records:
+                print(f"record: {path}")
     if session.card is not None and session.sight().shown.result:
         print(session.card.headline())
         print(f"in full: cutenv score {session.records[-1]}")
@@ -124,6 +133,7 @@ def _parser() -> argparse.ArgumentParser:
             "--cuts 10 --target-length 80mm --out cuts",
             "--task depth --practice",
             "--course first --operator P07",
+            "--device emulated-inverse3 --cuts 1",
         ),
         note="Space begins and goes on, r repeats, c chooses the class, p shows what is hidden, m frees the mouse,\n"
         "F11 fills the screen, esc ends.\n"
@@ -139,8 +149,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--course",
         metavar="COURSE",
-        help="file of a course, or the name of one that comes with cutenv (first, force-shown): goes on with the "
-        "operator's next task, as the records in --out tell",
+        help="file of a course, or the name of one that comes with cutenv (first, force-shown, depth): goes on with "
+        "the operator's next task, as the records in --out tell",
     )
     parser.add_argument("--operator", metavar="CODE", help="anonymous code in the records, such as P07")
     parser.add_argument(
@@ -157,6 +167,18 @@ def _parser() -> argparse.ArgumentParser:
         help="let a simple script move the hand (one cut unless --cuts), as fast as it can be drawn; with "
         "SDL_VIDEODRIVER=dummy it needs no display",
     )
+    add = parser.add_argument
+    add(
+        "--device", choices=("mouse", "inverse3", "force-dimension", _EMULATED), default="mouse",
+        help="device in the hand: mouse or gamepad (the default), a Haply Inverse3, one of Force Dimension, or an "
+        "emulated Inverse3 whose hand cuts by itself",
+    )  # fmt: skip
+    add("--device-url", metavar="URL", help="address of Haply's Inverse Service; default ws://localhost:10001")
+    add(
+        "--axes", metavar="ALONG,LEAN,UP",
+        help="axes of a haptic device along the cut, for leaning the blade, and upwards, such as --axes=-y,x,z; a "
+        "minus turns one round; default x,y,z, of Force Dimension y,x,z",
+    )  # fmt: skip
     add_lsl(parser)
     parser.add_argument("--picture", type=Path, metavar="FILE", help="PNG of the last picture to write")
     return parser

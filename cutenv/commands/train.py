@@ -52,8 +52,8 @@ _EXAMPLES = {
     "iql": ("--learner iql", "--learner iql --quick", "--learner iql --dataset cutenv/probe-v0", "--resume runs/NAME"),
 }
 _NOTES = {
-    "ppo": "Options worth trying: --task depth, --angle-mode fixed, --force unfelt, --history 6, --critic features.  "
-    "The default script of --task depth is 'depth by force'."
+    "ppo": "Options worth trying: --task depth, --task path, --angle-mode fixed, --force unfelt, --history 6, "
+    "--critic features.  The default script of --task depth is 'depth by force', that of --task path 'steer by force'."
 }
 
 

@@ -63,6 +63,7 @@ _PASSING = (  # scratch: it lives only in the row
     ("rubbing", "f8"),  # force of friction, against forward motion [N]
     ("elastic", "f8"),  # force of the tissue [N]
     ("force", "f8"),  # both, on the blade [N]
+    ("lateral", "f8"),  # of the tissue on a blade in the plane, to its right [N]
     ("waits", "i8"),  # 1 if the crack does not run
     ("jump", "f8"),  # unstable growth [m]
     ("seed", "u8"),  # seed and episode: key of the sensor's noise

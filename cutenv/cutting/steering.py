@@ -363,7 +363,7 @@ def tell_plane_forces(row: Struct, steering: Struct, n: int) -> None:
     cosine, sine = to_crack(steering)
     pull, push = row.elastic[n] * steering.per_stretch, steering.side_stiffness * steering.offset
     row.force[n] = pull * (cosine + steering.coupling * sine) + push * sine + row.rubbing[n]
-    steering.lateral = pull * (steering.coupling * cosine - sine) + push * cosine
+    row.lateral[n] = steering.lateral = pull * (steering.coupling * cosine - sine) + push * cosine
 
 
 @njit_internal

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from cutenv.envs.path_cut import PathCutEnv, PathCutVectorEnv
     from cutenv.envs.rig_cut import RigCutEnv
     from cutenv.envs.rig_depth_cut import RigDepthCutEnv
+    from cutenv.envs.shared_control import SharedControl
     from cutenv.envs.vector import GentleCutVectorEnv
 
 __all__ = [
@@ -23,6 +24,7 @@ __all__ = [
     "PathCutVectorEnv",
     "RigCutEnv",
     "RigDepthCutEnv",
+    "SharedControl",
     "set_cores",
 ]
 
@@ -36,6 +38,7 @@ _WHEN_USED = {
     "PathCutVectorEnv": "cutenv.envs.path_cut",
     "RigCutEnv": "cutenv.envs.rig_cut",
     "RigDepthCutEnv": "cutenv.envs.rig_depth_cut",
+    "SharedControl": "cutenv.envs.shared_control",
     "set_cores": "cutenv._engine.parallel",
 }
 

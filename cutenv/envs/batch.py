@@ -23,6 +23,7 @@ from cutenv.envs.gentle_cut import GentleCutEnv, checked_episode, checked_length
 from cutenv.task.assessment import succeeded_all
 from cutenv.task.beginning import GIVEN, LIVER, LONGEST, MIXED, VASCULAR, begin_some
 from cutenv.task.cuts import Cuts, step_some
+from cutenv.task.gentle_cutting import ShownDepth
 from cutenv.task.info import INFO
 from cutenv.task.observation import all_within_reach
 from cutenv.task.privileged import append_privileged
@@ -231,6 +232,10 @@ class CutBatch:
     def further_infos(self) -> dict[str, dict[str, NDArray[np.float64]]]:
         """Return what the task adds to the info, by group and name; each of shape (count,)."""
         return {}
+
+    def shown_depth(self, cut: int) -> ShownDepth | None:
+        """Return the depth of a cut as a picture shows it; None where the task has no third axis."""
+        return None
 
     def append_hidden(self, features: NDArray[np.float32], which: NDArray[np.int64]) -> NDArray[np.float32]:
         """Append the hidden state of the cuts numbered ``which``, for a critic, to features of shape (m, size)."""

@@ -20,9 +20,10 @@ from cutenv.envs.vector import GentleCutVectorEnv
 from cutenv.task.cuts import Cuts
 from cutenv.task.depth_beginning import begin_depth_some
 from cutenv.task.depth_cuts import depth_errors, step_depth_some
-from cutenv.task.depth_cutting import DepthCutting, depth_record
+from cutenv.task.depth_cutting import DepthCutting, depth_record, depth_shown
 from cutenv.task.depth_privileged import append_depth_privileged
 from cutenv.task.depth_terms import ALL_COMPONENTS, DEPTH, DEPTH_ENDS, DESCENT_SCALE, DepthConstants
+from cutenv.task.gentle_cutting import ShownDepth
 from cutenv.task.info import INFO
 from cutenv.task.map_costs import map_charges
 from cutenv.task.observation import SPEED_SCALE as _SPEED_SCALE
@@ -211,7 +212,9 @@ class DepthBatch(CutBatch):
         start = self._depth_start
         if given is not None or start is None:
             specimen = single.specimen
-            descents = descent_records([specimen], None, single.descent_parameters)
+            descents = descent_records(
+                [specimen], specimen.tissue.layers if single.layer else None, single.descent_parameters
+            )
             start = descents, depth_record(single.depth_constants), specimen.tissue.slab()
         if given is None:
             self._depth_start = start
@@ -260,6 +263,10 @@ class DepthBatch(CutBatch):
     def further_scores(self) -> dict[str, NDArray[np.float64]]:
         """Return the depth of each cut in numbers: areas [mm2], depth into the layer and mean error [mm]."""
         return depth_errors(self.depths, self.cuts.tasks["target"])
+
+    def shown_depth(self, cut: int) -> ShownDepth:
+        """Return a copy of the depth of a cut as a picture shows it."""
+        return depth_shown(self.descents[cut].copy(), self.depths[cut].copy())
 
     def append_hidden(self, features: NDArray[np.float32], which: NDArray[np.int64]) -> NDArray[np.float32]:
         """Append the hidden state of the cuts numbered ``which``, for a critic, to features of shape (m, size)."""

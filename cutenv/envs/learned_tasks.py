@@ -13,7 +13,9 @@ from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.envs.path_cut import PathBatch, PathCutEnv, PathCutVectorEnv
 from cutenv.envs.vector import GentleCutVectorEnv
 from cutenv.policy import BASELINES, SCRIPTS, OneReturnStroke, Policy
+from cutenv.policy.depth_planner import DepthPlanner
 from cutenv.policy.depth_scripts import DEPTH_SCRIPTS, FollowTrueTip
+from cutenv.policy.path_planner import PathPlanner
 from cutenv.policy.path_scripts import PATH_SCRIPTS
 from cutenv.policy.policy_space import PolicySpace, space_of
 from cutenv.task.depth_privileged import DEPTH_PRIVILEGED
@@ -41,6 +43,11 @@ class LearnedTask:
     teachers: Mapping[str, Callable[[], Policy]]
     """Policies to imitate by name, the scripts among them; call a value to make the policy."""
 
+    shown: tuple[str, ...]
+    """Scores in printed tables."""
+    planner: Callable[[], Policy] | None = None
+    """Maker of the planner with truth, where it is not among the teachers."""
+
     @property
     def space(self) -> PolicySpace:
         """Components of an observation, actions and features of a policy."""
@@ -60,19 +67,23 @@ TASKS = {
     "gentle": LearnedTask(
         id="cutenv/GentleCut-v1", single=GentleCutEnv, batch=CutBatch, vector=GentleCutVectorEnv,
         privileged=PRIVILEGED_FEATURES, scripts=tuple(SCRIPTS), script="return stroke", teachers=BASELINES,
+        shown=("return", "success", "tip_error_mm", "peak_force_N", "largest_jump_mm", "time_s"),
     ),
     "depth": LearnedTask(
         id="cutenv/DepthCut-v1", single=DepthCutEnv, batch=DepthBatch, vector=DepthCutVectorEnv,
-        privileged=DEPTH_PRIVILEGED, scripts=tuple(DEPTH_SCRIPTS), script="depth by force",
+        privileged=DEPTH_PRIVILEGED, scripts=tuple(DEPTH_SCRIPTS), script="depth by two forces",
         options={
-            "script": TRUE_TIP, "control_hz": 25, "demonstrations": 400_000, "corrections": 250_000,
-            "timesteps": 3_000_000, "validation_specimens": 1000,
+            "script": TRUE_TIP, "control_hz": 25, "demonstrations": 300_000, "corrections": 200_000,
+            "timesteps": 2_500_000, "exploration": 0.04, "last_exploration": 0.02, "validation_specimens": 1000,
         },
         teachers={**DEPTH_SCRIPTS, TRUE_TIP: careful_true_tip},
+        shown=("return", "success", "mean_error_mm", "layer_mm", "peak_force_N", "time_s"), planner=DepthPlanner,
     ),
     "path": LearnedTask(
         id="cutenv/PathCut-v1", single=PathCutEnv, batch=PathBatch, vector=PathCutVectorEnv,
         privileged=PATH_PRIVILEGED, scripts=tuple(PATH_SCRIPTS), script="steer by force", teachers=PATH_SCRIPTS,
+        shown=("return", "success", "mean_distance_mm", "largest_distance_mm", "peak_force_N", "time_s"),
+        planner=PathPlanner,
     ),
 }  # fmt: skip
 """Tasks by name."""

@@ -77,7 +77,9 @@ class RigDepthCutEnv(RigCutEnv):
         self.depth_constants = DepthConstants(**{name: own[name] for name in _DEPTH_WEIGHTS if name in own})
         self.descent_parameters = DescentParameters(**{name: own[name] for name in _EXPECTED if name in own})
         super().__init__(**keywords)
-        self._arguments |= {"wanted": wanted, "layer": layer, **own}
+        self.depth_keywords = {"wanted": wanted, "layer": layer, **own}
+        """Keywords that this task adds to those of ``cutenv/RigCut-v1``, as they were given."""
+        self._arguments |= self.depth_keywords
 
     def _lay(self, key: SpecimenKey) -> None:
         assert key.target is not None  # a cut has one

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from cutenv.envs.learned_tasks import TASKS, LearnedTask
+from cutenv.envs.learned_tasks import TASKS, TRUE_TIP, LearnedTask
 from cutenv.learning.options import check_ranges, flag_of, option
 from cutenv.learning.seeds import TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
 from cutenv.policy import SCRIPTS
@@ -28,6 +28,8 @@ class BadArguments(ValueError):
     """Options that contradict each other, are out of range or do not fit a data set; the message names the cure."""
 
 
+TEACHERS = (*TASKS["gentle"].scripts, *TASKS["depth"].teachers)
+"""Names of the policies that learners can imitate."""
 _ENTROPY_WEIGHT = re.compile(r"(auto_)?\d*\.?\d+(e-?\d+)?")
 
 
@@ -53,7 +55,9 @@ class LearnerArguments:
     """Names of the tasks that the learner is for."""
 
     task: str = option(
-        "gentle", "task to learn: to cut gently (gentle), or along a wanted depth as well (depth)", tuple(TASKS)
+        "gentle",
+        "task to learn: to cut gently (gentle), along a wanted depth as well (depth), or along a drawn line (path)",
+        tuple(TASKS),
     )
     name: str = option("", "name of the run's folder below runs/; default date and time", metavar="NAME")
     seed: int = option(
@@ -82,7 +86,7 @@ class LearnerArguments:
     script: str = option(
         "return stroke",
         "script of the task to imitate",
-        (*TASKS["gentle"].scripts, *TASKS["depth"].teachers),
+        TEACHERS,
     )
     demonstration_noise: float = option(
         0.15, "standard deviation of the noise added to half of the demonstrations", (0.0, 1.0)
@@ -110,9 +114,9 @@ class LearnerArguments:
             raise BadArguments("--specimens 1 gives no interval; give 2 or more, or 0 for no evaluation")
         if self.task not in self.tasks:
             raise BadArguments(f"--task {self.task} is learned by PPO alone; leave it out, or give --learner ppo")
-        other = [name for name, one in TASKS.items() if self.script in one.teachers and name != self.task]
+        other = [name for name, one in TASKS.items() if name != self.task and self.script in one.teachers]
         if other:
-            own = ", ".join(map(repr, self.learned_task.teachers))
+            own = ", ".join(repr(name) for name in self.learned_task.teachers if name in TEACHERS)
             raise BadArguments(
                 f"--script {self.script!r} is for --task {other[0]}; those for --task {self.task} are {own}"
             )
@@ -127,7 +131,10 @@ class LearnerArguments:
             For options that contradict each other.
         """
         options = TASKS[chosen.get("task", "gentle")].options
-        return {**{name: value for name, value in options.items() if name in cls.__dataclass_fields__}, **chosen}
+        merged = {**{name: value for name, value in options.items() if name in cls.__dataclass_fields__}, **chosen}
+        if merged.get("script") != TRUE_TIP and "corrections" not in chosen:
+            merged.pop("corrections", None)
+        return merged
 
     @property
     def learned_task(self) -> LearnedTask:
@@ -209,7 +216,7 @@ class PPOArguments(LearnerArguments):
         0.15, "share of the actor that its running average takes over at every update", (1e-6, 1.0)
     )
     corrections: int = option(
-        0, "number of decisions in which the clone sets the depth and the script corrects it; 0: none", (0, 10**9)
+        0, "number of decisions in which the clone cuts, and the script tells what it would have done", (0, 10**9)
     )
     critic: str = option("truth", "input of the critic; truth: features and hidden state", ("truth", "features"))
     critic_first: float = option(
@@ -222,10 +229,8 @@ class PPOArguments(LearnerArguments):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.corrections and not (self.demonstrations and self.task == "depth"):
-            raise BadArguments(
-                f"--corrections {self.corrections} needs --task depth and --demonstrations: a clone that sets the depth"
-            )
+        if self.corrections and not (self.demonstrations and self.script == TRUE_TIP):
+            raise BadArguments(f"--corrections {self.corrections} needs --demonstrations of --script {TRUE_TIP!r}")
 
     @property
     def sizes(self) -> dict[str, int]:

@@ -96,6 +96,7 @@ def batched_rollout(
             measured_depth=batch.cuts.nominals["depth"][n].copy(),
             resistance=batch.cuts.specimens["fracture_resistance"][n].copy(),
             further={name: float(score[n]) for name, score in further.items()},
+            shown_depth=batch.shown_depth(n) if readings else None,
         )
         for n in range(count)
     ]

@@ -148,9 +148,9 @@ def demonstrations(
 ) -> Demonstrations:
     """Let a script cut in all environments.
 
-    With a ``clone`` that moves the blade up and down, the script moves it along the cut, and tells in every state what
-    it would have done: the states are then those into which the clone comes by its own mistakes (DAgger: Ross, Gordon
-    and Bagnell, AISTATS 2011).  Along the cut the script's plan has to be its own, as it remembers that it has stopped.
+    With a ``clone`` that cuts in its place, the script tells in every state what it would have done: the states are
+    then those into which the clone comes by its own mistakes (DAgger: Ross, Gordon and Bagnell, AISTATS 2011).  In
+    every other environment the clone sets the depth alone, and the script moves the blade along the cut.
 
     Parameters
     ----------
@@ -165,7 +165,7 @@ def demonstrations(
     seed : int
         Seed of the noise.
     clone : callable, optional
-        Function from what the environments show to actions, shape (n, 3), of which the descent is taken.
+        Function from what the environments show to actions, shape (n, 3); for a script that is told the true tip.
     """
     rng = np.random.default_rng(seed)
     count = environments.num_envs
@@ -178,8 +178,13 @@ def demonstrations(
     for _ in tqdm(range(-(-decisions // count)), desc=what, unit="decision", unit_scale=count):
         if isinstance(script, FollowTrueTip):
             script.tell(lags_of(shown))
+            if clone is not None:
+                script.reconsider(environments.observations)
         actions = script.act(environments.observations)
-        acted = actions if clone is None else np.column_stack([actions[:, :-1], clone(shown)[:, -1]])
+        acted = actions
+        if clone is not None:
+            acted = clone(shown)
+            acted[::2, :-1] = actions[::2, :-1]
         noisy = acted + amount * rng.standard_normal(actions.shape).astype(np.float32)
         taken = np.clip(noisy, -1.0, 1.0).astype(np.float32)  # what the environment makes of it
         environments.step_async(noisy)

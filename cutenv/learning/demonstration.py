@@ -15,11 +15,11 @@ import gymnasium
 import numpy as np
 
 from cutenv.cutting.dtypes import TICK
+from cutenv.learning.added_infos import added_infos
 from cutenv.plant import ReplayPlant
 from cutenv.policy import Policy, PrivilegedPolicy
-from cutenv.task.depth_terms import DEPTH_COMPONENTS
 from cutenv.task.gentle_cutting import GentleCutting
-from cutenv.task.observation import COMPONENTS, SPEED_SCALE, to_action
+from cutenv.task.observation import SPEED_SCALE, to_action
 from cutenv.task.weights import Limits, RewardWeights
 from cutenv.tissue.description import measured_liver
 from cutenv.tissue.grid import depth_below
@@ -45,14 +45,8 @@ HIDDEN = {
     "true_force_N": "force on the blade at the decision, without noise, resolution and delay of the sensor",
 }
 """Further infos of a simulated cut."""
-DEPTH_FELT = {
-    "vertical_force_N": "measured vertical force at the decision, upwards",
-    "blade_depth_m": "blade's lower end below the surface, as measured before the cut",
-    "wanted_depth_m": "wanted depth at the blade",
-}
-"""Further infos of a cut whose depth is an action."""
-DEPTH_HIDDEN = {"floor_depth_m": "depth of the cut at the tip", "layer_m": "depth of the layer below"}
-"""Further infos of such a cut that only the simulator knows."""
+INTERVENED = {"is_intervention": "1 where a person led the blade since the last decision"}
+"""Further infos of a cut under :class:`cutenv.envs.SharedControl`."""
 ESTIMATED = {"tip_estimate_m": "crack tip, as a rig estimates it from the force"}
 """Further infos of a recorded cut."""
 
@@ -89,7 +83,7 @@ class Demonstration:
 
 
 def simulated(env: gymnasium.Env[Any, Any], policy: Policy, seed: int) -> Demonstration:
-    """Let a policy cut the specimen of ``seed``."""
+    """Let a policy cut the specimen of ``seed``; under shared control, the actions are those carried out."""
     observation, info = env.reset(seed=seed)
     policy.reset(np.random.default_rng(seed))
     cutting = env.unwrapped.cutting  # type: ignore[attr-defined]
@@ -98,28 +92,24 @@ def simulated(env: gymnasium.Env[Any, Any], policy: Policy, seed: int) -> Demons
     tip = {"tip_m": info["truth"]["tip_m"], "true_force_N": 0.0}
     observations, actions, rewards = [observation], [], []
     start = _at_rest(cutting, env.unwrapped.start_angle)  # type: ignore[attr-defined]
-    infos = [start | tip | _depth_felt(observation, info)]
+    task = "" if env.spec is None else env.spec.id
+    infos = [start | tip | added_infos(task, observation, info) | _intervened(info)]
     ended = False
     while not ended:
         action = policy(observation)
         observation, reward, ended, _, info = env.step(action)
         observations.append(observation)
-        actions.append(action)
+        actions.append(info.get("action", action))
         rewards.append(float(reward))
         tip = {"tip_m": info["truth"]["tip_m"], "true_force_N": cutting.readings["true_force"][-1]}
-        infos.append(_felt(cutting) | tip | _depth_felt(observation, info))
+        infos.append(_felt(cutting) | tip | added_infos(task, observation, info) | _intervened(info))
     target = info["truth"]["target_length_m"]
     return _joined(observations, actions, rewards, True, infos, seed, {"target_length_m": target})
 
 
-def _depth_felt(observation: np.ndarray, info: dict[str, Any]) -> dict[str, float]:
-    """Return :data:`DEPTH_FELT` and :data:`DEPTH_HIDDEN`; nothing where depth is no action."""
-    if len(observation) == len(COMPONENTS):
-        return {}
-    felt = zip(DEPTH_COMPONENTS, observation[len(COMPONENTS) :].tolist(), strict=True)
-    seen = {one.name: value * one.scale for one, value in felt}
-    shown = zip(DEPTH_FELT, ("vertical", "blade_depth", "wanted"), strict=True)
-    return {name: seen[component] for name, component in shown} | {name: info["truth"][name] for name in DEPTH_HIDDEN}
+def _intervened(info: dict[str, Any]) -> dict[str, float]:
+    """Return :data:`INTERVENED`; nothing without shared control."""
+    return {"is_intervention": float(info["is_intervention"])} if "is_intervention" in info else {}
 
 
 def recorded(

@@ -19,9 +19,9 @@ from cutenv.envs import set_cores
 from cutenv.envs.learned_tasks import TASKS
 from cutenv.learning.batched_rollout import batched_rollout
 from cutenv.policy import BASELINES, SHIPPED, ArrayPolicy, Policy, PrivilegedPolicy, named_policy
-from cutenv.policy.depth_scripts import DEPTH_SCRIPTS
 
 _BATCH, _SMALL_BATCH = 200, 100  # cuts simulated together; fewer where all readings are kept, or a policy is copied
+_OTHERS = {key: one for key, one in TASKS.items() if key != "gentle"}
 _FEWEST = 2000  # cuts, below which starting processes takes longer than they save
 
 
@@ -146,7 +146,7 @@ def evaluate(
 
 
 def contestant(name: str) -> Contestant:
-    """Return the baseline, script of the depth or shipped policy of that name, or the one in that folder.
+    """Return the baseline, script of another task or shipped policy of that name, or the one in that folder.
 
     Its arguments have "task" if it is not for gentle cutting.
 
@@ -157,14 +157,15 @@ def contestant(name: str) -> Contestant:
     """
     if name in BASELINES:
         return Contestant(BASELINES[name]())
-    if name in DEPTH_SCRIPTS:
-        return Contestant(DEPTH_SCRIPTS[name](), {"task": "depth"})
+    for key, one in _OTHERS.items():
+        if name in one.scripts:
+            return Contestant(one.teachers[name](), {"task": key})
     if name in SHIPPED or Path(name).is_dir():
         policy = named_policy(name)
         task = next((key for key, one in TASKS.items() if one.id == policy.card.environment), "gentle")
         return Contestant(policy, policy.environment_arguments | ({} if task == "gentle" else {"task": task}))
     raise ValueError(
         f"{name!r} is neither a baseline nor a folder nor shipped; baselines: all, {', '.join(BASELINES)}; "
-        f"scripts of the depth: {', '.join(DEPTH_SCRIPTS)}; "
-        f"shipped: {', '.join(SHIPPED)}"
+        + "".join(f"scripts of task {key}: {', '.join(one.scripts)}; " for key, one in _OTHERS.items())
+        + f"shipped: {', '.join(SHIPPED)}"
     )

@@ -12,6 +12,7 @@ import numpy as np
 from cutenv._base.arrays import StructArray
 from cutenv.plant.protocol import recorded_trace
 from cutenv.scoring import METRICS, Truth, score
+from cutenv.task.gentle_cutting import ShownDepth
 from cutenv.tissue.grid import SPACING
 
 METRIC_PREFIX = "metric_"
@@ -46,6 +47,8 @@ class FinishedCut:
         Depth [m], as measured beforehand [m], and fracture resistance [J/m2] of the specimen along the line.
     further : mapping of str to float
         Scores that the task adds.
+    shown_depth : ShownDepth, optional
+        Depth of the cut for a picture, of a task with a third axis.
     """
 
     seed: int
@@ -61,6 +64,7 @@ class FinishedCut:
     measured_depth: np.ndarray
     resistance: np.ndarray
     further: Mapping[str, float] = field(default_factory=dict)
+    shown_depth: ShownDepth | None = None
 
     def scores(self) -> dict[str, Any]:
         """Return the scores that follow from the task and from the hidden state."""

@@ -21,16 +21,22 @@ from numpy.typing import NDArray
 
 import cutenv
 from cutenv.envs.learned_tasks import task_of
-from cutenv.learning.demonstration import DEPTH_FELT, FELT, Demonstration
+from cutenv.learning.added_infos import ADDED
+from cutenv.learning.demonstration import FELT, INTERVENED, Demonstration
 from cutenv.learning.minari_datasets import ACTIONS
 from cutenv.policy.trained import observation_scaling
 from cutenv.recording.optional_import import optional_import
 
-FORMAT = "v3.0"
+LEROBOT_FORMAT = "v3.0"
 """Version of LeRobot's format that is written."""
 INSTRUCTION = "Cut the slice of liver gently to the target length, and unload the blade there."
 """Task of every cut in words, as LeRobot gives it to policies that read."""
-_MEASURED = tuple(name for name in (*FELT, *DEPTH_FELT) if name not in ("time_s", "is_success"))
+_MEASURED = tuple(
+    name
+    for name in (*FELT, *(name for one in ADDED.values() for name in one.felt))
+    if name not in ("time_s", "is_success")
+)
+_ELSEWHERE = (*_MEASURED, "time_s", "is_success", *INTERVENED)
 _FRAMES_IN_FILE, _FILES_IN_CHUNK, _MEGABYTES = (
     200_000,
     1000,
@@ -124,7 +130,7 @@ def _episodes(demonstrations: Sequence[Demonstration], rate: float) -> list[Colu
     for number, cut in enumerate(demonstrations):
         n = len(cut.rewards)
         infos = {name: values[:-1] for name, values in cut.infos.items()}
-        hidden = [name for name in infos if name not in (*_MEASURED, "time_s", "is_success")]
+        hidden = [name for name in infos if name not in _ELSEWHERE]
         measured = [infos[name] for name in _MEASURED if name in infos]
         episodes.append(
             {
@@ -142,6 +148,8 @@ def _episodes(demonstrations: Sequence[Demonstration], rate: float) -> list[Colu
                 "task_index": np.zeros(n, np.int64),
             }
         )
+        if "is_intervention" in cut.infos:
+            episodes[-1]["complementary_info.is_intervention"] = cut.infos["is_intervention"][1:] == 1.0
         before += n
     return episodes
 
@@ -153,7 +161,7 @@ def _features(episode: Columns, keywords: Mapping[str, Any], cut: Demonstration)
         "observation.state": [name for name in _MEASURED if name in cut.infos],
         "observation.environment_state": [each["name"] for each in observation_scaling(task.id)],
         "action": list(task.single.action_names),
-        "info": [name for name in cut.infos if name not in (*_MEASURED, "time_s", "is_success")],
+        "info": [name for name in cut.infos if name not in _ELSEWHERE],
     }
     kinds = {"f": "float32", "i": "int64", "b": "bool"}
     return {
@@ -241,7 +249,7 @@ def _info(
     task, _ = task_of(dict(keywords))
     rate = float(keywords["control_hz"])
     return {
-        "codebase_version": FORMAT,
+        "codebase_version": LEROBOT_FORMAT,
         "robot_type": "cutenv",
         "total_episodes": len(episodes),
         "total_frames": sum(len(episode["index"]) for episode in episodes),

@@ -21,12 +21,12 @@ from tqdm import tqdm
 import cutenv
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.envs.learned_tasks import task_of
+from cutenv.learning.added_infos import ADDED
 from cutenv.learning.demonstration import (
-    DEPTH_FELT,
-    DEPTH_HIDDEN,
     ESTIMATED,
     FELT,
     HIDDEN,
+    INTERVENED,
     Demonstration,
     recorded,
     simulated,
@@ -44,9 +44,8 @@ if TYPE_CHECKING:
 ACTIONS = (
     "target speed: 0 within 0.25, 2.54 cm/s at 1",
     "(target angle - 67.5 deg) / 22.5 deg",
-    "descent speed: 0 within 0.1, 10 mm/s down at 1",
 )
-"""Meaning of the numbers of an action; the third where depth is one."""
+"""Meaning of the numbers of an action."""
 _UNSET = "`(author|author_email|code_permalink|eval_env)` is set to None"  # Minari warns of each
 
 
@@ -155,7 +154,7 @@ def write(
     ]
     task, own = task_of(keywords)
     env = gymnasium.make(task.id, **own)
-    of_depth = task.id != ENVIRONMENT
+    added = ADDED.get(task.id)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=_UNSET)
         dataset = create_dataset_from_buffers(
@@ -173,9 +172,10 @@ def write(
                 "source": source,
                 "infos": FELT
                 | (HIDDEN if is_simulated else ESTIMATED)
-                | (DEPTH_FELT | DEPTH_HIDDEN if of_depth else {}),
+                | ({} if added is None else added.meanings)
+                | (INTERVENED if "is_intervention" in demonstrations[0].infos else {}),
                 "observations": observation_scaling(task.id),  # value = number x scale + offset
-                "actions": list(ACTIONS[: len(task.single.action_names)]),
+                "actions": [*ACTIONS, *([] if added is None else [added.action])],
                 "actions_are": "commands" if is_simulated else "motion of the blade until the next decision",
             }
         }

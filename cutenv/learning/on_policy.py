@@ -105,7 +105,7 @@ def clone_of(policy: Any) -> Callable[[np.ndarray], np.ndarray]:
 
     def clone(shown: np.ndarray) -> np.ndarray:
         with torch.no_grad():
-            actions: np.ndarray = policy.action_for(torch.as_tensor(shown)).numpy()
+            actions: np.ndarray = policy.action_for(torch.as_tensor(shown)).numpy().clip(-1.0, 1.0)
         return actions
 
     return clone

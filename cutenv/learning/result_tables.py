@@ -11,8 +11,6 @@ from cutenv._base.atomic_file import atomic_write
 
 SHOWN = ("return", "success", "tip_error_mm", "peak_force_N", "largest_jump_mm", "time_s")
 """Scores in printed tables."""
-DEPTH_SHOWN = ("return", "success", "mean_error_mm", "layer_mm", "peak_force_N", "time_s")
-"""Scores in printed tables of cuts along a wanted depth."""
 
 
 def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:

@@ -7,15 +7,14 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from cutenv.envs.gentle_cut import GentleCutEnv
-from cutenv.learning.batched_rollout import batched_rollout
-from cutenv.learning.depth_report import compare_depth
 from cutenv.learning.evaluation import Contestant, contestant, evaluate
 from cutenv.learning.result_tables import SHOWN, print_differences, print_table, read_rows, write_csv
+from cutenv.learning.run_page import chosen_at, cut_picture, shown_facts, typical
 from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.learning.statistics import best_script, differences, summarise
+from cutenv.learning.task_report import compare_task
 from cutenv.policy import BASELINES, CONSTANT_FEEDS, NULL_POLICIES, ORACLE, SCRIPTS, RandomAction
-from cutenv.report import CutPicture, TrainingResult, draw_cut, training_headline, write_training_page
+from cutenv.report import TrainingResult, draw_cut, training_headline, write_training_page
 
 _TEXTS = ("policy", "specimen_class", "end")
 _MORE = 20  # times as many specimens for agent and best scripts, so that chance does not hide their differences
@@ -26,7 +25,7 @@ def compare(
 ) -> None:
     """Evaluate the agent of a run and all baselines; write and print the scores, draw a cut, write the page.
 
-    The report of a run on another task has tables alone: :func:`~cutenv.learning.depth_report.compare_depth`.
+    The report of a run on another task is that of :func:`~cutenv.learning.task_report.compare_task`.
 
     Parameters
     ----------
@@ -45,10 +44,11 @@ def compare(
         If the other run is on other specimens, or the task has other baselines.
     """
     arguments, agent = facts["arguments"], facts["agent"]
-    if arguments.get("task") == "depth":
+    task = arguments.get("task", "gentle")
+    if task != "gentle":
         if baselines_of is not None:
-            raise ValueError(f"{run} is of task depth, whose baselines are not reused; leave out --baselines-of.")
-        compare_depth(run, facts, processes=processes)
+            raise ValueError(f"{run} is of task {task}, whose baselines are not reused; leave out --baselines-of.")
+        compare_task(run, facts, processes=processes)
         return
     learned = {agent: run / "policy"}
     if (run / "untrained" / "card.json").is_file():
@@ -97,8 +97,6 @@ def compare(
         title=f"{agent} on held-out specimen {seed}: {cuts[0].caption}",
     )
     curve = read_rows(run / "learning_curve.csv")
-    validated = [point for point in curve if "validation_return" in point]
-    chosen = max(validated, key=lambda point: point["validation_return"], default=None)
     result = TrainingResult(
         title=f"Learning to cut gently: {run.name}",
         subtitle=f"{agent} on simulated slices of measured liver, class {arguments['specimen_class']}",
@@ -112,7 +110,7 @@ def compare(
         grid=grid_rows(summary),
         cuts=cuts,
         curve=curve,
-        chosen_at=None if chosen is None else int(chosen["decisions"]),
+        chosen_at=chosen_at(curve),
     )
     write_training_page(run / "report.html", result)
     print(f"\n{training_headline(result)[2]}")
@@ -140,28 +138,6 @@ def known_rows(path: Path, policies: Sequence[str], seeds: Sequence[int]) -> lis
     return result
 
 
-def typical(rows: Sequence[Mapping[str, Any]], seeds: Sequence[int], agent: str) -> int:
-    """Return the specimen on which the agent's return is its median: neither a good nor a bad example."""
-    own = sorted((row["return"], row["seed"]) for row in rows if row["policy"] == agent)
-    assert len(own) == len(seeds)
-    return int(own[len(own) // 2][1])
-
-
-def cut_picture(name: str, one: Contestant, seed: int, shared: Mapping[str, Any]) -> CutPicture:
-    """Let a policy cut a specimen, for a picture."""
-    arguments = {**shared, **one.arguments}
-    (cut,) = batched_rollout(one.policy, [seed], arguments, readings=True)
-    scores = cut.scores()
-    return CutPicture(
-        policy=name,
-        caption=f"{scores['end']}, return {scores['return']:.2f}, tip error {scores['tip_error_mm']:.1f} mm",
-        readings=cut.readings,
-        depth=cut.depth,
-        target_length=cut.truth["target_length_m"],
-        force_limit_per_depth=GentleCutEnv(**arguments).force_limit_per_depth,
-    )
-
-
 def grid_rows(summary: Sequence[Mapping[str, Any]]) -> list[dict[str, float]]:
     """Return the table of return and success of every constant feed."""
     values = {(row["policy"], row["score"]): row for row in summary}
@@ -174,27 +150,3 @@ def grid_rows(summary: Sequence[Mapping[str, Any]]) -> list[dict[str, float]]:
         }
         for name, (speed, angle) in CONSTANT_FEEDS.items()
     ]
-
-
-def shown_facts(facts: Mapping[str, Any]) -> dict[str, str]:
-    """Return the facts about a run that its page shows."""
-    arguments = facts["arguments"]
-    result = {
-        "specimen class": arguments["specimen_class"],
-        "held-out specimens": str(arguments["specimens"]),
-        "seed": str(arguments["seed"]),
-        "decisions": f"{arguments['timesteps' if 'timesteps' in arguments else 'demonstrations']:,}".replace(",", " "),
-        "environment": facts["environment"],
-        "commit": facts["commit"] or "unknown",
-    }
-    if "dataset" in facts.get("taught_by", {}):
-        data = facts["taught_by"]
-        result["taught by"] = f"data set {data['dataset']}: {data['cuts']} cuts by {data['source']}"
-    if "training_minutes" in facts:
-        result["training took"] = f"{facts['training_minutes']} minutes"
-    if facts.get("level_with_script_after_s") is not None:
-        result["level with its teacher after"] = f"{facts['level_with_script_after_s']:.0f} s"
-    if "environments_share" in facts:
-        result["of that, the environments"] = f"{100.0 * facts['environments_share']:.0f} %"
-    result |= {f"seeds of {name}": f"{first} to {last}" for name, (first, last) in facts["seeds"].items()}
-    return result | {f"{name} version": version for name, version in facts["versions"].items()}

@@ -10,6 +10,8 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from cutenv._base.validation import in_range
+from cutenv.measurement.layer_fit import LayerFit
+from cutenv.measurement.layered_cuts import in_layers
 from cutenv.measurement.loading_ratio import LoadingRatio
 from cutenv.measurement.loading_ratio import loading_ratio as liver_loading_ratio
 from cutenv.measurement.measured_cut import MeasuredCut, by_specimen, measure_cut, named
@@ -64,6 +66,8 @@ def calibrate(
     resamples: int = RESAMPLES,
     seed: int = 0,
     progress: ProgressBar[Any] | None = None,
+    boundary: float | None = None,
+    capsule_thickness: float | None = None,
 ) -> TissueDescription:
     """Make one tissue description from a set of records.
 
@@ -83,6 +87,9 @@ def calibrate(
         Seed of the bootstrap.
     progress : callable, optional
         Wraps the sequence of records while they are measured, as ``tqdm`` does.
+    boundary, capsule_thickness : float, optional
+        Depth of a layer below, and thickness of a capsule [m], where they are known; for records with height, see
+        :func:`cutenv.measurement.layered_cuts.find_layers`.
 
     Returns
     -------
@@ -102,7 +109,8 @@ def calibrate(
     check_resamples(resamples)
     model = model or CutModel()
     cuts, refused = measure_cuts(traces, model, progress=progress)
-    return tissue_of(cuts, model, name=name, resamples=resamples, seed=seed, refused=refused)
+    cuts, layers = in_layers(cuts, traces, model, boundary=boundary, capsule_thickness=capsule_thickness)
+    return tissue_of(cuts, model, name=name, resamples=resamples, seed=seed, refused=refused, layers=layers)
 
 
 def measure_cuts(
@@ -185,6 +193,7 @@ def tissue_of(
     resamples: int = RESAMPLES,
     seed: int = 0,
     refused: Sequence[RefusedRecord] = (),
+    layers: LayerFit | None = None,
 ) -> TissueDescription:
     """Combine measured cuts into a tissue description; see :func:`calibrate`."""
     check_resamples(resamples)
@@ -224,9 +233,10 @@ def tissue_of(
         calibration=TissueCalibration(
             cuts=len(cuts),
             specimens=len(by_specimen(list(cuts))),
-            evidence=tuple(evidence),
-            notes=tuple(_notes(cuts, refused, model, found)),
+            evidence=(*evidence, *(() if layers is None else layers.evidence)),
+            notes=(*_notes(cuts, refused, model, found), *(() if layers is None else layers.notes)),
         ),
+        layers=None if layers is None else layers.layers,
         **numbers,
     )
     return as_material(tissue)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from cutenv._base.arrays import Array
-from cutenv.measurement.depth import DepthProfile
+from cutenv.measurement.depth import DepthProfile, with_blade_depth
 from cutenv.measurement.fracture import FractureEstimate, estimate_fracture_resistance
 from cutenv.measurement.initiation import Hilltop, InitiationEstimate, hilltops, initiation_at
 from cutenv.measurement.loading_ratio import LoadingRatio, loading_ratio
@@ -20,12 +20,14 @@ from cutenv.measurement.stiffness import unit_stiffness
 from cutenv.measurement.strokes import strokes
 from cutenv.measurement.zero import zeroed
 from cutenv.tissue.cut_model import CutModel
+from cutenv.tissue.layers import Layers, layered_depth
 from cutenv.tissue.slab import effective_depth
 from cutenv.trace import Trace
 
 SPECIMEN_KEY = "specimen"
 """Key in a trace's metadata for the piece of tissue (for example a liver); cuts of the same name share it."""
 
+_FARTHEST_TIP, _SAME_DEPTH = 0.008, 1e-3  # [m] of the tip behind the blade; [m] by which the depth may change there
 _DEPTH_EVERY = 0.5e-3  # [m] along the cut: a depth profile is smooth
 
 
@@ -55,6 +57,12 @@ class MeasuredCut:
         Depth of the cut every 0.5 mm.
     ramps, tops : list
         Loading segments and hilltops, which do not depend on the loading ratio.
+    layers : Layers
+        Layers of the tissue over the depth, where they are known; default one tissue throughout.
+    unloaded : float or None
+        Modulus of the material from all ways back of a cut in steps of depth [Pa].
+    surface : DepthProfile or None
+        Depth of cut of a blade at height 0, every 0.5 mm; None for a record without height, of which it is ``depth``.
     """
 
     trace: Trace
@@ -69,6 +77,9 @@ class MeasuredCut:
     depth: DepthProfile
     ramps: list[Segment]
     tops: list[Hilltop | None]
+    layers: Layers = field(default_factory=Layers)
+    unloaded: float | None = None
+    surface: DepthProfile | None = None
 
     @property
     def flags(self) -> tuple[str, ...]:
@@ -78,6 +89,8 @@ class MeasuredCut:
     def unloading_modulus(self, model: CutModel) -> float | None:
         """Return the material's modulus at the tip from the elastic way back [Pa], without growth; else None."""
         back = self.return_stroke
+        if self.unloaded is not None:
+            return self.unloaded
         if back is None or back.stiffness == 0.0 or back.tip > model.length:
             return None
         return back.stiffness / float(unit_stiffness(back.tip, self.depth, model))
@@ -89,7 +102,11 @@ class MeasuredCut:
         A local effective modulus is per depth of cut; in a slab that is not cut through it is higher.
         """
         depth = self.depth.at(self.moduli.position)
-        return np.asarray(self.moduli.modulus * depth / effective_depth(self.moduli.position, depth))
+        effective = effective_depth(self.moduli.position, depth)
+        if self.layers != Layers():
+            pairs = zip(depth.tolist(), effective.tolist(), strict=True)
+            effective = np.array([layered_depth(self.layers, *pair) for pair in pairs])
+        return np.asarray(self.moduli.modulus * depth / effective)
 
     @property
     def material_modulus(self) -> float:
@@ -139,20 +156,24 @@ def measure_cut(
     by = "measure_cut"
     trace.require_newtons(by=by)
     trace.require("position", "angle", "depth", by=by)
-    trace, _ = zeroed(trace)
+    surface = None if trace.height is None else _thinned(DepthProfile.recorded(trace, by=by))
+    trace, _ = zeroed(with_blade_depth(trace))
     fracture = estimate_fracture_resistance(trace, loading_ratio=ratio)
     back = fracture.return_stroke
     depth = _thinned(DepthProfile.recorded(trace, by=by))
     friction = fracture.friction_per_depth
     elastic = elastic_record(trace, depth, friction)
     ramps = loading_segments(elastic)
+    if surface is not None:
+        ramps = [ramp for ramp in ramps if _at_one_depth(ramp, trace, depth)]
     moduli = moduli_of(ramps, depth, model, ratio, friction_per_depth=friction)
     if not len(moduli) and back is None:
         raise ValueError(
             f"it has no return stroke, and none of its {len(ramps)} loading segments is steady: the force must rise "
             "and drop again several times at one speed. Cut farther, or slower, or record the way back."
         )
-    tops = hilltops(elastic, ramps)
+    # Between ramps at one depth lie others: no unit is hilltop to hilltop in a record with height.
+    tops: list[Hilltop | None] = hilltops(elastic, ramps) if surface is None else [None for _ in ramps]
     return MeasuredCut(
         trace=trace,
         name=name,
@@ -166,6 +187,7 @@ def measure_cut(
         depth=depth,
         ramps=ramps,
         tops=tops,
+        surface=surface,
     )
 
 
@@ -197,6 +219,14 @@ def _speed(trace: Trace) -> float:
     """Return the median speed of the forward strokes [m/s]."""
     forward = [trace.blade_speed[stroke.samples] for stroke in strokes(trace) if stroke.forward]
     return float(np.median(np.concatenate(forward)))
+
+
+def _at_one_depth(ramp: Segment, trace: Trace, depth: DepthProfile) -> bool:
+    """Return True if the depth hardly changes from the tip, as far back as it may be, to the end of a ramp."""
+    position, _ = trace.require("position", "depth", by="measure_cut")
+    x = position[ramp.samples]
+    behind = np.linspace(max(float(x.min()) - _FARTHEST_TIP, float(position[0])), float(x.max()), 50)
+    return float(np.ptp(depth.at(behind))) <= _SAME_DEPTH
 
 
 def _thinned(depth: DepthProfile) -> DepthProfile:

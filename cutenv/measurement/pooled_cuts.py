@@ -93,7 +93,7 @@ class PooledCuts:
         self.ramps = Places([cut.moduli.position for cut in cuts])
         self.tops = Places([cut.initiation.position for cut in cuts])
         first = [float(cut.moduli.position.min()) if len(cut.moduli) else 0.0 for cut in cuts]
-        self.depth = fit_bulge([cut.depth for cut in cuts], first)
+        self.depth = fit_bulge([cut.surface or cut.depth for cut in cuts], first)
         self.length: float | None = None
         if len(cuts) < FEWEST_FOR_CORRELATION:
             self.length = measured_liver().correlation_length

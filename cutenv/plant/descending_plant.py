@@ -6,7 +6,7 @@ import numpy as np
 
 from cutenv._base.arrays import Array, StructArray
 from cutenv._base.validation import in_range
-from cutenv.cutting.descending_cut import account_of_descending, hold_descending
+from cutenv.cutting.descending_cut import HIGHEST, LOWEST, account_of_descending, hold_descending
 from cutenv.cutting.descent import DescentParameters, descent_records, layered_profiles
 from cutenv.cutting.drive import Drive, Rig
 from cutenv.cutting.dtypes import READING, new_state
@@ -26,7 +26,7 @@ class DescendingPlant:
     specimen : Specimen
         The tissue to cut.
     layers : Layers, optional
-        Its layers over the depth; default one tissue throughout.
+        Its layers over the depth; default those of its tissue, where they were measured, or one tissue throughout.
     drive : Rig, optional
         Drive along the cut.
     sensor : SensorParameters, optional
@@ -39,6 +39,10 @@ class DescendingPlant:
         Random key of the sensor's noise.
     angle : float
         Angle at the start [rad].
+    depth : array of shape (301,), optional
+        Depth of cut at level 0 as a lab has measured it beforehand [m]; default the true one.
+    level : float
+        Level of the blade at the start [m], upwards, -0.025 to 0.025.
 
     Attributes
     ----------
@@ -62,12 +66,17 @@ class DescendingPlant:
         seed: int = 0,
         episode: int = 0,
         angle: float = ANGLE_RANGE[1],
+        depth: Array | None = None,
+        level: float = 0.0,
     ) -> None:
         check_angle(angle)
+        in_range("level", level, LOWEST, HIGHEST, "m", "5 mm below level 0 is -0.005.")
         self.specimen = specimen
-        self.depth = specimen.depth
+        self.depth = specimen.depth if depth is None else depth
         self._slab = specimen.tissue.slab()
-        self.descents = descent_records([specimen], layers, descent)
+        self.descents = descent_records([specimen], layers or specimen.tissue.layers, descent)
+        self.descents["level"] = self.descents["settled"] = self.descents["engaged"] = level
+        self.descents["floor"][:, 0] = level
         self.cuts = Physics(
             new_state(1, angle),
             layered_profiles(self.descents, self._slab),

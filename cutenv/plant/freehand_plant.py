@@ -48,7 +48,8 @@ class FreehandPlant(SteeredPlant):
     line : CutLine, optional
         Line beside which the blade is led, by default the axis of the slab; the cut begins where it does.
     model : SteeredModel, optional
-        Model of the slab, with earlier cuts if it has any; by default a new one with elements of 5 mm.
+        Model of the slab, with earlier cuts if it has any, which is copied; by default a new one with elements of
+        5 mm.
     background : bool
         Whether the model is solved in a second thread, while the force comes from the last stiffness.  What is cut
         then depends on the speed of the machine; without it, it is the same at every run.
@@ -76,20 +77,21 @@ class FreehandPlant(SteeredPlant):
         in_range("line.y at its start", line.y[0], -_SIDE, _SIDE, "m", "Begin within the slab, away from its sides.")
         super().__init__(specimen, line, **arguments)
         tissue = specimen.tissue
-        self.model = model or SteeredModel(formulation=tissue.formulation, poisson=tissue.poisson)
+        self.model = (
+            SteeredModel(formulation=tissue.formulation, poisson=tissue.poisson) if model is None else model.copy()
+        )
         self.end: str | None = None
         self._noted = (float(line.x[0]), float(line.y[0]))
         self._way: list[tuple[float, float, float]] = []
         self._solver = ThreadPoolExecutor(1, "model") if background else None
         self._growing: Future[_Grown] | None = None
-        grid = np.arange(N_POINTS) * SPACING
+        self._grid = np.arange(N_POINTS) * SPACING
         self._own: Array = specimen.stiffness()
         self._straight = CutModel(formulation=tissue.formulation, poisson=tissue.poisson)
         self._ratios = np.empty((N_POINTS, 2, 2))
         self._frames = np.moveaxis(
             np.array([[np.cos(line.angle), -np.sin(line.angle)], [np.sin(line.angle), np.cos(line.angle)]]), -1, 0
         )
-        self._grid = grid
         self.steerings["reach"], self.steerings["side"] = WIDTH, _SIDE
         self.model.begin(self._noted, float(line.angle[0]))
         self._take(self._looked_ahead(), 0)
@@ -100,8 +102,12 @@ class FreehandPlant(SteeredPlant):
 
         Returns and raises as :meth:`SteeredPlant.advance <cutenv.plant.SteeredPlant.advance>`.
         """
+        if ticks <= _CHUNK:
+            told = super().advance(speed, angle, ticks, turn_rate)
+            self._follow()
+            return told
         readings, lateral = [], []
-        for start in range(0, max(ticks, 1), _CHUNK):
+        for start in range(0, ticks, _CHUNK):
             readings.append(super().advance(speed, angle, min(_CHUNK, ticks - start), turn_rate))
             lateral.append(self.lateral_force)
             self._follow()
@@ -120,6 +126,22 @@ class FreehandPlant(SteeredPlant):
     def cut(self) -> Array:
         """Places of the cut in the model, from its beginning to the last node it passed, shape (n, 2) [m]."""
         return self.model.path
+
+    def displaced(self, opening: float = 0.0) -> list[Array]:
+        """Return the outlines of the model's elements, each of shape (3 or 4, 2) [m]: the tip moved with the blade.
+
+        Parameters
+        ----------
+        opening : float
+            Distance by which the faces of cuts are drawn apart, far from their ends [m].
+        """
+        self.settle()
+        c, s = math.cos(self.model.angle), math.sin(self.model.angle)
+        frame = np.array([[c, -s], [s, c]])
+        lag = np.subtract(self.blade, self.tip)
+        if frame[:, 0] @ lag < 0.0:  # behind the tip the blade holds nothing
+            lag = np.zeros(2)
+        return self.model.outlines(frame @ self.model.stiffness @ frame.T @ lag, opening)
 
     def _follow(self) -> None:
         """Note where the tip is, and let the model grow there."""

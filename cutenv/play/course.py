@@ -15,7 +15,7 @@ from cutenv._base.unit_table import Unit, shown_unit
 from cutenv._base.validation import in_range, one_of
 from cutenv.play.course_words import course_words
 from cutenv.recording.provenance import check_operator
-from cutenv.scoring import METRICS, ScoreCard
+from cutenv.scoring import DEPTH_METRICS, METRICS, ScoreCard
 from cutenv.scoring.score_card import whole_score
 from cutenv.tissue.specimen import CLASSES
 
@@ -66,7 +66,7 @@ class MarkedMetric:
 
 def _marked_metrics() -> dict[str, MarkedMetric]:
     marked = {_SCORE: MarkedMetric(name=_SCORE, unit=Unit("1", "1"), more=True)}
-    for name, metric in METRICS.items():
+    for name, metric in {**METRICS, **DEPTH_METRICS}.items():
         unit = shown_unit(metric.unit.replace("F", "N"))
         suffix = "" if unit.sign == "1" else "_" + unit.sign.replace("/", "_per_").replace(" ", "_")
         if metric.direction != "none":
@@ -88,6 +88,8 @@ class CourseTask:
         Name, which no other task of the course has.
     specimen_class : str
         "uniform", "liver", "vascular" or "mixed".
+    task : {"gentle", "depth"}
+        "depth": the blade also moves up and down, and a depth is wanted.
     feedback : str
         One of :data:`FEEDBACK`.
     repetitions : int
@@ -104,6 +106,7 @@ class CourseTask:
 
     name: str
     specimen_class: str
+    task: str = "gentle"
     feedback: str = "always"
     repetitions: int = 1
     mark: Mapping[str, float] = field(default_factory=dict)
@@ -131,6 +134,11 @@ class Course:
     name: str
     about: str
     tasks: tuple[CourseTask, ...]
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Tasks that are cut in it, "gentle" and "depth", each once."""
+        return tuple(dict.fromkeys(task.task for task in self.tasks))
 
     def for_operator(self, operator: str) -> Course:
         """Return the course as one person goes through it: a crossover's feedback exchanged for an even number.
@@ -213,6 +221,9 @@ def _task(number: int, given: Mapping[str, Any]) -> CourseTask:
         if "specimen_class" not in given:
             raise ValueError(f"specimen_class is missing. Give one of {', '.join(CLASSES)}.")
         _text("name", given)
+        for key in given.get("mark", {}) if given.get("task", "gentle") == "gentle" else ():
+            if key in MARKED_METRICS and MARKED_METRICS[key].name in DEPTH_METRICS:
+                raise ValueError(f'mark {key} is of cuts along a wanted depth. Write task = "depth", or leave it out.')
         return CourseTask(**{_FIELDS.get(key, key): _TASK_KEYS[key](given[key]) for key in given})
     except (TypeError, ValueError) as error:
         raise ValueError(f"task {number}{called}: {error}") from None
@@ -270,6 +281,7 @@ def _crossover(value: Any) -> bool:
 _FIELDS = {"target_length_mm": "target_length"}
 _TASK_KEYS: Mapping[str, Callable[[Any], Any]] = {
     "name": str.strip,
+    "task": lambda value: one_of("task", value, ("gentle", "depth")),
     "specimen_class": lambda value: one_of("specimen_class", value, CLASSES),
     "feedback": lambda value: one_of("feedback", value, FEEDBACK),
     "repetitions": lambda value: _whole("repetitions", value, 1, 1000, "Give how many cuts."),

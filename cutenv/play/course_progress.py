@@ -111,7 +111,8 @@ class CourseProgress:
         so_far = course_words(language, "so far", done=self._in_row(task), times=task.repetitions) if many else ""
         force = course_words(language, task.feedback)
         facts = {"number": number, "count": count, "name": task.name, "so_far": so_far, "force": force}
-        return course_words(language, "ahead", demand=task.demand(language), **facts)
+        said = course_words(language, "ahead", demand=task.demand(language), **facts)
+        return said if task.task == "gentle" else f"{said} {course_words(language, 'along a depth')}"
 
     def _is_ours(self, facts: dict[str, Any]) -> bool:
         named = (facts.get("course"), facts.get("operator"))

@@ -10,6 +10,7 @@ from cutenv._base.validation import in_range
 from cutenv.cutting.dtypes import TICK
 from cutenv.play.hand_model import FASTEST
 from cutenv.play.haptics import Stylus
+from cutenv.task.depth_terms import DESCENT_SCALE
 from cutenv.tissue.specimen import LENGTH, SPACING
 
 _UPRIGHT, INCLINED = math.pi / 2, math.pi / 4
@@ -33,6 +34,17 @@ def _within_travel(position: float) -> float:
 
 def _within_angles(angle: float) -> float:
     return min(max(angle, INCLINED), _UPRIGHT)
+
+
+def _within_reach(level: float) -> float:
+    return min(max(level, -LEVEL_REACH), LEVEL_REACH)
+
+
+def _beyond_slack(name: str, stick: float) -> float:
+    """Return how far a stick is held beyond what is ignored around its middle, -1 to 1."""
+    held = in_range(name, stick, -1.01, 1.01, "1", "Axes of a gamepad reach from -1 to 1.")
+    slack = max(abs(held) - STICK_DEAD_ZONE, 0.0) / (1.0 - STICK_DEAD_ZONE)
+    return math.copysign(min(slack, 1.0), held)
 
 
 class MouseDevice:
@@ -62,7 +74,7 @@ class MouseDevice:
     def lower(self, notches: float) -> None:
         """Turn the wheel where the blade's depth is led: toward the person (negative) lowers it, away raises it."""
         moved = LOWERED_BY_NOTCH * in_range("notches", notches, -1e3, 1e3, "1")
-        self.level = min(max(self.level + moved, -LEVEL_REACH), LEVEL_REACH)
+        self.level = _within_reach(self.level + moved)
 
     def read(self) -> Stylus:
         """Return the position of the hand [m], the angle of the blade [rad] and its level [m]."""
@@ -79,20 +91,22 @@ class GamepadDevice:
     """Gamepad whose stick moves the hand, faster the farther it is pushed, and whose trigger leans the blade.
 
     A stick springs back and has 2 cm of travel: a position on it would be too coarse for a tolerance of 3 mm, so it
-    sets a speed, up to the fastest measured.
+    sets a speed, up to the fastest measured.  A second stick lowers and raises the blade in the same way, as fast as an
+    agent does at most.
     """
 
     coupling = None
 
     def __init__(self) -> None:
         self._position, self._stick, self._trigger = 0.0, 0.0, 0.0
+        self._level, self._second = 0.0, 0.0
 
     def open(self) -> None:
-        """Begin a cut at the clamp."""
-        self._position = 0.0
+        """Begin a cut at the clamp, at the level where the blade stands."""
+        self._position = self._level = 0.0
 
-    def hold(self, stick: float, trigger: float) -> None:
-        """Set stick and trigger from now on.
+    def hold(self, stick: float, trigger: float, second: float = 0.0) -> None:
+        """Set sticks and trigger from now on.
 
         Parameters
         ----------
@@ -100,18 +114,19 @@ class GamepadDevice:
             Position of the stick, -1 (back) to 1 (forward).
         trigger : float
             Position of the trigger, 0 (released, upright) to 1 (pulled, 45 degrees).
+        second : float
+            Position of the second stick, -1 (away from the person: raise) to 1 (toward them: lower).
         """
-        stick = in_range("stick", stick, -1.01, 1.01, "1", "Axes of a gamepad reach from -1 to 1.")
-        slack = max(abs(stick) - STICK_DEAD_ZONE, 0.0) / (1.0 - STICK_DEAD_ZONE)
-        self._stick = math.copysign(min(slack, 1.0), stick)
+        self._stick, self._second = _beyond_slack("stick", stick), _beyond_slack("second", second)
         self._trigger = in_range("trigger", trigger, 0.0, 1.0, "1", "Put an axis of -1 to 1 to 0 to 1.")
 
     def read(self) -> Stylus:
-        """Advance the hand by a millisecond; return its position [m] and the angle of the blade [rad]."""
+        """Advance the hand by a millisecond; return its position [m], and angle [rad] and level [m] of the blade."""
         # The square leaves room for slow cuts near the middle.
         speed = FASTEST * self._stick * abs(self._stick)
         self._position = _within_travel(self._position + speed * TICK)
-        return Stylus(self._position, _UPRIGHT - self._trigger * (_UPRIGHT - INCLINED))
+        self._level = _within_reach(self._level - DESCENT_SCALE * self._second * TICK)
+        return Stylus(self._position, _UPRIGHT - self._trigger * (_UPRIGHT - INCLINED), level=self._level)
 
     def push(self, force: float) -> None:
         """Ignore the force: a gamepad cannot push along the cut, so the force is only seen."""

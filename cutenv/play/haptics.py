@@ -1,31 +1,30 @@
 """Haptic devices: position in, force out, and a coupling that cannot return more energy than it received.
 
 A driver implements the five parts of :class:`HapticDevice` and may be in your own code: pass it to ``Session(device)``
-and ``PlayWindow(session)``. None of these devices was available for testing: the table shows the calls for each part,
-and the tests run the protocol with a scripted device.
+and ``PlayWindow(session)``. Haply's Inverse3 is in :mod:`cutenv.play.inverse3`. None of these devices was available for
+testing: that one was tested against an emulated one. For others, the table shows the calls for each part:
 
-============= =========================== =============================== ==============================
-part          Force Dimension (DHD;       Haply Inverse3                  3D Systems (OpenHaptics HDAPI)
-              ``forcedimension_core``)    (``inverse3`` service, JSON     through ctypes
-                                          over a websocket)
-============= =========================== =============================== ==============================
-``open``      ``dhd.open()``,             connect to                      ``hdInitDevice``,
-              ``dhd.enableForce(True)``   ``ws://localhost:10001``        ``hdEnable(HD_FORCE_OUTPUT)``,
-                                                                          ``hdStartScheduler``
-``read``      ``dhd.getPosition`` [m],    ``cursor_position`` [m]; the    ``hdGetDoublev(``
-              ``dhd.getButton``;          VerseGrip's ``orientation``     ``HD_CURRENT_POSITION)`` [mm!],
-              ``dhd.getOrientationRad``   and ``buttons``                 ``HD_CURRENT_BUTTONS``
-``push``      ``dhd.setForce([f, 0, 0])`` ``set_cursor_force``            ``hdSetDoublev(``
-              [N]                         ``{"x": f, ...}`` [N]           ``HD_CURRENT_FORCE, ...)`` [N]
-``close``     ``dhd.setForce([0, 0, 0])`` force 0, then close the socket  ``hdStopScheduler``,
-              ``dhd.close()``                                             ``hdDisableDevice``
-``coupling``  damping and mass of the     the same                        the same
+============= =========================== =============================================
+part          Force Dimension (DHD;       3D Systems (OpenHaptics HDAPI)
+              ``forcedimension_core``)    through ctypes
+============= =========================== =============================================
+``open``      ``dhd.open()``,             ``hdInitDevice``,
+              ``dhd.enableForce(True)``   ``hdEnable(HD_FORCE_OUTPUT)``,
+                                          ``hdStartScheduler``
+``read``      ``dhd.getPosition`` [m],    ``hdGetDoublev(HD_CURRENT_POSITION)`` [mm!],
+              ``dhd.getButton``           ``HD_CURRENT_BUTTONS``
+``push``      ``dhd.setForce([f, 0, 0])`` ``hdSetDoublev(HD_CURRENT_FORCE, ...)`` [N]
+              [N]
+``close``     ``dhd.setForce([0, 0, 0])`` ``hdStopScheduler``, ``hdDisableDevice``
+              ``dhd.close()``
+``coupling``  damping and mass of the     the same
               data sheet, or measured
-============= =========================== =============================== ==============================
+============= =========================== =============================================
 
 Take one axis of the device along the cut line, measure it from its position when the cut begins, and convert it to SI.
-DHD works in the calling thread; OpenHaptics calls back at 1 kHz in a thread of its own: there, keep the newest position
-and send the newest force, and let ``read`` and ``push`` pass them on. A mouse or a gamepad cannot push.
+OpenHaptics calls back at 1 kHz in a thread of its own: there, keep the newest position and send the newest force, and
+let ``read`` and ``push`` pass them on, as :class:`~cutenv.play.polled_handle.PolledHandle` does. A mouse or a gamepad
+cannot push.
 :class:`~cutenv.play.servo.Servo` runs a session in a thread, a millisecond at a time.
 """
 
@@ -214,6 +213,14 @@ class FeltForce:
         # Energy of the spring at the largest force: by the bound, at least what that force needs.
         softest = max(coupling.stiffness, 1e-3 * coupling.device_damping / coupling.period)
         self._full = 0.5 * coupling.force_limit**2 / softest
+
+    def forget(self) -> None:
+        """Let go and empty the account: the force was held for longer than the period, or not at all for a while.
+
+        What the device's friction took in a longer time is less than the account would reckon.
+        """
+        self.force = self.energy = 0.0
+        self._position = None
 
     def update(self, position: float, blade: float) -> float:
         """Return the force to hold for the next period [N].

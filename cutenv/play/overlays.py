@@ -52,13 +52,15 @@ def draw_ready_card(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
     whose = f"under the code {sight.operator}" if sight.operator else "without a name"
     choices = f"Tissue: {sight.specimen_class} (c: another).   Practice: {practice} (p)."
     course = textwrap.wrap(sight.task, 84) or [choices]
+    pad = "Gamepad: left stick and right trigger; begin with its button A."
     wheel = "The wheel leans the blade, down to 45°, and raises it again."
     if sight.moment.conditions:
+        pad = "Gamepad: left stick, right stick for the depth, right trigger to lean; begin with its button A."
         wheel = "The wheel lowers the blade to the dashed depth, and raises it; with shift it leans the blade."
     lines = (
         ("Move the mouse along the cut: your hand follows, the blade hangs on it.", palette.INK),
         (wheel, palette.INK),
-        ("Gamepad: left stick and right trigger; begin with its button A.", palette.INK),
+        (pad, palette.INK),
         ("Pen or remote desktop: press m if the hand does not move.", palette.INK),
         ("", palette.INK),
         (f"Bring the tip of the cut, which is hidden, to {target:.1f} mm, within 3 mm.", palette.INK),

@@ -167,9 +167,9 @@ class Session:
         """Record of that cut, if there is a folder."""
         self._felt: FeltForce | None = None
         self._task, self._feedback = "", "always"
-        self._prepare()
-        # Compile now, on a cut that is discarded, rather than while the clock of the first one runs.
-        self.cut.tick(self._stylus)
+        # Compile now, on cuts that are discarded, rather than while the clock of the first one runs.
+        for kind in (self.task,) if course is None else course.course.kinds:
+            PLAYED_TASKS[kind]().tick(Stylus(0.0, float(np.pi / 2)))
         self._prepare()
         if folder is not None:
             folder.mkdir(parents=True, exist_ok=True)
@@ -220,6 +220,11 @@ class Session:
             return
         self.practice = not self.practice if practice is None else practice
         self._practised |= self.practice and self.phase in ("countdown", "cutting")
+
+    def forget_force(self) -> None:
+        """Let a device that pushes go for a millisecond, and begin its account of energy anew."""
+        if self._felt is not None:
+            self._felt.forget()
 
     def close(self) -> None:
         """End the session: abandon and record a cut in progress, and release the device; further calls do nothing."""
@@ -294,6 +299,8 @@ class Session:
             self.course.verdicts = {}
             self.chosen_class, self.seed, self._target_length = self.course.specimen()
             self._task, self._feedback = self.course.ahead(), self.course.metadata()["feedback"]
+            assert self.course.task is not None  # else there is no specimen
+            self.task = self.course.task.task
         self.cut = PLAYED_TASKS[self.task](
             specimen_class=specimen_class or self.chosen_class,
             seed=self.seed,
@@ -364,9 +371,8 @@ class Session:
 
     def _verdict(self) -> tuple[str, ...]:
         """Return what the end card says beside the score."""
-        if self.course is not None:
-            return self.course.verdict, self.course.ahead()
-        return (self.cut.depth_words,) if self.cut.depth_words else ()
+        depth = (self.cut.depth_words,) if self.cut.depth_words and self._feedback != "never" else ()
+        return depth if self.course is None else (*depth, self.course.verdict, self.course.ahead())
 
     def sight(self) -> ViewState:
         """Return the state to be drawn now."""

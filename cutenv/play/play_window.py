@@ -31,6 +31,8 @@ class PlayWindow:
     scripted : bool
         True to let a scripted hand cut instead of a person, by its own clock: a sixtieth of a second for each picture,
         however long that takes.
+    ends : bool
+        True to close the window when all cuts are done, without a key; always so for a scripted hand.
     clock : callable
         Clock in seconds.
 
@@ -41,10 +43,16 @@ class PlayWindow:
     """
 
     def __init__(
-        self, session: Session, *, scripted: bool = False, clock: Callable[[], float] = time.perf_counter
+        self,
+        session: Session,
+        *,
+        scripted: bool = False,
+        ends: bool = False,
+        clock: Callable[[], float] = time.perf_counter,
     ) -> None:
         self.session = session
         self.scripted = scripted
+        self._ends = scripted or ends
         self._clock = clock
         self._pygame: Any = import_pygame()
         self._picture = PlayPicture()
@@ -52,7 +60,7 @@ class PlayWindow:
         self._pygame.display.set_caption("cutenv play")
         self.mouse, self.gamepad = MouseDevice(), GamepadDevice()
         self._own_device = isinstance(session.device, MouseDevice)
-        self._stick = self._trigger = 0.0
+        self._stick = self._trigger = self._second = 0.0
         self._free = False
         self._pointers: dict[object, tuple[float, float]] = {}  # finger or mouse, and where in the picture it is [px]
         self._pads: list[Any] = []
@@ -72,7 +80,7 @@ class PlayWindow:
                         self.take_events()
                         sight = self.session.sight()
                     self._window.present(self._picture.draw(sight))
-                if self.scripted and self.session.done and self.session.phase == "ended":
+                if self._ends and self.session.done and self.session.phase == "ended":
                     self._window.close()
         finally:
             try:
@@ -170,7 +178,7 @@ class PlayWindow:
             self._lead(self._moved("mouse", *event.pos)[0])
 
     def _take_finger(self, event: Any) -> None:
-        """Let the first finger on the screen lead the hand, and others lean the blade as they go down or up."""
+        """Let the first finger on the screen lead the hand, and others turn the wheel as they go down or up."""
         finger = event.finger_id
         if event.type == self._pygame.FINGERUP:
             self._pointers.pop(finger, None)
@@ -180,7 +188,7 @@ class PlayWindow:
         if finger == next(key for key in self._pointers if key != "mouse"):
             self._lead(across)
         elif self.session.phase == "cutting":
-            self.mouse.turn(-down / _NOTCH_HEIGHT)
+            self._turn_wheel(-down / _NOTCH_HEIGHT)
 
     def _moved(self, pointer: object, x: float, y: float) -> tuple[float, float]:
         """Return by how much a pointer has moved in the picture [px] to a place in the window; a new one by nothing."""
@@ -198,7 +206,9 @@ class PlayWindow:
             self._stick = value / _FULL_STICK
         elif axis == self._pygame.CONTROLLER_AXIS_TRIGGERRIGHT:
             self._trigger = max(value, 0) / _FULL_TRIGGER
-        self.gamepad.hold(self._stick, self._trigger)
+        elif axis == self._pygame.CONTROLLER_AXIS_RIGHTY:
+            self._second = value / _FULL_STICK
+        self.gamepad.hold(self._stick, self._trigger, self._second)
 
     def _open_gamepads(self) -> None:
         """Open every game controller that is connected."""

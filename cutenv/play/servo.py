@@ -14,7 +14,8 @@ class Servo:
     """Thread that advances a session every millisecond until it is stopped.
 
     Python's timing is not guaranteed: another thread may delay it by some 5 ms. ``VirtualCoupling(period=0.005)``
-    allows for that; the session makes up for the missed milliseconds.
+    allows for that; the session makes up for the missed milliseconds. After a delay beyond the coupling's period the
+    force begins anew from zero.
 
     Parameters
     ----------
@@ -29,6 +30,8 @@ class Servo:
         Lock that is held while the session advances.
     longest : float
         Longest time between two advances so far [s]; the coupling's period must cover it.
+    late : int
+        Number of advances later than the coupling's period, after which the force began anew.
     error : Exception or None
         Error that ended the thread early; :meth:`stop` raises it.
     """
@@ -36,6 +39,7 @@ class Servo:
     def __init__(self, session: Session, clock: Callable[[], float] = time.perf_counter) -> None:
         self.lock = threading.Lock()
         self.longest = 0.0
+        self.late = 0
         self.error: Exception | None = None
         self._session, self._clock = session, clock
         self._stopped = threading.Event()
@@ -48,6 +52,10 @@ class Servo:
             while not self._stopped.wait(TICK):
                 now = self._clock()
                 with self.lock:
+                    coupling = self._session.device.coupling
+                    if coupling is not None and now - last > coupling.period:
+                        self.late += 1
+                        self._session.forget_force()
                     self._session.advance(now)
                 self.longest, last = max(self.longest, now - last), now
         except Exception as error:  # stop() raises it

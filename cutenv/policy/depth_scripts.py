@@ -11,8 +11,9 @@ from cutenv._base.arrays import Array, Array32, Indices
 from cutenv._base.validation import in_range
 from cutenv.policy.interface import ArrayPolicy
 from cutenv.policy.one_return_stroke import OneReturnStroke
-from cutenv.policy.signals import DEPTH_COLUMN, POSITION_COLUMN, in_si
+from cutenv.policy.signals import DEPTH_COLUMN, FORCE_MEAN_COLUMN, POSITION_COLUMN, SPEED_COLUMN, in_si
 from cutenv.policy.tip_estimate import TipEstimate
+from cutenv.policy.two_forces import TwoForces
 from cutenv.task.depth_terms import ALL_COMPONENTS, DEPTH_COMPONENTS, DESCENT_SCALE
 from cutenv.task.observation import COMPONENTS, SPEED_SCALE, speed_action
 from cutenv.tissue.grid import N_POINTS, SPACING
@@ -21,7 +22,10 @@ _SCALES = np.array([one.scale for one in DEPTH_COMPONENTS])
 _COLUMNS = {one.name: number for number, one in enumerate(DEPTH_COMPONENTS)}
 VERTICAL_MEAN, BLADE_DEPTH, WANTED = (_COLUMNS[name] for name in ("vertical_mean", "blade_depth", "wanted"))
 """Columns of what depth adds to an observation."""
-_TIME_LEFT = [one.name for one in COMPONENTS].index("time_left")
+_DESCENT_SPEED = _COLUMNS["descent_speed"]
+_MOTION = [POSITION_COLUMN, SPEED_COLUMN, DEPTH_COLUMN, FORCE_MEAN_COLUMN]
+_TIME_LEFT, _LAST_SPEED = ([one.name for one in COMPONENTS].index(name) for name in ("time_left", "last_speed"))
+_GOING_ON, _ADVANCING = 0.3, 0.008  # action, and speed [m/s], of a blade that goes on
 _PROBE_TIME = 0.2  # [s]
 _DEPTH_SCALE = COMPONENTS[DEPTH_COLUMN].scale
 
@@ -82,7 +86,7 @@ class DepthScript(ArrayPolicy):
         self.elapsed = self._begun - along[:, _TIME_LEFT]
         self._remember(along[:, POSITION_COLUMN], along[:, DEPTH_COLUMN], seen[:, WANTED])
         shown[:, DEPTH_COLUMN] = seen[:, BLADE_DEPTH] / _DEPTH_SCALE
-        tips = self.tips(in_si(shown))
+        tips = self.tips(in_si(shown), seen)
         point = np.clip(((tips + self._lead) / SPACING + 0.5).astype(int), 0, self._passed)
         rows = np.arange(len(point))
         actions = np.empty((len(shown), 3), np.float32)
@@ -93,9 +97,17 @@ class DepthScript(ArrayPolicy):
         actions[:, 2] = np.clip(speed_action(descent * (SPEED_SCALE / DESCENT_SCALE)), -1.0, 1.0)
         return actions
 
-    def tips(self, seen: Array) -> Array:
-        """Return the tips [m], shape (n,), for observations in SI units, shape (n, 12), with the depth of the blade."""
-        return self._estimate.tips(seen)
+    def tips(self, along: Array, seen: Array) -> Array:
+        """Return the tips [m], shape (n,).
+
+        Parameters
+        ----------
+        along : array, shape (n, 12)
+            Components of gentle cutting, SI, with the depth of the blade as the depth of cut.
+        seen : array, shape (n, 10)
+            Components that depth adds, SI.
+        """
+        return self._estimate.tips(along)
 
     def surfaces(self, point: Indices) -> Array:
         """Return the levels of the surface [m], shape (n,), at these points of the grid."""
@@ -151,6 +163,35 @@ class FollowDepth(DepthScript):
         return wanted
 
 
+class DepthByTwoForces(FollowDepth):
+    """The wanted depth at a tip that the forces along the cut and upwards tell together, before any return stroke.
+
+    It gives up earlier before a predicted run than the other scripts: the tissue below the cut is spared with it.
+    """
+
+    def __init__(self, along: ArrayPolicy | None = None, *, gain: float = 4.0, lead: float = 0.006) -> None:
+        super().__init__(along or OneReturnStroke(run_share=1.0, beyond=0.002), gain=gain, lead=lead)
+        self._forces = TwoForces()
+
+    def start(self, count: int) -> None:
+        """Begin ``count`` cuts."""
+        self._forces.begin(count)
+
+    def forget(self, cuts: Indices) -> None:
+        """Begin those cuts again that are given by index."""
+        super().forget(cuts)
+        self._forces.forget(cuts)
+
+    def tips(self, along: Array, seen: Array) -> Array:
+        """Return the tips by two forces, and once a return stroke has located one, those that follow from it."""
+        located = super().tips(along, seen)
+        lags = self._forces.lags(
+            np.column_stack([along[:, _MOTION], seen[:, VERTICAL_MEAN], seen[:, _DESCENT_SPEED]])
+        )  # fmt: skip
+        tips: Array = np.where(self._estimate.memory["probed"] == 1, located, along[:, POSITION_COLUMN] - lags)
+        return tips
+
+
 class FollowTrueTip(FollowDepth):
     """The wanted depth at the true tip, which only a simulator tells: a teacher, for training and never for a rig.
 
@@ -161,10 +202,17 @@ class FollowTrueTip(FollowDepth):
         """Tell the lags of the tips behind the blades [m], shape (n,), before :meth:`act` is asked."""
         self._lags = np.asarray(lags, float)
 
-    def tips(self, seen: Array) -> Array:
+    def reconsider(self, observations: Array32) -> None:
+        """Decide anew where a learner went on although this script had stopped, or had begun to draw back."""
+        advancing = in_si(observations[:, : len(COMPONENTS)])[:, SPEED_COLUMN] > _ADVANCING
+        ignored = (observations[:, _LAST_SPEED] > _GOING_ON) & advancing
+        if isinstance(self.along, OneReturnStroke):
+            self.along.reconsider(ignored)
+
+    def tips(self, along: Array, seen: Array) -> Array:
         """Return the true tips [m]."""
-        super().tips(seen)
-        tips: Array = seen[:, POSITION_COLUMN] - self._lags
+        super().tips(along, seen)
+        tips: Array = along[:, POSITION_COLUMN] - self._lags
         return tips
 
 
@@ -263,5 +311,6 @@ DEPTH_SCRIPTS: dict[str, Callable[[], ArrayPolicy]] = {
     "follow the depth": FollowDepth,
     "depth by force": DepthByForce,
     "probe down": ProbeDown,
+    "depth by two forces": DepthByTwoForces,
 }
 """Scripts for ``cutenv/DepthCut-v1`` by name."""

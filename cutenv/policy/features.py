@@ -91,7 +91,7 @@ class Features:
 
     @property
     def memory(self) -> StructArray:
-        """What is remembered of each cut, :data:`~cutenv.policy.tip_estimate.CUT_MEMORY`, shape (count,)."""
+        """Memory of each cut, :data:`~cutenv.policy.tip_estimate.CUT_MEMORY`, shape (count,)."""
         return self._memory
 
     @property

@@ -10,13 +10,13 @@ import numpy as np
 
 from cutenv._base.arrays import Array, Array32, Indices, StructArray
 from cutenv._base.validation import in_range
+from cutenv.policy.crack_course import BACK, CrackCourse
 from cutenv.policy.interface import ArrayPolicy
 from cutenv.policy.one_return_stroke import OneReturnStroke
 from cutenv.policy.signals import POSITION_COLUMN, SPEED_COLUMN, in_si
 from cutenv.policy.tip_estimate import TipEstimate
 from cutenv.task.observation import COMPONENTS, DEAD_ZONE, SPEED_SCALE, speed_action
 from cutenv.task.path_terms import ALL_PATH_COMPONENTS, LINE_AHEAD, PATH_COMPONENTS, TURN_SCALE
-from cutenv.tissue.grid import N_POINTS, SPACING
 
 _SCALES = np.array([one.scale for one in PATH_COMPONENTS])
 _COLUMNS = {one.name: number for number, one in enumerate(PATH_COMPONENTS)}
@@ -26,7 +26,6 @@ LATERAL_MEAN, ASIDE, DIRECTION, BEND, ASIDE_FURTHER = (
 """Columns of what the path adds to an observation."""
 _BENDS = [_COLUMNS[name] for name in ("bend", "bend_near", "bend_further")]
 _RETURN = 0.004  # [m], length within which a blade comes back to its course
-_LEAST_FORCE = 0.3  # [N], below which its direction tells nothing
 _LARGEST_TURN = 0.5  # [rad], of a blade to the line
 
 
@@ -178,8 +177,9 @@ class OutsideTheBend(PathScript):
 class SteerByForce(PathScript):
     """A blade that is led to the side until the force points where the crack is to go.
 
-    The crack turns after the force, whose direction is felt.  So the way of the tip can be reckoned, and the blade is
-    led to that side where the force must be for the tip to come back to the line.
+    The crack turns after the force, whose direction is felt.  So the way of the tip is reckoned
+    (:mod:`cutenv.policy.crack_course`), and the blade is led to that side where the force must be for the tip to come
+    back to the line.
 
     Parameters
     ----------
@@ -189,47 +189,34 @@ class SteerByForce(PathScript):
         Length within which the tip is to come back to the line [m].
     """
 
-    def __init__(self, along: ArrayPolicy | None = None, *, gain: float = 1.5, back: float = 0.010) -> None:
+    def __init__(self, along: ArrayPolicy | None = None, *, gain: float = 1.5, back: float = BACK) -> None:
         super().__init__(along)
         self._gain = in_range("gain", gain, 0.0, 20.0, "1", "A few.")
         self._back = in_range("back", back, 0.001, 0.2, "m", "10 mm is 0.01.")
 
     def start(self, count: int) -> None:
         """Begin ``count`` cuts."""
-        self._turned, self._passed = np.zeros((count, N_POINTS)), np.zeros(count, int)  # direction of the line, so far
-        self._tip, self._aside = np.full(count, np.nan), np.zeros(count)
+        self._course = CrackCourse(count)
 
     def forget(self, cuts: Indices) -> None:
         """Begin those cuts again that are given by index."""
         super().forget(cuts)
-        self._turned[cuts], self._passed[cuts] = 0.0, 0
-        self._tip[cuts], self._aside[cuts] = np.nan, 0.0
+        self._course.forget(cuts)
 
     def bends(self, seen: SeenPath, actions: Array32) -> Array:
         """Return bends that bring the force to where the crack is to go."""
-        position, tip = seen.along[:, POSITION_COLUMN], seen.estimates["tip"]
-        line = self._directions(position, seen.line[:, BEND])
-        elastic, lateral = seen.estimates["elastic"], seen.line[:, LATERAL_MEAN]
-        rows, behind = np.arange(len(tip)), np.clip((tip / SPACING + 0.5).astype(int), 0, self._passed)
-        crack = np.arctan2(lateral, np.maximum(elastic, _LEAST_FORCE)) + seen.turned + line - self._turned[rows, behind]
-        grown = np.where(np.isnan(self._tip), 0.0, np.maximum(tip - self._tip, 0.0))
-        self._tip = np.fmax(self._tip, tip)
-        self._aside += grown * np.sin(crack)
-        wanted = -np.arctan(self._aside / self._back)
-        turned = np.clip(self._gain * (wanted - crack), -_LARGEST_TURN, _LARGEST_TURN)
+        line, reckoned = (seen.line[:, BEND], seen.turned), self._course.courses
+        force = seen.estimates["elastic"], seen.line[:, LATERAL_MEAN]
+        self._course.follow(seen.along[:, POSITION_COLUMN], line, seen.estimates["tip"], force)
+        wanted = -np.clip(reckoned["aside"] / self._back, -1.0, 1.0)
+        turned = np.clip(self._gain * (wanted - reckoned["crack"]), -_LARGEST_TURN, _LARGEST_TURN)
         ahead: Array = seen.line[:, BEND] + (turned - seen.turned) / _RETURN
-        return np.where(seen.along[:, SPEED_COLUMN] <= 0.0, course(seen, -seen.line[:, ASIDE]), ahead)
+        return np.where(seen.along[:, SPEED_COLUMN] <= 0.0, course_back(seen), ahead)
 
-    def _directions(self, position: Array, bend: Array) -> Array:
-        """Remember the direction of the lines at the points that the blades pass; return it at the blades [rad]."""
-        point = np.clip((position / SPACING + 0.5).astype(int), 0, N_POINTS - 1)
-        for n in np.flatnonzero(point > self._passed).tolist():
-            first, last = self._passed[n], point[n]
-            ways = np.arange(1, last - first + 1) * SPACING
-            self._turned[n, first + 1 : last + 1] = self._turned[n, first] + bend[n] * ways
-            self._passed[n] = last
-        found: Array = self._turned[np.arange(len(point)), np.minimum(point, self._passed)]
-        return found
+
+def course_back(seen: SeenPath) -> Array:
+    """Return the bends [1/m], shape (n,), of a blade that keeps its distance to the line, as when it draws back."""
+    return course(seen, -seen.line[:, ASIDE])
 
 
 PATH_SCRIPTS: dict[str, Callable[[], ArrayPolicy]] = {

@@ -48,7 +48,8 @@ class PolicyCard:
         What follows the last layer: nothing, or tanh.  A card without this field has nothing.
     features : dict
         Keyword arguments of :class:`cutenv.policy.features.Features`, or for ``cutenv/DepthCut-v1`` of
-        :class:`cutenv.policy.depth_features.DepthFeatures`.
+        :class:`cutenv.policy.depth_features.DepthFeatures`, for ``cutenv/PathCut-v1`` of
+        :class:`cutenv.policy.path_features.PathFeatures`.
     sha256 : str
         SHA-256 of ``policy.safetensors``, in hexadecimal digits.
     training : dict

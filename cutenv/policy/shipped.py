@@ -58,19 +58,20 @@ def named_policy(name: str | Path) -> TrainedPolicy:
 
 
 def gentle_policy(name: str | Path) -> TrainedPolicy:
-    """Load a policy as :func:`named_policy` does, if its blade does not move up and down.
+    """Load a policy as :func:`named_policy` does, if it is one of gentle cutting.
 
     Raises
     ------
     ValueError
-        If it does, and as :func:`named_policy`.
+        If it is not, and as :func:`named_policy`.
     FileNotFoundError, ModuleNotFoundError
         As :func:`named_policy`.
     """
     policy = named_policy(name)
-    if space_of(policy.card.environment) is not GENTLE_SPACE:
+    space = space_of(policy.card.environment)
+    if space is not GENTLE_SPACE:
         raise ValueError(
-            f"policy {str(name)!r} was trained in {policy.card.environment}, whose blade also moves up and down. "
-            "Give one of cutenv/GentleCut-v1, or compare it by 'cutenv evaluate'."
+            f"policy {str(name)!r} was trained in {policy.card.environment}, which has a third action, "
+            f"{space.actions[2]}. Give one of cutenv/GentleCut-v1, or compare it by 'cutenv evaluate'."
         )
     return policy

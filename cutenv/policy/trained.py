@@ -17,6 +17,7 @@ from cutenv.policy.actor_network import Network
 from cutenv.policy.depth_features import DepthFeatures
 from cutenv.policy.features import Features
 from cutenv.policy.interface import ArrayPolicy
+from cutenv.policy.path_features import PathFeatures
 from cutenv.policy.policy_card import PolicyCard, check_scaling, observation_scaling
 from cutenv.policy.policy_space import space_of
 from cutenv.policy.recurrent import RecurrentNetwork
@@ -94,7 +95,7 @@ class TrainedPolicy(ArrayPolicy):
             values[cuts] = 0.0
 
     def act(self, observations: Array32) -> Array32:
-        """Return the actions, shape (n, 2), for the observations of all cuts, shape (n, 12); 3 and 22 with depth."""
+        """Return the actions, shape (n, 2), for the observations of all cuts, shape (n, 12), or those of its space."""
         features = self._features(observations)
         if isinstance(self._network, RecurrentNetwork):
             assert self._state is not None
@@ -204,7 +205,7 @@ def save_policy(
     return card
 
 
-def _features(card: PolicyCard, count: int) -> Features | DepthFeatures:
+def _features(card: PolicyCard, count: int) -> Features | DepthFeatures | PathFeatures:
     """Build the features described by a card; the only place that knows their keywords."""
     try:
         return space_of(card.environment).features(count, **card.features)

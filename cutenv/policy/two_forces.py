@@ -17,15 +17,17 @@ from typing import Any
 
 import numpy as np
 
-from cutenv._base.arrays import Struct, StructArray
+from cutenv._base.arrays import Array, Indices, Struct, StructArray
 from cutenv._engine.elementary import exp
-from cutenv._engine.jit import njit_internal
+from cutenv._engine.jit import njit, njit_internal
+from cutenv.task_quantities import SHALLOWEST
+from cutenv.tissue.description import measured_liver
 from cutenv.tissue.grid import N_POINTS, POINTS_PER_METRE
-from cutenv.tissue.nominal import nominal_stiffness
+from cutenv.tissue.nominal import nominal_stiffness, nominal_tissue
 
 _STIFFNESS_SPREAD, _FRICTION_SPREAD = 0.30, 0.45  # SD of the logarithms over slices, as drawn
 _CHANGE = (
-    0.03  # SD by which the stiffness's logarithm changes along a millimetre; assumed, chosen on training specimens
+    0.03  # SD by which the stiffness's logarithm changes along a millimetre; assumed, chosen on validation specimens
 )
 _NOISE, _MODEL = 0.1, 0.3  # [N], and share of the tissue's push: SD of the upward force about the model; likewise
 _UNUSUAL = (
@@ -61,6 +63,40 @@ def nothing_felt(count: int) -> StructArray:
     felt["stiffness_variance"], felt["friction_variance"] = _STIFFNESS_SPREAD**2, _FRICTION_SPREAD**2
     felt["lag"] = _FIRST_LAG
     return felt
+
+
+class TwoForces:
+    """Estimator of the tip's lag by two forces, for many cuts at once."""
+
+    def begin(self, count: int) -> None:
+        """Forget all cuts, and begin ``count``."""
+        self._felt, self._lags = nothing_felt(count), np.zeros(count)
+        self._nominal = nominal_tissue(measured_liver())
+
+    def forget(self, cuts: Indices) -> None:
+        """Begin those cuts again that are given by index."""
+        self._felt[cuts] = nothing_felt(1)[0]
+
+    def lags(self, felt: Array) -> Array:
+        """Return the lags of the tips behind the blades [m], shape (n,).
+
+        Parameters
+        ----------
+        felt : array, shape (n, 6)
+            Position [m], speed [m/s] and depth [m] of the blade, mean forces along the cut and upwards since the last
+            decision [N], and speed downwards [m/s].
+        """
+        _feel_all(self._felt, self._nominal, felt, self._lags)
+        return self._lags
+
+
+@njit
+def _feel_all(felt: StructArray, nominals: StructArray, values: Array, lags: Array) -> None:
+    for n in range(len(felt)):
+        lags[n] = feel_two_forces(
+            felt[n], nominals[0], max(values[n, 0], 0.0), values[n, 1], max(values[n, 2], SHALLOWEST), values[n, 3],
+            values[n, 4], values[n, 5],
+        )  # fmt: skip
 
 
 @njit_internal

@@ -34,7 +34,8 @@ def lsl(scope: str | None = None) -> Any:
             "its releases or as conda-forge's liblsl, and set PYLSL_LIB to its file."
         ) from None
     if _chosen is None:
-        pylsl.set_config_content(f"[multicast]\nResolveScope = {wanted}\n[log]\nlevel = -3\n")
+        listen = "ListenAddress = 127.0.0.1\n" if wanted == "machine" else ""  # to those who search for streams
+        pylsl.set_config_content(f"[multicast]\nResolveScope = {wanted}\n{listen}[log]\nlevel = -3\n")
         _chosen = wanted
     elif scope is not None and wanted != _chosen:
         raise ValueError(f"scope is {wanted!r}, but this program's streams are kept to {_chosen!r}. Start it again.")

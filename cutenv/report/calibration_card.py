@@ -6,6 +6,7 @@ import dataclasses
 import json
 import math
 from collections.abc import Sequence
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ import numpy as np
 from cutenv.measurement import LeftOutCut, MeasuredCut, estimate_local_effective_moduli, leave_one_out
 from cutenv.report.calibration_figures import overlay_figure, resistance_figure, speed_figure
 from cutenv.report.page import significant, write_page, write_text
-from cutenv.tissue import CutModel, TissueDescription
+from cutenv.tissue import CutModel, Layers, TissueDescription
 from cutenv.tissue.parameter_provenance import Evidence, TissueCalibration
 
 VALIDATION_SCHEMA = "cutenv-calibration-card/1"
@@ -189,13 +190,14 @@ def _count(n: int, noun: str) -> str:
 def _values(card: ValidationCard) -> list[tuple[Evidence, str, str, str]]:
     """Return each value's provenance, and value, unit and interval as shown."""
     about = {field.name: field.metadata for field in dataclasses.fields(TissueDescription)}
+    about |= {f"layers.{field.name}": field.metadata for field in dataclasses.fields(Layers)}
     rows = []
     for each in card.calibration.evidence:
         factor, unit = _DISPLAYED.get(about[each.name]["unit"], (1.0, about[each.name]["unit"]))
         interval = ""
         if each.low is not None and each.high is not None:
             interval = f"{significant(factor * each.low, 4)} to {significant(factor * each.high, 4)}"
-        value = significant(factor * getattr(card.tissue, each.name), 4)
+        value = significant(factor * attrgetter(each.name)(card.tissue), 4)
         rows.append((each, value, "" if unit == "1" else unit, interval))
     return rows
 

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from cutenv.report.cut_figure import cut_figure
-from cutenv.report.glossary import LIMITS, MEANINGS, TERM_MEANINGS
+from cutenv.report.floor_figure import floor_figure, mean_depth_error_mm
+from cutenv.report.glossary import FURTHER_MEANINGS, LIMITS, MEANINGS, TERM_MEANINGS
 from cutenv.report.page import estimate_text, number, write_page
 from cutenv.report.training_figures import costs_figure, curve_figure, returns_figure
 from cutenv.report.training_result import (
-    COLUMNS,
     DIFFERENCES,
     SPECIMEN_CLASS,
     CutPicture,
@@ -49,21 +49,23 @@ def write_training_page(path: Path, result: TrainingResult) -> None:
         result=result,
         headline=training_headline(result),
         stronger=_stronger_scripts(result),
-        columns=COLUMNS,
+        columns=result.columns,
         differences=DIFFERENCES,
         baselines=[row["baseline"] for row in result.differences],
         heads=_heads,
         shown=_shown,
         decision=partial(_decision, result),
         bars=[result.bar(policy, "return") for policy in result.policies],
-        best=max(grid, key=lambda row: float(row["mean"])),
+        best=max(grid, key=lambda row: float(row["mean"]), default=None),
         grid_heads=[("speed", "cm/s"), *(f"{angle:g}\u00b0" for angle in sorted({row["angle_deg"] for row in grid}))],
         shade=partial(grid_shade, [row["mean"] for row in grid]),
-        meanings=MEANINGS,
+        meanings=(*MEANINGS, *(FURTHER_MEANINGS[one.name] for one in result.columns if one.name in FURTHER_MEANINGS)),
         limits=LIMITS,
         returns_figure=returns_figure,
         costs_figure=costs_figure,
         cut_figure=cut_figure,
+        floor_figure=floor_figure,
+        mean_depth_error_mm=mean_depth_error_mm,
         curve_figure=curve_figure,
         **_costs(result),
     )

@@ -13,7 +13,9 @@ from cutenv._base.arrays import StructArray
 from cutenv._base.validation import array_in_range, in_range, one_of
 from cutenv.cutting.dtypes import READING
 from cutenv.report.training_figures import Bar
-from cutenv.task.episode_dtypes import TERMS
+from cutenv.task.depth_terms import ALL_TERMS
+from cutenv.task.gentle_cutting import ShownDepth
+from cutenv.task.path_terms import PATH_TERMS
 
 Rows = Sequence[Mapping[str, Any]]
 
@@ -52,6 +54,22 @@ COLUMNS = (
 )
 """Scores of the comparison, in its order."""
 
+MORE_COLUMNS = {
+    "depth": (
+        *COLUMNS[:2],
+        Score("mean_error_mm", "error of the depth", "mm", 2),
+        Score("layer_mm", "into the layer below", "mm", 3),
+        *COLUMNS[2:5],
+    ),
+    "path": (
+        *COLUMNS[:2],
+        Score("mean_distance_mm", "mean distance to the line", "mm", 2),
+        Score("largest_distance_mm", "largest distance to the line", "mm", 2),
+        *COLUMNS[2:5],
+    ),
+}
+"""Scores of the comparison on the other tasks, by task, in their order."""
+
 DIFFERENCES = (
     Score("return", "return", "", 3),
     Score("success", "success", "percentage points", 0),
@@ -77,6 +95,8 @@ class CutPicture:
         Target length [m].
     force_limit_per_depth : float
         Force limit over depth of cut [N/m].
+    shown_depth : ShownDepth, optional
+        Surface, floor, wanted floor and layer below, of a cut along a wanted depth.
 
     Raises
     ------
@@ -90,6 +110,7 @@ class CutPicture:
     depth: NDArray[np.float64]
     target_length: float
     force_limit_per_depth: float
+    shown_depth: ShownDepth | None = None
 
     def __post_init__(self) -> None:
         found = self.readings.dtype.names or ()
@@ -122,7 +143,7 @@ class TrainingResult:
     differences : sequence of mappings
         Rows ``policy, baseline, score, mean, low_95, high_95, cuts``: agent minus baseline, paired by specimen; score
         ``return`` for the best script and the rival at least, ``success`` where known.  Those of these two may be of
-        more specimens than the others.
+        more specimens than the others; without a grid, those of every script.
     agent, best_script : str
         Learned policy, and the script to compare it with.
     rival_script : str or None
@@ -131,7 +152,7 @@ class TrainingResult:
         Planner that knows the hidden state: an upper bound, not a competitor.
     grid : sequence of mappings
         Rows ``speed_cm_s, angle_deg, mean, low_95, high_95, success``: return of constant feed, one row for every pair
-        of a speed and an angle.
+        of a speed and an angle.  Empty for a task without constant feeds.
     cuts : sequence of CutPicture
         Cuts of the agent and the best script on one specimen.
     curve : sequence of mappings
@@ -139,6 +160,8 @@ class TrainingResult:
         absent or NaN).
     chosen_at : int or None
         Decisions before the kept checkpoint.
+    columns : sequence of Score
+        Scores of the comparison.
 
     Raises
     ------
@@ -159,6 +182,7 @@ class TrainingResult:
     curve: Sequence[Mapping[str, float]]
     chosen_at: int | None
     rival_script: str | None = None
+    columns: Sequence[Score] = COLUMNS
 
     def __post_init__(self) -> None:
         if SPECIMEN_CLASS not in self.facts:
@@ -170,7 +194,8 @@ class TrainingResult:
         self._check_policies()
         self._check_differences()
         self._check_counts()
-        _check_rows("grid", self.grid, (), ("speed_cm_s", "angle_deg", "mean", "low_95", "high_95", "success"))
+        if self.grid:
+            _check_rows("grid", self.grid, (), ("speed_cm_s", "angle_deg", "mean", "low_95", "high_95", "success"))
         for place, row in enumerate(self.grid):
             in_range(f"success of grid[{place}]", row["success"], 0.0, 1.0, "1", _SHARE)
         _check_whole(self.grid)
@@ -190,12 +215,12 @@ class TrainingResult:
         if len(set(self.compared())) < len(self.compared()):
             raise ValueError(f"agent, best_script and bound must differ, got {', '.join(map(repr, self.compared()))}.")
         for policy in known:
-            for column in COLUMNS:
+            for column in self.columns:
                 self.score(policy, column.name)
             in_range(f"success of {policy!r}", self.score(policy, "success")["mean"], 0.0, 1.0, "1", _SHARE)
         for policy in self.compared():
             for term in self.terms():
-                one_of("summary: term of the reward", term, TERMS)
+                one_of("summary: term of the reward", term, (*ALL_TERMS, *PATH_TERMS))
                 self.score(policy, f"reward_{term}")
 
     def _check_differences(self) -> None:
@@ -211,7 +236,8 @@ class TrainingResult:
                 )
 
     def _check_counts(self) -> None:
-        others = [row for row in self.differences if row["baseline"] not in (self.best_script, self.rival_script)]
+        closer = (self.best_script, self.rival_script) if self.grid else self.policies
+        others = [row for row in self.differences if row["baseline"] not in closer]
         counts = sorted({row["cuts"] for row in (*self.summary, *others)})
         if len(counts) > 1:
             raise ValueError(

@@ -12,13 +12,13 @@ from cutenv.rig.devices.clock import SystemClock
 from cutenv.rig.devices.driver_registry import KIND_OF_ROLE, DriverKind, Mounting, driver_named, mounted, traits_of
 from cutenv.rig.devices.real_time import preferred
 from cutenv.rig.errors import RigError
-from cutenv.rig.operation.conformance import Finding
+from cutenv.rig.operation.conformance import TriedPromise
 from cutenv.rig.operation.force_conformance import conform_force
-from cutenv.rig.operation.motion_conformance import TRAVEL, conform_motion
+from cutenv.rig.operation.motion_conformance import TRIAL_TRAVEL, conform_motion
 
 SECTIONS_TRIED = ("blade", "angle", "height", "sensor")
 """Sections of a rig's file whose drivers can be tried."""
-Tried = dict[str, tuple[str, list[Finding]]]
+Tried = dict[str, tuple[str, list[TriedPromise]]]
 """Name of the driver, and its findings, by section."""
 
 
@@ -60,14 +60,14 @@ def tried_drivers(rig: str, sections: list[str] | None = None) -> Tried:
         return found
 
 
-def _findings(settings: RigSettings, role: str) -> list[Finding]:
+def _findings(settings: RigSettings, role: str) -> list[TriedPromise]:
     clock = SystemClock()
     driver = mounted(Mounting(role=role, rig=settings, clock=clock))
     if KIND_OF_ROLE[role] is DriverKind.FORCE:
         return conform_force(driver, settings, clock)
     if not settings.emulated:
         question = (
-            f"The {role} axis of {settings.name} will move to and fro by up to {1e3 * TRAVEL:g} mm (a hinge: 0.6 "
+            f"The {role} axis of {settings.name} will move to and fro by up to {1e3 * TRIAL_TRAVEL:g} mm (a hinge: 0.6 "
             "degrees), several times. Is the blade off, is its way clear, and is the stop button within reach?"
         )
         if not operator_of(settings).confirm(question, expected=settings.name):

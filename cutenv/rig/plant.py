@@ -193,6 +193,11 @@ class RigPlant:
         """Greatest relative error of the force sensor's rate [1]."""
         return self._sensor.rate_error
 
+    @property
+    def counts_steps(self) -> bool:
+        """True if the blade's drive counts the steps that it sends, and does not see whether the blade moves."""
+        return isinstance(self._axes[0], ZeroedByHand)
+
     def set_zero(self) -> None:
         """Take the blade's present position, without power, as zero: it stands at the clamp.
 

@@ -1,4 +1,4 @@
-"""Differences of two records of the same cut: force over position, position over time."""
+"""Differences of two records of the same cut: force over position, position and height over time."""
 
 from __future__ import annotations
 
@@ -87,13 +87,30 @@ def position_rmse(first: Trace, second: Trace) -> float | None:
     float or None
         Over the time that both cuts last; None if they have less than 0.1 s in common.
     """
-    time, position = first.require("time", "position", by="position_rmse")
-    other_time, other = second.require("time", "position", by="position_rmse")
+    return _rmse_over_time(first, second, "position")
+
+
+def height_rmse(first: Trace, second: Trace) -> float | None:
+    """Return the root mean square difference of height at equal times since the start [m].
+
+    Returns
+    -------
+    float or None
+        None if one has no height, or they have less than 0.1 s in common.
+    """
+    if first.height is None or second.height is None:
+        return None
+    return _rmse_over_time(first, second, "height")
+
+
+def _rmse_over_time(first: Trace, second: Trace, name: str) -> float | None:
+    time, own = first.require("time", name, by=f"{name}_rmse")
+    other_time, other = second.require("time", name, by=f"{name}_rmse")
     low, high = max(time[0], other_time[0]), min(time[-1], other_time[-1])
     if high - low < 20 * _TIME_STEP:
         return None
     common = np.arange(low, high, _TIME_STEP)
-    return rms(np.interp(common, time, position) - np.interp(common, other_time, other))
+    return rms(np.interp(common, time, own) - np.interp(common, other_time, other))
 
 
 def rms(values: Array) -> float:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from cutenv.sim_to_real.compared_cut import ComparedCut
 from cutenv.sim_to_real.effect_estimate import FEWEST_SPECIMENS, EffectEstimate, holm, mean_shift, signed_rank_shift
-from cutenv.sim_to_real.measures import MEASURES, RELATIVE, Measure
+from cutenv.sim_to_real.measures import RELATIVE, Measure, measures_of
 
 ALPHA = 0.05
 _NAMED = 3  # number of measures named in one line
@@ -196,7 +196,7 @@ class Agreement:
 
     @functools.cached_property
     def _compared(self) -> dict[str, Finding | Inconclusive]:
-        measures = [each for each in MEASURES.values() if self.paired or not each.paired]
+        measures = [each for each in measures_of(self.rig).values() if self.paired or not each.paired]
         return {each.name: self._pairs(each) if self.paired else self._samples(each) for each in measures}
 
     def _pairs(self, measure: Measure) -> Finding | Inconclusive:

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cutenv.scoring import METRICS
+from cutenv.scoring import DEPTH_METRICS, METRICS
+from cutenv.scoring.metric import metric_named
 from cutenv.sim_to_real.compared_cut import FORCE_RESOLUTION, ComparedCut
-from cutenv.sim_to_real.curves import force_offset, force_rmse, position_rmse
+from cutenv.sim_to_real.curves import force_offset, force_rmse, height_rmse, position_rmse
 
 RELATIVE = 0.01
 """Smallest margin relative to the simulator's mean, whatever the noise: the gain of a force sensor, a depth by
@@ -51,6 +52,7 @@ _LENGTH = 0.3e-3  # [m]; the tip of a success is within 3 mm
 _BY_UNIT = {
     "m": _LENGTH,
     "s": 0.1,  # of 30 s
+    "m2": 8e-6,  # a tenth of a millimetre along 8 cm
 }
 _BY_NAME = {
     "force_drops": 0.5,  # a typical cut has about as many
@@ -63,7 +65,7 @@ _RETURN = 0.02  # a tenth of the typical difference between two reasonable scrip
 
 
 def _metric(name: str) -> Measure:
-    about = METRICS[name]
+    about = metric_named(name)
 
     def value(cut: ComparedCut, others: Sequence[ComparedCut]) -> float | None:
         return cut.card.metrics[name].value
@@ -152,3 +154,20 @@ _BESIDE = (
 
 MEASURES: Mapping[str, Measure] = {each.name: each for each in (*_TASK, *_BESIDE, *map(_metric, METRICS))}
 """Everything that is compared, by name: task, curves, and every metric of a score card."""
+_HEIGHT = Measure(
+    name="height_rmse",
+    unit="m",
+    meaning="Difference of the blade's height at equal times from the simulator's cuts of the same specimen.",
+    least_margin=_LENGTH,
+    paired=True,
+    value=_beside(lambda cut, other: height_rmse(cut.trace, other.trace)),
+)
+_SEEN = [name for name in DEPTH_METRICS if not name.startswith("layer_")]  # no rig sees a layer below
+DEPTH_MEASURES: Mapping[str, Measure] = {each.name: each for each in (_HEIGHT, *map(_metric, _SEEN))}
+"""Further measures of cuts with height: its curve, and the metrics of the depth that a rig can tell."""
+
+
+def measures_of(cuts: Sequence[ComparedCut]) -> Mapping[str, Measure]:
+    """Return everything that is compared of these cuts, by name."""
+    deep = cuts and all(cut.trace.height is not None for cut in cuts)
+    return {**MEASURES, **(DEPTH_MEASURES if deep else {})}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from cutenv._base.validation import in_range
 from cutenv.cutting.dtypes import TICK
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.envs.rig_cut import RigCutEnv
+from cutenv.envs.rig_depth_cut import RigDepthCutEnv
 from cutenv.plant.protocol import to_trace
 from cutenv.policy import Policy, PrivilegedPolicy
 from cutenv.recording import save
@@ -21,6 +23,7 @@ from cutenv.rig.config.identified import environment_arguments
 from cutenv.rig.errors import RigError
 from cutenv.rig.safety.stop_causes import BY_PEOPLE, Cause
 from cutenv.sim_to_real import FEWEST_SPECIMENS, Agreement, ClockKept, ComparedCut
+from cutenv.sim_to_real.estimated_depth_cut import EstimatedDepthCutEnv
 from cutenv.task.episode_dtypes import STOPPED
 
 DRAWS = 5
@@ -79,13 +82,16 @@ def simulator_like(rig: RigCutEnv, **arguments: Any) -> GentleCutEnv:
     """
     fixed = rig.fixed_angle is not None
     control = rig.settings.position_control
-    return GentleCutEnv(
+    kind: Any = partial(GentleCutEnv, reward_from="estimate")
+    if isinstance(rig, RigDepthCutEnv):
+        kind = partial(EstimatedDepthCutEnv, **rig.depth_keywords)
+    simulator: GentleCutEnv = kind(
         drive="rig" if control is None else "pd",
-        reward_from="estimate",
         angle_mode="fixed" if fixed else "free",
         fixed_angle_deg=float(np.degrees(rig.start_angle)) if fixed else 90.0,
         **{**environment_arguments(rig.settings.identified, control), **arguments},
     )
+    return simulator
 
 
 def cut_once(env: GentleCutEnv | RigCutEnv, policy: Policy, *, seed: int, episode: int, noise: int = 0) -> ComparedCut:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv._base.arrays import Array, StructArray
+from cutenv._base.arrays import Array, Struct, StructArray
 from cutenv.cutting.descent import DescentParameters, descent_records
 from cutenv.measurement.depth import LAYER_DEPTH_KEY, WANTED_DEPTH_KEY, corners
 from cutenv.plant.simulator import SimulatedPlant
@@ -28,6 +28,15 @@ def depth_record(constants: DepthConstants) -> StructArray:
     for name in DepthConstants.__dataclass_fields__:
         record[name] = getattr(constants, name)
     return record
+
+
+def depth_shown(descent: Struct, depth: Struct) -> ShownDepth:
+    """Return the depth of a cut as a picture shows it, from its vertical motion and its map."""
+    surface = descent["surface"]
+    return ShownDepth(
+        float(descent["level"]), surface, descent["floor"], surface - depth["wanted"],
+        surface - float(descent["boundary"]),
+    )  # fmt: skip
 
 
 class DepthAssessed(MapAssessed):
@@ -61,11 +70,7 @@ class DepthAssessed(MapAssessed):
     @property
     def shown_depth(self) -> ShownDepth:
         """Depth as a picture shows it."""
-        descent, surface = self.descents[0], self.descents["surface"][0]
-        return ShownDepth(
-            float(descent["level"]), surface, descent["floor"], surface - self.depths["wanted"][0],
-            surface - float(descent["boundary"]),
-        )  # fmt: skip
+        return depth_shown(self.descents[0], self.depths[0])
 
     @property
     def floor(self) -> Array:
@@ -132,7 +137,7 @@ class DepthCutting(DepthAssessed, SimulatedCutting):
         super().__init__(plant, *arguments, **keywords)
         specimen = plant.specimen
         self.slabs = specimen.tissue.slab()
-        self.descents = descent_records([specimen], None, descent)
+        self.descents = descent_records([specimen], specimen.tissue.layers if layer else None, descent)
         self.depths = depth_record(constants)
         self._level_before = 0.0
         self.vertical: Array = np.zeros((1, self.ticks))

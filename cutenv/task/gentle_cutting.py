@@ -53,6 +53,23 @@ class ShownDepth(NamedTuple):
     """Upper side of the layer below, hidden."""
 
 
+class ShownPath(NamedTuple):
+    """Path of a cut for a picture: places along and across the slab, to the left [m]."""
+
+    line: Array
+    """The line, every 0.5 mm, shape (301, 2)."""
+    target: int
+    """Point of the line where the cut is to end."""
+    cut: Array
+    """The cut from the clamp to its tip, hidden, shape (n, 2)."""
+    tip: Array
+    """Shape (2,), hidden."""
+    blade: Array
+    """Shape (2,)."""
+    heading: Array
+    """Direction in which the blade points, shape (2,)."""
+
+
 class GentleCutting:
     """An episode: cut gently from the clamp to ``target_length``, assessed by the rig's estimate of the tip.
 
@@ -260,6 +277,11 @@ class GentleCutting:
     @property
     def shown_depth(self) -> ShownDepth | None:
         """Depth as a picture shows it, None where no depth is wanted."""
+        return None
+
+    @property
+    def shown_path(self) -> ShownPath | None:
+        """Path as a picture shows it, None where no line is drawn."""
         return None
 
     @property

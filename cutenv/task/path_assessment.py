@@ -8,7 +8,7 @@ from typing import Any
 from cutenv._base.arrays import Struct, StructArray
 from cutenv._engine.fuse import fuse
 from cutenv._engine.jit import njit_fused, njit_inline, njit_internal
-from cutenv._engine.randomness import LATERAL_NOISE, Integer, normal_at
+from cutenv._engine.randomness import LATERAL_NOISE, Integer, three_normals_at
 from cutenv.cutting.law import grid_index, lerp
 from cutenv.task import path_terms
 from cutenv.task.map_costs import charge_lines, observe_lines
@@ -25,7 +25,6 @@ from cutenv.task.path_terms import (
 from cutenv.tissue.grid import LENGTH, SPACING
 
 _FIRST = len(COMPONENTS)  # component of the observation that the path adds first
-_NORMALS = 4  # random numbers of a decision
 
 
 def _fused(name: str, parameters: tuple[str, ...], lines: list[str]) -> Any:
@@ -117,10 +116,7 @@ def observe_path(
     """
     now = mean = peak = 0.0
     if updates > 0:
-        key, counter = (sensor.seed, sensor.episode), _NORMALS * tick
-        first = normal_at(key[0], key[1], LATERAL_NOISE, counter)
-        second = normal_at(key[0], key[1], LATERAL_NOISE, counter + 1)
-        third = normal_at(key[0], key[1], LATERAL_NOISE, counter + 2)
+        first, second, third = three_normals_at(sensor.seed, sensor.episode, LATERAL_NOISE, tick)
         now = _rounded(path, steering.lateral + path.lateral_noise * first)
         mean = felt[0] / updates + path.lateral_noise * second / math.sqrt(updates)
         peak = _rounded(path, felt[1] + path.lateral_noise * third)

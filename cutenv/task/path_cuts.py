@@ -36,10 +36,12 @@ from cutenv.task.path_assessment import (
 )
 from cutenv.task.path_terms import OFF_LINE, TURN_SCALE
 from cutenv.task.reward import ENDS, SAFETY_ENDS, WORST_STORED
+from cutenv.tissue.grid import N_POINTS
 
 _SAFETY = ENDS.index("force_limit")  # whose charges an end off the line shares
 _SAFETY_CODES = max(ENDS.index(name) for name in SAFETY_ENDS)  # the ends for safety are the first ones
 _STORED_LENGTH = 0.003  # [m], as in the term "stored"
+_AHEAD = 10  # points of the grid in the first distance at which the line is observed
 _STEERING, _LINES = np.int64(STEERING.itemsize // 8), 5  # numbers in a record; cache lines of its first ones
 
 
@@ -180,10 +182,13 @@ def fetch_path(
         for k in range(_LINES):
             prefetch(places, _STEERING * c + 8 * k)
         tip, blade = grid_index(cuts.states[c].tip)[0], grid_index(cuts.states[c].blade)[0]
-        for k in (tip, blade):
-            prefetch(steering.cosine, k)
-            prefetch(steering.sine, k)
-            prefetch(steering.curvature, k)
+        for k in (tip, blade, blade + _AHEAD, blade + 2 * _AHEAD, blade + 4 * _AHEAD):
+            at = min(k, N_POINTS - 1)
+            prefetch(steering.x_excess, at)
+            prefetch(steering.y, at)
+            prefetch(steering.cosine, at)
+            prefetch(steering.sine, at)
+            prefetch(steering.curvature, at)
         prefetch(steering.belongs, tip)
         prefetch(steering.cut, tip)
         prefetch(steering.along, tip)
@@ -214,9 +219,8 @@ def _advance_path(
     drive_row(row, TICK)
     steered_row(row, cuts.profiles, steerings, turns, TICK)
     feel_row(row, cuts.sensors, i == 0)
-    for k in range(row.taken):
-        if row.going[k] == 1:
-            count_lateral(step, k, row.force[k], steerings[row.cut[k]].lateral)
+    for k in range(len(row.blade)):
+        count_lateral(step, k, row.force[k], row.lateral[k])
     over = 0
     if row.slack == 0:
         for k in range(len(row.blade)):
@@ -224,6 +228,7 @@ def _advance_path(
                 count, k, row.blade[k], row.speed[k], step[PLANE_FORCE, k], row.felt[k], row.tip[k], row.jump[k],
                 row.depth[k],
             )  # fmt: skip
+            over += 1 if row.going[k] == 1 and count.end[k] != 0 else 0
     else:
         for k in range(row.taken):  # the encoder sits at the motor
             position, speed = row.blade[k], row.speed[k]
@@ -233,14 +238,13 @@ def _advance_path(
                 count, k, position, speed, step[PLANE_FORCE, k], row.felt[k], row.tip[k], row.jump[k],
                 depth_at(cuts.profiles[row.cut[k]], position),
             )  # fmt: skip
-    for k in range(row.taken):
+            over += 1 if row.going[k] == 1 and count.end[k] != 0 else 0
+    for k in range(row.taken if len(readings) > 0 else 0):
         if row.going[k] == 1:
-            c = row.cut[k]
-            over += 1 if count.end[k] != 0 else 0
-            if len(readings) > 0:
-                note(row, k, readings[c, i], TICK)
-            if len(lateral) > 0:
-                lateral[c, i] = steerings[c].lateral
+            note(row, k, readings[row.cut[k], i], TICK)
+    for k in range(row.taken if len(lateral) > 0 else 0):
+        if row.going[k] == 1:
+            lateral[row.cut[k], i] = row.lateral[k]
     return over
 
 

@@ -11,13 +11,14 @@ from cutenv._base.arrays import Array, StructArray
 from cutenv.cutting.dtypes import TICK
 from cutenv.cutting.steering import LINE_REACH, STEERING, SteeringParameters, place_of_blade, place_of_tip
 from cutenv.plant.simulator import SimulatedPlant
-from cutenv.task.gentle_cutting import SimulatedCutting
+from cutenv.task.gentle_cutting import ShownPath, SimulatedCutting
 from cutenv.task.map_assessed import MapAssessed
 from cutenv.task.observation import COMPONENTS
 from cutenv.task.path_beginning import begin_path_one, line_number, observe_path_at_start
 from cutenv.task.path_cuts import path_errors, step_path_one
 from cutenv.task.path_terms import ALL_PATH_COMPONENTS, PATH_COSTS, PATH_ENDS, PATH_MAP, PathConstants
 from cutenv.tissue.drawn_lines import DrawnLines
+from cutenv.tissue.grid import SPACING
 from cutenv.tissue.lines import WIDTH, CutLine
 
 
@@ -129,6 +130,18 @@ class PathCutting(MapAssessed, SimulatedCutting):
     def tip_place(self) -> tuple[float, float]:
         """Place of the crack tip, along and across the slab [m]; hidden."""
         return place_of_tip(self.plant.states, self.steerings)
+
+    @property
+    def shown_path(self) -> ShownPath:
+        """Path as a picture shows it."""
+        line, steering, aside = self.line, self.steerings[0], self.cut_distance[:, np.newaxis]
+        drawn, passed = np.column_stack((line.x, line.y)), slice(0, len(aside))
+        left = np.column_stack((-np.sin(line.angle), np.cos(line.angle)))[passed]
+        tip = np.array(self.tip_place)
+        return ShownPath(
+            drawn, round(self.target_length / SPACING), np.concatenate((drawn[passed] + aside * left, [tip])), tip,
+            np.array(self.blade_place), np.array([steering["ahead"], steering["across"]]),
+        )  # fmt: skip
 
     @property
     def cut_distance(self) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import numpy as np
@@ -61,7 +62,7 @@ class RigDepthCutting(DepthAssessed):
         descent: DescentParameters, key: tuple[int, int], **keywords: Any,
     ) -> None:  # fmt: skip
         super().__init__(plant, tissue, *arguments, **keywords)
-        self._mean = nominal_tissue(tissue)
+        self._tissue, self._mean = tissue, nominal_tissue(tissue)
         self._beside = np.zeros(0), np.zeros(0)
         self._measured: StructArray = self.nominal.copy()
         self.descents, self.depths = expected_descent(tissue, descent), depth_record(constants)
@@ -107,9 +108,12 @@ class RigDepthCutting(DepthAssessed):
 
     def layers_below(self) -> Layers:
         """Return the layers that ``cutenv/DepthCut-v1`` draws for this key, to be laid on an imitated rig."""
-        drawn = self.descents.copy()
+        drawn, known = self.descents.copy(), self._tissue.layers or Layers()
+        for name in ("deep_toughness", "deep_modulus"):
+            drawn[name] = getattr(known, name)
         drawn_layer(drawn, self.depths["wanted"][0], self.key)
-        return Layers(**{name: float(drawn[name][0]) for name in ("boundary", "deep_toughness", "deep_modulus")})
+        names = ("boundary", "deep_toughness", "deep_modulus")
+        return dataclasses.replace(known, **{name: float(drawn[name][0]) for name in names})
 
     @property
     def success(self) -> bool:

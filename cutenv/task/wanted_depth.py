@@ -55,13 +55,18 @@ def draw_wanted(seed: Integer, episode: Integer, kind: int, target: float, wante
 
 @njit_internal
 def draw_layer(seed: Integer, episode: Integer, wanted: Array, layers: Struct) -> None:
-    """Put the layer below, ``layers.boundary`` [m] deep, beneath the deepest wanted place; ``layers`` is changed."""
+    """Put the layer below, ``layers.boundary`` [m] deep, beneath the deepest wanted place; ``layers`` is changed.
+
+    Toughness and modulus are drawn where they are 1, that is not known of the tissue.
+    """
     deepest = 0.0
     for i in range(N_POINTS):
         deepest = max(deepest, wanted[i])
     layers.boundary = deepest + LEAST_BELOW + (MOST_BELOW - LEAST_BELOW) * draw(seed, episode, 4)
-    layers.deep_toughness = between(TOUGHNESS_RANGE[0], TOUGHNESS_RANGE[1], draw(seed, episode, 5))
-    layers.deep_modulus = between(MODULUS_RANGE[0], MODULUS_RANGE[1], draw(seed, episode, 6))
+    if layers.deep_toughness == 1.0:
+        layers.deep_toughness = between(TOUGHNESS_RANGE[0], TOUGHNESS_RANGE[1], draw(seed, episode, 5))
+    if layers.deep_modulus == 1.0:
+        layers.deep_modulus = between(MODULUS_RANGE[0], MODULUS_RANGE[1], draw(seed, episode, 6))
 
 
 @njit_internal

@@ -20,6 +20,7 @@ from cutenv.tissue.derivation import derived_value
 from cutenv.tissue.effective_modulus import falls, linear_fit
 from cutenv.tissue.fall import Falls, checked_falls, speed_on_line
 from cutenv.tissue.fracture_resistance import measured_fracture_resistance
+from cutenv.tissue.layers import Layers
 from cutenv.tissue.parameter_provenance import TissueCalibration
 from cutenv.tissue.slab import THICKNESS, slab_of
 from cutenv.tissue.variance_components import inclined_spread, mean_depth_of_cut, modulus_spread
@@ -145,12 +146,15 @@ class TissueDescription:
         0.0149, unit="m", low=1e-4, high=0.05, provenance="measured", source="Table 5.5 over Table 5.6"
     )
 
+    layers: Layers | None = None
+    """Layers over the depth where they were measured; None: one tissue throughout, or as a task draws them."""
     calibration: TissueCalibration | None = dataclasses.field(default=None, compare=False)
     """Evidence for a calibrated tissue; it does not count when two tissues are compared."""
 
     def __post_init__(self) -> None:
         check_parameters(self)
         fields = [field.name for field in dataclasses.fields(self)]
+        fields += [f"layers.{name}" for name in Layers.__dataclass_fields__]
         for each in self.calibration.evidence if self.calibration else ():
             one_of("evidence of", each.name, fields)
         one_of("element", self.element, ("quad4", "quad8"))
@@ -192,7 +196,10 @@ class TissueDescription:
 
     def to_json(self) -> str:
         """Return JSON text, which :meth:`from_json` reads back exactly."""
-        return json.dumps({"schema": TISSUE_SCHEMA, **dataclasses.asdict(self)}, indent=1)
+        content = dataclasses.asdict(self)
+        if self.layers is None:
+            del content["layers"]
+        return json.dumps({"schema": TISSUE_SCHEMA, **content}, indent=1)
 
     @classmethod
     def from_json(cls, text: str) -> TissueDescription:
@@ -204,7 +211,9 @@ class TissueDescription:
             For another schema, an unknown or a missing field, or a value out of range.
         """
         names = {field.name for field in dataclasses.fields(cls)}
-        content = checked_fields(text, TISSUE_SCHEMA, names, may_miss={"calibration"})
+        content = checked_fields(text, TISSUE_SCHEMA, names, may_miss={"calibration", "layers"})
+        if content.get("layers") is not None:
+            content["layers"] = _layers_of(content["layers"])
         if content.get("calibration") is not None:
             content["calibration"] = TissueCalibration.from_content(content["calibration"])
         return cls(**content)
@@ -226,6 +235,13 @@ def checked_fields(text: str, schema: str, names: set[str], may_miss: Collection
     if missing:
         raise ValueError(f"missing field(s) {', '.join(missing)} of schema {schema}.")
     return content
+
+
+def _layers_of(content: Any) -> Layers:
+    """Return layers from their JSON content; raise ValueError for anything else."""
+    if not isinstance(content, dict) or content.keys() != Layers.__dataclass_fields__.keys():
+        raise ValueError(f"layers = {content!r} must have {', '.join(Layers.__dataclass_fields__)}.")
+    return Layers(**content)
 
 
 @lru_cache(maxsize=8)

@@ -29,7 +29,13 @@ from cutenv.tissue.lines import (
     s_shape,
     straight,
 )
-from cutenv.tissue.path_model import PathModel, TipStiffness, along_whole_line, over_straight, stiffness_at_unit_modulus
+from cutenv.tissue.path_model import (
+    TipStiffness,
+    along_whole_line,
+    over_straight,
+    stiffness_at_tips,
+    stiffness_at_unit_modulus,
+)
 
 KINDS = ("straight", "arc", "s", "excision", "random")
 """Kinds of drawn lines."""
@@ -144,9 +150,9 @@ def solved_stiffness() -> list[dict[str, Any]]:
     found = []
     for kind in range(1, len(KINDS)):
         for number in range(0, OF_A_KIND, 2):
-            model = PathModel(first_of_pair(kind, number), **STORED)
-            parts = model.stiffness[:, (0, 0, 1), (0, 1, 1)]  # along, coupled, across
-            found.append({"kind": kind, "number": number, "tips": model.tips, "stiffness": parts})
+            tips, stiffness = stiffness_at_tips(first_of_pair(kind, number), **STORED)
+            parts = stiffness[:, (0, 0, 1), (0, 1, 1)]  # along, coupled, across
+            found.append({"kind": kind, "number": number, "tips": tips, "stiffness": parts})
     return found
 
 

@@ -132,18 +132,26 @@ def _follow(floors: StructArray, positions: Array, heights: Array, tips: Array, 
 
 
 def expected_floor(
-    tissue: TissueDescription, surface: Array, positions: Array, heights: Array, tips: Array
+    tissue: TissueDescription,
+    surface: Array,
+    positions: Array,
+    heights: Array,
+    tips: Array,
+    *,
+    layers: Layers | None = None,
 ) -> tuple[Array, Array]:
     """Return the floor that a tissue would have under a blade that moved in this way.
 
     Parameters
     ----------
     tissue : TissueDescription
-        Tissue whose mean resistance and modulus the floor has; no layer.
+        Tissue whose mean resistance and modulus the floor has.
     surface : array, shape (301,)
         Depth of cut of a blade at height 0, every 0.5 mm from the clamp [m].
     positions, heights, tips : array, shape (n,)
         Position and height of the blade, and crack tip, every :data:`FLOOR_EVERY` [m]; the tip never goes back.
+    layers : Layers, optional
+        Layers over the depth; default one tissue throughout.
 
     Returns
     -------
@@ -161,7 +169,7 @@ def expected_floor(
     record["bed"] = BEDDING * tissue.modulus
     record["thickness"], record["edge_length"] = tissue.thickness, EDGE_LENGTH
     for name in Layers.__dataclass_fields__:
-        record[name] = getattr(Layers(), name)
+        record[name] = getattr(layers or Layers(), name)
     record["surface"] = record["floor"] = surface
     record["engaged"] = heights[0]
     record["floor"][0, 0] = heights[0]

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from cutenv._base.arrays import Array, Indices
-from cutenv.tissue.split_mesh import element_stiffness
+from cutenv.tissue.element_matrices import element_stiffness
 
 
 def local_compliance(

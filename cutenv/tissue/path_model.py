@@ -14,15 +14,18 @@ from scipy.linalg import cholesky, solve_triangular
 from scipy.sparse import csr_array
 
 from cutenv._base.arrays import Array
-from cutenv._base.validation import in_range
+from cutenv._base.validation import in_range, one_of
 from cutenv.tissue.continuum import Continuum
+from cutenv.tissue.elasticity import lame_parameters
 from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING
 from cutenv.tissue.lines import SIDE_MARGIN, WIDTH, CutLine, length_within, straight
+from cutenv.tissue.local_compliance import local_compliance, square_compliance
 from cutenv.tissue.mesh import ACROSS, ALONG, CutMesh, checked_divisions, read_only
-from cutenv.tissue.model_arguments import checked_relative_modulus
+from cutenv.tissue.model_arguments import METRES, checked_relative_modulus
 from cutenv.tissue.specimen import Specimen
 from cutenv.tissue.tip_response import factorise, stiffness_matrix
 
+_ELEMENT = 0.01  # to whose size and shape the stiffness on a line is converted [m]
 _ROUNDING = 1e-10  # of a solution, over modulus and thickness
 
 
@@ -143,6 +146,41 @@ class PathModel:
         turned = np.einsum("tri,trs,tsj->tij", self._frames, self._solved[0], self._frames)
         return read_only(np.linalg.inv(turned[: len(self.tips)]))
 
+    def converted_stiffness(self, element: float) -> Array:
+        """Return the stiffness at each tip if the elements there were squares of a size, shape (n_tips, 2, 2).
+
+        Where the line is oblique, elements are, and a point force feels them; see
+        :mod:`cutenv.tissue.local_compliance`.
+
+        Parameters
+        ----------
+        element : float
+            Size of the squares [m]; for 8-node elements.
+
+        Raises
+        ------
+        ValueError
+            If the elements are others, or the size is out of range.
+        """
+        one_of("element of the model", self.element, ("quad8",))
+        size = in_range("element", element, 1e-4, 1.0, "m", METRES)
+        lame = lame_parameters(self.formulation, self.poisson)
+        mesh, (across, along) = self.mesh, self.divisions
+        tied = np.arange(len(mesh.nodes))
+        tied[mesh.pairs[:, 1]] = mesh.pairs[:, 0]
+        nodes = tied[mesh.element_nodes.T].reshape(across, along, -1)
+        modulus = np.ones((across, along)) if self.relative_modulus is None else self.relative_modulus
+        modulus = modulus.reshape(across, along)
+        compliance = self._solved[0][: len(self.tips)].copy()
+        for k in range(min(len(self.tips), along - 1)):  # at the free end there are no elements around the tip
+            rows, columns = slice(max(k - 1, 0), k + 3), slice(max(mesh.line - 2, 0), mesh.line + 2)
+            patch = nodes[columns, rows].reshape(-1, nodes.shape[2])
+            local = local_compliance(patch.tolist(), mesh.nodes.__getitem__, int(mesh.tip_pairs[k, 0, 0]), *lame)
+            own = float(modulus[mesh.line - 1 : mesh.line + 1, k : k + 2].mean())
+            compliance[k] -= (local - square_compliance(size, *lame) * np.eye(2)) / own
+        frames = self._frames[: len(self.tips)]
+        return read_only(np.linalg.inv(np.einsum("tri,trs,tsj->tij", frames, compliance, frames)))
+
     def displacement(self, tip: int, force: ArrayLike) -> Array:
         """Return the displacement of every node, times modulus and thickness [N], shape (n_nodes, 2).
 
@@ -229,9 +267,14 @@ def _straight_stiffness(element: str, formulation: str, poisson: float) -> TipSt
 
 def stiffness_at_unit_modulus(line: CutLine, element: str, formulation: str, poisson: float) -> TipStiffness:
     """Interpolate the uniform slab's stiffness between tips; outside them it keeps its value."""
+    return along_whole_line(*stiffness_at_tips(line, element, formulation, poisson))
+
+
+def stiffness_at_tips(line: CutLine, element: str, formulation: str, poisson: float) -> tuple[Array, Array]:
+    """Return the tips [m], shape (n,), and the uniform slab's stiffness there [1], shape (n, 2, 2)."""
     model = PathModel(line, element=element, formulation=formulation, poisson=poisson)
-    stiffness = np.where(abs(model.stiffness) > _ROUNDING, model.stiffness, 0.0)  # none is coupled by symmetry
-    return along_whole_line(model.tips, stiffness)
+    at_tips = model.converted_stiffness(_ELEMENT) if element == "quad8" else model.stiffness
+    return model.tips, np.where(abs(at_tips) > _ROUNDING, at_tips, 0.0)  # none is coupled by symmetry
 
 
 def along_whole_line(tips: Array, stiffness: Array) -> TipStiffness:

@@ -7,14 +7,14 @@ there is a node only once the cell is split into two 6-node triangles.
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from skfem.element import Element, ElementQuadS2, ElementTriP2
-from skfem.quadrature import get_quadrature
 
 from cutenv._base.arrays import Array, Indices
+from cutenv.tissue.lines import CutLine
+from cutenv.tissue.mesh import ELEMENT_KINDS, CutMesh
+from cutenv.tissue.path_model import PathMesh
 
 MeshPlace = tuple[int, int]
 """MeshPlace of a node in half elements, along and across."""
@@ -22,7 +22,7 @@ MeshPlace = tuple[int, int]
 AROUND: tuple[MeshPlace, ...] = ((2, 0), (2, 2), (2, -2), (0, 2), (0, -2), (-2, 2), (-2, -2), (-2, 0))
 """Steps to the eight corners around a corner."""
 _QUAD: tuple[MeshPlace, ...] = ((0, 0), (2, 0), (2, 2), (0, 2), (1, 0), (2, 1), (1, 2), (0, 1))
-_QUADRATURE_DEGREE = 5  # 3 x 3 Gauss points, as in the model of a straight cut; exact for the triangle
+_SAME = 1e-11  # [m]
 
 
 class Part(NamedTuple):
@@ -126,6 +126,15 @@ class SplitMesh:
                     least = min(least, (x_2 - x_1) * (y_0 - y_1) - (y_2 - y_1) * (x_0 - x_1))
         return least
 
+    def on_edge(self, corner: MeshPlace) -> bool:
+        """Return whether a corner lies on the slab's outline."""
+        return any(corner[axis] in (0, 2 * self.cells[axis]) for axis in (0, 1))
+
+    def leaves_edge(self, corner: MeshPlace, to: Array) -> bool:
+        """Return whether a corner on the slab's outline would leave it."""
+        gaps = abs(np.asarray(to) - self.positions[corner])
+        return any(corner[axis] in (0, 2 * self.cells[axis]) and gaps[axis] > _SAME for axis in (0, 1))
+
     def _place_middle(self, cell: MeshPlace) -> None:
         if cell in self.split:
             first, second = self.split[cell][0].corners, self.split[cell][1].corners
@@ -152,41 +161,20 @@ def cell_places(cells: MeshPlace) -> Indices:
     return 2 * first + np.array(_QUAD)  # type: ignore[no-any-return]
 
 
-def element_stiffness(positions: Array, lam: float, mu: float) -> Array:
-    """Return the stiffness of 8-node quadrilaterals or 6-node triangles at unit thickness.
+def slab_corners(divisions: tuple[int, int], size: tuple[float, float], line: CutLine | None) -> Array:
+    """Return the corners of a slab's mesh along it and across it to the left, shape (along + 1, across + 1, 2) [m].
 
-    Parameters
-    ----------
-    positions : array, shape (n, m, 2)
-        Nodes of n elements in the order of their m shape functions [m].
-    lam, mu : float
-        Lame parameters, see :func:`cutenv.tissue.elasticity.lame_parameters`.
-
-    Returns
-    -------
-    array, shape (n, 2 m, 2 m)
+    With a ``line`` the mesh follows it, as that of :class:`~cutenv.tissue.PathModel`; without, it is a straight cut's.
     """
-    gradients, weights = _shapes(positions.shape[1])
-    jacobian = np.einsum("gma,nmi->ngia", gradients, positions)
-    inverse, size = np.linalg.inv(jacobian), np.linalg.det(jacobian) * weights
-    slopes = np.einsum("gma,ngai->ngmi", gradients, inverse)
-    weighted = slopes * size[:, :, np.newaxis, np.newaxis]
-    products = np.einsum("ngmi,ngkj->nmikj", weighted, slopes, optimize=True)
-    same = products[:, :, 0, :, 0] + products[:, :, 1, :, 1]
-    stiffness = lam * products + mu * products.transpose(0, 1, 4, 3, 2)
-    stiffness[:, :, 0, :, 0] += mu * same
-    stiffness[:, :, 1, :, 1] += mu * same
-    n = 2 * positions.shape[1]
-    return stiffness.reshape(-1, n, n)  # type: ignore[no-any-return]
-
-
-@lru_cache(maxsize=2)
-def _shapes(nodes: int) -> tuple[Array, Array]:
-    """Return the slopes of the shape functions at the Gauss points, (n_points, m, 2), and the weights, (n_points,)."""
-    element: Element = ElementQuadS2() if nodes == 8 else ElementTriP2()
-    points, weights = get_quadrature(element, _QUADRATURE_DEGREE)
-    slopes = np.stack([element.lbasis(points, k)[1] for k in range(nodes)])  # (m, 2, n_points)
-    return np.ascontiguousarray(slopes.transpose(2, 0, 1)), np.asarray(weights)
+    kind = ELEMENT_KINDS["quad8"]
+    mesh = (
+        CutMesh(kind=kind, divisions=divisions, size=size)
+        if line is None
+        else PathMesh(kind=kind, divisions=divisions, size=size, drawn=line)
+    )
+    grid = mesh.corners.reshape(divisions[0] + 2, divisions[1] + 1, 2)
+    single = np.delete(grid, mesh.line, axis=0)[::-1].swapaxes(0, 1)
+    return np.stack((single[..., 1], -single[..., 0]), axis=-1)
 
 
 def _triangles(one: MeshPlace, other: MeshPlace) -> tuple[Part, Part]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,8 +13,29 @@ from scipy.sparse import coo_array
 
 from cutenv._base.arrays import Array, Indices
 from cutenv.tissue.augmented_system import AugmentedSystem
-from cutenv.tissue.split_mesh import MeshPlace, Part, SplitMesh, cell_places, element_stiffness, whole
+from cutenv.tissue.element_matrices import element_stiffness
+from cutenv.tissue.local_compliance import local_compliance, square_compliance
+from cutenv.tissue.split_mesh import MeshPlace, Part, SplitMesh, cell_places, whole
 from cutenv.tissue.tip_response import sparse_factors
+
+
+class DoubledMesh(NamedTuple):
+    """A slab with its cuts, as any finite-element program takes it; places along the slab and to its left."""
+
+    nodes: Array
+    """[m], shape (n, 2)."""
+    quadrilaterals: Indices
+    """Nodes of the 8-node elements: corners counter-clockwise, then the middles of the edges from each, (m, 8)."""
+    triangles: Indices
+    """Nodes of the 6-node elements: corners, then the middles of the edges 1-2, 2-3, 1-3, shape (k, 6)."""
+    pairs: Indices
+    """Nodes on the left and the right face of a cut behind its tip, shape (p, 2)."""
+    directions: Array
+    """Direction in which either pair may slide, shape (p, 2)."""
+    clamped: Indices
+    """Nodes that do not move."""
+    tip: int
+    """Node that the blade pulls at."""
 
 
 class SplitStiffness:
@@ -65,7 +87,7 @@ class SplitStiffness:
 
     def is_clamped(self, place: MeshPlace) -> bool:
         """Return whether a node is clamped."""
-        return bool(self._number[place][0] < 0)
+        return place[0] == 0
 
     def touched(self, place: MeshPlace) -> list[int]:
         """Return the local unknowns of a node, which it gets if it has none yet."""
@@ -108,6 +130,23 @@ class SplitStiffness:
             self.system.change(unknowns, share)
             self._shares[cell] = unknowns, share
 
+    def local_excess(self, tip: MeshPlace, size: float, element: float) -> Array:
+        """Return what the elements around a tip add to its compliance, beyond squares of a ``size`` [m], shape (2, 2).
+
+        At the free end, where there are none around it, that is the excess of squares of the size ``element``.
+        """
+        mesh, (a, b) = self._mesh, tip
+        square = square_compliance(size, *self._lame) * np.eye(2)
+        if a == 2 * mesh.cells[0]:
+            local = square_compliance(element, *self._lame) * np.eye(2)
+        else:
+            rows, columns = range(a // 2 - 2, a // 2 + 2), range(b // 2 - 2, b // 2 + 2)
+            around = [(i, j) for i in rows for j in columns if 0 <= i < mesh.cells[0] and 0 <= j < mesh.cells[1]]
+            parts = [part.places for cell in around for part in mesh.parts(cell)]
+            local = local_compliance(parts, mesh.positions.__getitem__, tip, *self._lame)
+        modulus = float(np.mean([self._modulus[cell] for cell in mesh.cells_at(tip)]))
+        return (local - square) / modulus
+
     def loads(self, forces: ArrayLike) -> Array:
         """Return forces on all places, shape of ``mesh.positions``, as loads on the local unknowns."""
         given = np.asarray(forces, dtype=float)
@@ -130,14 +169,47 @@ class SplitStiffness:
             motion[2 * cell[0] + 1, 2 * cell[1] + 1] = local[list(unknowns)]
         return motion
 
-    def face_motion(self, part: Part, motion: Array, local: Array) -> Array:
-        """Return the motion of the nodes of an element, shape (m, 2), faces apart."""
-        moved = np.array([motion[place] for place in part.places])
-        for k, place in enumerate(part.places):
-            side = self._sides.get((part, place), 0.0)
-            for unknown, direction in self._jumps[place] if side else ():
-                moved[k] += side * local[unknown] * direction
-        return moved
+    def doubled_mesh(self, tip: MeshPlace) -> DoubledMesh:
+        """Return the mesh with a node for each face of a cut."""
+        number: dict[tuple[MeshPlace, float], int] = {}
+        positions: list[Array] = []
+        elements: dict[int, list[list[int]]] = {8: [], 6: []}
+        for cell in np.ndindex(self._mesh.cells):
+            for part in self._mesh.parts((cell[0], cell[1])):
+                nodes = []
+                for place in part.places:
+                    key = place, self._sides.get((part, place), 0.0)
+                    if key not in number:
+                        number[key] = len(positions)
+                        positions.append(self._mesh.at(place))
+                    nodes.append(number[key])
+                elements[len(nodes)].append(nodes)
+        jumps = sorted(self._jumps)
+        return DoubledMesh(
+            np.array(positions), np.array(elements[8]), np.array(elements[6], dtype=np.int64).reshape(-1, 6),
+            np.array([(number[place, -0.5], number[place, 0.5]) for place in jumps]).reshape(-1, 2),
+            np.array([self._jumps[place][0][1] for place in jumps]).reshape(-1, 2),
+            np.array([n for (place, _), n in number.items() if place[0] == 0]), number[tip, 0.0],
+        )  # fmt: skip
+
+    def outlines(self, motion: Array, local: Array, opening: float, tip: Array) -> list[Array]:
+        """Return the outlines of all elements after a motion of the places and of the local unknowns [m].
+
+        Faces of cuts are drawn ``opening`` [m] apart, less within 2 cm of the ``tip``.
+        """
+        found = []
+        for cell in np.ndindex(self._mesh.cells):
+            for part in self._mesh.parts((cell[0], cell[1])):
+                corners = []
+                for place in part.corners:
+                    at = self._mesh.at(place) + motion[place]
+                    side = self._sides.get((part, place), 0.0)
+                    for unknown, (x, y) in self._jumps[place] if side else ():
+                        gap = opening * math.sqrt(min(math.dist(self._mesh.at(place), tip) / 0.02, 1.0))
+                        at = at + side * (local[unknown] * np.array([x, y]) + gap * np.array([y, -x]))
+                    corners.append(at)
+                found.append(np.array(corners))
+        return found
 
     def _share(self, cell: MeshPlace) -> tuple[Indices, Array]:
         """Return the local unknowns of a cell, and its stiffness in them less that of its first shape."""

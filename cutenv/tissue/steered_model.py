@@ -14,12 +14,10 @@ from cutenv._base.validation import in_range, one_of
 from cutenv.tissue.elasticity import lame_parameters
 from cutenv.tissue.grid import LENGTH
 from cutenv.tissue.lines import WIDTH, CutLine
-from cutenv.tissue.local_compliance import local_compliance, square_compliance
-from cutenv.tissue.mesh import ELEMENT_KINDS, CutMesh, checked_divisions
+from cutenv.tissue.mesh import checked_divisions
 from cutenv.tissue.model_arguments import METRES, checked_relative_modulus
-from cutenv.tissue.path_model import PathMesh
-from cutenv.tissue.split_mesh import AROUND, MeshPlace, SplitMesh, halfway
-from cutenv.tissue.split_stiffness import SplitStiffness
+from cutenv.tissue.split_mesh import AROUND, MeshPlace, SplitMesh, halfway, slab_corners
+from cutenv.tissue.split_stiffness import DoubledMesh, SplitStiffness
 
 _THINNEST = 0.1  # of a cell: an element that would become smaller at a corner is no way for the crack
 _ON_THE_WAY = 0.3  # of an element: a node that is nearer to the tip is no next one
@@ -93,7 +91,7 @@ class SteeredModel:
         if line is not None and size != (WIDTH, LENGTH):
             raise ValueError(f"line goes with a slab of {WIDTH:g} x {LENGTH:g} m: leave out width and length.")
         self._lame = lame_parameters(formulation, poisson)
-        self.mesh = SplitMesh(_corners((across, along), size, line))
+        self.mesh = SplitMesh(slab_corners((across, along), size, line))
         self._element = min(size[0] / across, size[1] / along)
         modulus = np.ones(across * along)
         if relative_modulus is not None:
@@ -163,7 +161,7 @@ class SteeredModel:
         if corner in self._used:
             raise ValueError(f"A cut cannot begin at {where}: there is one already.")
         if far > _SAME * self._element:
-            if self._thinnest_after(corner, to) < _THINNEST * self._element**2 or self._leaves_edge(corner, to):
+            if self._thinnest_after(corner, to) < _THINNEST * self._element**2 or self.mesh.leaves_edge(corner, to):
                 raise ValueError(f"A cut cannot begin at {where}: that is outside the slab, or nearly on its edge.")
             self.mesh.move(corner, to)
             self._body.renew(self.mesh.cells_at(corner))
@@ -253,19 +251,8 @@ class SteeredModel:
             Size of the squares [m].
         """
         size = in_range("element", element, 1e-4, 1.0, "m", METRES)
-        mesh, (a, b) = self.mesh, self._tip
-        rows, columns = range(a // 2 - 2, a // 2 + 2), range(b // 2 - 2, b // 2 + 2)
-        cells = [
-            (i, j) for i in rows for j in columns if mesh.within((2 * i, 2 * j)) and mesh.within((2 * i + 2, 2 * j + 2))
-        ]
-        square = square_compliance(size, *self._lame)
-        if a == 2 * mesh.cells[0]:  # at the free end there are no elements around it
-            local = square_compliance(self._element, *self._lame) * np.eye(2)
-        else:
-            parts = [part.places for cell in cells for part in mesh.parts(cell)]
-            local = local_compliance(parts, mesh.positions.__getitem__, (a, b), *self._lame)
-        modulus = float(np.mean([self._modulus[cell] for cell in mesh.cells_at((a, b))]))
-        return self._along_and_left(self.compliance - (local - square * np.eye(2)) / modulus)
+        excess = self._body.local_excess(self._tip, size, self._element)
+        return self._along_and_left(self.compliance - excess)
 
     def displacement(self, force: ArrayLike) -> Array:
         """Return the displacement of every place by a force on the tip, times modulus and thickness [N].
@@ -302,6 +289,25 @@ class SteeredModel:
                 self._body.push_faces(load, place, share * left)
         return float(load @ self._body.system.solve(load[:, np.newaxis])[:, 0])
 
+    def outlines(self, force: ArrayLike = (0.0, 0.0), opening: float = 0.0) -> list[Array]:
+        """Return the outlines of the elements, each of shape (3 or 4, 2) [m], displaced by a force on the tip.
+
+        Parameters
+        ----------
+        force : array_like, shape (2,)
+            Along the slab and to its left, over modulus and thickness [m].
+        opening : float
+            Distance by which the faces of cuts are drawn apart, far from the tip [m].
+        """
+        load = np.zeros(len(self._body.system))
+        load[self._tip_unknowns()] = np.asarray(force, dtype=float)
+        local = self._body.system.solve(load[:, np.newaxis])[:, 0]
+        return self._body.outlines(self._body.motion(local, load), local, opening, self.tip)
+
+    def doubled_mesh(self) -> DoubledMesh:
+        """Return the mesh with a node for each face of the cuts, for another program."""
+        return self._body.doubled_mesh(self._tip)
+
     def _along_and_left(self, compliance: Array) -> Array:
         """Return the stiffness in the frame of the crack's direction."""
         c, s = math.cos(self.angle), math.sin(self.angle)
@@ -326,7 +332,7 @@ class SteeredModel:
             if crosses and tuple(n // 2 for n in halfway(self._tip, corner)) in self.mesh.split:
                 continue
             point = to(corner)
-            if point is None or self._leaves_edge(corner, point):
+            if point is None or self.mesh.leaves_edge(corner, point):
                 continue
             thinnest = self._thinnest_after(corner, point)
             if thinnest > _THINNEST * self._element**2:
@@ -353,13 +359,6 @@ class SteeredModel:
         _, corner, to = min(candidates)
         return corner, np.array(to)
 
-    def _leaves_edge(self, corner: MeshPlace, to: Array) -> bool:
-        """Return whether a corner on the slab's outline would leave it."""
-        at, same = self.mesh.at(corner), _SAME * self._element
-        return any(
-            corner[axis] in (0, 2 * self.mesh.cells[axis]) and abs(to[axis] - at[axis]) > same for axis in (0, 1)
-        )
-
     def _thinnest_after(self, corner: MeshPlace, to: Array) -> float:
         start = self._corners[-1] if self._corners else corner
         crossed = start if corner[0] != start[0] and corner[1] != start[1] else None
@@ -383,7 +382,7 @@ class SteeredModel:
         if len(self._corners) > 1:
             own = self._angles[-1] if angle is not None else _mean_angle(self._chord(), chord)
             self._body.double(last, own, self._corners[-2], corner)
-        elif not self._body.is_clamped(last) and self._at_edge(last):
+        elif not self._body.is_clamped(last) and mesh.on_edge(last):
             self._body.double(last, self._angles[-1] if angle is not None else chord, None, corner)
         self._take(corner, chord if angle is None else angle)
         self._body.renew(sorted({cell for place in (last, middle, corner) for cell in mesh.cells_at(place)}))
@@ -391,9 +390,6 @@ class SteeredModel:
     def _chord(self) -> float:
         """Return the direction from the last node but one to the tip [rad]."""
         return math.atan2(*(self.mesh.at(self._tip) - self.mesh.at(self._corners[-2]))[::-1])
-
-    def _at_edge(self, place: MeshPlace) -> bool:
-        return any(place[axis] in (0, 2 * self.mesh.cells[axis]) for axis in (0, 1))
 
 
 def _mean_angle(one: float, other: float) -> float:
@@ -405,16 +401,3 @@ def _checked_point(point: ArrayLike) -> Array:
     if given.shape != (2,) or not np.isfinite(given).all():
         raise ValueError(f"point = {point!r}: give two finite numbers, along and across the slab [m].")
     return given
-
-
-def _corners(divisions: tuple[int, int], size: tuple[float, float], line: CutLine | None) -> Array:
-    """Return the corners of the mesh along the slab and across it to the left, shape (along + 1, across + 1, 2) [m]."""
-    kind = ELEMENT_KINDS["quad8"]
-    mesh = (
-        CutMesh(kind=kind, divisions=divisions, size=size)
-        if line is None
-        else PathMesh(kind=kind, divisions=divisions, size=size, drawn=line)
-    )
-    grid = mesh.corners.reshape(divisions[0] + 2, divisions[1] + 1, 2)
-    single = np.delete(grid, mesh.line, axis=0)[::-1].swapaxes(0, 1)
-    return np.stack((single[..., 1], -single[..., 0]), axis=-1)

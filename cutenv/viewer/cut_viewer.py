@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from cutenv._base.arrays import StructArray
 from cutenv.plant.simulator import SimulatedPlant
 from cutenv.task.gentle_cutting import GentleCutting
-from cutenv.viewer import chart, palette, readout, views
+from cutenv.viewer import chart, palette, plan_view, readout, views
 from cutenv.viewer.canvas import Canvas
 from cutenv.viewer.drawn_slab import Slab, drawn_slab_of
 from cutenv.viewer.scene import ForceTrace, Layout, Moment
@@ -23,7 +23,8 @@ class CutViewer:
 
     From above, the tissue is displaced according to the finite-element model, at one scale with the ruler; the open cut
     is only an illustration. From the side the tissue is at rest, so that the tip and the blade that displaces it are
-    apart by the lag. The force is below, over the position of the blade. The tip is hidden from agents, and marked so.
+    apart by the lag. A cut along a drawn line is seen in its places from above, with the tissue at rest. The force is
+    below, over the position of the blade. The tip is hidden from agents, and marked so.
 
     Parameters
     ----------
@@ -82,11 +83,15 @@ class CutViewer:
         canvas, layout = self._canvas, self.layout
         canvas.paste(self._standing)
         quantities = moment.quantities()
-        views.draw_from_above(canvas, layout, quantities, self._slab, _SHOWN, palette.STEEL)
+        if moment.shown_path is None:
+            views.draw_from_above(canvas, layout, quantities, self._slab, _SHOWN, palette.STEEL)
+        else:
+            plan_view.draw_plan(canvas, layout, moment.shown_path, self._slab.model.width, self._slab.model.length)
         box = layout.blade_end - _SIDE_HEIGHT, layout.column - 20
         shown = (*_SHOWN, *moment.conditions)
         views.draw_from_the_side(canvas, layout, quantities, shown, palette.STEEL, box=box)
-        views.draw_titles(canvas, layout, quantities, self._slab.model.width, box[0] - 11)
+        above = None if moment.shown_path is None else plan_view.TITLE
+        views.draw_titles(canvas, layout, quantities, self._slab.model.width, box[0] - 11, above=above)
         chart.draw_present(canvas, layout, moment, self._trace)
         readout.draw_header(canvas, layout, moment)
         readout.draw_numbers(canvas, layout, moment)

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array, StructArray
 from cutenv.plant.simulator import SimulatedPlant
-from cutenv.task.gentle_cutting import GentleCutting, ShownDepth
+from cutenv.task.gentle_cutting import GentleCutting, ShownDepth, ShownPath
 from cutenv.task.reward import FORCE_ALLOWED
-from cutenv.task_quantities import TIP_TOLERANCE
+from cutenv.task_quantities import ANGLE_TOLERANCE, TIP_TOLERANCE
 from cutenv.tissue.grid import depth_below
 from cutenv.viewer.formula import SceneFormula
 from cutenv.viewer.scene_parts import (
@@ -53,6 +53,7 @@ class Moment:
     end: str
     success: bool
     shown_depth: ShownDepth | None = None
+    shown_path: ShownPath | None = None
 
     tolerance = TIP_TOLERANCE
     force_allowed_per_depth = FORCE_ALLOWED
@@ -76,6 +77,7 @@ class Moment:
             end=cutting.end,
             success=cutting.success,
             shown_depth=shown,
+            shown_path=cutting.shown_path,
         )
 
     @property
@@ -141,10 +143,11 @@ class Moment:
                     abs(self.tip - self.target), self.tolerance + 1e-4
                 )  # rounded, it does not look like a success
                 return f"finished: tip {1e3 * off:.1f} mm off target"
+            if self.shown_depth is not None and abs(0.5 * math.pi - self.angle) <= ANGLE_TOLERANCE:
+                return "finished: not as deep as wanted"
             return f"finished: blade at {math.degrees(self.angle):.0f}°, not upright"
-        return {"": "", "force_limit": "stopped: force limit", "overshoot": "stopped: overshoot"}.get(
-            self.end, f"stopped: {self.end}"
-        )
+        words = {"force_limit": "force limit", "layer": "the layer below was opened too deep"}
+        return f"stopped: {words.get(self.end, self.end)}" if self.end else ""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -48,10 +48,16 @@ def draw_clamp(canvas: Canvas, layout: Layout, width: float) -> None:
     canvas.text("clamp", (edge - 4, bottom - 30), size=_LETTERS, colour=palette.QUIET, anchor="midright", upwards=True)
 
 
-def draw_titles(canvas: Canvas, layout: Layout, quantities: Mapping[str, Any], width: float, side_top: float) -> None:
-    """Draw what the views show, above them; the view from the side begins at ``side_top`` [px]."""
+def draw_titles(
+    canvas: Canvas, layout: Layout, quantities: Mapping[str, Any], width: float, side_top: float, *,
+    above: str | None = None,
+) -> None:  # fmt: skip
+    """Draw what the views show, above them; the view from the side begins at ``side_top`` [px].
+
+    ``above`` is the title of the view from above, where it is not the scene's.
+    """
     top = float(layout.place("above", np.array([-0.5 * width, 0.0]))[1]) - 29
-    canvas.text(scene_label("above", quantities), (layout.clamp, top), size=_LETTERS, colour=palette.QUIET)
+    canvas.text(above or scene_label("above", quantities), (layout.clamp, top), size=_LETTERS, colour=palette.QUIET)
     canvas.text(scene_label("side", quantities), (layout.clamp, side_top), size=_LETTERS, colour=palette.QUIET)
 
 

@@ -50,8 +50,9 @@ def _filled(nav: Any, entries: list[tuple[str, str | None]]) -> Any:
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add the pages that were made, the one that cuts, and the pictures of ``assets/pictures``."""
+    """Add the pages that were made, those that cut, and the pictures of ``assets/pictures``."""
     files.append(File.generated(config, "cut.html", content=page_alone()))
+    files.append(File.generated(config, "cut-depth.html", content=page_alone(tasks=("depth",), count=2)))
     for path, text in _generated.items():
         files.append(File.generated(config, path, content=text))
     for picture in sorted((ROOT / "assets" / "pictures").iterdir()):

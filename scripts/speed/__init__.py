@@ -10,6 +10,7 @@ BENCHMARKS = {
     "depth": "depth_environment",
     "steering": "steering",
     "freehand": "freehand",
+    "path": "path_environment",
     "tick": "tick",
     "picture": "picture",
     "field": "field",

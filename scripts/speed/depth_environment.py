@@ -2,81 +2,24 @@
 
 from __future__ import annotations
 
-import math
-import time
-from collections.abc import Callable
-from typing import NamedTuple
-
 import numpy as np
-from numpy.typing import NDArray
 
-from cutenv._engine.parallel import cores
-from cutenv.envs.batch import CutBatch
 from cutenv.envs.depth_cut import DepthBatch, DepthCutEnv
-from cutenv.envs.gentle_cut import GentleCutEnv
-from speed.measured import Measured, Number, at_most
+from speed.measured import Measured
+from speed.third_action import COUNT, ROUNDS, STEPS, RatesBeside, ThirdActions, measured_beside, rates_beside
 
-COUNT, STEPS, ROUNDS = 1024, 60, 5
-ALLOWED = 2.0
-"""Most times the time of GentleCut-v1 that a decision should take."""
-
-Descents = Callable[[np.random.Generator, int], NDArray[np.float64]]
-"""Third actions of n cuts in a decision, shape (n,)."""
-
-MOTIONS: dict[str, Descents] = {
+MOTIONS: dict[str, ThirdActions] = {
     "at a constant level": lambda rng, count: np.zeros(count),
     "at random": lambda rng, count: rng.uniform(-1.0, 1.0, count),
     "pressing down": lambda rng, count: rng.uniform(0.1, 0.4, count),
 }
 
 
-class DepthRates(NamedTuple):
-    """Decisions per second; the best of interleaved rounds."""
-
-    depth: float
-    gentle: float
-    """Those of GentleCut-v1, under the same motion along the cut."""
-
-
-def seconds_of(batch: CutBatch, actions: list[NDArray[np.float64]]) -> float:
-    """Return the seconds of all decisions, from the same start; a cut that ends begins again."""
-    every = np.arange(len(batch))
-    batch.give_seeds(every.tolist(), every, np.random.default_rng(0))
-    batch.begin(every)
-    batch.decide(actions[0])
-    start = time.perf_counter()
-    for action in actions:
-        _, ends = batch.decide(action)
-        if ends.any():
-            batch.begin(np.flatnonzero(ends))
-    return time.perf_counter() - start
-
-
-def depth_rates(motion: Descents, count: int = COUNT, steps: int = STEPS, rounds: int = ROUNDS) -> DepthRates:
-    """Measure ``count`` cuts of both; each round begins with the same specimens, and resets are included."""
-    gentle, depth = CutBatch(count, GentleCutEnv()), DepthBatch(count, DepthCutEnv())
-    rng = np.random.default_rng(0)
-    along = [rng.uniform((0.3, -1.0), (1.0, 1.0), (count, 2)) for _ in range(steps)]
-    moving = [np.column_stack([action, motion(rng, count)]) for action in along]
-    best = [math.inf, math.inf]
-    for _ in range(rounds):
-        for k, (batch, actions) in enumerate(((depth, moving), (gentle, along))):
-            best[k] = min(best[k], seconds_of(batch, actions))
-    return DepthRates(*(count * steps / seconds for seconds in best))
+def depth_rates(motion: ThirdActions, count: int = COUNT, steps: int = STEPS, rounds: int = ROUNDS) -> RatesBeside:
+    """Measure ``count`` cuts."""
+    return rates_beside(DepthBatch(count, DepthCutEnv()), motion, steps, rounds)
 
 
 def measure() -> Measured:
     """Measure each motion; return decisions per second, and how many times GentleCut-v1's time they take."""
-    numbers: dict[str, Number] = {}
-    lines = [
-        f"DepthCut-v1, {COUNT} cuts on {cores()} cores at 50 decisions a second, resets included, beside",
-        "  GentleCut-v1 under the same motion along the cut",
-    ]
-    for name, motion in MOTIONS.items():
-        found = depth_rates(motion)
-        times = found.gentle / found.depth
-        numbers[f"decisions {name}"] = Number(found.depth, "1/s")
-        numbers[f"times GentleCut-v1 {name}"] = Number(times, "1")
-        what = f"{name}: {1e-3 * found.depth:.0f} thousand decisions a second, {times:.1f} times GentleCut-v1's time"
-        lines.append(at_most(what, times, ALLOWED, f"{ALLOWED:g}"))
-    return Measured(numbers, lines)
+    return measured_beside("DepthCut-v1", MOTIONS, lambda motion: depth_rates(motion))

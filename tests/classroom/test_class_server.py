@@ -20,6 +20,7 @@ pytest.importorskip("httpx2", reason="asks the server in its tests: pip install 
 from class_room import Room, cut_once, hand
 
 from cutenv.browser import HandCut
+from cutenv.browser.depth_steps import HandDepthCut
 from cutenv.classroom import Lesson
 from cutenv.classroom.class_server import LARGEST_BODY, Trials
 from cutenv.play.course import named_course
@@ -75,6 +76,37 @@ def test_a_course_leads_from_task_to_task_and_hides_what_it_is_to_hide(tmp_path:
     assert again is not None
     assert again.task is not None
     assert again.task.name == "second", "progress is read from the records after a restart"
+    room.store.close()
+
+
+def test_a_cut_along_a_wanted_depth_is_repeated_scored_and_kept(tmp_path: Path) -> None:
+    course = tmp_path / "course.toml"
+    course.write_text(
+        'name = "deep"\n[[task]]\nname = "to a depth"\ntask = "depth"\nspecimen_class = "liver"\nseeds = [5]\n'
+        "target_length_mm = 60\nmark = { mean_depth_error_mm = 100 }\n"
+    )
+    room = Room(tmp_path, str(course))
+    client = room.person("P01")
+    assert 'id="law-depth"' in client.get("/cut").text
+    handed_out = client.post("/cuts").json()
+    assert (handed_out["task"], set(handed_out["records"])) == ("depth", {"cut", "episode", "descent", "depth"})
+    stylus = np.column_stack([hand(), np.linspace(0.0, 0.002, 900)])
+    made = HandDepthCut(specimen_class="liver", seed=5, target_length=0.06)
+    readings = made.follow(stylus)
+    sent = {"headers": {"X-Readings": f"{zlib.crc32(readings.tobytes()):08x}"}}
+    answer = client.post(f"/cuts/{handed_out['id']}", content=stylus.tobytes(), **sent)
+    assert answer.status_code == 200, answer.text
+    assert [each["part"] for each in answer.json()["points"]].count("depth") == 1
+    assert answer.json()["verdict"]["en"] == "Mark missed: given up."
+    (path,) = (room.lesson.folder / "P01").glob("*.csv")
+    trace = load_one(path)
+    assert trace.height is not None
+    assert trace.height.tobytes() == made.levels.tobytes()
+    assert {name: trace.metadata[name] for name in made.noted} == made.noted
+    other = client.post("/cuts").json()
+    flat = client.post(f"/cuts/{other['id']}", content=hand(1001).tobytes(), **sent)
+    assert flat.status_code == 422
+    assert "milliseconds of 24 bytes" in flat.json()["error"]
     room.store.close()
 
 

@@ -94,6 +94,7 @@ def test_a_second_cut_feels_the_first() -> None:
     again = FreehandPlant(specimen, BESIDE, model=first.model)
     fresh = FreehandPlant(specimen, BESIDE)
     assert again.blade == fresh.blade == (0.0, 0.02)
+    assert first.cut[0] == pytest.approx([0.0, 0.0])  # the first plant keeps its own
     for plant in (again, fresh):
         for _ in range(150):
             plant.advance(0.012, UPRIGHT, 20)

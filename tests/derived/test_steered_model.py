@@ -11,9 +11,10 @@ import pytest
 
 from cutenv.tissue import CutModel, PathModel, SteeredModel
 from cutenv.tissue.elasticity import lame_parameters
+from cutenv.tissue.element_matrices import element_stiffness
 from cutenv.tissue.lines import CutLine, arc, half_ellipse, random_line, s_shape
 from cutenv.tissue.local_compliance import local_compliance, square_compliance
-from cutenv.tissue.split_mesh import SplitMesh, element_stiffness, whole
+from cutenv.tissue.split_mesh import SplitMesh, whole
 
 UNEVEN = np.random.default_rng(0).uniform(0.5, 2.0, (8, 15))
 
@@ -148,6 +149,32 @@ def test_energy_of_a_pull_at_the_far_end_grows_with_the_cut() -> None:
         energies.append(model.pushed(forces))
     assert np.diff(energies).min() > 0.0
     assert model.pushed(pressure=1.0) > 0.0
+
+
+def test_the_mesh_for_other_programs_has_the_same_stiffness() -> None:
+    """Assembled whole, with the faces' sliding as constraints, and solved at once."""
+    model = SteeredModel((8, 15))
+    model.begin()
+    for point in ((0.03, 0.004), (0.05, 0.015), (0.055, 0.025)):
+        model.cut_to(point)
+    mesh = model.doubled_mesh()
+    assert len(mesh.triangles) > 1
+    n = 2 * len(mesh.nodes)
+    whole_stiffness = np.zeros((n, n))
+    for elements in (mesh.quadrilaterals, mesh.triangles):
+        unknowns = (2 * elements[..., np.newaxis] + np.arange(2)).reshape(len(elements), -1)
+        for rows, block in zip(
+            unknowns, element_stiffness(mesh.nodes[elements], *lame_parameters("plane_stress", 0.3)), strict=True
+        ):
+            whole_stiffness[np.ix_(rows, rows)] += block
+    ties = np.zeros((len(mesh.pairs) + 2 * len(mesh.clamped), n))
+    for row, ((left, right), (x, y)) in zip(ties, zip(mesh.pairs, mesh.directions, strict=True), strict=False):
+        row[[2 * left, 2 * left + 1, 2 * right, 2 * right + 1]] = (-y, x, y, -x)
+    for k, unknown in enumerate([2 * node + axis for node in mesh.clamped for axis in (0, 1)]):
+        ties[len(mesh.pairs) + k, unknown] = 1.0
+    free = np.linalg.svd(ties)[2][np.linalg.matrix_rank(ties) :].T
+    moved = free @ np.linalg.solve(free.T @ whole_stiffness @ free, free[2 * mesh.tip : 2 * mesh.tip + 2].T)
+    assert moved[2 * mesh.tip : 2 * mesh.tip + 2] == pytest.approx(model.compliance, rel=1e-9)
 
 
 def begun(**arguments: Any) -> SteeredModel:

@@ -17,7 +17,7 @@ from cutenv.cutting.simulate import Physics
 from cutenv.cutting.steered_cut import hold_some_steered
 from cutenv.cutting.steering import SteeringParameters
 from cutenv.plant import SimulatedPlant, SteeredPlant
-from cutenv.tissue import Specimen
+from cutenv.tissue import Specimen, SteeredModel
 from cutenv.tissue.lines import (
     LARGEST_CURVATURE,
     CutLine,
@@ -33,10 +33,18 @@ from cutenv.tissue.lines import (
 from cutenv.tissue.path_model import PathModel, stiffness_on_line
 
 
-@pytest.mark.parametrize("part", ["straight", "account", "bends"])
+@pytest.mark.parametrize(
+    "part", ["straight", "account", "bends", "steered", "table", "second solver", "turned", "fracture", "arcs"]
+)
 def test_every_promise_is_kept(part: str) -> None:
     rows = list(check_steering.CHECKS[part](drawn(1)))
     assert [str(row) for row in rows if row.holds is not True and row.promised] == []
+
+
+def test_stiffness_that_is_not_converted_breaks_promises(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(SteeredModel, "converted_stiffness", lambda model, element: model.stiffness)
+    broken = [row.holds for row in check_steering.CHECKS["steered"]([])]
+    assert broken[4:7] == [False, False, False]
 
 
 def test_every_promise_of_the_model_is_kept() -> None:

@@ -20,13 +20,16 @@ from speed import (
     factorisation,
     field,
     first_use,
+    freehand,
     gymnasium_vectors,
     limits,
     models,
+    path_environment,
     picture,
     ppo,
     reading,
     steering,
+    third_action,
     tick,
     vertical_motion,
 )
@@ -44,6 +47,8 @@ MODULES: dict[str, ModuleType] = {
     "descent": vertical_motion,
     "depth": depth_environment,
     "steering": steering,
+    "path": path_environment,
+    "freehand": freehand,
     "tick": tick,
     "picture": picture,
     "field": field,
@@ -73,9 +78,22 @@ def test_steering_is_measured_along_a_bent_line():
         assert min(steering.steered_rates(half_ellipse(), motion, 64, rounds=1)) > 0.0
 
 
+def test_loops_of_a_plant_are_timed_beside_an_empty_one():
+    found = freehand.loops(updates=40)
+    assert [len(each) for each in found.values()] == [40, 40, 40]
+    assert all(each.min() > 0.0 for each in found.values())
+    assert sys.getswitchinterval() > freehand.SWITCH_INTERVAL
+    assert freehand.node_times((8, 15)).min() > 0.0
+
+
 def test_depth_is_measured_in_whole_batches():
     for motion in depth_environment.MOTIONS.values():
         assert min(depth_environment.depth_rates(motion, 64, steps=3, rounds=1)) > 0.0
+
+
+def test_a_steered_task_is_measured_beside_gentle_cutting():
+    for motion in path_environment.MOTIONS.values():
+        assert min(path_environment.path_rates(motion, 64, steps=3, rounds=1)) > 0.0
 
 
 @pytest.mark.parametrize("other", [gymnasium_vectors.SYNC, gymnasium_vectors.ASYNC, gymnasium_vectors.NATIVE])
@@ -182,8 +200,12 @@ def made_up(monkeypatch):
     bare = vertical_motion.BareRates(5.0e7, 8.0e7)
     monkeypatch.setattr(vertical_motion, "descending_rates", lambda motion: bare)
     monkeypatch.setattr(steering, "steered_rates", lambda line, motion: bare)
-    whole = depth_environment.DepthRates(4.0e5, 1.0e6)
+    monkeypatch.setattr(freehand, "node_times", lambda divisions: np.full(9, 0.005))
+    late = {freehand.EMPTY: 2e-6, "stiffness from a table": 2e-5, freehand.THREADED: 9e-5}
+    monkeypatch.setattr(freehand, "loops", lambda: {name: np.full(100, value) for name, value in late.items()})
+    whole = third_action.RatesBeside(4.0e5, 1.0e6)
     monkeypatch.setattr(depth_environment, "depth_rates", lambda motion: whole)
+    monkeypatch.setattr(path_environment, "path_rates", lambda motion: whole)
     monkeypatch.setattr(tick, "durations", lambda: (np.full(1000, 50_000), np.full(1000, 100), 0))
     monkeypatch.setattr(picture, "picture_times", lambda: {"render": 0.01, "play": 0.02, "copy": 0.001})
     slow = np.full(100, 3000.0)
@@ -223,6 +245,8 @@ def made_up(monkeypatch):
             3,
             "pressing down: 400 thousand decisions a second, 2.5 times GentleCut-v1's time; MISSED: the 2 allowed",
         ),
+        ("freehand", 1, "  88 us later than an empty loop at p99.9; MISSED: the 20 us allowed"),
+        ("freehand", 1, "  elements of 5 mm: 5.0 ms, at most 5.0 ms"),
         ("tick", 1, "99.9 % are within 49.9 us of the empty loop's; MISSED: the 20 us allowed"),
         ("picture", 1, "play: 20.0 ms, 20 times a copy of the picture; MISSED: the 16.7 ms allowed"),
         ("field", 2, "99 % in 3000 us, 18.0 % of a picture's time; MISSED: the 10 % allowed"),

@@ -131,6 +131,31 @@ def test_the_map_is_the_floor_of_the_cut():
     assert info["depth"]["layer_mm2"] == pytest.approx(0.5e3 * beyond.sum(), abs=1e-9)
 
 
+def test_no_slice_has_the_surface_of_another_and_what_is_known_of_it_is_its_measurement():
+    """A learner that knew the mean surface by heart would else know each surface better than it was measured."""
+    batch = DepthBatch(200, DepthCutEnv())
+    batch.give_seeds(range(200), np.arange(200), np.random.default_rng(0))
+    batch.begin(np.arange(200))
+    surface, measured = batch.descents["surface"][:, 100:], batch.cuts.nominals["depth"][:, 100:]  # from 50 mm on
+    assert np.std(surface, axis=0).mean() == pytest.approx(2.0e-3, rel=0.15)
+    assert np.std(measured - surface) == pytest.approx(0.5e-3, rel=0.1)
+    assert abs(np.mean(measured - surface)) < 0.1e-3
+    env = DepthCutEnv(surface_spread=0.0)
+    flat = [env.reset(seed=seed)[1] and env.specimen.depth for seed in range(2)]
+    np.testing.assert_array_equal(*flat)
+    env = DepthCutEnv()
+    env.reset(seed=1)
+    given = env.specimen
+    env.reset(seed=2, options={"specimen": given})
+    assert env.specimen == given
+
+
+def test_a_mean_surface_is_that_of_the_whole_class_uniform():
+    env = DepthCutEnv(specimen_class="uniform")
+    depths = [env.reset(seed=seed)[1] and env.specimen.depth for seed in range(2)]
+    np.testing.assert_array_equal(*depths)
+
+
 def test_wanted_depths_are_as_told():
     for kind in ("constant", "ramp", "step"):
         for seed in range(20):
@@ -272,6 +297,7 @@ def test_a_cut_that_is_begun_is_as_deep_as_wanted():
         ({"drive": "foot"}, "drive must be one of 'rig', 'hand', got 'foot'"),
         ({"reward_from": "estimate"}, "reward_from"),
         ({"layer_limit": -1.0}, "layer_limit"),
+        ({"surface_spread": 2.0}, "surface_spread"),
         ({"weight_uncat": 1.0}, "weight_uncut"),
         ({"edge_length": 5.0}, "edge_length"),
     ],

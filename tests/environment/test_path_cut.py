@@ -11,14 +11,44 @@ from gymnasium.utils.env_checker import check_env
 
 import cutenv  # noqa: F401
 from cutenv.envs.path_cut import PathBatch, PathCutEnv, to_path_action
+from cutenv.learning.evaluation import Contestant, evaluate
+from cutenv.policy.path_planner import PathPlanner
+from cutenv.policy.path_scripts import PATH_SCRIPTS, BladeOnLine, SteerByForce, StraightOn
 from cutenv.task.observation import COMPONENTS
 from cutenv.task.path_terms import ALL_PATH_TERMS, PATH_COMPONENTS, PATH_COSTS
 from cutenv.tissue.drawn_lines import KINDS, STORED, drawn_lines, first_of_pair, kind_of
 from cutenv.tissue.lines import arc, half_ellipse, length_within
 from cutenv.tissue.path_model import stiffness_on_line
 from cutenv.tissue.specimen import Specimen
+from cutenv.viewer import palette
+from cutenv.viewer.scene import Layout
 
 UPRIGHT = math.pi / 2
+SPECIMENS = range(7000, 7120)
+
+
+def cut(policy, seed, **keywords):
+    """Cut the first specimen of a seed; return the environment, the return and the last info."""
+    env = PathCutEnv(**keywords)
+    observation, info = env.reset(seed=seed)
+    policy.reset(np.random.default_rng(seed))
+    total, ended = 0.0, False
+    while not ended:
+        observation, reward, ended, _, info = env.step(policy(observation))
+        total += reward
+    return env, total, info
+
+
+def returns(policy, seeds=SPECIMENS, **keywords):
+    """Return of a policy on the first specimen of each seed."""
+    rows = evaluate({"it": Contestant(policy)}, seeds, {"task": "path", **keywords}, processes=1)
+    return np.array([row["return"] for row in rows])
+
+
+@pytest.fixture(scope="module")
+def honest():
+    """Returns of the best script."""
+    return returns(SteerByForce())
 
 
 def test_on_the_straight_line_it_is_gentle_cut_to_the_last_bit():
@@ -171,6 +201,21 @@ def test_every_kind_is_drawn_and_the_seed_draws_the_line():
     assert kind_of(int(again.cutting.paths["line"][0])) == found[7]
 
 
+def test_the_picture_has_the_cut_where_it_is():
+    pytest.importorskip("pygame", reason="pictures are an extra: pip install 'cutenv[view]'")
+    env = PathCutEnv(line="excision", render_mode="rgb_array", target_length=0.08)
+    env.reset(seed=4)
+    for _ in range(150):
+        env.step(to_path_action(0.012, UPRIGHT, 0.0))
+    picture, shown = env.render(), env.cutting.shown_path
+    assert np.abs(shown.cut[:, 1]).max() > 0.002
+    layout = Layout()
+    for x, y in shown.cut[10:-20:5]:
+        column, row = layout.clamp + layout.scale * x, layout.cut_line - layout.scale * y  # left is up
+        assert np.abs(picture[round(row), round(column)].astype(int) - palette.GAP).max() < 60
+        assert np.abs(picture[round(row) + 12, round(column)].astype(int) - palette.GAP).max() > 60
+
+
 def test_return_is_the_sum_of_the_terms_since_reset():
     env = PathCutEnv(line="excision", deadline_s=4.0)
     env.reset(seed=1)
@@ -180,6 +225,126 @@ def test_return_is_the_sum_of_the_terms_since_reset():
         total += reward
     assert tuple(info["reward_terms"]) == ALL_PATH_TERMS
     assert sum(env.cutting.reward_totals.values()) == pytest.approx(total, abs=1e-9)
+
+
+class Tricked(SteerByForce):
+    """It steers by force, but for one trick."""
+
+    def __init__(self, trick):
+        super().__init__()
+        self._trick = trick
+
+    def start(self, count):
+        super().start(count)
+        self._decided = 0
+
+    def act(self, observations):
+        actions = super().act(observations)
+        self._trick(self._decided, observations, actions)
+        self._decided += 1
+        return actions
+
+
+def across(_, observations, actions):
+    """Straight to the end of the line ahead, across its bends, once past the first half centimetre."""
+    aside_far = observations[:, 24] * 0.005
+    actions[:, 2] = np.clip(aside_far / 0.02, -1.0, 1.0)
+
+
+def wait_in_the_bend(decided, observations, actions):
+    bent = np.abs(observations[:, 17] * 25.0) > 8.0
+    actions[:, 0] = np.where(bent & (decided % 50 < 46), 0.0, actions[:, 0])
+
+
+def turn_on_the_spot(decided, observations, actions):
+    if decided % 40 < 30:
+        actions[:, 0], actions[:, 2] = 0.0, 1.0 if decided % 40 < 15 else -1.0
+
+
+def leave(_, observations, actions):
+    beyond = observations[:, 4] * 0.1 > 0.03
+    actions[:, 2] = np.where(beyond, 1.0, actions[:, 2])
+
+
+def saw(decided, observations, actions):
+    actions[:, 0] = 0.7 if decided % 20 < 12 else -0.7
+
+
+def zigzag(decided, observations, actions):
+    actions[:, 2] = 1.0 if decided % 12 < 6 else -1.0
+
+
+@pytest.mark.parametrize("trick", [across, wait_in_the_bend, turn_on_the_spot, leave, saw, zigzag])
+def test_no_trick_of_the_plane_pays(trick, honest):
+    gained = returns(Tricked(trick)) - honest
+    assert gained.mean() + 1.96 * gained.std() / math.sqrt(len(gained)) < 0.0
+
+
+def test_cutting_straight_across_costs_more_than_doing_nothing():
+    assert returns(StraightOn(), line="s").mean() < -0.1
+
+
+def test_a_cut_that_leaves_its_line_ends_there_and_costs_more_than_stopping():
+    _, total, info = cut(StraightOn(), 3, line="s", target_length=0.1)
+    assert info["end"] == "off_line"
+    assert not info["is_success"]
+    assert 8.0 < info["path"]["largest_distance_mm"] < 12.0
+    assert info["reward_terms"]["safety"] < -0.4
+    assert total < -0.1  # the return of doing nothing
+
+
+def test_a_blade_that_leaves_the_slab_stays_there_until_the_deadline():
+    env = PathCutEnv(line="straight", deadline_s=6.0, line_limit=0.03)
+    env.reset(seed=1)
+    ended, k = False, 0
+    while not ended:
+        _, _, ended, _, info = env.step(to_path_action(0.0254, UPRIGHT, 1.5 if k < 50 else 0.0))
+        k += 1
+    assert info["end"] in ("deadline", "force_limit")
+    assert abs(info["truth"]["blade_y_m"]) <= 0.0151
+
+
+def test_force_to_the_side_counts_against_the_limit():
+    """The same motion ends at a limit of force between the part along the blade and the whole."""
+    sizes = {}
+    for limit in (1000.0, 150.0):
+        env = PathCutEnv(line="straight", force_limit_per_depth=limit, line_limit=0.03)
+        env.reset(seed=5)
+        along = whole = 0.0
+        for k in range(150):
+            _, _, ended, _, info = env.step(to_path_action(0.01, UPRIGHT, 1.5 if 40 < k < 80 else 0.0))
+            forces, lateral = env.cutting.readings["true_force"], env.cutting.lateral[0][: env.cutting.updates]
+            along, whole = max(along, np.abs(forces).max()), max(whole, np.hypot(forces, lateral).max())
+            if ended:
+                break
+        sizes[limit] = along, whole, info.get("end")
+    assert sizes[1000.0][1] > 1.02 * sizes[1000.0][0]
+
+
+def test_success_asks_for_the_line():
+    cuts = [cut(BladeOnLine(), seed, line="s")[2] for seed in range(20)]
+    finished = [info for info in cuts if info["end"] == "finished"]
+    assert finished
+    for info in finished:
+        if info["is_success"]:
+            assert info["path"]["largest_distance_mm"] <= 3.0
+            assert info["path"]["mean_distance_mm"] <= 1.0 / 0.95
+        assert info["is_success"] == (info["reward_terms"]["success"] > 0.0)
+    assert not all(info["is_success"] for info in finished)
+
+
+def test_steering_by_force_beats_the_blade_on_the_line_and_the_planner_beats_both(honest):
+    gained = honest - returns(BladeOnLine())
+    assert gained.mean() - 1.96 * gained.std() / math.sqrt(len(gained)) > 0.0
+    seeds = list(SPECIMENS)[:6]
+    planned = returns(PathPlanner(rounds=2), seeds)
+    assert planned.mean() > honest[: len(seeds)].mean()
+
+
+@pytest.mark.parametrize("name", PATH_SCRIPTS)
+def test_scripts_cut_alone_as_in_a_batch(name):
+    alone = [cut(PATH_SCRIPTS[name](), seed)[1] for seed in (1, 2)]
+    np.testing.assert_allclose(returns(PATH_SCRIPTS[name](), (1, 2), specimen_class="mixed"), alone, atol=1e-12)
 
 
 @pytest.mark.parametrize(

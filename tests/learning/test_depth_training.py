@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +20,7 @@ from cutenv.policy.depth_scripts import DEPTH_SCRIPTS
 stable_baselines3 = pytest.importorskip("stable_baselines3", reason="the learner is an extra: pip install 'cutenv[rl]'")
 
 from cutenv.envs.depth_cut import DepthCutEnv  # noqa: E402
-from cutenv.learning import depth_report  # noqa: E402
+from cutenv.envs.learned_tasks import TASKS, TRUE_TIP  # noqa: E402
 from cutenv.learning.arguments import (  # noqa: E402
     BadArguments,
     BCArguments,
@@ -27,13 +29,15 @@ from cutenv.learning.arguments import (  # noqa: E402
     RecurrentPPOArguments,
     SACArguments,
 )
-from cutenv.learning.depth_report import depth_headline  # noqa: E402
+from cutenv.learning.cloning import demonstrations, lags_of  # noqa: E402
 from cutenv.learning.evaluation import contestant  # noqa: E402
+from cutenv.learning.task_report import task_headline  # noqa: E402
+from cutenv.sb3 import FeatureVecEnv  # noqa: E402
 
 SMALL = (
     "--task", "depth", "--name", "small", "--environments", "4", "--rollout", "32", "--batch-size", "64",
-    "--timesteps", "256", "--demonstrations", "800", "--validations", "1", "--validation-specimens", "2",
-    "--specimens", "2",
+    "--timesteps", "256", "--demonstrations", "800", "--corrections", "400", "--validations", "1",
+    "--validation-specimens", "2", "--specimens", "2",
 )  # fmt: skip
 
 
@@ -43,23 +47,25 @@ def rows(path: Path) -> list[dict[str, str]]:
 
 
 @pytest.fixture(scope="module")
-def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str, str]:
     folder = tmp_path_factory.mktemp("training")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(depth_report, "DepthPlanner", lambda: DepthPlanner(rounds=1))  # the search takes longest
+        hasty = dataclasses.replace(TASKS["depth"], planner=lambda: DepthPlanner(rounds=1))  # the search takes longest
+        patch.setitem(TASKS, "depth", hasty)
         done = run("train", folder, *SMALL)
     assert done.returncode == 0, done.stderr
-    return folder / "runs" / "small", done.stdout
+    return folder / "runs" / "small", done.stdout, done.stderr
 
 
 def test_the_run_knows_its_task_and_begins_with_a_script_of_it(finished):
     facts = json.loads((finished[0] / "run.json").read_text())
     assert facts["environment"] == "cutenv/DepthCut-v1"
-    assert (facts["arguments"]["task"], facts["arguments"]["script"]) == ("depth", "depth by force")
+    assert (facts["arguments"]["task"], facts["arguments"]["script"]) == ("depth", "follow the true tip")
+    assert facts["arguments"]["control_hz"] == 25
 
 
 def test_agent_scripts_and_planner_met_the_same_specimens_and_agent_and_scripts_more(finished):
-    folder, printed = finished
+    folder, printed, _ = finished
     several = {"PPO", "PPO untrained", *DEPTH_SCRIPTS, "planner with truth"}
     scores = rows(folder / "scores.csv")
     assert {row["policy"] for row in scores} == several
@@ -67,6 +73,18 @@ def test_agent_scripts_and_planner_met_the_same_specimens_and_agent_and_scripts_
     counts = {row["baseline"]: int(row["cuts"]) for row in rows(folder / "differences.csv")}
     assert counts == dict.fromkeys(DEPTH_SCRIPTS, 10) | {"PPO untrained": 2, "planner with truth": 2}
     assert any(line.startswith(("PPO beats", "PPO does not", "Whether PPO")) for line in printed.splitlines())
+    assert "correcting" in finished[2]
+
+
+def test_its_page_has_the_depth_of_agent_and_best_script(finished):
+    page = (finished[0] / "report.html").read_text(encoding="utf-8")
+    scores = rows(finished[0] / "summary.csv")
+    error = next(row for row in scores if row["policy"] == "PPO" and row["score"] == "mean_error_mm")
+    assert f"{float(error['mean']):.2f} [" in re.sub("<[^>]+>", "", page)
+    assert "Constant feed at every speed" not in page
+    assert len(re.findall(r"Floor of the cut by .*?: its depth errs by \d+\.\d\d mm on average", page)) >= 2
+    for meaning in ("Error of the depth", "layer opened", "left uncut"):
+        assert meaning in page
 
 
 def test_the_exported_policy_acts_as_the_trained_one_with_three_numbers(finished):
@@ -98,7 +116,7 @@ def test_it_is_evaluated_with_policies_of_its_task_alone(finished, tmp_path):
 
 
 def test_where_the_blade_stays_at_its_level_it_is_refused(finished):
-    with pytest.raises(ValueError, match="trained in cutenv/DepthCut-v1, whose blade also moves up and down"):
+    with pytest.raises(ValueError, match="trained in cutenv/DepthCut-v1, which has a third action, descent"):
         gentle_policy(finished[0] / "policy")
 
 
@@ -121,8 +139,44 @@ def test_a_script_of_the_other_task_is_refused_by_name():
         PPOArguments(task="depth")
     with pytest.raises(BadArguments, match="'probe down' is for --task depth; those for --task gentle are 'fast then"):
         PPOArguments(script="probe down")
-    assert PPOArguments(**PPOArguments.completed({"task": "depth"})).script in DEPTH_SCRIPTS
+    known = PPOArguments(**PPOArguments.completed({"task": "depth"}))
+    assert (known.script, known.known_script) == ("follow the true tip", "depth by two forces")
+    assert PPOArguments(task="depth", script="probe down").known_script == "probe down"
     assert PPOArguments.completed({"task": "depth", "script": "probe down"})["script"] == "probe down"
+    assert PPOArguments(**PPOArguments.completed({"task": "path"})).script == "steer by force"
+
+
+def test_corrections_need_demonstrations_of_the_teacher_who_knows_the_tip():
+    for wrong in (
+        {},
+        {"task": "depth", "script": "probe down"},
+        {"task": "depth", "script": TRUE_TIP, "demonstrations": 0},
+    ):
+        with pytest.raises(BadArguments, match="--corrections 5 needs --demonstrations of --script 'follow the true"):
+            PPOArguments(corrections=5, **wrong)
+    assert PPOArguments.completed({}) == {}
+    assert "corrections" not in PPOArguments.completed({"task": "depth", "script": "probe down"})
+
+
+def test_a_clone_cuts_and_its_teacher_who_knows_the_tip_tells_what_it_would_have_done():
+    environments = FeatureVecEnv(range(4), hidden_state=True, task="depth", control_hz=25)
+    script = TASKS["depth"].teachers[TRUE_TIP]
+    asked = []
+
+    def clone(shown):
+        asked.append(lags_of(shown))
+        return np.full((4, 3), 0.25, np.float32)
+
+    taught = demonstrations(environments, script, decisions=400, noise=0.0, seed=0, clone=clone)
+    assert (taught.taken[..., 2] == np.float32(0.25)).all()
+    np.testing.assert_array_equal(taught.taken[:, ::2, :2], taught.actions[:, ::2, :2])
+    assert (taught.taken[:, 1::2] == np.float32(0.25)).all()
+    assert (taught.actions[20:, :, 2] < 0.0).any()  # up again, out of the depth into which the clone has come
+    assert taught.joined(taught).actions.shape == (200, 4, 3)
+    states = environments._batch.cuts.states
+    last = lags_of(environments._observe())
+    np.testing.assert_allclose(last, states["blade"] - states["tip"], atol=1e-6)
+    assert np.ptp(asked) > 0.002
 
 
 def test_the_first_sentence_says_whether_it_beats_every_script():
@@ -132,8 +186,11 @@ def test_the_first_sentence_says_whether_it_beats_every_script():
             for name, (low, high) in zip(DEPTH_SCRIPTS, intervals, strict=False)
         ]
 
-    assert depth_headline("PPO", paired((0.1, 0.2), (0.05, 0.3))).startswith("PPO beats every script. On the same 9")
-    assert "that of follow the depth is +0.175" in depth_headline("PPO", paired((0.1, 0.2), (0.05, 0.3)))
-    assert "Whether PPO beats every script is open" in depth_headline("PPO", paired((0.1, 0.2), (-0.05, 0.3)))
-    lost = depth_headline("PPO", paired((0.1, 0.2), (-0.2, -0.1), (-0.1, 0.1)))
+    def headline(*intervals):
+        return task_headline("PPO", paired(*intervals), DEPTH_SCRIPTS)
+
+    assert headline((0.1, 0.2), (0.05, 0.3)).startswith("PPO beats every script. On the same 9")
+    assert "that of follow the depth is +0.175" in headline((0.1, 0.2), (0.05, 0.3))
+    assert "Whether PPO beats every script is open" in headline((0.1, 0.2), (-0.05, 0.3))
+    lost = headline((0.1, 0.2), (-0.2, -0.1), (-0.1, 0.1))
     assert lost.startswith("PPO does not beat every script: follow the depth is better.")

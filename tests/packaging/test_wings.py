@@ -88,7 +88,10 @@ def test_a_real_rig_loads_neither_fake_nor_emulator() -> None:
 
 
 def test_an_emulated_rig_loads_no_fake() -> None:
-    loaded = loaded_after("import cutenv.rig.emulator.process, cutenv.rig.hardware, cutenv.rig.connection")
+    loaded = loaded_after(
+        "import cutenv.rig.emulator.process, cutenv.rig.connection\nfrom cutenv.rig.hardware import rig_plant\n"
+        "from cutenv.rig.config.settings import RigSettings\nrig_plant(RigSettings())"
+    )
     assert set(REAL) <= loaded
     assert not any(name.startswith("cutenv.rig.fake") for name in loaded)
 

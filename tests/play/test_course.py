@@ -89,6 +89,8 @@ def test_the_file_says_what_the_course_holds(tmp_path: Path) -> None:
         ("overall_score = 1,", "overall_score = 101,", "mark overall_score = 101 is outside 0 to 100"),
         ('specimen_class = "liver"', "", "task 2 ('second'): specimen_class is missing. Give one of"),
         ('specimen_class = "liver"', 'specimen_class = "kidney"', "specimen_class must be one of .*got 'kidney'"),
+        ('feedback = "never"', 'task = "deep"', "task must be one of .*got 'deep'"),
+        ("tip_error_mm = 50", "mean_depth_error_mm = 2", "mark mean_depth_error_mm is of cuts along a wanted depth"),
         ("seeds = [6, 7]", "seeds = 6", "seeds must be a list of whole numbers, got 6"),
         ("target_length_mm = 70", "target_length_mm = 7", "target_length_mm = 7 mm is outside 15 to 130 mm"),
         ('name = "second"', 'name = "first"', "two tasks are called 'first'"),
@@ -105,12 +107,14 @@ def test_a_wrong_file_is_refused_by_task_key_value_and_cure(tmp_path: Path, old:
 
 
 def test_the_courses_that_come_along_are_valid_and_named_in_the_help(capsys: pytest.CaptureFixture[str]) -> None:
-    assert {named_course(name).name for name in SHIPPED_COURSES} == {"first cuts", "force shown or not"}
+    assert {named_course(name).name for name in SHIPPED_COURSES} == {"first cuts", "force shown or not", "wanted depth"}
     with pytest.raises(SystemExit):
         cli.main(["play", "--help"])
     helped = capsys.readouterr().out
     assert all(name in helped for name in SHIPPED_COURSES)
-    with pytest.raises(ValueError, match="neither a file nor one that comes with cutenv \\(first, force-shown\\)"):
+    with pytest.raises(
+        ValueError, match="neither a file nor one that comes with cutenv \\(depth, first, force-shown\\)"
+    ):
         named_course("last")
 
 
@@ -145,6 +149,36 @@ def test_a_person_goes_on_where_the_records_say(tmp_path: Path) -> None:
     assert CourseProgress(given, "P07", tmp_path).task is None
     harder = course(task(mark={"overall_score": 101.0}, repetitions=2))  # the mark of now counts
     assert CourseProgress(harder, "P07", tmp_path).task is not None
+
+
+def test_a_course_may_go_on_with_cuts_along_a_wanted_depth(tmp_path: Path) -> None:
+    wanted = task(name="deep", task="depth", mark={"mean_depth_error_mm": 0.9}, feedback="afterwards", seeds=(3,))
+    given = course(task(), wanted)
+    progress = CourseProgress(given, "P07", tmp_path)
+    played = Session(simple_hand(TARGET), folder=tmp_path, countdown=0.0, course=progress, now=lambda: DATE)
+    assert played.task == "gentle"
+    played.begin()
+    run(played)
+    assert progress.ahead().endswith("Force: shown after the cut. Along the dashed depth.")
+    played.go_on()
+    assert played.task == "depth"
+    played.device = simple_hand(TARGET, level=played.cut.wanted_level)
+    run(played)
+    assert played.card is not None
+    error = played.card.metrics["mean_depth_error"].value
+    assert error is not None
+    depth, verdict, ahead = played.sight().verdict
+    assert depth.startswith(f"Depth: {1e3 * error:.1f} mm off")
+    assert verdict == (
+        "Mark reached."
+        if 1e3 * error < 0.905
+        else f"Mark missed: mean depth error 0.9 mm or less: here {1e3 * error:.3g} mm."
+    )
+    assert ahead == progress.ahead()
+    facts = load_one(played.saved).metadata
+    assert (facts["task"], facts["environment"]) == ("deep", "cutenv/DepthCut-v1")
+    again = CourseProgress(given, "P07", tmp_path)  # the record on disk says the same as the cut did
+    assert again.ahead() == ahead
 
 
 def test_a_miss_breaks_the_row_and_a_cut_that_was_given_up_is_one(tmp_path: Path) -> None:

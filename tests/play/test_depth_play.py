@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 from pathlib import Path
@@ -17,6 +18,8 @@ from cutenv.play.haptics import Stylus
 from cutenv.play.play_session import Session
 from cutenv.play.played_depth_cut import PlayedDepthCut
 from cutenv.recording import load
+from cutenv.task.depth_terms import DESCENT_SCALE
+from cutenv.viewer.scene import Moment
 
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 
@@ -47,6 +50,11 @@ def test_a_hand_that_keeps_its_level_at_the_specimens_own_depth_is_that_of_gentl
 def test_a_hand_that_follows_the_dashed_depth_cuts_as_deep_as_wanted() -> None:
     followed, held = played(levels=True), played(levels=False)
     assert followed.cutting.depth_errors["mean_error_mm"] < 1.0
+    ended = Moment.of(held.plant, held.cutting)
+    assert ended.verdict == "stopped: the layer below was opened too deep"
+    there = dataclasses.replace(ended, end="finished", tip=ended.target, angle=np.pi / 2)
+    assert there.verdict == "finished: not as deep as wanted"
+    assert dataclasses.replace(there, angle=1.2).verdict == "finished: blade at 69°, not upright"
     assert held.end == "layer"  # the surface rises, so that a blade at one level gets too deep
 
 
@@ -80,7 +88,7 @@ def test_the_wheel_lowers_the_blade_by_half_a_millimetre_a_notch() -> None:
     assert mouse.read() == Stylus(0.0, np.pi / 2)
 
 
-def test_the_wheel_tilts_only_with_shift_where_a_depth_is_wanted() -> None:
+def test_wheel_finger_and_second_stick_lead_the_depth_and_with_shift_the_wheel_tilts() -> None:
     pygame = pytest.importorskip("pygame")
     from cutenv.play.play_window import PlayWindow
 
@@ -98,6 +106,15 @@ def test_the_wheel_tilts_only_with_shift_where_a_depth_is_wanted() -> None:
     pygame.key.set_mods(0)
     assert window.mouse.read().level == -LOWERED_BY_NOTCH
     assert window.mouse.read().angle < np.pi / 2
+    width, height = window._window.size
+    for kind, finger, y in ((pygame.FINGERDOWN, 1, 90), (pygame.FINGERDOWN, 2, 90), (pygame.FINGERMOTION, 2, 90 + 24)):
+        told = {"finger_id": finger, "touch_id": 1, "x": 100 / width, "y": y / height, "dx": 0.0, "dy": 0.0}
+        pygame.event.post(pygame.event.Event(kind, **told))
+    window.take_events()
+    assert window.mouse.read().level == pytest.approx(-3 * LOWERED_BY_NOTCH), "a second finger turns the wheel, too"
+    pygame.event.post(pygame.event.Event(pygame.CONTROLLERAXISMOTION, axis=pygame.CONTROLLER_AXIS_RIGHTY, value=32767))
+    window.take_events()
+    assert window.gamepad.read().level == pytest.approx(-1e-3 * DESCENT_SCALE, rel=0.01)
     session.close()
 
 

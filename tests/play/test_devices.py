@@ -8,6 +8,7 @@ import pytest
 
 from cutenv.play.devices import NOTCH, STICK_DEAD_ZONE, GamepadDevice, Motion, MouseDevice, ScriptedDevice, simple_hand
 from cutenv.play.hand_model import FASTEST
+from cutenv.task.depth_terms import DESCENT_SCALE
 
 UPRIGHT, INCLINED = math.pi / 2, math.pi / 4
 
@@ -67,9 +68,23 @@ def test_the_trigger_leans_the_blade(trigger: float, angle_deg: float) -> None:
     assert math.degrees(pad.read().angle) == pytest.approx(angle_deg)
 
 
+@pytest.mark.parametrize(("second", "speed"), [(1.0, -DESCENT_SCALE), (-1.0, DESCENT_SCALE), (0.1, 0.0)])
+def test_a_second_stick_lowers_and_raises_the_blade_as_fast_as_an_agent(second: float, speed: float) -> None:
+    pad = GamepadDevice()
+    pad.hold(0.0, 0.0, second)
+    for _ in range(499):
+        pad.read()
+    assert pad.read().level == pytest.approx(0.5 * speed)
+    pad.open()
+    pad.hold(0.0, 0.0)
+    assert pad.read().level == 0.0, "a cut begins at the level where the blade stands"
+
+
 def test_axes_beyond_their_reach_are_refused() -> None:
     with pytest.raises(ValueError, match="stick"):
         GamepadDevice().hold(2.0, 0.0)
+    with pytest.raises(ValueError, match="second"):
+        GamepadDevice().hold(0.0, 0.0, -2.0)
     with pytest.raises(ValueError, match="trigger"):
         GamepadDevice().hold(0.0, -1.0)
     with pytest.raises(ValueError, match="distance"):

@@ -354,7 +354,6 @@ SUMMARY, DIFFERENCE, GRID, CURVE = made_up.summary(), made_up.differences(), mad
         ({"differences": changed(DIFFERENCE, 0, policy=BOUND)}, r"differences\[0\].policy must be one of 'PPO'"),
         ({"differences": changed(DIFFERENCE, 1, score="time_s")}, r"differences\[1\].score must be one of 'return'"),
         ({"differences": changed(DIFFERENCE, 0, mean=NAN)}, r"mean of differences\[0\]"),
-        ({"grid": []}, "grid is empty"),
         ({"grid": GRID[1:]}, "grid has 0 rows for 0.1 cm/s at 45 degrees"),
         ({"grid": [*GRID, GRID[0]]}, "grid has 2 rows for 0.1 cm/s at 45 degrees"),
         ({"grid": changed(GRID, 4, success=50.0)}, r"success of grid\[4\] = 50 is outside 0 to 1"),

@@ -14,7 +14,7 @@ from cutenv.rig.config.settings import Axis, RigSettings, SensorSettings
 from cutenv.rig.devices import FakeClock, ForceSample, Mounting
 from cutenv.rig.driver_trial import tried_drivers
 from cutenv.rig.errors import RigError
-from cutenv.rig.operation.conformance import Finding
+from cutenv.rig.operation.conformance import TriedPromise
 from cutenv.rig.operation.force_conformance import conform_force
 from cutenv.rig.operation.motion_conformance import conform_motion
 
@@ -83,7 +83,7 @@ class Late(Stage):
             super().report(now)
 
 
-def tried(made: Any) -> dict[str, Finding]:
+def tried(made: Any) -> dict[str, TriedPromise]:
     clock = FakeClock()
     findings = conform_motion(made(Mounting(role="blade", rig=RIG, clock=clock)), RIG, clock)
     return {each.promise: each for each in findings}
@@ -194,8 +194,12 @@ def test_a_driver_by_its_name_alone_is_tried_and_its_table_printed(capsys: pytes
 
 @pytest.mark.parametrize("rig", ["serial", "emulator"])
 def test_ours_keep_every_promise_in_real_time(rig: str) -> None:
-    missed = [each for _, findings in tried_drivers(rig).values() for each in findings if not each.kept]
-    timed = [each for each in missed if "ms" in each.allowed]
-    if timed:  # a busy machine: once more
-        missed = [each for _, findings in tried_drivers(rig).values() for each in findings if not each.kept]
+    missed: list[Any] = []
+    for _ in range(3):  # on a busy machine once more
+        try:
+            missed = [each for _, findings in tried_drivers(rig).values() for each in findings if not each.kept]
+        except RigError as error:
+            missed = [error]
+        if not missed:
+            break
     assert missed == []

@@ -32,7 +32,7 @@ class PlugOptions:
 
 
 class _Plugged:
-    rate = 500.0
+    rate, rate_error, axes = 500.0, 0.01, "x"
 
     def __init__(self, mounting: Mounting) -> None:
         self.name, self.mounting = mounting.role, mounting

@@ -47,7 +47,7 @@ def cut(env, name="follow the depth", seed=5, episode=0, until=math.inf):
 
 
 def test_it_has_the_simulators_spaces(env):
-    simulated = gymnasium.make("cutenv/DepthCut-v1")
+    simulated = gymnasium.make("cutenv/DepthCut-v1", surface_spread=0.0)
     assert env.observation_space == simulated.observation_space
     assert env.action_space == simulated.action_space
 
@@ -57,7 +57,7 @@ def test_gymnasiums_checker_finds_nothing():
 
 
 def test_it_shows_the_simulators_wanted_depth_and_lays_its_layer(env):
-    simulated = gymnasium.make("cutenv/DepthCut-v1", target_length=0.06).unwrapped
+    simulated = gymnasium.make("cutenv/DepthCut-v1", target_length=0.06, surface_spread=0.0).unwrapped
     for episode in range(4):
         ours, _ = env.reset(seed=7, options={"episode": episode})
         theirs, _ = simulated.reset(seed=7, options={"episode": episode})
@@ -70,7 +70,7 @@ def test_it_shows_the_simulators_wanted_depth_and_lays_its_layer(env):
 
 @pytest.mark.parametrize("name", ["follow the depth", "depth by force"])
 def test_the_same_script_cuts_as_in_the_simulator(env, name):
-    simulated = gymnasium.make("cutenv/DepthCut-v1", target_length=0.06)
+    simulated = gymnasium.make("cutenv/DepthCut-v1", target_length=0.06, surface_spread=0.0)
     for episode in range(3):
         ours, our_info, our_depths = cut(env, name, episode=episode)
         theirs, their_info, their_depths = cut(simulated, name, episode=episode)

@@ -12,7 +12,10 @@ HostSpi SPI;
 HostWire Wire;
 
 namespace {
-const int STEP = 3, DIRECTION = 4, ENABLE = 5, DATA = 9, CLOCK = 10, PINS = 32;  // as in the sketch
+const int STEP = 3, DIRECTION = 4, ENABLE = 5, DATA = 9, PINS = 32;  // as in the sketch
+#ifdef ADC_HX711
+const int CLOCK = 10;
+#endif
 int levels[PINS] = {0, 0, 0, 0, 0, HIGH};  // the enable line is pulled up
 unsigned long now = 0;         // us
 long position = 0;             // steps that the motor has made
@@ -51,10 +54,12 @@ void advance(unsigned long passed) {
 void pinMode(int, int) {}  // inputs are wired: closed to ground until board_set_pin() opens them
 void digitalWrite(int pin, int level) {
   if (pin == STEP && level && !levels[STEP] && !levels[ENABLE] && !blocked) position += levels[DIRECTION] ? 1 : -1;
+#ifdef ADC_HX711
   if (pin == CLOCK && level && !levels[CLOCK] && bits < 25) {
     bits++;
     if (bits == 25) ready = false;
   }
+#endif
   levels[pin] = level;
 }
 int digitalRead(int pin) {

@@ -13,6 +13,7 @@ from cutenv.commands.options import (
     RIG,
     add_specimen_class,
     add_target_length,
+    add_task,
     command_parser,
     made_folder,
     reports_errors,
@@ -42,14 +43,14 @@ def main(argv: Sequence[str]) -> int:
 
 def _evaluated(arguments: argparse.Namespace) -> Evaluation:
     from cutenv.commands.rig.run import chosen_policy
-    from cutenv.envs.rig_cut import RigCutEnv
+    from cutenv.envs import RigCutEnv, RigDepthCutEnv
     from cutenv.rig.config.identified import environment_arguments
     from cutenv.sim_to_real import FEWEST_SPECIMENS
     from cutenv.sim_to_real.evaluation_result import Evaluation
     from cutenv.sim_to_real.paired_experiment import paired_experiment, save_records, simulator_like
 
     _check_out(arguments)
-    policy, wanted = chosen_policy(arguments.policy)
+    policy, wanted = chosen_policy(arguments.policy, arguments.task)
     changed: dict[str, Any] = dict(_constant(text) for text in arguments.change)
     out: Path | None = arguments.out
     shared: dict[str, Any] = {"specimen_class": arguments.specimen_class, "tissue": arguments.tissue}
@@ -57,7 +58,9 @@ def _evaluated(arguments: argparse.Namespace) -> Evaluation:
     shared |= {name: wanted[name] for name in _OF_BOTH if name in wanted}
     with ExitStack() as stack:
         records = None if out is None else out / _RECORDS / "rig"
-        rig = RigCutEnv(rig=arguments.rig, records=records, **shared, **changed)
+        rig = (RigDepthCutEnv if arguments.task == "depth" else RigCutEnv)(
+            rig=arguments.rig, records=records, **shared, **changed
+        )
         stack.callback(rig.close)
         if changed and not rig.draws_specimens:
             raise ValueError("--change is for an emulated or fake rig: a real one is described by its file.")
@@ -84,7 +87,9 @@ def _evaluated(arguments: argparse.Namespace) -> Evaluation:
         given=given,
         changed=changed,
         notes=tuple(
-            cuts.between
+            ["the task is to cut along a wanted depth; tip and floor are estimates on both sides"]
+            * (arguments.task == "depth")
+            + cuts.between
             + ["constants of the rig were changed: " + ", ".join(f"{k} = {v:g}" for k, v in changed.items())]
             * bool(changed)
         ),
@@ -150,6 +155,7 @@ def _parser() -> argparse.ArgumentParser:
         __doc__,
         examples=(
             '--policy "probe and creep" --rig fake --specimens 6',
+            '--task depth --policy "follow the depth" --rig fake --specimens 6',
             "--policy ppo-free --rig emulator --out evaluation",
         ),
         note="Exit status: 0 where both agree or more specimens are needed, 1 where they differ, 2 for an error.",
@@ -158,6 +164,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--policy", required=True, metavar="POLICY", help="name of a script or of a shipped policy, or folder of a "
         "trained policy")  # fmt: skip
     add("--rig", required=True, metavar="RIG", help=RIG)
+    add_task(parser)
     add("--specimens", type=int, default=20, metavar="N", help="number of specimens, 6 or more; default 20")
     add_specimen_class(parser, "mixed")
     add_target_length(parser, "drawn from 60mm to 100mm")

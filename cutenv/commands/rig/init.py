@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from cutenv._base import resources
 from cutenv.commands.options import command_parser, reports_errors
 from cutenv.rig.config.settings import RigSettings
-from cutenv.rig.devices.serial.slow_profile import slow_settings
+from cutenv.rig.devices.serial.slow_profile import grbl_settings, slow_settings
 from cutenv.rig.toml_text import template
 
-PROFILES = {"canopen": RigSettings, "serial": lambda: slow_settings("")}
+PROFILES: dict[str, Callable[[], RigSettings]] = {
+    "canopen": RigSettings,
+    "serial": lambda: slow_settings(""),
+    "grbl": lambda: grbl_settings("", ""),
+}
 """Settings that a new file begins from, by the kind of rig."""
 
 
@@ -27,6 +32,8 @@ def main(argv: Sequence[str]) -> int:
             file.write(template(arguments.name or path.stem, like=PROFILES[arguments.profile]()))
     except FileExistsError:
         raise ValueError(f"{path} is there already, and is left as it is. Give another name.") from None
+    if arguments.profile != "canopen":
+        print(f"sketch of the board: {resources.path('firmware/cutenv_board')}")
     print(f"rig: {path}\n  fill in what its lines '# FILL IN:' ask for; nothing moves while armed_by is empty")
     return 0
 
@@ -35,6 +42,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = command_parser("rig init", __doc__, examples=("my_rig.toml", "my_rig.toml --profile serial"))
     parser.add_argument("file", type=Path, metavar="FILE.toml", help="file to write, which must not exist yet")
     parser.add_argument("--profile", choices=PROFILES, default="canopen", help="kind of rig: a CANopen drive and a Net "
-                        "F/T, or a stepper and a load cell on a serial board; default canopen")  # fmt: skip
+                        "F/T; a stepper and a load cell on a board; a machine with GRBL and such a load cell; "
+                        "default canopen")  # fmt: skip
     parser.add_argument("--name", metavar="NAME", help="name of the rig; default the file's")
     return parser

@@ -21,6 +21,7 @@ from cutenv.commands.options import (
     add_lsl,
     add_specimen_class,
     add_target_length,
+    add_task,
     add_watch,
     command_parser,
     reports_errors,
@@ -31,6 +32,7 @@ from cutenv.rig.errors import RigError
 if TYPE_CHECKING:
     from cutenv.envs.rig_cut import RigCutEnv
     from cutenv.policy import Policy
+    from cutenv.rig.config.settings import RigSettings
 
 _STOPPED, _INTERRUPTED = 3, 130
 _LATE = ("force stale", "force late", "motion stale", "clock overrun", "heartbeat lost")
@@ -98,9 +100,29 @@ def chosen_policy(name: str, task: str = "gentle") -> tuple[Policy, dict[str, An
     return learned, {key: value for key, value in learned.environment_arguments.items() if key != "task"}
 
 
+def paced(keywords: dict[str, Any], settings: RigSettings) -> tuple[dict[str, Any], str]:
+    """Return the arguments of an environment with decisions as fast as the rig is good for, and a note, or "".
+
+    A policy that was trained at a rate keeps it; a script takes 50 decisions a second, or what a slower rig allows.
+    """
+    from cutenv.rig.operation.suitability import decisions
+
+    most, usual = decisions(settings), 50
+    own = keywords.get("control_hz")
+    if own is not None and own > most:
+        return keywords, f"this policy decides {own} times a second; on this rig {most} see what the last one did"
+    if own is None and most < usual:
+        return {**keywords, "control_hz": most}, f"{most} decisions a second, as this rig allows"
+    return keywords, ""
+
+
 def _environment(arguments: argparse.Namespace, keywords: dict[str, Any], **more: Any) -> RigCutEnv:
     from cutenv.envs import RigCutEnv, RigDepthCutEnv
+    from cutenv.rig.connection import settings_of
 
+    keywords, note = paced(keywords, settings_of(arguments.rig))
+    if note:
+        print(f"cutenv rig run: {note}", file=sys.stderr)
     task = RigDepthCutEnv if arguments.task == "depth" else RigCutEnv
     lower = {
         "force": arguments.force_limit_N,
@@ -255,8 +277,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--policy", required=True, metavar="POLICY", help="name of a script or of a shipped policy, folder of a "
         "trained policy, or MODULE:CLASS of your own")  # fmt: skip
     add("--rig", required=True, metavar="RIG", help=RIG)
-    add("--task", choices=("gentle", "depth"), default="gentle",
-        help="gentle cutting (the default), or along a wanted depth, on a rig with a height axis")  # fmt: skip
+    add_task(parser)
     add("--cuts", type=int, default=1, metavar="N", help="number of cuts, one after the other; default 1")
     add("--seed", type=int, default=0, metavar="N", help="seed of target lengths and of drawn specimens; default 0")
     add_target_length(parser, "drawn from 60mm to 100mm")

@@ -79,7 +79,9 @@ def report(found: Weighing, settings: RigSettings) -> list[str]:
 
 def _parser() -> argparse.ArgumentParser:
     parser = command_parser(
-        "rig weigh", __doc__, examples=("my_rig.toml --masses 0g 100g 200g 500g --write", "serial --masses 0g 200g")
+        "rig weigh",
+        __doc__,
+        examples=("my_rig.toml --masses 0g 100g 200g 500g --write", "my_rig.toml --masses 0g 500g"),
     )
     parser.add_argument("rig", metavar="RIG", help=RIG)
     parser.add_argument("--masses", nargs="+", required=True, metavar="MASS", help="masses in order, with their units: "

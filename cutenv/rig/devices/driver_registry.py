@@ -51,6 +51,7 @@ OWN_DRIVERS: Mapping[DriverKind, Mapping[str, str]] = {
     DriverKind.MOTION: {
         "canopen": "cutenv.rig.devices.canopen.mounted_axis:mounted_axis",
         "serial": "cutenv.rig.devices.serial.stepper_axis:StepperAxis",
+        "grbl": "cutenv.rig.devices.serial.grbl_axis:GrblAxis",
     },
     DriverKind.FORCE: {
         "analogue": "cutenv.rig.devices.analogue.analogue_sensor:AnalogueSensor",

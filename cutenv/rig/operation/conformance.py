@@ -20,7 +20,7 @@ THREADS_END = 1.0
 """Time after closing within which a driver's threads have to end [s]."""
 
 
-class Finding(NamedTuple):
+class TriedPromise(NamedTuple):
     """One promise of a driver's protocol, and what became of it.
 
     Attributes
@@ -43,7 +43,7 @@ HEADER = ("promised", "allowed", "measured", "kept")
 """Columns of the table."""
 
 
-def conformance_rows(findings: list[Finding]) -> list[tuple[str, ...]]:
+def conformance_rows(findings: list[TriedPromise]) -> list[tuple[str, ...]]:
     """Return the table of findings, as rows of text without the header."""
     return [(each.promise, each.allowed, each.measured, "yes" if each.kept else "NO") for each in findings]
 
@@ -105,10 +105,10 @@ def refused(action: Callable[[], Any]) -> str | None:
     return None
 
 
-def must_refuse(promise: str, action: Callable[[], Any]) -> Finding:
+def must_refuse(promise: str, action: Callable[[], Any]) -> TriedPromise:
     """Return whether an action is refused, with a message, as promised."""
     said = refused(action)
-    return Finding(promise, "an error", "no error" if said is None else _short(said), said is not None)
+    return TriedPromise(promise, "an error", "no error" if said is None else _short(said), said is not None)
 
 
 def timed(action: Callable[[], Any]) -> float:
@@ -118,37 +118,37 @@ def timed(action: Callable[[], Any]) -> float:
     return time.monotonic() - begun
 
 
-def within(promise: str, seconds: float, allowed: float) -> Finding:
+def time_within(promise: str, seconds: float, allowed: float) -> TriedPromise:
     """Return the finding of a time against what is allowed [s]."""
-    return Finding(promise, f"{1e3 * allowed:.3g} ms", f"{1e3 * seconds:.3g} ms", seconds <= allowed)
+    return TriedPromise(promise, f"{1e3 * allowed:.3g} ms", f"{1e3 * seconds:.3g} ms", seconds <= allowed)
 
 
-def closed(driver: Any, listening: Listening, clock: Clock, before: set[threading.Thread]) -> list[Finding]:
+def closed(driver: Any, listening: Listening, clock: Clock, before: set[threading.Thread]) -> list[TriedPromise]:
     """Close a driver twice, and see that it falls silent and that its threads end."""
-    findings = [within("close returns", timed(driver.close), CLOSE_TIME)]
+    findings = [time_within("close returns", timed(driver.close), CLOSE_TIME)]
     said = refused(driver.close)
-    findings.append(Finding("close may be called twice", "no error", said or "no error", said is None))
+    findings.append(TriedPromise("close may be called twice", "no error", said or "no error", said is None))
     clock.sleep_until(clock.now() + 0.05)  # what was under way
     seen = len(listening.motions) + len(listening.forces)
     clock.sleep_until(clock.now() + 0.3)
     late = len(listening.motions) + len(listening.forces) - seen
-    findings.append(Finding("after close nothing is reported", "0 reports", f"{late} reports", late == 0))
+    findings.append(TriedPromise("after close nothing is reported", "0 reports", f"{late} reports", late == 0))
     ends = time.monotonic() + THREADS_END
     while (left := _left(before)) and time.monotonic() < ends:
         time.sleep(0.02)
     told = ", ".join(sorted(thread.name for thread in left)) or "none is left"
-    findings.append(Finding("after close its threads end", "none is left", told, not left))
+    findings.append(TriedPromise("after close its threads end", "none is left", told, not left))
     return findings
 
 
-def reopened(driver: Any, clock: Clock) -> Finding:
+def reopened(driver: Any, clock: Clock) -> TriedPromise:
     """Open a driver again, and see that it reports."""
     listening = Listening()
     said = refused(lambda: driver.open(listening))
     clock.sleep_until(clock.now() + 0.3 + 3.0 / getattr(driver, "rate", math.inf))
     count = len(listening.motions) + len(listening.forces)
     driver.close()
-    return Finding("it can be opened again", "reports", _short(said or f"{count} reports"), count > 0)
+    return TriedPromise("it can be opened again", "reports", _short(said or f"{count} reports"), count > 0)
 
 
 def _left(before: set[threading.Thread]) -> set[threading.Thread]:

@@ -1,4 +1,4 @@
-"""Dry run: every command of a fake rig, shown as the frame that a drive would receive."""
+"""Dry run: every command of a fake rig, shown as the frame that a CANopen drive would receive."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ from collections.abc import Callable
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.canopen.objects import ENABLE_OPERATION, command_frame
 from cutenv.rig.devices.canopen.units import AxisUnits
+from cutenv.rig.devices.driver_registry import axes_driven_by
 
 _STEPS = 1000  # milli-rpm, which the axis asks its drive for
 
 
 class Transcript:
-    """Listing of commands, one a line: time, axis, speed, CAN frame. Repetitions are only counted.
+    """Listing of commands, one a line: time, axis, speed, CAN frame if it has one. Repetitions are only counted.
 
     Parameters
     ----------
@@ -27,7 +28,8 @@ class Transcript:
 
     def __init__(self, settings: RigSettings, start: float, write: Callable[[str], None]) -> None:
         self._axes = settings.axes
-        self._units = {name: AxisUnits(axis=axis, steps=_STEPS) for name, axis in self._axes.items()}
+        canopen = axes_driven_by(settings, "canopen")  # other drivers have no frame to show
+        self._units = {name: AxisUnits(axis=axis, steps=_STEPS) for name, axis in canopen.items()}
         self._start, self._write = start, write
         self._last: dict[str, tuple[float, int]] = {}
 
@@ -38,10 +40,13 @@ class Transcript:
             self._last[axis] = last, count + 1
             return
         self._last[axis] = speed, 1
-        number, data = command_frame(self._axes[axis].node, ENABLE_OPERATION, self._units[axis].velocity(speed))
+        frame = ""
+        if axis in self._units:
+            number, data = command_frame(self._axes[axis].node, ENABLE_OPERATION, self._units[axis].velocity(speed))
+            frame = f"  {number:03X}#{data.hex(' ').upper()}"
         shown = f"{1e3 * speed:+8.3f} mm/s" if axis != "angle" else f"{math.degrees(speed):+8.2f} deg/s"
         again = f"   (the one before {count} times)" if count > 1 else ""
-        self._write(f"{time - self._start:8.3f} s  {axis:<6}{shown}  {number:03X}#{data.hex(' ').upper()}{again}")
+        self._write(f"{time - self._start:8.3f} s  {axis:<6}{shown}{frame}{again}")
 
     def note(self, text: str) -> None:
         """Write a line of text."""

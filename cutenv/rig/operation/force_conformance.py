@@ -11,7 +11,7 @@ import numpy as np
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.clock import Clock
 from cutenv.rig.devices.drivers import ForceDriver
-from cutenv.rig.operation.conformance import Finding, Listening, closed, must_refuse, reopened
+from cutenv.rig.operation.conformance import Listening, TriedPromise, closed, must_refuse, reopened
 from cutenv.rig.operation.preflight import ZERO_FORCE
 
 _LISTEN = 2.0  # [s]
@@ -19,7 +19,7 @@ _FEWEST, _MOST = 20, 200  # readings of a tare
 _SEQUENCES = 2**32
 
 
-def conform_force(driver: ForceDriver, rig: RigSettings, clock: Clock) -> list[Finding]:
+def conform_force(driver: ForceDriver, rig: RigSettings, clock: Clock) -> list[TriedPromise]:
     """Try a force driver against its protocol, for some seconds.
 
     Parameters
@@ -33,7 +33,7 @@ def conform_force(driver: ForceDriver, rig: RigSettings, clock: Clock) -> list[F
 
     Returns
     -------
-    list of Finding
+    list of TriedPromise
         What was promised, allowed, measured.
 
     Raises
@@ -52,13 +52,13 @@ def conform_force(driver: ForceDriver, rig: RigSettings, clock: Clock) -> list[F
     return [*findings, *findings_of_end, reopened(driver, clock)]
 
 
-def _readings(driver: ForceDriver, listening: Listening, rig: RigSettings, clock: Clock) -> list[Finding]:
+def _readings(driver: ForceDriver, listening: Listening, rig: RigSettings, clock: Clock) -> list[TriedPromise]:
     start = clock.now()
     clock.sleep_until(start + _LISTEN)
     now = clock.now()
     readings = [each for each in listening.forces if each.time >= start]
     if len(readings) < 2:
-        return [Finding("readings arrive", "2 or more", f"{len(readings)} in {_LISTEN:g} s", False)]
+        return [TriedPromise("readings arrive", "2 or more", f"{len(readings)} in {_LISTEN:g} s", False)]
     times = np.array([each.time for each in readings])
     lost = sum(each.lost for each in readings[1:])
     sent = (len(readings) - 1 + lost) / (times[-1] - times[0])
@@ -81,36 +81,36 @@ def _readings(driver: ForceDriver, listening: Listening, rig: RigSettings, clock
     statuses = {each.status for each in readings}
     limits = rig.limits
     return [
-        Finding(
+        TriedPromise(
             "readings come at its rate",
             f"{driver.rate:g} Hz within {tolerance:.0%}",
             f"{sent:.1f} Hz",
             abs(sent / driver.rate - 1.0) <= tolerance,
         ),
-        Finding(
+        TriedPromise(
             "no gap stops the blade",
             f"{1e3 * limits.stale_force:g} ms",
             f"{1e3 * gap:.1f} ms",
             gap <= limits.stale_force,
         ),
-        Finding("few readings are lost", f"{limits.lost_force:.0%}", f"{share:.1%}", share <= limits.lost_force),
-        Finding(
+        TriedPromise("few readings are lost", f"{limits.lost_force:.0%}", f"{share:.1%}", share <= limits.lost_force),
+        TriedPromise(
             "numbers count readings and losses",
             "each follows the last",
             "they do" if in_order else "they do not",
             in_order,
         ),
-        Finding(
+        TriedPromise(
             "times are the clock's, and never go back",
             "0 to now",
             f"least step {1e3 * float(np.diff(times).min()):.2f} ms, newest {1e3 * (now - times[-1]):.1f} ms old",
             bool((np.diff(times) >= 0.0).all() and times[-1] <= now),
         ),
-        Finding("counts of each axis flicker", driver.axes, f"still: {', '.join(deaf) or 'none'}", not deaf),
-        Finding("other axes read 0", "0 N", f"not 0: {', '.join(idle) or 'none'}", not idle),
-        Finding("forces are numbers", "finite", "finite" if finite else "not finite", finite),
-        Finding("status at rest is healthy", "0", ", ".join(map(str, sorted(statuses))), statuses == {0}),
-        Finding(
+        TriedPromise("counts of each axis flicker", driver.axes, f"still: {', '.join(deaf) or 'none'}", not deaf),
+        TriedPromise("other axes read 0", "0 N", f"not 0: {', '.join(idle) or 'none'}", not idle),
+        TriedPromise("forces are numbers", "finite", "finite" if finite else "not finite", finite),
+        TriedPromise("status at rest is healthy", "0", ", ".join(map(str, sorted(statuses))), statuses == {0}),
+        TriedPromise(
             "limits leave room for its rate",
             "4 readings before it counts as silent",
             f"{limits.stale_force * driver.rate:.1f} readings",
@@ -119,7 +119,7 @@ def _readings(driver: ForceDriver, listening: Listening, rig: RigSettings, clock
     ]
 
 
-def _tares(driver: ForceDriver, listening: Listening, clock: Clock) -> list[Finding]:
+def _tares(driver: ForceDriver, listening: Listening, clock: Clock) -> list[TriedPromise]:
     samples = min(max(round(driver.rate), _FEWEST), _MOST)
     first = driver.tare(samples)
     start = clock.now()
@@ -129,6 +129,6 @@ def _tares(driver: ForceDriver, listening: Listening, clock: Clock) -> list[Find
     second = driver.tare(samples)
     moved = max(abs(a - b) for a, b in zip(first, second, strict=True))
     return [
-        Finding("after a tare it reads 0", f"{ZERO_FORCE:g} N", f"{left:.4f} N", left <= ZERO_FORCE),
-        Finding("tares tell the whole zero", f"{ZERO_FORCE:g} N apart", f"{moved:.4f} N", moved <= ZERO_FORCE),
+        TriedPromise("after a tare it reads 0", f"{ZERO_FORCE:g} N", f"{left:.4f} N", left <= ZERO_FORCE),
+        TriedPromise("tares tell the whole zero", f"{ZERO_FORCE:g} N apart", f"{moved:.4f} N", moved <= ZERO_FORCE),
     ]

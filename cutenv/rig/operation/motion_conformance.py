@@ -16,17 +16,17 @@ from cutenv.rig.devices.samples import DriveState, MotionSample
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.conformance import (
     CALL_TIME,
-    Finding,
     Listening,
+    TriedPromise,
     closed,
     must_refuse,
     refused,
     reopened,
+    time_within,
     timed,
-    within,
 )
 
-TRAVEL = 0.010
+TRIAL_TRAVEL = 0.010
 """Way that the axis needs free, from where it stands towards the middle of its travel [m or rad]."""
 LIMIT_NAMES = ("low", "high", "speed", "acceleration", "quick_stop")
 """Limits that a drive tells."""
@@ -47,7 +47,7 @@ class _Trial:
         self.driver, self.rig, self.clock = driver, rig, clock
         self.axis: Axis = rig.axes[driver.name]
         self.listening = Listening()
-        self.findings: list[Finding] = []
+        self.findings: list[TriedPromise] = []
         self.way = 1.0
         self.unit = "mrad" if driver.name == "angle" else "mm"
         self.speed = min(_SPEED, 0.6 * self.axis.speed, 0.6 * rig.limits.speed)
@@ -62,8 +62,16 @@ class _Trial:
         self.clock.sleep_until(self.clock.now() + seconds)
         return self.listening.motions[seen:]
 
+    def settled(self) -> list[MotionSample]:
+        """Wait for samples that show the last call; return them."""
+        return self.wait(max(0.1, 3.0 * self.rig.bus.sync)) or [self.newest]
+
+    def settled_state(self) -> DriveState:
+        """Wait for a sample that shows the last call; return its state."""
+        return self.settled()[-1].state
+
     def found(self, promise: str, allowed: str, measured: str, kept: bool) -> None:
-        self.findings.append(Finding(promise, allowed, measured, bool(kept)))
+        self.findings.append(TriedPromise(promise, allowed, measured, bool(kept)))
 
     def speeds(self, promise: str, wanted: float, got: float) -> None:
         """Compare a speed with the wanted one: a tenth of it may be off."""
@@ -105,7 +113,7 @@ class _Trial:
         self.wait(0.5)
 
 
-def conform_motion(driver: MotionDriver, rig: RigSettings, clock: Clock) -> list[Finding]:
+def conform_motion(driver: MotionDriver, rig: RigSettings, clock: Clock) -> list[TriedPromise]:
     """Try a motion driver against its protocol: the axis moves to and fro by some millimetres, several times.
 
     Parameters
@@ -119,7 +127,7 @@ def conform_motion(driver: MotionDriver, rig: RigSettings, clock: Clock) -> list
 
     Returns
     -------
-    list of Finding
+    list of TriedPromise
         What was promised, allowed, measured.
 
     Raises
@@ -166,8 +174,8 @@ def _opened(trial: _Trial) -> None:
         f"{1e3 * period:.2f} ms",
         abs(period / sync - 1.0) <= 0.2,
     )
-    trial.findings.append(within("no gap of samples stops the blade", gap, limits.stale_motion))
-    trial.findings.append(within("no gap of heartbeats stops the blade", beat, limits.heartbeat))
+    trial.findings.append(time_within("no gap of samples stops the blade", gap, limits.stale_motion))
+    trial.findings.append(time_within("no gap of heartbeats stops the blade", beat, limits.heartbeat))
     trial.findings.append(must_refuse("a second open is refused", lambda: driver.open(Listening())))
     trial.findings.append(must_refuse("a command without power is refused", lambda: driver.command(trial.speed)))
     told = driver.limits()
@@ -181,7 +189,7 @@ def _opened(trial: _Trial) -> None:
 def _switched_on(trial: _Trial) -> None:
     driver = trial.driver
     took = timed(driver.enable)
-    state = trial.wait(0.1)[-1].state
+    state = trial.settled_state()
     trial.found(
         "enable ends with power on",
         "enabled, within 3000 ms",
@@ -190,7 +198,7 @@ def _switched_on(trial: _Trial) -> None:
     )
     trial.stays("enable moves nothing", 0.3)
     driver.disable()
-    state = trial.wait(0.1)[-1].state
+    state = trial.settled_state()
     trial.found("disable takes the power away", "no power", state.value, state is not DriveState.ENABLED)
 
 
@@ -201,11 +209,11 @@ def _moves(trial: _Trial) -> None:
     driver.enable()
     start, begun = trial.newest.position, clock.now()
     trial.findings.append(
-        within("a command does not wait", timed(lambda: driver.command(trial.way * speed)), CALL_TIME)
+        time_within("a command does not wait", timed(lambda: driver.command(trial.way * speed)), CALL_TIME)
     )
     samples = trial.wait(1.0)
     began = next((each.time - begun for each in samples if abs(each.position - start) > _STANDS), math.inf)
-    trial.findings.append(within("motion begins", began, _BEGINS))
+    trial.findings.append(time_within("motion begins", began, _BEGINS))
     late = [each for each in samples if each.time > begun + 0.6]
     mean = float(np.mean([each.speed for each in late])) if late else 0.0
     trial.speeds("it moves as fast as told, and that way", trial.way * speed, mean)
@@ -214,13 +222,13 @@ def _moves(trial: _Trial) -> None:
         trial.speeds("and so it is by its position", trial.way * speed, by_position)
     bad = [driver_refuses(driver, value) for value in (math.nan, math.inf, 10.0 * axis.speed)]
     trial.found("a speed that is none, or too high, is refused", "3 errors", f"{bad.count(True)} errors", all(bad))
-    after = trial.wait(0.2)[-1].speed
+    after = trial.settled()[-1].speed
     trial.speeds("and changes nothing", trial.way * speed, after)
     driver.command(-trial.way * speed)
     trial.wait(1.5)
     driver.command(0.0)
     rested = trial.until_rest(1.0)
-    trial.findings.append(within("a command of 0 brings it to rest", rested, speed / axis.acceleration + 0.3))
+    trial.findings.append(time_within("a command of 0 brings it to rest", rested, speed / axis.acceleration + 0.3))
     driver.disable()
 
 
@@ -239,9 +247,9 @@ def _stops(trial: _Trial) -> None:
     driver, axis, sync = trial.driver, trial.axis, trial.rig.bus.sync
     trial.run_up()
     start = trial.newest.position
-    trial.findings.append(within("a quick stop does not wait", timed(driver.quick_stop), CALL_TIME))
+    trial.findings.append(time_within("a quick stop does not wait", timed(driver.quick_stop), CALL_TIME))
     allowed = trial.speed / axis.quick_stop + 3 * sync + 0.05
-    trial.findings.append(within("a quick stop brings it to rest", trial.until_rest(1.0), allowed))
+    trial.findings.append(time_within("a quick stop brings it to rest", trial.until_rest(1.0), allowed))
     way, most = abs(trial.newest.position - start), trial.speed * (allowed + sync)
     trial.found("and on a short way", f"{1e3 * most:.2f} {trial.unit}", f"{1e3 * way:.2f} {trial.unit}", way <= most)
     trial.found(
@@ -251,7 +259,7 @@ def _stops(trial: _Trial) -> None:
     trial.findings.append(must_refuse("a stopped axis is not switched on", driver.enable))
     trial.stays("a stopped axis stays", 0.5)
     trial.clear()
-    state = trial.wait(0.1)[-1].state
+    state = trial.settled_state()
     trial.found("clear leaves it without power", "no power", state.value, state is not DriveState.ENABLED)
 
 
@@ -283,6 +291,6 @@ def _watches(trial: _Trial) -> None:
     trial.run_up()
     driver.withhold_heartbeat("its own watch is tried")
     allowed = _OWN_WATCH + trial.speed / trial.axis.quick_stop
-    trial.findings.append(within("a drive that hears nothing stops by itself", trial.until_rest(2.0), allowed))
+    trial.findings.append(time_within("a drive that hears nothing stops by itself", trial.until_rest(2.0), allowed))
     trial.stays("and stays at rest", 0.5)
     trial.clear()

@@ -128,6 +128,24 @@ def _ask_direction(plant: RigPlant, axis: HeightAxis, operator: Operator) -> Non
         )
 
 
+def _ask_motion(plant: RigPlant, operator: Operator) -> None:
+    """Ask whether the blade has moved: a drive that counts its own steps shows motion though the motor may stand.
+
+    Raises
+    ------
+    RigError
+        If the operator does not agree.
+    """
+    question = (
+        f"The drive has sent the steps for {1e3 * _NUDGE:g} mm away from the clamp, and back. Did the blade move so?"
+    )
+    if not operator.confirm(question):
+        raise RigError(
+            "the operator has not seen the blade move as told: nothing is cut. Is the motor's supply on, is the screw "
+            "coupled? If it went toward the clamp first, correct blade.direction in the rig's file."
+        )
+
+
 def _raised_and_back(plant: RigPlant, axis: HeightAxis) -> Check:
     """Raise the released blade by a millimetre and lower it again, against what was commanded.
 
@@ -235,6 +253,8 @@ def prepare(plant: RigPlant, operator: Operator, *, today: date, in_air: bool = 
             relieve(plant)
         plant.supervisor.release()
         checks += _passed(moving_checks(plant))
+        if plant.counts_steps:
+            _ask_motion(plant, operator)
         if in_air and plant.settings.height is not None:
             _ask_direction(plant, plant.settings.height, operator)
     except BaseException as error:

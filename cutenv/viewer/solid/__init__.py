@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
+from cutenv.viewer.solid.curved_view import write_curved_view
 from cutenv.viewer.solid.shown_cut import COLOURINGS, ShownCut
 from cutenv.viewer.solid.view_page import write_view
 
-__all__ = ["COLOURINGS", "ShownCut", "write_view"]
+__all__ = ["COLOURINGS", "ShownCut", "write_curved_view", "write_view"]

@@ -39,7 +39,7 @@
   for (const path of ["arrow/shaft/<object>", "arrow/head/<object>", "tip/<object>"]) node(path).castShadow = false;
 
   const floor = new THREE.Mesh(new THREE.PlaneGeometry(8, 8), new THREE.ShadowMaterial({ opacity: 0.22 }));
-  floor.position.set(0, 0.7, -0.06);
+  floor.position.set(0, 0.7, unit * told.ground_m);
   floor.receiveShadow = true;
   viewer.scene.add(floor);
   const spot = node("Lights/SpotLight/<object>");
@@ -75,7 +75,24 @@
       }
       skin.geometry.computeVertexNormals();
     }
-    geometry("tissue/faces").setDrawRange(0, 3 * told.cut_parts[i]);
+    const cut = 3 * told.cut_parts[i];
+    for (const name of ["faces", ...told.plane]) {
+      if (name === "ahead") geometry("tissue/ahead").setDrawRange(cut, Infinity);
+      else if (["faces", "near", "below"].includes(name)) geometry(`tissue/${name}`).setDrawRange(0, cut);
+    }
+  }
+
+  // Take the near half off, so that the plane of the cut is seen; the far half's parts come first everywhere.
+  function takeOff(on) {
+    for (const name of ["top", "bottom", "rim", "lines"]) {
+      const shape = geometry(`tissue/${name}`);
+      shape.setDrawRange(0, on ? shape.index.count / 2 : Infinity);
+    }
+    node("tissue/near").visible = !on;
+    node("tissue/below").visible = node("tissue/ahead").visible = on;
+    byId("label-layer").textContent = on && told.plane.includes("layer") ? "layer below" : "";
+    byId("label-wanted").textContent = on && told.plane.includes("wanted") ? "wanted depth" : "";
+    viewer.set_dirty();
   }
 
   function moveScalpel(i) {
@@ -124,6 +141,8 @@
     show("angle", number(told.angle_rad[i] * 180 / Math.PI, 0) + "°");
     show("blade", number(1e3 * told.position_m[i], 1) + " mm");
     show("tip", number(1e3 * told.tip_m[i], 1) + " mm");
+    if (told.plane.length) show("below", number(1e3 * told.below_m[i], 1) + " mm");
+    if (told.wanted_m) show("wanted", number(1e3 * told.wanted_m[i], 1) + " mm");
     const slider = byId("slider");
     slider.value = i;
     slider.setAttribute("aria-valuetext", number(told.time_s[i], 2) + " s, " + number(told.force_N[i], 2) + " N");
@@ -168,12 +187,18 @@
     viewer.set_dirty();
   }
 
-  const beside = { target: [0, -14], clamp: [0, 20], arrow: [0, -16], "tip-mark": [74, 26], opened: [44, 56] };
+  // Names of layer and wanted depth stand where the plane of the cut shows them, before its end.
+  for (const name of ["layer", "wanted"]) {
+    if (!told.plane.includes(name)) continue;
+    const points = told.skins[`tissue/${name}`], point = points[Math.round(0.47 * points.length)]; // of its upper row
+    anchors[name] = [0, rest[3 * point + 1], rest[3 * point + 2]];
+  }
+  const beside = { layer: [0, 26], wanted: [0, -12], target: [0, -14], clamp: [0, 20], arrow: [0, -16], "tip-mark": [74, 26], opened: [44, 56] };
   function placeLabels() {
     const width = pane.clientWidth, height = pane.clientHeight;
     for (const name of Object.keys(beside)) {
       const label = byId("label-" + name), anchor = anchors[name];
-      const shown = Boolean(anchor) && (name !== "arrow" || node("arrow").visible);
+      const shown = Boolean(anchor && label.textContent) && (name !== "arrow" || node("arrow").visible);
       label.hidden = !shown;
       if (!shown) continue;
       const seen = toThree(anchor).project(viewer.camera), [right, down] = beside[name];
@@ -206,7 +231,8 @@
   byId("slider").addEventListener("input", event => { setPlaying(false); show(Number(event.target.value)); });
   byId("turn-back").addEventListener("click", resetView);
   byId("see-through").addEventListener("change", event => {
-    for (const path of ["tissue/top", "tissue/rim", "tissue/bottom", "tissue/faces"]) {
+    for (const path of ["top", "rim", "bottom", "faces", ...told.plane].map(name => `tissue/${name}`)) {
+      if (["tissue/layer", "tissue/wanted"].includes(path)) continue;
       const material = node(path + "/<object>").material;
       material.transparent = event.target.checked;
       material.opacity = event.target.checked ? 0.35 : 1;
@@ -215,6 +241,10 @@
     }
     viewer.set_dirty();
   });
+  if (told.plane.length) {
+    byId("half").addEventListener("change", event => takeOff(event.target.checked));
+    takeOff(byId("half").checked);
+  }
   byId("controls").addEventListener("submit", event => event.preventDefault());
 
   window.cutView = { viewer, show, node, told }; // for whoever opens the browser's console

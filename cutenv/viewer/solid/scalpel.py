@@ -36,8 +36,8 @@ class ScalpelPose(NamedTuple):
     angle: float
 
 
-def pose(position: float, angle: float, depth: float) -> ScalpelPose:
-    """Return the pose in which the edge meets the surface at ``position`` and the lowest point is ``depth`` below.
+def pose(position: float, angle: float, depth: float, level: float = 0.0) -> ScalpelPose:
+    """Return the pose in which the edge meets the surface at ``position`` and the lowest point is at ``level``.
 
     Parameters
     ----------
@@ -46,10 +46,18 @@ def pose(position: float, angle: float, depth: float) -> ScalpelPose:
     angle : float
         Angle of the blade against the surface [rad]; below 90 degrees it leans forward.
     depth : float
-        Depth of the cut there [m]; the surface is that much above the specimen's lower face.
+        Height of the surface there [m]: the depth of the cut of a blade at level 0.
+    level : float
+        Height of the blade's lower end [m].
     """
     scene = derived_quantities(
-        {"blade": position, "tip": position, "angle": angle, "depth_at": lambda along: depth + 0.0 * along}
+        {
+            "blade": position,
+            "tip": position,
+            "angle": angle,
+            "level": level,
+            "depth_at": lambda along: depth + 0.0 * along,
+        }
     )
     return ScalpelPose(along=float(scene["scalpel_along"]), height=float(scene["scalpel_height"]), angle=angle)
 

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from cutenv._base.arrays import Array
+from cutenv._base.arrays import Array, Indices
 from cutenv._base.validation import in_range
 from cutenv.measurement import DepthProfile
+from cutenv.measurement.depth import LAYER_DEPTH_KEY, WANTED_DEPTH_KEY, wanted_depth
 from cutenv.scoring.scored_cut import ScoredCut
 from cutenv.tissue import CutModel
+from cutenv.tissue.grid import SPACING
 from cutenv.trace import Trace
 
 COLOURINGS = ("displacement", "energy")
@@ -56,6 +60,13 @@ class ShownCut:
         Finite-element model whose field displaces the tissue.
     whole_time, whole_force : ndarray of shape (m,)
         The record's own instants [s] and force [N].
+    height : ndarray or None
+        Height of the blade's lower end [m]; 0 cuts as deep as ``depth``.  None if the record does not hold it.
+    floor, wanted : DepthProfile or None
+        Depth of the floor of the cut below the surface as it is at the end, and the wanted depth, by position; None
+        where there is no height, or no wanted depth.
+    layer : float or None
+        Depth below the surface at which another layer begins [m].
     """
 
     name: str
@@ -74,6 +85,10 @@ class ShownCut:
     model: CutModel
     whole_time: Array
     whole_force: Array
+    height: Array | None = None
+    floor: DepthProfile | None = None
+    wanted: DepthProfile | None = None
+    layer: float | None = None
 
     @classmethod
     def of(cls, trace: Trace, *, target: float | None = None, instants: int = INSTANTS) -> ShownCut:
@@ -103,7 +118,7 @@ class ShownCut:
         angle = np.full(len(trace), math.pi / 2) if trace.angle is None else trace.angle
         _check_angle(angle)
         cut = ScoredCut(trace=trace, target_length=_target(trace, target))
-        model, depth = cut.model, cut.profile
+        model, depth = cut.model, cut.profile if trace.height is None else DepthProfile.recorded(trace, by="view")
         # The reading that is nearest to each of the evenly spaced instants.
         even = np.linspace(trace.time[0], trace.time[-1], min(count, len(trace)))
         shown = np.unique(np.searchsorted(0.5 * (trace.time[1:] + trace.time[:-1]), even))
@@ -127,6 +142,7 @@ class ShownCut:
             model=model,
             whole_time=trace.time - trace.time[0],
             whole_force=trace.force,
+            **_of_height(trace, cut, shown),
         )
 
     def __len__(self) -> int:
@@ -148,6 +164,23 @@ def _target(trace: Trace, given: float | None) -> float | None:
         if own is None
         else in_range("target_length_m", own, 0.005, 0.15, "m", "Give --target-length 80mm instead.")
     )
+
+
+def _of_height(trace: Trace, cut: ScoredCut, shown: Indices) -> dict[str, Any]:
+    """Return what is shown of a record whose blade also moves up and down; nothing of others."""
+    if trace.height is None:
+        return {}
+    # The whole record is shown, also of a cut that did not come to an end.
+    whole = trace if "end" in trace.metadata else trace.with_metadata({**trace.metadata, "end": "unknown"})
+    floor = (cut if whole is trace else dataclasses.replace(cut, trace=whole)).floor
+    wanted, layer = trace.metadata.get(WANTED_DEPTH_KEY), trace.metadata.get(LAYER_DEPTH_KEY)
+    cure = "12 mm is 0.012."
+    return {
+        "height": trace.height[shown],
+        "floor": DepthProfile(position=np.arange(len(floor), dtype=np.float64) * SPACING, depth=floor),
+        "wanted": None if wanted is None else wanted_depth(wanted, name=f"metadata {WANTED_DEPTH_KEY}"),
+        "layer": None if layer is None else in_range(f"metadata {LAYER_DEPTH_KEY}", layer, 0.0005, 0.1, "m", cure),
+    }
 
 
 def _check_angle(angle: Array) -> None:

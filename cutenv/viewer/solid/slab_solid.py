@@ -17,6 +17,7 @@ import numpy as np
 from cutenv._base.arrays import Array, Indices
 from cutenv._base.validation import one_of
 from cutenv.viewer.drawn_slab import Slab
+from cutenv.viewer.solid.cut_plane import BOTTOM, plane_rows
 from cutenv.viewer.solid.shown_cut import COLOURINGS, ShownCut
 from cutenv.viewer.solid.solids import grid_faces
 
@@ -46,7 +47,10 @@ class SlabSolid:
     Attributes
     ----------
     rest : ndarray of shape (n_points, 3)
-        Points without load: across from the cut line, along from the clamp, up from the lower face [m].
+        Points without load: across from the cut line, along from the clamp, up from the plane to which a blade at
+        height 0 cuts [m].
+    bottom : float
+        Height of the lower face [m].
     """
 
     def __init__(self, cut: ShownCut) -> None:
@@ -54,13 +58,19 @@ class SlabSolid:
         self.slab = Slab(cut.model, SUBDIVISIONS)
         flat = self.slab.rest
         top = self._height(flat[..., 1])
-        layers = [np.concatenate([flat, z[..., None]], axis=-1).reshape(-1, 3) for z in (top, np.zeros_like(top))]
+        self.bottom = 0.0 if cut.height is None else BOTTOM
+        lower = np.full_like(top, self.bottom)
+        layers = [np.concatenate([flat, z[..., None]], axis=-1).reshape(-1, 3) for z in (top, lower)]
         self.n_lattice = len(layers[0])
         if cut.target is not None:
             layers += self._sheet(cut.target)
+        self._n_sheet = sum(len(each) for each in layers) - 2 * self.n_lattice
+        if cut.height is not None:
+            layers += list(plane_rows(cut, flat[0, -1, :, 1], top[0, -1]))
         self.rest: Array = np.concatenate(layers)
-        # Point of each place of a layer, (layer, side, across, along).
+        # Point of each place of a layer, (layer, side, across, along), and of the rows of the cut's plane.
         self._number = np.arange(2 * self.n_lattice).reshape(2, *flat.shape[:-1])
+        self._rows = np.arange(2 * self.n_lattice + self._n_sheet, len(self.rest)).reshape(-1, flat.shape[2])
 
     def _height(self, along: Array) -> Array:
         window = np.linspace(-_AVERAGED, _AVERAGED, 17)
@@ -81,14 +91,42 @@ class SlabSolid:
             faces[name] = Skin(points=self._number[layer].ravel(), parts=np.concatenate(parts))
         n = self._number
         # The doubled line occurs twice in the closed rim: the two copies of its ends coincide.
-        walls = [n[:, 0, 0, :], n[:, 1, -1, :], n[:, 0, :, -1], n[:, 1, :, -1], n[:, 0, :, 0], n[:, 1, :, 0]]
+        walls = [n[:, 0, 0, :], n[:, 0, :, -1], n[:, 0, :, 0], n[:, 1, -1, :], n[:, 1, :, -1], n[:, 1, :, 0]]
         faces["rim"] = _walls(walls)
         return faces
 
     @cached_property
     def cut_faces(self) -> Skin:
-        """Return both sides of the cut line, with the parts in order from the clamp on."""
-        walls = _walls([self._number[:, 0, -1, :], self._number[:, 1, 0, :]])
+        """Return both sides of the cut line, with the parts in order from the clamp on; with height the far one."""
+        n = self._number
+        if self.cut.height is None:
+            return self._in_order([n[:, 0, -1, :], n[:, 1, 0, :]])
+        return self._in_order([np.stack([n[_UP, 0, -1], self._rows[0]])])
+
+    @cached_property
+    def plane(self) -> dict[str, Skin]:
+        """Return the plane of the cut, by name; empty for a record without height.
+
+        That is the near face of the cut, tissue below the floor and ahead of the tip, layer and wanted depth.  Parts of
+        the first three are as many and in the same order as those of :attr:`cut_faces`.
+        """
+        if self.cut.height is None:
+            return {}
+        upper, lower = self._number[:, 0, -1, :]
+        floor, layer, below, wanted, under = self._rows
+        skins = {
+            "near": self._in_order([np.stack([self._number[_UP, 1, 0], floor])]),
+            "below": self._in_order([np.stack([floor, lower])]),
+            "ahead": self._in_order([np.stack([upper, lower])]),
+        }
+        if self.cut.layer is not None:
+            skins["layer"] = _walls([np.stack([layer, below])])
+        if self.cut.wanted is not None:
+            skins["wanted"] = _walls([np.stack([wanted, under])])
+        return skins
+
+    def _in_order(self, rows: list[Indices]) -> Skin:
+        walls = _walls(rows)
         begin = self.rest[walls.points[walls.parts], 1].min(axis=1)
         return Skin(points=walls.points, parts=walls.parts[np.argsort(begin, kind="stable")])
 
@@ -102,22 +140,19 @@ class SlabSolid:
     def lines(self) -> Skin:
         """Return the lines between elements in the upper face."""
         top, (i, j) = self._number[_UP], SUBDIVISIONS
-        along = top[:, ::i, :]
-        across = top[:, :, ::j]
-        pairs = [
-            np.stack([along[..., :-1], along[..., 1:]], axis=-1).reshape(-1, 2),
-            np.stack([across[:, :-1], across[:, 1:]], axis=-1).reshape(-1, 2),
-        ]
-        return Skin(points=top.ravel(), parts=np.concatenate(pairs))
+        pairs = []
+        for side in top:  # the far half first
+            along, across = side[::i, :], side[:, ::j]
+            pairs += [np.stack([along[:, :-1], along[:, 1:]], axis=-1), np.stack([across[:-1], across[1:]], axis=-1)]
+        return Skin(points=top.ravel(), parts=np.concatenate([each.reshape(-1, 2) for each in pairs]))
 
     @cached_property
     def sheet(self) -> Skin | None:
         """Return the target as a sheet across the tissue that moves with it; None without a target."""
-        count = len(self.rest) - 2 * self.n_lattice
-        if count == 0:
+        if self._n_sheet == 0:
             return None
-        points = 2 * self.n_lattice + np.arange(count)
-        return Skin(points=points, parts=grid_faces(2, count // 2))
+        points = 2 * self.n_lattice + np.arange(self._n_sheet)
+        return Skin(points=points, parts=grid_faces(2, self._n_sheet // 2))
 
     def displacement(self, i: int) -> Array:
         """Return the points' displacement at an instant, cut open, (across, along) [m], shape (n_points, 2)."""
@@ -128,11 +163,14 @@ class SlabSolid:
             line = self.slab.line_across(field, self.cut.target)
             rest = self.slab.line_across(np.zeros_like(field), self.cut.target)
             layers += [line - rest] * 2
+        layers += [field[0, -1]] * len(self._rows)
         return np.concatenate(layers)
 
     def front(self, i: int) -> tuple[float, float]:
-        """Return the end of the cut in the upper and the lower face of the tissue at rest [m]."""
+        """Return the end of the cut in the upper and the lower face of the tissue at rest [m]; with height 0 below."""
         tip = float(self.cut.tip[i])
+        if self.cut.height is not None:
+            return tip, 0.0
         reach = float(self._height(np.array(tip))) / math.tan(float(self.cut.angle[i]))
         return tip, float(np.clip(tip - reach, 0.0, self.cut.model.length))
 

@@ -16,6 +16,7 @@ from cutenv._base.arrays import Array
 from cutenv.viewer import palette
 from cutenv.viewer.scene_parts import BLADE_LENGTH, HANDLE_LENGTH
 from cutenv.viewer.solid import scalpel
+from cutenv.viewer.solid.curved_solid import CurvedSolid
 from cutenv.viewer.solid.slab_solid import SlabSolid
 from cutenv.viewer.solid.solids import Surface, box, swept
 
@@ -28,6 +29,13 @@ _CLAMP_LENGTH, _CLAMP_MARGIN = 0.012, 0.005  # [m] along the specimen, and aroun
 _JAW = 0.007  # [m] height of each jaw above what it holds
 _ARROW_RADIUS, _HEAD_RADIUS, _HEAD_LENGTH = 0.0011, 0.0026, 0.006  # [m]
 _TIP_RADIUS = 0.0016  # [m]
+_PLANE: dict[str, Rgb] = {
+    name: palette.LIGHT[role]
+    for name, role in (
+        ("near", "cut face"), ("below", "tissue"), ("ahead", "tissue"), ("layer", "layer"), ("wanted", "target"),
+    )
+}  # fmt: skip
+"""Colours of the parts of the cut's plane: those of the side view."""
 
 
 def commands(solid: SlabSolid) -> list[bytes]:
@@ -43,25 +51,32 @@ def commands(solid: SlabSolid) -> list[bytes]:
         stage.surface(f"tissue/{name}", _of(solid, skin.points, skin.parts), coloured=True)
     faces = solid.cut_faces
     stage.surface("tissue/faces", _of(solid, faces.points, faces.parts), palette.CUT_FACE)
+    for name, skin in solid.plane.items():
+        stage.surface(f"tissue/{name}", _of(solid, skin.points, skin.parts), _PLANE[name])
     stage.lines("tissue/lines", solid.rest[solid.lines.points], palette.MESH)
     if solid.sheet is not None:
         stage.surface("target", _of(solid, solid.sheet.points, solid.sheet.parts), palette.TARGET, opacity=0.34)
-    stage.surface("clamp", _clamp(solid), (112, 122, 134), shininess=40)
-    stage.surface("scalpel/blade", scalpel.blade(), palette.STEEL_LIGHT, shininess=120)
-    stage.surface("scalpel/handle", scalpel.handle(), palette.STEEL, shininess=70)
+    edge = float(solid.rest[solid.rest[:, 1] == 0.0, 2].max())
+    stage.furnish(_clamp(solid.cut.model.width, solid.bottom, edge))
     stage.arrow("arrow", palette.ARROW)
     stage.ball("tip", palette.TIP)
-    for path in ("Grid", "Axes", "Background", "Lights/PointLightNegativeX"):
-        stage.set(path, "visible", False)
-    stage.set("Lights/SpotLight", "visible", True)
-    for path, intensity in (
-        ("SpotLight", 0.3),
-        ("AmbientLight", 0.7),
-        ("PointLightPositiveX", 0.0),
-        ("FillLight", 0.0),
-    ):
-        stage.set(f"Lights/{path}/<object>", "intensity", intensity)
-    stage.set("Lights/SpotLight/<object>", "castShadow", True)
+    return stage.packed
+
+
+def curved_commands(solid: CurvedSolid) -> list[bytes]:
+    """Return the commands for a slab with any cuts; the page moves the scalpel only.
+
+    Raises
+    ------
+    ImportError
+        If meshcat is not installed.
+    """
+    stage = _Stage()
+    for name in ("top", "bottom", "rim"):
+        stage.surface(f"tissue/{name}", solid.skins[name], coloured=solid.colours(solid.skins[name]))
+    stage.surface("tissue/faces", solid.skins["faces"], palette.CUT_FACE)
+    stage.lines("tissue/lines", solid.lines, palette.MESH)
+    stage.furnish(_clamp(solid.width, 0.0, solid.depth))
     return stage.packed
 
 
@@ -80,14 +95,13 @@ def _of(solid: SlabSolid, points: NDArray[np.int64], parts: NDArray[np.int64]) -
     return Surface(vertices=solid.rest[points], faces=parts)
 
 
-def _clamp(solid: SlabSolid) -> Surface:
-    """Return two jaws and two bolts at the edge where the cut starts."""
-    half = 0.5 * solid.cut.model.width + _CLAMP_MARGIN
-    edge = float(solid.rest[solid.rest[:, 1] == 0.0, 2].max())
+def _clamp(width: float, bottom: float, edge: float) -> Surface:
+    """Return two jaws and two bolts at the edge where the cut starts, from height ``bottom`` to ``edge`` [m] there."""
+    half = 0.5 * width + _CLAMP_MARGIN
     jaws = [
-        box((-half, -_CLAMP_LENGTH, -0.6 * _JAW), (half, 0.0, 0.0005)),
+        box((-half, -_CLAMP_LENGTH, bottom - 0.6 * _JAW), (half, 0.0, bottom + 0.0005)),
         box((-half, -_CLAMP_LENGTH, edge), (half, 0.0, edge + _JAW)),
-        box((-half, -_CLAMP_LENGTH, 0.0), (half, -0.8 * _CLAMP_LENGTH, edge)),
+        box((-half, -_CLAMP_LENGTH, bottom), (half, -0.8 * _CLAMP_LENGTH, edge)),
     ]
     t = np.linspace(0.0, 2.0 * math.pi, 6, endpoint=False)
     hexagon = 0.0032 * np.stack([np.cos(t), np.sin(t)], axis=-1)
@@ -120,19 +134,37 @@ class _Stage:
         *,
         opacity: float = 1.0,
         shininess: float = 12.0,
-        coloured: bool = False,
+        coloured: bool | Array = False,
     ) -> None:
-        """Add triangles; with ``coloured`` the page colours each vertex."""
-        colours = np.ones_like(surface.vertices) if coloured else None
+        """Add triangles; with ``coloured`` each vertex has a colour: those given, or the page's."""
+        own = coloured is not False
+        colours = (np.ones_like(surface.vertices) if coloured is True else np.asarray(coloured)) if own else None
         shape = self._geometry.TriangularMeshGeometry(UNITS_PER_METRE * surface.vertices, surface.faces, colours)
         material = self._geometry.MeshPhongMaterial(
             color=_number(colour),
             opacity=opacity,
-            vertexColors=coloured,
+            vertexColors=own,
             shininess=shininess,
             depthWrite=opacity == 1.0,
         )
         self._object(path, self._geometry.Mesh(shape, material))
+
+    def furnish(self, clamp: Surface) -> None:
+        """Add clamp, scalpel and lights."""
+        self.surface("clamp", clamp, (112, 122, 134), shininess=40)
+        self.surface("scalpel/blade", scalpel.blade(), palette.STEEL_LIGHT, shininess=120)
+        self.surface("scalpel/handle", scalpel.handle(), palette.STEEL, shininess=70)
+        for path in ("Grid", "Axes", "Background", "Lights/PointLightNegativeX"):
+            self.set(path, "visible", False)
+        self.set("Lights/SpotLight", "visible", True)
+        for path, intensity in (
+            ("SpotLight", 0.3),
+            ("AmbientLight", 0.7),
+            ("PointLightPositiveX", 0.0),
+            ("FillLight", 0.0),
+        ):
+            self.set(f"Lights/{path}/<object>", "intensity", intensity)
+        self.set("Lights/SpotLight/<object>", "castShadow", True)
 
     def lines(self, path: str, vertices: Array, colour: Rgb) -> None:
         """Add points, which the page joins by lines."""

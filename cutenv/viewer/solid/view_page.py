@@ -25,6 +25,7 @@ from cutenv.viewer.solid.slab_solid import SlabSolid
 ARROW_PER_NEWTON = 0.01
 """Length of the force's arrow [m/N]."""
 _ARROW_ABOVE = 0.014  # [m] above the tissue
+_GROUND = 0.006  # [m] below the specimen, on which its shadow falls
 _CHART_WIDTH, _CHART_HEIGHT = 1000, 100  # of the force's chart, in its own units
 _BINS = 500  # of the chart, each from its least to its greatest force
 _HERE = Path(__file__).parent
@@ -66,7 +67,7 @@ def view_page(cut: ShownCut, *, colour: str = "displacement") -> str:
     one_of("colour", colour, COLOURINGS)
     solid = SlabSolid(cut)
     packed = solid_scene.commands(solid)  # a missing meshcat is noticed here, before its files are looked for
-    viewer, licences = _meshcat()
+    viewer, licences = meshcat_viewer()
     amounts = np.stack([solid.amount(i, colour) for i in range(len(cut))])
     displacements = np.stack([solid.displacement(i) for i in range(len(cut))])
     # 16 bits cover 10 mm in steps of 0.3 um; 256 steps are enough for the colours.
@@ -75,7 +76,7 @@ def view_page(cut: ShownCut, *, colour: str = "displacement") -> str:
     share = amounts / greatest if colour == "displacement" else np.sqrt(amounts / greatest)
     colours = palette.TISSUE if colour == "displacement" else palette.ENERGY
     told = _told(solid) | {
-        "commands": [_base64(each) for each in packed],
+        "commands": [as_base64(each) for each in packed],
         "units_per_metre": solid_scene.UNITS_PER_METRE,
         "displacement_step_m": step,
         "palette": colours,
@@ -85,9 +86,9 @@ def view_page(cut: ShownCut, *, colour: str = "displacement") -> str:
     }
     blocks = {
         "told": json.dumps(told, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c"),
-        "rest": _base64(solid.rest.astype("<f4").tobytes()),
-        "displacements": _base64(np.rint(displacements / step).astype("<i2").tobytes()),
-        "amounts": _base64(np.rint(255 * share).astype(np.uint8).tobytes()),
+        "rest": as_base64(solid.rest.astype("<f4").tobytes()),
+        "displacements": as_base64(np.rint(displacements / step).astype("<i2").tobytes()),
+        "amounts": as_base64(np.rint(255 * share).astype(np.uint8).tobytes()),
         "licences": licences.replace("<", "&lt;"),
     }
     values = {
@@ -103,16 +104,18 @@ def view_page(cut: ShownCut, *, colour: str = "displacement") -> str:
         "viewer": viewer,
         "player": (_HERE / "player.js").read_text(encoding="utf-8"),
     }
-    return render(_HERE / "view.html", values, filters={"digest": _digest})
+    return render(_HERE / "view.html", values, filters={"digest": digest})
 
 
 def _told(solid: SlabSolid) -> dict[str, Any]:
     """Return the data for the page's script, instant by instant; the unit is in every name."""
     cut = solid.cut
     depth = cut.depth.at(cut.position)
-    poses = np.array([pose(*each) for each in zip(cut.position, cut.angle, depth, strict=True)])
+    height = np.zeros(len(cut)) if cut.height is None else cut.height
+    poses = np.array([pose(*each) for each in zip(cut.position, cut.angle, depth, height, strict=True)])
     lattice = solid.rest[: solid.n_lattice]
     skins = {f"tissue/{name}": skin for name, skin in solid.lattices.items()} | {"tissue/faces": solid.cut_faces}
+    skins |= {f"tissue/{name}": skin for name, skin in solid.plane.items()}
     if solid.sheet is not None:
         skins["target"] = solid.sheet
     tip_height = np.interp(cut.tip, *_profile(lattice))
@@ -137,6 +140,10 @@ def _told(solid: SlabSolid) -> dict[str, Any]:
         "skins": {name: skin.points.tolist() for name, skin in skins.items()},
         "cut_parts": [solid.cut_parts(i) for i in range(len(cut))],
         "lines": solid.lines.parts.ravel().tolist(),
+        "ground_m": solid.bottom - _GROUND,
+        "plane": list(solid.plane),
+        "below_m": _rounded(depth - height, 6),
+        "wanted_m": None if cut.wanted is None else _rounded(cut.wanted.at(cut.position), 6),
     }
 
 
@@ -160,7 +167,7 @@ def _chart(cut: ShownCut) -> dict[str, Any]:
     return {"width": _CHART_WIDTH, "height": _CHART_HEIGHT, "points": " ".join(points), "zero": zero, "high": high}
 
 
-def _meshcat() -> tuple[str, str]:
+def meshcat_viewer() -> tuple[str, str]:
     """Return meshcat's viewer, and its licences."""
     import meshcat  # an extra, and slow to import
 
@@ -172,12 +179,14 @@ def _meshcat() -> tuple[str, str]:
     return viewer, "\n\n".join((folder / name).read_text(encoding="utf-8") for name in texts)
 
 
-def _base64(data: bytes) -> str:
+def as_base64(data: bytes) -> str:
+    """Return bytes as text for a page."""
     return base64.b64encode(data).decode("ascii")
 
 
-def _digest(code: str) -> str:
-    return _base64(hashlib.sha256(code.encode()).digest())
+def digest(code: str) -> str:
+    """Return the digest by which a page's policy admits a script."""
+    return as_base64(hashlib.sha256(code.encode()).digest())
 
 
 def _rounded(values: Array, digits: int) -> Any:

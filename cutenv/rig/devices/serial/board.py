@@ -10,8 +10,8 @@ from typing import Any, Protocol
 from cutenv.rig.devices.clock import Clock, Repeating
 from cutenv.rig.devices.owner import Owner
 from cutenv.rig.devices.serial.board_lines import (
-    LONGEST,
-    PROTOCOL,
+    BOARD_PROTOCOL,
+    LINE_LENGTH,
     BoardIdentity,
     LineError,
     Report,
@@ -27,7 +27,7 @@ BOARD_PATIENCE = 0.100
 """Time without a line from this computer after which a powered stepper stops by itself [s]; that of the sketch."""
 BEAT = 0.025
 """Period of this computer's sign of life [s]: three may be late."""
-_ANSWER = 0.5  # [s] for an answer
+_ANSWER, _AGAIN = 0.6, 0.15  # [s] for an answer; [s] after which it is asked again
 _BOOT = 5.0  # [s] for a board that restarts when its port is opened
 _WRITE = 0.02  # [s] for the port to take a line
 _READ = 0.1  # [s] after which the reader checks whether it has to end
@@ -150,12 +150,14 @@ class SerialBoard:
         """
         with self._changed:
             self._answers.pop(kind, None)
-        self.send(text)
-        come = self._clock.wait_for(lambda: kind in self._answers or self.broken is not None, limit, self._changed)
-        if kind in self._answers:
-            return self._answers[kind]
-        why = self.broken or f"no answer to {text!r} within {limit:g} s"
-        raise RigError(f"the board at {self.port}: {why}{'' if come else '; is it powered, is its cable in?'}.")
+        ends = self._clock.now() + limit
+        while self.broken is None and self._clock.now() < ends:
+            self.send(text)  # again and again: a board leaves an answer out that does not fit into its buffer
+            self._clock.wait_for(lambda: kind in self._answers or self.broken is not None, _AGAIN, self._changed)
+            if kind in self._answers:
+                return self._answers[kind]
+        why = self.broken or f"no answer to {text!r} within {limit:g} s: is it powered, is its cable in?"
+        raise RigError(f"the board at {self.port}: {why}")
 
     def withhold_life(self) -> None:
         """End this computer's sign of life: the board then stops the stepper by itself."""
@@ -195,10 +197,10 @@ class SerialBoard:
                         f"no cutenv board answers at {self.port} and {self._baud} baud.{heard} Is it powered, has it "
                         "the sketch of assets/firmware, and is the baud rate the same in both?"
                     ) from None
-        if identity.protocol != PROTOCOL:
+        if identity.protocol != BOARD_PROTOCOL:
             raise RigError(
                 f"the board at {self.port} speaks version {identity.protocol} of the protocol, this program "
-                f"{PROTOCOL}: load the sketch of this version."
+                f"{BOARD_PROTOCOL}: load the sketch of this version."
             )
         return identity
 
@@ -232,7 +234,7 @@ class SerialBoard:
                     self._break(f"nothing can be read any more: {error}")
                 return
             *lines, rest = (rest + read).split(b"\n")
-            if len(rest) > LONGEST:
+            if len(rest) > LINE_LENGTH:
                 lines, rest = [*lines, rest], b""
             for each in lines:
                 self._handle(each)

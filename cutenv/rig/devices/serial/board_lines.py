@@ -6,9 +6,9 @@ import binascii
 from enum import IntEnum, IntFlag
 from typing import NamedTuple
 
-LONGEST = 72
+LINE_LENGTH = 72
 """Bytes of a line at most, with its CRC."""
-PROTOCOL = 1
+BOARD_PROTOCOL = 1
 """Version of the protocol, which the board reports."""
 _START = 0xFFFF  # CRC-16/CCITT-FALSE
 
@@ -81,7 +81,7 @@ Report = MotionReport | ForceReport | BoardIdentity | StepperSetup
 def board_line(text: str) -> bytes:
     """Return a text as a line with its CRC."""
     raw = text.encode("ascii")
-    return b"%s*%04X\n" % (raw, binascii.crc_hqx(raw, _START))
+    return b"%s*%s\n" % (raw, _crc(raw))
 
 
 def board_report(line: bytes) -> Report:
@@ -98,13 +98,9 @@ def board_report(line: bytes) -> Report:
         If it is damaged, or nothing that a board of this protocol sends.
     """
     text, star, crc = line.strip().rpartition(b"*")
-    if not star or len(line) > LONGEST:
+    if not star or len(line) > LINE_LENGTH:
         raise LineError(f"no line of the board: {_shown(line)}. Is the baud rate that of the sketch?")
-    try:
-        same = len(crc) == 4 and int(crc, 16) == binascii.crc_hqx(text, _START)
-    except ValueError:
-        same = False
-    if not same:
+    if crc != _crc(text):
         raise LineError(f"a damaged line: {_shown(line)}")
     kind, *fields = text.decode("ascii", "replace").split(" ")
     try:
@@ -124,6 +120,10 @@ def board_report(line: bytes) -> Report:
     except (TypeError, ValueError):
         pass
     raise LineError(f"an unknown line: {_shown(line)}. Has the board the sketch of this version?")
+
+
+def _crc(text: bytes) -> bytes:
+    return b"%04X" % binascii.crc_hqx(text, _START)
 
 
 def _shown(line: bytes) -> str:

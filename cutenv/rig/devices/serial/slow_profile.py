@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from cutenv.rig.config.settings import Axis, Bus, RigSettings, SafetyLimits, SensorSettings
+from cutenv.rig.devices.serial.grbl_axis import REPORT_PERIOD, GrblOptions
 from cutenv.rig.devices.serial.load_cell import LoadCellOptions
 from cutenv.rig.devices.serial.stepper_settings import BOARD_PERIOD, StepperOptions
 
@@ -51,4 +52,19 @@ def slow_settings(port: str, *, converter: str = "hx711", name: str = "slow rig"
         blade=replace(SCREW, options=StepperOptions(port=port, steps=SCREW_STEPS)),
         sensor=SensorSettings(driver="serial", options=cell, rate=rate),
         limits=slow_limits(rate),
+    )
+
+
+def grbl_settings(port: str, sensor_port: str, *, name: str = "GRBL rig") -> RigSettings:
+    """Return the settings of a rig whose blade a machine with GRBL moves, with a load cell on a board of its own.
+
+    Its limits are those of a slow rig, with times for a position that comes ten times a second.
+    """
+    rig = slow_settings(sensor_port, name=name)
+    late = 3.5 * REPORT_PERIOD
+    return replace(
+        rig,
+        bus=Bus(sync=REPORT_PERIOD),
+        blade=replace(SCREW, driver="grbl", quick_stop=SCREW.acceleration, options=GrblOptions(port=port)),
+        limits=replace(rig.limits, stale_motion=late, heartbeat=late, following=0.002),
     )

@@ -6,7 +6,6 @@ import errno
 import os
 import random
 import tempfile
-import tty
 from collections import deque
 from pathlib import Path
 
@@ -50,6 +49,8 @@ class EmulatedLine:
         """Put the cable in: a new terminal, under the same name."""
         if self.plugged:
             return
+        import tty  # here: there is none on Windows, where this module is imported too
+
         self._master, self._slave = os.openpty()
         tty.setraw(self._slave)
         os.set_blocking(self._master, False)

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from cutenv.rig.emulator.faults import InjectedFault, Parameters, Range
 from cutenv.rig.emulator.serial.firmware import HIGH_PIN, STOP_PIN
-
-if TYPE_CHECKING:
-    from cutenv.rig.emulator.serial.serial_rig import EmulatedSerialRig
 
 
 def _of_line(attribute: str, summary: str, value: Any, healthy: Any, **parameters: Range) -> InjectedFault:
     """Make a fault of the serial line: ``value``, or the parameter of that name."""
 
-    def begin(rig: EmulatedSerialRig, given: Parameters) -> None:
+    def begin(rig: Any, given: Parameters) -> None:
         setattr(rig.line, attribute, given[value] if isinstance(value, str) else value)
 
     return InjectedFault(
@@ -25,7 +22,7 @@ def _of_line(attribute: str, summary: str, value: Any, healthy: Any, **parameter
 def _of_rig(attribute: str, summary: str, value: Any, healthy: Any, **parameters: Range) -> InjectedFault:
     """Make a fault of the rig itself: ``value``, or the parameter of that name."""
 
-    def begin(rig: EmulatedSerialRig, given: Parameters) -> None:
+    def begin(rig: Any, given: Parameters) -> None:
         setattr(rig, attribute, given[value] if isinstance(value, str) else value)
 
     return InjectedFault(

@@ -1,0 +1,48 @@
+"""Hand on a device that takes over from an agent while its button is held, for :class:`cutenv.envs.SharedControl`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv.play.haptics import HapticDevice
+from cutenv.task.observation import SPEED_SCALE, to_action
+
+_BUTTON = "next"  # the first button of a grip
+_SOON = 2.0  # decisions in which the blade is brought to where the hand is
+
+
+class InterveningHand:
+    """Person's action while the first button is held; call it once a decision.
+
+    When the button goes down, the hand is where the blade is, wherever the device stands: the person moves it from
+    there. Speed and angle follow the hand. The device pushes nothing: a force that is new only with every decision
+    would not be passive.
+
+    Parameters
+    ----------
+    device : HapticDevice
+        Device, open.
+    blade : callable
+        Returns the present position of the blade [m].
+    control_hz : int
+        Decisions a second.
+    """
+
+    def __init__(self, device: HapticDevice, blade: Callable[[], float], *, control_hz: int) -> None:
+        self._device, self._blade = device, blade
+        self._gain = control_hz / _SOON
+        self._grabbed: float | None = None  # place of the blade less that of the hand when the button went down [m]
+
+    def __call__(self) -> NDArray[np.float32] | None:
+        """Return the action that brings the blade after the hand, None while the button is up."""
+        stylus, blade = self._device.read(), self._blade()
+        if _BUTTON not in stylus.buttons:
+            self._grabbed = None
+            return None
+        if self._grabbed is None:
+            self._grabbed = blade - stylus.position
+        speed = self._gain * (self._grabbed + stylus.position - blade)
+        return to_action(min(max(speed, -SPEED_SCALE), SPEED_SCALE), stylus.angle)

@@ -1,0 +1,156 @@
+"""Features of a learned policy of ``cutenv/PathCut-v1``: those of gentle cutting, and those of the path.
+
+The crack turns after the force.  So the most useful features are where the force points, the course of the tip that is
+reckoned from it, and the rate of turn by which it would come back to the line.  Nothing is included that a rig could
+not know.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cutenv._base.arrays import Array32, Indices, Struct, StructArray
+from cutenv._engine.elementary import tanh
+from cutenv._engine.jit import njit, njit_internal
+from cutenv.policy.crack_course import BACK, follow_course, no_course
+from cutenv.policy.features import Features
+from cutenv.policy.signals import POSITION_COLUMN, SPEED_COLUMN
+from cutenv.task.observation import CLIP, COMPONENTS, SPEED_SCALE, speed_action
+from cutenv.task.path_terms import ALL_PATH_COMPONENTS, PATH_COMPONENTS, TURN_SCALE
+from cutenv.tissue.grid import POINTS_PER_METRE
+
+_FIRST = len(COMPONENTS)
+_COLUMNS = {one.name: _FIRST + number for number, one in enumerate(PATH_COMPONENTS)}
+_SCALES = np.array([one.scale for one in ALL_PATH_COMPONENTS])
+_LATERALS = [_COLUMNS[name] for name in ("lateral", "lateral_mean", "lateral_peak")]
+_LATERAL_MEAN, _ASIDE, _DIRECTION, _BEND, _BEND_FURTHER = (
+    _COLUMNS[name] for name in ("lateral_mean", "aside", "direction", "bend", "bend_further")
+)
+_OBSERVED = len(PATH_COMPONENTS)
+_OF_PATH = _OBSERVED + 9  # features that the path adds
+_TURN, _LENGTH, _FINE = 0.2, 0.002, 0.0005  # scales: angle [rad], distances [m]
+_RETURN, _GAIN, _LARGEST = 0.004, 1.5, 0.5  # of the turn by which the tip would come back
+
+
+class PathFeatures:
+    """Features of one cut or many of ``cutenv/PathCut-v1``; those of many are bit for bit those of each alone.
+
+    First come those of :class:`~cutenv.policy.features.Features`, then what the path adds to the observation, and what
+    follows from it.
+
+    Parameters
+    ----------
+    count, history, force
+        See :class:`~cutenv.policy.features.Features`; without ``force`` the lateral force counts as zero, too.
+
+    Attributes
+    ----------
+    size : int
+        Number of features of a cut.
+
+    Raises
+    ------
+    TypeError, ValueError
+        See :class:`~cutenv.policy.features.Features`.
+    """
+
+    def __init__(self, count: int = 1, *, history: int = 6, force: bool = True) -> None:
+        self._along = Features(count, history=history, force=force)
+        self._courses = no_course(int(count))
+        self._force = force
+        self._all = np.arange(int(count))
+        self.size = self._along.size + _OF_PATH
+
+    def reset(self) -> None:
+        """Forget the last cut, or all of them."""
+        self.forget(self._all)
+
+    def forget(self, cuts: int | Indices) -> None:
+        """Forget one of the cuts, or several, given by index."""
+        self._along.forget(cuts)
+        self._courses[cuts] = no_course(1)[0]
+
+    def __call__(self, observations: ArrayLike, cuts: Indices | None = None) -> Array32:
+        """Return the features, float32, clipped like observations.
+
+        Parameters
+        ----------
+        observations : array, shape (n, 28), or (28,) of a single cut
+            Observations of all cuts, or of those given by index.
+        cuts : array of int, shape (n,), optional
+            Indices of the cuts.
+
+        Returns
+        -------
+        array, shape (n, size), or (size,) of a single cut
+            The features.
+
+        Raises
+        ------
+        ValueError
+            If the observations have another shape, or are not finite.
+        """
+        shape = np.shape(observations)
+        seen = np.array(observations, np.float32, ndmin=2)
+        cuts = self._all if cuts is None else cuts
+        if seen.shape != (len(cuts), len(ALL_PATH_COMPONENTS)):
+            raise ValueError(f"observations have shape {shape}; give ({len(cuts)}, {len(ALL_PATH_COMPONENTS)}).")
+        if not np.isfinite(seen).all():
+            raise ValueError(f"observation = {seen} must be finite; give it as the environment returned it.")
+        if not self._force:
+            seen[:, _LATERALS] = 0.0
+        features = np.empty((len(seen), self.size), np.float32)
+        features[:, : self._along.size] = self._along(seen[:, :_FIRST], cuts)
+        add_path_some(self._courses, self._along.estimates, cuts, seen, features)
+        found: Array32 = features.reshape(*shape[:-1], self.size)
+        return found
+
+
+@njit
+def add_path_some(
+    courses: StructArray,
+    estimates: StructArray,
+    cuts: StructArray,
+    observations: StructArray,
+    features: StructArray,
+) -> None:
+    """Fill the last features, of the path, and reckon on the courses of the n cuts given by index.
+
+    ``estimates`` are those of all cuts, :data:`~cutenv.policy.tip_estimate.CUT_ESTIMATE`; ``observations`` and
+    ``features`` have shape (n, 28) and (n, size).
+    """
+    for k in range(len(cuts)):
+        _add_path(courses[cuts[k]], estimates[cuts[k]], observations[k], features[k])
+
+
+@njit_internal
+def _add_path(course: Struct, estimate: Struct, observation: StructArray, features: StructArray) -> None:
+    position = max(observation[POSITION_COLUMN] * _SCALES[POSITION_COLUMN], 0.0)
+    speed = observation[SPEED_COLUMN] * _SCALES[SPEED_COLUMN]
+    blade, bend = 0.0 - observation[_DIRECTION] * _SCALES[_DIRECTION], observation[_BEND] * _SCALES[_BEND]
+    lateral = observation[_LATERAL_MEAN] * _SCALES[_LATERAL_MEAN]
+    follow_course(course, position, bend, blade, estimate.tip, estimate.elastic, lateral)
+    wanted = 0.0 - min(max(course.aside / BACK, -1.0), 1.0)
+    turned = min(max(_GAIN * (wanted - course.crack), -_LARGEST), _LARGEST)
+    rate = speed * (bend + (turned - blade) / _RETURN)  # by which the tip would come back
+    lag = max(position - estimate.tip, 0.0)
+    behind = course.turned[min(max(int(estimate.tip * POINTS_PER_METRE + 0.5), 0), course.passed)]
+    outside = observation[_ASIDE] * _SCALES[_ASIDE] - 0.5 * bend * lag * lag
+
+    first = len(features) - _OF_PATH
+    k = first
+    for i in range(_OBSERVED):
+        features[k + i] = observation[_FIRST + i]
+    k += _OBSERVED
+    features[k] = course.crack / _TURN
+    features[k + 1] = course.aside / _LENGTH
+    features[k + 2] = tanh(course.aside / _FINE)
+    features[k + 3] = (wanted - course.crack) / _TURN
+    features[k + 4] = min(max(speed_action(rate * (SPEED_SCALE / TURN_SCALE)), -1.0), 1.0)  # that action
+    features[k + 5] = blade / _TURN
+    features[k + 6] = (course.turned[course.passed] - behind) / _TURN
+    features[k + 7] = outside / _LENGTH
+    features[k + 8] = max(abs(bend), abs(observation[_BEND_FURTHER] * _SCALES[_BEND_FURTHER])) * lag
+    for i in range(first, len(features)):
+        features[i] = min(max(features[i], -CLIP), CLIP)

@@ -1,0 +1,537 @@
+"""Driver "grbl" of an axis: a machine with GRBL 1.1 as it is, moved by jogs that are sent a little ahead.
+
+What GRBL cannot promise: it has no watch for a silent computer, and moves to the end of the jogs that it has; a quick
+stop is its plain deceleration; its lines have no check sum; it reports ten times a second; it has no encoder. Here that
+is bounded: no more than :data:`SENT_AHEAD` of motion is ever under way.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from cutenv._base.parameter import check_parameters
+from cutenv._base.validation import in_range, one_of
+from cutenv.rig.config.settings import Axis, RigSettings, setting
+from cutenv.rig.devices.clock import Clock, Repeating
+from cutenv.rig.devices.driver_registry import Mounting, rig_driver
+from cutenv.rig.devices.drivers import MotionListener
+from cutenv.rig.devices.latch import Event, Latch
+from cutenv.rig.devices.owner import Owner
+from cutenv.rig.devices.samples import DriveState, MotionSample
+from cutenv.rig.devices.serial.grbl_lines import (
+    GRBL_AXES,
+    JOG_CANCEL,
+    MARK,
+    SOFT_RESET,
+    STATUS,
+    GrblStatus,
+    grbl_setting,
+    grbl_status,
+    jog_line,
+    offsets_of,
+)
+from cutenv.rig.devices.serial.ports import open_port, write_line
+from cutenv.rig.devices.serial.stepper_settings import on_pseudo_terminal
+from cutenv.rig.errors import RigError
+
+_log = logging.getLogger(__name__)
+
+REPORT_PERIOD = 0.100
+"""Period at which status reports are asked for [s]: GRBL is not made for much more."""
+PIECE = 0.025
+"""Time of one jog [s]."""
+SENT_AHEAD = 0.150
+"""Time of the motion that is sent ahead [s]: after a silence of the computer the blade goes on for so long."""
+_STOPPING = 0.020  # [s] between reports while it stops
+_BOOT, _ANSWER, _REPORTS, _STATE = 4.0, 1.0, 1.0, 1.5  # [s]
+_DEAF = 0.1  # [s] beyond its ramp, after which a machine that does not slow down is reset
+_WRITE, _READ = 0.02, 0.05  # [s]
+_LINE = 128  # bytes at most
+_SAME = 0.02  # [1] relative difference allowed between the machine's settings and the file
+_MINUTE = 6e4  # mm/min of a m/s
+_MOVING = ("Idle", "Jog")
+
+
+@dataclass(frozen=True, kw_only=True)
+class GrblOptions:
+    """Options of an axis on a machine with GRBL."""
+
+    port: str = setting(
+        "", "1", "Serial port of the machine; a name below /dev/serial/by-id stays the same.",
+        example='"/dev/serial/by-id/usb-..."',
+    )  # fmt: skip
+    baud: int = setting(115_200, "1", "Baud rate of GRBL.")
+    letter: Literal["X", "Y", "Z"] = setting("X", "1", "Axis of the machine that moves the blade.")
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+        one_of("letter", self.letter, GRBL_AXES)
+        in_range("baud", self.baud, 9600, 4_000_000, "baud", "GRBL's own is 115200.")
+
+
+def check_grbl(rig: RigSettings, role: str) -> None:
+    """Raise ValueError for an axis that GRBL cannot drive."""
+    axis: Axis = getattr(rig, role)
+    if role != "blade":
+        raise ValueError(f'{role}.driver = "grbl": it moves the blade alone. Set the angle by hand.')
+    if axis.options is None:
+        raise ValueError('blade.driver = "grbl" needs [blade.options] with port.')
+    if axis.quick_stop != axis.acceleration:
+        raise ValueError(
+            f"blade.quick_stop_m_s2 = {axis.quick_stop:g} and blade.acceleration_m_s2 = {axis.acceleration:g}: GRBL "
+            "has one deceleration for both ($120, $121, $122). Write the same."
+        )
+    if rig.bus.sync != REPORT_PERIOD:
+        raise ValueError(f"bus.sync_ms = {1e3 * rig.bus.sync:g}: GRBL tells its position every 100 ms. Write 100.")
+
+
+@rig_driver(options=GrblOptions, check=check_grbl, emulated=on_pseudo_terminal, patience=SENT_AHEAD + PIECE)
+class GrblAxis:
+    """Axis of a machine with GRBL 1.1 as it is: jogs, jog cancel, soft reset, status reports.
+
+    Its position counts from where a person has set zero since the machine has power: ``cutenv rig zero``. The motor's
+    power is the machine's own affair: "without power" means here that no jogs are sent.
+
+    Parameters
+    ----------
+    mounting : Mounting
+        Place on the rig.
+    """
+
+    def __init__(self, mounting: Mounting) -> None:
+        self.name = mounting.role
+        self.latch = Latch()  # until a supervisor replaces it by the shared one
+        self._settings: Axis = mounting.settings
+        self._options: GrblOptions = mounting.options
+        self._number = GRBL_AXES.index(self._options.letter)
+        self._clock: Clock = mounting.clock
+        self._changed = threading.Condition()
+        self._sending, self._feeding = threading.Lock(), threading.Lock()
+        self._listener: MotionListener | None = None
+        self._port: Any = None
+        self._owner = Owner()
+        self._turns: list[Repeating] = []
+        self._ending = threading.Event()
+        self._reader: threading.Thread | None = None
+        self._reset()
+
+    def _reset(self) -> None:
+        self._status: GrblStatus | None = None
+        self._heard = 0.0
+        self._reports = 0
+        self._answers: list[str] = []
+        self._closed = 0  # answers "ok" and errors since the last question
+        self._told: dict[int, float] = {}
+        self._offset = 0.0  # [mm] from machine position to the mark's coordinates
+        self._zeroed = False
+        self._state = DriveState.DISABLED
+        self._lost: str | None = None
+        self._target = 0.0
+        self._sent = self._base = 0.0  # [mm] of jogs since the axis stood, and where that was
+        self._jogging = self._cancelled = False
+        self._fastest = 0.0  # [mm/min] feed at the stop
+        self._asked = 0.0
+        self._reset_at = math.inf  # [s] when a machine that is deaf is reset
+        self._mark = 0.0  # [mm] coordinate of the clamp
+        self._passed_on, self._passed_state = -math.inf, self._state
+
+    # Life cycle
+
+    def open(self, listener: MotionListener) -> None:
+        """Connect, check that GRBL answers and has the file's speed and acceleration; nothing moves.
+
+        Raises
+        ------
+        RigError
+            If it is open already, the port is missing or taken, or GRBL is not set as the file says.
+        """
+        if self._listener is not None:
+            raise RigError(f"{self.name}: it is open already; close it first.")
+        self._reset()
+        self._owner = Owner()
+        self._port = open_port(self._options.port, self._options.baud, read_limit=_READ)
+        self._listener, self._ending = listener, threading.Event()
+        self._reader = threading.Thread(
+            target=self._read, args=(self._port, self._ending), name="cutenv GRBL", daemon=True
+        )
+        self._reader.start()
+        try:
+            self._identify()
+            self._compare()
+        except BaseException:
+            self._leave()
+            raise
+        self._turns = [
+            self._clock.every(_STOPPING, self._ask_status, "cutenv GRBL status"),
+            self._clock.every(PIECE, self._feed, "cutenv GRBL jogs"),
+        ]
+        try:
+            self._await(lambda: self._reports > 1, "report its state", _REPORTS)
+        except BaseException:
+            self._leave()
+            raise
+
+    def _identify(self) -> None:
+        ends = self._clock.now() + _BOOT
+        while True:
+            try:
+                lines = self._ask("$I")
+                break
+            except RigError:
+                if self._lost is not None or self._clock.now() > ends:
+                    raise RigError(
+                        f"no GRBL answers at {self._options.port} and {self._options.baud} baud. Is the machine "
+                        "powered, is the baud rate right, is it GRBL 1.1?"
+                    ) from None
+        version = next((line for line in lines if line.startswith("[VER:1.1")), None)
+        if version is None:
+            raise RigError(f"the machine at {self._options.port} is not GRBL 1.1; it says {lines}.")
+
+    def _compare(self) -> None:
+        self._told = dict(pair for line in self._ask("$$") if (pair := grbl_setting(line)) is not None)
+        wanted = {
+            110 + self._number: _MINUTE * self._settings.speed, 120 + self._number: 1e3 * self._settings.acceleration,
+        }  # fmt: skip
+        wrong = [
+            f"${number}={value:.3f}" for number, value in wanted.items()
+            if abs(self._told.get(number, math.nan) / value - 1.0) > _SAME or number not in self._told
+        ]  # fmt: skip
+        if not int(self._told.get(10, 1)) & 1:
+            wrong.append("$10=1")
+        if self._told.get(13, 0.0):
+            wrong.append("$13=0")
+        if wrong:
+            raise RigError(
+                f"{self.name}: the machine is not set as the rig's file says. Send it {', '.join(wrong)} (speed in "
+                "mm/min, acceleration in mm/s2, reports of the machine position in mm), or correct the file."
+            )
+        self._read_offsets()
+
+    def _read_offsets(self) -> None:
+        lines = self._ask("$#")
+        work, shift = ([off for line in lines if (off := offsets_of(line, name))] for name in ("G54", "G92"))
+        self._offset = sum(offsets[0][self._number] for offsets in (work, shift) if offsets)
+        self._zeroed = bool(shift) and abs(shift[0][self._number]) > 0.5 * MARK
+        self._mark = MARK * self._zeroed
+
+    def close(self) -> None:
+        """Stop, and leave the port; never raises, and may be called twice."""
+        if self._listener is None:
+            return
+        try:
+            if self._lost is None:
+                self._write(JOG_CANCEL)
+                self._rested()
+        except Exception as error:  # a lost machine or any other error: leave it anyway
+            _log.warning("%s: not closed in order: %s", self.name, error, exc_info=not isinstance(error, RigError))
+        finally:
+            self._leave()
+
+    def _leave(self) -> None:
+        while self._turns:
+            self._turns.pop().stop()
+        self._ending.set()
+        self._listener, port, self._port = None, self._port, None
+        if self._reader is not None and self._reader is not threading.current_thread():
+            self._reader.join(timeout=1.0)
+        try:
+            port.close()
+        except Exception:  # the device is gone
+            _log.warning("the port %s was not closed in order", self._options.port, exc_info=True)
+
+    def limits(self) -> dict[str, float]:
+        """Return speed and acceleration as the machine tells them; the ends of travel are the file's: GRBL has none."""
+        speed, acceleration = self._told[110 + self._number] / _MINUTE, 1e-3 * self._told[120 + self._number]
+        return {
+            "low": self._settings.low, "high": self._settings.high, "speed": speed, "acceleration": acceleration,
+            "quick_stop": acceleration,
+        }  # fmt: skip
+
+    def about(self) -> dict[str, float | str]:
+        """Return what the machine reports of itself."""
+        return {
+            "port": self._options.port,
+            "steps_per_mm": self._told.get(100 + self._number, math.nan),
+            "zero_set": "yes" if self._zeroed else "no: put the blade at the clamp, and give 'cutenv rig zero'",
+            "state": "?" if self._status is None else self._status.state,
+            "soft_limits": "on" if self._told.get(20) else "off",
+            "hard_limits": "on" if self._told.get(21) else "off: switch them on ($21=1)",
+        }
+
+    def set_zero(self) -> None:
+        """Take the present position as zero, in the machine's memory until it restarts: the blade stands at the clamp.
+
+        Raises
+        ------
+        RigError
+            If the machine does not take it.
+        """
+        self._ask(f"G92{self._options.letter}{MARK:g}")
+        self._read_offsets()
+        if not self._zeroed:
+            raise RigError(f"{self.name}: the machine has not taken the zero.")
+
+    # Commands
+
+    def enable(self) -> None:
+        """Allow jogs, at rest. Clears no fault: see :meth:`clear`.
+
+        Raises
+        ------
+        RigError
+            If it was stopped, is in alarm, or has no zero.
+        """
+        self._fresh()
+        if self.latch.closed or self._state not in (DriveState.DISABLED, DriveState.ENABLED):
+            raise RigError(f'{self.name}: the machine is in "{self._state.value}"; clear it first.')
+        if not self._zeroed:
+            raise RigError(
+                f"{self.name}: the machine does not know where the blade stands. Put the blade at the clamp by hand, "
+                "and give 'cutenv rig zero'."
+            )
+        with self._feeding:
+            self._target, self._jogging = 0.0, False
+            self._state = DriveState.ENABLED
+
+    def command(self, speed: float) -> None:
+        """Take a target speed [m/s], from which the next jogs are made; does not wait.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If the speed is not a number, or beyond the axis's top speed.
+        RigError
+            If the axis is not enabled, was stopped, or the line is broken.
+        """
+        top = self._settings.speed
+        speed = in_range(f"{self.name} speed", speed, -top, top, "m/s", "The top speed is in the rig's file.")
+        if self.latch.closed or self._state is not DriveState.ENABLED:
+            raise RigError(f"{self.name}: {self._lost or f'not enabled, the machine is in {self._state.value}'}.")
+        with self._feeding:
+            self._target = speed * self._settings.direction
+
+    def quick_stop(self, *, for_good: bool = False) -> None:
+        """Cancel every jog, at once, from any thread: GRBL slows down as always.
+
+        Raises
+        ------
+        RigError
+            If the port does not take it, or the axis was never opened.
+        """
+        self.latch.happens(Event.STOP)
+        with self._changed:
+            self._target, self._cancelled = 0.0, True
+            self._fastest = 0.0 if self._status is None else self._status.feed
+        self._write(JOG_CANCEL)  # repeated until it is seen to obey: a jog that it has not read yet is cancelled too
+
+    def withhold_heartbeat(self, why: str) -> None:
+        """Send no more jogs, and reset a machine that does not slow down soon: it has no watch of its own.
+
+        A reset stops it at once, without a ramp, and loses its zero.
+        """
+        self.latch.happens(Event.STOP)
+        _log.warning("%s: %s: no more jogs are sent", self.name, why)
+        self._target, self._cancelled = 0.0, True
+        self._reset_at = self._clock.now() + self._settings.speed / self._settings.acceleration + _DEAF
+
+    def disable(self) -> None:
+        """Send no more jogs; the axis is at rest then.
+
+        Raises
+        ------
+        RigError
+            If it does not come to rest.
+        """
+        self._target = 0.0
+        self._rested()
+        if self._state is DriveState.ENABLED:
+            self._state = DriveState.DISABLED
+
+    def clear(self) -> None:
+        """Leave stop or alarm for rest, within the latch's reset.
+
+        Raises
+        ------
+        RigError
+            If the cause is still there.
+        """
+        self._target = 0.0
+        self._write(JOG_CANCEL)
+        self._rested()
+        if self._status is not None and self._status.state == "Alarm":
+            self._ask("$X")
+        self._read_offsets()
+        self._cancelled, self._jogging, self._reset_at = False, False, math.inf
+        self._state = DriveState.DISABLED
+        self._fresh()
+        if self._state is DriveState.FAULT:
+            raise RigError(f"{self.name}: the machine stays in {self._status}. Is a limit switch or a door open?")
+
+    def _feed(self, now: float) -> None:
+        """Send the jogs that are due; cancel those under way where the target is 0, or goes the other way."""
+        with self._feeding:
+            status = self._status
+            if self._state is not DriveState.ENABLED or self.latch.closed or status is None:
+                return
+            if self._cancelled:  # by ourselves: go on once it stands
+                if status.state == "Idle" and self._heard > self._asked:
+                    self._cancelled = self._jogging = False
+                return
+            target = 1e3 * self._target  # [mm/s]
+            if self._jogging and (target == 0.0 or target * self._sent < 0.0):
+                self._cancelled, self._asked = True, now
+                self._write_quietly(JOG_CANCEL + STATUS)
+                return
+            if target == 0.0:
+                return
+            if not self._jogging:
+                self._jogging, self._sent, self._base = True, 0.0, status.position[self._number]
+            moved = status.position[self._number] - self._base
+            moved += math.copysign(status.feed / 60.0, target) * (now - self._heard)
+            if abs(self._sent) - abs(moved) > abs(target) * (SENT_AHEAD - PIECE):
+                return
+            self._sent += target * PIECE
+            self._write_quietly(jog_line(self._options.letter, target * PIECE, 60.0 * abs(target)))
+            if self.latch.closed:  # stopped between the lines above: the cancel has to be the last
+                self._write_quietly(JOG_CANCEL)
+
+    def _ask_status(self, now: float) -> None:
+        if now > self._reset_at:
+            self._reset_at = math.inf
+            if self._status is None or (self._status.state == "Jog" and self._status.feed >= 0.9 * self._fastest):
+                self._zeroed = False
+                self._write_quietly(SOFT_RESET)
+        stopping = self._cancelled and self._status is not None and self._status.state != "Idle"
+        if stopping or now - self._asked_at >= REPORT_PERIOD - 0.5 * _STOPPING:
+            self._asked_at = now
+            self._write_quietly(STATUS)
+
+    _asked_at = -math.inf  # [s] of the last question for a report
+
+    # Lines
+
+    def _write(self, data: bytes) -> None:
+        self._owner.check()
+        port = self._port
+        if port is None:
+            raise RigError(f"{self.name}: not open.")
+        with self._sending:
+            try:
+                write_line(port, data, _WRITE)
+            except Exception as error:  # pyserial and the system raise many kinds
+                why = f"the machine at {self._options.port} is lost: {error}"
+                threading.Thread(target=self._break, args=(why, self._clock.now()), daemon=True).start()
+                raise RigError(f"{self.name}: {why}.") from error
+
+    def _write_quietly(self, data: bytes) -> None:
+        try:
+            self._write(data)
+        except RigError as error:  # the break itself informs the listener
+            _log.warning("%s", error)
+
+    def _ask(self, line: str) -> list[str]:
+        """Send a line, and return what comes before its "ok"; raises RigError for an error, or if none comes."""
+        with self._changed:
+            self._answers, self._closed = [], 0
+        self._write(line.encode("ascii") + b"\n")
+        self._clock.wait_for(lambda: self._closed > 0 or self._lost is not None, _ANSWER, self._changed)
+        answers = list(self._answers)
+        if not self._closed or any(answer.startswith("error:") for answer in answers):
+            raise RigError(f"{self.name}: {self._lost or f'to {line!r} the machine says {answers or None}'}.")
+        return answers
+
+    def _read(self, port: Any, ending: threading.Event) -> None:
+        rest = b""
+        while not ending.is_set():
+            try:
+                read = port.read(max(port.in_waiting, 1))
+            except Exception as error:  # pyserial and the system raise many kinds
+                if not ending.is_set():
+                    self._break(f"nothing can be read any more: {error}", self._clock.now())
+                return
+            *lines, rest = (rest + read).split(b"\n")
+            rest = rest[-_LINE:]
+            for line in lines:
+                self._handle(line.strip(), self._clock.now())
+
+    def _handle(self, line: bytes, now: float) -> None:
+        if line.startswith(b"<"):
+            if (status := grbl_status(line)) is not None:
+                self._reported(status, now)
+            return
+        text, listener = line.decode("ascii", "replace"), self._listener
+        with self._changed:
+            if text == "ok" or text.startswith("error:"):
+                self._answers += [text] if text != "ok" else []
+                self._closed += 1
+            elif text:
+                self._answers.append(text)
+            self._changed.notify_all()
+        if listener is None:
+            return
+        if text.startswith("ALARM:"):
+            self._state = DriveState.FAULT
+            listener.emergency(self.name, 0xFF00, f"GRBL's {text}", now)
+        elif text.startswith("Grbl ") and self._turns:
+            self._state, self._zeroed = DriveState.FAULT, False
+            listener.emergency(self.name, 0x6180, "it was restarted, and no longer knows where the blade stands", now)
+
+    def _reported(self, status: GrblStatus, now: float) -> None:
+        with self._changed:
+            self._status, self._heard = status, now
+            self._reports += 1
+            if status.state not in (*_MOVING, "Hold", "Run"):
+                self._state = DriveState.FAULT
+            obeys = status.state == "Idle" or status.feed < 0.9 * self._fastest
+            if self.latch.closed and self._state is DriveState.ENABLED and obeys:
+                self._state = DriveState.QUICK_STOP
+            self._changed.notify_all()
+        speed = status.feed / _MINUTE
+        if self._sent < 0.0:
+            speed = -speed
+        position = 1e-3 * (status.position[self._number] - self._offset - self._mark)
+        direction = self._settings.direction
+        # A stop is watched more closely, and told at once; samples between are not for the listener, who counts them.
+        due = now - self._passed_on >= REPORT_PERIOD - 0.5 * _STOPPING
+        if self._listener is not None and (due or self._state is not self._passed_state):
+            self._passed_on, self._passed_state = now, self._state
+            sample = MotionSample(now, direction * position, direction * speed, 0.0, self._state)
+            self._listener.motion(self.name, sample)
+            self._listener.alive(self.name, now)
+
+    def _break(self, why: str, now: float) -> None:
+        with self._changed:
+            first, self._lost = self._lost is None, self._lost or why
+            self._state = DriveState.FAULT
+            self._changed.notify_all()
+        if first and self._listener is not None:
+            self._listener.broken(self.name, why, now)
+
+    # Waiting
+
+    def _await(self, come: Callable[[], bool], what: str, limit: float) -> None:
+        self._clock.wait_for(lambda: self._lost is not None or come(), limit, self._changed)
+        if self._lost is not None:
+            raise RigError(f"{self.name}: {self._lost}.")
+        if not come():
+            raise RigError(f"{self.name}: the machine does not {what} within {limit:.1f} s.")
+
+    def _rested(self) -> None:
+        begun = self._clock.now()
+        self._await(
+            lambda: self._status is not None and self._heard > begun and self._status.feed == 0.0,
+            "come to rest",
+            _STATE,
+        )
+
+    def _fresh(self) -> None:
+        """Wait for a report younger than now."""
+        seen = self._reports
+        if self._port is None:
+            raise RigError(f"{self.name}: not open.")
+        self._await(lambda: self._reports > seen + 1, "report its state", _REPORTS)
