@@ -78,10 +78,11 @@ def table(rows: Sequence[dict[str, Any]]) -> list[str]:
         "| --- | ---: | ---: | ---: | ---: | ---: | ---: |",
     ]
     for each in rows:
+        found, low, high = (round(each[f"{name}_per_m"], 2) + 0.0 for name in ("found", "low", "high"))
         cells = [
-            each["specimens"], f"{each['cuts']}", f"{each['put_in_per_m']:g}", f"{each['found_per_m']:.2f}",
-            f"{each['low_per_m']:.2f} to {each['high_per_m']:.2f}", f"{each['held']} of {each['series']}",
-            f"{each['seen']} of {each['series']}",
+            each["specimens"], f"{each['cuts']}", f"{each['put_in_per_m']:g}", f"{found:.2f}",
+            f"{low:.2f} to {high:.2f}",
+            f"{each['held']} of {each['series']}", f"{each['seen']} of {each['series']}",
         ]  # fmt: skip
         lines.append(f"| {' | '.join(cells)} |")
     return lines
