@@ -37,7 +37,7 @@ def draw(path: Path) -> None:
     """Draw the cuts of two lines, by the best script and by a blade that follows the line."""
     import matplotlib.pyplot as plt
 
-    figure, axes = plt.subplots(2, 1, figsize=(8.0, 5.2), sharex=True, layout="constrained")
+    figure, axes = plt.subplots(2, 1, figsize=(9.5, 5.2), sharex=True, layout="constrained")
     for axis, kind in zip(axes, _DRAWN, strict=True):
         env = PathCutEnv(line=kind, target_length=0.09)
         for name, colour in (("steer by force", "tab:blue"), ("blade on the line", "tab:orange")):
@@ -57,7 +57,7 @@ def draw(path: Path) -> None:
         whole = slice(0, round(0.09 / SPACING) + 1)
         axis.plot(1e3 * line.x[whole], 1e3 * line.y[whole], "k--", lw=0.8, label="line")
         axis.set(ylabel="across the slab [mm]", title=f"a line of kind {kind}", aspect="equal")
-        axis.legend(loc="lower center", fontsize=7)
+        axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7)
     axes[1].set_xlabel("along the slab, from the clamp [mm]")
     figure.savefig(path, dpi=110)
     plt.close(figure)
