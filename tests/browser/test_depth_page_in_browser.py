@@ -61,7 +61,7 @@ def led(cut: HandDepthCut) -> list[list[float]]:
     shown = cut.cutting.shown_depth
     assert shown is not None
     wanted, at_start = shown.wanted, shown.level
-    hand = simple_hand(cut.target_length, level=lambda place: float(depth_below(wanted, place)) - at_start)
+    hand = simple_hand(cut.target_length, lead=0.0235, level=lambda place: float(depth_below(wanted, place)) - at_start)
     stylus = []
     while not cut.end:
         read = hand.read()

@@ -13,7 +13,8 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 DATA = [
-    ROOT / "assets" / folder for folder in ("browser", "courses", "derived", "policies", "reference", "tables")
+    ROOT / "assets" / folder
+    for folder in ("browser", "courses", "derived", "firmware", "policies", "reference", "sensors", "tables")
 ]  # pictures are for the README
 ASSETS = {path.relative_to(ROOT).as_posix() for folder in DATA for path in folder.rglob("*") if path.is_file()}
 CODE = (".py", ".js", ".json", ".css", ".html", ".xml")
