@@ -22,8 +22,8 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from scipy import stats
 from scipy.optimize import least_squares
+from scipy.special import fdtrc, stdtrit
 
 from cutenv._base.arrays import Array
 from cutenv.measurement.depth_sections import DepthSection
@@ -204,7 +204,7 @@ class _Solved:
     def interval(self, name: str) -> tuple[float, float, float]:
         """Return value, and ends of the 95 % interval, of a number itself."""
         value, half = float(self.values[self.names.index(name)]), self.error(name)
-        half *= float(stats.t.ppf(0.975, max(self.dof, 1)))
+        half *= float(stdtrit(max(self.dof, 1), 0.975))
         if name == "boundary":
             return value, value - half, value + half
         return math.exp(value), math.exp(value - min(half, _RANGE)), math.exp(value + min(half, _RANGE))
@@ -266,7 +266,7 @@ def _searched(
         best = int(np.argmin(squares))
         dof = max(tries[best].dof - 1, 1)
         ratio = (_squares(known, alone, weights) - squares[best]) / 3.0 / max(squares[best] / dof, 1.0)
-        chance = float(stats.f.sf(ratio, 3, dof)) * len(places) ** 0.5  # one place among neighbours that resemble it
+        chance = float(fdtrc(3, dof, ratio)) * len(places) ** 0.5  # one place among neighbours that resemble it
         if chance < _CHANCE:
             return free, float(places[best])
         reason = f"one tissue throughout fits as well (chance of a better fit by a layer somewhere: {chance:.2g})"

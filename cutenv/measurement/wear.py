@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from cutenv._base.arrays import Array
 from cutenv._base.validation import array_in_range
@@ -128,7 +128,7 @@ def fit_wear(
     columns = np.column_stack((levels, L / (1.0 + wear * L)))
     variance = float(off @ off) / freedom
     covariance = variance * np.linalg.inv(columns.T @ columns)
-    t = float(student.ppf(0.5 + 0.5 * _SURE, freedom))
+    t = float(stdtrit(freedom, 0.5 + 0.5 * _SURE))
     error = t * math.sqrt(float(covariance[-1, -1]))
     shares = levels.sum(axis=0) / len(R)
     level = float(shares @ found[:-1])

@@ -13,6 +13,7 @@ It needs no return stroke.  Once one has measured the stiffness, that measuremen
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -153,7 +154,7 @@ def _correct(
     first = felt.stiffness_variance * by_stiffness + felt.covariance * by_friction
     second = felt.covariance * by_stiffness + felt.friction_variance * by_friction
     variance = first * by_stiffness + second * by_friction + _NOISE**2 + (_MODEL * push) ** 2
-    most = _UNUSUAL * variance**0.5
+    most = _UNUSUAL * math.sqrt(variance)
     deviation = upwards - push - sense * rubbing
     if deviation > most:
         return

@@ -84,7 +84,8 @@ def simulator_like(rig: RigCutEnv, **arguments: Any) -> GentleCutEnv:
     control = rig.settings.position_control
     kind: Any = partial(GentleCutEnv, reward_from="estimate")
     if isinstance(rig, RigDepthCutEnv):
-        kind = partial(EstimatedDepthCutEnv, **rig.depth_keywords)
+        # An imitated rig's slices have the mean liver's surface.
+        kind = partial(EstimatedDepthCutEnv, surface_spread=0.0, **rig.depth_keywords)
     simulator: GentleCutEnv = kind(
         drive="rig" if control is None else "pd",
         angle_mode="fixed" if fixed else "free",

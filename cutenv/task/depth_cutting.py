@@ -9,9 +9,7 @@ from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array, Struct, StructArray
 from cutenv.cutting.descent import DescentParameters, descent_records
-from cutenv.measurement.depth import LAYER_DEPTH_KEY, WANTED_DEPTH_KEY, corners
 from cutenv.plant.simulator import SimulatedPlant
-from cutenv.scoring.scored_cut import FLOOR_AT_END
 from cutenv.task.depth_beginning import begin_depth_one, observe_depth_at_start
 from cutenv.task.depth_cuts import N_MEMORY, depth_errors, step_depth_one
 from cutenv.task.depth_terms import ALL_COMPONENTS, DEPTH, DEPTH_ENDS, DepthConstants
@@ -86,18 +84,24 @@ class DepthAssessed(MapAssessed):
     @property
     def noted(self) -> dict[str, Any]:
         """Target length and wanted depth for the metadata of a record, by key."""
+        from cutenv.measurement.depth import WANTED_DEPTH_KEY, corners  # slow to import, for a record alone
+
         wanted = self.depths["wanted"][0]
         return super().noted | {WANTED_DEPTH_KEY: corners(np.arange(len(wanted), dtype=np.float64) * SPACING, wanted)}
 
     @property
     def given_depth(self) -> dict[str, Any]:
         """Depths that are given, by key of a record's metadata: the wanted one, and the layer below if there is one."""
+        from cutenv.measurement.depth import LAYER_DEPTH_KEY, WANTED_DEPTH_KEY
+
         given, boundary = {WANTED_DEPTH_KEY: self.noted[WANTED_DEPTH_KEY]}, float(self.descents["boundary"][0])
         return given | ({LAYER_DEPTH_KEY: boundary} if boundary < float(self.descents["thickness"][0]) else {})
 
     @property
     def noted_depth(self) -> dict[str, Any]:
         """Notes of a simulated record on its depth, by key of its metadata: errors, given depths, floor at the end."""
+        from cutenv.scoring.scored_cut import FLOOR_AT_END
+
         errors = {name: round(value, 3) for name, value in self.depth_errors.items()}
         return errors | self.given_depth | {FLOOR_AT_END: np.round(self.floor_to_tip, 6).tolist()}
 

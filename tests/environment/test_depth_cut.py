@@ -294,7 +294,7 @@ def test_a_cut_that_is_begun_is_as_deep_as_wanted():
     [
         ({"wanted": "deep"}, "wanted"),
         ({"layer": 3}, "layer"),
-        ({"drive": "foot"}, "drive must be one of 'rig', 'hand', got 'foot'"),
+        ({"drive": "foot"}, "drive must be one of 'rig', 'pd', 'hand', got 'foot'"),
         ({"reward_from": "estimate"}, "reward_from"),
         ({"layer_limit": -1.0}, "layer_limit"),
         ({"surface_spread": 2.0}, "surface_spread"),

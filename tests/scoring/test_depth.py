@@ -26,7 +26,7 @@ from cutenv.scoring.scored_cut import FLOOR_AT_END, TIP_AT_END
 from cutenv.task_quantities import DEPTH_COSTS, LAYER_LIMIT
 from cutenv.tissue import measured_liver
 from cutenv.tissue.floor import FLOOR_EVERY, expected_floor
-from cutenv.tissue.grid import N_POINTS
+from cutenv.tissue.grid import N_POINTS, SPACING
 
 
 @pytest.fixture(scope="module")
@@ -125,7 +125,10 @@ def test_a_layer_opened_beyond_the_limit_leaves_points_for_the_way_alone(depth_c
     card = score(without(trace, LAYER_DEPTH_KEY), layer_depth=float(floor.max()) - LAYER_LIMIT - 1e-4)
     assert "the layer below is opened by 3.1 mm" in card.outcome
     assert [each.part for each in card.points] == ["way"]
-    nearer = score(without(trace, LAYER_DEPTH_KEY), layer_depth=float(floor.max()) - 0.001)
+    as_wanted = corners(np.arange(len(floor)) * SPACING, floor)
+    nearer = score(
+        without(trace, LAYER_DEPTH_KEY, **{WANTED_DEPTH_KEY: as_wanted}), layer_depth=float(floor.max()) - 0.001
+    )
     assert "opened by 1.0 mm, more than 0.5" in nearer.outcome or "short of the target" in nearer.outcome
     assert len(nearer.points) > 1
 
