@@ -82,6 +82,7 @@ TASKS = {
     "path": LearnedTask(
         id="cutenv/PathCut-v1", single=PathCutEnv, batch=PathBatch, vector=PathCutVectorEnv,
         privileged=PATH_PRIVILEGED, scripts=tuple(PATH_SCRIPTS), script="steer by force", teachers=PATH_SCRIPTS,
+        options={"script": "steer by force"},
         shown=("return", "success", "mean_distance_mm", "largest_distance_mm", "peak_force_N", "time_s"),
         planner=PathPlanner,
     ),

@@ -28,7 +28,7 @@ class BadArguments(ValueError):
     """Options that contradict each other, are out of range or do not fit a data set; the message names the cure."""
 
 
-TEACHERS = (*TASKS["gentle"].scripts, *TASKS["depth"].teachers)
+TEACHERS = (*TASKS["gentle"].scripts, *TASKS["depth"].teachers, *TASKS["path"].teachers)
 """Names of the policies that learners can imitate."""
 _ENTROPY_WEIGHT = re.compile(r"(auto_)?\d*\.?\d+(e-?\d+)?")
 
