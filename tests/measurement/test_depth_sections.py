@@ -1,4 +1,4 @@
-"""What was put into cuts with depth comes out: resistance by area and both works, layers; or it is told why not."""
+"""Cuts with depth tell what was put in: resistance by area and both works, layers; or the reason why they do not."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def plain():
 
 @pytest.fixture(scope="module")
 def layered():
-    """What is found in four cuts through two layers, with noise, of livers that differ: records, and sections."""
+    """Records and sections of four cuts through two layers, with noise, of livers that differ."""
     livers = [flat(), flat(30e3, 150.0), flat(45e3, 250.0), flat(38e3, 180.0)]
     orders = (DEPTHS, DEPTHS[::-1], (0.008, 0.013, 0.006, 0.011), (0.012, 0.007, 0.014, 0.009))
     traces = [

@@ -21,7 +21,7 @@ START = 1_700_000_000_000_000_000  # [ns]
 
 
 def force_at(seconds: float) -> float:
-    """Of a cut: air for half a second, then a load that rises, then nothing."""
+    """Force of a cut: air for half a second, then a load that rises, then nothing."""
     return 0.4 + (1.5 * (seconds - 0.5) if 0.5 < seconds < 3.0 else 0.0)
 
 

@@ -69,7 +69,7 @@ class Board:
         return next(each for each in reversed(self.reports) if isinstance(each, MotionReport))
 
     def rested(self, within: float) -> bool:
-        """Whether the motor stands at the latest so many seconds from now, and then stays."""
+        """Return True if the motor stands within so many seconds, and then stays."""
         self.run(within)
         steps = self.firmware.steps
         self.run(0.3, alive=True)
