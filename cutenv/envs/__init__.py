@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from cutenv._base.when_used import import_when_used
 
 if TYPE_CHECKING:
     from cutenv._engine.parallel import set_cores
@@ -28,22 +29,19 @@ __all__ = [
     "set_cores",
 ]
 
-# Loaded when they are used: the simulator's environments need no module of the rig.
-_WHEN_USED = {
-    "DepthCutEnv": "cutenv.envs.depth_cut",
-    "DepthCutVectorEnv": "cutenv.envs.depth_cut",
-    "GentleCutEnv": "cutenv.envs.gentle_cut",
-    "GentleCutVectorEnv": "cutenv.envs.vector",
-    "PathCutEnv": "cutenv.envs.path_cut",
-    "PathCutVectorEnv": "cutenv.envs.path_cut",
-    "RigCutEnv": "cutenv.envs.rig_cut",
-    "RigDepthCutEnv": "cutenv.envs.rig_depth_cut",
-    "SharedControl": "cutenv.envs.shared_control",
-    "set_cores": "cutenv._engine.parallel",
-}
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _WHEN_USED:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(_WHEN_USED[name]), name)
+# The simulator's environments need no module of the rig.
+__getattr__ = import_when_used(
+    __name__,
+    {
+        "DepthCutEnv": "cutenv.envs.depth_cut",
+        "DepthCutVectorEnv": "cutenv.envs.depth_cut",
+        "GentleCutEnv": "cutenv.envs.gentle_cut",
+        "GentleCutVectorEnv": "cutenv.envs.vector",
+        "PathCutEnv": "cutenv.envs.path_cut",
+        "PathCutVectorEnv": "cutenv.envs.path_cut",
+        "RigCutEnv": "cutenv.envs.rig_cut",
+        "RigDepthCutEnv": "cutenv.envs.rig_depth_cut",
+        "SharedControl": "cutenv.envs.shared_control",
+        "set_cores": "cutenv._engine.parallel",
+    },
+)

@@ -1,12 +1,19 @@
 """Plants: one interface for the simulator, a replayed record and a rig."""
 
-from cutenv.plant.descending_plant import DescendingPlant
-from cutenv.plant.freehand_plant import FreehandPlant
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from cutenv._base.when_used import import_when_used
 from cutenv.plant.interface import Plant
 from cutenv.plant.protocol import Leg, forward_backward, run, to_trace
 from cutenv.plant.replay import ReplayPlant
 from cutenv.plant.simulator import SimulatedPlant
-from cutenv.plant.steered_plant import SteeredPlant
+
+if TYPE_CHECKING:
+    from cutenv.plant.descending_plant import DescendingPlant
+    from cutenv.plant.freehand_plant import FreehandPlant
+    from cutenv.plant.steered_plant import SteeredPlant
 
 __all__ = [
     "DescendingPlant",
@@ -20,3 +27,13 @@ __all__ = [
     "run",
     "to_trace",
 ]
+
+# A straight cut at its own depth needs neither the law of depth nor that of the plane.
+__getattr__ = import_when_used(
+    __name__,
+    {
+        "DescendingPlant": "cutenv.plant.descending_plant",
+        "FreehandPlant": "cutenv.plant.freehand_plant",
+        "SteeredPlant": "cutenv.plant.steered_plant",
+    },
+)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from cutenv._base.when_used import import_when_used
 from cutenv.recording.appending import AppendingRecord, RecordingFailed
 from cutenv.recording.columns import UNITS, Column, header_of, parse_header
 from cutenv.recording.csv_file import read_metadata
@@ -45,16 +45,13 @@ __all__ = [
 ]
 
 # These judge records and need the measurement code, with the tissue's model; loading alone does not wait for that.
-_WHEN_USED = {
-    "ColumnMap": "column_map",
-    "CutSearch": "cut_detection",
-    "Imported": "importers",
-    "load_foreign": "importers",
-    "read_record": "importers",
-}
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _WHEN_USED:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(f"{__name__}.{_WHEN_USED[name]}"), name)
+__getattr__ = import_when_used(
+    __name__,
+    {
+        "ColumnMap": "cutenv.recording.column_map",
+        "CutSearch": "cutenv.recording.cut_detection",
+        "Imported": "cutenv.recording.importers",
+        "load_foreign": "cutenv.recording.importers",
+        "read_record": "cutenv.recording.importers",
+    },
+)

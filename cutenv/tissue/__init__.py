@@ -1,13 +1,20 @@
 """The tissue: finite-element model of the slab, measured moduli and toughness, and specimens sampled from them."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from cutenv._base.when_used import import_when_used
 from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.description import TissueDescription, load_description, measured_liver
 from cutenv.tissue.effective_modulus import local_effective_modulus, quasi_static_modulus
 from cutenv.tissue.fracture_resistance import measured_fracture_resistance
 from cutenv.tissue.layers import Layers
-from cutenv.tissue.path_model import PathModel
 from cutenv.tissue.specimen import Specimen, draw_liver
-from cutenv.tissue.steered_model import SteeredModel
+
+if TYPE_CHECKING:
+    from cutenv.tissue.path_model import PathModel
+    from cutenv.tissue.steered_model import SteeredModel
 
 __all__ = [
     "CutModel",
@@ -23,3 +30,11 @@ __all__ = [
     "measured_liver",
     "quasi_static_modulus",
 ]
+
+__getattr__ = import_when_used(
+    __name__,
+    {
+        "PathModel": "cutenv.tissue.path_model",
+        "SteeredModel": "cutenv.tissue.steered_model",
+    },
+)
