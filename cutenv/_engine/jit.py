@@ -1,8 +1,8 @@
 """The project's Numba decorators: typed, and with an on-disk cache that never outlives the source.
 
 Numba's cache watches only the file of the function that it stores.  A kernel that inlines the cutting law from
-another file would keep running yesterday's law after an edit or an upgrade, so the kernels are kept in a folder that is
-named after the package's whole source.
+another file would keep running yesterday's law after an edit or an upgrade, so the kernels of a module are kept in a
+folder that is named after the source of all that it imports.
 """
 
 from __future__ import annotations
@@ -10,11 +10,13 @@ from __future__ import annotations
 import gc
 import hashlib
 import os
+import re
 import shutil
 import signal
 import sys
 import threading
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -86,31 +88,65 @@ _events: Any = event  # has no types
 _PREFIX = "kernels-"
 
 
-def source_digest(package: Path = _PACKAGE) -> str:
-    """Return a digest of the package's present source, all modules: constants of any may be compiled in."""
+def sources(module: str, package: Path = _PACKAGE) -> set[Path]:
+    """Return the files of a module and of all that it imports from the package: constants of any may be compiled in."""
+    found: set[Path] = set()
+    waiting = set(_files(module, package))
+    while waiting:
+        found |= waiting
+        waiting = set().union(*(_imports(path, package) for path in waiting)) - found
+    return found
+
+
+def _files(name: str, package: Path) -> list[Path]:
+    """Return the file of a module, or of something in it, and those of the packages that hold it: they are run, too."""
+    parts = name.split(".")[1:]
+    places = [package.joinpath(*parts[:depth]) for depth in range(len(parts) + 1)]
+    files = [place / "__init__.py" for place in places] + [place.with_suffix(".py") for place in places[-2:]]
+    return [path for path in files if path.is_file()]
+
+
+@cache
+def _imports(path: Path, package: Path) -> set[Path]:
+    """Return the files that a file imports, anywhere in it, or names in quotes, to be imported when they are used."""
+    text, root = path.read_text(encoding="utf-8"), package.name
+    modules = set(re.findall(rf'"({root}\.[\w.]+)"', text))
+    for line in re.finditer(rf"^ *(?:from|import) ({root}\b[\w.]*)(?: import (\([^)]*\)|.*))?", text, re.MULTILINE):
+        modules |= {line[1], *(f"{line[1]}.{name}" for name in re.findall(r"\b[a-z]\w*", line[2] or ""))}
+    return {file for name in modules for file in _files(name, package)}
+
+
+def source_digest(module: str, package: Path = _PACKAGE) -> str:
+    """Return a digest of the present source of a module and of all that it imports from the package."""
     content = hashlib.sha256()
-    for path in sorted(package.rglob("*.py")):
-        content.update(path.read_bytes())
+    for path in sorted(sources(module, package)):
+        content.update(_content(path))
     return content.hexdigest()[:16]
 
 
-def kernel_folder(package: Path = _PACKAGE) -> Path | None:
-    """Return the folder of the compiled kernels of the present source; None where nothing can be written.
+@cache
+def _content(path: Path) -> bytes:
+    return hashlib.sha256(path.read_bytes()).digest()
 
-    Below ``NUMBA_CACHE_DIR`` if that is set, else beside the source, else in the user's cache.  Folders for earlier
-    versions of the source beside it are removed.
+
+@cache
+def kernel_folder(module: str, package: Path = _PACKAGE) -> Path | None:
+    """Return the folder of the compiled kernels of a module as it is; None where nothing can be written.
+
+    Below ``NUMBA_CACHE_DIR`` if that is set, else beside the source, else in the user's cache.  Its folders for earlier
+    versions of the source are removed.
     """
     given = os.environ.get("NUMBA_CACHE_DIR")
     places = [Path(given) / package.name] if given else [package / "__pycache__", _user_cache() / package.name]
     for place in places:
-        folder = place / (_PREFIX + source_digest(package))
+        folder = place / f"{_PREFIX}{module}-{source_digest(module, package)}"
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError:
             continue
         if not os.access(folder, os.W_OK):
             continue
-        for earlier in place.glob(_PREFIX + "*"):
+        for earlier in place.glob(f"{_PREFIX}{module}-*"):
             if earlier != folder:
                 shutil.rmtree(earlier, ignore_errors=True)
         return folder
@@ -121,7 +157,6 @@ def _user_cache() -> Path:
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
 
 
-_FOLDER = kernel_folder()
 _announced = bool(os.environ.get("NUMBA_DISABLE_JIT"))
 
 
@@ -244,9 +279,7 @@ for _kind in (Uninterrupted.COMPILING, Uninterrupted.WORKING):
 def warn_before_first_compile(*kernels: Callable[..., Any]) -> None:
     """Print on stderr, once, that the first use compiles for some seconds, if one of ``kernels`` is not on disk."""
     global _announced
-    if _announced or _FOLDER is None:
-        return
-    if all(hasattr(k, "py_func") and any(_FOLDER.rglob(f"*.{k.__name__}-*.nbi")) for k in kernels):
+    if _announced or all(_is_compiled(kernel) for kernel in kernels):
         return
     _announced = True
     notice = f"{_PACKAGE.name}: compiling for this machine; takes about half a minute, once."
@@ -254,6 +287,12 @@ def warn_before_first_compile(*kernels: Callable[..., Any]) -> None:
         progress.tqdm.write(notice, file=sys.stderr)
     else:
         print(notice, file=sys.stderr, flush=True)
+
+
+def _is_compiled(kernel: Any) -> bool:
+    """Return True if a kernel is on disk, or cannot be kept there."""
+    folder = kernel_folder(kernel.__module__)
+    return folder is None or (hasattr(kernel, "py_func") and any(folder.rglob(f"*.{kernel.__name__}-*.nbi")))
 
 
 def _compile_internal(function: Function, **options: bool) -> Function:
@@ -269,10 +308,11 @@ def _compile(function: Function, cache: bool = True, **options: bool) -> Functio
     settings: Any = numba.config
     njit: Any = numba.njit  # whose types lack the wrappers
     before = settings.CACHE_DIR
-    settings.CACHE_DIR = "" if _FOLDER is None else str(_FOLDER)
+    folder = kernel_folder(function.__module__)
+    settings.CACHE_DIR = str(folder or "")
     try:
         decorate = njit(
-            cache=cache and _FOLDER is not None,
+            cache=cache and folder is not None,
             fastmath=False,
             error_model="numpy",
             no_cfunc_wrapper=True,

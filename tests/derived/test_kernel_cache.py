@@ -37,6 +37,15 @@ def twice(x: float) -> float:
 def thrice(x: float) -> float:
     return 3.0 * force(x)
 """
+
+
+def digest_now(module: str, package: Path) -> str:
+    """Digest of a package that changed since this process began."""
+    for remembered in (cutenv._engine.jit._imports, cutenv._engine.jit._content, kernel_folder):
+        remembered.cache_clear()
+    return source_digest(module, package)
+
+
 DOORS = ("njit", "njit_internal", "njit_inline")
 
 
@@ -117,29 +126,50 @@ def test_a_cache_that_is_not_named_after_the_source_would_run_yesterdays_law(pac
         check_edit_of_an_inlined_function_is_seen(package)
 
 
-def test_every_change_of_source_changes_the_digest(package):
-    seen = {source_digest(package)}
+@pytest.mark.parametrize(
+    "line",
+    [
+        "from package.more import SPACING",
+        "import package.more",
+        "from package import (\n    law,\n    more,\n)",
+        "def spacing() -> float:\n    from package.more import SPACING\n    return SPACING",
+        'LATER = {"SPACING": "package.more"}',
+    ],
+)
+def test_every_change_of_what_a_module_imports_changes_its_digest(package, line):
+    seen = {digest_now("package.caller", package)}
     for change in (
+        lambda: (package / "law.py").write_text(line),
         lambda: (package / "more.py").write_text("SPACING = 1.0"),
-        lambda: write_law(package, 4.0),
         lambda: (package / "more.py").write_text("SPACING = 2.0"),
+        lambda: (package / "__init__.py").write_text("UNIT = 1.0"),
     ):
         change()
-        seen.add(source_digest(package))
-    assert len(seen) == 4
+        seen.add(digest_now("package.caller", package))
+    assert len(seen) == 5
+
+
+def test_a_module_that_a_kernel_does_not_import_leaves_it_compiled(package):
+    before = digest_now("package.caller", package)
+    (package / "page.py").write_text("from package.caller import twice")
+    assert digest_now("package.caller", package) == before
+    assert digest_now("package.page", package) != before
 
 
 def test_folders_of_earlier_sources_are_removed_and_nothing_else(package, monkeypatch):
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
-    first = kernel_folder(package)
+    kernel_folder.cache_clear()
+    first, other = (kernel_folder(f"package.{name}", package) for name in ("law", "_engine.jit"))
     kept = package / "__pycache__" / "law.cpython-311.pyc"
     kept.touch()
     write_law(package, 7.0)
-    second = kernel_folder(package)
+    digest_now("package.law", package)
+    second = kernel_folder("package.law", package)
     assert second != first
     assert second.is_dir()
     assert not first.exists()
     assert kept.exists()
+    assert other.exists()
 
 
 def test_the_first_use_says_that_it_compiles_and_the_second_says_nothing(tmp_path):
