@@ -25,10 +25,11 @@ from benchmark.table import markdown_table
 from tqdm import tqdm
 
 from cutenv.browser import HandCut, write_page_alone
-from cutenv.browser.page_alone import OFFERED, specimen_data
-from cutenv.plant.protocol import recorded_trace
+from cutenv.browser.depth_steps import HandDepthCut
+from cutenv.browser.page_alone import HAND_CUTS, OFFERED, specimen_data
 from cutenv.scoring import Truth, score
 from cutenv.scoring.scored_cut import TIP_AT_END
+from cutenv.tissue.grid import depth_below
 
 DEFAULT = Path("runs") / "measure_page.json"
 BROWSERS = {"Chromium": chromium, "Firefox": firefox}
@@ -51,9 +52,10 @@ TIMED = """(() => {
   window.timed = kept;
 })()"""
 CUT = """(() => {
-  const { laws: { gentle: law }, told } = cutenvPage, values = new Float64Array(bytesOf("%s").buffer), stylus = [];
-  for (let i = 0; i < values.length; i += 2) stylus.push([values[i], values[i + 1]]);
-  const cut = new HandCut(law, %s);
+  const { laws, told } = cutenvPage, values = new Float64Array(bytesOf("%s").buffer), stylus = [], specimen = %s;
+  const { numbers } = told.tasks[specimen.task];
+  for (let i = 0; i < values.length; i += numbers) stylus.push(Array.from(values.subarray(i, i + numbers)));
+  const cut = new HandCut(laws[specimen.task], specimen);
   for (let i = 0; i < stylus.length; i += 100) cut.advance(stylus.slice(i, i + 100));
   cut.end ||= "given up";
   return taskPoints(cut, told).reduce((sum, each) => sum + each.points, 0);
@@ -64,19 +66,24 @@ def led(cut: HandCut, seed: int) -> list[list[float]]:
     """Lead a cut by a seeded hand, and return its movements: position [m] and angle [rad] of every millisecond.
 
     It goes to the target, turns upright before it, draws back until little pulls, and rests; one in four gives up.
+    Along a wanted depth, the third number is the level above that at the start [m], off the wanted one by millimetres.
     """
     random = np.random.default_rng(seed)
     speed, lean = random.uniform(0.004, 0.025), random.uniform(0.8, 0.5 * np.pi)
     turn = cut.target_length + random.uniform(-0.003, 0.006)
     patience = random.choice([3_000, 30_000, 30_000, 30_000])
     at = force = 0.0
-    back, stylus = False, []
+    back = False
+    stylus: list[list[float]] = []
+    shown = cut.cutting.shown_depth if isinstance(cut, HandDepthCut) else None
+    off = random.normal(0.0, 0.001)
     while not cut.end and len(stylus) < patience:
         blade = float(cut.cuts["states"]["blade"][0, 0])
         back = back or blade >= turn
         pace = speed if not back else -0.004 if force > 0.25 else 0.0
         angle = lean if blade < cut.target_length - 0.012 else 0.5 * np.pi
-        block = [[min(max(at + 1e-3 * pace * k, 0.0), 0.149), angle] for k in range(1, 21)]
+        level = () if shown is None else (float(depth_below(shown.wanted, blade)) - shown.level + off,)
+        block = [[min(max(at + 1e-3 * pace * k, 0.0), 0.149), angle, *level] for k in range(1, 21)]
         at = block[-1][0]
         readings = cut.follow(block)
         stylus += block[: len(readings)]
@@ -84,21 +91,23 @@ def led(cut: HandCut, seed: int) -> list[list[float]]:
     return stylus
 
 
-def scores(page: chromium.Browser | firefox.Browser, seed: int) -> tuple[float, float, float]:
+def scores(page: chromium.Browser | firefox.Browser, seed: int, task: str = "gentle") -> tuple[float, float, float]:
     """Return the score of one cut: of the page, of Python by the true tip, and of Python by the record alone."""
-    key = {"specimen_class": OFFERED[seed % len(OFFERED)], "seed": seed, "episode": 0}
-    cut = HandCut(**key)
+    key: dict[str, Any] = {"specimen_class": OFFERED[seed % len(OFFERED)], "seed": seed, "episode": 0}
+    cut = HAND_CUTS[task](**key)
     stylus = np.array(led(cut, seed))
-    again = HandCut(**key)
+    again = HAND_CUTS[task](**key)
     readings = again.follow(stylus)
     facts = {"end": again.end or "given up", TIP_AT_END: round(float(readings["tip"][-1]), 6)}
-    trace = recorded_trace(readings, again.measured_depth, **facts)
-    truth = Truth(tip=readings["tip"], jump=readings["jump"], resistance=200.0)  # no points for the resistance
+    noted, floor = (again.noted, again.cutting.floor_to_tip) if isinstance(again, HandDepthCut) else ({}, None)
+    trace = again.trace(readings, **facts, **noted)
+    # There are no points for the resistance.
+    truth = Truth(tip=readings["tip"], jump=readings["jump"], resistance=200.0, floor=floor)
     known, estimated = (score(trace, target_length=again.target_length, truth=each) for each in (truth, None))
     assert known.overall_score is not None, known.no_score
     assert estimated.overall_score is not None, estimated.no_score
     packed = base64.b64encode(stylus.astype("<f8").tobytes()).decode()
-    shown = page.value(CUT % (packed, json.dumps(specimen_data(**key))))
+    shown = page.value(CUT % (packed, json.dumps(specimen_data(**key, task=task))))
     return float(shown), known.overall_score, estimated.overall_score
 
 
@@ -132,13 +141,13 @@ def pictures(page: chromium.Browser | firefox.Browser, seconds: float) -> dict[s
 
 def measure(cuts: int, seconds: float) -> dict[str, Any]:
     """Measure in every browser that is installed; the scores in one of them."""
-    kept: dict[str, Any] = {"pictures": {}, "cuts": cuts}
+    kept: dict[str, Any] = {"pictures": {}, "cuts": cuts, "off_truth": {}, "off_record": {}}
     installed = {name: browser for name, browser in BROWSERS.items() if browser.PROGRAM is not None}
     if not installed:
         raise SystemExit("no browser: apt-get install chromium firefox-esr")
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "cut.html"
-        write_page_alone(path, count=1)
+        write_page_alone(path, count=1, tasks=tuple(HAND_CUTS))
         for name, browser in installed.items():
             profile = Path(folder) / name
             profile.mkdir()
@@ -149,9 +158,10 @@ def measure(cuts: int, seconds: float) -> dict[str, Any]:
         profile.mkdir(exist_ok=True)
         with browser.browser(profile) as page:
             page.open(path, 1100)
-            found = np.array([scores(page, seed) for seed in tqdm(range(cuts), unit="cut", disable=None)])
-    kept["off_truth"] = float(np.abs(found[:, 0] - found[:, 1]).max())
-    kept["off_record"] = np.percentile(np.abs(found[:, 0] - found[:, 2]), (50, 95)).tolist()
+            for task in HAND_CUTS:
+                found = np.array([scores(page, seed, task) for seed in tqdm(range(cuts), unit="cut", disable=None)])
+                kept["off_truth"][task] = float(np.abs(found[:, 0] - found[:, 1]).max())
+                kept["off_record"][task] = np.percentile(np.abs(found[:, 0] - found[:, 2]), (50, 95)).tolist()
     return kept
 
 
@@ -166,13 +176,14 @@ def markdown(kept: dict[str, Any]) -> str:
         for name, each in kept["pictures"].items()
     ]
     columns = ("window of", "pictures a second", "drawing one [ms]", "input to picture [ms]")
-    off = kept["off_record"]
-    return (
-        f"{markdown_table(columns, rows)}\n\n"
-        f"In {kept['cuts']} seeded cuts the page's score differs from Python's by the true tip by "
-        f"{kept['off_truth']:.0e} points at most. From that of `cutenv score`, by the record alone, it differs by "
-        f"{off[0]:.1f} points in the median, and by {off[1]:.1f} at most in 95 % of the cuts."
-    )
+    sentences = [
+        f"In {kept['cuts']} seeded cuts {where} the page's score differs from Python's by the true tip by "
+        f"{kept['off_truth'][task]:.0e} points at most. From that of `cutenv score`, by the record alone, it differs "
+        f"by {off[0]:.1f} points in the median, and by {off[1]:.1f} at most in 95 % of the cuts."
+        for task, where in (("gentle", "at constant height"), ("depth", "along a wanted depth"))
+        for off in [kept["off_record"][task]]
+    ]
+    return f"{markdown_table(columns, rows)}\n\n" + "\n".join(sentences)
 
 
 def main() -> None:

@@ -41,6 +41,7 @@ from cutenv.task_quantities import (
     CLOSE,
     DEPTH_TOLERANCE,
     FORCE_LIMIT_PER_DEPTH,
+    LAYER_LIMIT,
     LAYER_TOLERANCE,
     OVERSHOOT_ALLOWED,
     SHALLOWEST,
@@ -119,17 +120,12 @@ def page_alone(
     Raises
     ------
     ValueError
-        If an argument is out of range, or cuts along a wanted depth are to be reported to a learning platform.
+        If an argument is out of range.
     ModuleNotFoundError
         If Jinja2 is not installed.
     """
     for each in tasks:
         one_of("task", each, tuple(HAND_CUTS))
-    if platform is not None and tuple(tasks) != ("gentle",):
-        raise ValueError(
-            f"tasks = {', '.join(tasks)}: a learning platform is told points, which the page has for gentle cutting "
-            'alone. Take "gentle", or write the page without a package.'
-        )
     for each in specimen_classes:
         one_of("specimen_class", each, CLASSES)
     one_of("language", language, LANGUAGES)
@@ -245,6 +241,8 @@ def scoring_data() -> dict[str, Any]:
             "steadiness": points.STEADINESS_POINTS,
             "time": points.TIME_POINTS,
         },
+        "depth_points": points.DEPTH_POINTS,
+        "depth_cost": points.DEPTH_COST,
         "tissue": [(name, *limits) for name, limits in points.TISSUE_HARMED.items()],
         "missed": points.MISSED,
         "beyond_limit": points.BEYOND_LIMIT,
@@ -252,6 +250,7 @@ def scoring_data() -> dict[str, Any]:
         "restless": points.RESTLESS,
         "close": CLOSE,
         "overshoot_allowed": OVERSHOOT_ALLOWED,
+        "layer_limit": LAYER_LIMIT,
         "force_limit_per_depth": FORCE_LIMIT_PER_DEPTH,
         "shallowest": SHALLOWEST,
         "standstill": STANDSTILL_SPEED,

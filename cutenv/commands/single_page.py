@@ -19,11 +19,6 @@ def main(argv: Sequence[str]) -> int:
     arguments = _parser().parse_args(argv)
     if arguments.pass_mark is not None and arguments.scorm is None:
         raise ValueError("--pass-mark is for a learning platform's package: give --scorm PACKAGE too.")
-    if arguments.scorm is not None and "depth" in (arguments.task or ()):
-        raise ValueError(
-            "--scorm cannot be given with --task depth: a learning platform is told points, which the page has for "
-            "gentle cutting alone."
-        )
     made_folder("PAGE", arguments.page.parent)
     options = {
         "tasks": arguments.task or ("gentle",),
@@ -54,6 +49,7 @@ def _parser() -> argparse.ArgumentParser:
             "klasse.html --language de --specimen-class vascular --count 10 --seed 7",
             "cut.html --scorm cut.zip --pass-mark 60",
             "depth.html --task depth --open",
+            "both.html --task gentle --task depth --scorm both.zip",
         ),
         note="The page saves records that 'cutenv score' and 'cutenv study' read.",
     )

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import chromium
 import firefox
+import measure_page
 import numpy as np
 import pytest
 
@@ -16,7 +17,6 @@ pytest.importorskip("jinja2", reason="pages are an extra: pip install 'cutenv[vi
 
 from cutenv.browser import write_page_alone
 from cutenv.browser.depth_steps import HandDepthCut
-from cutenv.commands import single_page
 from cutenv.play.devices import LOWERED_BY_NOTCH, simple_hand
 from cutenv.recording import load
 from cutenv.task.depth_terms import DESCENT_SCALE
@@ -113,6 +113,12 @@ def test_a_layer_opened_too_deep_ends_the_cut_and_is_told(page: Browser) -> None
     assert page.value("document.getElementById('verdict').textContent").startswith("Stopped: the layer below")
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_the_points_of_the_page_are_pythons_by_the_true_tip_and_floor(page: Browser, seed: int) -> None:
+    shown, known, _ = measure_page.scores(page, seed, "depth")
+    assert shown == pytest.approx(known, abs=1e-6)
+
+
 LEVEL, ANGLE = "cutenvPage.stylus.level", "cutenvPage.stylus.angle"
 
 
@@ -201,12 +207,3 @@ def test_it_fits_a_telephone_and_can_be_read(browser: Browser, written: Path, la
     assert browser.accessible("slider", {"en": "Height of the blade", "de": "Höhe der Klinge"}[language]) == 1
     assert browser.value("document.documentElement.scrollWidth") <= 400
     assert browser.value(chromium.LEAST_CONTRAST) >= 4.5
-
-
-def test_points_for_a_platform_are_refused_where_there_are_none(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    arguments = [str(tmp_path / "cut.html"), "--task", "depth", "--scorm", str(tmp_path / "cut.zip")]
-    assert single_page.main(arguments) == 2
-    assert "--scorm cannot be given with --task depth" in capsys.readouterr().err
-    assert list(tmp_path.iterdir()) == []

@@ -133,8 +133,9 @@ class Course:
         self.browser.value(f"""void (({{ page, stylus }}) => {{
           const {{ cut }} = page;
           let at = 0;
+          const level = cut.deep ? [0] : [];
           const feed = (pace, most) => {{
-            for (let i = 0; i < most && !cut.end; i++) cut.advance([[at += pace, 0.5 * Math.PI]]);
+            for (let i = 0; i < most && !cut.end; i++) cut.advance([[at += pace, 0.5 * Math.PI, ...level]]);
           }};
           while (cut.tip < cut.target + {beyond} && !cut.end) feed(1e-5, 20);
           while (cut.last("force") > 0.2 && !cut.end) feed(-4e-6, 20);
@@ -205,6 +206,14 @@ def test_status_after_every_specimen(course: Course, mark: float | None, status:
     course.enter(STRICT, count=1, pass_mark=mark)
     course.cut(beyond=-0.04)
     assert course.browser.value("kept.values['cmi.core.lesson_status']") == status
+    assert course.browser.value("kept.refused") == []
+
+
+def test_points_along_a_wanted_depth_are_reported(course: Course) -> None:
+    course.enter(STRICT, count=1, tasks=["depth"])
+    course.cut(beyond=-0.04)
+    assert course.score() > 0.0
+    assert course.browser.value("kept.values['cmi.core.score.raw']") == f"{course.score():g}"
     assert course.browser.value("kept.refused") == []
 
 

@@ -13,12 +13,14 @@ class CutDepth {
   get level() { return this.law.number("descent", "level"); }
   get floor() { return this.law.numbers("descent", "floor", this.points); } // where nothing is cut, the surface
 
+  get opened() { return Math.max(this.law.number("depth", "deepest"), 0); } // depth into the layer below
+
   // Errors as the task counts them, [mm2] and [mm]; rounding may leave -1e-20.
   errors(target) {
     const sum = name => Math.max(this.law.number("depth", name), 0);
     return {
       too_deep_mm2: 1e6 * sum("deep"), uncut_mm2: 1e6 * sum("uncut"), layer_mm2: 1e6 * sum("layer"),
-      layer_mm: 1e3 * sum("deepest"), mean_error_mm: 1e3 * (sum("deep") + sum("uncut")) / target,
+      layer_mm: 1e3 * this.opened, mean_error_mm: 1e3 * (sum("deep") + sum("uncut")) / target,
     };
   }
 

@@ -63,7 +63,7 @@
   function finish(end) {
     page.cut.end ||= end;
     page.phase = "ended";
-    page.points = told.served || page.cut.deep || page.cut.count < FEWEST ? null : taskPoints(page.cut, told);
+    page.points = told.served || page.cut.count < FEWEST ? null : taskPoints(page.cut, told);
     if (told.served) keep();
     if (platform?.open && !page.practised) platform.report(page.chosen, page.points && sum(page.points), page.cut.end !== "given up");
     show();

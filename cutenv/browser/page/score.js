@@ -3,11 +3,11 @@
 
 function taskPoints(cut, told) {
   const { scoring } = told, { points, tissue } = scoring, metrics = metricsOf(cut, scoring);
-  const share = value => Math.min(Math.max(value, 0), 1), target = cut.target, last = cut.last("tip");
+  const share = value => Math.min(Math.max(value, 0), 1), { target, deep } = cut, last = cut.last("tip");
   const farthest = cut.columns.tip.reduce((a, b) => Math.max(a, b), -Infinity) - target;
   const way = share(last / target);
   if (farthest > scoring.overshoot_allowed || metrics.peak_force_per_depth > scoring.force_limit_per_depth ||
-      cut.end === "overshoot" || cut.end === "force_limit") {
+      (deep && deep.opened > scoring.layer_limit) || ["overshoot", "force_limit", "layer"].includes(cut.end)) {
     return [{ part: "way", points: scoring.beyond_limit * points.way * way, most: points.way }];
   }
   const counts = way * (cut.success ? 1 : scoring.missed);
@@ -18,12 +18,16 @@ function taskPoints(cut, told) {
     steadiness: counts * (metrics.peak_force > 0 ? share(1 - metrics.force_rate / metrics.peak_force / scoring.restless) : 0),
     time: counts * share(1 - metrics.duration / scoring.deadline),
   };
-  return Object.entries(points).map(([part, most]) => ({ part, points: most * shares[part], most }));
+  const gentle = deep ? 1 - scoring.depth_points / 100 : 1; // the depth has the other points
+  const parts = Object.entries(points).map(([part, most]) => ({ part, points: gentle * most * shares[part], most: gentle * most }));
+  if (!deep) return parts;
+  const gained = scoring.depth_points * counts * share(1 + deep.costs / scoring.depth_cost);
+  return [...parts, { part: "depth", points: gained, most: scoring.depth_points }];
 }
 
 // The metrics by their names there; what is unavailable there is what the points take it for.
 function metricsOf(cut, scoring) {
-  const { time, force, position, tip, jump } = cut.columns, n = time.length, span = time[n - 1] - time[0];
+  const { time, force, position, tip, jump, height } = cut.columns, n = time.length, span = time[n - 1] - time[0];
   const half = Math.max(1, Math.round(scoring.speed_window * (n - 1) / span));
   const speed = time.map((_, i) => {
     const before = Math.max(i - half, 0), after = Math.min(i + half, n - 1);
@@ -42,7 +46,8 @@ function metricsOf(cut, scoring) {
     advancing.push(speed[i] > scoring.standstill && position[i] >= reached - 1e-4 ? 1 : 0);
     if (!advancing[i]) continue;
     const lasts = 0.5 * ((i < n - 1 ? time[i + 1] - time[i] : 0) + (i ? time[i] - time[i - 1] : 0));
-    const depth = Math.max(cut.depthAt(cut.measuredDepth, position[i]), scoring.shallowest);
+    const flat = cut.depthAt(cut.measuredDepth, position[i]); // of a blade at height 0
+    const depth = Math.max(cut.deep ? flat - height[i] : flat, scoring.shallowest);
     weight += lasts;
     lag += lasts * Math.max(position[i] - tip[i], 0);
     peak = Math.max(peak, force[i]);
