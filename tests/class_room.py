@@ -12,6 +12,7 @@ from starlette.testclient import TestClient
 from cutenv.browser import HandCut
 from cutenv.classroom import ClassStore, Lesson
 from cutenv.classroom.class_server import class_app
+from cutenv.classroom.class_site import ClassSite
 from cutenv.play.course import named_course
 
 TOKEN = "the teacher's secret"
@@ -23,7 +24,7 @@ class Room:
     def __init__(self, folder: Path, course: str | None = None) -> None:
         self.store = ClassStore(f"sqlite:///{folder / 'class.db'}")
         self.lesson = Lesson(self.store, folder / "records", None if course is None else named_course(course))
-        self.app = class_app(self.lesson, TOKEN)
+        self.app = class_app(ClassSite(lesson=self.lesson), TOKEN)
 
     def client(self) -> TestClient:
         return TestClient(self.app, base_url="http://class", follow_redirects=False)

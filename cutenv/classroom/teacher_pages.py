@@ -1,327 +1,164 @@
-"""The teacher's pages beyond the list of the class: people, groups, studies, pass marks, records of other programs."""
+"""Pages of a class for its teacher: the list of the class, people, codes, records."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Awaitable, Callable, Mapping, Sequence
-from datetime import date
-from typing import Any, Protocol
+import hmac
+import time
 
 from starlette.concurrency import run_in_threadpool
-from starlette.datastructures import FormData, UploadFile
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.routing import Route
 
-from cutenv.classroom.analysis import PASS_MARK_KIND, STUDY_KIND, StudiedRecord
-from cutenv.classroom.class_store import KEPT, SAVED, HandedOutCut, MarkInForce, Place
-from cutenv.classroom.foreign_upload import PICKED, picked_length, units_by_field
-from cutenv.classroom.lesson import Lesson
-from cutenv.classroom.score_curve import score_curve
-from cutenv.scoring.study import proficiency
-from cutenv.scoring.study.estimate import FEWEST_PEOPLE
+from cutenv.classroom.class_overview import overview
+from cutenv.classroom.class_site import TEACHER_COOKIE, ClassSite, download, text_of
+from cutenv.classroom.class_store import TEACHER
+from cutenv.classroom.live_rig import LiveRig
+from cutenv.classroom.request_guard import Trials
 
-UPLOAD_PATH = "/teacher/upload"
-"""Path to which files are sent."""
-_TYPES = {".html": "text/html", ".csv": "text/csv", ".json": "application/json"}
+_MOST_CODES = 500
+_TICKET_LASTS = 60.0  # [s]
 
 
-class ShownPage(Protocol):
-    """Answer with a page: template, status, and the template's values."""
-
-    def __call__(self, name: str, status: int = 200, **values: Any) -> HTMLResponse:
-        """Return the page."""
-        ...
-
-
-def overview(lesson: Lesson, language: str) -> dict[str, Any]:
-    """Return what the list of the class shows, in a language: people, a curve for each class, and the pass mark."""
-    mark, places = lesson.pass_mark, lesson.store.places()
-    rows = [_person(lesson, language, mark, places.get(each[0], Place()), *each) for each in _people(lesson)]
-    classes = sorted({row["place"].class_name for row in rows})
-    curves = {
-        name: score_curve(
-            [row["scores"] for row in rows if row["place"].class_name == name and row["scores"]],
-            mark=None if mark is None else mark.mark,
-        )
-        for name in classes
-    }
-    return {"people": rows, "mark": mark, "course": lesson.course_name} | {
-        "curves": {name: curve for name, curve in curves.items() if curve}
-    }
-
-
-def _people(lesson: Lesson) -> list[tuple[str, bool, list[HandedOutCut]]]:
-    by_code: dict[str, list[HandedOutCut]] = {}
-    for cut in lesson.store.cuts():
-        by_code.setdefault(cut.code, []).append(cut)
-    return [(code, consented, by_code.get(code, [])) for code, consented in lesson.store.codes()]
-
-
-def _person(
-    lesson: Lesson,
-    language: str,
-    mark: MarkInForce | None,
-    place: Place,
-    code: str,
-    consented: bool,
-    cuts: Sequence[HandedOutCut],
-) -> dict[str, Any]:
-    progress = lesson.progress(code)
-    confirmed = [cut.score for cut in cuts if cut.state == SAVED]
-    scored = [score for score in confirmed if score is not None]
-    found = proficiency(scored, mark.mark, better="higher") if mark is not None and scored else None
-    return {
-        "code": code,
-        "consented": consented,
-        "cuts": cuts,
-        "place": place,
-        "scores": confirmed,
-        "passes": found,
-        "curve": score_curve([confirmed], mark=None if mark is None else mark.mark) if confirmed else "",
-        "ahead": "" if progress is None else progress.ahead(language),
-    }
-
-
-def teacher_routes(
-    lesson: Lesson,
-    teacher: Callable[[Request], Awaitable[None]],
-    page: ShownPage,
-    words: Mapping[str, str],
-    language: str,
-) -> list[Route]:
-    """Return the routes of these pages.
+class TeacherPages:
+    """Pages and answers for the teacher.
 
     Parameters
     ----------
-    lesson : Lesson
-        The class at work.
-    teacher : callable
-        Check that raises HTTPException if a request is not the teacher's.
-    page : callable
-        Answer with a page.
-    words : mapping of str to str
-        Words of the class's language.
-    language : {"en", "de"}
-        That language.
+    site : ClassSite
+        Site of the class.
+    trials : Trials
+        Failed trials, by address.
+    token : str
+        Secret with which the teacher signs in.
+    ticket : str, optional
+        Secret that signs the teacher in once, by the address ``teacher/open/TICKET``, within the first minute.
+    live : LiveRig, optional
+        Rig that the teacher may watch.
     """
-    uploads = lesson.uploads
 
-    async def person(request: Request) -> Response:
+    def __init__(
+        self,
+        site: ClassSite,
+        trials: Trials,
+        token: str,
+        *,
+        ticket: str | None = None,
+        live: LiveRig | None = None,
+    ) -> None:
+        self._site, self._trials, self._lesson, self._live = site, trials, site.lesson, live
+        self._token, self._ticket, self._opened = token, ticket, time.monotonic()
+
+    @property
+    def routes(self) -> list[Route]:
+        """Routes of these pages."""
+        route = self._site.teachers_route
+        return [
+            Route("/teacher/open/{ticket:str}", self.open_once, methods=["GET"]),
+            Route("/teacher", self.teacher_page, methods=["GET"]),
+            Route("/teacher", self.teacher_sign_in, methods=["POST"]),
+            route("POST", "/teacher/codes", self.add_codes), route("GET", "/teacher/sheet", self.sheet),
+            route("GET", "/teacher/records.zip", self.records), route("POST", "/teacher/delete", self.remove),
+            route("POST", "/teacher/places", self.place), route("GET", "/teacher/cuts.csv", self.cut_table),
+            route("GET", "/teacher/people/{code:str}", self.person),
+        ]  # fmt: skip
+
+    @property
+    def routes_of_any_name(self) -> list[Route]:
+        """Routes that take any name, and so come after all others."""
+        route = self._site.teachers_route
+        return [
+            route("GET", "/teacher/{code:str}/records.zip", self.records),
+            route("GET", "/teacher/{code:str}/{number:str}", self.card),
+        ]
+
+    async def teacher_page(self, request: Request) -> Response:
+        """Show the list of the class, or where the teacher signs in."""
+        if await self._site.signed_in(request, TEACHER_COOKIE) != TEACHER:
+            return self._site.page("teacher_sign_in.html", trouble="")
+        shown = await run_in_threadpool(overview, self._lesson, self._site.language)
+        return self._site.page("teacher.html", most=_MOST_CODES, root="", rig=self._live, **shown)
+
+    async def teacher_sign_in(self, request: Request) -> Response:
+        """Sign the teacher in."""
+        address = request.client.host if request.client else ""
+        self._trials.check(address)
+        form = await request.form()
+        if not hmac.compare_digest(str(form.get("token", "")).encode(), self._token.encode()):
+            self._trials.failed(address)
+            return self._site.page("teacher_sign_in.html", 403, trouble=self._site.words["wrong_token"])
+        token = await run_in_threadpool(self._lesson.store.sign_in, TEACHER)
+        return self._site.sign(RedirectResponse("teacher", 303), TEACHER_COOKIE, token)
+
+    async def open_once(self, request: Request) -> Response:
+        """Sign the teacher in by the ticket, once."""
+        given, ticket = request.path_params["ticket"].encode(), self._ticket
+        late = time.monotonic() > self._opened + _TICKET_LASTS
+        if ticket is None or late or not hmac.compare_digest(given, ticket.encode()):
+            return RedirectResponse("../../teacher", 303)
+        self._ticket = None
+        token = await run_in_threadpool(self._lesson.store.sign_in, TEACHER)
+        return self._site.sign(RedirectResponse("../../teacher", 303), TEACHER_COOKIE, token)
+
+    async def add_codes(self, request: Request) -> Response:
+        """Make codes for people."""
+        form = await request.form()
+        count, class_name = str(form.get("count", "")), str(form.get("class_name", "")).strip()
+        if not (count.isascii() and count.isdecimal()) or not 1 <= int(count) <= _MOST_CODES:
+            raise HTTPException(422, f"count = {count!r} is outside 1 to {_MOST_CODES}. Give how many codes.")
+        await run_in_threadpool(self._lesson.store.put, [], class_name=class_name)  # a bad name makes no codes
+        codes = await run_in_threadpool(self._lesson.store.add_codes, int(count))
+        await run_in_threadpool(self._lesson.store.put, codes, class_name=class_name)
+        return RedirectResponse("../teacher", 303)
+
+    async def sheet(self, request: Request) -> Response:
+        """Show codes to print and cut apart."""
+        codes = [code for code, _ in await run_in_threadpool(self._lesson.store.codes)]
+        return self._site.page("code_sheet.html", codes=codes, address=str(request.base_url))
+
+    async def records(self, request: Request) -> Response:
+        """Send all records, or those of one person, packed."""
+        code = request.path_params.get("code")
+        if code is not None and not await run_in_threadpool(self._lesson.store.knows, code):
+            raise HTTPException(404, "There is no such code.")
+        content = await run_in_threadpool(self._lesson.records, code)
+        name = "records.zip" if code is None else f"{code}.zip"
+        return download(content, name, "application/zip")
+
+    async def card(self, request: Request) -> Response:
+        """Show the score card of a cut."""
+        code, number = request.path_params["code"], request.path_params["number"]
+        return HTMLResponse(await run_in_threadpool(self._lesson.card_page, code, number))
+
+    async def remove(self, request: Request) -> Response:
+        """Delete a person, with all cuts."""
+        form = await request.form()
+        if form.get("code") != form.get("again"):
+            raise HTTPException(422, "The code was not typed a second time: nobody was deleted.")
+        if not await run_in_threadpool(self._lesson.delete, str(form.get("code", ""))):
+            raise HTTPException(404, "There is no such code.")
+        return RedirectResponse("../teacher", 303)
+
+    async def person(self, request: Request) -> Response:
+        """Show a person's cuts."""
         code = request.path_params["code"]
-        rows = (await run_in_threadpool(overview, lesson, language))["people"]
+        rows = (await run_in_threadpool(overview, self._lesson, self._site.language))["people"]
         for row in (row for row in rows if row["code"] == code):
-            return page("person.html", person=row, mark=lesson.pass_mark, root="../../")
+            return self._site.page("person.html", person=row, mark=self._lesson.pass_mark, root="../../")
         raise HTTPException(404, "There is no such code.")
 
-    async def place(request: Request) -> Response:
+    async def place(self, request: Request) -> Response:
+        """Put people into classes and groups."""
         form = await request.form()
         codes = [str(code) for code in form.getlist("code")]
         if not codes:
-            raise HTTPException(422, words["nobody_chosen"])
-        given = {name: _text(form, name).strip() for name in ("class_name", "group")}
+            raise HTTPException(422, self._site.words["nobody_chosen"])
+        given = {name: text_of(form, name).strip() for name in ("class_name", "group")}
         new = {name: "" if text == "-" else text for name, text in given.items() if text}  # a dash takes out
-        await run_in_threadpool(lesson.store.put, codes, **new)
+        await run_in_threadpool(self._lesson.store.put, codes, **new)
         return RedirectResponse("../teacher", 303)
 
-    async def cut_table(request: Request) -> Response:
-        return _download((await run_in_threadpool(lesson.table)).encode(), "cuts.csv", "text/csv")
-
-    # Studies and pass marks
-
-    def studies_page(trouble: str = "", status: int = 200) -> Response:
-        places = lesson.store.places()
-        everybody = [(code, places.get(code, Place()), cuts) for code, _, cuts in _people(lesson)]
-        counts: dict[str, int] = {}
-        groups: dict[str, int] = {}
-        for _, where, cuts in everybody:
-            counts[where.class_name] = counts.get(where.class_name, 0) + 1
-            if where.group:
-                groups[where.group] = groups.get(where.group, 0) + any(cut.state == SAVED for cut in cuts)
-        return page(
-            "studies.html", status, trouble=trouble, classes=sorted(counts.items()), groups=sorted(groups.items()),
-            mark=lesson.pass_mark, course=lesson.course_name, analyses=lesson.analyses.all(), fewest=FEWEST_PEOPLE,
-            root="../",
-        )  # fmt: skip
-
-    async def studies(request: Request) -> Response:
-        return await run_in_threadpool(studies_page)
-
-    async def study(request: Request) -> Response:
-        form = await request.form()
-        try:
-            made = await run_in_threadpool(_begun, lesson, form, words, language)
-        except ValueError as error:
-            return await run_in_threadpool(studies_page, str(error), 422)
-        return RedirectResponse(f"studies/{made}", 303)
-
-    async def analysis(request: Request) -> Response:
-        made = lesson.analyses.find(request.path_params["number"])
-        state = made.state  # first of all: it may end while the page is made
-        shown: dict[str, Any] = {"state": state, "said": made.said(), "files": made.files(), "marks": made.marks()}
-        source = f"{made.title}, {date.today().isoformat()}"
-        answer = page("analysis.html", analysis=made, source=source, root="../../", mark=lesson.pass_mark, **shown)
-        if state in ("waiting", "working"):
-            answer.headers["Refresh"] = "2"  # the page has no script that could ask
-        return answer
-
-    async def analysis_file(request: Request) -> Response:
-        made = lesson.analyses.find(request.path_params["number"])
-        name = request.path_params["name"]
-        if name == "all.zip":
-            return _download(await run_in_threadpool(made.packed), f"{made.kind}.zip", "application/zip")
-        if name not in made.files():
-            raise HTTPException(404, "There is no such page.")
-        path = made.files()[name]
-        content = await run_in_threadpool(path.read_bytes)
-        kind = _TYPES[path.suffix]
-        return Response(content, media_type=kind) if kind == "text/html" else _download(content, name, kind)
-
-    async def drop_analysis(request: Request) -> Response:
-        await run_in_threadpool(lesson.analyses.drop, request.path_params["number"])
-        return RedirectResponse("../../studies", 303)
-
-    async def set_mark(request: Request) -> Response:
-        form = await request.form()
-        try:
-            mark = None if form.get("withdraw") else _mark(form, words)
-            if mark is None and not form.get("withdraw"):
-                raise ValueError(words["no_mark"])
-            source = _text(form, "source") or words["mark_by_teacher"]
-            await run_in_threadpool(lesson.store.set_pass_mark, lesson.course_name, mark, source)
-        except ValueError as error:
-            return await run_in_threadpool(studies_page, str(error), 422)
-        return RedirectResponse("studies", 303)
-
-    # Records of other programs
-
-    def upload_page(upload: Any, status: int = 200, **values: Any) -> Response:
-        form = values.pop("form", None) or (upload.guess if upload else {})
-        filled = {"trouble": "", "cuts": [], "notes": [], "kept": []} | values
-        codes = [code for code, _ in lesson.store.codes()]
-        root = "../../" if upload else "../"
-        return page(
-            "upload.html", status, upload=upload, form=form, codes=codes, picked=PICKED, units=units_by_field(),
-            root=root, **filled,
-        )  # fmt: skip
-
-    async def upload_form(request: Request) -> Response:
-        return await run_in_threadpool(upload_page, None)
-
-    async def upload(request: Request) -> Response:
-        form = await request.form(max_files=32, max_fields=8)
-        given = [each for each in form.getlist("record") if isinstance(each, UploadFile) and each.filename]
-        try:
-            files = [(str(each.filename), await each.read()) for each in given]
-            staged = await run_in_threadpool(uploads.add, files)
-        except ValueError as error:
-            return await run_in_threadpool(upload_page, None, 422, trouble=str(error))
-        return RedirectResponse(f"upload/{staged.id}", 303)
-
-    async def staged_form(request: Request) -> Response:
-        return await run_in_threadpool(upload_page, uploads.find(request.path_params["number"]))
-
-    async def pick(request: Request) -> Response:
-        staged = uploads.find(request.path_params["number"])
-        given = await request.form()
-        form = {name: _text(given, name) for name in given}
-        if form.get("do") == "drop":
-            await run_in_threadpool(uploads.drop, staged.id)
-            return RedirectResponse("../upload", 303)
-        try:
-            target = picked_length(form)
-            cuts, notes = await run_in_threadpool(staged.read, form)
-            if form.get("do") != "keep":
-                return await run_in_threadpool(upload_page, staged, form=form, cuts=cuts, notes=notes)
-            if form.get("consent") != "yes":
-                raise ValueError(words["no_consent"])
-            sound = [cut.trace for cut in cuts if not cut.flaw]
-            if not sound:
-                raise ValueError(words["no_sound_cut"])
-            code = form.get("code", "")
-            for trace in sound:
-                await run_in_threadpool(lesson.add_foreign, code, trace, target)
-        except ValueError as error:
-            return await run_in_threadpool(upload_page, staged, 422, form=form, trouble=str(error))
-        await run_in_threadpool(uploads.drop, staged.id)
-        return RedirectResponse(f"../people/{code}", 303)
-
-    def guarded(answer: Callable[[Request], Awaitable[Response]]) -> Callable[[Request], Awaitable[Response]]:
-        async def checked(request: Request) -> Response:
-            await teacher(request)
-            try:
-                return await answer(request)
-            except LookupError as error:
-                raise HTTPException(404, str(error)) from None
-            except ValueError as error:
-                raise HTTPException(422, str(error)) from None
-
-        return checked
-
-    def route(method: str, path: str, answer: Callable[[Request], Awaitable[Response]]) -> Route:
-        return Route(path, guarded(answer), methods=[method])
-
-    return [
-        route("POST", "/teacher/places", place), route("GET", "/teacher/cuts.csv", cut_table),
-        route("GET", "/teacher/people/{code:str}", person),
-        route("GET", "/teacher/studies", studies), route("POST", "/teacher/studies", study),
-        route("GET", "/teacher/studies/{number:str}", analysis),
-        route("POST", "/teacher/studies/{number:str}/drop", drop_analysis),
-        route("GET", "/teacher/studies/{number:str}/{name:str}", analysis_file),
-        route("POST", "/teacher/pass-mark", set_mark),
-        route("GET", UPLOAD_PATH, upload_form), route("POST", UPLOAD_PATH, upload),
-        route("GET", UPLOAD_PATH + "/{number:str}", staged_form), route("POST", UPLOAD_PATH + "/{number:str}", pick),
-    ]  # fmt: skip
-
-
-def _begun(lesson: Lesson, form: FormData, words: Mapping[str, str], language: str) -> str:
-    """Begin the study or the setting of pass marks that a form asks for; return its id, ValueError if it cannot be."""
-    kind = PASS_MARK_KIND if form.get("kind") == PASS_MARK_KIND else STUDY_KIND
-    classes, codes = form.getlist("class"), form.getlist("code")
-    passing, failing, mark = _text(form, "passing"), _text(form, "failing"), _mark(form, words)
-    if passing and passing == failing:
-        raise ValueError(words["same_group"])
-    compared = (passing, failing) if passing and failing else None
-    places = lesson.store.places()
-    rows: list[StudiedRecord] = []
-    wanted = KEPT if form.get("foreign") else (SAVED,)
-    for code, _, cuts in _people(lesson):
-        where = places.get(code, Place())
-        chosen = code in codes if codes else where.class_name in classes
-        if chosen and (compared is None or kind == STUDY_KIND or where.group in compared):
-            group = where.group if compared else ""
-            rows += [StudiedRecord(f"{code}/{cut.record}", code, group) for cut in cuts if cut.state in wanted]
-    if not rows:
-        raise ValueError(words["nobody_to_study"])
-    options = ["--language", language]
-    if kind == STUDY_KIND:
-        options += ["--groups", passing, failing] if compared else []
-        mark = mark if mark is not None else lesson.pass_mark.mark if lesson.pass_mark else None
-    else:
-        people = {group: len({row.code for row in rows if row.group == group}) for group in compared or ()}
-        if mark is None and (compared is None or min(people.values()) < FEWEST_PEOPLE):
-            there = ", ".join(f"{group} {count}" for group, count in people.items()) or "–"
-            raise ValueError(words["too_few"].format(fewest=FEWEST_PEOPLE, there=there))
-        options += [f"--passing={passing}", f"--failing={failing}"] if compared else []
-    options += [] if mark is None else [f"--mark={mark:g}"]
-    title = ", ".join(map(str, codes or filter(None, classes))) or words["class"]
-    return lesson.analyses.start(kind, title, rows, options).id
-
-
-def _mark(form: FormData, words: Mapping[str, str]) -> float | None:
-    text = _text(form, "mark").strip().replace(",", ".")
-    if not text:
-        return None
-    if not re.fullmatch(r"\d{1,3}(\.\d{1,3})?", text) or float(text) > 100.0:
-        raise ValueError(words["no_mark"])
-    return float(text)
-
-
-def _text(form: FormData, name: str) -> str:
-    value = form.get(name, "")
-    return value if isinstance(value, str) else ""
-
-
-def _download(content: bytes, name: str, kind: str) -> Response:
-    return Response(content, media_type=kind, headers={"Content-Disposition": f'attachment; filename="{name}"'})
+    async def cut_table(self, request: Request) -> Response:
+        """Send a table of all cuts."""
+        return download((await run_in_threadpool(self._lesson.table)).encode(), "cuts.csv", "text/csv")

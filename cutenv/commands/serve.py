@@ -44,6 +44,7 @@ def main(argv: Sequence[str]) -> int:
 
     from cutenv.classroom.class_backup import restore_backup, write_backup
     from cutenv.classroom.class_server import class_app, new_token
+    from cutenv.classroom.class_site import ClassSite
     from cutenv.classroom.class_store import ClassStore
     from cutenv.classroom.lesson import Lesson
     from cutenv.classroom.live_rig import LiveRig
@@ -71,16 +72,8 @@ def main(argv: Sequence[str]) -> int:
         login = arguments.lrs_login.read_text(encoding="utf-8").strip()
         courier = Courier(lesson, StatementQueue(store), arguments.lrs, login, address)
         courier.start()
-    app = class_app(
-        lesson,
-        token,
-        title=arguments.title,
-        language=arguments.language,
-        secure=secure,
-        live=live,
-        courier=courier,
-        ticket=ticket,
-    )
+    site = ClassSite(lesson=lesson, title=arguments.title, language=arguments.language, secure=secure, courier=courier)
+    app = class_app(site, token, live=live, ticket=ticket)
     if lost:
         print(f"note: {lost} cut{'s were' * (lost > 1) or ' was'} not finished when the server ended", file=sys.stderr)
     if not secure and not _is_loopback(arguments.host):

@@ -22,7 +22,7 @@ from class_room import Room, cut_once, hand
 from cutenv.browser import HandCut
 from cutenv.browser.depth_steps import HandDepthCut
 from cutenv.classroom import Lesson
-from cutenv.classroom.class_server import LARGEST_BODY, Trials
+from cutenv.classroom.request_guard import LARGEST_BODY, Trials
 from cutenv.play.course import named_course
 from cutenv.recording import load_one
 from cutenv.scoring import score

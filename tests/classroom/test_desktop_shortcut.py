@@ -21,6 +21,7 @@ from starlette.testclient import TestClient
 
 from cutenv.classroom import ClassStore, Lesson
 from cutenv.classroom.class_server import class_app
+from cutenv.classroom.class_site import ClassSite
 from cutenv.classroom.desktop_shortcut import write_shortcut
 from cutenv.cli import main
 
@@ -61,9 +62,9 @@ def test_what_no_shortcut_can_hold_is_named(tmp_path: Path) -> None:
 def test_the_address_of_a_double_click_holds_for_a_minute(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ticket: str, minute: float, opens: bool
 ) -> None:
-    monkeypatch.setattr("cutenv.classroom.class_server._MINUTE", minute)
+    monkeypatch.setattr("cutenv.classroom.teacher_pages._TICKET_LASTS", minute)
     store = ClassStore(f"sqlite:///{tmp_path / 'class.db'}")
-    app = class_app(Lesson(store, tmp_path / "records"), "token", ticket="t")
+    app = class_app(ClassSite(lesson=Lesson(store, tmp_path / "records")), "token", ticket="t")
     answer = TestClient(app, base_url="http://class", follow_redirects=False).get(f"/teacher/open/{ticket}")
     assert answer.headers["location"].endswith("teacher")
     assert ("set-cookie" in answer.headers) is opens

@@ -21,6 +21,7 @@ from starlette.testclient import TestClient
 
 from cutenv.classroom import ClassStore, Lesson
 from cutenv.classroom.class_server import class_app
+from cutenv.classroom.class_site import ClassSite
 from cutenv.classroom.live_rig import LiveRig, checked_message
 from cutenv.cli import main
 from cutenv.recording import load_one
@@ -106,7 +107,8 @@ def test_a_bad_port_is_named(port: str, capsys: pytest.CaptureFixture[str]) -> N
 
 def test_the_teacher_alone_may_watch_and_nobody_can_send(live: LiveRig, tmp_path: Path) -> None:
     store = ClassStore(f"sqlite:///{tmp_path / 'class.db'}")
-    client = TestClient(class_app(Lesson(store, tmp_path / "records"), "secret", live=live), base_url="http://class")
+    site = ClassSite(lesson=Lesson(store, tmp_path / "records"))
+    client = TestClient(class_app(site, "secret", live=live), base_url="http://class")
     for path in ("/rig", "/rig/readings"):
         assert client.get(path).status_code == 401
     client.post("/teacher", data={"token": "secret"})

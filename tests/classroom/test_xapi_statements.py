@@ -26,6 +26,7 @@ from starlette.testclient import TestClient
 
 from cutenv.browser import HandCut
 from cutenv.classroom.class_server import class_app
+from cutenv.classroom.class_site import ClassSite
 from cutenv.classroom.statement_queue import StatementQueue
 from cutenv.classroom.xapi_statements import Courier, statement
 from cutenv.commands.serve import main
@@ -106,7 +107,7 @@ class SendingRoom(Room):
     def __init__(self, folder: Path, store: Store, course: str | None = None, login: str = "key:secret") -> None:
         super().__init__(folder, course)
         self.courier = Courier(self.lesson, StatementQueue(self.store), store.url, login, HOME)
-        self.app = class_app(self.lesson, TOKEN, courier=self.courier)
+        self.app = class_app(ClassSite(lesson=self.lesson, courier=self.courier), TOKEN)
 
 
 @pytest.fixture
