@@ -44,6 +44,12 @@ LAYER_TOLERANCE = 0.0005
 """Depth to which a success may open the layer below [m]."""
 LAYER_LIMIT = 0.003
 """Depth into the layer below at which a task ends for safety by default, and which a score counts as too deep [m]."""
+LINE_TOLERANCE = 0.001
+"""Mean distance between cut and line up to which a cut along a line is a success [m]."""
+FARTHEST_TOLERANCE = 0.003
+"""Largest distance between cut and line up to which a cut along a line is a success [m]."""
+LINE_LIMIT = 0.008
+"""Distance between cut and line at which a task ends for safety by default, and which a score counts as too far [m]."""
 
 
 @njit_internal
@@ -106,8 +112,8 @@ def into_layer(depth: T, boundary: float) -> T:
     return opened
 
 
-PER_DEPTH = 0.001
-"""Error of the depth that costs its weight once [m]."""
+PER_MILLIMETRE = 0.001
+"""Error of the depth, and distance to the line, that costs its weight once [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,7 +144,7 @@ DEPTH_COSTS = (
         text="area below the wanted depth / (L x 1 mm)",
         weight=0.1,
         per="per mm too deep along the whole cut",
-        value=lambda deep, target: deep / (target * PER_DEPTH),
+        value=lambda deep, target: deep / (target * PER_MILLIMETRE),
     ),
     MapCost(
         name="uncut",
@@ -146,7 +152,7 @@ DEPTH_COSTS = (
         text="area above the wanted depth, behind the tip, / (L x 1 mm)",
         weight=0.1,
         per="per mm too shallow along the whole cut",
-        value=lambda uncut, target: uncut / (target * PER_DEPTH),
+        value=lambda uncut, target: uncut / (target * PER_MILLIMETRE),
     ),
     MapCost(
         name="layer_area",
@@ -154,7 +160,7 @@ DEPTH_COSTS = (
         text="area opened in the layer below / (L x 1 mm)",
         weight=0.2,
         per="per mm of the layer below opened along the whole cut",
-        value=lambda layer, target: layer / (target * PER_DEPTH),
+        value=lambda layer, target: layer / (target * PER_MILLIMETRE),
     ),
     MapCost(
         name="layer_depth",
@@ -162,16 +168,50 @@ DEPTH_COSTS = (
         text="largest depth into the layer below / 1 mm",
         weight=0.05,
         per="per mm of the deepest place in the layer below",
-        value=lambda deepest: deepest / PER_DEPTH,
+        value=lambda deepest: deepest / PER_MILLIMETRE,
     ),
 )
 """Costs of the depth, in order; none is charged for a cut as deep as wanted."""
 
 
+OF_PATH = ("area", "farthest", "target")
+"""Quantities of the map along a line: area between cut and line [m2], largest distance of the cut to the line [m],
+target length [m]."""
+
+PATH_COSTS = (
+    MapCost(
+        name="off_line",
+        title="off the line",
+        text="area between cut and line / (L x 1 mm)",
+        weight=0.2,
+        per="per mm of distance to the line along the whole cut",
+        value=lambda area, target: area / (target * PER_MILLIMETRE),
+    ),
+    MapCost(
+        name="farthest",
+        title="farthest from the line",
+        text="largest distance between cut and line / 1 mm",
+        weight=0.05,
+        per="per mm of the largest distance to the line",
+        value=lambda farthest: farthest / PER_MILLIMETRE,
+    ),
+)
+"""Costs of the path, in order; none is charged for a cut on the line."""
+
+
 def depth_cost(of_map: Mapping[str, float]) -> float:
     """Return the sum of :data:`DEPTH_COSTS`, with their weights, for the quantities :data:`OF_MAP` of a cut."""
+    return _map_cost(DEPTH_COSTS, of_map)
+
+
+def path_cost(of_map: Mapping[str, float]) -> float:
+    """Return the sum of :data:`PATH_COSTS`, with their weights, for the quantities :data:`OF_PATH` of a cut."""
+    return _map_cost(PATH_COSTS, of_map)
+
+
+def _map_cost(costs: tuple[MapCost, ...], of_map: Mapping[str, float]) -> float:
     values = {
         cost.name: cost.value(**{name: of_map[name] for name in inspect.signature(cost.value).parameters})
-        for cost in DEPTH_COSTS
+        for cost in costs
     }
-    return math.fsum(cost.weight * values[cost.name] for cost in DEPTH_COSTS)
+    return math.fsum(cost.weight * values[cost.name] for cost in costs)

@@ -3,6 +3,7 @@
     python scripts/check_score.py                   500 specimens of each class, some fifteen minutes
     python scripts/check_score.py --specimens 50    a quick look
     python scripts/check_score.py --task depth --specimens 60    cuts along a wanted depth; some ten minutes
+    python scripts/check_score.py --task path --specimens 60     cuts along a drawn line; likewise
     python scripts/check_score.py --print           prints what is in runs/check-score/
 
 A success must have more than any failure on the same specimen; where two returns differ by more than 0.1, the score
@@ -13,7 +14,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -23,6 +24,7 @@ from benchmark.table import markdown_table
 from scipy.stats import spearmanr
 
 from cutenv.envs.depth_cut import DepthCutEnv
+from cutenv.envs.path_cut import PathCutEnv
 from cutenv.learning.batched_rollout import batched_rollout
 from cutenv.learning.evaluation import contestant
 from cutenv.learning.result_tables import rows_of, write_csv
@@ -33,13 +35,17 @@ from cutenv.policy import NULL_POLICIES, ORACLE, SCRIPTS
 from cutenv.policy.depth_planner import DepthPlanner
 from cutenv.policy.depth_scripts import DEPTH_SCRIPTS, FollowDepth
 from cutenv.policy.interface import PrivilegedPolicy
+from cutenv.policy.path_planner import PathPlanner
+from cutenv.policy.path_scripts import PATH_SCRIPTS
 from cutenv.scoring import score
-from cutenv.scoring.scored_cut import FLOOR_AT_END, TIP_AT_END
+from cutenv.scoring.path_map import LINE_KEY
+from cutenv.scoring.scored_cut import ASIDE_AT_END, FLOOR_AT_END, TIP_AT_END
 from cutenv.task.depth_terms import DEPTH_COMPONENTS
 from cutenv.task.observation import COMPONENTS
+from cutenv.tissue.lines import places_within
 from cutenv.trace import Trace
 
-FOLDER, FILE, DEPTH_FILE = Path("runs") / "check-score", "rows.csv", "depth.csv"
+FOLDER, FILE = Path("runs") / "check-score", "rows.csv"
 CLASSES = ("mixed", "vascular", "liver", "uniform")
 FEED, GIVES_UP = "constant 1.27 cm/s 90 deg", "gives up at two thirds"
 PLAYERS = (ORACLE, *SCRIPTS, "ppo-free", "ppo-fixed", FEED, "constant 0.38 cm/s 45 deg", *NULL_POLICIES)
@@ -114,48 +120,105 @@ def depth_cut(env: DepthCutEnv, policy: Any, seed: int) -> tuple[float, Trace]:
     return total, dataclasses.replace(trace, **measured)
 
 
-def measure_depth(specimens: int) -> list[dict[str, Any]]:
-    """Let scripts and planner cut the first held-out specimens along a wanted depth, and score the records."""
-    players = {ORACLE: DepthPlanner, **DEPTH_SCRIPTS, TOO_DEEP: Deeper}
-    env, rows = DepthCutEnv(specimen_class="mixed"), []
-    for name, make in players.items():
+def path_cut(env: PathCutEnv, policy: Any, seed: int) -> tuple[float, Trace]:
+    """Cut a specimen along a drawn line; return the return and the record, with what a simulator notes.
+
+    The places of the blade are known at the decisions, and straight lines between them.
+    """
+    observation, _ = env.reset(seed=seed, options={"episode": 0})
+    policy.reset(np.random.default_rng(seed))
+    if isinstance(policy, PrivilegedPolicy):
+        policy.set_state(env.cutting)
+    cutting = env.cutting
+    total, parts, lateral, times, places, ended = 0.0, [], [], [0.0], [cutting.blade_place], False
+    while not ended:
+        observation, reward, ended, _, _ = env.step(policy(observation))
+        total += float(reward)
+        parts.append(cutting.readings.copy())
+        lateral.append(np.array(cutting.lateral)[0, : len(parts[-1])])
+        times.append(float(parts[-1]["time"][-1]))
+        places.append(cutting.blade_place)
+    noted = {TIP_AT_END: cutting.tip, ASIDE_AT_END: cutting.aside_to_tip.tolist(), "end": cutting.end}
+    noted |= {LINE_KEY: places_within(cutting.line).tolist(), "target_length_m": cutting.target_length}
+    trace = to_trace(env.plant, np.concatenate(parts), **noted)
+    x, y = (np.interp(trace.time, times, each) for each in np.array(places).T)
+    return total, dataclasses.replace(trace, blade_x=x, blade_y=y, lateral_force=np.concatenate(lateral))
+
+
+class MapTask(NamedTuple):
+    """Task whose score has a map of the cut: who cuts, and which metric of the card is which error of the task."""
+
+    players: Mapping[str, Callable[[], Any]]
+    env: Callable[..., Any]
+    cut: Callable[[Any, Any, int], tuple[float, Trace]]
+    errors: str
+    """Name of the errors of the task's cutting."""
+    compared: Mapping[str, tuple[str, str, float, str]]
+    """Name of the error, words for it, its units in one of the metric's, and its unit, by metric."""
+    end: str
+    """End for safety that the task adds."""
+    ended: str
+
+
+MAP_TASKS = {
+    "depth": MapTask(
+        {ORACLE: DepthPlanner, **DEPTH_SCRIPTS, TOO_DEEP: Deeper}, DepthCutEnv, depth_cut, "depth_errors",
+        {
+            "mean_depth_error": ("mean_error_mm", "the mean error of the depth", 1e3, "mm"),
+            "layer_depth": ("layer_mm", "the depth into the layer", 1e3, "mm"),
+        },
+        "layer", "in the layer below",
+    ),
+    "path": MapTask(
+        {ORACLE: PathPlanner, **PATH_SCRIPTS}, PathCutEnv, path_cut, "path_errors",
+        {
+            "largest_line_distance": ("largest_distance_mm", "the largest distance to the line", 1e3, "mm"),
+            "line_area": ("area_mm2", "the area between cut and line", 1e6, "mm2"),
+        },
+        "off_line", "too far from the line",
+    ),
+}  # fmt: skip
+"""Tasks along a wanted depth, and along a line."""
+
+
+def measure_map(task: MapTask, specimens: int) -> list[dict[str, Any]]:
+    """Let scripts and planner cut the first held-out specimens of a task, and score the records."""
+    env, rows = task.env(specimen_class="mixed"), []
+    same, (known, _, scale, _) = next(iter(task.compared.items()))
+    for name, make in task.players.items():
         for seed in TEST_SEEDS[:specimens]:
-            total, trace = depth_cut(env, make(), seed)
+            total, trace = task.cut(env, make(), seed)
             card = score(trace)
-            plain = {key: value for key, value in trace.metadata.items() if key not in (TIP_AT_END, FLOOR_AT_END)}
-            alone = score(trace.with_metadata(plain))
-            errors = env.cutting.depth_errors
-            row = {
-                "class": "mixed",
-                "seed": seed,
-                "policy": name,
-                "return": total,
-                "success": float(env.cutting.success),
-            }
+            hidden = (TIP_AT_END, FLOOR_AT_END, ASIDE_AT_END)
+            alone = score(trace.with_metadata({k: v for k, v in trace.metadata.items() if k not in hidden}))
+            errors = getattr(env.cutting, task.errors)
+            row = {"class": "mixed", "seed": seed, "policy": name, "return": total, "success": env.cutting.success}
             row |= {"score": card.overall_score or 0.0, "from_record": alone.overall_score or 0.0}
-            row |= {"end": env.cutting.end, "layer_mm": errors["layer_mm"], "mean_error_mm": errors["mean_error_mm"]}
-            for key, one in (("mean_error", "mean_depth_error"), ("layer", "layer_depth")):
-                row[f"{key}_recorded_mm"] = 1e3 * alone[one] if alone.metrics[one].value is not None else np.nan
-            row["definitions_apart_mm"] = abs(1e3 * card["mean_depth_error"] - errors["mean_error_mm"])
+            row |= {"success": float(env.cutting.success), "end": env.cutting.end}
+            for metric, (error, _, units, _) in task.compared.items():
+                row[error] = errors[error]
+                row[f"{error}_recorded"] = units * alone[metric] if alone.metrics[metric].value is not None else np.nan
+            row["definitions_apart"] = abs(scale * card[same] - errors[known])
             rows.append(row)
     return rows
 
 
-def depth_report(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return the report on cuts along a wanted depth, and how well a record alone tells the depth."""
-    told = np.array([[float(r["mean_error_mm"]), float(r["mean_error_recorded_mm"])] for r in rows])
-    layer = np.array([[float(r["layer_mm"]), float(r["layer_recorded_mm"])] for r in rows])
+def map_report(task: MapTask, rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return the report on cuts along a wanted depth or a line, and how well a record alone tells depth or path."""
     alone = agreement([{**row, "score": row["from_record"]} for row in rows])
-    apart = max(float(row["definitions_apart_mm"]) for row in rows)
-    off, into = (np.abs(pair[:, 1] - pair[:, 0]) for pair in (told, layer))
-    ends = sum(row["end"] == "layer" for row in rows)
+    apart = max(float(row["definitions_apart"]) for row in rows)
+    ends = sum(row["end"] == task.end for row in rows)
+    same = next(iter(task.compared.values()))[1]
+    said = []
+    for error, words, _, unit in task.compared.values():
+        off = np.abs([float(row[f"{error}_recorded"]) - float(row[error]) for row in rows])
+        said.append(
+            f"{words} is off by {np.nanmedian(off):.2f} {unit} (median; 95 % within {np.nanquantile(off, 0.95):.2f})"
+        )
     return (
         f"{report(rows)}\n\n"
-        f"{ends} cuts ended in the layer below. The mean error of the depth on the card is the task's within "
-        f"{apart:.0e} mm.\n\n"
-        "From the record alone, without what the simulator notes: the mean error of the depth is off by "
-        f"{np.nanmedian(off):.2f} mm (median; 95 % within {np.nanquantile(off, 0.95):.2f} mm), the depth into the "
-        f"layer by {np.nanmedian(into):.2f} mm (95 % within {np.nanquantile(into, 0.95):.2f} mm); success not above "
+        f"{ends} cuts ended {task.ended}. On the card, {same} is the task's within {apart:.0e} mm.\n\n"
+        f"From the record alone, without what the simulator notes: {', '.join(said)}; success not above "
         f"failure in {alone.success_wrong} of {alone.success_pairs} pairs, agreement with the return in "
         f"{100 * alone.agreeing:.1f} %."
     )
@@ -231,7 +294,7 @@ def kept(folder: Path, file: str = FILE) -> list[dict[str, str]]:
 def main() -> None:
     """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--task", default="gentle", choices=("gentle", "depth"), help="default gentle")
+    parser.add_argument("--task", default="gentle", choices=("gentle", *MAP_TASKS), help="default gentle")
     parser.add_argument("--specimens", type=int, default=500, metavar="N", help="of each class; default 500")
     parser.add_argument("--classes", nargs="+", default=CLASSES, choices=CLASSES, help="default all")
     parser.add_argument("--out", type=Path, default=FOLDER, metavar="FOLDER", help=f"folder; default {FOLDER}")
@@ -239,11 +302,12 @@ def main() -> None:
     arguments = parser.parse_args()
     if arguments.specimens < 1:
         parser.error(f"--specimens {arguments.specimens} is less than 1")
-    if arguments.task == "depth":
+    if arguments.task in MAP_TASKS:
+        task, file = MAP_TASKS[arguments.task], f"{arguments.task}.csv"
         if not arguments.print:
             arguments.out.mkdir(parents=True, exist_ok=True)
-            write_csv(arguments.out / DEPTH_FILE, measure_depth(arguments.specimens))
-        print(depth_report(kept(arguments.out, DEPTH_FILE)), flush=True)
+            write_csv(arguments.out / file, measure_map(task, arguments.specimens))
+        print(map_report(task, kept(arguments.out, file)), flush=True)
         return
     if not arguments.print:
         rows = [row for kind in arguments.classes for row in measure(PLAYERS, arguments.specimens, kind)]

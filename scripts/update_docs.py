@@ -83,7 +83,7 @@ from cutenv.report import draw_cut
 from cutenv.rig.devices.serial.slow_profile import RATES, slow_settings
 from cutenv.rig.operation.suitability import suitability_lines
 from cutenv.rig.toml_text import template
-from cutenv.scoring import DEPTH_METRICS, INVARIANCES, METRICS, Metric
+from cutenv.scoring import DEPTH_METRICS, INVARIANCES, METRICS, PATH_METRICS, Metric
 from cutenv.task.depth_terms import DepthConstants
 from cutenv.task.path_terms import PathConstants
 from cutenv.task.reward import CUT_ENDS, REWARD
@@ -123,6 +123,7 @@ PAGES = {
     "layers-recovered": "docs/validation/calibration.md",
     "check-score": "docs/validation/score.md",
     "check-depth-score": "docs/validation/score.md",
+    "check-path-score": "docs/validation/score.md",
     "pass-marks": "docs/validation/pass-marks.md",
     "field": "docs/validation/field.md",
     "depth": "docs/validation/depth.md",
@@ -139,6 +140,7 @@ PAGES = {
     "parameters": "docs/reference/constants.md",
     "metrics": "docs/reference/metrics.md",
     "depth-metrics": "docs/reference/metrics.md",
+    "path-metrics": "docs/reference/metrics.md",
     "weights": "docs/how-to/train.md",
     "ends": "docs/concepts/task.md",
     "tip-errors": "docs/concepts/task.md",
@@ -380,6 +382,13 @@ def errata(_: argparse.Namespace) -> str:
     return markdown_table(("table", "erratum"), [(number, text) for number, text in thesis_tables.errata()])
 
 
+def map_score(task: str) -> str:
+    """Return how the score of cuts along a wanted depth or a line agrees with the task."""
+    return check_score.map_report(
+        check_score.MAP_TASKS[task], check_score.kept(ROOT / check_score.FOLDER, f"{task}.csv")
+    )
+
+
 def metrics(_: argparse.Namespace) -> str:
     """Return every metric of a score card, and what each invariance means."""
     promises = "\n".join(f"- `{name}`: {meaning}" for name, meaning in INVARIANCES.items())
@@ -460,9 +469,8 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "freehand-speed": lambda _: speed_of("freehand"),
     "curved-benchmark": lambda _: curved_cuts.table(),
     "check-score": lambda _: check_score.report(check_score.kept(ROOT / check_score.FOLDER)),
-    "check-depth-score": lambda _: check_score.depth_report(
-        check_score.kept(ROOT / check_score.FOLDER, check_score.DEPTH_FILE)
-    ),
+    "check-depth-score": lambda _: map_score("depth"),
+    "check-path-score": lambda _: map_score("path"),
     "layers-recovered": lambda _: recover_layers.tables(recover_layers.left()),
     "depth": lambda _: measure_depth_accuracy.report(measure_depth_accuracy.kept(ROOT / measure_depth_accuracy.KEPT)),
     "seen-runs": lambda _: measure_seen_runs.report(measure_depth_accuracy.kept(ROOT / measure_seen_runs.KEPT)),
@@ -470,6 +478,7 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "errata": errata,
     "metrics": metrics,
     "depth-metrics": lambda _: metric_table(DEPTH_METRICS),
+    "path-metrics": lambda _: metric_table(PATH_METRICS),
     "weights": weights,
     "ends": ends,
     "tip-errors": lambda _: tip_errors.report(),

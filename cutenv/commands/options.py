@@ -14,6 +14,7 @@ from cutenv._base.output import reader_has_gone
 
 if TYPE_CHECKING:  # slow to import, and --help does not need it
     from cutenv.measurement import DepthProfile
+    from cutenv.tissue.lines import CutLine
 
 T = TypeVar("T")
 Main = Callable[[Sequence[str]], int]
@@ -101,6 +102,46 @@ def add_depth_options(parser: argparse.ArgumentParser) -> None:
         "POSITION:DEPTH: 0mm:6mm,80mm:14mm; default the record's own",
     )
     add_layer_depth(parser, "the record's own")
+
+
+def add_line(parser: argparse.ArgumentParser) -> None:
+    """Add ``--line``, read by :func:`line_given`."""
+    parser.add_argument(
+        "--line",
+        metavar="LINE",
+        help="line to cut along, of records with the places of the blade: straight, arc:RADIUS, s:RADIUS, "
+        "excision:LENGTH:HEIGHT (to the right: negative), with units (arc:40mm), or a CSV file of places with columns "
+        "such as x_mm,y_mm; default the record's own",
+    )
+
+
+def line_given(arguments: argparse.Namespace) -> CutLine | None:
+    """Return ``--line``, None if it is not given.
+
+    Raises
+    ------
+    ValueError
+        If it is no line, leaves the slab, turns back or bends too far.
+    OSError
+        If the file cannot be read.
+    """
+    from cutenv.recording.columns import parse_length
+    from cutenv.recording.line_file import read_line
+    from cutenv.tissue.lines import arc, half_ellipse, s_shape, straight
+
+    given: str | None = arguments.line
+    if given is None:
+        return None
+    kind, *sizes = given.split(":")
+    kinds: dict[str, tuple[Callable[..., CutLine], int]] = {
+        "straight": (straight, 0), "arc": (arc, 1), "s": (s_shape, 1), "excision": (half_ellipse, 2),
+    }  # fmt: skip
+    if kind not in kinds:
+        return read_line(Path(given))
+    made, count = kinds[kind]
+    if len(sizes) != count:
+        raise ValueError(f"--line {given}: write straight, arc:40mm, s:40mm, excision:80mm:15mm, or a file.")
+    return made(*(parse_length("--line", size) for size in sizes))
 
 
 def add_layer_depth(parser: argparse.ArgumentParser, default: str) -> None:

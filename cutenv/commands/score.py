@@ -12,10 +12,12 @@ from typing import TYPE_CHECKING
 
 from cutenv.commands.options import (
     add_depth_options,
+    add_line,
     add_record_options,
     add_target_length,
     command_parser,
     layer_depth_given,
+    line_given,
     made_folder,
     reports_errors,
     target_length,
@@ -40,6 +42,7 @@ def main(argv: Sequence[str]) -> int:
 
     made_folder("--out", arguments.out)
     target, wanted, layer = target_length(arguments), wanted_depth_given(arguments), layer_depth_given(arguments)
+    line = line_given(arguments)
     reference = reference_set(arguments.reference)
     records = read_records(arguments)
     for note in [*records.notes, *without_target(records.traces, target)]:
@@ -50,7 +53,12 @@ def main(argv: Sequence[str]) -> int:
     for trace in records.traces:
         aimed = target if target is not None else trace.metadata.get("target_length_m")
         card = score(
-            trace, target_length=aimed, reference=fitting_reference(reference, trace), wanted=wanted, layer_depth=layer
+            trace,
+            target_length=aimed,
+            reference=fitting_reference(reference, trace),
+            wanted=wanted,
+            layer_depth=layer,
+            line=line,
         )
         card = dataclasses.replace(card, scripts=scripts_on_specimen_of(trace))
         name = re.sub(r"[^\w.-]+", "_", card.name) + "_score.html"
@@ -112,6 +120,7 @@ def _parser() -> argparse.ArgumentParser:
             "cut.csv",
             "cuts/*.csv --target-length 80mm --out scored",
             "cut.csv --target-length 80mm --wanted-depth 0mm:6mm,80mm:14mm --layer-depth 16mm",
+            "cut.csv --target-length 80mm --line excision:80mm:15mm",
             'forces.txt --map "time=Zeit" "force=Kraft" --unit mN',
         ),
         note="Training feedback for research; not validated for assessment or credentialing of people.",
@@ -119,6 +128,7 @@ def _parser() -> argparse.ArgumentParser:
     add_record_options(parser)
     add_target_length(parser, "the record's own")
     add_depth_options(parser)
+    add_line(parser)
     parser.add_argument(
         "--reference",
         default="baselines",

@@ -37,7 +37,7 @@ from cutenv.cutting.law import LONGEST_ADVANCE, grid_index, lerp, stiffness_at, 
 from cutenv.cutting.update import grow_row, leap_row, load_row, look_row, run_row, turn_row
 from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING
 from cutenv.tissue.lines import WIDTH, CutLine
-from cutenv.tissue.path_model import stiffness_on_line
+from cutenv.tissue.path_model import CRACK_CURVATURE, stiffness_on_line
 from cutenv.tissue.specimen import Specimen
 
 LINE_REACH = 0.015
@@ -51,7 +51,7 @@ class SteeringParameters:
     """Constants of the law in the plane."""
 
     crack_curvature: float = parameter(
-        100.0, unit="1/m", low=1.0, high=1000.0, provenance="assumed",
+        CRACK_CURVATURE, unit="1/m", low=1.0, high=1000.0, provenance="assumed",
         source="largest curvature of the crack: it turns within the length that a blade drags along",
         sensitivity=(50.0, 200.0),
     )  # fmt: skip

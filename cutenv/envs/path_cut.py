@@ -26,7 +26,8 @@ from cutenv.task.path_beginning import GIVEN_LINE, begin_path_some
 from cutenv.task.path_cuts import path_errors, step_path_some
 from cutenv.task.path_cutting import PathCutting, path_record, steering_record
 from cutenv.task.path_privileged import append_path_privileged
-from cutenv.task.path_terms import ALL_PATH_COMPONENTS, PATH_COSTS, PATH_ENDS, PATH_MAP, TURN_SCALE, PathConstants
+from cutenv.task.path_terms import ALL_PATH_COMPONENTS, PATH_ENDS, PATH_MAP, TURN_SCALE, PathConstants
+from cutenv.task_quantities import PATH_COSTS
 from cutenv.tissue.drawn_lines import KINDS, LEAST_LENGTH, MIXED_LINES, DrawnLines, drawn_lines, given_line
 from cutenv.tissue.grid import LENGTH, POINTS_PER_METRE, SPACING
 from cutenv.tissue.lines import CutLine, length_within, through

@@ -4,10 +4,18 @@ from __future__ import annotations
 
 import math
 
-from cutenv.task.path_terms import FARTHEST_TOLERANCE, LINE_TOLERANCE, PATH_COSTS
 from cutenv.task.reward import FORCE_ALLOWED, LAG_ALLOWED, REWARD
 from cutenv.task.weights import RewardWeights
-from cutenv.task_quantities import ANGLE_TOLERANCE, DEPTH_COSTS, DEPTH_TOLERANCE, LAYER_TOLERANCE, TIP_TOLERANCE
+from cutenv.task_quantities import (
+    ANGLE_TOLERANCE,
+    DEPTH_COSTS,
+    DEPTH_TOLERANCE,
+    FARTHEST_TOLERANCE,
+    LAYER_TOLERANCE,
+    LINE_TOLERANCE,
+    PATH_COSTS,
+    TIP_TOLERANCE,
+)
 
 _IDLE_COST = RewardWeights().time
 """Cost of doing nothing: the whole time."""

@@ -11,8 +11,9 @@ import numpy as np
 from cutenv._base.arrays import Array
 from cutenv.measurement import loading_segments
 from cutenv.report.figure import PHONE_WIDTH, label, new_figure, plain_axes
-from cutenv.scoring import DepthMap, ScoreCard
-from cutenv.task_quantities import FORCE_LIMIT_PER_DEPTH, TIP_TOLERANCE
+from cutenv.scoring import DepthMap, PathMap, ScoreCard
+from cutenv.task_quantities import FARTHEST_TOLERANCE, FORCE_LIMIT_PER_DEPTH, TIP_TOLERANCE
+from cutenv.tissue.grid import SPACING
 from cutenv.trace import Trace
 
 if TYPE_CHECKING:
@@ -42,7 +43,8 @@ def score_figure(trace: Trace, card: ScoreCard, target_length: float | None, wid
     """
     along = trace.position is not None
     deep = along and card.depth_map is not None
-    rows = 1 + along + (trace.angle is not None) + deep
+    steered = along and card.path_map is not None
+    rows = 1 + along + (trace.angle is not None) + deep + steered
     figure = new_figure(width, 3.4 + 1.1 * (rows - 1))
     panels = np.atleast_1d(figure.subplots(rows, 1, sharex=True, height_ratios=[3.0, *[1.0] * (rows - 1)]))
     step = max(1, len(trace) // _POINTS)
@@ -64,7 +66,9 @@ def score_figure(trace: Trace, card: ScoreCard, target_length: float | None, wid
         turned.set_ylabel("angle\n[°]")
         turned.set_ylim(min(40.0, math.degrees(trace.angle.min()) - 5.0), 95.0)
     if deep and card.depth_map is not None:
-        _draw_depth(panels[-1], card.depth_map)
+        _draw_depth(panels[-1 - steered], card.depth_map)
+    if steered and card.path_map is not None:
+        _draw_path(panels[-1], card.path_map)
     panels[-1].set_xlabel("blade [cm]" if along else "time [s]")
     for axes in panels:
         plain_axes(axes)
@@ -86,6 +90,16 @@ def _draw_depth(axes: Axes, found: DepthMap) -> None:
         axes.axhspan(1e3 * found.layer, 1.1e3 * lowest, color=_FAULT, alpha=0.2, linewidth=0.0, label="layer below")
     axes.set_ylim(1.1e3 * lowest, 0.0)
     axes.set_ylabel("depth\n[mm]")
+
+
+def _draw_path(axes: Axes, found: PathMap) -> None:
+    """Draw the distance of a cut to its line, and how far off a success may be."""
+    x = 100.0 * SPACING * np.arange(len(found.aside))
+    axes.axhline(0.0, color=_TARGET, linewidth=1.2, linestyle="--", label="line")
+    axes.plot(x, 1e3 * found.aside, color=_SPEED, linewidth=1.4, label="cut, left of the line")
+    most = 1e3 * max(FARTHEST_TOLERANCE, found.farthest)
+    axes.set_ylim(-1.1 * most, 1.1 * most)
+    axes.set_ylabel("off the\nline [mm]")
 
 
 def summary_figure(cuts: Sequence[tuple[str, ScoreCard]], width: float) -> Figure:

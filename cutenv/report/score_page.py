@@ -12,7 +12,7 @@ from cutenv._base.atomic_file import atomic_write
 from cutenv._base.unit_table import shown_unit
 from cutenv.report.page import number, write_page, write_text
 from cutenv.report.score_figure import score_figure, summary_figure
-from cutenv.scoring import DEPTH_METRICS, METRICS, ScoreCard
+from cutenv.scoring import DEPTH_METRICS, METRICS, PATH_METRICS, ScoreCard
 from cutenv.scoring.score_card import DISCLAIMER, DOUBT
 from cutenv.trace import Trace
 
@@ -37,8 +37,8 @@ METRIC_GROUPS = {
     "Time": ("duration", "idle_time", "reversals"),
 }  # fmt: skip
 """Metrics of every record by what they tell, in the order of the page; those of the depth follow."""
-DEPTH_GROUP = "Depth"
-"""Group of the metrics that a record with height adds."""
+_OF_TASKS = {"Depth": DEPTH_METRICS, "Path": PATH_METRICS}
+"""Groups of the metrics that a wanted depth, or a line to cut along, adds."""
 _SPOILS = {"short", "overshoot", "force"}
 """Kinds of faults that no score compensates: a target missed, a force above the limit."""
 
@@ -103,7 +103,7 @@ def write_summary(folder: Path, records: Sequence[tuple[ScoredRecord, str]]) -> 
     table, page : Path
     """
     valued = {name for r, _ in records for name, scored in r.card.metrics.items() if scored.value is not None}
-    columns = [name for name in (*METRICS, *DEPTH_METRICS) if name in valued]
+    columns = [name for name in (*METRICS, *DEPTH_METRICS, *PATH_METRICS) if name in valued]
     data = folder / "scores.csv"
     with atomic_write(data) as part, part.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
@@ -174,16 +174,16 @@ _SHARED: dict[str, Any] = {
     "disclaimer": DISCLAIMER,
     "handy": _handy,
     "leading": ON_TOP,
-    "metrics": METRICS | DEPTH_METRICS,
+    "metrics": METRICS | DEPTH_METRICS | PATH_METRICS,
 }
 """Context of both pages."""
 
 
 def _shared(cards: Sequence[ScoreCard]) -> dict[str, Any]:
-    """Return the context of a page; the depth is a group of its own where a card has it."""
-    deep = (
-        {DEPTH_GROUP: tuple(DEPTH_METRICS)}
-        if any(name in card.metrics for card in cards for name in DEPTH_METRICS)
-        else {}
-    )
-    return _SHARED | {"groups": METRIC_GROUPS | deep}
+    """Return the context of a page; depth and path are groups of their own where a card has them."""
+    added = {
+        group: tuple(found)
+        for group, found in _OF_TASKS.items()
+        if any(name in card.metrics for card in cards for name in found)
+    }
+    return _SHARED | {"groups": METRIC_GROUPS | added}

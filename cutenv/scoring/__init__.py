@@ -1,9 +1,10 @@
 """One score for people, scripts, agents and rigs, from what a rig can measure."""
 
-from cutenv.scoring import depth_metrics, force, motion, outcome  # noqa: F401  they enter their metrics
+from cutenv.scoring import depth_metrics, force, motion, outcome, path_metrics  # noqa: F401  they enter their metrics
 from cutenv.scoring.depth_map import DepthMap
-from cutenv.scoring.metric import DEPTH_METRICS, INVARIANCES, METRICS, Metric
+from cutenv.scoring.metric import DEPTH_METRICS, INVARIANCES, METRICS, PATH_METRICS, Metric
 from cutenv.scoring.metric_weights import ForceOnlyWeights
+from cutenv.scoring.path_map import PathMap
 from cutenv.scoring.points import ScorePoints
 from cutenv.scoring.reference import ReferenceSet
 from cutenv.scoring.score_card import ScoreCard, Scored, score
@@ -15,9 +16,11 @@ __all__ = [
     "DEPTH_METRICS",
     "INVARIANCES",
     "METRICS",
+    "PATH_METRICS",
     "DepthMap",
     "ForceOnlyWeights",
     "Metric",
+    "PathMap",
     "ReferenceSet",
     "ScoreCard",
     "ScorePoints",

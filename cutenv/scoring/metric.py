@@ -68,6 +68,8 @@ METRICS: dict[str, Metric] = {}
 """Metrics of every record by name, in the order of the score card."""
 DEPTH_METRICS: dict[str, Metric] = {}
 """Metrics that a record with height, or a wanted depth, adds; in the order of the score card."""
+PATH_METRICS: dict[str, Metric] = {}
+"""Metrics that a line to cut along adds; in the order of the score card."""
 
 
 def metric(
@@ -75,7 +77,8 @@ def metric(
 ) -> Callable[[Callable[[ScoredCut], float]], Callable[[ScoredCut], float]]:
     """Register a function of a cut in :data:`METRICS` by its name; its docstring's first line is the meaning.
 
-    ``among`` is :data:`DEPTH_METRICS` for one of the depth; ``about`` are the other fields of a :class:`Metric`.
+    ``among`` is :data:`DEPTH_METRICS` or :data:`PATH_METRICS` for one of depth or path; ``about`` are the other fields
+    of a :class:`Metric`.
     """
 
     def enter(function: Callable[[ScoredCut], float]) -> Callable[[ScoredCut], float]:
@@ -88,4 +91,4 @@ def metric(
 
 def metric_named(name: str) -> Metric:
     """Return a metric of any record by its name."""
-    return METRICS[name] if name in METRICS else DEPTH_METRICS[name]
+    return (METRICS | DEPTH_METRICS | PATH_METRICS)[name]

@@ -8,12 +8,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from cutenv.scoring.depth_metrics import depth_in_words
+from cutenv.scoring.path_metrics import path_in_words
 from cutenv.scoring.scored_cut import ScoredCut
 from cutenv.task_quantities import (
     ANGLE_TOLERANCE,
     CLOSE,
     FORCE_LIMIT_PER_DEPTH,
     LAYER_LIMIT,
+    LINE_LIMIT,
     OVERSHOOT_ALLOWED,
     RUN_ALLOWED,
     TIP_TOLERANCE,
@@ -41,10 +43,10 @@ TISSUE_HARMED = {
     "mean_lag": (0.008, 0.020),
 }
 """Metrics that take points for the tissue: value up to which nothing is taken, and how far beyond it all is."""
-DEPTH_POINTS = 30.0
-"""Points for the depth of a cut along a wanted depth; those for gentle cutting then share the other 70."""
-DEPTH_COST = 0.44
-"""Charge of the task for the depth from which on there are no points; a point is then as dear as the others."""
+MAP_POINTS = 30.0
+"""Points for the depth of a cut along a wanted depth, or its path along a line; gentle cutting then has the others."""
+MAP_COST = 0.44
+"""Charge of the task for depth or path from which on there are no points; a point is then as dear as the others."""
 RESTLESS = 2.0
 """RMS rate of the force over its peak that has no points for steadiness [1/s]."""
 _LEAST_ANGLE = 0.5 * math.pi - ANGLE_TOLERANCE  # [rad]
@@ -134,23 +136,24 @@ def task_points(cut: ScoredCut, metrics: Mapping[str, float]) -> tuple[ScorePoin
         ScorePoints(part=name, points=most * counts * _share(quality), most=most, reason=why + less)
         for name, most, quality, why in qualities
     )
-    if cut.wanted is None:
+    if cut.line is None and cut.wanted is None:
         return gentle
-    share = 1.0 - DEPTH_POINTS / 100.0
-    depth = ScorePoints(
-        part="depth",
-        points=DEPTH_POINTS * counts * _share(1.0 - cut.depth_map.cost(length) / DEPTH_COST),
-        most=DEPTH_POINTS,
-        reason=f"{depth_in_words(cut)}{less}",
-    )
+    if cut.line is not None:
+        part, cost, words = "path", cut.path_map.cost(length), path_in_words(cut)
+    else:
+        part, cost, words = "depth", cut.depth_map.cost(length), depth_in_words(cut)
+    share = 1.0 - MAP_POINTS / 100.0
+    of_map = MAP_POINTS * counts * _share(1.0 - cost / MAP_COST)
+    added = ScorePoints(part=part, points=of_map, most=MAP_POINTS, reason=f"{words}{less}")
     gentle = tuple(dataclasses.replace(each, points=share * each.points, most=share * each.most) for each in gentle)
-    return *gentle, depth
+    return *gentle, added
 
 
 def is_success(cut: ScoredCut) -> bool:
     """Return True for a tip near the target, under an upright blade, in a cut that ended as it should.
 
-    Where a depth is wanted, the cut is as deep as wanted, and the layer below is not opened.
+    Where a depth is wanted, the cut is as deep as wanted, and the layer below is not opened; where there is a line, the
+    cut is near enough to it.
 
     Raises
     ------
@@ -160,18 +163,20 @@ def is_success(cut: ScoredCut) -> bool:
     near = tip_error(float(cut.tip[cut.end]), cut.length) <= TIP_TOLERANCE
     upright = cut.trace.angle is None or abs(wedge(float(cut.angle[cut.end]), 1.0)) <= wedge(_LEAST_ANGLE, 1.0)
     ended = cut.trace.metadata.get("end", "finished") == "finished"
-    return near and upright and ended and not _depth_missed(cut)
+    return near and upright and ended and not _map_missed(cut)
 
 
-def _depth_missed(cut: ScoredCut) -> str:
-    """Return what the depth lacks for a success, in words; "" for nothing, or where no depth is wanted."""
+def _map_missed(cut: ScoredCut) -> str:
+    """Return what depth or path lack for a success, in words; "" for nothing, or where none is wanted."""
+    if cut.line is not None:
+        return cut.path_map.shortcoming(cut.length)
     return "" if cut.wanted is None else cut.depth_map.shortcoming(cut.length)
 
 
 def _missed(cut: ScoredCut) -> str:
     """Return what was missed, in words."""
     near = tip_error(float(cut.tip[cut.end]), cut.length) <= TIP_TOLERANCE
-    return (_depth_missed(cut) if near else "") or "the target was missed"
+    return (_map_missed(cut) if near else "") or "the target was missed"
 
 
 def outcome_of(cut: ScoredCut, metrics: Mapping[str, float]) -> str:
@@ -189,7 +194,7 @@ def outcome_of(cut: ScoredCut, metrics: Mapping[str, float]) -> str:
     if fault := beyond_limit(cut, metrics):
         return fault
     if is_success(cut):
-        return ", ".join(filter(None, ("success", place, depth_in_words(cut))))
+        return ", ".join(filter(None, ("success", place, depth_in_words(cut), path_in_words(cut))))
     return place if abs(off) > 1e3 * TIP_TOLERANCE else f"{place}, but {_success(cut, success=False)}"
 
 
@@ -210,6 +215,9 @@ def beyond_limit(cut: ScoredCut, metrics: Mapping[str, float]) -> str:
     opened = metrics.get("layer_depth", 0.0)
     if opened > LAYER_LIMIT or told == "layer":
         return f"the layer below is opened by {1e3 * max(opened, LAYER_LIMIT):.1f} mm"
+    off = metrics.get("largest_line_distance", 0.0)
+    if off > LINE_LIMIT or told == "off_line":
+        return f"the cut is {1e3 * max(off, LINE_LIMIT):.1f} mm off the line"
     return ""
 
 
@@ -221,7 +229,7 @@ def _success(cut: ScoredCut, *, success: bool) -> str:
     ended = cut.trace.metadata.get("end", "finished")
     if ended != "finished":
         return f"the cut was not finished: {ended}"
-    return _depth_missed(cut) or "the blade must end upright"
+    return _map_missed(cut) or "the blade must end upright"
 
 
 def _tissue(metrics: Mapping[str, float]) -> float:

@@ -15,15 +15,18 @@ import numpy as np
 from cutenv.measurement import DepthProfile
 from cutenv.measurement.depth import LAYER_DEPTH_KEY, WANTED_DEPTH_KEY, depth_sd, wanted_depth
 from cutenv.scoring.depth_map import DepthMap
-from cutenv.scoring.metric import DEPTH_METRICS, METRICS, Metric, metric_named
+from cutenv.scoring.metric import DEPTH_METRICS, METRICS, PATH_METRICS, Metric, metric_named
 from cutenv.scoring.metric_weights import ForceOnlyWeights, weights_by_metric
+from cutenv.scoring.path_map import LINE_KEY, PathMap
 from cutenv.scoring.points import ScorePoints, outcome_of, task_points
 from cutenv.scoring.reference import ReferenceSet
-from cutenv.scoring.scored_cut import FLOOR_AT_END, ScoredCut, Truth
+from cutenv.scoring.scored_cut import ASIDE_AT_END, FLOOR_AT_END, TIP_AT_END, ScoredCut, Truth
 from cutenv.scoring.technique import TechniqueFault, technique_faults
 from cutenv.scoring.unavailable import Unavailable
 from cutenv.scoring.validity import validity_warnings
 from cutenv.tissue import TissueDescription, measured_liver
+from cutenv.tissue.expected_cut import along_line
+from cutenv.tissue.lines import CutLine, through
 from cutenv.trace import Trace
 
 SCORE_SCHEMA = "cutenv-score/2"
@@ -33,6 +36,8 @@ EXPECTED_FLOOR = (
     "floor of the cut: that of mean tissue under a blade that moved so, by an assumed edge; the surface as recorded"
 )
 """Note on a record whose floor is not known but expected."""
+EXPECTED_CUT = "cut beside the line: that of mean tissue behind a blade that moved so, by the estimated tip"
+"""Note on a record whose cut is not known but expected."""
 _SAME_DEPTH = 1e-6  # [m]
 _LONG = 0.03  # [m], advance over which a real depth changes
 _ROUNDED_OFF = 1e-9  # rounding residue of a computed zero
@@ -97,6 +102,8 @@ class ScoreCard:
         What scripts got on this very specimen, for its difficulty; empty if that is unknown.
     depth_map : DepthMap or None
         Depth of the cut along its line; None for a record without height or wanted depth, or if it is unknown.
+    path_map : PathMap or None
+        Distance of the cut to its line; None without a line, or if it is unknown.
     """
 
     name: str
@@ -112,6 +119,7 @@ class ScoreCard:
     notes: tuple[str, ...]
     scripts: tuple[ScriptScore, ...] = ()
     depth_map: DepthMap | None = None
+    path_map: PathMap | None = None
 
     def __getitem__(self, name: str) -> float:
         """Return the value of a metric; raise ValueError with the reason if it is unavailable."""
@@ -219,6 +227,7 @@ def score(
     name: str | None = None,
     wanted: DepthProfile | None = None,
     layer_depth: float | None = None,
+    line: CutLine | None = None,
 ) -> ScoreCard:
     """Score one cut by a person, a script, an agent or a rig.
 
@@ -244,6 +253,9 @@ def score(
     layer_depth : float, optional
         Depth below the surface at which another layer begins [m], 0.0005 to 0.1; default
         ``trace.metadata["layer_depth_m"]`` if there.
+    line : CutLine, optional
+        Line to cut along, of a record with the places of the blade, whose positions are then told along it; default
+        through ``trace.metadata["line_m"]`` if there.
 
     Returns
     -------
@@ -252,7 +264,7 @@ def score(
     Raises
     ------
     TypeError, ValueError
-        If an argument is out of range, or the truth belongs to another record.
+        If an argument is out of range, the truth belongs to another record, or a record beside a line has no places.
     """
     if not isinstance(trace, Trace):
         raise TypeError(
@@ -262,8 +274,13 @@ def score(
         target_length = trace.metadata["target_length_m"]
     if wanted is None and trace.metadata.get(WANTED_DEPTH_KEY) is not None:
         wanted = wanted_depth(trace.metadata[WANTED_DEPTH_KEY], name=f"metadata {WANTED_DEPTH_KEY}")
+    if line is not None:
+        trace = positions_along(line, trace)
+    elif trace.metadata.get(LINE_KEY) is not None:
+        line = through(trace.metadata[LINE_KEY])
     cut = ScoredCut(
         trace=trace,
+        line=line,
         target_length=target_length,
         truth=truth,
         tissue=tissue or measured_liver(),
@@ -274,6 +291,8 @@ def score(
     metrics = {each.name: _scored(each, cut, reference if fits else None) for each in METRICS.values()}
     if cut.tells_depth:  # no reference set holds such cuts
         metrics |= {each.name: _scored(each, cut, None) for each in DEPTH_METRICS.values()}
+    if cut.line is not None:
+        metrics |= {each.name: _scored(each, cut, None) for each in PATH_METRICS.values()}
     points, outcome, no_score = _overall(cut, metrics, reference, weights or ForceOnlyWeights())
     faults = () if cut.twofold else tuple(technique_faults(cut))
     return ScoreCard(
@@ -289,6 +308,7 @@ def score(
         faults=faults,
         notes=(*_notes(cut, points, outcome), *_doubted_depth(cut)),
         depth_map=_depth_map(cut),
+        path_map=_path_map(cut),
     )
 
 
@@ -298,6 +318,33 @@ def _depth_map(cut: ScoredCut) -> DepthMap | None:
     with contextlib.suppress(Unavailable):
         return cut.depth_map
     return None
+
+
+def _path_map(cut: ScoredCut) -> PathMap | None:
+    if cut.line is None or cut.twofold:
+        return None
+    with contextlib.suppress(Unavailable):
+        return cut.path_map
+    return None
+
+
+def positions_along(line: CutLine, trace: Trace) -> Trace:
+    """Return a record whose positions are lengths along a line, to the place on it that is nearest to the blade.
+
+    Raises
+    ------
+    ValueError
+        If the record does not hold the places of the blade.
+    """
+    x, y = trace.blade_x, trace.blade_y
+    if x is None or y is None:
+        raise ValueError(
+            "A line is given, and the record has no places of the blade. Record blade_x and blade_y, from the middle "
+            "of the clamp, or leave the line out."
+        )
+    ends_elsewhere = (TIP_AT_END, ASIDE_AT_END)  # along and beside the record's own line
+    notes = {key: value for key, value in trace.metadata.items() if key not in ends_elsewhere}
+    return dataclasses.replace(trace, position=along_line(line, x, y)[0], speed=None, metadata=notes)
 
 
 def _overall(
@@ -358,6 +405,9 @@ def _notes(cut: ScoredCut, points: Sequence[ScorePoints], outcome: str) -> list[
     if cut.trace.height is not None and cut.trace.depth is not None:
         known = FLOOR_AT_END in cut.trace.metadata or (cut.truth is not None and cut.truth.floor is not None)
         notes.append("floor of the cut: the simulator's own" if known else EXPECTED_FLOOR)
+    if cut.line is not None:
+        known = ASIDE_AT_END in cut.trace.metadata or (cut.truth is not None and cut.truth.aside is not None)
+        notes.append("cut beside the line: the simulator's own" if known else EXPECTED_CUT)
     if not points:
         notes.append("metrics, and no claim of skill")
     counted = {each.part for each in points}

@@ -24,13 +24,16 @@ from cutenv.measurement.depth import with_blade_depth
 from cutenv.measurement.loading_ratio import loading_ratio
 from cutenv.measurement.strokes import STANDSTILL_SPEED
 from cutenv.scoring.depth_map import DepthMap
+from cutenv.scoring.path_map import PathMap
 from cutenv.scoring.unavailable import Unavailable
 from cutenv.scoring.validity import LONGEST_RECORD, force_unusable, holds_two_cuts, is_truncated
 from cutenv.task_quantities import SHALLOWEST, SMALLEST_RUN
 from cutenv.tissue import CutModel, TissueDescription, measured_liver
 from cutenv.tissue.crack_tip import ASSESSED_TIP, ESTIMATED_EVERY, assess_tips, believe_mean
+from cutenv.tissue.expected_cut import expected_cut
 from cutenv.tissue.floor import FLOOR_EVERY, expected_floor
 from cutenv.tissue.grid import N_POINTS, SPACING
+from cutenv.tissue.lines import CutLine
 from cutenv.tissue.slab import THICKNESS, effective_depth
 from cutenv.trace import Trace
 
@@ -42,6 +45,8 @@ TIP_AT_END = "tip_end_m"
 """Metadata in which a simulator notes the true crack tip at the end of its record [m]."""
 FLOOR_AT_END = "floor_end_m"
 """Metadata in which it notes the depth of the floor then, every 0.5 mm from the clamp to the tip [m]."""
+ASIDE_AT_END = "aside_end_m"
+"""Metadata in which it notes how far the cut is to the left of its line then, every 0.5 mm from clamp to tip [m]."""
 SHORTEST_FORCE = 30
 """Samples at :data:`RATE` that a change at :data:`BANDWIDTH` needs."""
 _FARTHEST = 0.5  # [m]
@@ -68,12 +73,16 @@ class Truth:
     floor : array_like of shape (m,), optional
         Depth of the floor below the surface every 0.5 mm from the clamp to the tip [m], of a blade that moves up and
         down; without it the floor is expected from the motion.
+    aside : array_like of shape (m,), optional
+        Distance of the cut to the left of its line every 0.5 mm from the clamp to the tip [m], of a blade that is
+        steered; without it the cut is expected from the motion.
     """
 
     tip: Array
     jump: Array
     resistance: float
     floor: Array | None = None
+    aside: Array | None = None
 
     def __post_init__(self) -> None:
         for name in ("tip", "jump"):
@@ -81,6 +90,8 @@ class Truth:
         in_range("resistance", self.resistance, 1.0, 1e6, "J/m2", "0.211 kJ/m2 is 211.")
         if self.floor is not None:
             object.__setattr__(self, "floor", _floor("floor", self.floor))
+        if self.aside is not None:
+            object.__setattr__(self, "aside", _aside("aside", self.aside))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -101,6 +112,8 @@ class ScoredCut:
         Wanted depth of the floor below the surface, along the cut.
     layer_depth : float, optional
         Depth below the surface at which another layer begins [m], 0.0005 to 0.1.
+    line : CutLine, optional
+        Line to cut along, of a record with the places of the blade.
     """
 
     trace: Trace
@@ -109,6 +122,7 @@ class ScoredCut:
     tissue: TissueDescription = field(default_factory=measured_liver)
     wanted: DepthProfile | None = None
     layer_depth: float | None = None
+    line: CutLine | None = None
 
     def __post_init__(self) -> None:
         if self.layer_depth is not None:
@@ -185,6 +199,23 @@ class ScoredCut:
         floor = self.floor
         wanted = None if self.wanted is None else self.wanted.at(np.arange(len(floor), dtype=np.float64) * SPACING)
         return DepthMap(depth=floor, wanted=wanted, layer=self.layer_depth)
+
+    @cached_property
+    def path_map(self) -> PathMap:
+        """Distance of the cut to its line: truth, or as the simulator noted it; else as mean tissue would be cut."""
+        x, y = self.trace.blade_x, self.trace.blade_y
+        if self.line is None:
+            raise Unavailable("no line to cut along was given")
+        noted = self.trace.metadata.get(ASIDE_AT_END)
+        if self.truth is not None and self.truth.aside is not None:
+            aside = self.truth.aside
+        elif noted is not None:
+            aside = _aside(f"metadata {ASIDE_AT_END}", noted)
+        elif x is None or y is None:
+            raise Unavailable("the places of the blade were not recorded")
+        else:
+            aside = expected_cut(self.line, x, y, self.tip[: self.end + 1], self.tissue)
+        return PathMap(line=self.line, aside=aside)
 
     @property
     def angle(self) -> Array:
@@ -462,6 +493,14 @@ def _floor(name: str, depth: Any) -> Array:
     if floor.ndim != 1 or not 1 <= len(floor) <= N_POINTS:
         raise ValueError(f"{name} has shape {floor.shape}; give one depth every 0.5 mm, 1 to {N_POINTS} of them.")
     return floor
+
+
+def _aside(name: str, aside: Any) -> Array:
+    """Return the distances of a cut to its line [m], shape (m,), checked."""
+    found = array_in_range(name, aside, -0.1, 0.1, "m", "2 mm is 0.002.")
+    if found.ndim != 1 or not 1 <= len(found) <= N_POINTS:
+        raise ValueError(f"{name} has shape {found.shape}; give one distance every 0.5 mm, 1 to {N_POINTS} of them.")
+    return found
 
 
 def even_instants(time: Array, rate: float) -> Array:

@@ -12,7 +12,7 @@ from cutenv._base.parameter import check_parameters, parameter
 from cutenv.task.map_costs import map_fields
 from cutenv.task.observation import COMPONENTS, Component
 from cutenv.task.reward import ENDS, TERMS
-from cutenv.task_quantities import DEPTH_COSTS, LAYER_LIMIT, PER_DEPTH  # noqa: F401  a formula of a cost needs it
+from cutenv.task_quantities import DEPTH_COSTS, LAYER_LIMIT, PER_MILLIMETRE  # noqa: F401  a formula of a cost needs it
 from cutenv.tissue.grid import N_POINTS
 
 DESCENT_SCALE = 0.010

@@ -13,15 +13,8 @@ from cutenv.cutting.law import grid_index, lerp
 from cutenv.task import path_terms
 from cutenv.task.map_costs import charge_lines, observe_lines
 from cutenv.task.observation import COMPONENTS
-from cutenv.task.path_terms import (
-    FARTHEST_TOLERANCE,
-    LINE_AHEAD,
-    LINE_TOLERANCE,
-    OF_LINE,
-    OF_PATH,
-    PATH_COMPONENTS,
-    PATH_COSTS,
-)
+from cutenv.task.path_terms import LINE_AHEAD, OF_LINE, PATH_COMPONENTS
+from cutenv.task_quantities import FARTHEST_TOLERANCE, LINE_TOLERANCE, OF_PATH, PATH_COSTS
 from cutenv.tissue.grid import LENGTH, SPACING
 
 _FIRST = len(COMPONENTS)  # component of the observation that the path adds first

@@ -16,7 +16,8 @@ from cutenv.task.map_assessed import MapAssessed
 from cutenv.task.observation import COMPONENTS
 from cutenv.task.path_beginning import begin_path_one, line_number, observe_path_at_start
 from cutenv.task.path_cuts import path_errors, step_path_one
-from cutenv.task.path_terms import ALL_PATH_COMPONENTS, PATH_COSTS, PATH_ENDS, PATH_MAP, PathConstants
+from cutenv.task.path_terms import ALL_PATH_COMPONENTS, PATH_ENDS, PATH_MAP, PathConstants
+from cutenv.task_quantities import PATH_COSTS
 from cutenv.tissue.drawn_lines import DrawnLines
 from cutenv.tissue.grid import SPACING
 from cutenv.tissue.lines import WIDTH, CutLine
@@ -142,6 +143,23 @@ class PathCutting(MapAssessed, SimulatedCutting):
             drawn, round(self.target_length / SPACING), np.concatenate((drawn[passed] + aside * left, [tip])), tip,
             np.array(self.blade_place), np.array([steering["ahead"], steering["across"]]),
         )  # fmt: skip
+
+    @property
+    def aside_to_tip(self) -> Array:
+        """Distance of the cut to the left of the line at each of its points up to the tip [m], shape (n,).
+
+        Since its last turn the crack has run straight on.
+        """
+        steering, tip, passed = self.steerings[0], self.tip, self.cut_distance
+        more = np.arange(len(passed), int(tip / SPACING) + 1)
+        if len(more) == 0:
+            return passed
+        line, grid = self.line, np.arange(len(self.line.x)) * SPACING
+        x, y, angle = (float(np.interp(tip, grid, each)) for each in (line.x, line.y, line.angle))
+        east, north = self.tip_place
+        end = (north - y) * np.cos(angle) - (east - x) * np.sin(angle)
+        share = (more * SPACING - steering["settled"]) / (tip - steering["settled"])
+        return np.append(passed, steering["tip_aside"] + (end - steering["tip_aside"]) * share)
 
     @property
     def cut_distance(self) -> Array:

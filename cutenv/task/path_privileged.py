@@ -10,8 +10,8 @@ from cutenv._engine.jit import njit, njit_internal
 from cutenv.cutting.law import grid_index, lerp
 from cutenv.task.cuts import Cuts
 from cutenv.task.observation import CLIP
-from cutenv.task.path_terms import FARTHEST_TOLERANCE, LINE_TOLERANCE
 from cutenv.task.privileged import PRIVILEGED_FEATURES, append_privileged
+from cutenv.task_quantities import FARTHEST_TOLERANCE, LINE_TOLERANCE
 
 PATH_PRIVILEGED = (
     *PRIVILEGED_FEATURES,

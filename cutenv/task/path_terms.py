@@ -12,41 +12,12 @@ from cutenv._base.parameter import check_parameters, parameter
 from cutenv.task.map_costs import map_fields
 from cutenv.task.observation import COMPONENTS, Component
 from cutenv.task.reward import ENDS, TERMS
-from cutenv.task_quantities import MapCost
+from cutenv.task_quantities import LINE_LIMIT, PATH_COSTS, PER_MILLIMETRE  # noqa: F401  a formula of a cost needs it
 
 TURN_SCALE = 1.5
 """Rate of turn of action 1 [rad/s]: more than the sharpest bend of a line at full speed asks for."""
 LINE_AHEAD = (0.005, 0.010, 0.020)
 """Distances ahead of the blade at which the line is observed [m]."""
-LINE_TOLERANCE = 0.001
-"""Mean distance between cut and line up to which a cut is a success [m]."""
-FARTHEST_TOLERANCE = 0.003
-"""Largest distance between cut and line up to which a cut is a success [m]."""
-_PER_DISTANCE = 0.001  # [m], distance to the line that costs its weight once
-
-OF_PATH = ("area", "farthest", "target")
-"""Quantities of the map: area between cut and line [m2], largest distance of the cut to the line [m], target length
-[m]."""
-
-PATH_COSTS = (
-    MapCost(
-        name="off_line",
-        title="off the line",
-        text="area between cut and line / (L x 1 mm)",
-        weight=0.2,
-        per="per mm of distance to the line along the whole cut",
-        value=lambda area, target: area / (target * _PER_DISTANCE),
-    ),
-    MapCost(
-        name="farthest",
-        title="farthest from the line",
-        text="largest distance between cut and line / 1 mm",
-        weight=0.05,
-        per="per mm of the largest distance to the line",
-        value=lambda farthest: farthest / _PER_DISTANCE,
-    ),
-)
-"""Costs of the path, in order; none is charged for a cut on the line."""
 PATH_TERMS = tuple(cost.name for cost in PATH_COSTS)
 """Names of the costs of the path."""
 ALL_PATH_TERMS = (*TERMS, *PATH_TERMS)
@@ -122,7 +93,7 @@ class PathConstants:
     """Constants of the path: weights of its costs, limit of the distance, sensor of the lateral force."""
 
     line_limit: float = parameter(
-        0.008, unit="m", low=0.0005, high=0.03, provenance="choice",
+        LINE_LIMIT, unit="m", low=0.0005, high=0.03, provenance="choice",
         source="distance between cut and line at which a cut ends for safety", sensitivity=(0.005, 0.015),
     )  # fmt: skip
     lateral_noise: float = parameter(

@@ -161,6 +161,12 @@ def length_within(line: CutLine) -> float:
     return float(SPACING * (np.argmax(outside) - 1 if outside.any() else N_POINTS - 1))
 
 
+def places_within(line: CutLine) -> Array:
+    """Return places of a line every 2.5 mm within the slab [m], shape (n, 2), through which it can be drawn again."""
+    last = round(length_within(line) / SPACING)
+    return np.column_stack((line.x, line.y))[: last + 1 : 5]
+
+
 def through(points: ArrayLike) -> CutLine:
     """Return the smooth line through points; beyond the last one it goes on straight.
 

@@ -25,6 +25,8 @@ from cutenv.tissue.model_arguments import METRES, checked_relative_modulus
 from cutenv.tissue.specimen import Specimen
 from cutenv.tissue.tip_response import factorise, stiffness_matrix
 
+CRACK_CURVATURE = 100.0
+"""Largest curvature of a crack: it turns within the length that a blade drags along; assumed [1/m]."""
 _ELEMENT = 0.01  # to whose size and shape the stiffness on a line is converted [m]
 _ROUNDING = 1e-10  # of a solution, over modulus and thickness
 

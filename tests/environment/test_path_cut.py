@@ -15,7 +15,8 @@ from cutenv.learning.evaluation import Contestant, evaluate
 from cutenv.policy.path_planner import PathPlanner
 from cutenv.policy.path_scripts import PATH_SCRIPTS, BladeOnLine, SteerByForce, StraightOn
 from cutenv.task.observation import COMPONENTS
-from cutenv.task.path_terms import ALL_PATH_TERMS, PATH_COMPONENTS, PATH_COSTS
+from cutenv.task.path_terms import ALL_PATH_TERMS, PATH_COMPONENTS
+from cutenv.task_quantities import PATH_COSTS
 from cutenv.tissue.drawn_lines import KINDS, STORED, drawn_lines, first_of_pair, kind_of
 from cutenv.tissue.lines import arc, half_ellipse, length_within
 from cutenv.tissue.path_model import stiffness_on_line

@@ -20,7 +20,7 @@ from cutenv.policy.depth_scripts import HoldDepth
 from cutenv.recording import load, save
 from cutenv.report.score_page import ScoredRecord, write_score_page, write_summary
 from cutenv.scoring import DEPTH_METRICS, METRICS, DepthMap, ScoredCut, score
-from cutenv.scoring.points import DEPTH_POINTS
+from cutenv.scoring.points import MAP_POINTS
 from cutenv.scoring.score_card import EXPECTED_FLOOR
 from cutenv.scoring.scored_cut import FLOOR_AT_END, TIP_AT_END
 from cutenv.task_quantities import DEPTH_COSTS, LAYER_LIMIT
@@ -99,7 +99,7 @@ def test_points_of_a_cut_along_a_wanted_depth_add_up_to_100(depth_cut):
     assert sum(each.most for each in card.points) == pytest.approx(100.0)
     assert card.overall_score == pytest.approx(sum(each.points for each in card.points))
     assert card.points[-1].part == "depth"
-    assert card.points[-1].most == DEPTH_POINTS
+    assert card.points[-1].most == MAP_POINTS
 
 
 def test_the_better_the_depth_the_more_points_and_only_a_good_one_is_a_success():
