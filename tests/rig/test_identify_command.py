@@ -16,6 +16,7 @@ from cutenv.rig.config.settings import Identified, RigSettings
 from cutenv.rig.fake.air_plant import AirPlant
 from cutenv.rig.fake.fake_rig import FakeRig
 from cutenv.rig.identification import Plan, identification_from, perform
+from cutenv.rig.identification.experiment import APPROACH
 from cutenv.rig.operation.operator import AutomaticOperator
 from cutenv.rig.operation.preflight import SETTLE, prepare
 from cutenv.rig.safety.stop_causes import Cause, RigStopped
@@ -25,8 +26,8 @@ from cutenv.rig.toml_text import to_toml
 DEPTH = ((0.0, 0.02), (0.149, 0.02))
 
 
-def prepared(drive: Rig) -> FakeRig:
-    rig = FakeRig(lambda settings: AirPlant(settings, drive=drive), fake_settings())
+def prepared(drive: Rig, settings: RigSettings | None = None) -> FakeRig:
+    rig = FakeRig(lambda settings: AirPlant(settings, drive=drive), settings or fake_settings())
     rig.plant.open()
     rig.clock.sleep_until(rig.clock.now() + SETTLE)
     prepare(rig.plant, AutomaticOperator(rig.settings), today=date.today())
@@ -54,6 +55,16 @@ def test_the_experiment_finds_the_drive_of_a_rig_and_brings_the_blade_back() -> 
     assert rig.plant.position == pytest.approx(before, abs=1e-4)
     assert rig.plant.witness is None
     assert rig.plant.supervisor.phase == "ready"
+
+
+def test_a_rig_slower_than_the_way_back_to_its_start_is_measured_too() -> None:
+    settings = fake_settings()
+    slow = dataclasses.replace(settings, limits=dataclasses.replace(settings.limits, speed=0.8 * APPROACH))
+    rig = prepared(Rig(), slow)
+    before = rig.plant.position
+    plan = dataclasses.replace(Plan.within(rig.settings, before), start=before - 0.01)
+    assert len(perform(rig.plant, plan).steps) == 2 * len(plan.speeds)
+    assert rig.plant.position == pytest.approx(before, abs=1e-4)
 
 
 def test_something_in_the_way_stops_the_experiment() -> None:

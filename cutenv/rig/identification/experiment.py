@@ -90,10 +90,11 @@ def perform(plant: RigPlant, plan: Plan, tell: Callable[[str], None] = lambda me
         ]
         tell(f"sines of {', '.join(f'{sine.frequency:g}' for sine in plan.sines)} Hz")
         sines = [moves.sine(sine.speed, sine.duration) for sine in plan.sines]
+        reduced = plant.supervisor.limited > moves.limited  # before the way back, which may be faster than allowed
         plant.travel(came_from, speed=APPROACH)
     finally:
         plant.witness = None
-    if plant.supervisor.limited > moves.limited:
+    if reduced:
         raise RigError(
             "commands were reduced to a limit, so the response is not to the plan: widen the limits of the"
             " rig's file, or start farther from the ends of travel."
