@@ -59,7 +59,6 @@ def survey(depth: Struct, descent: Struct, low: float) -> None:
 COMMAND, REACHED, VERTICAL_SUM, VERTICAL_MAX = range(4)
 """Rows of what a step remembers of each lane: commanded speed downwards [m/s], least position of the edge's leading end
 [m], sum and maximum of the true vertical force [N]."""
-N_REMEMBERED = 4
 UNFELT = (0.0, 0.0)
 """Sum and maximum of the vertical force before the first step [N]."""
 

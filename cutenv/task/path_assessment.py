@@ -37,7 +37,6 @@ _fill = _fused("_fill", (*OF_LINE, "observation"), observe_lines(PATH_COMPONENTS
 TURN_COMMAND, PLANE_FORCE, LATERAL_SUM, LATERAL_PEAK = range(4)
 """Rows of what a step remembers of each lane: commanded rate of turn [rad/s], size of the force on the blade in the
 plane, sum and largest size of its part to the right [N]."""
-N_REMEMBERED_ASIDE = 4
 UNFELT_ASIDE = (0.0, 0.0)
 """Sum and largest size of the lateral force before the first step [N]."""
 
