@@ -17,7 +17,6 @@ from cutenv.task.path_terms import (
     FARTHEST_TOLERANCE,
     LINE_AHEAD,
     LINE_TOLERANCE,
-    OF_LINE,
     OF_PATH,
     PATH_COMPONENTS,
     PATH_COSTS,
@@ -32,7 +31,7 @@ def _fused(name: str, parameters: tuple[str, ...], lines: list[str]) -> Any:
 
 
 _charge = _fused("_charge", ("path", *OF_PATH), charge_lines(PATH_COSTS, "path", OF_PATH))
-_fill = _fused("_fill", (*OF_LINE, "observation"), observe_lines(PATH_COMPONENTS, _FIRST, OF_LINE))
+_fill = _fused("_fill", (*(one.name for one in PATH_COMPONENTS), "observation"), observe_lines(PATH_COMPONENTS, _FIRST))
 
 TURN_COMMAND, PLANE_FORCE, LATERAL_SUM, LATERAL_PEAK = range(4)
 """Rows of what a step remembers of each lane: commanded rate of turn [rad/s], size of the force on the blade in the
