@@ -35,10 +35,8 @@ from cutenv.tissue.specimen import Specimen
 
 _SOURCES = {"liver": LIVER, "vascular": VASCULAR, "mixed": MIXED}
 _DRAWN = np.array(["liver", "vascular"], dtype=object)
-NO_READINGS = np.zeros((0, 0), READING)
-"""Given to a kernel that is to keep no readings."""
-FEWEST_TICKS = 4000
-"""Updates of all cuts, below which waking another thread costs more than it saves."""
+_NO_READINGS = np.zeros((0, 0), READING)  # given to a kernel that is to keep none
+_FEWEST_TICKS = 4000  # updates of all cuts, below which waking another thread costs more than it saves
 
 
 class CutBatch:
@@ -158,7 +156,7 @@ class CutBatch:
 
         Parameters
         ----------
-        actions : array, shape (count, 2)
+        actions : array, shape (count, 2), or (count, 3) of a task with a third axis
             Actions, clipped to [-1, 1].
         waiting : array of bool, shape (count,), optional
             True for cuts that are not advanced.
@@ -187,13 +185,17 @@ class CutBatch:
         commands = self.checked_actions(actions, waiting)
         infos = np.empty(count, INFO) if infos is None else infos
         rewards, ends = np.empty(count), np.empty(count, np.int64)
-        ticks = self.single.ticks
+        kernel, stepped = self._kernel()
         parallel_for(
-            step_some, count, self.cuts, ticks, self.single.from_truth, waiting, commands, self.observations, rewards,
-            ends, infos, NO_READINGS if readings is None else readings,
-            fewest=max(MIN_CHUNK, FEWEST_TICKS // ticks), meanwhile=meanwhile,
+            kernel, count, self.cuts, *stepped, waiting, commands, self.observations, rewards, ends, infos,
+            _NO_READINGS if readings is None else readings,
+            fewest=max(MIN_CHUNK, _FEWEST_TICKS // self.single.ticks), meanwhile=meanwhile,
         )  # fmt: skip
         return rewards, ends
+
+    def _kernel(self) -> tuple[Callable[..., None], tuple[Any, ...]]:
+        """Return the kernel that steps the cuts, and what it takes between them and the mask of those that wait."""
+        return step_some, (self.single.ticks, self.single.from_truth)
 
     def checked_actions(self, actions: ArrayLike, waiting: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Return a copy of the actions, clipped to [-1, 1]; those of cuts that wait may be NaN.

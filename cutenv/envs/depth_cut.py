@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from cutenv._base.arrays import StructArray
 from cutenv._base.validation import one_of
-from cutenv._engine.parallel import MIN_CHUNK, parallel_for
+from cutenv._engine.parallel import parallel_for
 from cutenv.cutting.descent import DESCENT, DescentParameters, descent_records
 from cutenv.cutting.parameters import profile_records
-from cutenv.envs.batch import FEWEST_TICKS, NO_READINGS, CutBatch
 from cutenv.envs.constants import taken_from
 from cutenv.envs.gentle_cut import GentleCutEnv
+from cutenv.envs.map_batch import MapBatch
 from cutenv.envs.vector import GentleCutVectorEnv
 from cutenv.task.cuts import Cuts
 from cutenv.task.depth_beginning import begin_depth_some
@@ -24,15 +23,11 @@ from cutenv.task.depth_cutting import DepthCutting, depth_record, depth_shown
 from cutenv.task.depth_privileged import append_depth_privileged
 from cutenv.task.depth_terms import ALL_COMPONENTS, DEPTH, DEPTH_ENDS, DESCENT_SCALE, DepthConstants
 from cutenv.task.gentle_cutting import ShownDepth
-from cutenv.task.info import INFO
-from cutenv.task.map_costs import map_charges
 from cutenv.task.observation import SPEED_SCALE as _SPEED_SCALE
 from cutenv.task.observation import speed_action, to_action
 from cutenv.task.wanted_depth import WANTED_KINDS
 from cutenv.task_quantities import DEPTH_COSTS
 from cutenv.tissue.surface import SurfaceSpread
-
-_NO_VERTICAL = np.zeros((0, 0))
 
 
 class DepthCutEnv(GentleCutEnv):
@@ -189,7 +184,7 @@ def to_depth_action(speed: float, angle: float, descent_speed: float) -> NDArray
     return np.append(to_action(speed, angle), np.float32(np.clip(descent, -1.0, 1.0))).astype(np.float32)
 
 
-class DepthBatch(CutBatch):
+class DepthBatch(MapBatch):
     """``count`` cuts of ``cutenv/DepthCut-v1``, bit for bit equal to those of single environments.
 
     Attributes
@@ -201,6 +196,10 @@ class DepthBatch(CutBatch):
 
     single: DepthCutEnv
     end_names: ClassVar[NDArray[Any]] = np.array(DEPTH_ENDS, dtype=object)
+    step_some = step_depth_some
+    append = append_depth_privileged
+    map_costs = DEPTH_COSTS
+    shown_as = "depth"
 
     def __init__(self, count: int, single: GentleCutEnv) -> None:
         super().__init__(count, single)
@@ -229,36 +228,14 @@ class DepthBatch(CutBatch):
         whole = profile_records([self.single.specimen])  # that of the single cut is as deep as wanted
         return start._replace(profiles=whole), expected, given
 
-    def decide(
-        self,
-        actions: ArrayLike,
-        waiting: NDArray[np.bool_] | None = None,
-        infos: StructArray | None = None,
-        meanwhile: Callable[[], None] | None = None,
-        readings: StructArray | None = None,
-        vertical: NDArray[np.float64] | None = None,
-    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Apply an action, shape (count, 3), to every cut, and advance to the next decision.
+    @property
+    def beside(self) -> tuple[StructArray, ...]:
+        """Vertical motions and depths, each of shape (count,), and the slab of them all."""
+        return self.descents, self.depths, self.single.cutting.slabs
 
-        Parameters and results are those of :meth:`cutenv.envs.batch.CutBatch.decide`; ``vertical``, shape
-        (count, ticks), is filled with the true vertical force [N].
-        """
-        count, ticks = len(self), self.single.ticks
-        waiting = self._none_waits if waiting is None else waiting
-        commands = self.checked_actions(actions, waiting)
-        infos = np.empty(count, INFO) if infos is None else infos
-        rewards, ends = np.empty(count), np.empty(count, np.int64)
-        parallel_for(
-            step_depth_some, count, self.cuts, self.descents, self.depths, self.single.cutting.slabs, ticks, waiting,
-            commands, self.observations, rewards, ends, infos, NO_READINGS if readings is None else readings,
-            _NO_VERTICAL if vertical is None else vertical,
-            fewest=max(MIN_CHUNK, FEWEST_TICKS // ticks), meanwhile=meanwhile,
-        )  # fmt: skip
-        return rewards, ends
-
-    def extra_terms(self) -> dict[str, NDArray[np.float64]]:
-        """Return the costs of the depth in the last step's reward, by name; each of shape (count,)."""
-        return map_charges(self.depths, DEPTH_COSTS)
+    def truth(self) -> dict[str, Any]:
+        """Return the hidden state that depth adds to the info, by name; each of shape (count,)."""
+        return depth_truth(self.descents)
 
     def further_scores(self) -> dict[str, NDArray[np.float64]]:
         """Return the depth of each cut in numbers: areas [mm2], depth into the layer and mean error [mm]."""
@@ -267,21 +244,6 @@ class DepthBatch(CutBatch):
     def shown_depth(self, cut: int) -> ShownDepth:
         """Return a copy of the depth of a cut as a picture shows it."""
         return depth_shown(self.descents[cut].copy(), self.depths[cut].copy())
-
-    def append_hidden(self, features: NDArray[np.float32], which: NDArray[np.int64]) -> NDArray[np.float32]:
-        """Append the hidden state of the cuts numbered ``which``, for a critic, to features of shape (m, size)."""
-        return append_depth_privileged(self.cuts, self.descents, self.depths, features, which)
-
-    def further_infos(self) -> dict[str, dict[str, NDArray[np.float64]]]:
-        """Return what the task adds to the info, by group and name; each of shape (count,)."""
-        return {
-            "truth": depth_truth(self.descents), "reward_terms": self.extra_terms(), "depth": self.further_scores(),
-        }  # fmt: skip
-
-    def succeeded(self) -> NDArray[np.bool_]:
-        """Return which cuts ended in success, shape (count,)."""
-        success: NDArray[np.bool_] = self.depths["success"] == 1
-        return success
 
 
 class DepthCutVectorEnv(GentleCutVectorEnv):

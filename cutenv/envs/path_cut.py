@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, ClassVar
 
 import numpy as np
@@ -10,17 +9,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from cutenv._base.arrays import StructArray
 from cutenv._base.validation import one_of
-from cutenv._engine.parallel import MIN_CHUNK, parallel_for
+from cutenv._engine.parallel import parallel_for
 from cutenv.cutting.parameters import profile_records
 from cutenv.cutting.steering import STEERING, SteeringParameters
-from cutenv.envs.batch import FEWEST_TICKS, NO_READINGS, CutBatch
 from cutenv.envs.constants import taken_from
 from cutenv.envs.gentle_cut import GentleCutEnv
+from cutenv.envs.map_batch import MapBatch
 from cutenv.envs.vector import GentleCutVectorEnv
 from cutenv.task.beginning import LONGEST
 from cutenv.task.cuts import Cuts
-from cutenv.task.info import INFO
-from cutenv.task.map_costs import map_charges
 from cutenv.task.observation import SPEED_SCALE, speed_action, to_action
 from cutenv.task.path_beginning import GIVEN_LINE, begin_path_some
 from cutenv.task.path_cuts import path_errors, step_path_some
@@ -34,7 +31,6 @@ from cutenv.tissue.lines import CutLine, length_within, through
 
 ROOM = LEAST_LENGTH - LONGEST
 """Length of line that a cut needs within the slab beyond its target, for the blade that leads the tip [m]."""
-_NO_LATERAL = np.zeros((0, 0))
 
 
 class PathCutEnv(GentleCutEnv):
@@ -228,7 +224,7 @@ def to_path_action(speed: float, angle: float, turn_rate: float) -> NDArray[np.f
     return np.append(to_action(speed, angle), np.float32(np.clip(turn, -1.0, 1.0))).astype(np.float32)
 
 
-class PathBatch(CutBatch):
+class PathBatch(MapBatch):
     """``count`` cuts of ``cutenv/PathCut-v1``, bit for bit equal to those of single environments.
 
     Attributes
@@ -240,6 +236,10 @@ class PathBatch(CutBatch):
 
     single: PathCutEnv
     end_names: ClassVar[NDArray[Any]] = np.array(PATH_ENDS, dtype=object)
+    step_some = step_path_some
+    append = append_path_privileged
+    map_costs = PATH_COSTS
+    shown_as = "path"
 
     def __init__(self, count: int, single: GentleCutEnv) -> None:
         super().__init__(count, single)
@@ -262,56 +262,18 @@ class PathBatch(CutBatch):
         drives = self.single.constants.drive.records(travel=LENGTH - SPACING)
         return start._replace(profiles=profiles, drives=drives), expected, given
 
-    def decide(
-        self,
-        actions: ArrayLike,
-        waiting: NDArray[np.bool_] | None = None,
-        infos: StructArray | None = None,
-        meanwhile: Callable[[], None] | None = None,
-        readings: StructArray | None = None,
-        lateral: NDArray[np.float64] | None = None,
-    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Apply an action, shape (count, 3), to every cut, and advance to the next decision.
+    @property
+    def beside(self) -> tuple[StructArray, ...]:
+        """Places in the plane and paths, each of shape (count,)."""
+        return self.steerings, self.paths
 
-        Parameters and results are those of :meth:`cutenv.envs.batch.CutBatch.decide`; ``lateral``, shape
-        (count, ticks), is filled with the true lateral force [N].
-        """
-        count, ticks = len(self), self.single.ticks
-        waiting = self._none_waits if waiting is None else waiting
-        commands = self.checked_actions(actions, waiting)
-        infos = np.empty(count, INFO) if infos is None else infos
-        rewards, ends = np.empty(count), np.empty(count, np.int64)
-        parallel_for(
-            step_path_some, count, self.cuts, self.steerings, self.paths, ticks, waiting, commands, self.observations,
-            rewards, ends, infos, NO_READINGS if readings is None else readings,
-            _NO_LATERAL if lateral is None else lateral,
-            fewest=max(MIN_CHUNK, FEWEST_TICKS // ticks), meanwhile=meanwhile,
-        )  # fmt: skip
-        return rewards, ends
-
-    def extra_terms(self) -> dict[str, NDArray[np.float64]]:
-        """Return the costs of the path in the last step's reward, by name; each of shape (count,)."""
-        return map_charges(self.paths, PATH_COSTS)
+    def truth(self) -> dict[str, Any]:
+        """Return the hidden state that the path adds to the info, by name; each of shape (count,)."""
+        return path_truth(self.cuts.states, self.steerings)
 
     def further_scores(self) -> dict[str, NDArray[np.float64]]:
         """Return the path of each cut in numbers: area [mm2], mean and largest distance to the line [mm]."""
         return path_errors(self.paths, self.cuts.states["tip"])
-
-    def further_infos(self) -> dict[str, dict[str, NDArray[np.float64]]]:
-        """Return what the task adds to the info, by group and name; each of shape (count,)."""
-        return {
-            "truth": path_truth(self.cuts.states, self.steerings), "reward_terms": self.extra_terms(),
-            "path": self.further_scores(),
-        }  # fmt: skip
-
-    def append_hidden(self, features: NDArray[np.float32], which: NDArray[np.int64]) -> NDArray[np.float32]:
-        """Append the hidden state of the cuts numbered ``which``, for a critic, to features of shape (m, size)."""
-        return append_path_privileged(self.cuts, self.steerings, self.paths, features, which)
-
-    def succeeded(self) -> NDArray[np.bool_]:
-        """Return which cuts ended in success, shape (count,)."""
-        success: NDArray[np.bool_] = self.paths["success"] == 1
-        return success
 
 
 class PathCutVectorEnv(GentleCutVectorEnv):

@@ -11,7 +11,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from cutenv._base.arrays import Array32, Indices, Struct, StructArray
 from cutenv._engine.elementary import tanh
@@ -29,7 +28,6 @@ from cutenv.tissue.nominal import nominal_tissue
 _FIRST = len(COMPONENTS)
 _COLUMNS = {one.name: _FIRST + number for number, one in enumerate(DEPTH_COMPONENTS)}
 _SCALES = np.array([one.scale for one in ALL_COMPONENTS])
-_FORCES = [number for number, one in enumerate(COMPONENTS) if one.name.startswith("force")]
 _VERTICALS = [_COLUMNS[name] for name in ("vertical", "vertical_mean", "vertical_max")]
 _VERTICAL_MEAN, _BLADE_DEPTH, _DESCENT_SPEED, _WANTED = (
     _COLUMNS[name] for name in ("vertical_mean", "blade_depth", "descent_speed", "wanted")
@@ -57,84 +55,38 @@ DEPTH_MEMORY: np.dtype[Any] = np.dtype(
 """Structured dtype of what the features remember of one cut."""
 
 
-class DepthFeatures:
-    """Features of one cut or many of ``cutenv/DepthCut-v1``; those of many are bit for bit those of each alone.
+class DepthFeatures(Features):
+    """Features of one cut or many of ``cutenv/DepthCut-v1``: what depth adds to the observation, and what follows.
 
-    First come those of :class:`~cutenv.policy.features.Features`, with the blade's depth as the depth of cut, then what
-    depth adds to the observation, and what follows from it.
-
-    Parameters
-    ----------
-    count, history, force
-        See :class:`~cutenv.policy.features.Features`; without ``force`` the vertical force counts as zero, too.
-
-    Attributes
-    ----------
-    size : int
-        Number of features of a cut.
-
-    Raises
-    ------
-    TypeError, ValueError
-        See :class:`~cutenv.policy.features.Features`.
+    Those of gentle cutting, which come first, have the blade's depth as the depth of cut.
     """
 
-    def __init__(self, count: int = 1, *, history: int = 6, force: bool = True) -> None:
-        self._along = Features(count, history=history, force=force)
-        self._memory, self._felt = np.zeros(int(count), DEPTH_MEMORY), nothing_felt(int(count))
-        self._force = force
-        self._all = np.arange(int(count))
-        self.size = self._along.size + _OF_DEPTH
+    components = len(ALL_COMPONENTS)
+    added = _OF_DEPTH
+    forces = (*Features.forces, *_VERTICALS)
 
-    def reset(self) -> None:
-        """Forget the last cut, or all of them."""
-        self.forget(self._all)
+    def __init__(self, count: int = 1, *, history: int = 6, force: bool = True) -> None:
+        super().__init__(count, history=history, force=force)
+        self._depths, self._felt = np.zeros(int(count), DEPTH_MEMORY), nothing_felt(int(count))
 
     def forget(self, cuts: int | Indices) -> None:
         """Forget one of the cuts, or several, given by index."""
-        self._along.forget(cuts)
-        self._memory["passed"][cuts] = 0
+        super().forget(cuts)
+        self._depths["passed"][cuts] = 0
         self._felt[cuts] = nothing_felt(1)[0]
 
-    def __call__(self, observations: ArrayLike, cuts: Indices | None = None) -> Array32:
-        """Return the features, float32, clipped like observations.
-
-        Parameters
-        ----------
-        observations : array, shape (n, 22), or (22,) of a single cut
-            Observations of all cuts, or of those given by index.
-        cuts : array of int, shape (n,), optional
-            Indices of the cuts.
-
-        Returns
-        -------
-        array, shape (n, size), or (size,) of a single cut
-            The features.
-
-        Raises
-        ------
-        ValueError
-            If the observations have another shape, or are not finite.
-        """
-        shape = np.shape(observations)
-        seen = np.array(observations, np.float32, ndmin=2)
-        cuts = self._all if cuts is None else cuts
-        if seen.shape != (len(cuts), len(ALL_COMPONENTS)):
-            raise ValueError(f"observations have shape {shape}; give ({len(cuts)}, {len(ALL_COMPONENTS)}).")
-        if not np.isfinite(seen).all():
-            raise ValueError(f"observation = {seen} must be finite; give it as the environment returned it.")
-        if not self._force:
-            seen[:, _FORCES + _VERTICALS] = 0.0
+    def seen_along(self, seen: Array32) -> Array32:
+        """Return the part of the observations that gentle cutting has, with the blade's depth as the depth of cut."""
         along = seen[:, :_FIRST].copy()
         along[:, DEPTH_COLUMN] = seen[:, _BLADE_DEPTH] * (_SCALES[_BLADE_DEPTH] / SCALES[DEPTH_COLUMN])
-        features = np.empty((len(seen), self.size), np.float32)
-        features[:, : self._along.size] = self._along(along, cuts)
+        return along
+
+    def add(self, seen: Array32, cuts: Indices, features: Array32) -> None:
+        """Fill the features of the depth."""
         add_depth_some(
-            self._memory, self._felt, self._along.estimates, self._along.memory, nominal_tissue(measured_liver()), cuts,
+            self._depths, self._felt, self.estimates, self.memory, nominal_tissue(measured_liver()), cuts,
             seen, features,
         )  # fmt: skip
-        found: Array32 = features.reshape(*shape[:-1], self.size)
-        return found
 
 
 @njit

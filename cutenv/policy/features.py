@@ -7,6 +7,8 @@ unstable run would carry it if it began now.  Nothing is included that a rig cou
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -35,7 +37,6 @@ from cutenv.tissue.nominal import nominal_tissue
 
 _WORKED_OUT = 21  # derived features, besides observation and history
 _CHANNELS = 5  # values per decision of the history
-_FORCES = [FORCE_COLUMN, FORCE_MEAN_COLUMN, FORCE_MIN_COLUMN, FORCE_MAX_COLUMN]
 _LENGTH = 0.010  # [m], scale of lengths
 _FINE = 0.002  # [m], scale of lengths that decide whether a cut is a success
 _NEAR = 0.010  # [m] before the target, where a cut calls for care
@@ -65,6 +66,13 @@ class Features:
         If ``count`` or ``history`` is not a whole number, or ``force`` is not True or False.
     """
 
+    components: ClassVar[int] = len(COMPONENTS)
+    """Numbers in an observation; a task may add some to those of gentle cutting, which come first."""
+    added: ClassVar[int] = 0
+    """Number of features that a task adds."""
+    forces: ClassVar[Sequence[int]] = (FORCE_COLUMN, FORCE_MEAN_COLUMN, FORCE_MIN_COLUMN, FORCE_MAX_COLUMN)
+    """Columns of all forces in an observation."""
+
     def __init__(self, count: int = 1, *, history: int = 6, force: bool = True) -> None:
         if in_range("count", count, 1, 10**7, "1", "Give the number of cuts.") % 1.0:
             raise ValueError(f"count = {count} is not a whole number of cuts.")
@@ -76,9 +84,8 @@ class Features:
         self._estimates = np.zeros(int(count), CUT_ESTIMATE)
         self._frames = np.zeros((int(count), int(history), _CHANNELS))
         self._force = force
-        self.size = feature_count(int(history))
+        self.size = feature_count(int(history)) + self.added
         self._all = np.arange(int(count))
-        self.reset()
 
     def reset(self) -> None:
         """Forget the last cut, or all of them."""
@@ -104,7 +111,7 @@ class Features:
 
         Parameters
         ----------
-        observations : array, shape (n, 12), or (12,) of a single cut
+        observations : array, shape (n, components), or (components,) of a single cut
             Observations of all cuts, or of those given by index.
         cuts : array of int, shape (n,), optional
             Indices of the cuts.
@@ -113,21 +120,39 @@ class Features:
         -------
         array, shape (n, size), or (size,) of a single cut
             The features.
+
+        Raises
+        ------
+        ValueError
+            If the observations have another shape, or are not finite.
         """
         shape = np.shape(observations)
         seen = np.array(observations, np.float32, ndmin=2)
         cuts = self._all if cuts is None else cuts
-        if seen.shape != (len(cuts), len(COMPONENTS)):
-            checked_observation(observations)
-            raise ValueError(f"observations have shape {shape}; give ({len(cuts)}, {len(COMPONENTS)}).")
+        if seen.shape != (len(cuts), self.components):
+            if not self.added:
+                checked_observation(observations)
+            raise ValueError(f"observations have shape {shape}; give ({len(cuts)}, {self.components}).")
+        if self.added and not np.isfinite(seen).all():
+            raise ValueError(f"observation = {seen} must be finite; give it as the environment returned it.")
         if not self._force:
-            seen[:, _FORCES] = 0.0
-        features = np.empty((len(seen), self.size), np.float32)
-        nominal = nominal_tissue(measured_liver())
-        if not extract_some(self._memory, self._estimates, self._frames, cuts, nominal, seen, features):
+            seen[:, self.forces] = 0.0
+        features = np.empty((len(seen), self.size - self.added), np.float32)
+        nominal, along = nominal_tissue(measured_liver()), self.seen_along(seen)
+        if not extract_some(self._memory, self._estimates, self._frames, cuts, nominal, along, features):
             checked_observation(observations)  # raises with the reason
+        if self.added:
+            features = np.concatenate([features, np.empty((len(seen), self.added), np.float32)], axis=1)
+            self.add(seen, cuts, features)
         found: Array32 = features.reshape(*shape[:-1], self.size)
         return found
+
+    def seen_along(self, seen: Array32) -> Array32:
+        """Return the part of the observations, shape (n, components), that gentle cutting has, shape (n, 12)."""
+        return np.ascontiguousarray(seen[:, : len(COMPONENTS)])
+
+    def add(self, seen: Array32, cuts: Indices, features: Array32) -> None:
+        """Fill the last ``added`` features of ``cuts`` from their observations, shape (n, components)."""
 
 
 def feature_count(history: int) -> int:

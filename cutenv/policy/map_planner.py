@@ -21,7 +21,7 @@ from cutenv.task.gentle_cutting import GentleCutting
 from cutenv.task.info import INFO
 from cutenv.task.map_assessed import MapAssessed
 
-_NO_READINGS, _NO_FORCES = np.zeros((0, 0), READING), np.zeros((0, 0))
+_NO_READINGS = np.zeros((0, 0), READING)
 
 
 class ThirdPlan(NamedTuple):
@@ -74,7 +74,7 @@ class MapSearch:
         """Return the records that the task adds to those of a cut, each of shape (1,)."""
 
     def shared(self) -> tuple[Any, ...]:
-        """Return what the step takes between these records and the milliseconds."""
+        """Return the records that all cuts share, each of shape (1,)."""
         return ()
 
     @abstractmethod
@@ -99,8 +99,8 @@ class MapSearch:
             if recorded:
                 kept[:, decision] = actions
             parallel_for(
-                type(self).step_some, count, cuts, *own, *self.shared(), self._ticks, waits, actions, observations,
-                rewards, ends, infos, _NO_READINGS, _NO_FORCES,
+                type(self).step_some, count, cuts, (*own, *self.shared()), self._ticks, waits, actions, observations,
+                rewards, ends, infos, _NO_READINGS,
             )  # fmt: skip
             returns += rewards
             waits |= ends != 0

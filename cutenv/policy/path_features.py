@@ -8,7 +8,6 @@ not know.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from cutenv._base.arrays import Array32, Indices, Struct, StructArray
 from cutenv._engine.elementary import tanh
@@ -33,78 +32,25 @@ _TURN, _LENGTH, _FINE = 0.2, 0.002, 0.0005  # scales: angle [rad], distances [m]
 _RETURN, _GAIN, _LARGEST = 0.004, 1.5, 0.5  # of the turn by which the tip would come back
 
 
-class PathFeatures:
-    """Features of one cut or many of ``cutenv/PathCut-v1``; those of many are bit for bit those of each alone.
+class PathFeatures(Features):
+    """Features of one cut or many of ``cutenv/PathCut-v1``: what the path adds to the observation, and what follows."""
 
-    First come those of :class:`~cutenv.policy.features.Features`, then what the path adds to the observation, and what
-    follows from it.
-
-    Parameters
-    ----------
-    count, history, force
-        See :class:`~cutenv.policy.features.Features`; without ``force`` the lateral force counts as zero, too.
-
-    Attributes
-    ----------
-    size : int
-        Number of features of a cut.
-
-    Raises
-    ------
-    TypeError, ValueError
-        See :class:`~cutenv.policy.features.Features`.
-    """
+    components = len(ALL_PATH_COMPONENTS)
+    added = _OF_PATH
+    forces = (*Features.forces, *_LATERALS)
 
     def __init__(self, count: int = 1, *, history: int = 6, force: bool = True) -> None:
-        self._along = Features(count, history=history, force=force)
+        super().__init__(count, history=history, force=force)
         self._courses = no_course(int(count))
-        self._force = force
-        self._all = np.arange(int(count))
-        self.size = self._along.size + _OF_PATH
-
-    def reset(self) -> None:
-        """Forget the last cut, or all of them."""
-        self.forget(self._all)
 
     def forget(self, cuts: int | Indices) -> None:
         """Forget one of the cuts, or several, given by index."""
-        self._along.forget(cuts)
+        super().forget(cuts)
         self._courses[cuts] = no_course(1)[0]
 
-    def __call__(self, observations: ArrayLike, cuts: Indices | None = None) -> Array32:
-        """Return the features, float32, clipped like observations.
-
-        Parameters
-        ----------
-        observations : array, shape (n, 28), or (28,) of a single cut
-            Observations of all cuts, or of those given by index.
-        cuts : array of int, shape (n,), optional
-            Indices of the cuts.
-
-        Returns
-        -------
-        array, shape (n, size), or (size,) of a single cut
-            The features.
-
-        Raises
-        ------
-        ValueError
-            If the observations have another shape, or are not finite.
-        """
-        shape = np.shape(observations)
-        seen = np.array(observations, np.float32, ndmin=2)
-        cuts = self._all if cuts is None else cuts
-        if seen.shape != (len(cuts), len(ALL_PATH_COMPONENTS)):
-            raise ValueError(f"observations have shape {shape}; give ({len(cuts)}, {len(ALL_PATH_COMPONENTS)}).")
-        if not np.isfinite(seen).all():
-            raise ValueError(f"observation = {seen} must be finite; give it as the environment returned it.")
-        if not self._force:
-            seen[:, _LATERALS] = 0.0
-        features = np.empty((len(seen), self.size), np.float32)
-        features[:, : self._along.size] = self._along(seen[:, :_FIRST], cuts)
-        add_path_some(self._courses, self._along.estimates, cuts, seen, features)
-        found: Array32 = features.reshape(*shape[:-1], self.size)
-        return found
+    def add(self, seen: Array32, cuts: Indices, features: Array32) -> None:
+        """Fill the features of the path."""
+        add_path_some(self._courses, self.estimates, cuts, seen, features)
 
 
 @njit

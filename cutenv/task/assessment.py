@@ -143,7 +143,8 @@ def _charge_end_lines() -> list[str]:
 def _observe_lines() -> list[str]:
     lines = []
     for number, one in enumerate(COMPONENTS):
-        value = expression(one.value, observation.QUANTITIES, {"total": f"count.seen_{one.name}[k]"})
+        words = {"total": f"count.seen_{one.name}[k]"}
+        value = one.name if one.value is None else expression(one.value, observation.QUANTITIES, words)
         scaled = f"({value} - {one.offset!r}) / {one.scale!r}"
         lines.append(f"observation[{number}] = min(max({scaled}, {-CLIP}), {CLIP})")
     return lines

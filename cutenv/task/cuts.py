@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cutenv._base.arrays import Struct, StructArray
+from cutenv._base.arrays import Array, Struct, StructArray
 from cutenv._engine.intrinsics import as_float64_view, keep_alive, prefetch, without_refcount
 from cutenv._engine.jit import njit, njit_inline, njit_nogil
 from cutenv._engine.lanes import first_row
@@ -96,6 +96,15 @@ EPISODE: np.dtype[Any] = np.dtype(
 """One episode in one record, beside :data:`~cutenv.cutting.simulate.CUT`; each part is an array of shape (1,)."""
 
 
+@njit_inline
+def batch_of_one(cut: Struct, episode: Struct) -> Cuts:
+    """Return one cut, given as :data:`~cutenv.cutting.simulate.CUT` and :data:`EPISODE`, as a batch of one."""
+    return Cuts(
+        cut.states, cut.profiles, cut.laws, cut.drives, cut.sensors, episode.tasks, episode.progresses,
+        episode.nominals, episode.specimens, episode.tips,
+    )  # fmt: skip
+
+
 @njit
 def step_one(
     cuts: StructArray,
@@ -118,9 +127,7 @@ def step_one(
         Action within [-1, 1]; observation and readings: filled.
     """
     c, e = cuts[0], episodes[0]
-    one = Cuts(
-        c.states, c.profiles, c.laws, c.drives, c.sensors, e.tasks, e.progresses, e.nominals, e.specimens, e.tips
-    )  # fmt: skip
+    one = batch_of_one(c, e)
     row, count = first_row(c.rows), first_row(e.counts)
     plain, numbers = plain_views(c.rows, c.states, c.laws, c.drives), as_float64_view(e.infos)
     take_cut(one, row, plain, count, action, 0, 0)
@@ -278,16 +285,24 @@ def take_cut(
 def _advance(cuts: Cuts, row: Struct, count: Struct, from_truth: bool, readings: StructArray, i: int) -> int:
     """Advance and count millisecond ``i`` of a row; return how many of its cuts end with it."""
     update_row(row, cuts.profiles, cuts.sensors, TICK, i == 0)
+    return count_row(cuts, row, count, row.force, from_truth, readings, i)
+
+
+@njit_inline
+def count_row(
+    cuts: Cuts, row: Struct, count: Struct, force: Array, from_truth: bool, readings: StructArray, i: int
+) -> int:
+    """Count millisecond ``i`` of a row with a true ``force`` [N] of each lane; return how many of its cuts end."""
     over = 0
     if from_truth and row.slack == 0:
         for k in range(len(row.blade)):
             count_lane(
-                count, k, row.blade[k], row.speed[k], row.force[k], row.felt[k], row.tip[k], row.jump[k], row.depth[k]
+                count, k, row.blade[k], row.speed[k], force[k], row.felt[k], row.tip[k], row.jump[k], row.depth[k]
             )
             over += 1 if row.going[k] == 1 and count.end[k] != 0 else 0
     else:
         for k in range(row.taken):
-            count_as_seen(cuts, row, count, k, from_truth)
+            count_as_seen(cuts, row, count, k, force[k], from_truth)
             over += 1 if row.going[k] == 1 and count.end[k] != 0 else 0
     for k in range(row.taken if len(readings) > 0 else 0):
         if row.going[k] == 1:
@@ -296,12 +311,12 @@ def _advance(cuts: Cuts, row: Struct, count: Struct, from_truth: bool, readings:
 
 
 @njit_inline
-def count_as_seen(cuts: Cuts, row: Struct, count: Struct, k: int, from_truth: bool) -> None:
+def count_as_seen(cuts: Cuts, row: Struct, count: Struct, k: int, force: float, from_truth: bool) -> None:
     """Count a millisecond of lane ``k`` as a rig sees it: the motor's position, and the tip estimated unless known."""
     c, felt, position, speed = row.cut[k], row.felt[k], row.blade[k], row.speed[k]
     if row.backlash[k] > 0.0:  # the encoder sits at the motor
         position, speed = row.hand[k], row.hand_speed[k]
-    force, tip, jump, known = row.force[k], row.tip[k], row.jump[k], cuts.profiles[c]
+    tip, jump, known = row.tip[k], row.jump[k], cuts.profiles[c]
     if not from_truth:
         force, known = felt, cuts.nominals[c]
         tick = round(count.time[k] / TICK) + 1

@@ -11,7 +11,7 @@ from cutenv._engine.jit import njit_fused, njit_inline, njit_internal
 from cutenv._engine.randomness import VERTICAL_NOISE, Integer, normal_at
 from cutenv.cutting.law import depth_at
 from cutenv.task import depth_terms
-from cutenv.task.depth_terms import DEPTH_COMPONENTS, LOOK_AHEAD, OF_DEPTH
+from cutenv.task.depth_terms import DEPTH_COMPONENTS, LOOK_AHEAD
 from cutenv.task.map_costs import charge_lines, observe_lines
 from cutenv.task.observation import COMPONENTS
 from cutenv.task_quantities import (
@@ -34,7 +34,9 @@ def _fused(name: str, parameters: tuple[str, ...], lines: list[str]) -> Any:
 
 
 _charge = _fused("_charge", ("depth", *OF_MAP), charge_lines(DEPTH_COSTS, "depth", OF_MAP))
-_fill = _fused("_fill", (*OF_DEPTH, "observation"), observe_lines(DEPTH_COMPONENTS, _FIRST, OF_DEPTH))
+_fill = _fused(
+    "_fill", (*(one.name for one in DEPTH_COMPONENTS), "observation"), observe_lines(DEPTH_COMPONENTS, _FIRST)
+)
 
 
 @njit_internal
@@ -59,7 +61,6 @@ def survey(depth: Struct, descent: Struct, low: float) -> None:
 COMMAND, REACHED, VERTICAL_SUM, VERTICAL_MAX = range(4)
 """Rows of what a step remembers of each lane: commanded speed downwards [m/s], least position of the edge's leading end
 [m], sum and maximum of the true vertical force [N]."""
-N_REMEMBERED = 4
 UNFELT = (0.0, 0.0)
 """Sum and maximum of the vertical force before the first step [N]."""
 

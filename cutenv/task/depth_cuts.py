@@ -7,22 +7,21 @@ from typing import Any
 import numpy as np
 
 from cutenv._base.arrays import Array, Struct, StructArray
-from cutenv._engine.intrinsics import as_float64_view, keep_alive, prefetch, without_refcount
-from cutenv._engine.jit import njit, njit_inline, njit_internal, njit_nogil
+from cutenv._engine.intrinsics import as_float64_view, prefetch
+from cutenv._engine.jit import njit, njit_inline, njit_internal
 from cutenv._engine.lanes import first_row
-from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
+from cutenv._engine.randomness import Integer
 from cutenv.cutting.descending_cut import next_level
 from cutenv.cutting.descent import descending_row
 from cutenv.cutting.dtypes import TICK
 from cutenv.cutting.law import grid_index
-from cutenv.cutting.row import LANES, ROW, begin, note, plain_views, put
+from cutenv.cutting.row import begin, plain_views, put
 from cutenv.cutting.sensor import feel_row
 from cutenv.cutting.update import drive_row
-from cutenv.task.assessment import COUNT, add_terms, count_lane, reward_of, succeeded
-from cutenv.task.cuts import Cuts, conclude_cut, count_as_seen, fetch_some, flat_views, take_cut
+from cutenv.task.assessment import add_terms, succeeded
+from cutenv.task.cuts import Cuts, batch_of_one, conclude_cut, count_row, take_cut
 from cutenv.task.depth_assessment import (
     COMMAND,
-    N_REMEMBERED,
     REACHED,
     VERTICAL_MAX,
     VERTICAL_SUM,
@@ -34,11 +33,12 @@ from cutenv.task.depth_assessment import (
     survey,
 )
 from cutenv.task.depth_terms import DESCENT_SCALE, LAYER
+from cutenv.task.map_steps import REMEMBERED, map_stepper
 from cutenv.task.observation import DEAD_ZONE
 from cutenv.task.reward import ENDS, SAFETY_ENDS
 
 _SAFETY = ENDS.index("force_limit")  # whose charges an end in the layer below shares
-N_MEMORY = N_REMEMBERED + 1
+N_MEMORY = REMEMBERED + 1
 """Numbers that :func:`step_depth_one` has to remember."""
 _SAFETY_CODES = max(ENDS.index(name) for name in SAFETY_ENDS)  # the ends for safety are the first ones
 
@@ -63,7 +63,7 @@ def step_depth_one(
     vertical: StructArray,
     memory: Array,
 ) -> tuple[float, int]:
-    """Step one cut by one decision; return its reward and end, see :func:`step_depth_some`.
+    """Step one cut by one decision; return its reward and end, see :data:`step_depth_some`.
 
     Parameters
     ----------
@@ -79,109 +79,34 @@ def step_depth_one(
         Memory of the call: in a browser nothing can be allocated.
     """
     c, e = cuts[0], episodes[0]
-    one = Cuts(
-        c.states, c.profiles, c.laws, c.drives, c.sensors, e.tasks, e.progresses, e.nominals, e.specimens, e.tips
-    )  # fmt: skip
+    one, beside = batch_of_one(c, e), (descents, depths, slabs)
     row, count = first_row(c.rows), first_row(e.counts)
     plain, numbers = plain_views(c.rows, c.states, c.laws, c.drives), as_float64_view(e.infos)
-    step, levels = memory, memory[N_REMEMBERED]
+    step, levels = memory, memory[REMEMBERED]
     take_cut(one, row, plain, count, action, 0, 0)
-    begin_depth_step(step, 0, commanded_descent(action[0, 2]), c.states[0].tip)
+    _begin_lane(step, 0, action[0, 2], c.states[0], levels, 0)
     begin(row, plain, 1)
     for i in range(ticks):
-        _advance_depth(one, descents, depths, slabs, levels, row, count, step, readings, vertical, i)
+        _advance(one, beside, levels, row, count, step, readings, i)
+        vertical[0, i] = descents[0].vertical
         if count.end[0] != 0:
             break
     put(row, plain, 0, 0)
-    end = _conclude_depth(one, descents, depths, 0, row, count, step, 0, action[0], observations[0], e.infos[0])
+    end = _conclude(one, beside, 0, row, count, step, 0, action[0], observations[0], e.infos[0])
     return add_terms(numbers, e.totals) + terms_of(depths[0]), end
 
 
-@njit_nogil
-def step_depth_some(
-    passed: WorkQueue,
-    core: int,
-    cuts: Cuts,
-    descents: StructArray,
-    depths: StructArray,
-    slabs: StructArray,
-    ticks: int,
-    waiting: StructArray,
-    actions: StructArray,
-    observations: StructArray,
-    rewards: StructArray,
-    ends: StructArray,
-    infos: StructArray,
-    readings: StructArray,
-    vertical: StructArray,
-) -> None:
-    """Step n cuts by one decision, assessed by hidden state; as :func:`cutenv.task.cuts.step_some`.
-
-    Parameters
-    ----------
-    passed, core : WorkQueue, int
-        Work queue and number of the thread, see :func:`cutenv._engine.parallel.parallel_for`.
-    cuts, descents, depths : Cuts, Records
-        The cuts, their vertical motions and depths, changed in place.
-    slabs : Records
-        The slab of them all, shape (1,).
-    ticks, waiting, rewards, ends, infos, readings
-        See :func:`cutenv.task.cuts.step_some`; ``ends`` are indices in :data:`cutenv.task.depth_terms.DEPTH_ENDS`.
-    actions, observations : array, shape (n, 3), (n, 22) float32
-        Actions within [-1, 1]; observations: filled.
-    vertical : array, shape (n, ticks) or (0, 0)
-        Filled with the true vertical force [N], unless it has no rows.
-    """
-    cuts = without_refcount(cuts)
-    waiting, actions, observations, rewards, ends, infos, readings, vertical, descents, depths, slabs = (
-        without_refcount(
-            (waiting, actions, observations, rewards, ends, infos, readings, vertical, descents, depths, slabs)
-        )
-    )
-    rows, counts, levels = np.zeros(1, ROW), np.zeros(1, COUNT), np.empty(len(depths))
-    step = np.empty((N_REMEMBERED, LANES))
-    row, count = first_row(rows), first_row(counts)
-    plain, numbers = plain_views(rows, cuts.states, cuts.laws, cuts.drives), as_float64_view(infos)
-    fetched = flat_views(cuts, plain, infos)
-    first, last = next_chunk(passed, core, LANES)
-    while first < last:
-        following = next_chunk(passed, core, LANES)
-        taken = 0
-        for n in range(first, last):
-            if waiting[n]:
-                rewards[n], ends[n] = 0.0, 0
-            else:
-                take_cut(cuts, row, plain, count, actions, taken, n)
-                begin_depth_step(step, taken, commanded_descent(actions[n, 2]), cuts.states[n].tip)
-                taken += 1
-        if taken > 0:
-            begin(row, plain, taken)
-        for i in range(ticks + 1 if taken > 0 else 0):
-            fetch_some(cuts, fetched, i, following[0], following[1])
-            fetch_depth(descents, depths, cuts, i, following[0], following[1])
-            over = taken  # after the last millisecond, all of them
-            if i < ticks:
-                over = _advance_depth(cuts, descents, depths, slabs, levels, row, count, step, readings, vertical, i)
-            for k in range(taken if over > 0 else 0):
-                if row.going[k] == 1 and (i == ticks or count.end[k] != 0):
-                    c = row.cut[k]
-                    row.going[k] = 0
-                    put(row, plain, k, c)
-                    ends[c] = _conclude_depth(
-                        cuts, descents, depths, c, row, count, step, k, actions[c], observations[c], infos[c]
-                    )
-                    rewards[c] = reward_of(numbers, c) + terms_of(depths[c])
-        mark_done(passed, core, last - first)
-        first, last = following
-    keep_alive(rows)
-    keep_alive(counts)
+@njit_inline
+def _begin_lane(step: StructArray, k: Integer, action: float, state: Struct, levels: Array, n: Integer) -> None:
+    """Prepare lane ``k`` for a descent action of a cut."""
+    begin_depth_step(step, k, commanded_descent(action), state.tip)
 
 
 @njit_inline
-def fetch_depth(descents: StructArray, depths: StructArray, cuts: Cuts, i: int, first: int, last: int) -> None:
+def _fetch(beside: tuple[StructArray, ...], cuts: Cuts, i: int, first: Integer, last: Integer) -> None:
     """Prefetch vertical motion and depth of two cuts of the next row, ``first`` to before ``last``."""
     for c in range(first + 2 * i, min(first + 2 * (i + 1), last)):
-        descent, depth = descents[c], depths[c]
+        descent, depth = beside[0][c], beside[1][c]
         place = grid_index(cuts.states[c].tip)[0]
         for k in (max(place - 8, 0), place):  # the edge lies behind the tip
             prefetch(descent.belongs, k)
@@ -201,54 +126,38 @@ def terms_of(depth: Struct) -> float:
 
 
 @njit_inline
-def _advance_depth(
+def _advance(
     cuts: Cuts,
-    descents: StructArray,
-    depths: StructArray,
-    slabs: StructArray,
-    levels: StructArray,
+    beside: tuple[StructArray, ...],
+    levels: Array,
     row: Struct,
     count: Struct,
     step: StructArray,
     readings: StructArray,
-    vertical: StructArray,
     i: int,
 ) -> int:
     """Advance and count millisecond ``i`` of a row; return how many of its cuts end with it."""
+    descents = beside[0]
     drive_row(row, TICK)
     for k in range(row.taken):
         c = row.cut[k]
         if row.going[k] == 1:
             held = step[COMMAND, k] == 0.0 and descents[c].level_speed == 0.0
             levels[c] = descents[c].level if held else next_level(descents[c], step[COMMAND, k])
-    descending_row(row, cuts.profiles, descents, slabs, levels, TICK)
+    descending_row(row, cuts.profiles, descents, beside[2], levels, TICK)
     feel_row(row, cuts.sensors, i == 0)
-    over = 0
-    if row.slack == 0:
-        for k in range(len(row.blade)):
-            count_lane(
-                count, k, row.blade[k], row.speed[k], row.force[k], row.felt[k], row.tip[k], row.jump[k], row.depth[k]
-            )
-    else:
-        for k in range(row.taken):
-            count_as_seen(cuts, row, count, k, True)
+    over = count_row(cuts, row, count, row.force, True, readings, i)
     for k in range(row.taken):
         if row.going[k] == 1:
             c = row.cut[k]
-            over += 1 if count.end[k] != 0 else 0
             count_depth(step, k, min(row.blade[k] - row.creep[k], row.tip[k]), descents[c].vertical)
-            if len(readings) > 0:
-                note(row, k, readings[c, i], TICK)
-            if len(vertical) > 0:
-                vertical[c, i] = descents[c].vertical
     return over
 
 
 @njit_internal
-def _conclude_depth(
+def _conclude(
     cuts: Cuts,
-    descents: StructArray,
-    depths: StructArray,
+    beside: tuple[StructArray, ...],
     c: int,
     row: Struct,
     count: Struct,
@@ -259,7 +168,7 @@ def _conclude_depth(
     info: Struct,
 ) -> int:
     """Compute reward terms, observation and info for the step of cut number ``c``, in lane ``k``; return its end."""
-    descent, depth, task, progress = descents[c], depths[c], cuts.tasks[c], cuts.progresses[c]
+    descent, depth, task, progress = beside[0][c], beside[1][c], cuts.tasks[c], cuts.progresses[c]
     survey(depth, descent, step[REACHED, k] - descent.edge_length)
     charge_depth(depth, task.target)
     # It is charged as an end at the limit of force is: for all that stopping could still have cost.
@@ -278,6 +187,11 @@ def _conclude_depth(
         (step[VERTICAL_SUM, k], step[VERTICAL_MAX, k]), action[2], observation,
     )  # fmt: skip
     return progress.end  # type: ignore[no-any-return]
+
+
+step_depth_some = map_stepper("step_depth_some", _begin_lane, _fetch, _advance, _conclude, terms_of)
+"""Step n cuts by one decision, with their vertical motions, their depths and the slab of them all; see
+:mod:`cutenv.task.map_steps`."""
 
 
 def depth_errors(depths: StructArray, targets: Array) -> dict[str, Any]:

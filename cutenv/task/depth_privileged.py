@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv._base.arrays import Struct, StructArray
+from cutenv._base.arrays import Array, StructArray
 from cutenv._engine.elementary import log
-from cutenv._engine.jit import njit, njit_internal
+from cutenv._engine.jit import njit
 from cutenv.task.cuts import Cuts
-from cutenv.task.observation import CLIP
-from cutenv.task.privileged import PRIVILEGED_FEATURES, append_privileged
+from cutenv.task.privileged import PRIVILEGED_FEATURES, append_further
 from cutenv.task_quantities import DEPTH_TOLERANCE
 from cutenv.tissue.grid import N_POINTS, POINTS_PER_METRE
 
@@ -27,7 +26,6 @@ DEPTH_PRIVILEGED = (
     "largest depth into the layer below [mm]",
 )
 """Names of the privileged features: those of gentle cutting, and those of the depth."""
-_OF_DEPTH = len(DEPTH_PRIVILEGED) - len(PRIVILEGED_FEATURES)
 _SHORT, _FINE = 0.002, 0.001  # scales of lengths [m]
 _FURTHER = 0.005  # [m]
 
@@ -45,45 +43,32 @@ def append_depth_privileged(
     :data:`~cutenv.task.depth_terms.DEPTH`.  The columns are those of :data:`DEPTH_PRIVILEGED`, clipped as observations
     are.
     """
-    seen = np.empty((len(features), features.shape[1] + len(DEPTH_PRIVILEGED)), np.float32)
-    seen[:, :-_OF_DEPTH] = append_privileged(cuts, features, which)
-    _append_depth(cuts.states, cuts.nominals, cuts.tasks, descents, depths, which, seen)
-    return seen
+    hidden = np.empty((len(which), len(DEPTH_PRIVILEGED) - len(PRIVILEGED_FEATURES)))
+    _fill(cuts, descents, depths, which, hidden)
+    return append_further(cuts, features, which, hidden)
 
 
 @njit
-def _append_depth(
-    states: StructArray,
-    measured: StructArray,
-    tasks: StructArray,
-    descents: StructArray,
-    depths: StructArray,
-    which: StructArray,
-    seen: StructArray,
-) -> None:
-    """Fill the last columns of ``seen``."""
-    hidden = np.empty(_OF_DEPTH)
+def _fill(cuts: Cuts, descents: StructArray, depths: StructArray, which: StructArray, hidden: Array) -> None:
+    """Fill the privileged state that depth adds to that of the cuts ``which``, a row for each."""
     for m in range(len(which)):
         n = which[m]
-        _hidden_depth(states[n], measured[n], tasks[n], descents[n], depths[n], hidden)
-        for k in range(_OF_DEPTH):
-            seen[m, seen.shape[1] - _OF_DEPTH + k] = min(max(hidden[k], -CLIP), CLIP)
-
-
-@njit_internal
-def _hidden_depth(
-    state: Struct, measured: Struct, task: Struct, descent: Struct, depth: Struct, hidden: StructArray
-) -> None:
-    """Fill the privileged state of the depth of one cut, shape (9,)."""
-    i = min(int(state.tip * POINTS_PER_METRE + 0.5), N_POINTS - 1)
-    further = min(int((state.tip + _FURTHER) * POINTS_PER_METRE + 0.5), N_POINTS - 1)
-    floor, blade = descent.surface[i] - descent.engaged, descent.surface[i] - descent.level
-    hidden[0] = (floor - depth.wanted[i]) / _SHORT
-    hidden[1] = (floor - depth.wanted[further]) / _SHORT
-    hidden[2] = (descent.boundary - floor) / _SHORT
-    hidden[3] = (descent.boundary - blade) / _SHORT
-    hidden[4] = log(descent.deep_toughness)
-    hidden[5] = log(descent.deep_modulus)
-    hidden[6] = (measured.depth[i] - descent.surface[i]) / _FINE
-    hidden[7] = (depth.deep + depth.uncut) / (task.target * DEPTH_TOLERANCE)
-    hidden[8] = depth.deepest / _FINE
+        state, measured, task, descent, depth = (
+            cuts.states[n],
+            cuts.nominals[n],
+            cuts.tasks[n],
+            descents[n],
+            depths[n],
+        )
+        i = min(int(state.tip * POINTS_PER_METRE + 0.5), N_POINTS - 1)
+        further = min(int((state.tip + _FURTHER) * POINTS_PER_METRE + 0.5), N_POINTS - 1)
+        floor, blade = descent.surface[i] - descent.engaged, descent.surface[i] - descent.level
+        hidden[m, 0] = (floor - depth.wanted[i]) / _SHORT
+        hidden[m, 1] = (floor - depth.wanted[further]) / _SHORT
+        hidden[m, 2] = (descent.boundary - floor) / _SHORT
+        hidden[m, 3] = (descent.boundary - blade) / _SHORT
+        hidden[m, 4] = log(descent.deep_toughness)
+        hidden[m, 5] = log(descent.deep_modulus)
+        hidden[m, 6] = (measured.depth[i] - descent.surface[i]) / _FINE
+        hidden[m, 7] = (depth.deep + depth.uncut) / (task.target * DEPTH_TOLERANCE)
+        hidden[m, 8] = depth.deepest / _FINE

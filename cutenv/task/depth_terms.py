@@ -24,61 +24,19 @@ DEPTH_TERMS = tuple(cost.name for cost in DEPTH_COSTS)
 ALL_TERMS = (*TERMS, *DEPTH_TERMS)
 """Names of all terms of the reward of ``cutenv/DepthCut-v1``."""
 
-OF_DEPTH = (
-    "vertical", "vertical_mean", "vertical_max", "blade_depth", "descent_speed", "wanted", "wanted_near",
-    "wanted_further", "wanted_far", "last_descent",
-)  # fmt: skip
-"""Quantities that the components below are made of, in SI units."""
-
 DEPTH_COMPONENTS = (
+    Component(name="vertical", meaning="vertical force now, upwards", unit="N", scale=5.0),
+    Component(name="vertical_mean", meaning="its mean since the last decision", unit="N", scale=5.0),
+    Component(name="vertical_max", meaning="its maximum since the last decision", unit="N", scale=5.0),
     Component(
-        name="vertical", meaning="vertical force now, upwards", unit="N", scale=5.0, value=lambda vertical: vertical
+        name="blade_depth", meaning="blade's lower end below the surface, as measured beforehand", unit="m", scale=0.02
     ),
-    Component(
-        name="vertical_mean",
-        meaning="its mean since the last decision",
-        unit="N",
-        scale=5.0,
-        value=lambda vertical_mean: vertical_mean,
-    ),
-    Component(
-        name="vertical_max",
-        meaning="its maximum since the last decision",
-        unit="N",
-        scale=5.0,
-        value=lambda vertical_max: vertical_max,
-    ),
-    Component(
-        name="blade_depth",
-        meaning="blade's lower end below the surface, as measured beforehand",
-        unit="m",
-        scale=0.02,
-        value=lambda blade_depth: blade_depth,
-    ),
-    Component(
-        name="descent_speed",
-        meaning="of the blade, downwards",
-        unit="m/s",
-        scale=DESCENT_SCALE,
-        value=lambda descent_speed: descent_speed,
-    ),
-    Component(name="wanted", meaning="wanted depth at the blade", unit="m", scale=0.02, value=lambda wanted: wanted),
-    Component(name="wanted_near", meaning="5 mm further", unit="m", scale=0.02, value=lambda wanted_near: wanted_near),
-    Component(
-        name="wanted_further",
-        meaning="10 mm further",
-        unit="m",
-        scale=0.02,
-        value=lambda wanted_further: wanted_further,
-    ),
-    Component(name="wanted_far", meaning="20 mm further", unit="m", scale=0.02, value=lambda wanted_far: wanted_far),
-    Component(
-        name="last_descent",
-        meaning="last action: descent",
-        unit="1",
-        scale=1.0,
-        value=lambda last_descent: last_descent,
-    ),
+    Component(name="descent_speed", meaning="of the blade, downwards", unit="m/s", scale=DESCENT_SCALE),
+    Component(name="wanted", meaning="wanted depth at the blade", unit="m", scale=0.02),
+    Component(name="wanted_near", meaning="5 mm further", unit="m", scale=0.02),
+    Component(name="wanted_further", meaning="10 mm further", unit="m", scale=0.02),
+    Component(name="wanted_far", meaning="20 mm further", unit="m", scale=0.02),
+    Component(name="last_descent", meaning="last action: descent", unit="1", scale=1.0),
 )
 """Components of the observation that follow the 12 of gentle cutting, in order."""
 ALL_COMPONENTS = (*COMPONENTS, *DEPTH_COMPONENTS)
@@ -140,6 +98,4 @@ DEPTH: np.dtype[Any] = np.dtype(
 )
 """Record of a cut's wanted depth and of the map by which its depth is assessed."""
 
-assert math.isclose(LOOK_AHEAD[0], 0.005), "the texts above say 5, 10 and 20 mm"
-assert math.isclose(LOOK_AHEAD[1], 0.010), "the texts above say 5, 10 and 20 mm"
-assert math.isclose(LOOK_AHEAD[2], 0.020), "the texts above say 5, 10 and 20 mm"
+assert all(math.isclose(*both) for both in zip(LOOK_AHEAD, (0.005, 0.010, 0.020), strict=True)), "as the texts say"

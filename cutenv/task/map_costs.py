@@ -33,13 +33,12 @@ def charge_lines(costs: Sequence[MapCost], record: str, quantities: Collection[s
     return lines
 
 
-def observe_lines(components: Sequence[Component], first: int, quantities: Collection[str]) -> list[str]:
-    """Return the lines that fill components of an ``observation`` from number ``first`` on."""
-    lines = []
-    for number, one in enumerate(components, start=first):
-        scaled = f"{expression(one.value, quantities)} / {one.scale!r}"
-        lines.append(f"observation[{number}] = min(max({scaled}, {-CLIP}), {CLIP})")
-    return lines
+def observe_lines(components: Sequence[Component], first: int) -> list[str]:
+    """Return the lines that fill components of an ``observation`` from number ``first`` on, by quantities so named."""
+    return [
+        f"observation[{number}] = min(max({one.name} / {one.scale!r}, {-CLIP}), {CLIP})"
+        for number, one in enumerate(components, start=first)
+    ]
 
 
 def map_charges(maps: StructArray, costs: Sequence[MapCost], prefix: str = "term") -> dict[str, Any]:

@@ -47,8 +47,8 @@ class Component:
     unit: str
     scale: float
     offset: float = 0.0
-    value: Formula
-    """Its value in ``unit``."""
+    value: Formula | None = None
+    """Its value in ``unit``; None: the quantity of its name."""
     each: Formula | None = None
     """Summand of every millisecond."""
     fold: Formula | None = None
@@ -85,23 +85,12 @@ COMPONENTS = (
         fold=lambda total, felt: max(total, felt),
         value=lambda total: total,
     ),
-    Component(name="position", meaning="blade, from the clamp", unit="m", scale=0.1, value=lambda position: position),
-    Component(name="speed", meaning="of the blade", unit="m/s", scale=SPEED_SCALE, value=lambda speed: speed),
+    Component(name="position", meaning="blade, from the clamp", unit="m", scale=0.1),
+    Component(name="speed", meaning="of the blade", unit="m/s", scale=SPEED_SCALE),
     Component(
-        name="angle",
-        meaning="of the blade; 90 degrees is upright",
-        unit="rad",
-        scale=ANGLE_SCALE,
-        offset=ANGLE_CENTRE,
-        value=lambda angle: angle,
+        name="angle", meaning="of the blade; 90 degrees is upright", unit="rad", scale=ANGLE_SCALE, offset=ANGLE_CENTRE
     ),
-    Component(
-        name="depth",
-        meaning="of cut at the blade, as measured beforehand",
-        unit="m",
-        scale=0.02,
-        value=lambda depth: depth,
-    ),
+    Component(name="depth", meaning="of cut at the blade, as measured beforehand", unit="m", scale=0.02),
     Component(
         name="distance",
         meaning="from blade to target",
@@ -116,12 +105,8 @@ COMPONENTS = (
         scale=30.0,
         value=lambda deadline, time: deadline - time,
     ),
-    Component(
-        name="last_speed", meaning="last action: target speed", unit="1", scale=1.0, value=lambda last_speed: last_speed
-    ),
-    Component(
-        name="last_angle", meaning="last action: target angle", unit="1", scale=1.0, value=lambda last_angle: last_angle
-    ),
+    Component(name="last_speed", meaning="last action: target speed", unit="1", scale=1.0),
+    Component(name="last_angle", meaning="last action: target angle", unit="1", scale=1.0),
 )
 """Components of the observation, in order."""
 SCALES = np.array([component.scale for component in COMPONENTS])

@@ -13,7 +13,7 @@ from cutenv.cutting.law import grid_index, lerp
 from cutenv.task import path_terms
 from cutenv.task.map_costs import charge_lines, observe_lines
 from cutenv.task.observation import COMPONENTS
-from cutenv.task.path_terms import LINE_AHEAD, OF_LINE, PATH_COMPONENTS
+from cutenv.task.path_terms import LINE_AHEAD, PATH_COMPONENTS
 from cutenv.task_quantities import FARTHEST_TOLERANCE, LINE_TOLERANCE, OF_PATH, PATH_COSTS
 from cutenv.tissue.grid import LENGTH, SPACING
 
@@ -25,12 +25,11 @@ def _fused(name: str, parameters: tuple[str, ...], lines: list[str]) -> Any:
 
 
 _charge = _fused("_charge", ("path", *OF_PATH), charge_lines(PATH_COSTS, "path", OF_PATH))
-_fill = _fused("_fill", (*OF_LINE, "observation"), observe_lines(PATH_COMPONENTS, _FIRST, OF_LINE))
+_fill = _fused("_fill", (*(one.name for one in PATH_COMPONENTS), "observation"), observe_lines(PATH_COMPONENTS, _FIRST))
 
 TURN_COMMAND, PLANE_FORCE, LATERAL_SUM, LATERAL_PEAK = range(4)
 """Rows of what a step remembers of each lane: commanded rate of turn [rad/s], size of the force on the blade in the
 plane, sum and largest size of its part to the right [N]."""
-N_REMEMBERED_ASIDE = 4
 UNFELT_ASIDE = (0.0, 0.0)
 """Sum and largest size of the lateral force before the first step [N]."""
 

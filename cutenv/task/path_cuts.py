@@ -6,25 +6,24 @@ from typing import Any
 
 import numpy as np
 
-from cutenv._base.arrays import Struct, StructArray
-from cutenv._engine.intrinsics import as_float64_view, keep_alive, prefetch, without_refcount
-from cutenv._engine.jit import njit, njit_inline, njit_internal, njit_nogil
+from cutenv._base.arrays import Array, Struct, StructArray
+from cutenv._engine.intrinsics import as_float64_view, prefetch
+from cutenv._engine.jit import njit, njit_inline, njit_internal
 from cutenv._engine.lanes import first_row
 from cutenv._engine.randomness import Integer
-from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
 from cutenv.cutting.dtypes import TICK
-from cutenv.cutting.law import depth_at, grid_index
-from cutenv.cutting.row import LANES, ROW, begin, note, plain_views, put
+from cutenv.cutting.law import grid_index
+from cutenv.cutting.row import begin, plain_views, put
 from cutenv.cutting.sensor import feel_row
 from cutenv.cutting.steering import STEERING, steered_row
 from cutenv.cutting.update import drive_row
-from cutenv.task.assessment import COUNT, add_terms, count_lane, reward_of, succeeded
-from cutenv.task.cuts import Cuts, conclude_cut, fetch_some, flat_views, take_cut
+from cutenv.task.assessment import add_terms, succeeded
+from cutenv.task.cuts import Cuts, batch_of_one, conclude_cut, count_row, take_cut
+from cutenv.task.map_steps import REMEMBERED, map_stepper
 from cutenv.task.observation import DEAD_ZONE
 from cutenv.task.path_assessment import (
     LATERAL_PEAK,
     LATERAL_SUM,
-    N_REMEMBERED_ASIDE,
     PLANE_FORCE,
     TURN_COMMAND,
     begin_path_step,
@@ -63,7 +62,7 @@ def step_path_one(
     readings: StructArray,
     lateral: StructArray,
 ) -> tuple[float, int]:
-    """Step one cut by one decision; return its reward and end, see :func:`step_path_some`.
+    """Step one cut by one decision; return its reward and end, see :data:`step_path_some`.
 
     Parameters
     ----------
@@ -77,108 +76,36 @@ def step_path_one(
         Action within [-1, 1]; observation, readings and true lateral force [N]: filled.
     """
     c, e = cuts[0], episodes[0]
-    one = Cuts(
-        c.states, c.profiles, c.laws, c.drives, c.sensors, e.tasks, e.progresses, e.nominals, e.specimens, e.tips
-    )  # fmt: skip
+    one, beside = batch_of_one(c, e), (steerings, paths)
     row, count = first_row(c.rows), first_row(e.counts)
     plain, numbers, turns = plain_views(c.rows, c.states, c.laws, c.drives), as_float64_view(e.infos), np.empty(1)
-    step = np.zeros((N_REMEMBERED_ASIDE, 1))
+    step = np.zeros((REMEMBERED, 1))
     take_cut(one, row, plain, count, action, 0, 0)
-    begin_path_step(step, 0, commanded_turn(action[0, 2]))
+    _begin_lane(step, 0, action[0, 2], c.states[0], turns, 0)
     begin(row, plain, 1)
-    turns[0] = step[TURN_COMMAND, 0] * TICK
     for i in range(ticks):
-        _advance_path(one, steerings, turns, row, count, step, readings, lateral, i)
+        _advance(one, beside, turns, row, count, step, readings, i)
+        lateral[0, i] = row.lateral[0]
         if count.end[0] != 0:
             break
     put(row, plain, 0, 0)
-    end = _conclude_path(one, steerings, paths, 0, row, count, step, 0, action[0], observations[0], e.infos[0])
+    end = _conclude(one, beside, 0, row, count, step, 0, action[0], observations[0], e.infos[0])
     return add_terms(numbers, e.totals) + terms_of_path(paths[0]), end
 
 
-@njit_nogil
-def step_path_some(
-    passed: WorkQueue,
-    core: int,
-    cuts: Cuts,
-    steerings: StructArray,
-    paths: StructArray,
-    ticks: int,
-    waiting: StructArray,
-    actions: StructArray,
-    observations: StructArray,
-    rewards: StructArray,
-    ends: StructArray,
-    infos: StructArray,
-    readings: StructArray,
-    lateral: StructArray,
-) -> None:
-    """Step n cuts by one decision, assessed by hidden state; as :func:`cutenv.task.cuts.step_some`.
-
-    Parameters
-    ----------
-    passed, core : WorkQueue, int
-        Work queue and number of the thread, see :func:`cutenv._engine.parallel.parallel_for`.
-    cuts, steerings, paths : Cuts, Records
-        The cuts, their places in the plane and their paths, changed in place.
-    ticks, waiting, rewards, ends, infos, readings
-        See :func:`cutenv.task.cuts.step_some`; ``ends`` are indices in :data:`cutenv.task.path_terms.PATH_ENDS`.
-    actions, observations : array, shape (n, 3), (n, 28) float32
-        Actions within [-1, 1]; observations: filled.
-    lateral : array, shape (n, ticks) or (0, 0)
-        Filled with the true lateral force [N], unless it has no rows.
-    """
-    cuts = without_refcount(cuts)
-    waiting, actions, observations, rewards, ends, infos, readings, lateral, steerings, paths = without_refcount(
-        (waiting, actions, observations, rewards, ends, infos, readings, lateral, steerings, paths)
-    )
-    rows, counts, turns = np.zeros(1, ROW), np.zeros(1, COUNT), np.empty(len(paths))
-    step = np.zeros((N_REMEMBERED_ASIDE, LANES))
-    row, count = first_row(rows), first_row(counts)
-    plain, numbers = plain_views(rows, cuts.states, cuts.laws, cuts.drives), as_float64_view(infos)
-    fetched, places = flat_views(cuts, plain, infos), as_float64_view(steerings)
-    first, last = next_chunk(passed, core, LANES)
-    while first < last:
-        following = next_chunk(passed, core, LANES)
-        taken = 0
-        for n in range(first, last):
-            if waiting[n]:
-                rewards[n], ends[n] = 0.0, 0
-            else:
-                take_cut(cuts, row, plain, count, actions, taken, n)
-                begin_path_step(step, taken, commanded_turn(actions[n, 2]))
-                turns[n] = step[TURN_COMMAND, taken] * TICK
-                taken += 1
-        if taken > 0:
-            begin(row, plain, taken)
-        for i in range(ticks + 1 if taken > 0 else 0):
-            fetch_some(cuts, fetched, i, following[0], following[1])
-            fetch_path(steerings, paths, places, cuts, i, following[0], following[1])
-            over = taken  # after the last millisecond, all of them
-            if i < ticks:
-                over = _advance_path(cuts, steerings, turns, row, count, step, readings, lateral, i)
-            for k in range(taken if over > 0 else 0):
-                if row.going[k] == 1 and (i == ticks or count.end[k] != 0):
-                    c = row.cut[k]
-                    row.going[k] = 0
-                    put(row, plain, k, c)
-                    ends[c] = _conclude_path(
-                        cuts, steerings, paths, c, row, count, step, k, actions[c], observations[c], infos[c]
-                    )
-                    rewards[c] = reward_of(numbers, c) + terms_of_path(paths[c])
-        mark_done(passed, core, last - first)
-        first, last = following
-    keep_alive(rows)
-    keep_alive(counts)
+@njit_inline
+def _begin_lane(step: StructArray, k: Integer, action: float, state: Struct, turns: Array, n: Integer) -> None:
+    """Prepare lane ``k`` for a turn action of cut number ``n``."""
+    begin_path_step(step, k, commanded_turn(action))
+    turns[n] = step[TURN_COMMAND, k] * TICK
 
 
 @njit_inline
-def fetch_path(
-    steerings: StructArray, paths: StructArray, places: StructArray, cuts: Cuts, i: int, first: Integer, last: Integer
-) -> None:
-    """Prefetch place and path of two cuts of the next row, ``first`` to before ``last``; ``places`` are flat."""
+def _fetch(beside: tuple[StructArray, ...], cuts: Cuts, i: int, first: Integer, last: Integer) -> None:
+    """Prefetch place and path of two cuts of the next row, ``first`` to before ``last``."""
+    places = as_float64_view(beside[0])
     for c in range(first + 2 * i, min(first + 2 * (i + 1), last)):
-        steering = steerings[c]
+        steering = beside[0][c]
         for k in range(_LINES):
             prefetch(places, _STEERING * c + 8 * k)
         tip, blade = grid_index(cuts.states[c].tip)[0], grid_index(cuts.states[c].blade)[0]
@@ -204,55 +131,29 @@ def terms_of_path(path: Struct) -> float:
 
 
 @njit_inline
-def _advance_path(
+def _advance(
     cuts: Cuts,
-    steerings: StructArray,
-    turns: StructArray,
+    beside: tuple[StructArray, ...],
+    turns: Array,
     row: Struct,
     count: Struct,
     step: StructArray,
     readings: StructArray,
-    lateral: StructArray,
     i: int,
 ) -> int:
     """Advance and count millisecond ``i`` of a row; return how many of its cuts end with it."""
     drive_row(row, TICK)
-    steered_row(row, cuts.profiles, steerings, turns, TICK)
+    steered_row(row, cuts.profiles, beside[0], turns, TICK)
     feel_row(row, cuts.sensors, i == 0)
     for k in range(len(row.blade)):
         count_lateral(step, k, row.force[k], row.lateral[k])
-    over = 0
-    if row.slack == 0:
-        for k in range(len(row.blade)):
-            count_lane(
-                count, k, row.blade[k], row.speed[k], step[PLANE_FORCE, k], row.felt[k], row.tip[k], row.jump[k],
-                row.depth[k],
-            )  # fmt: skip
-            over += 1 if row.going[k] == 1 and count.end[k] != 0 else 0
-    else:
-        for k in range(row.taken):  # the encoder sits at the motor
-            position, speed = row.blade[k], row.speed[k]
-            if row.backlash[k] > 0.0:
-                position, speed = row.hand[k], row.hand_speed[k]
-            count_lane(
-                count, k, position, speed, step[PLANE_FORCE, k], row.felt[k], row.tip[k], row.jump[k],
-                depth_at(cuts.profiles[row.cut[k]], position),
-            )  # fmt: skip
-            over += 1 if row.going[k] == 1 and count.end[k] != 0 else 0
-    for k in range(row.taken if len(readings) > 0 else 0):
-        if row.going[k] == 1:
-            note(row, k, readings[row.cut[k], i], TICK)
-    for k in range(row.taken if len(lateral) > 0 else 0):
-        if row.going[k] == 1:
-            lateral[row.cut[k], i] = row.lateral[k]
-    return over
+    return count_row(cuts, row, count, step[PLANE_FORCE], True, readings, i)
 
 
 @njit_internal
-def _conclude_path(
+def _conclude(
     cuts: Cuts,
-    steerings: StructArray,
-    paths: StructArray,
+    beside: tuple[StructArray, ...],
     c: int,
     row: Struct,
     count: Struct,
@@ -263,7 +164,7 @@ def _conclude_path(
     info: Struct,
 ) -> int:
     """Compute reward terms, observation and info for the step of cut number ``c``, in lane ``k``; return its end."""
-    steering, path, task, progress = steerings[c], paths[c], cuts.tasks[c], cuts.progresses[c]
+    steering, path, task, progress = beside[0][c], beside[1][c], cuts.tasks[c], cuts.progresses[c]
     survey_path(path, steering, row.tip[k])
     charge_path(path, task.target)
     # It is charged as an end at the limit of force is: for all that stopping could still have cost.
@@ -286,6 +187,10 @@ def _conclude_path(
         (step[LATERAL_SUM, k], step[LATERAL_PEAK, k]), action[2], observation,
     )  # fmt: skip
     return progress.end  # type: ignore[no-any-return]
+
+
+step_path_some = map_stepper("step_path_some", _begin_lane, _fetch, _advance, _conclude, terms_of_path)
+"""Step n cuts by one decision, with their places in the plane and their paths; see :mod:`cutenv.task.map_steps`."""
 
 
 def path_errors(paths: StructArray, tips: StructArray) -> dict[str, Any]:

@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv._base.arrays import Struct, StructArray
-from cutenv._engine.jit import njit, njit_internal
+from cutenv._base.arrays import Array, StructArray
+from cutenv._engine.jit import njit
 from cutenv.cutting.law import grid_index, lerp
 from cutenv.task.cuts import Cuts
-from cutenv.task.observation import CLIP
-from cutenv.task.privileged import PRIVILEGED_FEATURES, append_privileged
+from cutenv.task.privileged import PRIVILEGED_FEATURES, append_further
 from cutenv.task_quantities import FARTHEST_TOLERANCE, LINE_TOLERANCE
 
 PATH_PRIVILEGED = (
@@ -25,7 +24,6 @@ PATH_PRIVILEGED = (
     "largest distance of the cut to the line so far over that of a success [1]",
 )
 """Names of the privileged features: those of gentle cutting, and those of the path."""
-_OF_PATH = len(PATH_PRIVILEGED) - len(PRIVILEGED_FEATURES)
 _MILLIMETRE = 0.001  # [m]
 
 
@@ -38,44 +36,25 @@ def append_path_privileged(
     :data:`~cutenv.task.path_terms.PATH_MAP`.  The columns are those of :data:`PATH_PRIVILEGED`, clipped as observations
     are.
     """
-    seen = np.empty((len(features), features.shape[1] + len(PATH_PRIVILEGED)), np.float32)
-    seen[:, :-_OF_PATH] = append_privileged(cuts, features, which)
-    _append_path(cuts.states, cuts.profiles, cuts.tasks, steerings, paths, which, seen)
-    return seen
+    hidden = np.empty((len(which), len(PATH_PRIVILEGED) - len(PRIVILEGED_FEATURES)))
+    _fill(cuts, steerings, paths, which, hidden)
+    return append_further(cuts, features, which, hidden)
 
 
 @njit
-def _append_path(
-    states: StructArray,
-    profiles: StructArray,
-    tasks: StructArray,
-    steerings: StructArray,
-    paths: StructArray,
-    which: StructArray,
-    seen: StructArray,
-) -> None:
-    """Fill the last columns of ``seen``."""
-    hidden = np.empty(_OF_PATH)
+def _fill(cuts: Cuts, steerings: StructArray, paths: StructArray, which: StructArray, hidden: Array) -> None:
+    """Fill the privileged state that the path adds to that of the cuts ``which``, a row for each."""
     for m in range(len(which)):
         n = which[m]
-        _hidden_path(states[n], profiles[n], tasks[n], steerings[n], paths[n], hidden)
-        for k in range(_OF_PATH):
-            seen[m, seen.shape[1] - _OF_PATH + k] = min(max(hidden[k], -CLIP), CLIP)
-
-
-@njit_internal
-def _hidden_path(
-    state: Struct, profile: Struct, task: Struct, steering: Struct, path: Struct, hidden: StructArray
-) -> None:
-    """Fill the privileged state of the path of one cut, shape (8,)."""
-    i, share = grid_index(state.tip)
-    t_x, t_y = lerp(steering.cosine, i, share), lerp(steering.sine, i, share)
-    along = lerp(profile.stiffness, i, share) * steering.per_stretch**2
-    hidden[0] = steering.tip_aside / _MILLIMETRE
-    hidden[1] = (t_x * steering.tip_across - t_y * steering.tip_ahead) / 0.2
-    hidden[2] = lerp(steering.curvature, i, share) / 25.0
-    hidden[3] = steering.offset / (2.0 * _MILLIMETRE)
-    hidden[4] = 0.0 - steering.coupling * along / max(steering.side_stiffness, 1e-3 * along)
-    hidden[5] = steering.side_stiffness / along
-    hidden[6] = path.distance / (task.target * LINE_TOLERANCE)
-    hidden[7] = path.farthest / FARTHEST_TOLERANCE
+        state, profile, task, steering, path = (cuts.states[n], cuts.profiles[n], cuts.tasks[n], steerings[n], paths[n])
+        i, share = grid_index(state.tip)
+        t_x, t_y = lerp(steering.cosine, i, share), lerp(steering.sine, i, share)
+        along = lerp(profile.stiffness, i, share) * steering.per_stretch**2
+        hidden[m, 0] = steering.tip_aside / _MILLIMETRE
+        hidden[m, 1] = (t_x * steering.tip_across - t_y * steering.tip_ahead) / 0.2
+        hidden[m, 2] = lerp(steering.curvature, i, share) / 25.0
+        hidden[m, 3] = steering.offset / (2.0 * _MILLIMETRE)
+        hidden[m, 4] = 0.0 - steering.coupling * along / max(steering.side_stiffness, 1e-3 * along)
+        hidden[m, 5] = steering.side_stiffness / along
+        hidden[m, 6] = path.distance / (task.target * LINE_TOLERANCE)
+        hidden[m, 7] = path.farthest / FARTHEST_TOLERANCE

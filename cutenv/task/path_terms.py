@@ -23,61 +23,34 @@ PATH_TERMS = tuple(cost.name for cost in PATH_COSTS)
 ALL_PATH_TERMS = (*TERMS, *PATH_TERMS)
 """Names of all terms of the reward of ``cutenv/PathCut-v1``."""
 
-OF_LINE = (
-    "lateral", "lateral_mean", "lateral_peak", "aside", "direction", "bend", "aside_near", "direction_near",
-    "bend_near", "aside_further", "direction_further", "bend_further", "aside_far", "direction_far", "bend_far",
-    "last_turn",
-)  # fmt: skip
-"""Quantities that the components below are made of, in SI units."""
-
 _ASIDE, _DIRECTION, _BEND = 0.005, 0.5, 25.0  # scales
 
 PATH_COMPONENTS = (
+    Component(name="lateral", meaning="force on the blade to its right, now", unit="N", scale=5.0),
+    Component(name="lateral_mean", meaning="its mean since the last decision", unit="N", scale=5.0),
+    Component(name="lateral_peak", meaning="largest size of it since the last decision", unit="N", scale=5.0),
+    Component(name="aside", meaning="line to the left of the blade, at the blade", unit="m", scale=_ASIDE),
     Component(
-        name="lateral", meaning="force on the blade to its right, now", unit="N", scale=5.0,
-        value=lambda lateral: lateral,
+        name="direction", meaning="sine of the turn from blade to line there, to the left", unit="1", scale=_DIRECTION
     ),
+    Component(name="bend", meaning="curvature of the line there, to the left", unit="1/m", scale=_BEND),
     Component(
-        name="lateral_mean", meaning="its mean since the last decision", unit="N", scale=5.0,
-        value=lambda lateral_mean: lateral_mean,
+        name="aside_near", meaning="line to the left of the blade's course, 5 mm further", unit="m", scale=_ASIDE
     ),
+    Component(name="direction_near", meaning="direction there", unit="1", scale=_DIRECTION),
+    Component(name="bend_near", meaning="curvature there", unit="1/m", scale=_BEND),
     Component(
-        name="lateral_peak", meaning="largest size of it since the last decision", unit="N", scale=5.0,
-        value=lambda lateral_peak: lateral_peak,
+        name="aside_further", meaning="line to the left of the blade's course, 10 mm further", unit="m", scale=_ASIDE
     ),
+    Component(name="direction_further", meaning="direction there", unit="1", scale=_DIRECTION),
+    Component(name="bend_further", meaning="curvature there", unit="1/m", scale=_BEND),
     Component(
-        name="aside", meaning="line to the left of the blade, at the blade", unit="m", scale=_ASIDE,
-        value=lambda aside: aside,
+        name="aside_far", meaning="line to the left of the blade's course, 20 mm further", unit="m", scale=_ASIDE
     ),
-    Component(
-        name="direction", meaning="sine of the turn from blade to line there, to the left", unit="1", scale=_DIRECTION,
-        value=lambda direction: direction,
-    ),
-    Component(
-        name="bend", meaning="curvature of the line there, to the left", unit="1/m", scale=_BEND,
-        value=lambda bend: bend,
-    ),
-    Component(name="aside_near", meaning="line to the left of the blade's course, 5 mm further", unit="m",
-        scale=_ASIDE, value=lambda aside_near: aside_near),
-    Component(name="direction_near", meaning="direction there", unit="1", scale=_DIRECTION,
-        value=lambda direction_near: direction_near),
-    Component(name="bend_near", meaning="curvature there", unit="1/m", scale=_BEND,
-        value=lambda bend_near: bend_near),
-    Component(name="aside_further", meaning="line to the left of the blade's course, 10 mm further", unit="m",
-        scale=_ASIDE, value=lambda aside_further: aside_further),
-    Component(name="direction_further", meaning="direction there", unit="1", scale=_DIRECTION,
-        value=lambda direction_further: direction_further),
-    Component(name="bend_further", meaning="curvature there", unit="1/m", scale=_BEND,
-        value=lambda bend_further: bend_further),
-    Component(name="aside_far", meaning="line to the left of the blade's course, 20 mm further", unit="m",
-        scale=_ASIDE, value=lambda aside_far: aside_far),
-    Component(name="direction_far", meaning="direction there", unit="1", scale=_DIRECTION,
-        value=lambda direction_far: direction_far),
-    Component(name="bend_far", meaning="curvature there", unit="1/m", scale=_BEND, value=lambda bend_far: bend_far),
-    Component(
-        name="last_turn", meaning="last action: turn", unit="1", scale=1.0, value=lambda last_turn: last_turn
-    ),
-)  # fmt: skip
+    Component(name="direction_far", meaning="direction there", unit="1", scale=_DIRECTION),
+    Component(name="bend_far", meaning="curvature there", unit="1/m", scale=_BEND),
+    Component(name="last_turn", meaning="last action: turn", unit="1", scale=1.0),
+)
 """Components of the observation that follow the 12 of gentle cutting, in order."""
 ALL_PATH_COMPONENTS = (*COMPONENTS, *PATH_COMPONENTS)
 """All components of the observation of ``cutenv/PathCut-v1``."""

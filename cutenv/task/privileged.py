@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv._base.arrays import StructArray
+from cutenv._base.arrays import Array, StructArray
 from cutenv._engine.jit import njit
 from cutenv.cutting.law import depth_at, elastic_force, force_to_grow, stiffness_at, toughness_at
 from cutenv.task.cuts import Cuts
@@ -38,6 +38,14 @@ def append_privileged(cuts: Cuts, features: NDArray[np.float32], which: NDArray[
     seen = np.empty((len(features), features.shape[1] + len(PRIVILEGED_FEATURES)), np.float32)
     _append_privileged(cuts.states, cuts.profiles, cuts.laws, cuts.tasks, features, which, seen)
     return seen
+
+
+def append_further(
+    cuts: Cuts, features: NDArray[np.float32], which: NDArray[np.int64], hidden: Array
+) -> NDArray[np.float32]:
+    """Append the privileged state of gentle cutting, and what a task adds to it, ``hidden``, shape (m, k), clipped."""
+    further = np.clip(hidden, -CLIP, CLIP).astype(np.float32)
+    return np.concatenate([append_privileged(cuts, features, which), further], axis=1)
 
 
 @njit

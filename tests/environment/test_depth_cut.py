@@ -7,7 +7,6 @@ import math
 import gymnasium
 import numpy as np
 import pytest
-from gymnasium.utils.env_checker import check_env
 
 import cutenv  # noqa: F401
 from cutenv.envs.depth_cut import DepthBatch, DepthCutEnv, to_depth_action
@@ -15,10 +14,9 @@ from cutenv.envs.learned_tasks import task_of
 from cutenv.learning.evaluation import Contestant, evaluate
 from cutenv.policy.depth_planner import DepthPlanner
 from cutenv.policy.depth_scripts import DEPTH_SCRIPTS, FollowDepth, HoldDepth
-from cutenv.task.depth_terms import ALL_TERMS, DEPTH_COMPONENTS, DEPTH_TERMS
+from cutenv.task.depth_terms import DEPTH_TERMS
 from cutenv.task.observation import COMPONENTS
 from cutenv.task.wanted_depth import DEEP, LEAST_BELOW, LEAST_CHANGE, MOST_BELOW, SHALLOW
-from cutenv.task_quantities import DEPTH_COSTS
 
 UPRIGHT = math.pi / 2
 SPECIMENS = range(7000, 7030)
@@ -66,58 +64,6 @@ def test_at_level_0_it_is_gentle_cut_to_the_last_bit():
                 assert {name: found[group][name] for name in info[group]} == info[group]
         assert (found["end"], found["is_success"]) == (info["end"], info["is_success"])
         assert set(found["depth"].values()) == {0.0}
-
-
-@pytest.mark.parametrize("wanted", ["mixed", "profile"])
-def test_a_batch_is_bit_for_bit_single_cuts(wanted):
-    many = gymnasium.make_vec("cutenv/DepthCut-v1", num_envs=3, wanted=wanted)
-    singles = [gymnasium.make("cutenv/DepthCut-v1", wanted=wanted) for _ in range(3)]
-    shown, _ = many.reset(seed=10)
-    for n, single in enumerate(singles):
-        np.testing.assert_array_equal(single.reset(seed=10 + n)[0], shown[n])
-    rng, waits, ends = np.random.default_rng(1), np.zeros(3, bool), 0
-    while ends < 6:
-        actions = rng.uniform(-1.0, 1.0, (3, 3)).astype(np.float32)
-        actions[:, 0] = np.abs(actions[:, 0])
-        shown, rewards, ended, _, infos = many.step(actions)
-        for n, single in enumerate(singles):
-            if waits[n]:
-                np.testing.assert_array_equal(single.reset()[0], shown[n])
-                waits[n] = False
-                continue
-            seen, reward, over, _, info = single.step(actions[n])
-            np.testing.assert_array_equal(seen, shown[n])
-            assert (reward, over) == (rewards[n], ended[n])
-            for group in ("truth", "energy", "reward_terms", "depth"):
-                for name, value in info[group].items():
-                    assert infos[group][name][n] == value, (group, name)
-            assert sum(info["reward_terms"].values()) == pytest.approx(reward, abs=1e-12)
-            assert abs(info["energy"]["residual"]) <= 1e-12 * max(info["energy"]["work"], 1e-3)
-            if over:
-                assert infos["end"][n] == info["end"]
-                waits[n], ends = True, ends + 1
-
-
-def test_gymnasium_accepts_it():
-    check_env(DepthCutEnv(), skip_render_check=True)
-
-
-def test_the_docstring_has_the_declared_tables():
-    doc = " ".join((DepthCutEnv.__doc__ or "").split())
-    first = len(COMPONENTS)
-    for number, one in enumerate(DEPTH_COMPONENTS):
-        row = f"{first + number} {one.name} {one.meaning} {one.unit} {round(one.scale, 4):g} 0"
-        assert row in doc
-    for cost in DEPTH_COSTS:
-        assert f"{cost.name} {cost.weight:g} {cost.text}" in doc
-    for keyword in DepthCutEnv.other_keywords:
-        assert f"``{keyword}``" in doc or f" {keyword} " in doc, keyword
-
-
-def test_return_is_the_sum_of_the_terms_since_reset():
-    env, total, info = cut(FollowDepth(), 5)
-    assert tuple(info["reward_terms"]) == ALL_TERMS
-    assert sum(env.cutting.reward_totals.values()) == pytest.approx(total, abs=1e-9)
 
 
 def test_the_map_is_the_floor_of_the_cut():
@@ -305,19 +251,6 @@ def test_a_cut_that_is_begun_is_as_deep_as_wanted():
 def test_bad_keywords_are_refused_by_name(keywords, message):
     with pytest.raises(ValueError, match=message):
         DepthCutEnv(**keywords)
-
-
-@pytest.mark.parametrize("action", [[0.0, 0.0], [0.0, 0.0, math.nan], [[0.0, 0.0, 0.0]]])
-def test_bad_actions_are_refused(action):
-    env = DepthCutEnv()
-    env.reset(seed=0)
-    with pytest.raises(ValueError, match="speed, angle, descent"):
-        env.step(np.array(action, np.float32))
-    batch = DepthBatch(1, env)
-    batch.give_seeds([0], np.arange(1), np.random.default_rng())
-    batch.begin(np.arange(1))
-    with pytest.raises(ValueError, match="speed, angle"):
-        batch.decide(np.array([action], np.float32))
 
 
 def test_unknown_tasks_are_refused():

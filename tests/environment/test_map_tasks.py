@@ -1,0 +1,111 @@
+"""cutenv/PathCut-v1 and cutenv/DepthCut-v1: what both tasks with a third axis promise."""
+
+from __future__ import annotations
+
+import math
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+import cutenv  # noqa: F401
+from cutenv.envs.depth_cut import DepthBatch, DepthCutEnv
+from cutenv.envs.path_cut import PathBatch, PathCutEnv
+from cutenv.task.depth_terms import ALL_TERMS, DEPTH_COMPONENTS
+from cutenv.task.observation import COMPONENTS
+from cutenv.task.path_terms import ALL_PATH_TERMS, PATH_COMPONENTS
+from cutenv.task_quantities import DEPTH_COSTS, PATH_COSTS
+from cutenv.tissue.lines import half_ellipse
+
+TASKS = {"path": (PathCutEnv, PathBatch), "depth": (DepthCutEnv, DepthBatch)}
+DECLARED = {
+    "path": (PATH_COMPONENTS, PATH_COSTS, ALL_PATH_TERMS),
+    "depth": (DEPTH_COMPONENTS, DEPTH_COSTS, ALL_TERMS),
+}
+both = pytest.mark.parametrize("task", TASKS)
+
+
+@pytest.mark.parametrize(
+    ("task", "keywords"),
+    [
+        ("path", {}),
+        ("path", {"line": "excision", "start_before_target": 0.03}),
+        ("path", {"line": half_ellipse(), "control_hz": 40}),
+        ("depth", {"wanted": "mixed"}),
+        ("depth", {"wanted": "profile"}),
+    ],
+)
+def test_a_batch_is_bit_for_bit_single_cuts(task, keywords):
+    name = TASKS[task][0].__name__.replace("Env", "-v1")
+    many = gymnasium.make_vec(f"cutenv/{name}", num_envs=3, **keywords)
+    singles = [gymnasium.make(f"cutenv/{name}", **keywords) for _ in range(3)]
+    shown, _ = many.reset(seed=10)
+    for n, single in enumerate(singles):
+        np.testing.assert_array_equal(single.reset(seed=10 + n)[0], shown[n])
+    rng, waits, ends = np.random.default_rng(1), np.zeros(3, bool), 0
+    while ends < 6:
+        actions = rng.uniform(-1.0, 1.0, (3, 3)).astype(np.float32)
+        actions[:, 0] = np.abs(actions[:, 0])
+        shown, rewards, ended, _, infos = many.step(actions)
+        for n, single in enumerate(singles):
+            if waits[n]:
+                np.testing.assert_array_equal(single.reset()[0], shown[n])
+                waits[n] = False
+                continue
+            seen, reward, over, _, info = single.step(actions[n])
+            np.testing.assert_array_equal(seen, shown[n])
+            assert (reward, over) == (rewards[n], ended[n])
+            for group in ("truth", "energy", "reward_terms", task):
+                for name, value in info[group].items():
+                    assert infos[group][name][n] == value, (group, name)
+            assert sum(info["reward_terms"].values()) == pytest.approx(reward, abs=1e-12)
+            assert abs(info["energy"]["residual"]) <= 1e-12 * max(info["energy"]["work"], 1e-3)
+            if over:
+                assert infos["end"][n] == info["end"]
+                waits[n], ends = True, ends + 1
+
+
+@both
+def test_gymnasium_accepts_it(task):
+    check_env(TASKS[task][0](), skip_render_check=True)
+
+
+@both
+def test_the_docstring_has_the_declared_tables(task):
+    environment, (components, costs, _) = TASKS[task][0], DECLARED[task]
+    doc = " ".join((environment.__doc__ or "").split())
+    for number, one in enumerate(components, start=len(COMPONENTS)):
+        assert f"{number} {one.name} {one.meaning} {one.unit} {round(one.scale, 4):g} 0" in doc
+    for cost in costs:
+        assert f"{cost.name} {cost.weight:g} {cost.text}" in doc
+    for keyword in environment.other_keywords:
+        assert f"``{keyword}``" in doc or f" {keyword} " in doc, keyword
+
+
+@both
+def test_return_is_the_sum_of_the_terms_since_reset(task):
+    env, rng, total, ended = TASKS[task][0](), np.random.default_rng(0), 0.0, False
+    env.reset(seed=5)
+    while not ended:
+        action = np.array([0.6, 0.0, rng.uniform(-0.3, 0.3)], np.float32)
+        _, reward, ended, _, info = env.step(action)
+        total += reward
+    assert tuple(info["reward_terms"]) == DECLARED[task][2]
+    assert sum(env.cutting.reward_totals.values()) == pytest.approx(total, abs=1e-9)
+
+
+@both
+@pytest.mark.parametrize("action", [[0.0, 0.0], [0.0, 0.0, math.nan], [[0.0, 0.0, 0.0]]])
+def test_bad_actions_are_refused(task, action):
+    environment, batch_class = TASKS[task]
+    env = environment()
+    names = ", ".join(env.action_names)
+    env.reset(seed=0)
+    with pytest.raises(ValueError, match=names):
+        env.step(np.array(action, np.float32))
+    batch = batch_class(1, env)
+    batch.give_seeds([0], np.arange(1), np.random.default_rng())
+    batch.begin(np.arange(1))
+    with pytest.raises(ValueError, match="speed, angle"):
+        batch.decide(np.array([action], np.float32))
