@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 
+import numpy as np
 import pytest
 
 from cutenv.cli import main
@@ -52,6 +53,18 @@ def test_a_nominal_rig_does_not_differ_from_the_simulator(simulated):
     verdict = verdict_of(simulated)
     assert verdict.answer != "differ", str(verdict)
     assert len(verdict.open) <= 4, str(verdict)
+
+
+def test_in_the_simulator_too_no_command_is_faster_than_a_slow_rigs_limits():
+    env = RigCutEnv(rig="serial", dry_run=True, angle_mode="fixed", control_hz=10, **SHORT)
+    simulator = simulator_like(env, control_hz=10, **SHORT)
+    found = paired_experiment(env, simulator, feed(), seed=SEED, specimens=6, draws=2)
+    env.close()
+    duration = [
+        np.mean([cut.trace.time[-1] for cut in cuts]) for cuts in (found.rig, [c for d in found.simulator for c in d])
+    ]
+    assert duration[0] > 6.0, "the rig is slower than the policy"
+    assert duration[1] == pytest.approx(duration[0], rel=0.05)
 
 
 def test_a_late_force_and_a_slow_motor_show(simulated):
