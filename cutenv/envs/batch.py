@@ -65,6 +65,8 @@ class CutBatch:
 
     end_names: ClassVar[NDArray[Any]] = np.array(ENDS, dtype=object)
     """Names of the ends by code."""
+    step_some: ClassVar[Callable[..., None]] = step_some
+    """Kernel that steps the cuts."""
 
     def __init__(self, count: int, single: GentleCutEnv) -> None:
         self.single = single
@@ -185,17 +187,16 @@ class CutBatch:
         commands = self.checked_actions(actions, waiting)
         infos = np.empty(count, INFO) if infos is None else infos
         rewards, ends = np.empty(count), np.empty(count, np.int64)
-        kernel, stepped = self._kernel()
         parallel_for(
-            kernel, count, self.cuts, *stepped, waiting, commands, self.observations, rewards, ends, infos,
-            _NO_READINGS if readings is None else readings,
+            type(self).step_some, count, self.cuts, *self._stepped_with(), waiting, commands, self.observations,
+            rewards, ends, infos, _NO_READINGS if readings is None else readings,
             fewest=max(MIN_CHUNK, _FEWEST_TICKS // self.single.ticks), meanwhile=meanwhile,
         )  # fmt: skip
         return rewards, ends
 
-    def _kernel(self) -> tuple[Callable[..., None], tuple[Any, ...]]:
-        """Return the kernel that steps the cuts, and what it takes between them and the mask of those that wait."""
-        return step_some, (self.single.ticks, self.single.from_truth)
+    def _stepped_with(self) -> tuple[Any, ...]:
+        """Return what the kernel takes between the cuts and the mask of those that wait."""
+        return self.single.ticks, self.single.from_truth
 
     def checked_actions(self, actions: ArrayLike, waiting: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Return a copy of the actions, clipped to [-1, 1]; those of cuts that wait may be NaN.

@@ -18,7 +18,7 @@ from cutenv.envs.map_batch import MapBatch
 from cutenv.envs.vector import GentleCutVectorEnv
 from cutenv.task.cuts import Cuts
 from cutenv.task.depth_beginning import begin_depth_some
-from cutenv.task.depth_cuts import depth_errors, step_depth_some
+from cutenv.task.depth_cuts import depth_errors, step_depth_one, step_depth_some
 from cutenv.task.depth_cutting import DepthCutting, depth_record, depth_shown
 from cutenv.task.depth_privileged import append_depth_privileged
 from cutenv.task.depth_terms import ALL_COMPONENTS, DEPTH, DEPTH_ENDS, DESCENT_SCALE, DepthConstants
@@ -130,6 +130,7 @@ class DepthCutEnv(GentleCutEnv):
 
     action_names = ("speed", "angle", "descent")
     component_count = len(ALL_COMPONENTS)
+    step_one = step_depth_one
     other_keywords = (
         "wanted", "layer", *DepthConstants.__dataclass_fields__, *DescentParameters.__dataclass_fields__,
         *SurfaceSpread.__dataclass_fields__,

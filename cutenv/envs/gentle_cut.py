@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -175,6 +175,8 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """Names of the numbers of an action."""
     component_count: ClassVar[int] = len(COMPONENTS)
     """Number of components of an observation."""
+    step_one: ClassVar[Callable[..., tuple[float, int]]] = step_one
+    """Kernel that steps the cut."""
     other_keywords: ClassVar[tuple[str, ...]] = ()
     """Keywords of a task that is made of this one."""
     surface = SurfaceSpread(surface_spread=0.0)
@@ -251,7 +253,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         for name in options:
             one_of("option", name, RESET_OPTIONS)
         if self._seed is None:
-            warn_before_first_compile(step_one, sample_all_profiles)
+            warn_before_first_compile(type(self).step_one, sample_all_profiles)
         if seed is not None or self._seed is None:
             self._seed = int(self.np_random.integers(2**63)) if seed is None else seed
             self._episode = 0

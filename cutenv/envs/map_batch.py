@@ -18,8 +18,6 @@ from cutenv.task_quantities import MapCost
 class MapBatch(CutBatch):
     """``count`` cuts of a task that adds costs of a map, and an end, to gentle cutting."""
 
-    step_some: ClassVar[Callable[..., None]]
-    """Kernel of :func:`cutenv.task.map_steps.map_stepper`."""
     append: ClassVar[Callable[..., NDArray[np.float32]]]
     """Function that appends the hidden state, by records of the cuts, of the motion and of the map."""
     map_costs: ClassVar[Sequence[MapCost]]
@@ -36,8 +34,8 @@ class MapBatch(CutBatch):
     def truth(self) -> dict[str, Any]:
         """Return the hidden state that the task adds to the info, by name; each of shape (count,)."""
 
-    def _kernel(self) -> tuple[Callable[..., None], tuple[Any, ...]]:
-        return type(self).step_some, (self.beside, self.single.ticks)
+    def _stepped_with(self) -> tuple[Any, ...]:
+        return self.beside, self.single.ticks
 
     def extra_terms(self) -> dict[str, NDArray[np.float64]]:
         """Return the costs of the map in the last step's reward, by name; each of shape (count,)."""

@@ -20,7 +20,7 @@ from cutenv.task.beginning import LONGEST
 from cutenv.task.cuts import Cuts
 from cutenv.task.observation import SPEED_SCALE, speed_action, to_action
 from cutenv.task.path_beginning import GIVEN_LINE, begin_path_some
-from cutenv.task.path_cuts import path_errors, step_path_some
+from cutenv.task.path_cuts import path_errors, step_path_one, step_path_some
 from cutenv.task.path_cutting import PathCutting, path_record, steering_record
 from cutenv.task.path_privileged import append_path_privileged
 from cutenv.task.path_terms import ALL_PATH_COMPONENTS, PATH_ENDS, PATH_MAP, TURN_SCALE, PathConstants
@@ -138,6 +138,7 @@ class PathCutEnv(GentleCutEnv):
 
     action_names = ("speed", "angle", "turn")
     component_count = len(ALL_PATH_COMPONENTS)
+    step_one = step_path_one
     other_keywords = (
         "line", *PathConstants.__dataclass_fields__, *SteeringParameters.__dataclass_fields__,
     )  # fmt: skip

@@ -18,7 +18,7 @@ from cutenv._engine.jit import warn_before_first_compile
 from cutenv.envs.batch import CutBatch
 from cutenv.envs.gentle_cut import RESET_OPTIONS, GentleCutEnv
 from cutenv.task.beginning import begin_some
-from cutenv.task.cuts import Cuts, step_some, tell_of_all
+from cutenv.task.cuts import Cuts, tell_of_all
 from cutenv.task.info import GROUPS, INFO, column
 
 _NAMED = tuple(
@@ -88,7 +88,7 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         self.num_envs = int(num_envs)
         self.render_mode = None
         self.autoreset_mode = AutoresetMode(autoreset_mode)
-        warn_before_first_compile(step_some, begin_some)
+        warn_before_first_compile(self.batch_class.step_some, begin_some)
         self.single = self.single_class(**keywords)  # checks the keywords, and makes the start that all share
         self.metadata = {
             **self.metadata,

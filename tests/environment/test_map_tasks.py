@@ -10,6 +10,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import cutenv  # noqa: F401
+from cutenv.envs import gentle_cut, vector
 from cutenv.envs.depth_cut import DepthBatch, DepthCutEnv
 from cutenv.envs.path_cut import PathBatch, PathCutEnv
 from cutenv.task.depth_terms import ALL_TERMS, DEPTH_COMPONENTS
@@ -109,3 +110,14 @@ def test_bad_actions_are_refused(task, action):
     batch.begin(np.arange(1))
     with pytest.raises(ValueError, match="speed, angle"):
         batch.decide(np.array([action], np.float32))
+
+
+@both
+def test_notice_of_compiling_looks_for_the_kernels_of_the_task(task, monkeypatch):
+    """It would else be printed at every start by those who use this task alone."""
+    asked = []
+    for module in (gentle_cut, vector):
+        monkeypatch.setattr(module, "warn_before_first_compile", lambda *kernels: asked.append(kernels[0].__name__))
+    TASKS[task][0]().reset(seed=0)
+    gymnasium.make_vec(f"cutenv/{TASKS[task][0].__name__.replace('Env', '-v1')}", num_envs=1)
+    assert asked == [f"step_{task}_one", f"step_{task}_some"]
