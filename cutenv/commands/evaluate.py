@@ -29,13 +29,18 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _evaluate(arguments: argparse.Namespace) -> None:
-    from cutenv.policy import BASELINES
+    from cutenv.learning.evaluation import contestant, evaluate, policy_names
+    from cutenv.policy import BASELINES, CONSTANT_FEEDS
 
     if arguments.list or not arguments.policies:
-        print("\n".join(BASELINES))
+        for group, listed in policy_names().items():
+            shown = [name for name in listed if name not in CONSTANT_FEEDS]
+            feeds = [name for name in listed if name in CONSTANT_FEEDS]
+            print(
+                f"{group}:", *shown, *([f"{feeds[0]} to {feeds[-1]} ({len(feeds)} feeds)"] if feeds else []), sep="\n  "
+            )
         return
     from cutenv.envs.learned_tasks import TASKS
-    from cutenv.learning.evaluation import contestant, evaluate
     from cutenv.learning.result_tables import print_differences, print_table, write_csv
     from cutenv.learning.seeds import TEST_SEEDS, VALIDATION_SEEDS
     from cutenv.learning.statistics import differences, summarise
