@@ -28,7 +28,7 @@ from cutenv.browser import HandCut, write_page_alone
 from cutenv.browser.depth_steps import HandDepthCut
 from cutenv.browser.page_alone import HAND_CUTS, OFFERED, specimen_data
 from cutenv.scoring import Truth, score
-from cutenv.scoring.scored_cut import TIP_AT_END
+from cutenv.scoring.truth import TIP_AT_END
 from cutenv.tissue.grid import depth_below
 
 DEFAULT = Path("runs") / "measure_page.json"

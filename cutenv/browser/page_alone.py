@@ -30,7 +30,7 @@ from cutenv.measurement.strokes import STANDSTILL_SPEED
 from cutenv.play.devices import INCLINED, LEAD, LEVEL_REACH, LOWERED_BY_NOTCH, NOTCH, TRAVEL
 from cutenv.play.hand_model import PLAYED_HAND
 from cutenv.scoring import points
-from cutenv.scoring.scored_cut import BANDWIDTH, RATE, SHORTEST_FORCE
+from cutenv.scoring.even_samples import BANDWIDTH, RATE, SHORTEST_FORCE
 from cutenv.task.assessment import NEAR_TARGET
 from cutenv.task.cuts import EPISODE
 from cutenv.task.depth_cuts import N_MEMORY

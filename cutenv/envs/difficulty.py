@@ -14,7 +14,7 @@ from cutenv.plant import to_trace
 from cutenv.policy import BASELINES, ORACLE, PrivilegedPolicy
 from cutenv.scoring import score
 from cutenv.scoring.score_card import ScriptScore
-from cutenv.scoring.scored_cut import TIP_AT_END
+from cutenv.scoring.truth import TIP_AT_END
 from cutenv.tissue.grid import depth_below
 from cutenv.tissue.specimen import CLASSES
 from cutenv.trace import Trace

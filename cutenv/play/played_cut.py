@@ -22,7 +22,7 @@ from cutenv.play.haptics import Stylus
 from cutenv.policy.signals import in_si
 from cutenv.policy.tip_estimate import CUT_ESTIMATE, TipEstimate
 from cutenv.scoring import ReferenceSet, ScoreCard, score
-from cutenv.scoring.scored_cut import TIP_AT_END
+from cutenv.scoring.truth import TIP_AT_END
 from cutenv.task.assessment import NEAR_TARGET
 from cutenv.task.gentle_cutting import GentleCutting
 from cutenv.task.observation import COMPONENTS, to_action

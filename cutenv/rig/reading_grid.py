@@ -14,14 +14,16 @@ from cutenv.cutting.dtypes import READING, TICK
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.samples import ForceSample, MotionSample, interpolated, newest_since
 from cutenv.rig.safety.motion_history import REST_SPEED
-from cutenv.trace import BESIDE, COMPONENTS_OF_FORCE
+from cutenv.trace import COMPONENTS_OF_FORCE
 
 _OLDEST = 0.05  # [s] before a period, from which samples are still used
 _KEPT = 4.0  # [s] of samples kept
 _UNKNOWN = ("true_force", "elastic_force", "tip", "jump")
 
-BESIDE_READINGS: np.dtype[Any] = np.dtype([(name, "f8") for name in BESIDE])
-"""Measurements of a rig beside a reading: the fields of :data:`cutenv.trace.BESIDE`."""
+MEASURED_BESIDE = ("height", "vertical_force", *COMPONENTS_OF_FORCE)
+"""Fields of :data:`cutenv.trace.BESIDE` that a rig with a height axis measures; no axis moves its blade sideways."""
+BESIDE_READINGS: np.dtype[Any] = np.dtype([(name, "f8") for name in MEASURED_BESIDE])
+"""Measurements of a rig beside a reading: :data:`MEASURED_BESIDE`."""
 
 
 class ReadingGrid:

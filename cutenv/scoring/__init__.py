@@ -8,8 +8,9 @@ from cutenv.scoring.path_map import PathMap
 from cutenv.scoring.points import ScorePoints
 from cutenv.scoring.reference import ReferenceSet
 from cutenv.scoring.score_card import ScoreCard, Scored, score
-from cutenv.scoring.scored_cut import ScoredCut, Truth
+from cutenv.scoring.scored_cut import ScoredCut
 from cutenv.scoring.technique import TechniqueFault
+from cutenv.scoring.truth import Truth
 from cutenv.scoring.unavailable import Unavailable
 
 __all__ = [

@@ -8,8 +8,9 @@ import numpy as np
 
 from cutenv._base.arrays import Array
 from cutenv.measurement.strokes import turning_points
+from cutenv.scoring.even_samples import BANDWIDTH, RATE
 from cutenv.scoring.metric import metric
-from cutenv.scoring.scored_cut import BANDWIDTH, RATE, ScoredCut
+from cutenv.scoring.scored_cut import ScoredCut
 from cutenv.scoring.unavailable import Unavailable
 from cutenv.task_quantities import force_per_depth
 

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array
 from cutenv.measurement.strokes import STANDSTILL_SPEED, strokes
+from cutenv.scoring.even_samples import RATE, even_instants
 from cutenv.scoring.metric import metric
-from cutenv.scoring.scored_cut import RATE, ScoredCut, even_instants
+from cutenv.scoring.scored_cut import ScoredCut
 from cutenv.scoring.unavailable import Unavailable
 
 _PADDING = 0.1  # rest added at either end, as a fraction of the movement: smoothness is defined from rest to rest

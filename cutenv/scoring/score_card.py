@@ -20,8 +20,9 @@ from cutenv.scoring.metric_weights import ForceOnlyWeights, weights_by_metric
 from cutenv.scoring.path_map import LINE_KEY, PathMap
 from cutenv.scoring.points import ScorePoints, outcome_of, task_points
 from cutenv.scoring.reference import ReferenceSet
-from cutenv.scoring.scored_cut import ASIDE_AT_END, FLOOR_AT_END, TIP_AT_END, ScoredCut, Truth
+from cutenv.scoring.scored_cut import ScoredCut
 from cutenv.scoring.technique import TechniqueFault, technique_faults
+from cutenv.scoring.truth import ASIDE_AT_END, FLOOR_AT_END, TIP_AT_END, Truth
 from cutenv.scoring.unavailable import Unavailable
 from cutenv.scoring.validity import validity_warnings
 from cutenv.tissue import TissueDescription, measured_liver

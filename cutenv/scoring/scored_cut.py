@@ -2,31 +2,24 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import cumulative_trapezoid
-from scipy.signal import butter, sosfiltfilt
 
 from cutenv._base.arrays import Array, StructArray
-from cutenv._base.validation import array_in_range, in_range
-from cutenv.measurement import (
-    DepthProfile,
-    QualityIssue,
-    estimate_local_effective_moduli,
-    quality_issues,
-)
+from cutenv._base.validation import in_range
+from cutenv.measurement import DepthProfile, QualityIssue, quality_issues
 from cutenv.measurement.depth import with_blade_depth
-from cutenv.measurement.loading_ratio import loading_ratio
 from cutenv.measurement.strokes import STANDSTILL_SPEED
 from cutenv.scoring.depth_map import DepthMap
+from cutenv.scoring.even_samples import even_centres, even_instants, even_means, smoothed, under_force
+from cutenv.scoring.own_modulus import modulus_of_ramps
 from cutenv.scoring.path_map import PathMap
+from cutenv.scoring.truth import ASIDE_AT_END, FLOOR_AT_END, Truth, checked_aside, checked_floor, noted_tip
 from cutenv.scoring.unavailable import Unavailable
-from cutenv.scoring.validity import LONGEST_RECORD, force_unusable, holds_two_cuts, is_truncated
+from cutenv.scoring.validity import force_unusable, holds_two_cuts, is_truncated
 from cutenv.task_quantities import SHALLOWEST, SMALLEST_RUN
 from cutenv.tissue import CutModel, TissueDescription, measured_liver
 from cutenv.tissue.crack_tip import ASSESSED_TIP, ESTIMATED_EVERY, assess_tips, believe_mean
@@ -37,61 +30,7 @@ from cutenv.tissue.lines import CutLine
 from cutenv.tissue.slab import THICKNESS, effective_depth
 from cutenv.trace import Trace
 
-RATE = 100.0
-"""Rate at which force and motion are compared [Hz]: a hand moves below 10 Hz."""
-BANDWIDTH = 5.0
-"""Low-pass cut-off of the force for its rate and jerk [Hz]: Butterworth of order 2, forward and backward, no delay."""
-TIP_AT_END = "tip_end_m"
-"""Metadata in which a simulator notes the true crack tip at the end of its record [m]."""
-FLOOR_AT_END = "floor_end_m"
-"""Metadata in which it notes the depth of the floor then, every 0.5 mm from the clamp to the tip [m]."""
-ASIDE_AT_END = "aside_end_m"
-"""Metadata in which it notes how far the cut is to the left of its line then, every 0.5 mm from clamp to tip [m]."""
-SHORTEST_FORCE = 30
-"""Samples at :data:`RATE` that a change at :data:`BANDWIDTH` needs."""
-_FARTHEST = 0.5  # [m]
-_UNDER_FORCE = 0.1  # fraction of the rise from the unloaded force to the peak at which a cut without position begins
-_AT_ENDS = 5  # samples at 100 Hz averaged at either end
-_FEWEST_HZ = 20.0  # readings a second, below which 5 Hz cannot be resolved
-_DROP = 0.03  # fraction of the peak force by which a fall ends a loading ramp
-_FEWEST_RAMPS = 3  # loading ramps needed for the cut's own modulus
 _TRUSTED = 0.65  # exponent of that over the tissue's: between 0.5 and 0.8 the tip is known best at any feed
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Truth:
-    """Hidden state of a simulated cut, for scoring.
-
-    Parameters
-    ----------
-    tip : array_like of shape (n,)
-        Crack tip at every instant of the trace [m].
-    jump : array_like of shape (n,)
-        Unstable growth at that instant [m].
-    resistance : float
-        Mean fracture resistance of the cut tissue, friction's share included [J/m2].
-    floor : array_like of shape (m,), optional
-        Depth of the floor below the surface every 0.5 mm from the clamp to the tip [m], of a blade that moves up and
-        down; without it the floor is expected from the motion.
-    aside : array_like of shape (m,), optional
-        Distance of the cut to the left of its line every 0.5 mm from the clamp to the tip [m], of a blade that is
-        steered; without it the cut is expected from the motion.
-    """
-
-    tip: Array
-    jump: Array
-    resistance: float
-    floor: Array | None = None
-    aside: Array | None = None
-
-    def __post_init__(self) -> None:
-        for name in ("tip", "jump"):
-            object.__setattr__(self, name, array_in_range(name, getattr(self, name), -0.05, 0.5, "m", "8 cm is 0.08."))
-        in_range("resistance", self.resistance, 1.0, 1e6, "J/m2", "0.211 kJ/m2 is 211.")
-        if self.floor is not None:
-            object.__setattr__(self, "floor", _floor("floor", self.floor))
-        if self.aside is not None:
-            object.__setattr__(self, "aside", _aside("aside", self.aside))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -181,7 +120,7 @@ class ScoredCut:
             return self.truth.floor
         noted = self.trace.metadata.get(FLOOR_AT_END)
         if noted is not None:
-            return _floor(f"metadata {FLOOR_AT_END}", noted)
+            return checked_floor(f"metadata {FLOOR_AT_END}", noted)
         tip, _ = np.maximum.accumulate(np.maximum(self.tip[: self.end + 1], 0.0)), self.model  # which limits positions
         grid = np.arange(N_POINTS, dtype=np.float64) * SPACING
         if self.trace.height is None:
@@ -210,7 +149,7 @@ class ScoredCut:
         if self.truth is not None and self.truth.aside is not None:
             aside = self.truth.aside
         elif noted is not None:
-            aside = _aside(f"metadata {ASIDE_AT_END}", noted)
+            aside = checked_aside(f"metadata {ASIDE_AT_END}", noted)
         elif x is None or y is None:
             raise Unavailable("the places of the blade were not recorded")
         else:
@@ -260,13 +199,7 @@ class ScoredCut:
         Without position, from the first force to the last.
         """
         if self.trace.position is None:
-            smooth, ends = self._smooth, (self._smooth[:_AT_ENDS].mean(), self._smooth[-_AT_ENDS:].mean())
-            least = float(min(ends))
-            under = self.even_time[smooth > least + _UNDER_FORCE * (float(smooth.max()) - least)]
-            if not len(under):
-                raise Unavailable("the force never rises")
-            window = 1.5 / RATE  # an even sample stands for its window, the first and the last for the record's ends
-            return np.asarray((self.time >= under[0] - window) & (self.time <= under[-1] + window))
+            return under_force(self.time, self.even_time, self._smooth)
         x = self.position
         forward = self.trace.blade_speed > STANDSTILL_SPEED
         chosen: NDArray[np.bool_] = forward & (x >= np.maximum.accumulate(x) - 1e-4)
@@ -320,7 +253,7 @@ class ScoredCut:
     @cached_property
     def even_time(self) -> Array:
         """Sampling instants at 100 Hz [s]: centres of windows of 10 ms."""
-        return even_instants(self.time, RATE)[:-1] + 0.5 / RATE
+        return even_centres(self.time)
 
     @cached_property
     def smooth_force(self) -> Array:
@@ -354,17 +287,11 @@ class ScoredCut:
 
     @cached_property
     def _even(self) -> Array:
-        if self.trace.sample_rate < _FEWEST_HZ:
-            raise Unavailable(f"fewer than {_FEWEST_HZ:g} readings a second")
-        if len(self.even_time) < SHORTEST_FORCE:
-            raise Unavailable("shorter than 0.3 s")
-        # Means over 10 ms, so that noise above 50 Hz is not aliased to lower frequencies.
-        impulse = cumulative_trapezoid(self.trace.force, self.time, initial=0)
-        return np.asarray(np.diff(np.interp(even_instants(self.time, RATE), self.time, impulse)) * RATE)
+        return even_means(self.trace)
 
     @cached_property
     def _smooth(self) -> Array:
-        return np.asarray(sosfiltfilt(butter(2, BANDWIDTH, fs=RATE, output="sos"), self._even))
+        return smoothed(self._even)
 
     def _field(self, name: str) -> Array:
         values: Array | None = getattr(self.at_blade, name)
@@ -455,64 +382,20 @@ class ScoredCut:
 
         Livers differ by a third. Calibrated tissue is used with its calibrated modulus.
         """
-        known = self.trace.angle is not None and self.trace.depth is not None and self.tissue.calibration is None
-        if not known:
+        if self.trace.angle is None or self.trace.depth is None or self.tissue.calibration is not None:
             return None
         try:
-            found = estimate_local_effective_moduli(
-                self.at_blade,
-                self.tissue.cut_model(),
-                friction_per_depth=self.tissue.nominal_friction_per_depth,
-                smallest_drop=max(_DROP * float(self.force.max()), 1e-6),
-            )
-            depth = self.profile.at(found.position)
-            moduli = found.modulus * depth / effective_depth(found.position, depth, self.tissue.thickness)
-            ramps = zip(moduli, found.segments, strict=True)
-            slow = [E / loading_ratio(float(s.speed or 0.0), s.angle) for E, s in ramps]
+            _ = self.force  # raises if it is unusable
+            return modulus_of_ramps(self.at_blade, self.profile, self.tissue)
         except ValueError:
             return None  # outside the range measured for liver, for example at other angles
-        return float(np.median(slow)) if len(slow) >= _FEWEST_RAMPS else None
 
     @property
     def noted_end(self) -> float | None:
         """Crack tip at the end of the cut as the simulator noted it in the record [m]; None if it did not."""
-        noted = self.trace.metadata.get(TIP_AT_END)
-        if isinstance(noted, int | float) and math.isfinite(noted) and 0.0 <= noted <= _FARTHEST:
-            return float(noted)
-        return None
+        return noted_tip(self.trace.metadata)
 
     def _ending_where_it_did(self, tip: Array) -> Array:
         """Return the estimated tip, stretched to its noted end."""
         noted = self.noted_end
         return tip if noted is None or tip[-1] <= 0.0 else np.minimum(tip * (noted / float(tip[-1])), noted)
-
-
-def _floor(name: str, depth: Any) -> Array:
-    """Return a floor's depth [m], shape (m,), checked."""
-    floor = array_in_range(name, depth, 0.0, 0.1, "m", "8 mm is 0.008.")
-    if floor.ndim != 1 or not 1 <= len(floor) <= N_POINTS:
-        raise ValueError(f"{name} has shape {floor.shape}; give one depth every 0.5 mm, 1 to {N_POINTS} of them.")
-    return floor
-
-
-def _aside(name: str, aside: Any) -> Array:
-    """Return the distances of a cut to its line [m], shape (m,), checked."""
-    found = array_in_range(name, aside, -0.1, 0.1, "m", "2 mm is 0.002.")
-    if found.ndim != 1 or not 1 <= len(found) <= N_POINTS:
-        raise ValueError(f"{name} has shape {found.shape}; give one distance every 0.5 mm, 1 to {N_POINTS} of them.")
-    return found
-
-
-def even_instants(time: Array, rate: float) -> Array:
-    """Return sampling instants at ``rate`` [Hz] from the first of ``time`` [s], as many as fit.
-
-    Raises
-    ------
-    Unavailable
-        If the time is longer than an hour.
-    """
-    span = float(time[-1] - time[0])
-    if span > LONGEST_RECORD:
-        raise Unavailable(f"it lasts {span:.3g} s, more than an hour")
-    # The tolerance keeps rounding from deciding about the last instant when a clock starts at another time.
-    return np.asarray(float(time[0]) + np.arange(int(span * rate + 1e-3) + 1) / rate)

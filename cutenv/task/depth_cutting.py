@@ -100,7 +100,7 @@ class DepthAssessed(MapAssessed):
     @property
     def noted_depth(self) -> dict[str, Any]:
         """Notes of a simulated record on its depth, by key of its metadata: errors, given depths, floor at the end."""
-        from cutenv.scoring.scored_cut import FLOOR_AT_END
+        from cutenv.scoring.truth import FLOOR_AT_END
 
         errors = {name: round(value, 3) for name, value in self.depth_errors.items()}
         return errors | self.given_depth | {FLOOR_AT_END: np.round(self.floor_to_tip, 6).tolist()}

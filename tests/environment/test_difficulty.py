@@ -14,7 +14,7 @@ from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.plant import to_trace
 from cutenv.policy import BASELINES
 from cutenv.scoring import score
-from cutenv.scoring.scored_cut import TIP_AT_END
+from cutenv.scoring.truth import TIP_AT_END
 from cutenv.trace import Trace
 
 SCRIPT = "constant 1.27 cm/s 90 deg"

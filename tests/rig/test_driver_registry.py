@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from cutenv import cli
-from cutenv.rig.config.settings import Axis, CameraSettings, RigSettings, SensorSettings, setting
+from cutenv.rig.config.setting import setting
+from cutenv.rig.config.settings import Axis, CameraSettings, RigSettings, SensorSettings
 from cutenv.rig.devices.clock import FakeClock
 from cutenv.rig.devices.driver_registry import (
     DriverKind,

@@ -24,7 +24,7 @@ from cutenv.scoring.points import (
 )
 from cutenv.scoring.reference import FEWEST_REFERENCE_CUTS
 from cutenv.scoring.score_card import DOUBT, FEWEST_WEIGHT
-from cutenv.scoring.scored_cut import TIP_AT_END
+from cutenv.scoring.truth import TIP_AT_END
 from cutenv.task_quantities import CLOSE, TIP_TOLERANCE
 from cutenv.trace import Trace
 

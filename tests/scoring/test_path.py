@@ -19,7 +19,7 @@ from cutenv.scoring import PATH_METRICS, score
 from cutenv.scoring.path_map import LINE_KEY, PathMap
 from cutenv.scoring.points import MAP_POINTS
 from cutenv.scoring.score_card import EXPECTED_CUT
-from cutenv.scoring.scored_cut import ASIDE_AT_END, TIP_AT_END
+from cutenv.scoring.truth import ASIDE_AT_END, TIP_AT_END
 from cutenv.task_quantities import LINE_LIMIT, PATH_COSTS
 from cutenv.tissue import measured_liver
 from cutenv.tissue.expected_cut import along_line, expected_cut

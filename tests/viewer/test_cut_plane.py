@@ -14,7 +14,7 @@ from view_pages import shown, told
 
 from cutenv.play.devices import simple_hand
 from cutenv.play.played_depth_cut import PlayedDepthCut
-from cutenv.scoring.scored_cut import FLOOR_AT_END
+from cutenv.scoring.truth import FLOOR_AT_END
 from cutenv.tissue.grid import SPACING
 from cutenv.trace import Trace
 from cutenv.viewer.scene_parts import BELOW

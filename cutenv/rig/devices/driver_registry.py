@@ -126,7 +126,7 @@ class DriverTraits:
     Attributes
     ----------
     options : type or None
-        Frozen dataclass of its options, each field a :func:`cutenv.rig.config.settings.setting`; they stand in the
+        Frozen dataclass of its options, each field a :func:`cutenv.rig.config.setting.setting`; they stand in the
         file's table ``[blade.options]``, ``[sensor.options]`` and so on. None: it has none.
     needs : tuple of str
         Names of fields of the section that a person has to supply, such as "lead"; "bus.interface" of another section.

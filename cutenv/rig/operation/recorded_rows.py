@@ -5,8 +5,9 @@ from __future__ import annotations
 from cutenv._base.arrays import StructArray
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.plant import RigPlant
+from cutenv.rig.reading_grid import MEASURED_BESIDE
 from cutenv.tissue.grid import depth_below
-from cutenv.trace import BESIDE, COMPONENTS_OF_FORCE, Reading
+from cutenv.trace import COMPONENTS_OF_FORCE, Reading
 
 Row = tuple[float, ...]
 
@@ -18,7 +19,7 @@ def recorded_beside(settings: RigSettings) -> tuple[str, ...]:
     They are what ``beside`` of :class:`cutenv.recording.AppendingRecord` takes.
     """
     if settings.height is not None:
-        return BESIDE
+        return MEASURED_BESIDE
     return COMPONENTS_OF_FORCE if settings.sensor.components == "all" else ()
 
 

@@ -10,7 +10,8 @@ import numpy as np
 
 from cutenv._base.parameter import check_parameters
 from cutenv._base.validation import in_range, one_of
-from cutenv.rig.config.settings import RigSettings, setting
+from cutenv.rig.config.setting import setting
+from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.analogue.boards import AnalogueBoard, EmulatedBoard, NidaqmxBoard, Scans
 from cutenv.rig.devices.analogue.sensor_calibration_file import (
     COMPONENTS_OF_LOAD,

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 from cutenv._base.parameter import check_parameters
 from cutenv._base.validation import in_range
-from cutenv.rig.config.settings import RigSettings, SensorSettings, setting
+from cutenv.rig.config.setting import setting
+from cutenv.rig.config.settings import RigSettings, SensorSettings
 from cutenv.rig.devices.clock import Clock
 from cutenv.rig.devices.driver_registry import Mounting, rig_driver
 from cutenv.rig.devices.drivers import ForceListener

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 from cutenv._base.parameter import check_parameters
 from cutenv._base.validation import in_range
-from cutenv.rig.config.settings import Axis, RigSettings, setting
+from cutenv.rig.config.setting import setting
+from cutenv.rig.config.settings import Axis, RigSettings
 from cutenv.rig.devices.serial.board_lines import StepperSetup
 from cutenv.rig.devices.serial.ports import is_pseudo_terminal
 
