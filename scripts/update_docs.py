@@ -3,7 +3,7 @@
     python scripts/update_docs.py parameters agreement specimens calibration field pass-marks speed baselines
     python scripts/update_docs.py training results --runs runs/NAME ...  one run for each training seed
     python scripts/update_docs.py ladder learned-stop stock safe-cut memory check-score depth-cut  left in runs/
-    python scripts/update_docs.py depth-ladder depth-agents                                        likewise
+    python scripts/update_docs.py depth-ladder depth-agents path-ladder                            likewise
     python scripts/update_docs.py benchmark                 what scripts/leaderboard.py --publish has kept
     python scripts/update_docs.py rig-faults rig-faults-height rig-soak class-load  what scripts left in runs/
     python scripts/update_docs.py depth seen-runs           what measure_depth_accuracy.py and measure_seen_runs.py left
@@ -59,6 +59,7 @@ import measure_page
 import measure_seen_runs
 import memory_gap
 import numpy as np
+import path_ladder
 import path_table
 import recover_layers
 import rig_faults
@@ -115,6 +116,7 @@ PAGES = {
     "depth-ladder": "docs/results/depth-cut.md",
     "depth-agents": "docs/results/depth-cut.md",
     "path-cut": "docs/results/path-cut.md",
+    "path-ladder": "docs/results/path-cut.md",
     "path-speed": "docs/results/path-cut.md",
     "speed": "docs/results/speed.md",
     "agreement": "docs/validation/agreement.md",
@@ -456,9 +458,10 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "memory": lambda _: memory_gap.report(memory_gap.kept(ROOT / memory_gap.FOLDER)),
     "benchmark": benchmark,
     "depth-cut": lambda _: "\n".join(depth_table.TABLE.lines(depth_table.TABLE.kept())),
-    "depth-ladder": lambda _: depth_ladder.report(depth_ladder.kept()),
+    "depth-ladder": lambda _: depth_ladder.LADDER.report(depth_ladder.LADDER.kept()),
     "depth-agents": lambda _: depth_agents.report(depth_agents.kept()),
     "path-cut": lambda _: "\n".join(path_table.TABLE.lines(path_table.TABLE.kept())),
+    "path-ladder": lambda _: path_ladder.LADDER.report(path_ladder.LADDER.kept()),
     "path-speed": lambda _: speed_of("path"),
     "measures": lambda _: measure_codebase.comparison(),
     "descent": lambda _: check_descent.markdown(),

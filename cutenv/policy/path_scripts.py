@@ -205,13 +205,18 @@ class SteerByForce(PathScript):
 
     def bends(self, seen: SeenPath, actions: Array32) -> Array:
         """Return bends that bring the force to where the crack is to go."""
-        line, reckoned = (seen.line[:, BEND], seen.turned), self._course.courses
-        force = seen.estimates["elastic"], seen.line[:, LATERAL_MEAN]
-        self._course.follow(seen.along[:, POSITION_COLUMN], line, seen.estimates["tip"], force)
-        wanted = -np.clip(reckoned["aside"] / self._back, -1.0, 1.0)
-        turned = np.clip(self._gain * (wanted - reckoned["crack"]), -_LARGEST_TURN, _LARGEST_TURN)
+        aside, crack = self.reckon(seen)
+        wanted = -np.clip(aside / self._back, -1.0, 1.0)
+        turned = np.clip(self._gain * (wanted - crack), -_LARGEST_TURN, _LARGEST_TURN)
         ahead: Array = seen.line[:, BEND] + (turned - seen.turned) / _RETURN
         return np.where(seen.along[:, SPEED_COLUMN] <= 0.0, course_back(seen), ahead)
+
+    def reckon(self, seen: SeenPath) -> tuple[Array, Array]:
+        """Return the distances of the tips to the left of the line [m], and the angles of the cracks to it [rad]."""
+        force = seen.estimates["elastic"], seen.line[:, LATERAL_MEAN]
+        line = seen.line[:, BEND], seen.turned
+        self._course.follow(seen.along[:, POSITION_COLUMN], line, seen.estimates["tip"], force)
+        return self._course.courses["aside"], self._course.courses["crack"]
 
 
 def course_back(seen: SeenPath) -> Array:
