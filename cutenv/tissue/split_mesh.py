@@ -126,6 +126,14 @@ class SplitMesh:
                     least = min(least, (x_2 - x_1) * (y_0 - y_1) - (y_2 - y_1) * (x_0 - x_1))
         return least
 
+    def direction(self, one: MeshPlace, other: MeshPlace) -> float:
+        """Return the angle to the slab's axis of the way from a place to another [rad], positive to the left."""
+        return math.atan2(*(self.at(other) - self.at(one))[::-1])
+
+    def is_clamped(self, place: MeshPlace) -> bool:
+        """Return whether a place lies on the clamp."""
+        return place[0] == 0
+
     def on_edge(self, corner: MeshPlace) -> bool:
         """Return whether a corner lies on the slab's outline."""
         return any(corner[axis] in (0, 2 * self.cells[axis]) for axis in (0, 1))

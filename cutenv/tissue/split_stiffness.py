@@ -85,10 +85,6 @@ class SplitStiffness:
         other._jumps, other._sides = dict(self._jumps), dict(self._sides)
         return other
 
-    def is_clamped(self, place: MeshPlace) -> bool:
-        """Return whether a node is clamped."""
-        return place[0] == 0
-
     def touched(self, place: MeshPlace) -> list[int]:
         """Return the local unknowns of a node, which it gets if it has none yet."""
         numbers = self._number[place].tolist()
@@ -150,7 +146,8 @@ class SplitStiffness:
     def loads(self, forces: ArrayLike) -> Array:
         """Return forces on all places, shape of ``mesh.positions``, as loads on the local unknowns."""
         given = np.asarray(forces, dtype=float)
-        places = [(int(a), int(b)) for a, b in np.argwhere(given.any(axis=2)) if not self.is_clamped((a, b))]
+        given_at = [(int(a), int(b)) for a, b in np.argwhere(given.any(axis=2))]
+        places = [place for place in given_at if not self._mesh.is_clamped(place)]
         unknowns = [self.touched(place) for place in places]
         load = np.zeros(len(self.system))
         for place, both in zip(places, unknowns, strict=True):

@@ -4,24 +4,21 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range, one_of
+from cutenv.tissue.crack import SAME_PLACE, Crack
 from cutenv.tissue.elasticity import lame_parameters
 from cutenv.tissue.grid import LENGTH
 from cutenv.tissue.lines import WIDTH, CutLine
 from cutenv.tissue.mesh import checked_divisions
 from cutenv.tissue.model_arguments import METRES, checked_relative_modulus
-from cutenv.tissue.split_mesh import AROUND, MeshPlace, SplitMesh, halfway, slab_corners
+from cutenv.tissue.split_mesh import MeshPlace, SplitMesh, halfway, slab_corners
 from cutenv.tissue.split_stiffness import DoubledMesh, SplitStiffness
-
-_THINNEST = 0.1  # of a cell: an element that would become smaller at a corner is no way for the crack
-_ON_THE_WAY = 0.3  # of an element: a node that is nearer to the tip is no next one
-_SAME = 1e-9  # of an element
 
 
 class SteeredModel:
@@ -98,43 +95,35 @@ class SteeredModel:
             modulus = checked_relative_modulus(np.asarray(relative_modulus), across * along)
         self._modulus: Array = modulus.reshape(across, along)[::-1].T
         self._body = SplitStiffness(self.mesh, self._modulus, self._lame, opens=faces == "open")
-        self._used: set[MeshPlace] = set()
-        self._corners: list[MeshPlace] = []
-        self._angles: list[float] = []
+        self._crack = Crack(self.mesh, self._element)
 
     def copy(self) -> SteeredModel:
         """Return an independent copy that shares the factorisation."""
         other = copy.copy(self)
         other.mesh = self.mesh.copy()
         other._body = self._body.copy(other.mesh)
-        other._used, other._corners, other._angles = set(self._used), list(self._corners), list(self._angles)
+        other._crack = self._crack.copy(other.mesh)
         return other
 
     @property
     def path(self) -> Array:
         """Nodes of the cut that grows, shape (n, 2): from its beginning to the tip [m]."""
-        return np.array([self.mesh.at(place) for place in self._corners]).reshape(-1, 2)
+        return np.array([self.mesh.at(place) for place in self._crack.corners]).reshape(-1, 2)
 
     @property
     def tip(self) -> Array:
         """Position of the tip [m], shape (2,)."""
-        return self.mesh.at(self._tip).copy()
+        return self.mesh.at(self._crack.tip).copy()
 
     @property
     def angle(self) -> float:
         """Direction of the crack at its tip: angle to the axis of the slab [rad], positive to the left."""
-        return self._angles[-1]
+        return self._crack.angle
 
     @property
     def n_touched(self) -> int:
         """Number of unknowns that the cuts have touched or added."""
         return len(self._body.system)
-
-    @property
-    def _tip(self) -> MeshPlace:
-        if not self._corners:
-            raise ValueError("The model has no cut yet: begin one.")
-        return self._corners[-1]
 
     def begin(self, at: ArrayLike = (0.0, 0.0), angle: float = 0.0) -> None:
         """Begin a cut at the nearest corner of the mesh, which moves there; earlier cuts stay.
@@ -144,7 +133,7 @@ class SteeredModel:
         Parameters
         ----------
         at : array_like, shape (2,)
-            MeshPlace on the clamp, on another edge, or within the slab [m].
+            Place on the clamp, on another edge, or within the slab [m].
         angle : float
             Direction in which the cut begins [rad], to the left of the axis.
 
@@ -158,14 +147,14 @@ class SteeredModel:
         gaps = np.hypot(*np.moveaxis(self.mesh.positions[::2, ::2] - to, -1, 0))
         i, j = np.unravel_index(int(np.argmin(gaps)), gaps.shape)
         corner, far = (2 * int(i), 2 * int(j)), float(gaps[i, j])
-        if corner in self._used:
+        if self._crack.is_used(corner):
             raise ValueError(f"A cut cannot begin at {where}: there is one already.")
-        if far > _SAME * self._element:
-            if self._thinnest_after(corner, to) < _THINNEST * self._element**2 or self.mesh.leaves_edge(corner, to):
+        if far > SAME_PLACE * self._element:
+            if not self._crack.can_move(corner, to):
                 raise ValueError(f"A cut cannot begin at {where}: that is outside the slab, or nearly on its edge.")
             self.mesh.move(corner, to)
             self._body.renew(self.mesh.cells_at(corner))
-        self._corners, self._angles = [], []
+        self._crack.restart()
         self._take(corner, angle)
 
     def cut_to(self, point: ArrayLike, angle: float | None = None) -> int:
@@ -190,17 +179,17 @@ class SteeredModel:
         while True:
             way = aim - self.tip
             left = float(np.hypot(*way))
-            if left < _ON_THE_WAY * self._element:
+            if self._crack.is_reached(left):
                 return passed
-            corner, to = self._next_corner(way / left)
-            if float(np.hypot(*(to - self.tip))) > left + _SAME * self._element:
+            corner, to = self._crack.next_corner(way / left)
+            if float(np.hypot(*(to - self.tip))) > left + SAME_PLACE * self._element:
                 return passed
             self._grow(corner, to, angle)
             passed += 1
 
     def go_straight_on(self) -> None:
         """Lead the crack to the next node in its direction."""
-        self._grow(*self._next_corner(np.array([math.cos(self.angle), math.sin(self.angle)])), self.angle)
+        self._grow(*self._crack.next_corner(np.array([math.cos(self.angle), math.sin(self.angle)])), self.angle)
 
     def advance(self, point: ArrayLike, angle: float | None = None, angle_between: float | None = None) -> None:
         """Grow the crack by one node, which moves to a point.
@@ -208,7 +197,7 @@ class SteeredModel:
         Parameters
         ----------
         point : array_like, shape (2,)
-            MeshPlace of the new tip, about an element away [m].
+            Place of the new tip, about an element away [m].
         angle, angle_between : float, optional
             Direction of the crack there, and half-way [rad]; by default that from node to node.
 
@@ -218,13 +207,13 @@ class SteeredModel:
             If no node of the mesh can move there.
         """
         to = _checked_point(point)
-        candidates = self._candidates(lambda corner: to)
-        if not candidates:
+        nearest = self._crack.nearest(lambda corner: to)
+        if nearest is None:
             raise ValueError(
                 f"No node can move to ({to[0]:g}, {to[1]:g}) m from the tip at ({self.tip[0]:g}, {self.tip[1]:g}) m: "
                 f"advance by about an element, {1e3 * self._element:g} mm."
             )
-        self._grow(min(candidates)[1], to, angle, angle_between)
+        self._grow(nearest[0], to, angle, angle_between)
 
     @property
     def compliance(self) -> Array:
@@ -251,7 +240,7 @@ class SteeredModel:
             Size of the squares [m].
         """
         size = in_range("element", element, 1e-4, 1.0, "m", METRES)
-        excess = self._body.local_excess(self._tip, size, self._element)
+        excess = self._body.local_excess(self._crack.tip, size, self._element)
         return self._along_and_left(self.compliance - excess)
 
     def displacement(self, force: ArrayLike) -> Array:
@@ -282,7 +271,7 @@ class SteeredModel:
             On both faces of the cut that grows, for a model whose faces open [N/m2].
         """
         load = self._body.loads(np.zeros_like(self.mesh.positions) if forces is None else forces)
-        for one, other in zip(self._corners, self._corners[1:], strict=False):
+        for one, other in zip(self._crack.corners, self._crack.corners[1:], strict=False):
             ahead = self.mesh.at(other) - self.mesh.at(one)
             left = pressure * np.array([-ahead[1], ahead[0]])
             for place, share in ((one, 1.0 / 6.0), (halfway(one, other), 4.0 / 6.0), (other, 1.0 / 6.0)):
@@ -306,7 +295,7 @@ class SteeredModel:
 
     def doubled_mesh(self) -> DoubledMesh:
         """Return the mesh with a node for each face of the cuts, for another program."""
-        return self._body.doubled_mesh(self._tip)
+        return self._body.doubled_mesh(self._crack.tip)
 
     def _along_and_left(self, compliance: Array) -> Array:
         """Return the stiffness in the frame of the crack's direction."""
@@ -315,81 +304,30 @@ class SteeredModel:
         return np.asarray(np.linalg.inv(frame.T @ compliance @ frame), dtype=np.float64)
 
     def _tip_unknowns(self) -> list[int]:
-        if self._body.is_clamped(self._tip):
+        if self.mesh.is_clamped(self._crack.tip):
             raise ValueError("The cut has not left the clamp: lead it on.")
-        return self._body.touched(self._tip)
-
-    def _candidates(
-        self, to: Callable[[MeshPlace], Array | None]
-    ) -> list[tuple[float, MeshPlace, tuple[float, float]]]:
-        """Return the corners around the tip that can be next: how far each moves [m], the corner, and where to."""
-        found = []
-        for step in AROUND:
-            corner = self._tip[0] + step[0], self._tip[1] + step[1]
-            if not self.mesh.within(corner) or corner in self._used or self._body.is_clamped(corner):
-                continue
-            crosses = step[0] != 0 and step[1] != 0
-            if crosses and tuple(n // 2 for n in halfway(self._tip, corner)) in self.mesh.split:
-                continue
-            point = to(corner)
-            if point is None or self.mesh.leaves_edge(corner, point):
-                continue
-            thinnest = self._thinnest_after(corner, point)
-            if thinnest > _THINNEST * self._element**2:
-                found.append((math.dist(point, self.mesh.at(corner)), corner, (float(point[0]), float(point[1]))))
-        return found
-
-    def _next_corner(self, direction: Array) -> tuple[MeshPlace, Array]:
-        """Return the corner that the crack passes next in a direction, and where it meets the way."""
-        tip, end = self.tip, float(self.mesh.positions[-1, 0, 0])
-
-        def foot(corner: MeshPlace) -> Array | None:
-            gap = self.mesh.at(corner) - tip
-            along = float(gap @ direction)
-            if corner[0] == 2 * self.mesh.cells[0]:  # a corner on the free end stays on it
-                along = (end - tip[0]) / direction[0] if direction[0] > 0.0 else -1.0
-            if along < _ON_THE_WAY * self._element:
-                return None
-            to: Array = tip + along * direction
-            return self.mesh.at(corner) if math.dist(to, self.mesh.at(corner)) <= _SAME * self._element else to
-
-        candidates = self._candidates(foot)
-        if not candidates:
-            raise ValueError(f"The crack cannot go on from ({tip[0]:.4f}, {tip[1]:.4f}) m: a cut or a side is there.")
-        _, corner, to = min(candidates)
-        return corner, np.array(to)
-
-    def _thinnest_after(self, corner: MeshPlace, to: Array) -> float:
-        start = self._corners[-1] if self._corners else corner
-        crossed = start if corner[0] != start[0] and corner[1] != start[1] else None
-        return self.mesh.thinnest_after(corner, to, crossed)
+        return self._body.touched(self._crack.tip)
 
     def _take(self, corner: MeshPlace, angle: float) -> None:
-        self._corners.append(corner)
-        self._angles.append(angle)
-        self._used.add(corner)
+        self._crack.take(corner, angle)
         self._body.touched(corner)
 
     def _grow(self, corner: MeshPlace, to: Array, angle: float | None, angle_between: float | None = None) -> None:
         """Move a corner to the new tip, split the cell that the crack crosses, and double what is behind."""
-        last, mesh = self._tip, self.mesh
+        last, mesh = self._crack.tip, self.mesh
         middle = halfway(last, corner)
         if corner[0] != last[0] and corner[1] != last[1]:
             self._body.split(last, corner)
         mesh.move(corner, to)
-        chord = math.atan2(*(mesh.at(corner) - mesh.at(last))[::-1])
+        chord = mesh.direction(last, corner)
         self._body.double(middle, chord if angle_between is None else angle_between, last, corner)
-        if len(self._corners) > 1:
-            own = self._angles[-1] if angle is not None else _mean_angle(self._chord(), chord)
-            self._body.double(last, own, self._corners[-2], corner)
-        elif not self._body.is_clamped(last) and mesh.on_edge(last):
-            self._body.double(last, self._angles[-1] if angle is not None else chord, None, corner)
+        if len(self._crack.corners) > 1:
+            own = self._crack.angles[-1] if angle is not None else _mean_angle(self._crack.last_chord, chord)
+            self._body.double(last, own, self._crack.corners[-2], corner)
+        elif not self.mesh.is_clamped(last) and mesh.on_edge(last):
+            self._body.double(last, self._crack.angles[-1] if angle is not None else chord, None, corner)
         self._take(corner, chord if angle is None else angle)
         self._body.renew(sorted({cell for place in (last, middle, corner) for cell in mesh.cells_at(place)}))
-
-    def _chord(self) -> float:
-        """Return the direction from the last node but one to the tip [rad]."""
-        return math.atan2(*(self.mesh.at(self._tip) - self.mesh.at(self._corners[-2]))[::-1])
 
 
 def _mean_angle(one: float, other: float) -> float:

@@ -200,6 +200,7 @@ def crossing() -> None:
         (lambda: SteeredModel(width=0.1, line=half_ellipse()), "line goes with"),
         (lambda: SteeredModel(relative_modulus=np.ones(3)), "relative_modulus has shape"),
         (lambda: SteeredModel().stiffness, "no cut yet"),
+        (lambda: SteeredModel().go_straight_on(), "no cut yet"),
         (lambda: begun().stiffness, "not left the clamp"),
         (lambda: begun().begin(), "there is one already"),
         (lambda: SteeredModel().begin((0.2, 0.0)), "outside the slab"),
