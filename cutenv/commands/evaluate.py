@@ -29,18 +29,13 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _evaluate(arguments: argparse.Namespace) -> None:
-    from cutenv.learning.evaluation import contestant, evaluate, policy_names
-    from cutenv.policy import BASELINES, CONSTANT_FEEDS
+    from cutenv.policy import BASELINES
 
     if arguments.list or not arguments.policies:
-        for group, listed in policy_names().items():
-            shown = [name for name in listed if name not in CONSTANT_FEEDS]
-            feeds = [name for name in listed if name in CONSTANT_FEEDS]
-            print(
-                f"{group}:", *shown, *([f"{feeds[0]} to {feeds[-1]} ({len(feeds)} feeds)"] if feeds else []), sep="\n  "
-            )
+        print("\n".join(BASELINES))
         return
     from cutenv.envs.learned_tasks import TASKS
+    from cutenv.learning.evaluation import contestant, evaluate
     from cutenv.learning.result_tables import print_differences, print_table, write_csv
     from cutenv.learning.seeds import TEST_SEEDS, VALIDATION_SEEDS
     from cutenv.learning.statistics import differences, summarise

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import difflib
 import multiprocessing
 import os
 import signal
@@ -20,7 +19,6 @@ from cutenv.envs import set_cores
 from cutenv.envs.learned_tasks import TASKS
 from cutenv.learning.batched_rollout import batched_rollout
 from cutenv.policy import BASELINES, SHIPPED, ArrayPolicy, Policy, PrivilegedPolicy, named_policy
-from cutenv.policy.own_policy import own_policy
 
 _BATCH, _SMALL_BATCH = 200, 100  # cuts simulated together; fewer where all readings are kept, or a policy is copied
 _OTHERS = {key: one for key, one in TASKS.items() if key != "gentle"}
@@ -148,14 +146,14 @@ def evaluate(
 
 
 def contestant(name: str) -> Contestant:
-    """Return a policy by its name: a baseline, a script of another task, a shipped one, a folder, or ``MODULE:CLASS``.
+    """Return the baseline, script of another task or shipped policy of that name, or the one in that folder.
 
     Its arguments have "task" if it is not for gentle cutting.
 
     Raises
     ------
     ValueError
-        If there is none; the message has the nearest name.
+        If there is none; the message lists the known names.
     """
     if name in BASELINES:
         return Contestant(BASELINES[name]())
@@ -166,16 +164,8 @@ def contestant(name: str) -> Contestant:
         policy = named_policy(name)
         task = next((key for key, one in TASKS.items() if one.id == policy.card.environment), "gentle")
         return Contestant(policy, policy.environment_arguments | ({} if task == "gentle" else {"task": task}))
-    if (own := own_policy(name)) is not None:
-        return Contestant(*own)
-    known = {each.lower(): each for names in policy_names().values() for each in names}
-    near = difflib.get_close_matches(name.lower(), known, 1)
-    hint = f"Did you mean {known[near[0]]!r}?" if near else "'cutenv evaluate --list' prints the names."
-    raise ValueError(f"{name!r} is no policy: no script, no shipped one, no folder of one, no MODULE:CLASS. {hint}")
-
-
-def policy_names() -> dict[str, list[str]]:
-    """Return the names of all policies that come with the package, by what they are for."""
-    names = {"gentle cutting": list(BASELINES)}
-    names |= {f"task {key}": list(one.scripts) for key, one in _OTHERS.items()}
-    return names | {"trained": list(SHIPPED)}
+    raise ValueError(
+        f"{name!r} is neither a baseline nor a folder nor shipped; baselines: all, {', '.join(BASELINES)}; "
+        + "".join(f"scripts of task {key}: {', '.join(one.scripts)}; " for key, one in _OTHERS.items())
+        + f"shipped: {', '.join(SHIPPED)}"
+    )

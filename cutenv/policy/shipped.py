@@ -36,7 +36,7 @@ def shipped(name: str) -> TrainedPolicy:
 
 
 def named_policy(name: str | Path) -> TrainedPolicy:
-    """Load a shipped policy by its name, or the one in a folder or in that of a training run.
+    """Load a shipped policy by its name, or the one in a folder, as the command line accepts either.
 
     Raises
     ------
@@ -49,8 +49,6 @@ def named_policy(name: str | Path) -> TrainedPolicy:
     """
     if name in SHIPPED:
         return shipped(str(name))
-    if (inside := Path(name, "policy", CARD)).is_file():
-        return TrainedPolicy.load(inside.parent)
     if not Path(name).is_dir():
         raise ValueError(
             f"policy {str(name)!r} is neither shipped ({', '.join(SHIPPED)}) nor the folder of one. "

@@ -12,6 +12,7 @@ import shlex
 import sys
 from collections.abc import Sequence
 from contextlib import nullcontext
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -54,7 +55,8 @@ def chosen_policy(name: str, task: str = "gentle") -> tuple[Policy, dict[str, An
     Parameters
     ----------
     name : str
-        Name; ``MODULE:CLASS`` as in :func:`cutenv.policy.own_policy.own_policy`.
+        Name; ``MODULE:CLASS`` is a :class:`~cutenv.policy.Policy` of your own, in the present folder or an installed
+        module.
     task : str
         Task that it is for, of :data:`cutenv.envs.learned_tasks.TASKS`.
 
@@ -66,7 +68,6 @@ def chosen_policy(name: str, task: str = "gentle") -> tuple[Policy, dict[str, An
     from cutenv.envs.learned_tasks import TASKS
     from cutenv.policy import gentle_policy, named_policy
     from cutenv.policy.interface import PrivilegedPolicy
-    from cutenv.policy.own_policy import own_policy
     from cutenv.policy.policy_space import space_of
 
     chosen = TASKS[task]
@@ -79,8 +80,14 @@ def chosen_policy(name: str, task: str = "gentle") -> tuple[Policy, dict[str, An
         if name in other.teachers:
             listed = ", ".join(chosen.teachers)
             raise ValueError(f"policy {name!r} is a script of {other.id}, and the task is {task}. Give {listed}.")
-    if (own := own_policy(name)) is not None:
-        return own
+    module, colon, made = name.partition(":")
+    if colon and module.replace(".", "").isidentifier():
+        sys.path.insert(0, "")
+        try:
+            own: Policy = getattr(import_module(module), made)()
+        except (ImportError, AttributeError) as error:
+            raise ValueError(f"policy {name!r}: {error}. Give MODULE:CLASS, of a module in this folder.") from error
+        return own, {}
     try:
         learned = gentle_policy(name) if task == "gentle" else named_policy(name)
     except ValueError as error:
