@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import argparse
-import glob
 import re
 import sys
-from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,10 +14,6 @@ from cutenv.measurement.measured_cut import SPECIMEN_KEY
 from cutenv.recording import ColumnMap, Imported, RecordError, read_record
 from cutenv.recording.column_map import MAP_FILE
 from cutenv.trace import Trace
-
-SUFFIXES = (".csv", ".parquet", ".h5", ".hdf5")
-"""Endings of the records in a folder."""
-_SAME_TARGET = 0.05e-3  # [m], rounding of a target in a record
 
 
 class Source(NamedTuple):
@@ -52,7 +46,9 @@ def read_records(arguments: argparse.Namespace) -> LoadedTraces:
     pattern = _pattern(arguments.specimen)
     if arguments.confirm is not None:
         made_folder("--confirm", arguments.confirm)
-    arguments.records = record_files(arguments.records)
+    missing = [str(path) for path in arguments.records if not path.is_file()]
+    if missing:
+        raise FileNotFoundError(f"no such file: {', '.join(missing)}.")
     traces: list[Trace] = []
     refused: list[RefusedRecord] = []
     notes: list[str] = []
@@ -95,57 +91,6 @@ def read_records(arguments: argparse.Namespace) -> LoadedTraces:
         for folder in {path.parent for path in arguments.records}:
             notes.append(f"columns kept in {mapping.save(folder)} for the next time")
     return LoadedTraces(traces, refused, notes, sources)
-
-
-def record_files(paths: Sequence[Path], ours: Collection[Path] = ()) -> list[Path]:
-    """Return record files: a folder stands for those in it, and a pattern that no shell has expanded for what fits.
-
-    Parameters
-    ----------
-    paths : sequence of Path
-        Files, folders, patterns such as ``cuts/*.csv``.
-    ours : collection of Path
-        Tables in these folders that are no records.
-
-    Raises
-    ------
-    FileNotFoundError
-        If there is no such file, or no record in a folder.
-    """
-    files: list[Path] = []
-    missing = []
-    left_out = {path.resolve() for path in ours}
-    for path in paths:
-        if path.is_dir():
-            inside = [each for each in sorted(path.iterdir()) if each.suffix.lower() in SUFFIXES and each.is_file()]
-            found = [each for each in inside if each.resolve() not in left_out]
-            if not found:
-                raise FileNotFoundError(f"no records in {path}; they end in {', '.join(SUFFIXES)}.")
-        else:
-            found = [path] if path.is_file() else sorted(map(Path, glob.glob(str(path))))
-        files += found
-        missing += [] if found else [str(path)]
-    if missing:
-        raise FileNotFoundError(
-            f"no such file: {', '.join(missing)}. 'cutenv play --out cuts' makes records, and so does the page of "
-            "'cutenv single-page'."
-        )
-    return files
-
-
-def check_target(traces: Sequence[Trace], target: float | None) -> None:
-    """Raise ValueError if ``--target-length`` is not that at which a record says that it was aimed."""
-    own = {str(trace.metadata["name"]): trace.metadata.get("target_length_m") for trace in traces}
-    others = [
-        f"{name} ({1e3 * length:.1f} mm)"
-        for name, length in own.items()
-        if target is not None and length is not None and abs(length - target) > _SAME_TARGET
-    ]
-    if others:
-        raise ValueError(
-            f"--target-length is not that of {', '.join(others[:3])}{' and others' * (len(others) > 3)}. Leave it out: "
-            "every record is then held against its own."
-        )
 
 
 def chosen_cut(records: LoadedTraces, number: int | None) -> Trace:

@@ -27,12 +27,14 @@ from cutenv.commands.options import (
 if TYPE_CHECKING:  # what scores is slow to import, and --help does not need it
     from cutenv.scoring import ReferenceSet
 
+_SUFFIXES = (".csv", ".parquet", ".h5", ".hdf5")
+
 
 @reports_errors("score")
 def main(argv: Sequence[str]) -> int:
     """Run the command; return 0, or 2 if the records or the options are bad."""
     arguments = _parser().parse_args(argv)
-    from cutenv.commands.inputs import check_target, read_records, record_files, without_target
+    from cutenv.commands.inputs import read_records, without_target
     from cutenv.envs.difficulty import scripts_on_specimen_of
     from cutenv.report.score_page import ScoredRecord, write_score_page, write_summary
     from cutenv.scoring import score
@@ -42,9 +44,7 @@ def main(argv: Sequence[str]) -> int:
     target, wanted, layer = target_length(arguments), wanted_depth_given(arguments), layer_depth_given(arguments)
     line = line_given(arguments)
     reference = reference_set(arguments.reference)
-    arguments.records = record_files(arguments.records, [arguments.out / "scores.csv"])
     records = read_records(arguments)
-    check_target(records.traces, target)
     for note in [*records.notes, *without_target(records.traces, target)]:
         print(f"note: {note}", file=sys.stderr)
     for each in records.refused:
@@ -84,7 +84,6 @@ def reference_set(given: str) -> ReferenceSet | None:
     ValueError
         If it is none of these, or the folder holds too few cuts.
     """
-    from cutenv.commands.inputs import record_files
     from cutenv.recording import read_record
     from cutenv.scoring import ReferenceSet, score
     from cutenv.scoring.reference import FEWEST_REFERENCE_CUTS, SHIPPED_REFERENCES
@@ -100,7 +99,7 @@ def reference_set(given: str) -> ReferenceSet | None:
         names = ", ".join(SHIPPED_REFERENCES)
         raise ValueError(f"--reference {given!r} is neither {names} nor none, nor a file, nor a folder of records.")
     rows, units = [], set()
-    for file in record_files([path]):
+    for file in sorted(each for each in path.iterdir() if each.suffix.lower() in _SUFFIXES):
         for trace in read_record(file).sound:
             metrics = score(trace).metrics
             rows.append((file.stem, {name: scored.value for name, scored in metrics.items()}))
@@ -119,8 +118,7 @@ def _parser() -> argparse.ArgumentParser:
         __doc__,
         examples=(
             "cut.csv",
-            "cuts --out scored",
-            "theirs.csv --target-length 80mm",
+            "cuts/*.csv --target-length 80mm --out scored",
             "cut.csv --target-length 80mm --wanted-depth 0mm:6mm,80mm:14mm --layer-depth 16mm",
             "cut.csv --target-length 80mm --line excision:80mm:15mm",
             'forces.txt --map "time=Zeit" "force=Kraft" --unit mN',
