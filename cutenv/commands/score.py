@@ -32,7 +32,7 @@ _SUFFIXES = (".csv", ".parquet", ".h5", ".hdf5")
 def main(argv: Sequence[str]) -> int:
     """Run the command; return 0, or 2 if the records or the options are bad."""
     arguments = _parser().parse_args(argv)
-    from cutenv.commands.inputs import read_records, without_target
+    from cutenv.commands.inputs import read_records, targets
     from cutenv.envs.difficulty import scripts_on_specimen_of
     from cutenv.report.score_page import ScoredRecord, write_score_page, write_summary
     from cutenv.scoring import score
@@ -42,13 +42,13 @@ def main(argv: Sequence[str]) -> int:
     target, wanted, layer = target_length(arguments), wanted_depth_given(arguments), layer_depth_given(arguments)
     reference = reference_set(arguments.reference)
     records = read_records(arguments)
-    for note in [*records.notes, *without_target(records.traces, target)]:
+    aims, without_effect = targets(records.traces, target)
+    for note in [*records.notes, *without_effect]:
         print(f"note: {note}", file=sys.stderr)
     for each in records.refused:
         print(f"left out: {each.name}: {each.reason}", file=sys.stderr)
     written = []
-    for trace in records.traces:
-        aimed = target if target is not None else trace.metadata.get("target_length_m")
+    for trace, aimed in zip(records.traces, aims, strict=True):
         card = score(
             trace, target_length=aimed, reference=fitting_reference(reference, trace), wanted=wanted, layer_depth=layer
         )
@@ -110,14 +110,15 @@ def _parser() -> argparse.ArgumentParser:
         __doc__,
         examples=(
             "cut.csv",
-            "cuts/*.csv --target-length 80mm --out scored",
+            "cuts --out scored",
+            "foreign.csv --target-length 80mm",
             "cut.csv --target-length 80mm --wanted-depth 0mm:6mm,80mm:14mm --layer-depth 16mm",
             'forces.txt --map "time=Zeit" "force=Kraft" --unit mN',
         ),
         note="Training feedback for research; not validated for assessment or credentialing of people.",
     )
     add_record_options(parser)
-    add_target_length(parser, "the record's own")
+    add_target_length(parser, "the record's own, which always holds")
     add_depth_options(parser)
     parser.add_argument(
         "--reference",

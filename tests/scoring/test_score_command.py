@@ -179,6 +179,28 @@ def foreign(path: Path, trace: Trace) -> None:
     path.write_text("Zeit [s];Kraft [N];Weg [mm]\n" + "".join(f"{t:.3f};{f:.4f};{x:.4f}\n" for t, f, x in rows))
 
 
+def test_an_option_never_replaces_the_target_that_a_cut_was_aimed_at(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    save(named(UPRIGHT, "a", target_length_m=TARGET), tmp_path / "a.csv")
+    status, _, err = run(capsys, tmp_path / "a.csv", "--target-length", "95mm", "--out", tmp_path)
+    assert status == 0
+    assert "a: --target-length has no effect, because the record holds its own target, 75.0 mm" in err
+    card = score(cut(UPRIGHT), target_length=TARGET, reference=ReferenceSet.shipped())
+    assert json.loads((tmp_path / "a_score.json").read_text())["overall_score"] == pytest.approx(card.overall_score)
+
+
+def test_a_folder_and_a_pattern_stand_for_the_records_in_them(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("a", "b"):
+        save(named(UPRIGHT, name, target_length_m=TARGET), tmp_path / f"{name}.csv")
+    for given in (tmp_path, tmp_path / "*.csv", tmp_path):  # the folder holds the command's own table by then
+        status, out, err = run(capsys, given, "--out", tmp_path)
+        assert status == 0, err
+        assert [line[:3] for line in out.splitlines()[:2]] == ["a: ", "b: "]
+
+
 def test_a_target_without_effect_is_said_with_the_columns_left_unused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
