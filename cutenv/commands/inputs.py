@@ -135,7 +135,10 @@ def record_files(arguments: argparse.Namespace) -> list[Path]:
         given += [each for each in matched if each.resolve() not in ours] or [path]
     missing = [str(path) for path in given if not path.exists()]
     if missing:
-        raise FileNotFoundError(f"no such file: {', '.join(missing)}. 'cutenv play --out cuts' records cuts by hand.")
+        raise FileNotFoundError(
+            f"no such file: {', '.join(missing)}. 'cutenv play --out cuts' records cuts by hand, "
+            "'cutenv score --example' scores a simulated one."
+        )
     files: list[Path] = []
     for path in given:
         if not path.is_dir():

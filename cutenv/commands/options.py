@@ -196,7 +196,7 @@ def _port(text: str) -> int:
 def add_record_options(
     parser: argparse.ArgumentParser,
     *,
-    files: int | Literal["+"] = "+",
+    files: int | Literal["+", "*"] = "+",
     metavar: str = "FILE",
     about: str = "records of cuts, or folders of them: CSV, Parquet or HDF5, one cut or several in a file",
     option: str | None = None,

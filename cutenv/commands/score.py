@@ -41,6 +41,12 @@ def main(argv: Sequence[str]) -> int:
     made_folder("--out", arguments.out)
     target, wanted, layer = target_length(arguments), wanted_depth_given(arguments), layer_depth_given(arguments)
     reference = reference_set(arguments.reference)
+    if arguments.example:
+        if arguments.records:
+            raise ValueError("--example scores a simulated cut; leave the records out.")
+        arguments.records = [_example(arguments.out / "example.csv")]
+    elif not arguments.records:
+        raise ValueError("give records of cuts, a folder of them, or --example to score a simulated cut.")
     records = read_records(arguments)
     aims, without_effect = targets(records.traces, target)
     for note in [*records.notes, *without_effect]:
@@ -66,6 +72,19 @@ def main(argv: Sequence[str]) -> int:
     else:
         print(f"page: {arguments.out / written[0][1]}")
     return 0
+
+
+def _example(path: Path) -> Path:
+    """Write the record of a simulated cut and return its path: past the target, then back, as a hand does it."""
+    from cutenv.plant import Leg, SimulatedPlant, run, to_trace
+    from cutenv.recording import save
+    from cutenv.tissue import Specimen
+
+    plant = SimulatedPlant(Specimen.drawn(3))
+    cut = run(plant, [Leg(position=0.085, speed=0.0127, dwell=0.2), Leg(position=0.075, speed=0.005)])
+    save([to_trace(plant, cut, name="example", target_length_m=0.08)], path)
+    print(f"record of a simulated cut: {path}")
+    return path
 
 
 def reference_set(given: str) -> ReferenceSet | None:
@@ -110,6 +129,7 @@ def _parser() -> argparse.ArgumentParser:
         __doc__,
         examples=(
             "cut.csv",
+            "--example",
             "cuts --out scored",
             "foreign.csv --target-length 80mm",
             "cut.csv --target-length 80mm --wanted-depth 0mm:6mm,80mm:14mm --layer-depth 16mm",
@@ -117,7 +137,8 @@ def _parser() -> argparse.ArgumentParser:
         ),
         note="Training feedback for research; not validated for assessment or credentialing of people.",
     )
-    add_record_options(parser)
+    add_record_options(parser, files="*")
+    parser.add_argument("--example", action="store_true", help="write the record of a simulated cut and score it")
     add_target_length(parser, "the record's own, which always holds")
     add_depth_options(parser)
     parser.add_argument(

@@ -55,6 +55,22 @@ def test_one_cut_gives_a_card_a_page_and_json(tmp_path: Path, capsys: pytest.Cap
         assert fault.try_next in page
 
 
+def test_an_example_is_made_and_scored_where_there_is_no_record(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    status, out, err = run(capsys, "--example", "--out", tmp_path)
+    assert status == 0, err
+    assert "of 100" in out
+    assert (tmp_path / "example_score.html").is_file()
+    status, again, err = run(capsys, tmp_path / "example.csv", "--out", tmp_path)
+    assert status == 0, err
+    assert again in out  # the record by itself has the same card
+    for arguments in ([], ["--example", tmp_path / "example.csv"]):
+        status, _, err = run(capsys, *arguments)
+        assert status == 2
+        assert "--example" in err
+
+
 def test_a_missed_target_is_never_green(tmp_path: Path) -> None:
     trace, seen = named(UPRIGHT, "cut"), {}
     for target in (TARGET, TARGET - 0.012):
