@@ -229,7 +229,8 @@ def test_the_program_compares_a_trained_policy_with_a_baseline(folder, tmp_path)
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert "2 held-out specimens of class mixed" in done.stdout
-    assert f"{folder} minus each other on the same specimens" in done.stdout
+    differences_shown = done.stdout.partition(f"{folder} minus each other on the same specimens")[2].splitlines()
+    assert differences_shown[2].split() == ["return", "success"]  # the columns are named
     assert {path.name for path in (tmp_path / "scores").iterdir()} == {"scores.csv", "summary.csv", "differences.csv"}
     with (tmp_path / "scores" / "scores.csv").open() as file:
         scores = list(csv.DictReader(file))
