@@ -7,6 +7,7 @@ and ``cutenv --help`` answers at once.
 from __future__ import annotations
 
 import argparse
+import difflib
 import os
 import sys
 from collections.abc import Mapping, Sequence
@@ -182,6 +183,10 @@ def _chosen(name: str, command: Command, argv: list[str]) -> Command | None:
     if not argv:
         parser.print_help()
         return None
+    if not argv[0].startswith("-") and argv[0] not in command.parts:
+        nearest = difflib.get_close_matches(argv[0].lower(), command.parts, n=1)
+        hint = f" Did you mean {nearest[0]!r}?" if nearest else ""
+        parser.error(f"there is no command {argv[0]!r}.{hint} '{name} --help' lists all.")
     return command.parts[parser.parse_args(argv[:1]).command]
 
 

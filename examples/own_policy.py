@@ -4,6 +4,7 @@ import gymnasium
 import numpy as np
 
 import cutenv  # registers the environments
+from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.policy import ConstantFeed, StopAndUnload
 from cutenv.task.observation import to_action
 
@@ -38,7 +39,7 @@ def cut(env: gymnasium.Env, policy: SlowDown | ConstantFeed, seed: int) -> float
 
 
 env = gymnasium.make("cutenv/GentleCut-v1", specimen_class="liver")
-seeds = range(40)
+seeds = TEST_SEEDS[:40]
 mine = np.array([cut(env, SlowDown(), seed) for seed in seeds])
 other = np.array([cut(env, ConstantFeed(speed=0.0127), seed) for seed in seeds])  # upright
 difference = mine - other  # of the same specimens: easy and hard ones cancel

@@ -1,7 +1,8 @@
 """Compare policies on the same held-out specimens: every score of every cut, means and paired differences.
 
-A policy is the name of a baseline or of a shipped policy (ppo-free), or the folder of a trained one, which holds
-policy.safetensors and card.json. Those of another task than gentle cutting are compared with each other alone.
+A policy is the name of a baseline or of a shipped policy (ppo-free), the folder of a training run or of a policy, which
+holds policy.safetensors and card.json, or a class of your own, MODULE:CLASS. Those of another task than gentle cutting
+are compared with each other alone.
 """
 
 from __future__ import annotations
@@ -32,7 +33,17 @@ def _evaluate(arguments: argparse.Namespace) -> None:
     from cutenv.policy import BASELINES
 
     if arguments.list or not arguments.policies:
-        print("\n".join(BASELINES))
+        from cutenv.envs.learned_tasks import TASKS
+        from cutenv.policy import SHIPPED
+
+        feeds = [name for name in BASELINES if name.startswith("constant ")]
+        print("gentle cutting:")
+        print("\n".join(f"  {name}" for name in BASELINES if name not in feeds))
+        print(f"  constant V cm/s A deg ({len(feeds)} of them): {feeds[0]} ... {feeds[-1]}")
+        for key, one in TASKS.items():
+            if key != "gentle":
+                print("\n".join([f"task {key}:", *(f"  {name}" for name in one.scripts)]))
+        print("\n".join(["shipped agents:", *(f"  {name}" for name in SHIPPED)]))
         return
     from cutenv.envs.learned_tasks import TASKS
     from cutenv.learning.evaluation import contestant, evaluate
@@ -86,16 +97,19 @@ def _parser() -> argparse.ArgumentParser:
         "evaluate",
         __doc__,
         examples=(
-            '"probe and creep" runs/NAME/policy',
+            '"probe and creep" runs/NAME',
             "all --specimens 500 --out runs/all",
             "--list",
             "--report runs/NAME",
         ),
     )
     parser.add_argument(
-        "policies", nargs="*", metavar="POLICY", help="baseline, shipped policy, folder of a trained policy, or all"
+        "policies",
+        nargs="*",
+        metavar="POLICY",
+        help="baseline, shipped policy, folder of a run or policy, MODULE:CLASS, or all",
     )
-    parser.add_argument("--list", action="store_true", help="print the names of the baselines")
+    parser.add_argument("--list", action="store_true", help="print the names of baselines, scripts and shipped agents")
     parser.add_argument(
         "--specimen-class", choices=CLASSES, default="mixed", help="class of the specimens; default mixed"
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import glob
 import re
 import sys
 from pathlib import Path
@@ -14,6 +15,9 @@ from cutenv.measurement.measured_cut import SPECIMEN_KEY
 from cutenv.recording import ColumnMap, Imported, RecordError, read_record
 from cutenv.recording.column_map import MAP_FILE
 from cutenv.trace import Trace
+
+SUFFIXES = (".csv", ".parquet", ".h5", ".hdf5")
+"""Endings of the record files that are looked for in a folder."""
 
 
 class Source(NamedTuple):
@@ -46,9 +50,7 @@ def read_records(arguments: argparse.Namespace) -> LoadedTraces:
     pattern = _pattern(arguments.specimen)
     if arguments.confirm is not None:
         made_folder("--confirm", arguments.confirm)
-    missing = [str(path) for path in arguments.records if not path.is_file()]
-    if missing:
-        raise FileNotFoundError(f"no such file: {', '.join(missing)}.")
+    arguments.records = record_files(arguments)
     traces: list[Trace] = []
     refused: list[RefusedRecord] = []
     notes: list[str] = []
@@ -104,6 +106,8 @@ def chosen_cut(records: LoadedTraces, number: int | None) -> Trace:
     by_number = {source.number or 1: trace for source, trace in zip(records.sources, records.traces, strict=True)}
     if not by_number:
         raise ValueError("no cut is left.")
+    if len({source.path for source in records.sources}) > 1:
+        raise ValueError(f"{len(records.sources)} cuts of several files were found; give one file.")
     first = min(by_number)
     if number is None and len(by_number) > 1:
         print(f"note: cut {first} of {len(by_number)} is taken; --cut chooses another.", file=sys.stderr)
@@ -113,12 +117,57 @@ def chosen_cut(records: LoadedTraces, number: int | None) -> Trace:
     return by_number[chosen]
 
 
-def without_target(traces: list[Trace], target: float | None) -> list[str]:
-    """Return a note on each cut on which ``--target-length`` has no effect."""
-    if target is None:
-        return []
-    cuts = [str(trace.metadata["name"]) for trace in traces if trace.position is None]
-    return [f"{name}: --target-length has no effect, because the record has no position" for name in cuts]
+def record_files(arguments: argparse.Namespace) -> list[Path]:
+    """Return the files of ``arguments.records``, with patterns expanded and folders replaced by the records in them.
+
+    A table of operators and the command's own output are no records.
+
+    Raises
+    ------
+    FileNotFoundError
+        If a file is missing, or a folder holds no records.
+    """
+    ours = {path.resolve() for name in ("operators", "out") if (path := getattr(arguments, name, None)) is not None}
+    ours |= {path.with_suffix(".csv") if path.suffix == ".html" else path / "scores.csv" for path in ours}
+    given: list[Path] = []
+    for path in arguments.records:
+        matched = [] if path.exists() else sorted(map(Path, glob.glob(str(path))))  # cmd of Windows expands none
+        given += [each for each in matched if each.resolve() not in ours] or [path]
+    missing = [str(path) for path in given if not path.exists()]
+    if missing:
+        raise FileNotFoundError(
+            f"no such file: {', '.join(missing)}. 'cutenv play --out cuts' records cuts by hand, "
+            "'cutenv score --example' scores a simulated one."
+        )
+    files: list[Path] = []
+    for path in given:
+        if not path.is_dir():
+            files.append(path)
+            continue
+        inside = [each for each in sorted(path.iterdir()) if each.suffix.lower() in SUFFIXES and each.is_file()]
+        inside = [each for each in inside if each.resolve() not in ours]
+        if not inside:
+            raise FileNotFoundError(f"no records in {path}; they end in {', '.join(SUFFIXES)}.")
+        files += inside
+    return files
+
+
+def targets(traces: list[Trace], given: float | None) -> tuple[list[float | None], list[str]]:
+    """Return the target length of each cut [m], and a note on each on which ``--target-length`` has no effect.
+
+    A record's own target is what the cut was aimed at, so the option holds only for records without one.
+    """
+    own = [trace.metadata.get("target_length_m") for trace in traces]
+    notes = []
+    for trace, length in zip(traces, own, strict=True):
+        if given is None:
+            break
+        effect = f"{trace.metadata['name']}: --target-length has no effect, because the record"
+        if trace.position is None:
+            notes.append(f"{effect} has no position")
+        elif isinstance(length, int | float) and abs(length - given) > 0.5e-4:
+            notes.append(f"{effect} holds its own target, {1e3 * length:.1f} mm")
+    return [given if length is None else length for length in own], notes
 
 
 def _mapping(arguments: argparse.Namespace) -> ColumnMap | None:

@@ -237,9 +237,9 @@ def _port(text: str) -> int:
 def add_record_options(
     parser: argparse.ArgumentParser,
     *,
-    files: int | Literal["+"] = "+",
+    files: int | Literal["+", "*"] = "+",
     metavar: str = "FILE",
-    about: str = "records of cuts: CSV, Parquet or HDF5, one cut or several in a file",
+    about: str = "records of cuts, or folders of them: CSV, Parquet or HDF5, one cut or several in a file",
     option: str | None = None,
 ) -> None:
     """Add the options of every sub-command that reads records.
@@ -296,7 +296,7 @@ def add_study_options(parser: argparse.ArgumentParser, *, columns: str) -> None:
         help="cuts that the overall score of a record of force alone compares with, as for cutenv score; default "
         "baselines",
     )
-    add_target_length(parser, "the records' own")
+    add_target_length(parser, "the records' own, which always hold")
     parser.add_argument("--name", metavar="NAME", help="title; default the table's name, or the folder's")
     parser.add_argument(
         "--language", choices=LANGUAGES, default="en", help="language of the pages; tables for programs are English"

@@ -34,7 +34,7 @@ _SUFFIXES = (".csv", ".parquet", ".h5", ".hdf5")
 def main(argv: Sequence[str]) -> int:
     """Run the command; return 0, or 2 if the records or the options are bad."""
     arguments = _parser().parse_args(argv)
-    from cutenv.commands.inputs import read_records, without_target
+    from cutenv.commands.inputs import read_records, targets
     from cutenv.envs.difficulty import scripts_on_specimen_of
     from cutenv.report.score_page import ScoredRecord, write_score_page, write_summary
     from cutenv.scoring import score
@@ -44,14 +44,20 @@ def main(argv: Sequence[str]) -> int:
     target, wanted, layer = target_length(arguments), wanted_depth_given(arguments), layer_depth_given(arguments)
     line = line_given(arguments)
     reference = reference_set(arguments.reference)
+    if arguments.example:
+        if arguments.records:
+            raise ValueError("--example scores a simulated cut; leave the records out.")
+        arguments.records = [_example(arguments.out / "example.csv")]
+    elif not arguments.records:
+        raise ValueError("give records of cuts, a folder of them, or --example to score a simulated cut.")
     records = read_records(arguments)
-    for note in [*records.notes, *without_target(records.traces, target)]:
+    aims, without_effect = targets(records.traces, target)
+    for note in [*records.notes, *without_effect]:
         print(f"note: {note}", file=sys.stderr)
     for each in records.refused:
         print(f"left out: {each.name}: {each.reason}", file=sys.stderr)
     written = []
-    for trace in records.traces:
-        aimed = target if target is not None else trace.metadata.get("target_length_m")
+    for trace, aimed in zip(records.traces, aims, strict=True):
         card = score(
             trace,
             target_length=aimed,
@@ -74,6 +80,19 @@ def main(argv: Sequence[str]) -> int:
     else:
         print(f"page: {arguments.out / written[0][1]}")
     return 0
+
+
+def _example(path: Path) -> Path:
+    """Write the record of a simulated cut and return its path: past the target, then back, as a hand does it."""
+    from cutenv.plant import Leg, SimulatedPlant, run, to_trace
+    from cutenv.recording import save
+    from cutenv.tissue import Specimen
+
+    plant = SimulatedPlant(Specimen.drawn(3))
+    cut = run(plant, [Leg(position=0.085, speed=0.0127, dwell=0.2), Leg(position=0.075, speed=0.005)])
+    save([to_trace(plant, cut, name="example", target_length_m=0.08)], path)
+    print(f"record of a simulated cut: {path}")
+    return path
 
 
 def reference_set(given: str) -> ReferenceSet | None:
@@ -118,15 +137,18 @@ def _parser() -> argparse.ArgumentParser:
         __doc__,
         examples=(
             "cut.csv",
-            "cuts/*.csv --target-length 80mm --out scored",
+            "--example",
+            "cuts --out scored",
+            "foreign.csv --target-length 80mm",
             "cut.csv --target-length 80mm --wanted-depth 0mm:6mm,80mm:14mm --layer-depth 16mm",
             "cut.csv --target-length 80mm --line excision:80mm:15mm",
             'forces.txt --map "time=Zeit" "force=Kraft" --unit mN',
         ),
         note="Training feedback for research; not validated for assessment or credentialing of people.",
     )
-    add_record_options(parser)
-    add_target_length(parser, "the record's own")
+    add_record_options(parser, files="*")
+    parser.add_argument("--example", action="store_true", help="write the record of a simulated cut and score it")
+    add_target_length(parser, "the record's own, which always holds")
     add_depth_options(parser)
     add_line(parser)
     parser.add_argument(

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from cutenv.commands.inputs import LoadedTraces, Source, read_records, without_target
+from cutenv.commands.inputs import LoadedTraces, Source, read_records, targets
 from cutenv.commands.options import made_folder, target_length, watched
 from cutenv.commands.score import reference_set
 from cutenv.measurement.calibration import RefusedRecord
@@ -15,8 +15,6 @@ from cutenv.recording import OperatorRow, recorded_operators
 from cutenv.scoring import score
 from cutenv.scoring.reference import fitting_reference
 from cutenv.scoring.study import StudiedCut, condition_of
-
-SUFFIXES = (".csv", ".parquet", ".h5", ".hdf5")
 
 
 def studied_cuts(
@@ -44,9 +42,9 @@ def studied_cuts(
         If the options are invalid, a record is bad or not to be found, or records and operators do not fit.
     """
     reference, length = reference_set(arguments.reference), target_length(arguments)
-    arguments.records = record_files(arguments)
     records = read_records(arguments)
-    for note in [*records.notes, *without_target(records.traces, length)]:
+    aimed, without_effect = targets(records.traces, length)
+    for note in [*records.notes, *without_effect]:
         print(f"note: {note}", file=sys.stderr)
     if rows is None:
         recorded = recorded_operators([trace.metadata for trace in records.traces])
@@ -56,7 +54,7 @@ def studied_cuts(
     cuts = [
         StudiedCut(
             card=score(
-                records.traces[i], target_length=length, reference=fitting_reference(reference, records.traces[i])
+                records.traces[i], target_length=aimed[i], reference=fitting_reference(reference, records.traces[i])
             ),
             operator=row.operator,
             group=row.group,
@@ -72,7 +70,9 @@ def studied_cuts(
 
 def study_name(arguments: argparse.Namespace) -> str:
     """Return the title of a study: ``--name``, or the name of its table, or of its first folder or record."""
-    source: Path = arguments.operators or arguments.records[0].resolve()
+    source: Path = arguments.operators or arguments.records[0].absolute()
+    if "*" in source.name:  # a pattern is named after its folder
+        source = source.parent
     return str(arguments.name or source.stem)
 
 
@@ -115,23 +115,6 @@ def _names(source: Source) -> list[str]:
     if source.number is not None:
         names += [f"{name} {source.number}" for name in names]
     return names
-
-
-def record_files(arguments: argparse.Namespace) -> list[Path]:
-    """Return the records: folders stand for the record files in them, except the table and our own output."""
-    ours = {path.resolve() for path in (arguments.operators, arguments.out) if path is not None}
-    ours |= {path.with_suffix(".csv") for path in ours}
-    files: list[Path] = []
-    for path in arguments.records:
-        if not path.is_dir():
-            files.append(path)
-            continue
-        inside = [each for each in sorted(path.iterdir()) if each.suffix.lower() in SUFFIXES and each.is_file()]
-        inside = [each for each in inside if each.resolve() not in ours]
-        if not inside:
-            raise FileNotFoundError(f"no records in {path}; they end in {', '.join(SUFFIXES)}.")
-        files += inside
-    return files
 
 
 def check_page(out: Path | None) -> None:

@@ -1,8 +1,8 @@
 """Enter a policy on the leaderboard: let it cut the benchmark's held-out specimens, and keep the actions of every cut.
 
-A policy is a folder that holds policy.safetensors and card.json, the folder of a training run, or the name of a shipped
-policy or a script.  Several folders are several training seeds of one entry.  With --check every cut of a file is
-repeated from its seed and actions; it is refused if any return differs in its last bit.
+A policy is a folder that holds policy.safetensors and card.json, the folder of a training run, the name of a shipped
+policy or a script, or a class of your own, MODULE:CLASS.  Several are the training seeds of one entry.  With
+--check every cut of a file is repeated from its seed and actions; it is refused if any return differs in its last bit.
 """
 
 from __future__ import annotations
@@ -64,12 +64,13 @@ def _submit(given: argparse.Namespace) -> None:
     from cutenv.learning.result_tables import read_rows
     from cutenv.learning.standing import returns_after
     from cutenv.learning.submission import Submission, check_text, submitted_run, write_submission
+    from cutenv.policy.shipped import policy_folder
 
     policy = given.name or Path(given.policies[0]).name
     for option, text in (("--author", given.author), ("--code", given.code), ("--name", policy)):
         check_text(option, text, empty=option == "--code")
     protocol = QUICK if given.quick else Protocol()
-    names = [_policy_folder(name) for name in given.policies]
+    names = [str(policy_folder(name)) for name in given.policies]
     if len(set(names)) < len(names):
         raise ValueError("a policy is named twice; give each training run once.")
     entrants = [contestant(name) for name in names]  # all are read before the first cut
@@ -82,11 +83,6 @@ def _submit(given: argparse.Namespace) -> None:
     write_submission(given.out, Submission(policy, given.author, given.code, today, protocol, tuple(runs)))
     print(f"{given.out}: {given.out.stat().st_size / 1e3:.0f} kB, to be attached as it is")
     checked(given.out)
-
-
-def _policy_folder(name: str) -> str:
-    """Return the folder of a policy, also for the folder of a run that holds it."""
-    return str(Path(name, "policy")) if Path(name, "policy", "card.json").is_file() else name
 
 
 def _print_row(entry: Submission, runs: Sequence[Sequence[dict[str, Any]]]) -> None:

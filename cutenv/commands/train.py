@@ -1,6 +1,6 @@
 """Train an agent to cut gently, compare it with every baseline, report.
 
-PPO takes about 7 minutes on 2 cores, recurrent PPO, whose actor has a memory, about 20; SAC, TQC and CrossQ, which also
+PPO takes about 4 minutes on 2 cores, recurrent PPO, whose actor has a memory, about 20; SAC, TQC and CrossQ, which also
 learn from a script's decisions, some four.  Behaviour cloning imitates a script, or a data set of 'cutenv datasets', in
 some three minutes, without any trial of its own; IQL prefers the better decisions of two scripts or of a data set.
 Everything is written to the folder runs/NAME; an interrupted run continues from its checkpoint with --resume.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import difflib
 import multiprocessing
 import os
 import signal
@@ -19,6 +20,7 @@ from cutenv.envs import set_cores
 from cutenv.envs.learned_tasks import TASKS
 from cutenv.learning.batched_rollout import batched_rollout
 from cutenv.policy import BASELINES, SHIPPED, ArrayPolicy, Policy, PrivilegedPolicy, named_policy
+from cutenv.policy.shipped import policy_of_class
 
 _BATCH, _SMALL_BATCH = 200, 100  # cuts simulated together; fewer where all readings are kept, or a policy is copied
 _OTHERS = {key: one for key, one in TASKS.items() if key != "gentle"}
@@ -146,14 +148,15 @@ def evaluate(
 
 
 def contestant(name: str) -> Contestant:
-    """Return the baseline, script of another task or shipped policy of that name, or the one in that folder.
+    """Return the baseline, script of another task or shipped policy of that name, or that of a folder or class.
 
-    Its arguments have "task" if it is not for gentle cutting.
+    Its arguments have "task" if it is not for gentle cutting. A folder is that of a policy or of a training run; a
+    class is ``MODULE:CLASS``.
 
     Raises
     ------
     ValueError
-        If there is none; the message lists the known names.
+        If there is none; the message names the nearest.
     """
     if name in BASELINES:
         return Contestant(BASELINES[name]())
@@ -164,8 +167,13 @@ def contestant(name: str) -> Contestant:
         policy = named_policy(name)
         task = next((key for key, one in TASKS.items() if one.id == policy.card.environment), "gentle")
         return Contestant(policy, policy.environment_arguments | ({} if task == "gentle" else {"task": task}))
+    own = policy_of_class(name)
+    if own is not None:
+        return Contestant(own, dict(getattr(own, "environment_arguments", {})))
+    known = [*BASELINES, *(script for one in _OTHERS.values() for script in one.scripts), *SHIPPED]
+    nearest = difflib.get_close_matches(name.lower(), known, n=1)
+    hint = f"Did you mean {nearest[0]!r}? " if nearest else ""
     raise ValueError(
-        f"{name!r} is neither a baseline nor a folder nor shipped; baselines: all, {', '.join(BASELINES)}; "
-        + "".join(f"scripts of task {key}: {', '.join(one.scripts)}; " for key, one in _OTHERS.items())
-        + f"shipped: {', '.join(SHIPPED)}"
+        f"policy {name!r} is not known. {hint}'cutenv evaluate --list' prints the names; a folder of a policy or run, "
+        "or MODULE:CLASS of your own, does as well."
     )

@@ -238,8 +238,9 @@ def run_learner(learner: TrialLearner, request: RunRequest[Any], resume_command:
             facts["level_with_script_after_s"] = reached
             write_facts(run, facts)
             compare(run, facts)
-            when = "never in this training" if reached is None else f"after {reached:.0f} s, demonstrations included"
-            print(f"as good as {arguments.known_script!r} on the validation specimens: {when}")
+            if reached is not None:
+                when = f"after {reached:.0f} s, demonstrations included"
+                print(f"as good as {arguments.known_script!r} on the validation specimens {when}")
     except KeyboardInterrupt:
         print(f"\ninterrupted while evaluating; {run}/policy.zip is the trained agent.")
         print(f"Evaluate it with: {resume_command}")

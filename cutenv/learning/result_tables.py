@@ -38,6 +38,7 @@ def print_differences(rows: Sequence[Mapping[str, Any]]) -> None:
     """Print paired differences of return and success."""
     values = {(row["baseline"], row["score"]): row for row in rows}
     print(f"\n{rows[0]['policy']} minus each other on the same specimens, mean [95 % interval]\n")
+    print("".ljust(30) + "".join(score.rjust(28) for score in ("return", "success")))
     for baseline in dict.fromkeys(row["baseline"] for row in rows):
         cells = [values[baseline, score] for score in ("return", "success")]
         shown = "".join(

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import sys
+from importlib import import_module
 from pathlib import Path
 
 from cutenv._base import resources
 from cutenv._base.validation import one_of
+from cutenv.policy.interface import Policy
 from cutenv.policy.policy_space import GENTLE_SPACE, space_of
 from cutenv.policy.trained import CARD, TrainedPolicy
 
@@ -35,8 +38,37 @@ def shipped(name: str) -> TrainedPolicy:
     return TrainedPolicy.load(resources.path(f"{_FOLDER}/{one_of('policy', name, SHIPPED)}"))
 
 
+def policy_folder(name: str | Path) -> Path:
+    """Return the folder of a policy, also for the folder of a training run that holds it."""
+    inside = Path(name, "policy")
+    return inside if (inside / CARD).is_file() else Path(name)
+
+
+def policy_of_class(name: str) -> Policy | None:
+    """Make a policy of a user's own class, named ``MODULE:CLASS``; None if the name has not that form.
+
+    The module is one in the present folder or an installed one. The class may tell in ``environment_arguments`` with
+    which keywords its environment is made, such as ``{"control_hz": 10}``.
+
+    Raises
+    ------
+    ValueError
+        If there is no such module or class; tells why.
+    """
+    module, colon, made = name.partition(":")
+    if not (colon and module.replace(".", "").isidentifier()):
+        return None
+    if "" not in sys.path:
+        sys.path.insert(0, "")
+    try:
+        own: Policy = getattr(import_module(module), made)()
+    except (ImportError, AttributeError) as error:
+        raise ValueError(f"policy {name!r}: {error}. Give MODULE:CLASS, of a module in this folder.") from error
+    return own
+
+
 def named_policy(name: str | Path) -> TrainedPolicy:
-    """Load a shipped policy by its name, or the one in a folder, as the command line accepts either.
+    """Load a shipped policy by its name, or the one in a folder of its own or of a training run.
 
     Raises
     ------
@@ -54,7 +86,7 @@ def named_policy(name: str | Path) -> TrainedPolicy:
             f"policy {str(name)!r} is neither shipped ({', '.join(SHIPPED)}) nor the folder of one. "
             "Give such a name, or the folder that holds its card.json."
         )
-    return TrainedPolicy.load(name)
+    return TrainedPolicy.load(policy_folder(name))
 
 
 def gentle_policy(name: str | Path) -> TrainedPolicy:

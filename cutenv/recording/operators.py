@@ -93,6 +93,8 @@ def load_operators(path: str | os.PathLike[str], *, raters: Sequence[str] = ()) 
                 for cells in reader
                 if any(cell.strip() for cell in cells)
             ]
+    except FileNotFoundError:
+        raise FileNotFoundError(f"no such table of operators: {path}. Give a CSV file, or leave it out.") from None
     except UnicodeDecodeError:
         raise RecordError(path, "it is not text in UTF-8. Save it as CSV in UTF-8.") from None
     except csv.Error as error:

@@ -20,6 +20,7 @@ from cutenv.learning.seeds import ENVIRONMENT, TEST_SEEDS, TRAINING_SEEDS, VALID
 from cutenv.learning.statistics import best_script, by_policy, differences, mean_with_interval, summarise
 from cutenv.policy import (
     BASELINES,
+    SHIPPED,
     ConstantFeed,
     Features,
     Network,
@@ -172,15 +173,40 @@ def test_a_folder_is_a_policy_in_the_environment_that_it_needs(folder):
     assert math.isfinite(batched_rollout(given.policy, [0], given.arguments)[0].scores()["return"])
 
 
-def test_a_baseline_is_known_by_name_and_what_is_neither_is_refused_with_a_list():
+def test_the_folder_of_a_run_stands_for_its_policy(folder):
+    assert contestant(str(folder.parent)).arguments == {"control_hz": 10}
+
+
+def test_a_class_of_ones_own_is_compared_at_the_rate_that_it_tells(tmp_path, monkeypatch, capsys):
+    (tmp_path / "my_still_policy.py").write_text(
+        "from cutenv.policy import NoAction\n\n\n"
+        "class Still(NoAction):\n    environment_arguments = {'control_hz': 10}\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    given = contestant("my_still_policy:Still")
+    assert isinstance(given.policy, NoAction)
+    assert given.arguments == {"control_hz": 10}
+    assert main(["my_still_policy:Still", "nothing", "--specimens", "2"]) == 0
+    assert "my_still_policy:Still" in capsys.readouterr().out
+    with pytest.raises(ValueError, match="no attribute 'Stil'"):
+        contestant("my_still_policy:Stil")
+
+
+@pytest.mark.parametrize("given", ["probe and crep", "Probe and Creep"])
+def test_a_baseline_is_known_by_name_and_for_what_is_none_the_nearest_is_named(given):
     assert isinstance(contestant("nothing").policy, NoAction)
-    with pytest.raises(ValueError, match=r"'probe and crep' is neither a baseline nor a folder.* probe and creep,"):
-        contestant("probe and crep")
+    with pytest.raises(ValueError, match=f"policy {given!r} is not known. Did you mean 'probe and creep'\\?"):
+        contestant(given)
 
 
-def test_the_list_names_every_baseline(capsys):
+def test_the_list_names_every_script_and_agent_and_the_constant_feeds_in_one_line(capsys):
     assert main(["--list"]) == 0
-    assert capsys.readouterr().out.splitlines() == list(BASELINES)
+    lines = [line.strip() for line in capsys.readouterr().out.splitlines()]
+    feeds = [name for name in BASELINES if name.startswith("constant ")]
+    assert {*BASELINES, *SHIPPED} - {*feeds} <= set(lines)
+    assert [line for line in lines if line.startswith("constant V")] == [
+        f"constant V cm/s A deg ({len(feeds)} of them): {feeds[0]} ... {feeds[-1]}"
+    ]
 
 
 @pytest.mark.parametrize("number", ["1", "0", "-3", "1000001"])
@@ -203,7 +229,8 @@ def test_the_program_compares_a_trained_policy_with_a_baseline(folder, tmp_path)
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert "2 held-out specimens of class mixed" in done.stdout
-    assert f"{folder} minus each other on the same specimens" in done.stdout
+    differences_shown = done.stdout.partition(f"{folder} minus each other on the same specimens")[2].splitlines()
+    assert differences_shown[2].split() == ["return", "success"]  # the columns are named
     assert {path.name for path in (tmp_path / "scores").iterdir()} == {"scores.csv", "summary.csv", "differences.csv"}
     with (tmp_path / "scores" / "scores.csv").open() as file:
         scores = list(csv.DictReader(file))

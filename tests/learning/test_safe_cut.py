@@ -91,4 +91,4 @@ def test_a_policy_that_does_not_exist_is_refused_before_any_work(monkeypatch, ca
     with pytest.raises(SystemExit) as ended:
         safe_cut.main()
     assert ended.value.code == 2
-    assert "'nobody' is neither a baseline" in capsys.readouterr().err
+    assert "policy 'nobody' is not known" in capsys.readouterr().err

@@ -198,7 +198,7 @@ def test_the_folder_of_a_run_is_enough_and_its_curve_is_told(few, capsys):
         (["ppo-free"], "--author is missing"),
         (["ppo-free", "--author", " "], "--author is ' '; give a text"),
         (["ppo-free", "ppo-free", "--author", "me"], "named twice"),
-        (["no-such-policy", "--author", "me"], "'no-such-policy' is neither a baseline nor"),
+        (["no-such-policy", "--author", "me"], "policy 'no-such-policy' is not known"),
         (["ppo-free", "--author", "me", "--out", "no/folder/s.json"], "give a file in a folder that exists"),
         (["ppo-free", "--check", "s.json"], "--check takes a file alone"),
         (["--check", "s.json"], "s.json"),

@@ -38,10 +38,13 @@ def test_help_lists_every_command(capsys: pytest.CaptureFixture[str]) -> None:
     assert all(name in shown and command.summary in shown for name, command in cli.COMMANDS.items())
 
 
-def test_an_unknown_command_is_refused_and_the_known_are_named(capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize(("given", "nearest"), [(["evalute"], "evaluate"), (["rig", "Runn"], "run")])
+def test_an_unknown_command_is_refused_and_the_nearest_is_named(
+    capsys: pytest.CaptureFixture[str], given: list[str], nearest: str
+) -> None:
     with pytest.raises(SystemExit, match="2"):
-        cli.main(["dmeo"])
-    assert "demo" in capsys.readouterr().err
+        cli.main(given)
+    assert f"Did you mean {nearest!r}?" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("returned", "status"), [(None, 0), (0, 0), (3, 3)])

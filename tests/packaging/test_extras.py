@@ -75,3 +75,10 @@ def test_the_demo_misses_the_library_of_its_page_before_it_cuts(
     printed = capsys.readouterr()
     assert "pip install 'cutenv[view3d]'" in printed.err
     assert printed.out == ""
+
+
+def test_the_table_of_the_install_page_names_every_extra() -> None:
+    page = (Path(__file__).parents[2] / "docs/getting-started/install.md").read_text(encoding="utf-8")
+    table = page.partition("| extra |")[2].partition("\n\n")[0]
+    named = [line.split("`")[1] for line in table.splitlines() if line.startswith("| `")]
+    assert sorted(named) == sorted(EXTRAS.keys() - {"dev"})

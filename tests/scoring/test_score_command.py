@@ -55,6 +55,22 @@ def test_one_cut_gives_a_card_a_page_and_json(tmp_path: Path, capsys: pytest.Cap
         assert fault.try_next in page
 
 
+def test_an_example_is_made_and_scored_where_there_is_no_record(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    status, out, err = run(capsys, "--example", "--out", tmp_path)
+    assert status == 0, err
+    assert "of 100" in out
+    assert (tmp_path / "example_score.html").is_file()
+    status, again, err = run(capsys, tmp_path / "example.csv", "--out", tmp_path)
+    assert status == 0, err
+    assert again in out  # the record by itself has the same card
+    for arguments in ([], ["--example", tmp_path / "example.csv"]):
+        status, _, err = run(capsys, *arguments)
+        assert status == 2
+        assert "--example" in err
+
+
 def test_a_missed_target_is_never_green(tmp_path: Path) -> None:
     trace, seen = named(UPRIGHT, "cut"), {}
     for target in (TARGET, TARGET - 0.012):
@@ -177,6 +193,28 @@ def test_the_shipped_reference_set_is_of_many_cuts_and_reads_back(tmp_path: Path
 def foreign(path: Path, trace: Trace) -> None:
     rows = zip(trace.time, trace.force, 1e3 * trace.require("position", by="this test")[0], strict=True)
     path.write_text("Zeit [s];Kraft [N];Weg [mm]\n" + "".join(f"{t:.3f};{f:.4f};{x:.4f}\n" for t, f, x in rows))
+
+
+def test_an_option_never_replaces_the_target_that_a_cut_was_aimed_at(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    save(named(UPRIGHT, "a", target_length_m=TARGET), tmp_path / "a.csv")
+    status, _, err = run(capsys, tmp_path / "a.csv", "--target-length", "95mm", "--out", tmp_path)
+    assert status == 0
+    assert "a: --target-length has no effect, because the record holds its own target, 75.0 mm" in err
+    card = score(cut(UPRIGHT), target_length=TARGET, reference=ReferenceSet.shipped())
+    assert json.loads((tmp_path / "a_score.json").read_text())["overall_score"] == pytest.approx(card.overall_score)
+
+
+def test_a_folder_and_a_pattern_stand_for_the_records_in_them(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("a", "b"):
+        save(named(UPRIGHT, name, target_length_m=TARGET), tmp_path / f"{name}.csv")
+    for given in (tmp_path, tmp_path / "*.csv", tmp_path):  # the folder holds the command's own table by then
+        status, out, err = run(capsys, given, "--out", tmp_path)
+        assert status == 0, err
+        assert [line[:3] for line in out.splitlines()[:2]] == ["a: ", "b: "]
 
 
 def test_a_target_without_effect_is_said_with_the_columns_left_unused(

@@ -162,6 +162,11 @@ def test_the_criterion_is_in_the_unit_that_is_shown(metric: str, target: float) 
     assert command._criterion(arguments) == pytest.approx(target)
 
 
+def test_a_missing_table_is_named_in_a_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert command.main([str(tmp_path), "--operators", str(tmp_path / "nofile.csv")]) == 2
+    assert f"no such table of operators: {tmp_path / 'nofile.csv'}. Give a CSV file" in capsys.readouterr().err
+
+
 def test_a_folder_without_records_is_exit_code_2(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     table = few(tmp_path, "record,operator", "a,P1")
     (tmp_path / "empty").mkdir()

@@ -12,7 +12,6 @@ import shlex
 import sys
 from collections.abc import Sequence
 from contextlib import nullcontext
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -69,6 +68,7 @@ def chosen_policy(name: str, task: str = "gentle") -> tuple[Policy, dict[str, An
     from cutenv.policy import gentle_policy, named_policy
     from cutenv.policy.interface import PrivilegedPolicy
     from cutenv.policy.policy_space import space_of
+    from cutenv.policy.shipped import policy_of_class
 
     chosen = TASKS[task]
     if name in chosen.teachers:
@@ -80,14 +80,9 @@ def chosen_policy(name: str, task: str = "gentle") -> tuple[Policy, dict[str, An
         if name in other.teachers:
             listed = ", ".join(chosen.teachers)
             raise ValueError(f"policy {name!r} is a script of {other.id}, and the task is {task}. Give {listed}.")
-    module, colon, made = name.partition(":")
-    if colon and module.replace(".", "").isidentifier():
-        sys.path.insert(0, "")
-        try:
-            own: Policy = getattr(import_module(module), made)()
-        except (ImportError, AttributeError) as error:
-            raise ValueError(f"policy {name!r}: {error}. Give MODULE:CLASS, of a module in this folder.") from error
-        return own, {}
+    own = policy_of_class(name)
+    if own is not None:
+        return own, dict(getattr(own, "environment_arguments", {}))
     try:
         learned = gentle_policy(name) if task == "gentle" else named_policy(name)
     except ValueError as error:
