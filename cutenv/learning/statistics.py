@@ -30,13 +30,23 @@ def by_policy(rows: Iterable[Mapping[str, Any]]) -> dict[str, list[Mapping[str, 
 
 
 def summarise(rows: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return mean and 95 % interval of every numeric score of each policy."""
+    """Return mean and 95 % interval of every numeric score of each policy, within what its mean can be."""
     return [
-        {"policy": policy, "score": score, **mean_with_interval(float(row[score]) for row in own)}
+        {"policy": policy, "score": score, **_possible(score, [float(row[score]) for row in own])}
         for policy, own in by_policy(rows).items()
         for score in own[0]
         if score not in ("policy", "seed") and not isinstance(own[0][score], str)
     ]
+
+
+def _possible(score: str, values: Sequence[float]) -> dict[str, float]:
+    """Return mean and interval: of a share between 0 and 1, and not below 0 for what is a size."""
+    found = mean_with_interval(values)
+    if min(values) >= 0.0:
+        found["low_95"] = max(found["low_95"], 0.0)
+    if score == "success":
+        found["high_95"] = min(found["high_95"], 1.0)
+    return found
 
 
 def differences(

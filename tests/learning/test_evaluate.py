@@ -209,6 +209,13 @@ def test_the_list_names_every_script_and_agent_and_the_constant_feeds_in_one_lin
     ]
 
 
+def test_an_interval_stays_within_what_a_mean_can_be():
+    rows = [{"policy": "p", "seed": k, "success": float(k > 0), "tip_error_mm": 9.0 * (k == 0)} for k in range(9)]
+    found = {row["score"]: row for row in summarise(rows)}
+    assert found["success"]["high_95"] == 1.0
+    assert found["tip_error_mm"]["low_95"] == 0.0
+
+
 @pytest.mark.parametrize("number", ["1", "0", "-3", "1000001"])
 def test_a_number_of_specimens_that_makes_no_sense_is_refused(capsys, number):
     assert main(["nothing", "--specimens", number]) == 2
