@@ -21,8 +21,10 @@ SPEED_WINDOW = 0.025
 _SENSED = ("position", "speed", "angle", "depth")
 COMPONENTS_OF_FORCE = ("force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z")
 """Fields of a :class:`Trace` for all six components that a force sensor measures, in its own axes [N], [N m]."""
-BESIDE = ("height", "vertical_force", *COMPONENTS_OF_FORCE)
-"""Fields that a :class:`Trace` may hold beside those of a :class:`Reading`; only the score of the depth needs them."""
+PLACE = ("blade_x", "blade_y")
+"""Fields of a :class:`Trace` for the place of a blade that is steered, along and across the slab to the left [m]."""
+BESIDE = ("height", "vertical_force", *COMPONENTS_OF_FORCE, *PLACE, "lateral_force")
+"""Fields that a :class:`Trace` may hold beside those of a :class:`Reading`; only scores of depth and path need them."""
 _RANGES: dict[str, tuple[float, float, str, str]] = {
     "time": (-1e12, 1e12, "s", "Give seconds."),
     "position": (-0.05, 0.5, "m", "Give metres from the clamp: 5 looks like centimetres, which is 0.05."),
@@ -32,6 +34,7 @@ _RANGES: dict[str, tuple[float, float, str, str]] = {
 }
 _BESIDE_RANGES: dict[str, tuple[float, float, str, str]] = {
     "height": (-0.2, 0.2, "m", "Give metres, upwards: 2 looks like millimetres, which is 0.002."),
+    **dict.fromkeys(PLACE, (-0.5, 0.5, "m", "Give metres from the middle of the clamp: 2 looks like millimetres.")),
     **dict.fromkeys(COMPONENTS_OF_FORCE[3:], (-1e3, 1e3, "N m", "Give newton metres.")),
 }
 _FORCE_RANGES: dict[str, tuple[float, float, str, str]] = {
@@ -61,7 +64,7 @@ def limits(name: str, force_unit: str = "N") -> tuple[float, float]:
 def _ranges(force_unit: str) -> dict[str, tuple[float, float, str, str]]:
     """Return least value, greatest value, unit and cure of every field."""
     force = _FORCE_RANGES[force_unit]
-    forces = ("vertical_force", *COMPONENTS_OF_FORCE[:3])
+    forces = ("vertical_force", "lateral_force", *COMPONENTS_OF_FORCE[:3])
     return {"force": force} | _RANGES | dict.fromkeys(forces, force) | _BESIDE_RANGES
 
 
@@ -114,6 +117,11 @@ class Trace:
         Force of the tissue on the blade, upwards [N].
     force_x, force_y, force_z, torque_x, torque_y, torque_z : array_like of shape (n,), optional
         All six components in the sensor's own axes [N], [N m]; all or none. The score uses `force` alone.
+    blade_x, blade_y : array_like of shape (n,), optional
+        Place of a steered blade along and across the slab, from the middle of the clamp, to the left [m], -0.5 to 0.5;
+        both or none. `position` is then the length along the line, at the blade.
+    lateral_force : array_like of shape (n,), optional
+        Force of the tissue on the blade to its right, across its own direction [N].
     force_unit : {"N", "1"}
         "1": the force is normalised, and nothing that needs newtons can be computed from the trace.
     metadata : mapping
@@ -151,6 +159,9 @@ class Trace:
     torque_x: NDArray[np.float64] | None = None
     torque_y: NDArray[np.float64] | None = None
     torque_z: NDArray[np.float64] | None = None
+    blade_x: NDArray[np.float64] | None = None
+    blade_y: NDArray[np.float64] | None = None
+    lateral_force: NDArray[np.float64] | None = None
     force_unit: str = "N"
     metadata: Mapping[str, Any] = field(default_factory=dict)
 
@@ -168,6 +179,8 @@ class Trace:
                 )
         if 0 < len(held := [name for name in COMPONENTS_OF_FORCE if getattr(self, name) is not None]) < 6:
             raise ValueError(f"of the six components it holds {', '.join(held)} only. Give all six, or none.")
+        if (self.blade_x is None) != (self.blade_y is None):
+            raise ValueError("of blade_x and blade_y it holds one only. Give both, or none.")
         _check_time(self.time)
         if self.speed is not None and self.position is not None:
             _check_speed(self.time, self.position, self.speed)

@@ -20,7 +20,10 @@ FIELD_UNITS: Mapping[str, tuple[Unit, ...]] = MappingProxyType(
     {"time": TIMES, "force": FORCES, "position": LENGTHS, "speed": SPEEDS, "angle": ANGLES, "depth": LENGTHS}
 )
 """Units of each field of a :class:`cutenv.trace.Trace`, the SI unit first."""
-_BESIDE_UNITS: Mapping[str, tuple[Unit, ...]] = {"height": LENGTHS, "vertical_force": FORCES, "torque": TORQUES}
+_FORCES_ASIDE = ("vertical", "lateral")
+_BESIDE_UNITS: Mapping[str, tuple[Unit, ...]] = {
+    "height": LENGTHS, "vertical_force": FORCES, "lateral_force": FORCES, "torque": TORQUES, "blade": LENGTHS,
+}  # fmt: skip
 _BY_SPELLING = {  # people write the sign, with its slash; a header may have to do without
     field: {spelling: unit for unit in units for spelling in (unit.name, unit.sign)}
     for field, units in {**FIELD_UNITS, **_BESIDE_UNITS}.items()
@@ -41,9 +44,9 @@ class Column:
     Attributes
     ----------
     field : str
-        Quantity: a key of :data:`UNITS`, "height", "vertical_force" or "torque".
+        Quantity: a key of :data:`UNITS`, "height", "vertical_force", "lateral_force", "torque" or "blade".
     axis : {"x", "y", "z"} or None
-        Direction of a component of force or torque; None for anything else.
+        Direction of a component of force or torque, or of a place of the blade; None for anything else.
     unit : str
         Spelling of the unit, such as a key of ``UNITS[field]``.
     """
@@ -65,7 +68,7 @@ class Column:
     @property
     def force_unit(self) -> str | None:
         """Value of a trace's ``force_unit`` for this force, "N" or "1"; None if the column is not a force."""
-        if self.field not in ("force", "vertical_force"):
+        if self.field.rpartition("_")[2] != "force":
             return None
         return "1" if self.unit == "1" else "N"
 
@@ -89,18 +92,20 @@ def parse_header(name: str) -> Column:
         If the quantity or the unit is unknown or missing; the message names the nearest known one.
     """
     field, _, unit = name.strip().partition("_")
-    if field == "vertical" and (unit == "force" or unit.startswith("force_")):
-        field, unit = "vertical_force", unit.removeprefix("force").removeprefix("_")
+    if field in _FORCES_ASIDE and (unit == "force" or unit.startswith("force_")):
+        field, unit = f"{field}_force", unit.removeprefix("force").removeprefix("_")
     if field not in _BY_SPELLING:
         nearest = _nearest(field, UNITS)
         hint = f" Did you mean {nearest}_{unit or header_of(nearest).partition('_')[2]}?" if nearest else ""
         known = ", ".join(header_of(known) for known in UNITS)
         raise ValueError(f"column {name!r} is no quantity of a cut with its unit, such as {known}.{hint}")
     axis, _, rest = unit.partition("_")
-    if field in ("force", "torque") and axis in AXES:
+    if field in ("force", "torque", "blade") and axis in (AXES[:2] if field == "blade" else AXES):
         unit = rest
     elif field == "torque":
         raise ValueError(f"column {name!r} names no axis. Write torque_x_N_m, torque_y_N_m or torque_z_N_m.")
+    elif field == "blade":
+        raise ValueError(f"column {name!r} names no axis. Write blade_x_m or blade_y_m.")
     else:
         axis = ""
     known_units = _BY_SPELLING[field]
@@ -164,7 +169,7 @@ def header_of(field: str, force_unit: str = "N") -> str:
 def unit_of(field: str, force_unit: str = "N") -> Unit:
     """Return the SI unit of a field of a trace, for a force the trace's own."""
     quantity = field if field in _BY_SPELLING else field.partition("_")[0]
-    if quantity in ("force", "vertical_force"):
+    if quantity.rpartition("_")[2] == "force":
         return _BY_SPELLING["force"][force_unit]
     return next(iter(_BY_SPELLING[quantity].values()))
 

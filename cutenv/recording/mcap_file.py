@@ -16,7 +16,7 @@ from cutenv.recording.columns import header_of
 from cutenv.recording.optional_import import optional_import
 from cutenv.recording.schema import SCHEMA, as_names, check_schema, mapping_from_json, to_json
 from cutenv.recording.table import CutTable, row_from_0
-from cutenv.trace import BESIDE, COMPONENTS_OF_FORCE, Reading, Trace
+from cutenv.trace import BESIDE, COMPONENTS_OF_FORCE, PLACE, Reading, Trace
 
 _FIELDS = (*Reading._fields, *BESIDE)
 """Numbers of a ``cutenv_msgs/msg/Reading`` in their order; NaN for what a cut does not hold."""
@@ -29,7 +29,10 @@ _READING = np.dtype([("cdr", "V4"), *_STAMP, ("values", "<f8", len(_FIELDS))])
 _TIME_DEFINITION = "MSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"
 _HEADER_DEFINITION = "MSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n"
 _SEPARATOR = "=" * 80 + "\n"
-_UNITS = {"time": "s", "position": "m", "speed": "m/s", "angle": "rad", "depth": "m", "height": "m"}
+_UNITS = {
+    "time": "s", "position": "m", "speed": "m/s", "angle": "rad", "depth": "m", "height": "m",
+    **dict.fromkeys(PLACE, "m"),
+}  # fmt: skip
 _DEFINITIONS = {
     "cutenv_msgs/msg/Reading": "builtin_interfaces/Time stamp\n"
     + "".join(f"float64 {name}  # {_UNITS.get(name, 'N m' if 'torque' in name else 'N')}\n" for name in _FIELDS)

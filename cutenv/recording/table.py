@@ -243,7 +243,7 @@ def _trace(
             si = column.to_si(values)
         if column.axis and column.field == "force":
             components[column.axis] = si
-        if all_six or not column.axis:
+        if all_six or column.of_trace not in COMPONENTS_OF_FORCE:
             fields[column.of_trace] = si
     _check_time(fields["time"], where)
     units = {column.force_unit for column, _ in parts.values()} - {None}

@@ -21,6 +21,10 @@ from cutenv.tissue.drawn_lines import DrawnLines
 from cutenv.tissue.grid import SPACING
 from cutenv.tissue.lines import WIDTH, CutLine
 
+LINE_KEY = "line_m"
+"""Key, in a record's metadata, of the line to cut along: places along and across the slab [m]."""
+_NOTED_EVERY = 5  # points of a line from one that is noted to the next: 2.5 mm
+
 
 def path_record(constants: PathConstants) -> StructArray:
     """Return the record of a path before it begins, :data:`~cutenv.task.path_terms.PATH_MAP` of shape (1,)."""
@@ -122,6 +126,13 @@ class PathCutting(MapAssessed, SimulatedCutting):
         return {name: float(value[0]) for name, value in found.items()}
 
     @property
+    def noted_path(self) -> dict[str, Any]:
+        """Notes of a simulated record on its path, by key of its metadata: errors, and places of the line [m]."""
+        errors = {name: round(value, 3) for name, value in self.path_errors.items()}
+        places = np.column_stack((self.line.x, self.line.y))[::_NOTED_EVERY]
+        return errors | {LINE_KEY: np.round(places, 6).tolist()}
+
+    @property
     def blade_place(self) -> tuple[float, float]:
         """Place of the blade, along and across the slab [m]."""
         return place_of_blade(self.plant.states, self.steerings)
@@ -140,7 +151,7 @@ class PathCutting(MapAssessed, SimulatedCutting):
         tip = np.array(self.tip_place)
         return ShownPath(
             drawn, round(self.target_length / SPACING), np.concatenate((drawn[passed] + aside * left, [tip])), tip,
-            np.array(self.blade_place), np.array([steering["ahead"], steering["across"]]),
+            np.array(self.blade_place), np.array([steering["ahead"], steering["across"]]), float(steering["aside"]),
         )  # fmt: skip
 
     @property

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from hypothesis import strategies as st
 
-from cutenv.trace import COMPONENTS_OF_FORCE, Reading, Trace, limits
+from cutenv.trace import COMPONENTS_OF_FORCE, PLACE, Reading, Trace, limits
 
 FULL = Trace(
     time=np.arange(40) * 1e-3,
@@ -48,6 +48,7 @@ def traces(draw: st.DrawFn) -> Trace:
     moved = draw(st.sampled_from(["position", "speed"]))
     names = draw(st.sets(st.sampled_from(["angle", "depth", moved, "height", "vertical_force"])))
     names |= set(COMPONENTS_OF_FORCE) if draw(st.booleans()) else set()
+    names |= {*PLACE, "lateral_force"} if draw(st.booleans()) else set()
     return Trace(
         time=np.cumsum([start, *steps]),
         force=columns(draw, n, "force", force_unit),

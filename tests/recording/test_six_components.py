@@ -17,7 +17,7 @@ MORE = {name: np.random.default_rng(k).normal(0.0, 0.05, N) for k, name in enume
 SIX = Trace(**{name: getattr(FULL, name) for name in FULL.known}, **MORE, metadata=FULL.metadata)
 HEADER = (
     "time_s,force_N,position_m,speed_m_s,angle_rad,depth_m,height_m,vertical_force_N,force_x_N,force_y_N,force_z_N,"
-    "torque_x_N_m,torque_y_N_m,torque_z_N_m"
+    "torque_x_N_m,torque_y_N_m,torque_z_N_m,blade_x_m,blade_y_m,lateral_force_N"
 )
 
 
@@ -67,6 +67,9 @@ def test_units_are_converted_and_a_component_without_the_others_is_left_out(tmp_
         ("torque_x_N", "unit 'N', which is not known. Write one of torque_x_N_m"),
         ("height", "has no unit. Write one of height_m"),
         ("vertical_force_kg", "unit 'kg', which is not known. Write one of vertical_force_N"),
+        ("lateral_force", "has no unit. Write one of lateral_force_N"),
+        ("blade_m", "names no axis. Write blade_x_m"),
+        ("blade_z_m", "names no axis. Write blade_x_m"),
         ("vertical_N", "is no quantity of a cut"),
     ],
 )
@@ -110,6 +113,6 @@ def test_a_growing_record_refuses_rows_that_do_not_fit(tmp_path):
 def test_a_cut_that_lost_a_component_in_a_file_of_ours_is_found(tmp_path):
     save([SIX, FULL], tmp_path / "cuts.csv")
     text = (tmp_path / "cuts.csv").read_text().replace('"torque_z_N_m"', '"torque_w_N_m"')
-    (tmp_path / "cuts.csv").write_text(text.replace("torque_z_N_m\n", "torque_w_N_m\n"))
+    (tmp_path / "cuts.csv").write_text(text.replace("torque_z_N_m,", "torque_w_N_m,"))
     with pytest.raises(RecordError, match="torque_w_N_m"):
         load(tmp_path / "cuts.csv")
