@@ -50,6 +50,13 @@ def main(argv: Sequence[str]) -> int:
     by_itself = arguments.scripted or arguments.device == _EMULATED
     if arguments.scripted and arguments.device != "mouse":
         raise ValueError(f"--scripted moves the hand by itself, and --device {arguments.device} has one. Give either.")
+    if arguments.task == "path" and arguments.device != "mouse":
+        raise ValueError(
+            f"--task path is steered by mouse, keys or gamepad: the force of --device {arguments.device} would have to "
+            "act in the plane. Leave --device out."
+        )
+    if arguments.line is not None and arguments.task != "path":
+        raise ValueError(f"--line {arguments.line} needs --task path.")
     axes = None if arguments.axes is None else HandleAxes.parse(arguments.axes)
     open_display()  # before what takes half a minute where it has to be compiled
     print("preparing the first specimen ...", file=sys.stderr, flush=True)
@@ -60,6 +67,7 @@ def main(argv: Sequence[str]) -> int:
         session = Session(
             device,
             task=arguments.task,
+            line=arguments.line,
             specimen_class=arguments.specimen_class or _DEFAULT_CLASS,
             target_length=length if arguments.device != _EMULATED else target,
             seed=secrets.randbelow(2**31) if arguments.seed is None else arguments.seed,
@@ -108,7 +116,7 @@ def _course_of(arguments: argparse.Namespace) -> CourseProgress | None:
 
     given = {"--specimen-class": arguments.specimen_class, "--target-length": arguments.target_length}
     given |= {"--seed": arguments.seed, "--practice": arguments.practice or None}
-    given |= {"--task": arguments.task if arguments.task != "gentle" else None}
+    given |= {"--task": arguments.task if arguments.task != "gentle" else None, "--line": arguments.line}
     twice = [option for option, value in given.items() if value is not None]
     if twice:
         raise ValueError(f"{' and '.join(twice)} cannot be given with --course, which sets it.")
@@ -132,6 +140,7 @@ def _parser() -> argparse.ArgumentParser:
             "--specimen-class uniform --practice",
             "--cuts 10 --target-length 80mm --out cuts",
             "--task depth --practice",
+            "--task path --line excision",
             "--course first --operator P07",
             "--device emulated-inverse3 --cuts 1",
         ),
@@ -140,8 +149,13 @@ def _parser() -> argparse.ArgumentParser:
         "Training feedback for research; not validated for assessment or credentialing of people.",
     )
     parser.add_argument(
-        "--task", choices=("gentle", "depth"), default="gentle",
-        help="depth: the blade also moves up and down, by the wheel, and a depth is wanted; default gentle",
+        "--task", choices=("gentle", "depth", "path"), default="gentle",
+        help="depth: the blade also moves up and down, by the wheel, and a depth is wanted; path: it is steered along "
+        "a drawn line; default gentle",
+    )  # fmt: skip
+    parser.add_argument(
+        "--line", choices=("straight", "arc", "s", "excision", "random", "mixed"),
+        help="line of --task path; default mixed, which is any of them",
     )  # fmt: skip
     add_specimen_class(parser, _DEFAULT_CLASS)
     parser.set_defaults(specimen_class=None)  # so that it is known whether it was given

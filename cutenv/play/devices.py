@@ -8,9 +8,11 @@ from typing import NamedTuple
 
 from cutenv._base.validation import in_range
 from cutenv.cutting.dtypes import TICK
+from cutenv.cutting.law import grid_index, lerp
 from cutenv.play.hand_model import FASTEST
 from cutenv.play.haptics import Stylus
 from cutenv.task.depth_terms import DESCENT_SCALE
+from cutenv.tissue.lines import WIDTH, CutLine
 from cutenv.tissue.specimen import LENGTH, SPACING
 
 _UPRIGHT, INCLINED = math.pi / 2, math.pi / 4
@@ -24,12 +26,18 @@ BEHIND = 0.008
 """Distance from a hand to the tip of its cut, of a blade on a spring and tissue that it drags along [m]."""
 LEAD = 0.003
 """Farthest that a mouse leads the hand [m]: enough for the hand's full speed, and it stops 0.2 s after the mouse."""
+KEY_SPEED = 0.0127
+"""Speed of a hand that arrow keys move [m/s]: half the fastest."""
 STICK_DEAD_ZONE = 0.12
 """Share of a stick's travel around its middle that is ignored."""
 
 
 def _within_travel(position: float) -> float:
     return min(max(position, 0.0), TRAVEL)
+
+
+def _within_width(across: float) -> float:
+    return min(max(across, -0.5 * WIDTH), 0.5 * WIDTH)
 
 
 def _within_angles(angle: float) -> float:
@@ -47,25 +55,65 @@ def _beyond_slack(name: str, stick: float) -> float:
     return math.copysign(min(slack, 1.0), held)
 
 
-class MouseDevice:
-    """Mouse, pen or finger that leads the hand from wherever it was at the start; the wheel tilts or lowers."""
+class LedHand:
+    """Hand that a pointer or a stick leads from the clamp on; nothing pushes it, so a force is only seen.
+
+    Attributes
+    ----------
+    position, across : float
+        Wanted place along the slab, and across it to the left [m].
+    angle : float
+        Wanted angle of the blade [rad].
+    level : float
+        Wanted level of the blade above that at the start [m].
+    velocity : tuple of float
+        Speed along and across with which the place moves on by itself [m/s], while a stick or a key is held.
+    """
 
     coupling = None
 
     def __init__(self) -> None:
-        self.position, self.angle, self.level = 0.0, _UPRIGHT, 0.0
+        self.angle, self.velocity = _UPRIGHT, (0.0, 0.0)
+        self.open()
+
+    def open(self) -> None:
+        """Begin a cut at the clamp, at the level where the blade stands."""
+        self.position = self.across = self.level = 0.0
+
+    def move(self, distance: float, across: float = 0.0) -> None:
+        """Move the place by ``distance`` along the slab and ``across`` it [m], as far as the hand can follow."""
+        self.position = _within_travel(self.position + in_range("distance", distance, -10.0, 10.0, "m"))
+        self.across = _within_width(self.across + in_range("across", across, -10.0, 10.0, "m"))
+
+    def keep_near(self, hand: float, across: float = 0.0) -> None:
+        """Forget what leads the hand, at this place, by more than :data:`LEAD`: a flick must not run the cut away."""
+        ahead, aside = self.position - hand, self.across - across
+        distance = math.hypot(ahead, aside)
+        if distance > LEAD:
+            self.position = _within_travel(hand + LEAD * (ahead / distance))
+            self.across = _within_width(across + LEAD * (aside / distance))
+
+    def read(self) -> Stylus:
+        """Let the place move on by a millisecond; return it [m], the angle of the blade [rad] and its level [m]."""
+        along, across = self.velocity
+        self.position = _within_travel(self.position + along * TICK)
+        self.across = _within_width(self.across + across * TICK)
+        return Stylus(self.position, self.angle, level=self.level, across=self.across)
+
+    def push(self, force: float) -> None:
+        """Ignore the force: what is held cannot push."""
+
+    def close(self) -> None:
+        """Do nothing: there is no device to release."""
+
+
+class MouseDevice(LedHand):
+    """Mouse, pen or finger that leads the hand from wherever it was at the start; the wheel tilts or lowers."""
 
     def open(self) -> None:
         """Begin a cut at the clamp, upright, at the level where the blade stands."""
-        self.position, self.angle, self.level = 0.0, _UPRIGHT, 0.0
-
-    def move(self, distance: float) -> None:
-        """Move the hand by ``distance`` along the cut line [m], as far as it can follow: see :meth:`keep_near`."""
-        self.position = _within_travel(self.position + in_range("distance", distance, -10.0, 10.0, "m"))
-
-    def keep_near(self, hand: float) -> None:
-        """Forget what leads the ``hand`` [m] by more than :data:`LEAD`: a quick flick must not run the cut away."""
-        self.position = _within_travel(min(max(self.position, hand - LEAD), hand + LEAD))
+        super().open()
+        self.angle = _UPRIGHT
 
     def turn(self, notches: float) -> None:
         """Turn the wheel: toward the person (negative) leans the blade, away from them raises it."""
@@ -76,18 +124,13 @@ class MouseDevice:
         moved = LOWERED_BY_NOTCH * in_range("notches", notches, -1e3, 1e3, "1")
         self.level = _within_reach(self.level + moved)
 
-    def read(self) -> Stylus:
-        """Return the position of the hand [m], the angle of the blade [rad] and its level [m]."""
-        return Stylus(self.position, self.angle, level=self.level)
-
-    def push(self, force: float) -> None:
-        """Ignore the force: a mouse cannot push, so the force is only seen."""
-
-    def close(self) -> None:
-        """Do nothing: there is no device to release."""
+    def hold_keys(self, along: float, across: float) -> None:
+        """Let arrow keys move the hand at :data:`KEY_SPEED`, ``along`` and ``across`` being -1, 0 or 1."""
+        size = KEY_SPEED / max(math.hypot(along, across), 1.0)
+        self.velocity = size * along, size * across
 
 
-class GamepadDevice:
+class GamepadDevice(LedHand):
     """Gamepad whose stick moves the hand, faster the farther it is pushed, and whose trigger leans the blade.
 
     A stick springs back and has 2 cm of travel: a position on it would be too coarse for a tolerance of 3 mm, so it
@@ -95,17 +138,11 @@ class GamepadDevice:
     agent does at most.
     """
 
-    coupling = None
-
     def __init__(self) -> None:
-        self._position, self._stick, self._trigger = 0.0, 0.0, 0.0
-        self._level, self._second = 0.0, 0.0
+        super().__init__()
+        self._second = 0.0
 
-    def open(self) -> None:
-        """Begin a cut at the clamp, at the level where the blade stands."""
-        self._position = self._level = 0.0
-
-    def hold(self, stick: float, trigger: float, second: float = 0.0) -> None:
+    def hold(self, stick: float, trigger: float, second: float = 0.0, sideways: float = 0.0) -> None:
         """Set sticks and trigger from now on.
 
         Parameters
@@ -116,31 +153,29 @@ class GamepadDevice:
             Position of the trigger, 0 (released, upright) to 1 (pulled, 45 degrees).
         second : float
             Position of the second stick, -1 (away from the person: raise) to 1 (toward them: lower).
+        sideways : float
+            Position of the stick across the cut, -1 (away from the person: to the left) to 1 (toward them).
         """
-        self._stick, self._second = _beyond_slack("stick", stick), _beyond_slack("second", second)
-        self._trigger = in_range("trigger", trigger, 0.0, 1.0, "1", "Put an axis of -1 to 1 to 0 to 1.")
+        along, across = _beyond_slack("stick", stick), -_beyond_slack("sideways", sideways)
+        # The size of the deflection leaves room for slow cuts near the middle.
+        size = FASTEST * min(math.hypot(along, across), 1.0)
+        self.velocity, self._second = (size * along, size * across), _beyond_slack("second", second)
+        pulled = in_range("trigger", trigger, 0.0, 1.0, "1", "Put an axis of -1 to 1 to 0 to 1.")
+        self.angle = _UPRIGHT - pulled * (_UPRIGHT - INCLINED)
 
     def read(self) -> Stylus:
-        """Advance the hand by a millisecond; return its position [m], and angle [rad] and level [m] of the blade."""
-        # The square leaves room for slow cuts near the middle.
-        speed = FASTEST * self._stick * abs(self._stick)
-        self._position = _within_travel(self._position + speed * TICK)
-        self._level = _within_reach(self._level - DESCENT_SCALE * self._second * TICK)
-        return Stylus(self._position, _UPRIGHT - self._trigger * (_UPRIGHT - INCLINED), level=self._level)
-
-    def push(self, force: float) -> None:
-        """Ignore the force: a gamepad cannot push along the cut, so the force is only seen."""
-
-    def close(self) -> None:
-        """Do nothing: there is no device to release."""
+        """Advance the hand by a millisecond; return its place [m], and angle [rad] and level [m] of the blade."""
+        self.level = _within_reach(self.level - DESCENT_SCALE * self._second * TICK)
+        return super().read()
 
 
 class Motion(NamedTuple):
-    """Position of the hand [m], angle [rad] and level [m] of the blade that a script demands."""
+    """Position of the hand [m], angle [rad] and level [m] of the blade, and place across [m], that a script demands."""
 
     position: float
     angle: float
     level: float = 0.0
+    across: float = 0.0
 
 
 class ScriptedDevice:
@@ -167,7 +202,8 @@ class ScriptedDevice:
         """Return the script's hand and blade for this millisecond."""
         wanted = self._script(self._reads * TICK)
         self._reads += 1
-        return Stylus(_within_travel(wanted.position), _within_angles(wanted.angle), level=wanted.level)
+        place, across = _within_travel(wanted.position), _within_width(wanted.across)
+        return Stylus(place, _within_angles(wanted.angle), level=wanted.level, across=across)
 
     def push(self, force: float) -> None:
         """Store the force that a person would feel [N]."""
@@ -184,6 +220,7 @@ def simple_hand(
     lead: float = 0.022,
     lean: float = math.radians(60.0),
     level: Callable[[float], float] = lambda position: 0.0,
+    line: CutLine | None = None,
 ) -> ScriptedDevice:
     """Return a hand with a beginner's plan: forward at one speed, upright near the end, back until nothing pulls.
 
@@ -200,6 +237,8 @@ def simple_hand(
     level : callable
         Level of the blade above that at the start [m], by a place [m]; it is led by that of the tip, which is
         :data:`BEHIND` the hand.
+    line : CutLine, optional
+        Line along which the hand goes; by default straight on.
     """
     in_range("target", target, 0.005, TRAVEL, "m", "Lengths are in metres: 80 mm is 0.08.")
     in_range("speed", speed, 1e-4, FASTEST, "m/s", "Speeds are in m/s: 1.27 cm/s is 0.0127.")
@@ -211,8 +250,16 @@ def simple_hand(
         if time < there:
             position = speed * time
             tilt = lean if 0.005 < position < farthest - 0.015 else _UPRIGHT
-            return Motion(position, tilt, level(max(position - BEHIND, 0.0)))
+            return _at(line, position, tilt, level(max(position - BEHIND, 0.0)))
         position = max(farthest - speed * (time - there), farthest - back)
-        return Motion(position, _UPRIGHT, level(farthest - BEHIND))
+        return _at(line, position, _UPRIGHT, level(farthest - BEHIND))
 
     return ScriptedDevice(script)
+
+
+def _at(line: CutLine | None, position: float, angle: float, level: float) -> Motion:
+    """Return the motion at a length of a line [m], or straight on."""
+    if line is None:
+        return Motion(position, angle, level)
+    i, share = grid_index(position)
+    return Motion(float(lerp(line.x, i, share)), angle, level, float(lerp(line.y, i, share)))

@@ -9,12 +9,16 @@ from cutenv._engine.jit import njit_internal
 from cutenv.cutting.drive import Hand
 from cutenv.task.depth_terms import DESCENT_SCALE
 from cutenv.task.observation import SPEED_SCALE, speed_action
+from cutenv.task.path_terms import TURN_SCALE
 
 PLAYED_HAND = Hand(motor_lag=0.020, acceleration=2.0)
 """Hand that is quicker than a simulated person's (80 ms, 0.5 m/s2): the real person in front adds a lag."""
 
 FASTEST = SPEED_SCALE
 """Greatest speed of the hand [m/s]: the fastest measured, and an agent's action 1. The blade may lurch faster."""
+_TURN_GAIN = 8.0  # rate of turn over the angle from the blade to a place [1/s]
+_NEAR = 0.001  # [m], a millimetre: less than the hand is behind what leads it, at half its speed
+_SIDEWAYS = 2.0  # a place that is behind the hand, and less than this beside it, is one to draw back to
 _LEVEL_GAIN = 20.0  # descent speed over the error of the level [1/s]
 
 
@@ -41,6 +45,19 @@ def speed_over(left: float, lag: float, acceleration: float) -> float:
     """Return the speed command [m/s] of :func:`speed_toward` for the distance that is ``left`` [m]; compiled, too."""
     stoppable = math.sqrt(2.0 * acceleration * abs(left))
     return math.copysign(min(abs(left) / (4.0 * lag), stoppable, FASTEST), left)
+
+
+@njit_internal
+def turn_toward(ahead: float, left: float) -> float:
+    """Return the rate of turn to the left [rad/s] that points a blade at a place, seen from the hand along the blade.
+
+    A place that is less than :data:`_NEAR` ahead counts as that far, so that a hand at rest does not tremble. A blade
+    that is drawn back does not turn.
+    """
+    if ahead < 0.0 and abs(left) < -_SIDEWAYS * ahead:
+        return 0.0
+    turn: float = _TURN_GAIN * math.atan2(left, max(ahead, _NEAR))
+    return min(max(turn, -TURN_SCALE), TURN_SCALE)
 
 
 @njit_internal

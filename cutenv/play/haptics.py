@@ -54,12 +54,16 @@ class Stylus(NamedTuple):
         Buttons held down, among "next" and "repeat".
     level : float
         Wanted level of the blade above that at the start [m], where its depth is its own.
+    across : float
+        Wanted place of the hand across the slab, to the left [m], where the blade is steered; `position` is then the
+        place along the slab.
     """
 
     position: float
     angle: float
     buttons: frozenset[str] = frozenset()
     level: float = 0.0
+    across: float = 0.0
 
 
 @runtime_checkable

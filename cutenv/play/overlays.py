@@ -9,7 +9,7 @@ import numpy as np
 
 from cutenv._base.unit_table import NAMED_UNITS
 from cutenv.play.course_progress import GIVEN_UP
-from cutenv.play.play_session import ViewState
+from cutenv.play.view_state import ViewState
 from cutenv.scoring import ScoreCard
 from cutenv.scoring.score_card import DISCLAIMER
 from cutenv.viewer import palette
@@ -57,8 +57,12 @@ def draw_ready_card(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
     if sight.moment.conditions:
         pad = "Gamepad: left stick, right stick for the depth, right trigger to lean; begin with its button A."
         wheel = "The wheel lowers the blade to the dashed depth, and raises it; with shift it leans the blade."
+    move = "Move the mouse along the cut: your hand follows, the blade hangs on it."
+    if sight.moment.shown_path is not None:
+        move = "Move the mouse along the dashed line: the blade hangs on your hand, and points where it moves."
+        pad = "Arrow keys move the hand, too. Gamepad: left stick and right trigger; begin with its button A."
     lines = (
-        ("Move the mouse along the cut: your hand follows, the blade hangs on it.", palette.INK),
+        (move, palette.INK),
         (wheel, palette.INK),
         (pad, palette.INK),
         ("Pen or remote desktop: press m if the hand does not move.", palette.INK),

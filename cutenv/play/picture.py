@@ -7,19 +7,19 @@ import math
 import numpy as np
 
 from cutenv.play.overlays import draw_countdown, draw_end_card, draw_ready_card
-from cutenv.play.play_session import ViewState
+from cutenv.play.view_state import ViewState
 from cutenv.tissue.grid import depth_below
-from cutenv.viewer import chart, palette, views
+from cutenv.viewer import chart, palette, plan_view, views
 from cutenv.viewer.canvas import Canvas, Points
 from cutenv.viewer.drawn_slab import Slab, drawn_slab_of
 from cutenv.viewer.palette import Colour
 from cutenv.viewer.readout import draw_rows
-from cutenv.viewer.scene import ForceTrace, Layout
+from cutenv.viewer.scene import ForceTrace, Layout, Moment
 
 LAYOUT = Layout(
     scale=3200.0, cut_line=214.0, blade_end=572.0, chart_top=618.0, chart_bottom=692.0, column=600.0
 )  # fmt: skip
-HELP = "space: next   {choices}m: free mouse   F11: full screen   esc: end        mouse: hand   wheel, arrows: {wheel}"
+HELP = "space: next   {choices}m: free mouse   F11: full screen   esc: end        mouse: hand   {wheel}"
 _CHOICES = "r: again   c: class   p: practice   "
 
 _SMALL, _NORMAL = 16, 19
@@ -54,10 +54,18 @@ class PlayPicture:
         shown = {"hand", *moment.conditions} | ({"truth"} if sight.practice else set())
         quantities = moment.quantities(hand=sight.hand, angle=None if sight.pose is None else sight.pose.angle)
         tint = views.tint(moment.force, quantities) if sight.shown.force else palette.STEEL
-        views.draw_from_above(canvas, layout, quantities, self._slab, shown, tint)
+        above = None
+        if moment.shown_path is None:
+            views.draw_from_above(canvas, layout, quantities, self._slab, shown, tint)
+        else:
+            model, above = self._slab.model, plan_view.TITLE if sight.practice else plan_view.GIVING_TITLE
+            plan_view.draw_plan(
+                canvas, layout, moment.shown_path, model.width, model.length, truth=sight.practice, blade=tint,
+                hand=sight.hand_place,
+            )  # fmt: skip
         box = _SIDE_TOP + 6.0, layout.column - 16
         views.draw_from_the_side(canvas, layout, quantities, shown, tint, box=box)
-        views.draw_titles(canvas, layout, quantities, self._slab.model.width, _SIDE_TOP - 2)
+        views.draw_titles(canvas, layout, quantities, self._slab.model.width, _SIDE_TOP - 2, above=above)
         chart.draw_present(canvas, layout, moment, self._trace, force_shown=sight.shown.trace)
         _draw_header(canvas, layout, sight)
         _draw_title(canvas, layout, sight)
@@ -72,7 +80,7 @@ class PlayPicture:
         if sight.practice:
             _draw_hidden(canvas, layout, sight)
         else:
-            _draw_advice(canvas, layout, wanted=bool(moment.conditions))
+            _draw_advice(canvas, layout, moment)
         if sight.phase == "ready":
             draw_ready_card(canvas, layout, sight)
         elif sight.phase == "countdown":
@@ -109,9 +117,9 @@ class PlayPicture:
         views.draw_parts(canvas, layout, moment.quantities(), "side", shown, standing=True)
         views.draw_ruler(canvas, layout, model.length)
         chart.draw_axes(canvas, layout, moment, self._trace)
-        words = HELP.format(
-            choices="" if sight.task else _CHOICES, wheel="depth, with shift tilt" if moment.conditions else "tilt"
-        )
+        wheel = "wheel: tilt   arrows: hand" if moment.shown_path is not None else "wheel, arrows: tilt"
+        wheel = "wheel, arrows: depth, with shift tilt" if moment.conditions else wheel
+        words = HELP.format(choices="" if sight.task else _CHOICES, wheel=wheel)
         canvas.text(words, (layout.clamp - 20, layout.height - 13), size=_SMALL, colour=palette.QUIET)
         return canvas
 
@@ -207,6 +215,10 @@ def _draw_numbers(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
     depth = moment.depth_at_blade
     if depth is not None:
         rows.insert(1, ("blade below the wanted depth", f"{round(1e3 * depth, 1) + 0.0:+.1f} mm", palette.TARGET))
+    if moment.shown_path is not None:
+        rows.insert(1, ("blade to the left of the line", f"{1e3 * moment.shown_path.aside:+.1f} mm", palette.TARGET))
+        if sight.shown.force and len(sight.lateral_force):
+            rows.append(("force to the right", f"{sight.lateral_force[-1]:+.2f} N", palette.FORCE))
     if sight.chosen_class != sight.specimen_class:
         rows.append(("next class", sight.chosen_class, palette.INK))
     draw_rows(canvas, layout, 296, 25, rows, size=21)
@@ -238,8 +250,8 @@ def _draw_hidden(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
     draw_rows(canvas, layout, top + 26, 25, rows, size=21)
 
 
-def _draw_advice(canvas: Canvas, layout: Layout, *, wanted: bool) -> None:
-    """Draw instructions, in the place of the hidden quantities; of a cut with a ``wanted`` depth, one more."""
+def _draw_advice(canvas: Canvas, layout: Layout, moment: Moment) -> None:
+    """Draw instructions, in the place of the hidden quantities; of a cut along a depth or a line, one more."""
     lines: tuple[str, ...] = (
         "The green marks are your hand: the blade hangs on it",
         "by a spring. The tip of the cut is behind the blade;",
@@ -250,7 +262,15 @@ def _draw_advice(canvas: Canvas, layout: Layout, *, wanted: bool) -> None:
         "Then draw back until nothing pulls, and hold still:",
         "near the target, that finishes the cut.",
     )
-    if wanted:
+    if moment.conditions:
         lines = ("Keep the blade at the dashed depth: wheel, or arrows.", "", *lines[:3], *lines[4:])
+    elif moment.shown_path is not None:
+        lines = (
+            "The blade points where you move. The cut trails it",
+            "and cuts corners: lead it a little outside.",
+            "",
+            *lines[:3],
+            *lines[4:],
+        )
     for k, words in enumerate(lines):
         canvas.text(words, (layout.column, 446 + 22 * k), size=17, colour=palette.QUIET)

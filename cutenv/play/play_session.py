@@ -4,72 +4,38 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 import cutenv
-from cutenv._base.arrays import StructArray
 from cutenv._base.validation import in_range, one_of
 from cutenv.cutting.drive import Hand
 from cutenv.cutting.dtypes import TICK
-from cutenv.play.course import FEEDBACK, ShownFeedback, shown_feedback
+from cutenv.play.course import FEEDBACK, shown_feedback
 from cutenv.play.course_progress import GIVEN_UP, CourseProgress
-from cutenv.play.devices import MouseDevice
+from cutenv.play.devices import LedHand
 from cutenv.play.hand_model import PLAYED_HAND
-from cutenv.play.handle_body import Handle, HandlePose
+from cutenv.play.handle_body import Handle
 from cutenv.play.haptics import FeltForce, HapticDevice, Stylus
 from cutenv.play.played_cut import FEWEST_READINGS, UPDATES_HZ, PlayedCut
 from cutenv.play.played_depth_cut import PlayedDepthCut
+from cutenv.play.played_path_cut import PlayedPathCut
+from cutenv.play.view_state import PlayPhase, ViewState
 from cutenv.recording import Provenance, save
 from cutenv.scoring import ScoreCard
-from cutenv.tissue import CutModel
 from cutenv.tissue.grid import depth_below
 from cutenv.tissue.specimen import CLASSES
 from cutenv.viewer.scene import Moment
 
-PlayPhase = Literal["ready", "countdown", "cutting", "ended"]
-
-PLAYED_TASKS: dict[str, type[PlayedCut]] = {"gentle": PlayedCut, "depth": PlayedDepthCut}
+PLAYED_TASKS: dict[str, type[PlayedCut]] = {"gentle": PlayedCut, "depth": PlayedDepthCut, "path": PlayedPathCut}
 """Cut of each task."""
 COUNTDOWN = 3.0
 """Duration of the countdown before every cut [s]."""
 LONGEST_STALL = 0.25
 """Longest stall that is made up for [s]; time beyond it is lost to the cut, and the record states it."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ViewState:
-    """State of a session to be drawn at one moment; nothing in it changes afterwards."""
-
-    phase: PlayPhase
-    countdown: float
-    moment: Moment
-    readings: StructArray
-    hand: float
-    pose: HandlePose | None
-    missing: tuple[str, ...]
-    practice: bool
-    practised: bool
-    truth: dict[str, Any]
-    specimen_class: str
-    chosen_class: str
-    serial: int
-    model: CutModel
-    number: int
-    finished: int
-    count: int | None
-    card: ScoreCard | None
-    saved: Path | None
-    operator: str | None
-    shown: ShownFeedback
-    feedback_words: str
-    task: str
-    verdict: tuple[str, ...]
-    done: bool
 
 
 class Session:
@@ -79,8 +45,10 @@ class Session:
     ----------
     device : HapticDevice
         Device that the person holds.
-    task : {"gentle", "depth"}
-        "depth": the blade also moves up and down, and a depth is wanted.
+    task : {"gentle", "depth", "path"}
+        "depth": the blade also moves up and down, and a depth is wanted. "path": it is steered along a drawn line.
+    line : str, optional
+        Kind of line of the task "path", as of :class:`~cutenv.envs.path_cut.PathCutEnv`; default "mixed".
     specimen_class : str
         Class of the first specimens; see :meth:`choose_class`.
     seed : int
@@ -119,6 +87,7 @@ class Session:
         device: HapticDevice,
         *,
         task: str = "gentle",
+        line: str | None = None,
         specimen_class: str = "liver",
         seed: int = 0,
         folder: Path | None = None,
@@ -135,6 +104,11 @@ class Session:
     ) -> None:
         self.device = device
         self.task = one_of("task", task, tuple(PLAYED_TASKS))
+        self._line: dict[str, Any] = {} if line is None else {"line": line}
+        if self._line and task != "path":
+            raise ValueError(f'line = {line!r} needs task="path": task={task!r} has no line.')
+        if task == "path" and device.coupling is not None:
+            raise ValueError('task="path" takes no device that pushes: its force would be one in the plane.')
         operator = operator if course is None else course.operator
         self.chosen_class = one_of("specimen_class", specimen_class, CLASSES)
         self.seed = seed
@@ -169,7 +143,7 @@ class Session:
         self._task, self._feedback = "", "always"
         # Compile now, on cuts that are discarded, rather than while the clock of the first one runs.
         for kind in (self.task,) if course is None else course.course.kinds:
-            PLAYED_TASKS[kind]().tick(Stylus(0.0, float(np.pi / 2)))
+            PLAYED_TASKS[kind](**self._line).tick(Stylus(0.0, float(np.pi / 2)))
         self._prepare()
         if folder is not None:
             folder.mkdir(parents=True, exist_ok=True)
@@ -268,8 +242,8 @@ class Session:
             if self._countdown_ticks <= 0:
                 self._start()
         elif self.phase == "cutting":
-            if isinstance(self.device, MouseDevice):
-                self.device.keep_near(self.cut.hand)
+            if isinstance(self.device, LedHand):
+                self.device.keep_near(*self.cut.hand_place)
             self._stylus = self.device.read()
             self.cut.tick(self._stylus)
             if self._felt is not None:
@@ -309,6 +283,7 @@ class Session:
             deadline=self._deadline,
             hand=self._hand,
             handle=Handle(self._hand) if self._with_handle else None,
+            **self._line,
         )
         self._serial += 1
         self.phase = "ready"
@@ -371,8 +346,8 @@ class Session:
 
     def _verdict(self) -> tuple[str, ...]:
         """Return what the end card says beside the score."""
-        depth = (self.cut.depth_words,) if self.cut.depth_words and self._feedback != "never" else ()
-        return depth if self.course is None else (*depth, self.course.verdict, self.course.ahead())
+        told = (self.cut.map_words,) if self.cut.map_words and self._feedback != "never" else ()
+        return told if self.course is None else (*told, self.course.verdict, self.course.ahead())
 
     def sight(self) -> ViewState:
         """Return the state to be drawn now."""
@@ -386,6 +361,8 @@ class Session:
             moment=moment,
             readings=self.cut.readings,
             hand=self.cut.hand,
+            hand_place=self.cut.hand_place,
+            lateral_force=self.cut.lateral_force,
             pose=self.cut.pose,
             missing=missing if self.phase == "cutting" else (),
             practice=self.practice,

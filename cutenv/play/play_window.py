@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from cutenv.play.devices import GamepadDevice, MouseDevice, simple_hand
+from cutenv.play.devices import GamepadDevice, MouseDevice
 from cutenv.play.haptics import HapticDevice
 from cutenv.play.picture import LAYOUT, PlayPicture
 from cutenv.play.play_session import Session
@@ -60,7 +60,8 @@ class PlayWindow:
         self._pygame.display.set_caption("cutenv play")
         self.mouse, self.gamepad = MouseDevice(), GamepadDevice()
         self._own_device = isinstance(session.device, MouseDevice)
-        self._stick = self._trigger = self._second = 0.0
+        self._stick = self._sideways = self._trigger = self._second = 0.0
+        self._arrows: set[int] = set()
         self._free = False
         self._pointers: dict[object, tuple[float, float]] = {}  # finger or mouse, and where in the picture it is [px]
         self._pads: list[Any] = []
@@ -118,7 +119,9 @@ class PlayWindow:
 
     def _take(self, event: Any) -> None:
         pygame = self._pygame
-        if event.type == pygame.KEYDOWN:
+        if self.session.task == "path" and event.type in (pygame.KEYDOWN, pygame.KEYUP) and event.key in self._ways():
+            self._take_arrow(event)
+        elif event.type == pygame.KEYDOWN:
             self._take_key(event.key)
         elif event.type == pygame.MOUSEMOTION:
             self._take_mouse(event)
@@ -153,6 +156,20 @@ class PlayWindow:
         elif key == pygame.K_ESCAPE:
             self._window.close()
 
+    def _ways(self) -> dict[int, tuple[float, float]]:
+        """Return where each arrow key moves the hand of a cut along a line: along, and across to the left."""
+        pygame = self._pygame
+        return {pygame.K_RIGHT: (1, 0), pygame.K_LEFT: (-1, 0), pygame.K_UP: (0, 1), pygame.K_DOWN: (0, -1)}
+
+    def _take_arrow(self, event: Any) -> None:
+        """Move the hand as long as arrow keys are held down."""
+        if event.type == self._pygame.KEYDOWN:
+            self._arrows.add(event.key)
+        else:
+            self._arrows.discard(event.key)
+        held = [self._ways()[key] for key in self._arrows]
+        self.mouse.hold_keys(sum(way[0] for way in held), sum(way[1] for way in held))
+
     def _turn_wheel(self, notches: float) -> None:
         """Lean or raise the blade; where a depth is wanted, lower or raise it, unless shift is held."""
         if self.session.task == "depth" and not self._pygame.key.get_mods() & self._pygame.KMOD_SHIFT:
@@ -173,9 +190,9 @@ class PlayWindow:
         if getattr(event, "touch", False):
             return  # of a finger, whose own event comes as well
         if not self._free:
-            self._lead(event.rel[0])
+            self._lead(*event.rel)
         else:
-            self._lead(self._moved("mouse", *event.pos)[0])
+            self._lead(*self._moved("mouse", *event.pos))
 
     def _take_finger(self, event: Any) -> None:
         """Let the first finger on the screen lead the hand, and others turn the wheel as they go down or up."""
@@ -186,7 +203,7 @@ class PlayWindow:
         width, height = self._window.size
         across, down = self._moved(finger, event.x * width, event.y * height)
         if finger == next(key for key in self._pointers if key != "mouse"):
-            self._lead(across)
+            self._lead(across, down)
         elif self.session.phase == "cutting":
             self._turn_wheel(-down / _NOTCH_HEIGHT)
 
@@ -197,18 +214,22 @@ class PlayWindow:
         self._pointers[pointer] = here
         return here[0] - before[0], here[1] - before[1]
 
-    def _lead(self, across: float) -> None:
+    def _lead(self, across: float, down: float) -> None:
+        """Move the hand by pixels of the picture; up and down only where the blade is steered."""
         if self.session.phase == "cutting":
-            self.mouse.move(across / LAYOUT.scale)
+            aside = -down / LAYOUT.scale if self.session.task == "path" else 0.0
+            self.mouse.move(across / LAYOUT.scale, aside)
 
     def _take_axis(self, axis: int, value: int) -> None:
         if axis == self._pygame.CONTROLLER_AXIS_LEFTX:
             self._stick = value / _FULL_STICK
+        elif axis == self._pygame.CONTROLLER_AXIS_LEFTY and self.session.task == "path":
+            self._sideways = value / _FULL_STICK
         elif axis == self._pygame.CONTROLLER_AXIS_TRIGGERRIGHT:
             self._trigger = max(value, 0) / _FULL_TRIGGER
         elif axis == self._pygame.CONTROLLER_AXIS_RIGHTY:
             self._second = value / _FULL_STICK
-        self.gamepad.hold(self._stick, self._trigger, self._second)
+        self.gamepad.hold(self._stick, self._trigger, self._second, self._sideways)
 
     def _open_gamepads(self) -> None:
         """Open every game controller that is connected."""
@@ -221,5 +242,5 @@ class PlayWindow:
         if self.session.phase in ("ready", "ended") and not self.session.done:
             if self.session.phase == "ended":
                 self.session.go_on()
-            self.session.device = simple_hand(self.session.cut.target_length, level=self.session.cut.wanted_level)
+            self.session.device = self.session.cut.simple_hand()
             self.session.begin()

@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv._base.arrays import Struct, StructArray
+from cutenv._base.arrays import Array, Struct, StructArray
 from cutenv._base.validation import in_range
 from cutenv.cutting.drive import Hand
 from cutenv.cutting.dtypes import READING, TICK
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.plant.protocol import to_trace
 from cutenv.plant.simulator import SimulatedPlant
+from cutenv.play.devices import ScriptedDevice, simple_hand
 from cutenv.play.finishing import missing_to_finish
 from cutenv.play.hand_model import PLAYED_HAND, speed_toward
 from cutenv.play.handle_body import Handle, HandlePose
@@ -56,6 +57,8 @@ class PlayedCut:
         Coupling between the person and the blade.
     handle : Handle, optional
         Handle for the picture, which follows the cut.
+    **task
+        Further arguments of the environment.
 
     Raises
     ------
@@ -76,6 +79,7 @@ class PlayedCut:
         deadline: float = 30.0,
         hand: Hand = PLAYED_HAND,
         handle: Handle | None = None,
+        **task: Any,
     ) -> None:
         self.specimen_class, self.seed, self.episode = specimen_class, seed, episode
         in_range("seed", seed, 0, 2**63 - 1, "1", "Give a whole number from 0.")
@@ -86,6 +90,7 @@ class PlayedCut:
             control_hz=UPDATES_HZ,
             drive="hand",
             **dataclasses.asdict(hand),
+            **task,
         )
         self._hand, self._handle = hand, handle
         self._info = self._env.reset(seed=seed, options={"episode": episode})[1]
@@ -128,6 +133,16 @@ class PlayedCut:
         return float(self.plant.states["hand"][0])
 
     @property
+    def hand_place(self) -> tuple[float, float]:
+        """Place of the hand along the slab, and across it to the left [m]."""
+        return self.hand, 0.0
+
+    @property
+    def lateral_force(self) -> Array:
+        """Measured force on the blade to its right at every reading so far [N]; of shape (0,) without one."""
+        return np.zeros(0)
+
+    @property
     def pose(self) -> HandlePose | None:
         """Pose of the drawn handle, if there is one."""
         return None if self._handle is None else self._handle.pose
@@ -137,12 +152,11 @@ class PlayedCut:
         if self.end:
             return
         state = self.plant.states[0]
-        speed = speed_toward(stylus.position, state, self._hand)
-        observation, _, ended, _, self._info = self._env.step(self.action(speed, stylus))
+        self._observation, _, ended, _, self._info = self._env.step(self.action(stylus))
         assert self.cutting.readings is not None  # at least one step was made
         self._readings[self._count] = reading = self.cutting.readings[0]
         if self._count % _ESTIMATED_EVERY == 0:
-            gentle = observation[: len(COMPONENTS)]
+            gentle = self._observation[: len(COMPONENTS)]
             self._estimate = self._tip_estimate.estimates(in_si(gentle)[None])[0]
         self._count += 1
         if ended:
@@ -156,17 +170,17 @@ class PlayedCut:
                 depth=float(depth_below(self.plant.depth, state["blade"])),
             )
 
-    def action(self, speed: float, stylus: Stylus) -> NDArray[np.float32]:
-        """Return the environment's action for a speed of the hand [m/s] and what the person wants."""
-        return to_action(speed, stylus.angle)
+    def action(self, stylus: Stylus) -> NDArray[np.float32]:
+        """Return the environment's action for what the person wants."""
+        return to_action(speed_toward(stylus.position, self.plant.states[0], self._hand), stylus.angle)
 
-    def wanted_level(self, position: float) -> float:
-        """Return the level of the wanted floor at ``position`` above the blade's at the start [m]; 0 without one."""
-        return 0.0
+    def simple_hand(self) -> ScriptedDevice:
+        """Return a scripted hand with a beginner's plan for this cut."""
+        return simple_hand(self.target_length)
 
     @property
-    def depth_words(self) -> str:
-        """Depth of the cut so far in words, empty where none is wanted."""
+    def map_words(self) -> str:
+        """Depth or path of the cut so far in words, empty where none is wanted."""
         return ""
 
     def missing(self, *, practice: bool, force_shown: bool = True) -> tuple[str, ...]:

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array
 from cutenv.envs.depth_cut import DepthCutEnv
+from cutenv.play.devices import ScriptedDevice, simple_hand
 from cutenv.play.hand_model import descent_toward
 from cutenv.play.haptics import Stylus
 from cutenv.play.played_cut import PlayedCut
 from cutenv.task.depth_cutting import DepthCutting
-from cutenv.task.observation import to_action
 from cutenv.tissue.grid import depth_below
 from cutenv.trace import Trace
 
@@ -54,10 +54,14 @@ class PlayedDepthCut(PlayedCut):
         """Return the level of the wanted floor at ``position`` above the blade's at the start [m]."""
         return float(depth_below(self.cutting.shown_depth.wanted, position)) - self._start
 
-    def action(self, speed: float, stylus: Stylus) -> NDArray[np.float32]:
+    def action(self, stylus: Stylus) -> NDArray[np.float32]:
         """Return the environment's action, whose descent brings the blade to the wanted level."""
         descent = descent_toward(self.level, self._start + stylus.level)
-        return np.append(to_action(speed, stylus.angle), np.float32(np.clip(descent, -1.0, 1.0)))
+        return np.append(super().action(stylus), np.float32(np.clip(descent, -1.0, 1.0)))
+
+    def simple_hand(self) -> ScriptedDevice:
+        """Return a scripted hand with a beginner's plan, which keeps the blade at the wanted depth."""
+        return simple_hand(self.target_length, level=self.wanted_level)
 
     def tick(self, stylus: Stylus) -> None:
         """Advance by a millisecond under a person's hand; does nothing once the cut has ended."""
@@ -67,7 +71,7 @@ class PlayedDepthCut(PlayedCut):
             self._levels[before], self._vertical[before] = self.level, self.cutting.vertical[0, 0]
 
     @property
-    def depth_words(self) -> str:
+    def map_words(self) -> str:
         """Depth of the cut so far in words."""
         found = self.cutting.depth_errors
         opened = found["layer_mm"]

@@ -68,6 +68,8 @@ class ShownPath(NamedTuple):
     """Shape (2,)."""
     heading: Array
     """Direction in which the blade points, shape (2,)."""
+    aside: float
+    """Distance of the blade to the left of the line."""
 
 
 class GentleCutting:

@@ -20,7 +20,7 @@ from cutenv.task.path_terms import ALL_PATH_COMPONENTS, PATH_ENDS, PATH_MAP, Pat
 from cutenv.task_quantities import PATH_COSTS
 from cutenv.tissue.drawn_lines import DrawnLines
 from cutenv.tissue.grid import SPACING
-from cutenv.tissue.lines import WIDTH, CutLine
+from cutenv.tissue.lines import WIDTH, CutLine, places_within
 
 
 def path_record(constants: PathConstants) -> StructArray:
@@ -123,6 +123,16 @@ class PathCutting(MapAssessed, SimulatedCutting):
         return {name: float(value[0]) for name, value in found.items()}
 
     @property
+    def noted_path(self) -> dict[str, Any]:
+        """Notes of a simulated record on its path, by key of its metadata: errors, line, and the cut beside it [m]."""
+        from cutenv.scoring.path_map import LINE_KEY
+        from cutenv.scoring.truth import ASIDE_AT_END
+
+        errors = {name: round(value, 3) for name, value in self.path_errors.items()}
+        noted = {LINE_KEY: places_within(self.line), ASIDE_AT_END: self.aside_to_tip}
+        return errors | {key: np.round(values, 6).tolist() for key, values in noted.items()}
+
+    @property
     def blade_place(self) -> tuple[float, float]:
         """Place of the blade, along and across the slab [m]."""
         return place_of_blade(self.plant.states, self.steerings)
@@ -141,7 +151,7 @@ class PathCutting(MapAssessed, SimulatedCutting):
         tip = np.array(self.tip_place)
         return ShownPath(
             drawn, round(self.target_length / SPACING), np.concatenate((drawn[passed] + aside * left, [tip])), tip,
-            np.array(self.blade_place), np.array([steering["ahead"], steering["across"]]),
+            np.array(self.blade_place), np.array([steering["ahead"], steering["across"]]), float(steering["aside"]),
         )  # fmt: skip
 
     @property

@@ -145,8 +145,11 @@ class Moment:
                 return f"finished: tip {1e3 * off:.1f} mm off target"
             if self.shown_depth is not None and abs(0.5 * math.pi - self.angle) <= ANGLE_TOLERANCE:
                 return "finished: not as deep as wanted"
+            if self.shown_path is not None and abs(0.5 * math.pi - self.angle) <= ANGLE_TOLERANCE:
+                return "finished: not along the line"
             return f"finished: blade at {math.degrees(self.angle):.0f}°, not upright"
-        words = {"force_limit": "force limit", "layer": "the layer below was opened too deep"}
+        words = {"force_limit": "force limit", "layer": "the layer below was opened too deep",
+                 "off_line": "the cut came too far from the line"}  # fmt: skip
         return f"stopped: {words.get(self.end, self.end)}" if self.end else ""
 
 

@@ -18,7 +18,7 @@ def test_a_cut_begins_at_the_clamp_upright_wherever_the_mouse_was() -> None:
     mouse.move(0.05)
     mouse.turn(-3)
     mouse.open()
-    assert mouse.read() == (0.0, UPRIGHT, frozenset(), 0.0)
+    assert mouse.read() == (0.0, UPRIGHT, frozenset(), 0.0, 0.0)
 
 
 def test_the_wheel_leans_toward_the_person_and_stays_between_the_limits() -> None:

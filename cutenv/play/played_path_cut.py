@@ -1,0 +1,110 @@
+"""Cut by a person along a drawn line: an episode of ``cutenv/PathCut-v1`` at 1 kHz."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv._base.arrays import Array
+from cutenv.envs.path_cut import PathCutEnv, to_path_action
+from cutenv.play.devices import ScriptedDevice, simple_hand
+from cutenv.play.hand_model import speed_over, turn_toward
+from cutenv.play.haptics import Stylus
+from cutenv.play.played_cut import PlayedCut
+from cutenv.task.path_cutting import PathCutting
+from cutenv.task.path_terms import ALL_PATH_COMPONENTS
+from cutenv.trace import Trace
+
+_AT = [each.name for each in ALL_PATH_COMPONENTS].index("lateral")
+_LATERAL = ALL_PATH_COMPONENTS[_AT]
+
+
+class PlayedPathCut(PlayedCut):
+    """Cut of one specimen by a hand along a drawn line; the blade points where the hand is moved.
+
+    It is an episode of ``PathCutEnv(drive="hand", control_hz=1000)`` with the same seed.  The blade hangs on the hand
+    by a spring, behind it; it turns toward the place where the hand is wanted, at the task's rate of turn at most.
+
+    Parameters
+    ----------
+    line : str
+        Kind of line, as of :class:`~cutenv.envs.path_cut.PathCutEnv`.
+    **keywords
+        Those of :class:`~cutenv.play.played_cut.PlayedCut`.
+    """
+
+    environment = PathCutEnv
+
+    def __init__(self, *, line: str = "mixed", **keywords: Any) -> None:
+        super().__init__(line=line, **keywords)
+        self._places, self._lateral = np.zeros((len(self._readings), 2)), np.zeros(len(self._readings))
+
+    @property
+    def cutting(self) -> PathCutting:
+        """Task of this cut."""
+        cutting = self._env.cutting
+        assert isinstance(cutting, PathCutting)
+        return cutting
+
+    @property
+    def places(self) -> Array:
+        """Place of the blade along and across the slab at every reading so far [m], shape (n, 2)."""
+        return self._places[: self._count]
+
+    @property
+    def lateral_force(self) -> Array:
+        """Measured force on the blade to its right at every reading so far [N], shape (n,)."""
+        return self._lateral[: self._count]
+
+    @property
+    def hand_place(self) -> tuple[float, float]:
+        """Place of the hand along the slab, and across it to the left [m]: in front of the blade by the spring."""
+        state, steering = self.plant.states[0], self.cutting.steerings[0]
+        reach = float(state["hand"]) - float(state["blade"])
+        # In this order it is the hand of a straight cut, to the last bit, while the blade points along the slab.
+        along = float(state["hand"]) + float(steering["east"]) + reach * (float(steering["ahead"]) - 1.0)
+        return along, float(steering["north"]) + reach * float(steering["across"])
+
+    def action(self, stylus: Stylus) -> NDArray[np.float32]:
+        """Return the environment's action, which moves the hand along the blade and turns it toward the place."""
+        steering, here = self.cutting.steerings[0], self.hand_place
+        cosine, sine = float(steering["ahead"]), float(steering["across"])
+        along, across = stylus.position - here[0], stylus.across - here[1]
+        ahead, left = along * cosine + across * sine, across * cosine - along * sine
+        speed = speed_over(ahead, self._hand.motor_lag, self._hand.acceleration)
+        return to_path_action(speed, stylus.angle, turn_toward(ahead, left))
+
+    def simple_hand(self) -> ScriptedDevice:
+        """Return a scripted hand with a beginner's plan, which goes along the line."""
+        return simple_hand(self.target_length, line=self.cutting.line)
+
+    def tick(self, stylus: Stylus) -> None:
+        """Advance by a millisecond under a person's hand; does nothing once the cut has ended."""
+        before = self._count
+        super().tick(stylus)
+        if self._count > before:
+            self._places[before] = self.cutting.blade_place
+            self._lateral[before] = _LATERAL.scale * float(self._observation[_AT])
+
+    @property
+    def map_words(self) -> str:
+        """Path of the cut so far in words."""
+        found = self.cutting.path_errors
+        mean, largest = found["mean_distance_mm"], found["largest_distance_mm"]
+        area = found["area_mm2"]
+        return f"Path: {mean:.1f} mm off the line in the mean, {largest:.1f} mm at most; {area:.0f} mm² between them."
+
+    def trace(self, **metadata: object) -> Trace:
+        """Return the trace that a rig would have recorded whose blade is steered.
+
+        Raises
+        ------
+        ValueError
+            If there are fewer than two readings.
+        """
+        trace = super().trace(environment="cutenv/PathCut-v1", **self.cutting.noted_path, **metadata)
+        x, y = self.places.T
+        return dataclasses.replace(trace, blade_x=x.copy(), blade_y=y.copy(), lateral_force=self.lateral_force.copy())

@@ -1,0 +1,207 @@
+"""Cuts by a person along a line: the blade points where the hand moves, the record holds it, the card tells it."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from played import Pushing
+from played_window import begin, post, press, show
+
+from cutenv.commands import play
+from cutenv.play.devices import KEY_SPEED, LEAD, GamepadDevice, MouseDevice
+from cutenv.play.hand_model import turn_toward
+from cutenv.play.haptics import Stylus
+from cutenv.play.picture import LAYOUT
+from cutenv.play.play_session import Session
+from cutenv.play.played_cut import PlayedCut
+from cutenv.play.played_path_cut import PlayedPathCut
+from cutenv.recording import load_one
+from cutenv.scoring.path_map import LINE_KEY
+from cutenv.task.path_terms import TURN_SCALE
+from cutenv.tissue.grid import SPACING
+from cutenv.viewer.scene import Moment
+
+os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
+UPRIGHT = math.pi / 2
+
+
+def whole(cut: PlayedCut) -> PlayedCut:
+    """Lead a cut to its end by its simple hand."""
+    hand = cut.simple_hand()
+    while not cut.end:
+        cut.tick(hand.read())
+    return cut
+
+
+def led(cut: PlayedPathCut, along: float, across: float, ticks: int) -> PlayedPathCut:
+    """Hold the hand at a place."""
+    for _ in range(ticks):
+        cut.tick(Stylus(along, UPRIGHT, across=across))
+    return cut
+
+
+def test_on_the_straight_line_the_hand_is_that_of_gentle_cutting_to_the_last_bit() -> None:
+    gentle, straight = (whole(kind) for kind in (
+        PlayedCut(seed=3, target_length=0.06), PlayedPathCut(line="straight", seed=3, target_length=0.06)
+    ))  # fmt: skip
+    assert len(gentle.readings) > 4000
+    assert np.array_equal(gentle.readings, straight.readings)
+    assert gentle.end == straight.end
+
+
+@pytest.mark.parametrize("line", ["arc", "s", "excision", "random"])
+def test_a_hand_that_goes_along_a_line_cuts_within_millimetres_of_it(line: str) -> None:
+    cut = PlayedPathCut(line=line, seed=4, target_length=0.06)
+    assert whole(cut).end != "off_line"
+    found = cut.cutting.path_errors
+    assert 0.05 < found["mean_distance_mm"] < 1.5
+    assert found["largest_distance_mm"] < 3.0
+    assert np.ptp(cut.cutting.line.y[:120]) > 0.005, "straight on would not have done"
+
+
+def test_the_blade_turns_to_where_the_hand_is_moved_and_no_faster_than_an_agent_may() -> None:
+    cut = PlayedPathCut(line="straight", seed=4, target_length=0.06)
+    led(cut, 0.02, 0.0, 1500)
+    turned = []
+    for _ in range(1500):
+        before = cut.cutting.shown_path.heading
+        led(cut, cut.hand_place[0] + 0.002, cut.hand_place[1] + 0.001, 1)
+        after = cut.cutting.shown_path.heading
+        turned.append(math.asin(before[0] * after[1] - before[1] * after[0]))
+    assert math.atan2(*cut.cutting.shown_path.heading[::-1]) == pytest.approx(math.atan2(1, 2), abs=0.05)
+    assert max(turned) <= 1e-3 * TURN_SCALE * (1 + 1e-9)
+
+
+def test_the_blade_points_ahead_to_either_side_and_is_drawn_back_without_a_turn() -> None:
+    assert turn_toward(0.002, 0.0) == 0.0
+    assert turn_toward(0.002, 1e-4) == -turn_toward(0.002, -1e-4) > 0.0
+    assert turn_toward(0.0, 0.003) == TURN_SCALE
+    assert turn_toward(-0.003, 0.001) == 0.0
+
+
+def test_the_hand_stands_before_the_blade_where_it_points() -> None:
+    cut = led(PlayedPathCut(line="arc", seed=4, target_length=0.06), 0.03, 0.01, 1500)
+    ahead = np.subtract(cut.hand_place, cut.cutting.blade_place)
+    heading = cut.cutting.shown_path.heading
+    assert np.hypot(*ahead) > 1e-3
+    assert ahead[0] * heading[1] == pytest.approx(ahead[1] * heading[0], abs=1e-9)
+
+
+def test_the_record_holds_places_lateral_force_and_the_line(tmp_path: Path) -> None:
+    session = Session(
+        MouseDevice(), task="path", line="s", seed=3, folder=tmp_path, target_length=0.06, countdown=0.0
+    )  # fmt: skip
+    session.device = session.cut.simple_hand()
+    session.begin()
+    for k in range(2000):
+        session.advance(0.02 * k)
+        if session.phase == "ended":
+            break
+    trace, cut = load_one(session.records[0]), session.cut
+    assert isinstance(cut, PlayedPathCut)
+    assert np.array_equal(np.column_stack((trace.blade_x, trace.blade_y)), cut.places)
+    assert np.array_equal(trace.lateral_force, cut.lateral_force)
+    assert np.ptp(trace.lateral_force) > 0.2
+    # The blade's way over its speed is the time: the places are those of the readings.
+    ways = np.hypot(np.diff(trace.blade_x), np.diff(trace.blade_y))
+    assert np.allclose(ways, 1e-3 * np.abs(trace.speed[1:]), atol=1e-8)
+    line = np.array(trace.metadata[LINE_KEY])
+    assert np.allclose(line[10], (cut.cutting.line.x[50], cut.cutting.line.y[50]), atol=1e-6)
+    assert np.allclose(np.hypot(*np.diff(line, axis=0).T), 5 * SPACING, rtol=1e-3)
+    (words,) = session.sight().verdict
+    told = cut.cutting.path_errors
+    assert words == (
+        f"Path: {told['mean_distance_mm']:.1f} mm off the line in the mean, {told['largest_distance_mm']:.1f} mm at "
+        f"most; {told['area_mm2']:.0f} mm² between them."
+    )
+    assert trace.metadata["area_mm2"] == round(told["area_mm2"], 3)
+    assert trace.metadata["environment"] == "cutenv/PathCut-v1"
+
+
+def test_an_end_off_the_line_is_told_in_words() -> None:
+    cut = PlayedPathCut(line="arc", seed=4, target_length=0.09)
+    for k in range(20_000):
+        cut.tick(Stylus(min(0.012e-3 * k, 0.12), UPRIGHT))
+    assert cut.end == "off_line"
+    moment = Moment.of(cut.plant, cut.cutting)
+    assert moment.verdict == "stopped: the cut came too far from the line"
+    there = dataclasses.replace(moment, end="finished", tip=moment.target)
+    assert there.verdict == "finished: not along the line"
+
+
+def test_a_mouse_leads_in_the_plane_by_three_millimetres_at_most_and_keeps_its_direction() -> None:
+    mouse = MouseDevice()
+    mouse.move(0.03, 0.04)
+    mouse.keep_near(0.0, 0.0)
+    assert mouse.read()[:1] + mouse.read()[4:] == pytest.approx((0.6 * LEAD, 0.8 * LEAD))
+    mouse.open()
+    assert mouse.read() == Stylus(0.0, UPRIGHT)
+
+
+def test_a_stick_moves_the_hand_across_and_away_is_to_the_left() -> None:
+    pad = GamepadDevice()
+    pad.hold(0.0, 0.0, 0.0, -1.0)
+    for _ in range(500):
+        pad.read()
+    assert pad.across == pytest.approx(0.5 * 0.0254, rel=0.01)
+    with pytest.raises(ValueError, match="sideways"):
+        pad.hold(0.0, 0.0, 0.0, 3.0)
+
+
+def test_mouse_arrow_keys_and_stick_lead_the_hand_across_in_the_window() -> None:
+    pygame = pytest.importorskip("pygame")
+    from cutenv.play.play_window import PlayWindow
+
+    session = Session(MouseDevice(), task="path", line="arc", seed=3, target_length=0.06, countdown=0.0)
+    window = PlayWindow(session)
+    window._window._fps = 0.0
+    begin(window)
+    post(pygame.MOUSEMOTION, rel=(0, -3), pos=(0, 0), buttons=(0, 0, 0))
+    window.take_events()
+    assert window.mouse.across == pytest.approx(3 / LAYOUT.scale)
+    press(pygame.K_UP)
+    press(pygame.K_RIGHT)
+    window.take_events()
+    assert window.mouse.velocity == pytest.approx((KEY_SPEED / math.sqrt(2), KEY_SPEED / math.sqrt(2)))
+    assert window.mouse.angle == UPRIGHT
+    for key in (pygame.K_UP, pygame.K_RIGHT):
+        post(pygame.KEYUP, key=key)
+    post(pygame.CONTROLLERAXISMOTION, axis=pygame.CONTROLLER_AXIS_LEFTY, value=-32767)
+    show(window)
+    assert window.mouse.velocity == (0.0, 0.0)
+    assert window.gamepad.velocity[1] == pytest.approx(0.0254, rel=0.01)
+    session.close()
+
+
+def test_the_command_plays_a_cut_along_a_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["--task", "path", "--line", "excision", "--scripted", "--seed", "3", "--target-length", "60mm"]
+    assert play.main([*arguments, "--out", str(tmp_path), "--picture", str(tmp_path / "cut.png")]) == 0
+    assert (tmp_path / "cut.png").stat().st_size > 20_000
+    assert "record: " in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--line", "arc"], "--line arc needs --task path"),
+        (["--task", "path", "--device", "inverse3"], "--task path is steered by mouse, keys or gamepad"),
+        (["--course", "first", "--operator", "P07", "--line", "arc"], "--line cannot be given with --course"),
+    ],
+)
+def test_what_does_not_fit_a_line_is_refused(
+    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert play.main(arguments) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_a_session_refuses_a_line_without_its_task_and_a_device_that_pushes() -> None:
+    with pytest.raises(ValueError, match='needs task="path"'):
+        Session(MouseDevice(), line="arc")
+    with pytest.raises(ValueError, match="takes no device that pushes"):
+        Session(Pushing(), task="path")
