@@ -42,6 +42,7 @@ class DemoCut:
     """Scores of one cut, and the data to draw it."""
 
     reward: float
+    end: str
     success: bool
     tip_error_mm: float
     peak_force_N: float
@@ -70,11 +71,12 @@ def main(argv: Sequence[str]) -> int:
     policy = gentle_policy(arguments.policy)
     name = Path(arguments.policy).name
     print(f"{count} specimens of class {arguments.specimen_class} on which nothing was trained or chosen\n")
-    agent = demo_cuts(policy, policy.environment_arguments, arguments.specimen_class, seed, count, length)
+    agent = demo_cuts(policy, policy.environment_arguments, arguments.specimen_class, seed, count, length, name)
     # Fixed or free, the script gets the angle that the agent has; it decides as often as it was tuned for.
     angles = {key: policy.environment_arguments[key] for key in _ANGLES if key in policy.environment_arguments}
-    script = demo_cuts(BASELINES[SCRIPT](), angles, arguments.specimen_class, seed, count, length)
+    script = demo_cuts(BASELINES[SCRIPT](), angles, arguments.specimen_class, seed, count, length, SCRIPT)
     _print_table({name: agent, SCRIPT: script})
+    print(f"\nSo few cuts decide nothing; 200 specimens do: cutenv evaluate {arguments.policy} '{SCRIPT}'")
     _write(agent[0], script[0], name, arguments)
     return 0
 
@@ -86,12 +88,12 @@ def demo_cuts(
     seed: int,
     count: int,
     target_length: float | None = None,
+    title: str = "cutting",
 ) -> list[DemoCut]:
-    """Cut ``count`` specimens, the episodes of ``seed`` from 0 on, each to its end."""
+    """Cut ``count`` specimens, the episodes of ``seed`` from 0 on, each to its end; ``title`` stands beside the bar."""
     from cutenv.envs.gentle_cut import GentleCutEnv
 
     env = GentleCutEnv(specimen_class=specimen_class, target_length=target_length, **environment_arguments)
-    title = getattr(policy, "name", type(policy).__name__)
     return [_cut(env, policy, seed, episode) for episode in watched(range(count), title, "cut")]
 
 
@@ -106,6 +108,7 @@ def _cut(env: Any, policy: Policy, seed: int, episode: int) -> DemoCut:
     readings, truth = np.concatenate(parts), info["truth"]
     return DemoCut(
         reward=math.fsum(rewards),
+        end=env.cutting.end,
         success=bool(info["is_success"]),
         tip_error_mm=1e3 * abs(truth["tip_m"] - truth["target_length_m"]),
         peak_force_N=float(readings["true_force"].max()),
@@ -141,7 +144,8 @@ def _print_table(by_policy: Mapping[str, Sequence[DemoCut]]) -> None:
 
 def _print_row(name: str, own: Sequence[DemoCut]) -> None:
     means = [float(np.mean([value(cut) for cut in own])) for value in _COLUMNS.values()]
-    print(f"  {name}".ljust(_WIDTH) + "".join(f"{mean:.2f}".rjust(16) for mean in means))
+    ended = f"  {own[0].end}" if len(own) == 1 and own[0].end != "finished" else ""
+    print(f"  {name}".ljust(_WIDTH) + "".join(f"{mean:.2f}".rjust(16) for mean in means) + ended)
 
 
 def _write(agent: DemoCut, script: DemoCut, name: str, arguments: argparse.Namespace) -> None:

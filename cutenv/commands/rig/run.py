@@ -236,8 +236,9 @@ def cut_and_report(env: RigCutEnv, policy: Policy, *, seed: int, episode: int) -
 
 def _line(number: int, told: dict[str, Any], env: RigCutEnv) -> str:
     line = (
-        f"cut {number + 1}: {told['end']} after {told['time_s']:.1f} s, estimated return "
-        f"{told['return_estimated']:.3f}, estimated tip error {told['tip_error_estimated_mm']:.1f} mm; "
+        f"cut {number + 1}: {told['end']} after {told['time_s']:.1f} s, "
+        f"{'a success' if told['success_estimated'] else 'no success'} as estimated: return "
+        f"{told['return_estimated']:.3f}, tip error {told['tip_error_estimated_mm']:.1f} mm; "
         f"{told['overruns']} commands more than 2 ms late"
     )
     if "depth" in told:
