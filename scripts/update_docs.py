@@ -347,7 +347,7 @@ def results(_: argparse.Namespace) -> str:
     *_, script = (seed["best script"] for seed in seeds)
     constant = next(name for name in rows if name in CONSTANT_FEEDS)
     shown = {
-        ORACLE: "oracle: a planner that sees the hidden state",
+        ORACLE: "planner with truth, which sees the hidden state",
         "PPO": "PPO",
         script: f"best script ({script})",
         constant: f"best constant feed ({constant.removeprefix('constant ')})",
