@@ -111,5 +111,6 @@ def map_stepper(
         keep_alive(all_wanted)
 
     kernel: Any = step_some
-    kernel.__name__ = kernel.__qualname__ = name  # of its file in the cache
+    kernel.__name__ = kernel.__qualname__ = name  # of its file in the cache,
+    kernel.__module__ = conclude.__module__  # which stands for what the task imports, too
     return njit_nogil(step_some)

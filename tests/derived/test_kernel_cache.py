@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import importlib
 import os
 import re
 import signal
@@ -16,7 +17,8 @@ from numba.core import event as numba_event
 from numba.core.compiler_lock import global_compiler_lock
 
 import cutenv._engine.jit
-from cutenv._engine.jit import Uninterrupted, WithoutCollection, kernel_folder, source_digest
+import cutenv.task.map_steps
+from cutenv._engine.jit import Uninterrupted, WithoutCollection, kernel_folder, source_digest, sources
 
 LAW = """
 from package._engine.jit import {door}
@@ -154,6 +156,13 @@ def test_a_module_that_a_kernel_does_not_import_leaves_it_compiled(package):
     (package / "page.py").write_text("from package.caller import twice")
     assert digest_now("package.caller", package) == before
     assert digest_now("package.page", package) != before
+
+
+@pytest.mark.parametrize("task", ["depth", "path"])
+def test_a_loop_that_is_made_for_a_task_is_compiled_anew_when_the_task_changes(task):
+    module = importlib.import_module(f"cutenv.task.{task}_cuts")
+    found = sources(getattr(module, f"step_{task}_some").__module__)
+    assert {Path(module.__file__), Path(cutenv.task.map_steps.__file__)} <= found
 
 
 def test_folders_of_earlier_sources_are_removed_and_nothing_else(package, monkeypatch):
