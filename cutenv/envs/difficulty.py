@@ -36,7 +36,7 @@ def scripts_on_specimen_of(trace: Trace) -> tuple[ScriptScore, ...]:
     known = kind in CLASSES and all(isinstance(each, int) and each >= 0 for each in (seed, number))
     if not known or not isinstance(length, float) or trace.position is None or trace.depth is None:
         return ()
-    if trace.height is not None:  # these scripts keep the blade at one level
+    if trace.height is not None or trace.blade_x is not None:  # these scripts cut straight on, at one level
         return ()
     try:
         env = GentleCutEnv(specimen_class=str(kind), target_length=length)

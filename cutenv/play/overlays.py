@@ -17,7 +17,7 @@ from cutenv.viewer.canvas import Canvas
 from cutenv.viewer.scene import Layout
 
 _LEFT, _RIGHT, _TOP = 110.0, 850.0, 74.0  # of a card [px]
-_PX_PER_POINT, _LABEL_WIDTH = 3.4, 62.0  # of the bars of the score
+_PX_PER_POINT, _LABEL_WIDTH = 3.4, 54.0  # of the bars of the score
 _EDGE = 26.0
 _VEIL = 0.55
 _MOST_FAULTS = 3

@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 from cutenv.commands import score as command
+from cutenv.envs.difficulty import scripts_on_specimen_of
+from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.envs.path_cut import PathCutEnv
 from cutenv.policy.path_scripts import PATH_SCRIPTS
 from cutenv.recording import load, save
@@ -23,7 +25,7 @@ from cutenv.scoring.truth import ASIDE_AT_END, TIP_AT_END
 from cutenv.task_quantities import LINE_LIMIT, PATH_COSTS
 from cutenv.tissue import measured_liver
 from cutenv.tissue.expected_cut import along_line, expected_cut
-from cutenv.tissue.grid import N_POINTS, SPACING
+from cutenv.tissue.grid import N_POINTS, SPACING, depth_below
 from cutenv.tissue.lines import arc, bent, half_ellipse, mirrored, places_within, straight, through
 
 LINE = half_ellipse(0.11, 0.015)
@@ -119,6 +121,16 @@ def test_a_strip_along_an_arc_has_the_area_of_the_ring():
     assert np.hypot(ring.place[:, 0], ring.place[:, 1] - radius) == pytest.approx(radius - off, abs=1e-6)
     on_line = PathMap(line=line, aside=np.zeros(cells))
     assert (on_line.area, on_line.farthest, on_line.cost(0.05)) == (0.0, 0.0, 0.0)
+
+
+def test_scripts_that_cut_straight_on_are_not_set_beside_a_cut_along_a_line(path_cut):
+    _, trace, _ = path_cut
+    named = {"specimen_class": "liver", "specimen_seed": 4, "specimen_episode": 0, "target_length_m": 0.07}
+    depth = GentleCutEnv(specimen_class="liver", target_length=0.07)
+    depth.reset(seed=4, options={"episode": 0})
+    same = dataclasses.replace(trace.with_metadata(named), depth=depth_below(depth.plant.depth, trace.position))
+    assert scripts_on_specimen_of(same) == ()
+    assert scripts_on_specimen_of(dataclasses.replace(same, blade_x=None, blade_y=None)) != ()
 
 
 def test_a_record_without_places_is_refused_beside_a_line(path_cut, tmp_path, capsys):
