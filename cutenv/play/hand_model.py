@@ -47,7 +47,6 @@ def speed_over(left: float, lag: float, acceleration: float) -> float:
     return math.copysign(min(abs(left) / (4.0 * lag), stoppable, FASTEST), left)
 
 
-@njit_internal
 def turn_toward(ahead: float, left: float) -> float:
     """Return the rate of turn to the left [rad/s] that points a blade at a place, seen from the hand along the blade.
 

@@ -35,7 +35,13 @@ def test_memory_of_a_row_is_not_given_to_another_array():
 def _made_and_viewed(function: ast.FunctionDef) -> set[str]:
     """Return the names of the arrays that a function makes and takes the first row of."""
     made, viewed = set(), set()
-    for node in ast.walk(function):
+    inside = {
+        id(part)
+        for each in ast.walk(function)
+        if isinstance(each, ast.FunctionDef) and each is not function
+        for part in ast.walk(each)
+    }  # of functions within it, which are looked at by themselves
+    for node in (each for each in ast.walk(function) if id(each) not in inside):
         if isinstance(node, ast.Assign) and "np.zeros" in ast.unparse(node.value):
             made |= {name.id for target in node.targets for name in ast.walk(target) if isinstance(name, ast.Name)}
         if isinstance(node, ast.Call) and ast.unparse(node.func) == "first_row" and isinstance(node.args[0], ast.Name):
