@@ -123,8 +123,9 @@ def pictures(page: chromium.Browser | firefox.Browser, seconds: float) -> dict[s
     page.value("Object.values(timed).forEach(each => { each.length = 0; })")
     until = time.monotonic() + seconds
     x = left + 60.0
+    right = page.value("innerWidth") - 20.0
     while time.monotonic() < until:
-        x += 0.5
+        x = min(x + 0.5, right)
         page.move_mouse(x, top + 60)
         time.sleep(0.008)
     kept = page.value("timed")
