@@ -120,14 +120,14 @@ def test_an_lsl_client_reads_every_reading_and_the_markers_to_the_last_bit() -> 
         more, when = readings.pull_chunk(timeout=0.2)
         samples, stamps = samples + list(more), stamps + list(when)
     told = [markers.pull_sample(timeout=2.0)[0][0] for _ in range(2)]
-    desc = readings.info().desc()
+    described = readings.info()  # whose memory a description points into
     outlet.close()
     assert told == ["begin liver 3", "end finished"]
     assert np.array_equal(np.array(samples)[:, 0], given["force"])
     assert np.array_equal(np.array(samples)[:, 1], given["position"])
     assert np.allclose(np.array(stamps) - pylsl.local_clock() + time.monotonic() - origin, given["time"], atol=1e-3)
-    assert desc.child_value("rig") == "bench"
-    first = desc.child("channels").child("channel")
+    assert described.desc().child_value("rig") == "bench"
+    first = described.desc().child("channels").child("channel")
     assert (first.child_value("label"), first.child_value("unit")) == ("force", "N")
 
 
