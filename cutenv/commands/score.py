@@ -27,8 +27,6 @@ from cutenv.commands.options import (
 if TYPE_CHECKING:  # what scores is slow to import, and --help does not need it
     from cutenv.scoring import ReferenceSet
 
-_SUFFIXES = (".csv", ".parquet", ".h5", ".hdf5")
-
 
 @reports_errors("score")
 def main(argv: Sequence[str]) -> int:
@@ -51,6 +49,13 @@ def main(argv: Sequence[str]) -> int:
     elif not arguments.records:
         raise ValueError("give records of cuts, a folder of them, or --example to score a simulated cut.")
     records = read_records(arguments)
+    if line is not None:
+        without = [str(trace.metadata["name"]) for trace in records.traces if trace.blade_x is None]
+        if without:
+            raise ValueError(
+                f"--line: no places of the blade in {', '.join(without)}. Record blade_x and blade_y, from the middle "
+                "of the clamp, or leave the option out."
+            )
     aims, without_effect = targets(records.traces, target)
     for note in [*records.notes, *without_effect]:
         print(f"note: {note}", file=sys.stderr)
@@ -103,6 +108,7 @@ def reference_set(given: str) -> ReferenceSet | None:
     ValueError
         If it is none of these, or the folder holds too few cuts.
     """
+    from cutenv.commands.inputs import SUFFIXES
     from cutenv.recording import read_record
     from cutenv.scoring import ReferenceSet, score
     from cutenv.scoring.reference import FEWEST_REFERENCE_CUTS, SHIPPED_REFERENCES
@@ -118,7 +124,7 @@ def reference_set(given: str) -> ReferenceSet | None:
         names = ", ".join(SHIPPED_REFERENCES)
         raise ValueError(f"--reference {given!r} is neither {names} nor none, nor a file, nor a folder of records.")
     rows, units = [], set()
-    for file in sorted(each for each in path.iterdir() if each.suffix.lower() in _SUFFIXES):
+    for file in sorted(each for each in path.iterdir() if each.suffix.lower() in SUFFIXES):
         for trace in read_record(file).sound:
             metrics = score(trace).metrics
             rows.append((file.stem, {name: scored.value for name, scored in metrics.items()}))

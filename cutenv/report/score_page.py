@@ -13,7 +13,8 @@ from cutenv._base.unit_table import shown_unit
 from cutenv.report.page import number, write_page, write_text
 from cutenv.report.score_figure import score_figure, summary_figure
 from cutenv.scoring import DEPTH_METRICS, METRICS, PATH_METRICS, ScoreCard
-from cutenv.scoring.score_card import DISCLAIMER, DOUBT
+from cutenv.scoring.score_card import DISCLAIMER
+from cutenv.scoring.score_notes import DOUBT
 from cutenv.trace import Trace
 
 ON_TOP = {

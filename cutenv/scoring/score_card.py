@@ -7,40 +7,28 @@ import dataclasses
 import html
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-
 from cutenv.measurement import DepthProfile
-from cutenv.measurement.depth import LAYER_DEPTH_KEY, WANTED_DEPTH_KEY, depth_sd, wanted_depth
+from cutenv.measurement.depth import LAYER_DEPTH_KEY, WANTED_DEPTH_KEY, wanted_depth
 from cutenv.scoring.depth_map import DepthMap
 from cutenv.scoring.metric import DEPTH_METRICS, METRICS, PATH_METRICS, Metric, metric_named
 from cutenv.scoring.metric_weights import ForceOnlyWeights, weights_by_metric
 from cutenv.scoring.path_map import LINE_KEY, PathMap
 from cutenv.scoring.points import ScorePoints, outcome_of, task_points
 from cutenv.scoring.reference import ReferenceSet
+from cutenv.scoring.score_notes import doubted_depth, score_notes
 from cutenv.scoring.scored_cut import ScoredCut
 from cutenv.scoring.technique import TechniqueFault, technique_faults
-from cutenv.scoring.truth import ASIDE_AT_END, FLOOR_AT_END, TIP_AT_END, Truth
+from cutenv.scoring.truth import ASIDE_AT_END, TIP_AT_END, Truth
 from cutenv.scoring.unavailable import Unavailable
-from cutenv.scoring.validity import validity_warnings
 from cutenv.tissue import TissueDescription, measured_liver
 from cutenv.tissue.expected_cut import along_line
 from cutenv.tissue.lines import CutLine, through
 from cutenv.trace import Trace
 
 SCORE_SCHEMA = "cutenv-score/2"
-DOUBT = "doubtful"
-"""First word of a note on a record that can hardly be true."""
-EXPECTED_FLOOR = (
-    "floor of the cut: that of mean tissue under a blade that moved so, by an assumed edge; the surface as recorded"
-)
-"""Note on a record whose floor is not known but expected."""
-EXPECTED_CUT = "cut beside the line: that of mean tissue behind a blade that moved so, by the estimated tip"
-"""Note on a record whose cut is not known but expected."""
-_SAME_DEPTH = 1e-6  # [m]
-_LONG = 0.03  # [m], advance over which a real depth changes
 _ROUNDED_OFF = 1e-9  # rounding residue of a computed zero
 FEWEST_WEIGHT = 0.5
 """Weight of the leading metrics that must be known for an overall score: with less it would be another score."""
@@ -278,7 +266,7 @@ def score(
     if line is not None:
         trace = positions_along(line, trace)
     elif trace.metadata.get(LINE_KEY) is not None:
-        line = through(trace.metadata[LINE_KEY])
+        line = _noted_line(trace)
     cut = ScoredCut(
         trace=trace,
         line=line,
@@ -307,7 +295,7 @@ def score(
         no_score=no_score,
         reference="" if reference is None else f"{reference.name} ({len(reference)} cuts: {reference.about})",
         faults=faults,
-        notes=(*_notes(cut, points, outcome), *_doubted_depth(cut)),
+        notes=(*score_notes(cut, points, outcome), *doubted_depth(cut)),
         depth_map=_depth_map(cut),
         path_map=_path_map(cut),
     )
@@ -327,6 +315,14 @@ def _path_map(cut: ScoredCut) -> PathMap | None:
     with contextlib.suppress(Unavailable):
         return cut.path_map
     return None
+
+
+def _noted_line(trace: Trace) -> CutLine:
+    """Return the line that a record holds."""
+    try:
+        return through(trace.metadata[LINE_KEY])
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"metadata {LINE_KEY}: {error}") from None
 
 
 def positions_along(line: CutLine, trace: Trace) -> Trace:
@@ -389,54 +385,6 @@ def _scored(each: Metric, cut: ScoredCut, reference: ReferenceSet | None) -> Sco
     if not math.isfinite(value):
         return Scored(value=None, unavailable="it is not finite for this record")
     return Scored(value=value, percentile=None if reference is None else reference.percentile(each.name, value))
-
-
-def _notes(cut: ScoredCut, points: Sequence[ScorePoints], outcome: str) -> list[str]:
-    notes = [
-        {
-            "truth": "tip: the simulator's own",
-            "return stroke": "tip: from the return stroke, after which it is known to about 0.3 mm; estimated before",
-            "estimated": "tip: estimated, by the cut's own loading; median error 1 to 2 mm, one in ten above 5 mm",
-            "guessed": "tip: estimated with the stiffness of mean tissue; median error 2 mm, one in twenty above 7 mm",
-            "unknown": "tip: unknown; force alone is judged",
-        }["guessed" if cut.tip_source == "estimated" and cut.own_modulus is None else cut.tip_source]
-    ]
-    if cut.truth is None and cut.noted_end is not None:
-        notes.append("where the tip ended is the simulator's own")
-    if cut.trace.height is not None and cut.trace.depth is not None:
-        known = FLOOR_AT_END in cut.trace.metadata or (cut.truth is not None and cut.truth.floor is not None)
-        notes.append("floor of the cut: the simulator's own" if known else EXPECTED_FLOOR)
-    if cut.line is not None:
-        known = ASIDE_AT_END in cut.trace.metadata or (cut.truth is not None and cut.truth.aside is not None)
-        notes.append("cut beside the line: the simulator's own" if known else EXPECTED_CUT)
-    if not points:
-        notes.append("metrics, and no claim of skill")
-    counted = {each.part for each in points}
-    left = [] if outcome or not points else sorted(set(weights_by_metric(ForceOnlyWeights())) - counted)
-    if left:
-        notes.append(f"not counted, without a value or a reference: {', '.join(left)}")
-    sd = depth_sd(cut.trace)
-    if sd is not None:
-        notes.append(f"record: depth of cut measured to {1e3 * sd:.2f} mm (standard deviation)")
-    return notes + validity_warnings(cut.trace, cut.quality)
-
-
-def _doubted_depth(cut: ScoredCut) -> list[str]:
-    """Return a note if the depth never changes along a real cut: tissue is not so even, so nobody measured it."""
-    depth, position = cut.trace.depth, cut.trace.position
-    simulated = (
-        cut.truth is not None or cut.noted_end is not None or cut.trace.metadata.get("specimen_class") == "uniform"
-    )
-    if depth is None or position is None or simulated:
-        return []
-    advance = float(np.ptp(position))
-    if advance < _LONG or np.ptp(depth) > _SAME_DEPTH:
-        return []
-    return [
-        f"{DOUBT}: the depth of cut is {1e3 * float(depth[0]):.4g} mm at every reading of {100.0 * advance:.1f} cm. "
-        "Soft tissue bulges and is never so even: it was set, not measured, and tip, runs and points rest on it. "
-        "Give the depth along the cut: by caliper at some places, or from film (cutenv depth)"
-    ]
 
 
 def _shown(scored: Scored) -> str:

@@ -98,7 +98,7 @@ def simulator_like(rig: RigCutEnv, **arguments: Any) -> GentleCutEnv:
     return simulator
 
 
-class NoFaster:
+class SpeedLimited:
     """Policy as a rig obeys it: speeds beyond the greatest that is ever commanded there are reduced to it.
 
     Parameters
@@ -281,7 +281,7 @@ def paired_experiment(
     """
     in_range("specimens", specimens, FEWEST_SPECIMENS, 10_000, "1", "A dozen is a beginning.")
     in_range("draws", draws, 2, 100, "1", "Noise needs two simulated cuts or more.")
-    as_obeyed = policy if isinstance(policy, PrivilegedPolicy) else NoFaster(policy, top_speed(rig.settings))
+    as_obeyed = policy if isinstance(policy, PrivilegedPolicy) else SpeedLimited(policy, top_speed(rig.settings))
     simulated = simulate_cuts(simulator, as_obeyed, seed=seed, specimens=specimens, draws=draws, told=told)
     cuts, clock, between = cut_on_rig(rig, policy, seed=seed, specimens=specimens, told=told)
     return PairedCuts(simulator=simulated, rig=cuts, paired=rig.draws_specimens, clock=clock, between=between)

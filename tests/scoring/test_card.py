@@ -23,7 +23,8 @@ from cutenv.scoring.points import (
     WAY_POINTS,
 )
 from cutenv.scoring.reference import FEWEST_REFERENCE_CUTS
-from cutenv.scoring.score_card import DOUBT, FEWEST_WEIGHT
+from cutenv.scoring.score_card import FEWEST_WEIGHT
+from cutenv.scoring.score_notes import DOUBT
 from cutenv.scoring.truth import TIP_AT_END
 from cutenv.task_quantities import CLOSE, TIP_TOLERANCE
 from cutenv.trace import Trace

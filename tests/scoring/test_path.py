@@ -20,7 +20,7 @@ from cutenv.recording.line_file import read_line
 from cutenv.scoring import PATH_METRICS, score
 from cutenv.scoring.path_map import LINE_KEY, PathMap
 from cutenv.scoring.points import MAP_POINTS
-from cutenv.scoring.score_card import EXPECTED_CUT
+from cutenv.scoring.score_notes import EXPECTED_CUT
 from cutenv.scoring.truth import ASIDE_AT_END, TIP_AT_END
 from cutenv.task_quantities import LINE_LIMIT, PATH_COSTS
 from cutenv.tissue import measured_liver
@@ -156,6 +156,42 @@ def test_the_command_scores_beside_a_file_of_places_and_shows_it_on_its_page(pat
     assert set(PATH_METRICS) <= set(kept["metrics"])
     (again,) = load(tmp_path / "cut.csv")
     assert again.blade_x.tobytes() == trace.blade_x.tobytes()
+
+
+def test_a_tracked_blade_without_positions_is_scored_along_the_line(path_cut, tmp_path, capsys):
+    _, trace, cutting = path_cut
+    rows = [
+        f"{t},{f},{1e3 * x},{1e3 * y},{1e3 * d}"
+        for t, f, x, y, d in zip(trace.time, trace.force, trace.blade_x, trace.blade_y, trace.depth, strict=True)
+    ]
+    for name, columns in (("deep", 5), ("flat", 4)):
+        header = ["time_s", "force_N", "blade_x_mm", "blade_y_mm", "depth_mm"][:columns]
+        lines = [",".join(header), *(",".join(row.split(",")[:columns]) for row in rows)]
+        (tmp_path / f"{name}.csv").write_text("\n".join(lines), encoding="utf-8")
+    given = ["--line", "excision:110mm:15mm", "--target-length", "70mm", "--out", str(tmp_path)]
+    assert command.main([str(tmp_path / "deep.csv"), str(tmp_path / "flat.csv"), *given]) == 0
+    kept = {name: json.loads((tmp_path / f"{name}_score.json").read_text()) for name in ("deep", "flat")}
+    mean = kept["deep"]["metrics"]["mean_line_distance"]["value"]
+    assert mean == pytest.approx(1e-3 * cutting.path_errors["mean_distance_mm"], abs=0.15e-3)
+    assert EXPECTED_CUT in kept["deep"]["notes"]
+    assert kept["flat"]["metrics"]["mean_line_distance"]["unavailable"] == "depth was not recorded"
+    assert EXPECTED_CUT not in kept["flat"]["notes"], "without depth nobody knows the tip, and so not the cut"
+
+
+def test_one_record_without_places_stops_the_command_before_the_first_page(path_cut, tmp_path, capsys):
+    _, trace, _ = path_cut
+    save(trace, tmp_path / "a.csv")
+    save(dataclasses.replace(without(trace, LINE_KEY), blade_x=None, blade_y=None), tmp_path / "b.csv")
+    before = sorted(tmp_path.iterdir())
+    assert command.main([str(tmp_path), "--line", "straight", "--out", str(tmp_path)]) == 2
+    assert "no places of the blade in b." in capsys.readouterr().err
+    assert sorted(tmp_path.iterdir()) == before
+
+
+@pytest.mark.parametrize("places", [[[0, 0], [0.03, 0.002], [0.02, 0.003]], "arc", [[0.0, 0.0]]])
+def test_a_record_whose_own_line_is_none_is_refused_by_name(path_cut, places):
+    with pytest.raises(ValueError, match=r"^metadata line_m: "):
+        score(path_cut[1].with_metadata({**path_cut[1].metadata, LINE_KEY: places}))
 
 
 @pytest.mark.parametrize(
