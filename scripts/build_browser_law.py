@@ -75,13 +75,13 @@ def intermediate_code(task: str) -> str:
         from cutenv.cutting.dtypes import READING
         from cutenv.cutting.simulate import CUT
         from cutenv.task.cuts import EPISODE
-        from cutenv.task.depth_cuts import N_MEMORY
+        from cutenv.task.depth_cuts import DEPTH_STEP_MEMORY
         from cutenv.task.depth_terms import DEPTH
 
         library: Any = numba  # which has no types
         carray, pointer = library.carray, library.types.CPointer
-        kinds = CUT, EPISODE, READING, DESCENT, DEPTH, TABLES
-        cut, episode, reading, descent, depth, tables = (pointer(from_dtype(kind)) for kind in kinds)
+        kinds = CUT, EPISODE, READING, DESCENT, DEPTH, DEPTH_STEP_MEMORY, TABLES
+        cut, episode, reading, descent, depth, memories, tables = (pointer(from_dtype(kind)) for kind in kinds)
         number, single, real, whole = pointer(types.float64), pointer(types.float32), types.float64, types.int32
 
         def follow(
@@ -102,7 +102,7 @@ def intermediate_code(task: str) -> str:
             return follow_deep_stylus(
                 carray(cuts, (1,)), carray(episodes, (1,)), carray(descents, (1,)), carray(depths, (1,)),
                 carray(slabs, (1,)), carray(stylus, (count, 3)), lag, acceleration, start,
-                carray(memory, (N_MEMORY, 1)), carray(actions, (1, 3)), carray(observations, (1, 22)),
+                carray(memory, (1,)), carray(actions, (1, 3)), carray(observations, (1, 22)),
                 carray(readings, (count, 1)), carray(beside, (2, count)), carray(outcome, (2,)),
             )  # fmt: skip
 
@@ -110,8 +110,8 @@ def intermediate_code(task: str) -> str:
             "gentle": (follow, (cut, episode, number, whole, real, real, number, single, reading, number)),
             "depth": (
                 follow_deep,
-                (cut, episode, descent, depth, tables, number, whole, real, real, real, number, number, single, reading,
-                 number, number),
+                (cut, episode, descent, depth, tables, number, whole, real, real, real, memories, number, single,
+                 reading, number, number),
             ),
         }[task]  # fmt: skip
         with warnings.catch_warnings():

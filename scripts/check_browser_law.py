@@ -22,7 +22,7 @@ from cutenv.browser.depth_steps import HandDepthCut
 from cutenv.browser.page_alone import LAW_PROGRAMS, partial_depth_tables
 from cutenv.browser.stylus_steps import HandCut
 from cutenv.cutting.dtypes import READING
-from cutenv.task.depth_cuts import N_MEMORY
+from cutenv.task.depth_cuts import DEPTH_STEP_MEMORY
 
 CLASSES = ("uniform", "liver", "vascular", "mixed")
 MILLISECONDS = 12_000
@@ -58,7 +58,7 @@ class CompiledCut:
             state += [cut.descents, cut.depths]
             self._tables = [self._put(partial_depth_tables(cut.cutting.slabs).tobytes())]
             self._start = [float(cut.descents["level"][0])]
-            memory = [8 * N_MEMORY, 24, 88, 16]
+            memory = [DEPTH_STEP_MEMORY.itemsize, 24, 88, 16]
         self.records = [(self._put(each.tobytes()), each) for each in state]
         *self._memory, self._outcome = (self._put(bytes(size)) for size in memory)
 

@@ -33,7 +33,7 @@ from cutenv.scoring import points
 from cutenv.scoring.even_samples import BANDWIDTH, RATE, SHORTEST_FORCE
 from cutenv.task.assessment import NEAR_TARGET
 from cutenv.task.cuts import EPISODE
-from cutenv.task.depth_cuts import N_MEMORY
+from cutenv.task.depth_cuts import DEPTH_STEP_MEMORY
 from cutenv.task.depth_terms import DEPTH, DEPTH_ENDS, DEPTH_TERMS, DESCENT_SCALE
 from cutenv.task.reward import FORCE_ALLOWED, TERMS, TIME_AT_REST
 from cutenv.task_quantities import (
@@ -204,7 +204,7 @@ def _task_data(task: str) -> dict[str, Any]:
     return {
         "numbers": kind.stylus_numbers,
         "records": ("cut", "episode", "descent", "depth"),
-        "memory": [8 * N_MEMORY, *memory],
+        "memory": [DEPTH_STEP_MEMORY.itemsize, *memory],
         "tables": _base64(partial_depth_tables(measured_liver().slab()).tobytes()),
     }
 
