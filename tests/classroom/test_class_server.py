@@ -101,7 +101,7 @@ def test_a_cut_along_a_wanted_depth_is_repeated_scored_and_kept(tmp_path: Path) 
     (path,) = (room.lesson.folder / "P01").glob("*.csv")
     trace = load_one(path)
     assert trace.height is not None
-    assert trace.height.tobytes() == made.levels.tobytes()
+    assert trace.height.tobytes() == made.beside[0].tobytes()
     assert {name: trace.metadata[name] for name in made.noted} == made.noted
     other = client.post("/cuts").json()
     flat = client.post(f"/cuts/{other['id']}", content=hand(1001).tobytes(), **sent)
