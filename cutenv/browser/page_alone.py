@@ -49,7 +49,7 @@ from cutenv.task_quantities import (
     TIP_TOLERANCE,
 )
 from cutenv.tissue import measured_liver
-from cutenv.tissue.drawn_lines import KINDS, kind_of
+from cutenv.tissue.drawn_lines import KINDS
 from cutenv.tissue.slab import SLAB
 from cutenv.tissue.specimen import CLASSES, LENGTH, SPACING
 from cutenv.trace import SPEED_WINDOW
@@ -240,7 +240,7 @@ def specimen_data(
     key: dict[str, Any] = {"specimen_class": specimen_class, "seed": seed, "episode": episode}
     of_task: dict[str, Any] = {} if line is None else {"line": line}
     cut = HAND_CUTS[task](**key, **of_task, target_length=target_length)
-    told = {"line": kind_of(int(cut.paths["line"][0]))} if isinstance(cut, HandPathCut) else {}
+    told = {"line": cut.noted["line"]} if isinstance(cut, HandPathCut) else {}
     records = {name: _base64(record.tobytes()) for name, record in cut.records.items()}
     return {"task": task} | key | told | {"records": records, "facts": cut.facts}
 

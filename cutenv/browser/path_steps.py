@@ -23,6 +23,7 @@ from cutenv.task.map_steps import REMEMBERED
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, SPEED_SCALE, speed_action
 from cutenv.task.path_cutting import PathCutting
 from cutenv.task.path_terms import ALL_PATH_COMPONENTS, PATH_ENDS, PATH_MAP, TURN_SCALE
+from cutenv.tissue.drawn_lines import kind_of
 
 N_PATH_MEMORY = REMEMBERED + 1
 """Numbers that a millisecond has to remember."""
@@ -168,8 +169,9 @@ class HandPathCut(HandCut):
 
     @property
     def noted(self) -> dict[str, Any]:
-        """Notes of a record on this cut, by key of its metadata: environment, errors, line, cut beside it."""
-        return {"environment": "cutenv/PathCut-v1", **self.cutting.noted_path}
+        """Notes of a record on this cut, by key of its metadata: environment, kind of line, errors, line, cut."""
+        line = kind_of(int(self.paths["line"][0]))
+        return {"environment": "cutenv/PathCut-v1", "line": line, **self.cutting.noted_path}
 
     def _follow(self, places: Array, readings: StructArray, beside: Array, outcome: Array) -> int:
         done: int = follow_steered_stylus(

@@ -45,7 +45,7 @@ class Plan {
     drawing.strokes([this.pixels(line.slice(0, target + 1))], colour.target, 1.6, [5, 5]);
     drawing.strokes([this.pixels(line.slice(target))], colour.quiet, 1, [3, 3]);
     this.drawTarget(words);
-    if (path.cut.length > 1) drawing.strokes([this.pixels(truth ? places : this.givenWay(places))], colour.gap, 3);
+    if (path.cut.length > 1) drawing.strokes([this.pixels(truth ? places : this.givenWay(places))], colour.gap, truth ? 1.6 : 3);
     if (truth) drawing.strokes([this.pixels([path.tip, path.blade])], colour.quiet);
     const [ahead, across] = path.heading, { scale } = drawing;
     const turned = (at, rows) => rows.map(([a, b]) => [at[0] + a * ahead - b * across, at[1] + a * across + b * ahead]);
