@@ -39,6 +39,7 @@ from cutenv.tissue.grid import depth_below
 from cutenv.trace import Trace
 
 DEFAULT = Path("runs") / "measure_page.json"
+WHERE = {"gentle": "at constant height", "depth": "along a wanted depth", "path": "along a drawn line"}
 BROWSERS = {"Chromium": chromium, "Firefox": firefox}
 TIMED = """(() => {
   const kept = { pictures: [], drawing: [], delays: [] }, native = requestAnimationFrame;
@@ -173,11 +174,13 @@ def pictures(page: chromium.Browser | firefox.Browser, seconds: float) -> dict[s
 
 def measure(cuts: int, seconds: float) -> dict[str, Any]:
     """Measure in every browser that is installed; the scores in one of them."""
-    kept: dict[str, Any] = {"pictures": {}, "cuts": cuts, "off_truth": {}, "off_record": {}}
+    kept: dict[str, Any] = {"pictures": {}, "cuts": cuts, "off_truth": {}, "off_record": {}, "bytes": {}}
     installed = {name: browser for name, browser in BROWSERS.items() if browser.PROGRAM is not None}
     if not installed:
         raise SystemExit("no browser: apt-get install chromium firefox-esr")
     with tempfile.TemporaryDirectory() as folder:
+        for task in HAND_CUTS:
+            kept["bytes"][task] = write_page_alone(Path(folder) / f"{task}.html", tasks=(task,))
         path = Path(folder) / "cut.html"
         write_page_alone(path, count=1, tasks=tuple(HAND_CUTS))
         for name, browser in installed.items():
@@ -187,6 +190,8 @@ def measure(cuts: int, seconds: float) -> dict[str, Any]:
                 for width in (1100, 400):
                     page.open(path, width)
                     kept["pictures"][f"{name}, {width} px"] = pictures(page, seconds)
+                page.open(Path(folder) / "path.html", 1100)
+                kept["pictures"][f"{name}, 1100 px, along a line"] = pictures(page, seconds)
         profile.mkdir(exist_ok=True)
         with browser.browser(profile) as page:
             page.open(path, 1100)
@@ -212,13 +217,11 @@ def markdown(kept: dict[str, Any]) -> str:
         f"In {kept['cuts']} seeded cuts {where} the page's score differs from Python's by the true tip by "
         f"{kept['off_truth'][task]:.0e} points at most. From that of `cutenv score`, by the record alone, it differs "
         f"by {off[0]:.1f} points in the median, and by {off[1]:.1f} at most in 95 % of the cuts."
-        for task, where in (
-            ("gentle", "at constant height"),
-            ("depth", "along a wanted depth"),
-            ("path", "along a drawn line"),
-        )
+        for task, where in WHERE.items()
         for off in [kept["off_record"][task]]
     ]
+    sizes = ", ".join(f"{kept['bytes'][task] / 1e6:.1f} MB {where}" for task, where in WHERE.items())
+    sentences.append(f"A page of twelve specimens has {sizes}.")
     return f"{markdown_table(columns, rows)}\n\n" + "\n".join(sentences)
 
 
