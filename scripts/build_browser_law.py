@@ -1,6 +1,6 @@
 """Build the laws of the page: WebAssembly from the kernels that Python runs, assets/browser.
 
-    python scripts/build_browser_law.py              # build those of gentle cutting and of cutting along a wanted depth
+    python scripts/build_browser_law.py              # build those of all tasks
     python scripts/build_browser_law.py --check      # build them and compare with those that are kept; 1 if one differs
     python scripts/build_browser_law.py --out FOLDER # build them elsewhere
     python scripts/build_browser_law.py --task depth # build one of them
@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any
 
 BUILT = Path(__file__).parents[1] / "assets" / "browser"
-PROGRAMS = {"gentle": "law.wasm", "depth": "depth_law.wasm"}
+PROGRAMS = {"gentle": "law.wasm", "depth": "depth_law.wasm", "path": "path_law.wasm"}
 """Program of each task."""
 _ENTRY = "follow"
 _LAYOUT = "e-m:e-p:32:32-p10:8:8-p20:8:8-i64:64-i128:128-n32:64-S128-ni:1:10:20"  # of data, for wasm32
@@ -70,18 +70,24 @@ def intermediate_code(task: str) -> str:
 
         from cutenv.browser.depth_steps import follow_deep_stylus
         from cutenv.browser.page_alone import TABLES
+        from cutenv.browser.path_steps import follow_steered_stylus
         from cutenv.browser.stylus_steps import follow_stylus
         from cutenv.cutting.descent import DESCENT
         from cutenv.cutting.dtypes import READING
         from cutenv.cutting.simulate import CUT
+        from cutenv.cutting.steering import STEERING
         from cutenv.task.cuts import EPISODE
         from cutenv.task.depth_cuts import DEPTH_STEP_MEMORY
         from cutenv.task.depth_terms import DEPTH
+        from cutenv.task.path_cuts import PATH_STEP_MEMORY
+        from cutenv.task.path_terms import PATH_MAP
 
         library: Any = numba  # which has no types
         carray, pointer = library.carray, library.types.CPointer
-        kinds = CUT, EPISODE, READING, DESCENT, DEPTH, DEPTH_STEP_MEMORY, TABLES
-        cut, episode, reading, descent, depth, memories, tables = (pointer(from_dtype(kind)) for kind in kinds)
+        kinds = CUT, EPISODE, READING, DESCENT, DEPTH, DEPTH_STEP_MEMORY, TABLES, STEERING, PATH_MAP, PATH_STEP_MEMORY
+        cut, episode, reading, descent, depth, levels, tables, steering, path, places = (
+            pointer(from_dtype(kind)) for kind in kinds
+        )
         number, single, real, whole = pointer(types.float64), pointer(types.float32), types.float64, types.int32
 
         def follow(
@@ -106,12 +112,28 @@ def intermediate_code(task: str) -> str:
                 carray(readings, (count, 1)), carray(beside, (2, count)), carray(outcome, (2,)),
             )  # fmt: skip
 
+        def follow_steered(
+            cuts: Any, episodes: Any, steerings: Any, paths: Any, stylus: Any, count: Any, lag: Any, acceleration: Any,
+            memory: Any, actions: Any, observations: Any, readings: Any, beside: Any, outcome: Any,
+        ) -> Any:  # fmt: skip
+            return follow_steered_stylus(
+                carray(cuts, (1,)), carray(episodes, (1,)), carray(steerings, (1,)), carray(paths, (1,)),
+                carray(stylus, (count, 3)), lag, acceleration, carray(memory, (1,)),
+                carray(actions, (1, 3)), carray(observations, (1, 28)), carray(readings, (count, 1)),
+                carray(beside, (3, count)), carray(outcome, (2,)),
+            )  # fmt: skip
+
         entry, arguments = {
             "gentle": (follow, (cut, episode, number, whole, real, real, number, single, reading, number)),
             "depth": (
                 follow_deep,
-                (cut, episode, descent, depth, tables, number, whole, real, real, real, memories, number, single,
+                (cut, episode, descent, depth, tables, number, whole, real, real, real, levels, number, single,
                  reading, number, number),
+            ),
+            "path": (
+                follow_steered,
+                (cut, episode, steering, path, number, whole, real, real, places, number, single, reading, number,
+                 number),
             ),
         }[task]  # fmt: skip
         with warnings.catch_warnings():

@@ -1,9 +1,9 @@
 """Cut a thousand specimens twice, in Python and in the WebAssembly of the page, and compare every byte.
 
-    python scripts/check_browser_law.py [--cuts 1000] [--task depth]    some minutes
+    python scripts/check_browser_law.py [--cuts 1000] [--task path]    some minutes
 
-Specimens of all classes in turn; seeded hands that go forward and back, pause and tilt, and where a depth is wanted up
-and down.  Compared are all readings and the whole state of cut and task at the end.
+Specimens of all classes in turn; seeded hands that go forward and back, pause and tilt, where a depth is wanted up and
+down, and along a line to either side.  Compared are all readings and the whole state of cut and task at the end.
 """
 
 from __future__ import annotations
@@ -19,17 +19,14 @@ from tqdm import tqdm
 
 from cutenv._base import resources
 from cutenv.browser.depth_steps import HandDepthCut
-from cutenv.browser.page_alone import LAW_PROGRAMS, partial_depth_tables
+from cutenv.browser.page_alone import HAND_CUTS, LAW_PROGRAMS, partial_depth_tables
+from cutenv.browser.path_steps import HandPathCut
 from cutenv.browser.stylus_steps import HandCut
 from cutenv.cutting.dtypes import READING
-from cutenv.task.depth_cuts import DEPTH_STEP_MEMORY
+from cutenv.tissue.grid import depth_below
 
 CLASSES = ("uniform", "liver", "vascular", "mixed")
 MILLISECONDS = 12_000
-
-
-CUTS = {"gentle": HandCut, "depth": HandDepthCut}
-"""Cut of each task in Python."""
 
 
 class CompiledCut:
@@ -42,7 +39,7 @@ class CompiledCut:
     """
 
     def __init__(self, cut: HandCut, program: bytes | None = None) -> None:
-        task = "depth" if isinstance(cut, HandDepthCut) else "gentle"
+        task = next(name for name, kind in HAND_CUTS.items() if type(cut) is kind)
         self._store = wasmtime.Store(_ENGINE)
         module = CARRIED[task] if program is None else wasmtime.Module(_ENGINE, program)
         instance = wasmtime.Instance(self._store, module, [])
@@ -50,16 +47,15 @@ class CompiledCut:
         self._hand = cut.hand
         begin: Any = self._exports["__heap_base"]
         self._next: int = begin.value(self._store)
-        state = [cut.cuts, cut.episodes]
         self._tables: list[int] = []
         self._start: list[float] = []
-        memory = [16, 48, 16]  # action, observation, outcome
         if isinstance(cut, HandDepthCut):
-            state += [cut.descents, cut.depths]
             self._tables = [self._put(partial_depth_tables(cut.cutting.slabs).tobytes())]
             self._start = [float(cut.descents["level"][0])]
-            memory = [DEPTH_STEP_MEMORY.itemsize, 24, 88, 16]
-        self.records = [(self._put(each.tobytes()), each) for each in state]
+        self._beside = len(cut.beside_fields)
+        memory = [] if cut.memory is None else [cut.memory.itemsize]
+        memory += [8 * cut.stylus_numbers, 4 * len(cut.components), 16]  # action, observation, outcome
+        self.records = [(self._put(each.tobytes()), each) for each in cut.records.values()]
         *self._memory, self._outcome = (self._put(bytes(size)) for size in memory)
 
     def _put(self, content: bytes) -> int:
@@ -72,15 +68,15 @@ class CompiledCut:
         return place
 
     def follow(self, stylus: Any) -> tuple[bytes, bytes]:
-        """Advance by a millisecond for each row of ``stylus``; return readings, and level and vertical force."""
+        """Advance by a millisecond for each row of ``stylus``; return readings, and what is beside them."""
         places, readings = self._put(stylus.tobytes()), self._put(bytes(READING.itemsize * len(stylus)))
-        beside = [self._put(bytes(16 * len(stylus)))] if self._tables else []
+        beside = [self._put(bytes(8 * self._beside * len(stylus)))] if self._beside else []
         done = self._exports["follow"](
             self._store, *(place for place, _ in self.records), *self._tables, places, len(stylus),
             self._hand.motor_lag, self._hand.acceleration, *self._start, *self._memory, readings, *beside,
             self._outcome,
         )  # fmt: skip
-        told = b"".join(self.bytes_at(beside[0] + 8 * row * len(stylus), 8 * done) for row in range(2 * len(beside)))
+        told = b"".join(self.bytes_at(beside[0] + 8 * row * len(stylus), 8 * done) for row in range(self._beside))
         return self.bytes_at(readings, READING.itemsize * done), told
 
     def bytes_at(self, place: int, size: int) -> bytes:
@@ -95,17 +91,22 @@ CARRIED = {
 """The programs that the page carries."""
 
 
-def wandering(seed: int, count: int = MILLISECONDS, numbers: int = 2) -> Any:
-    """Return a seeded hand that goes forward and back, pauses and tilts, and with a third number up and down.
+def wandering(cut: HandCut, seed: int, count: int = MILLISECONDS) -> Any:
+    """Return a seeded hand that goes forward and back, pauses and tilts; also up and down, or beside a line.
 
-    Position [m], angle [rad] and level of the blade above that at the start [m], shape (n, ``numbers``).
+    Position [m], angle [rad], and level of the blade above that at the start, or place across [m]; shape (n,
+    ``cut.stylus_numbers``).
     """
     random = np.random.default_rng(seed)
     steps = random.uniform(-0.6, 1.0, count // 200 + 1) * (random.random(count // 200 + 1) < 0.9)
     angles = random.uniform(0.7, 1.65, count // 300 + 1).repeat(300)[:count]
-    levels = np.cumsum(random.uniform(-1.0, 1.0, count // 250 + 1).repeat(250)[:count] * 1e-5)
+    aside = np.cumsum(random.uniform(-1.0, 1.0, count // 250 + 1).repeat(250)[:count] * 1e-5).clip(-0.02, 0.02)
     places = np.clip(np.cumsum(steps.repeat(200)[:count] * 3e-5), 0.0, 0.149)
-    return np.stack([places, angles, np.clip(levels, -0.02, 0.02)][:numbers], axis=-1)
+    if isinstance(cut, HandPathCut):
+        line = cut.cutting.line
+        aside = depth_below(line.y, places) + 0.25 * aside
+        places = depth_below(line.x, places)
+    return np.stack([places, angles, aside][: cut.stylus_numbers], axis=-1)
 
 
 def same(cut: HandCut, stylus: Any, program: bytes | None = None) -> bool:
@@ -113,23 +114,22 @@ def same(cut: HandCut, stylus: Any, program: bytes | None = None) -> bool:
     compiled = CompiledCut(cut, program)
     readings, beside = compiled.follow(stylus)
     known = cut.follow(stylus).tobytes()
-    told = np.stack([cut.levels, cut.vertical_force]).tobytes() if isinstance(cut, HandDepthCut) else b""
     state = all(compiled.bytes_at(place, record.nbytes) == record.tobytes() for place, record in compiled.records)
-    return readings == known and beside == told and state
+    return readings == known and beside == cut.beside.tobytes() and state
 
 
 def main() -> int:
     """Compare; return 1 if a cut differs."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cuts", type=int, default=1000, metavar="N", help="number of cuts; default 1000")
-    parser.add_argument("--task", choices=CUTS, default="gentle", help="task to cut; default gentle")
+    parser.add_argument("--task", choices=HAND_CUTS, default="gentle", help="task to cut; default gentle")
     arguments = parser.parse_args()
     ends: Counter[str] = Counter()
     different = []
     milliseconds = 0
     for seed in tqdm(range(arguments.cuts), unit="cut", disable=None):
-        cut = CUTS[arguments.task](specimen_class=CLASSES[seed % len(CLASSES)], seed=seed)
-        if not same(cut, wandering(seed, numbers=cut.stylus_numbers)):
+        cut = HAND_CUTS[arguments.task](specimen_class=CLASSES[seed % len(CLASSES)], seed=seed)
+        if not same(cut, wandering(cut, seed)):
             different.append(seed)
         ends[cut.end or "still going on"] += 1
         milliseconds += int(cut.cuts["states"]["tick"][0, 0])

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import base64
+import contextlib
 import json
 import tempfile
 import time
@@ -27,11 +28,18 @@ from tqdm import tqdm
 from cutenv.browser import HandCut, write_page_alone
 from cutenv.browser.depth_steps import HandDepthCut
 from cutenv.browser.page_alone import HAND_CUTS, OFFERED, specimen_data
+from cutenv.browser.path_steps import HandPathCut
 from cutenv.scoring import Truth, score
+from cutenv.scoring.metric import METRICS, PATH_METRICS
+from cutenv.scoring.points import task_points
+from cutenv.scoring.scored_cut import ScoredCut
 from cutenv.scoring.truth import TIP_AT_END
+from cutenv.scoring.unavailable import Unavailable
 from cutenv.tissue.grid import depth_below
+from cutenv.trace import Trace
 
 DEFAULT = Path("runs") / "measure_page.json"
+WHERE = {"gentle": "at constant height", "depth": "along a wanted depth", "path": "along a drawn line"}
 BROWSERS = {"Chromium": chromium, "Firefox": firefox}
 TIMED = """(() => {
   const kept = { pictures: [], drawing: [], delays: [] }, native = requestAnimationFrame;
@@ -66,7 +74,8 @@ def led(cut: HandCut, seed: int) -> list[list[float]]:
     """Lead a cut by a seeded hand, and return its movements: position [m] and angle [rad] of every millisecond.
 
     It goes to the target, turns upright before it, draws back until little pulls, and rests; one in four gives up.
-    Along a wanted depth, the third number is the level above that at the start [m], off the wanted one by millimetres.
+    Along a wanted depth, the third number is the level above that at the start [m], along a line the place across [m];
+    both are off the wanted one by about a millimetre.
     """
     random = np.random.default_rng(seed)
     speed, lean = random.uniform(0.004, 0.025), random.uniform(0.8, 0.5 * np.pi)
@@ -76,6 +85,7 @@ def led(cut: HandCut, seed: int) -> list[list[float]]:
     back = False
     stylus: list[list[float]] = []
     shown = cut.cutting.shown_depth if isinstance(cut, HandDepthCut) else None
+    line = cut.cutting.line if isinstance(cut, HandPathCut) else None
     off = random.normal(0.0, 0.001)
     while not cut.end and len(stylus) < patience:
         blade = float(cut.cuts["states"]["blade"][0, 0])
@@ -83,8 +93,12 @@ def led(cut: HandCut, seed: int) -> list[list[float]]:
         pace = speed if not back else -0.004 if force > 0.25 else 0.0
         angle = lean if blade < cut.target_length - 0.012 else 0.5 * np.pi
         level = () if shown is None else (float(depth_below(shown.wanted, blade)) - shown.level + off,)
-        block = [[min(max(at + 1e-3 * pace * k, 0.0), 0.149), angle, *level] for k in range(1, 21)]
-        at = block[-1][0]
+        ways = [min(max(at + 1e-3 * pace * k, 0.0), 0.149) for k in range(1, 21)]
+        block = [[way, angle, *level] for way in ways]
+        if line is not None:
+            place, aside = (depth_below(each, np.array(ways)).tolist() for each in (line.x, line.y))
+            block = [[x, angle, y + off] for x, y in zip(place, aside, strict=True)]
+        at = ways[-1]
         readings = cut.follow(block)
         stylus += block[: len(readings)]
         force = float(readings["force"][-10:].mean())
@@ -99,16 +113,34 @@ def scores(page: chromium.Browser | firefox.Browser, seed: int, task: str = "gen
     again = HAND_CUTS[task](**key)
     readings = again.follow(stylus)
     facts = {"end": again.end or "given up", TIP_AT_END: round(float(readings["tip"][-1]), 6)}
-    noted, floor = (again.noted, again.cutting.floor_to_tip) if isinstance(again, HandDepthCut) else ({}, None)
-    trace = again.trace(readings, **facts, **noted)
+    trace = again.trace(readings, **facts, **again.noted)
     # There are no points for the resistance.
-    truth = Truth(tip=readings["tip"], jump=readings["jump"], resistance=200.0, floor=floor)
-    known, estimated = (score(trace, target_length=again.target_length, truth=each) for each in (truth, None))
-    assert known.overall_score is not None, known.no_score
+    truth = Truth(
+        tip=readings["tip"], jump=readings["jump"], resistance=200.0,
+        floor=again.cutting.floor_to_tip if isinstance(again, HandDepthCut) else None,
+        aside=again.cutting.aside_to_tip if isinstance(again, HandPathCut) else None,
+    )  # fmt: skip
+    if isinstance(again, HandPathCut):
+        exact = points_beside(again, trace, truth)
+    else:
+        known = score(trace, target_length=again.target_length, truth=truth)
+        assert known.overall_score is not None, known.no_score
+        exact = known.overall_score
+    estimated = score(trace, target_length=again.target_length)
     assert estimated.overall_score is not None, estimated.no_score
     packed = base64.b64encode(stylus.astype("<f8").tobytes()).decode()
     shown = page.value(CUT % (packed, json.dumps(specimen_data(**key, task=task))))
-    return float(shown), known.overall_score, estimated.overall_score
+    return float(shown), exact, estimated.overall_score
+
+
+def points_beside(cut: HandPathCut, trace: Trace, truth: Truth) -> float:
+    """Return the points of a cut beside its own line; a record's is one through rounded places."""
+    scored = ScoredCut(trace=trace, target_length=cut.target_length, truth=truth, line=cut.cutting.line)
+    values = {}
+    for each in (METRICS | PATH_METRICS).values():
+        with contextlib.suppress(Unavailable):
+            values[each.name] = each.function(scored)
+    return sum(each.points for each in task_points(scored, values))
 
 
 def pictures(page: chromium.Browser | firefox.Browser, seconds: float) -> dict[str, Any]:
@@ -142,11 +174,13 @@ def pictures(page: chromium.Browser | firefox.Browser, seconds: float) -> dict[s
 
 def measure(cuts: int, seconds: float) -> dict[str, Any]:
     """Measure in every browser that is installed; the scores in one of them."""
-    kept: dict[str, Any] = {"pictures": {}, "cuts": cuts, "off_truth": {}, "off_record": {}}
+    kept: dict[str, Any] = {"pictures": {}, "cuts": cuts, "off_truth": {}, "off_record": {}, "bytes": {}}
     installed = {name: browser for name, browser in BROWSERS.items() if browser.PROGRAM is not None}
     if not installed:
         raise SystemExit("no browser: apt-get install chromium firefox-esr")
     with tempfile.TemporaryDirectory() as folder:
+        for task in HAND_CUTS:
+            kept["bytes"][task] = write_page_alone(Path(folder) / f"{task}.html", tasks=(task,))
         path = Path(folder) / "cut.html"
         write_page_alone(path, count=1, tasks=tuple(HAND_CUTS))
         for name, browser in installed.items():
@@ -156,6 +190,8 @@ def measure(cuts: int, seconds: float) -> dict[str, Any]:
                 for width in (1100, 400):
                     page.open(path, width)
                     kept["pictures"][f"{name}, {width} px"] = pictures(page, seconds)
+                page.open(Path(folder) / "path.html", 1100)
+                kept["pictures"][f"{name}, 1100 px, along a line"] = pictures(page, seconds)
         profile.mkdir(exist_ok=True)
         with browser.browser(profile) as page:
             page.open(path, 1100)
@@ -181,9 +217,11 @@ def markdown(kept: dict[str, Any]) -> str:
         f"In {kept['cuts']} seeded cuts {where} the page's score differs from Python's by the true tip by "
         f"{kept['off_truth'][task]:.0e} points at most. From that of `cutenv score`, by the record alone, it differs "
         f"by {off[0]:.1f} points in the median, and by {off[1]:.1f} at most in 95 % of the cuts."
-        for task, where in (("gentle", "at constant height"), ("depth", "along a wanted depth"))
+        for task, where in WHERE.items()
         for off in [kept["off_record"][task]]
     ]
+    sizes = ", ".join(f"{kept['bytes'][task] / 1e6:.1f} MB {where}" for task, where in WHERE.items())
+    sentences.append(f"A page of twelve specimens has {sizes}.")
     return f"{markdown_table(columns, rows)}\n\n" + "\n".join(sentences)
 
 

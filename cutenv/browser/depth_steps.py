@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import dataclasses
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from cutenv._base.arrays import Array, StructArray
 from cutenv._engine.jit import njit
 from cutenv.browser.stylus_steps import HandCut
+from cutenv.cutting.descent import DESCENT
 from cutenv.envs.depth_cut import DepthCutEnv
 from cutenv.play.hand_model import descent_toward, speed_over
 from cutenv.task.depth_cuts import DEPTH_STEP_MEMORY, step_depth_one
 from cutenv.task.depth_cutting import DepthCutting
-from cutenv.task.depth_terms import ALL_COMPONENTS
+from cutenv.task.depth_terms import ALL_COMPONENTS, DEPTH, DEPTH_ENDS
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, speed_action
-from cutenv.trace import Trace
 
 
 @njit
@@ -85,14 +84,17 @@ class HandDepthCut(HandCut):
 
     environment = DepthCutEnv
     components = ALL_COMPONENTS
+    record_kinds: ClassVar[dict[str, np.dtype[Any]]] = HandCut.record_kinds | {"descent": DESCENT, "depth": DEPTH}
+    ends = DEPTH_ENDS
     stylus_numbers = 3
     """Numbers of the hand in each millisecond: position [m], angle [rad], level above that at the start [m]."""
+
+    memory = DEPTH_STEP_MEMORY
+    beside_fields = ("height", "vertical_force")
 
     def __init__(self, **keywords: Any) -> None:
         super().__init__(**keywords)
         self._start = float(self.descents["level"][0])
-        self._memory = np.zeros(1, DEPTH_STEP_MEMORY)
-        self._beside: list[Array] = []
 
     @property
     def cutting(self) -> DepthCutting:
@@ -112,31 +114,24 @@ class HandDepthCut(HandCut):
         return self.cutting.depths
 
     @property
+    def records(self) -> dict[str, StructArray]:
+        """Records of its whole state by name, each of shape (1,)."""
+        return super().records | {"descent": self.descents, "depth": self.depths}
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """Wanted depth and layer below, by key of a record's metadata."""
+        return self.cutting.given_depth
+
+    @property
     def noted(self) -> dict[str, Any]:
         """Notes of a record on this cut, by key of its metadata: environment, errors, wanted depth, layer, floor."""
         return {"environment": "cutenv/DepthCut-v1", **self.cutting.noted_depth}
 
-    @property
-    def levels(self) -> Array:
-        """Level of the blade at every reading so far [m]."""
-        return np.concatenate([np.zeros(0), *(part[0] for part in self._beside)])
-
-    @property
-    def vertical_force(self) -> Array:
-        """True vertical force on the blade at every reading so far, upwards [N]."""
-        return np.concatenate([np.zeros(0), *(part[1] for part in self._beside)])
-
-    def _follow(self, places: Array, readings: StructArray, outcome: Array) -> int:
-        beside = np.zeros((2, len(places)))
+    def _follow(self, places: Array, readings: StructArray, beside: Array, outcome: Array) -> int:
         done: int = follow_deep_stylus(
             self.cuts, self.episodes, self.descents, self.depths, self.cutting.slabs, places, self.hand.motor_lag,
             self.hand.acceleration, self._start, self._memory, self._action, self._observation, readings, beside,
             outcome,
         )  # fmt: skip
-        self._beside.append(beside[:, :done])
         return done
-
-    def trace(self, readings: StructArray, **metadata: object) -> Trace:
-        """Return all readings of this cut, shape (n,), as a rig with a height axis would have recorded them."""
-        trace = super().trace(readings, **metadata)
-        return dataclasses.replace(trace, height=self.levels, vertical_force=self.vertical_force)

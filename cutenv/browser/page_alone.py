@@ -22,50 +22,54 @@ from cutenv._base.document import render
 from cutenv._base.languages import LANGUAGES, texts_by_key
 from cutenv._base.validation import in_range, one_of
 from cutenv.browser.depth_steps import HandDepthCut
+from cutenv.browser.path_steps import HandPathCut
 from cutenv.browser.stylus_steps import HandCut
-from cutenv.cutting.descent import DESCENT
 from cutenv.cutting.dtypes import READING
-from cutenv.cutting.simulate import CUT
 from cutenv.measurement.strokes import STANDSTILL_SPEED
 from cutenv.play.devices import INCLINED, LEAD, LEVEL_REACH, LOWERED_BY_NOTCH, NOTCH, TRAVEL
 from cutenv.play.hand_model import PLAYED_HAND
 from cutenv.scoring import points
 from cutenv.scoring.even_samples import BANDWIDTH, RATE, SHORTEST_FORCE
 from cutenv.task.assessment import NEAR_TARGET
-from cutenv.task.cuts import EPISODE
-from cutenv.task.depth_cuts import DEPTH_STEP_MEMORY
-from cutenv.task.depth_terms import DEPTH, DEPTH_ENDS, DEPTH_TERMS, DESCENT_SCALE
+from cutenv.task.depth_terms import DEPTH_TERMS, DESCENT_SCALE
+from cutenv.task.path_terms import PATH_TERMS
 from cutenv.task.reward import FORCE_ALLOWED, TERMS, TIME_AT_REST
 from cutenv.task_quantities import (
     ANGLE_TOLERANCE,
     CLOSE,
     DEPTH_TOLERANCE,
+    FARTHEST_TOLERANCE,
     FORCE_LIMIT_PER_DEPTH,
     LAYER_LIMIT,
     LAYER_TOLERANCE,
+    LINE_LIMIT,
+    LINE_TOLERANCE,
     OVERSHOOT_ALLOWED,
     SHALLOWEST,
     TIP_TOLERANCE,
 )
 from cutenv.tissue import measured_liver
+from cutenv.tissue.drawn_lines import KINDS
 from cutenv.tissue.slab import SLAB
 from cutenv.tissue.specimen import CLASSES, LENGTH, SPACING
 from cutenv.trace import SPEED_WINDOW
 from cutenv.viewer.drawn_slab import Slab
 from cutenv.viewer.scene_parts import WORDS, scene_data
 
-LAW_PROGRAMS = {"gentle": "browser/law.wasm", "depth": "browser/depth_law.wasm"}
+LAW_PROGRAMS = {"gentle": "browser/law.wasm", "depth": "browser/depth_law.wasm", "path": "browser/path_law.wasm"}
 """The compiled tasks, below ``assets``."""
 TABLES: np.dtype[Any] = np.dtype((np.record, [(name, SLAB[name]) for name in ("ratio", "share")]))
 """Part of a slab that the law needs while a blade descends: its table of partial depth."""
-HAND_CUTS: dict[str, type[HandCut]] = {"gentle": HandCut, "depth": HandDepthCut}
+HAND_CUTS: dict[str, type[HandCut]] = {"gentle": HandCut, "depth": HandDepthCut, "path": HandPathCut}
 """Cut of each task, in Python."""
 OFFERED = ("liver", "uniform", "vascular")
 """Classes of specimens that a page offers by default."""
+OFFERED_LINES = ("arc", "s", "excision", "random")
+"""Kinds of lines that a page offers by default."""
 _HERE = Path(__file__).parent / "page"
 _SCRIPTS = (
-    "law.js", "words.js", "depth.js", "record.js", "score.js", "platform.js", "scene.js", "drawing.js", "hand.js",
-    "page.js",
+    "law.js", "words.js", "depth.js", "path.js", "record.js", "score.js", "platform.js", "scene.js", "plan.js",
+    "drawing.js", "hand.js", "page.js",
 )  # fmt: skip
 _TIPS = 61  # positions of the tip for which the page holds the field; between them it is interpolated
 
@@ -94,6 +98,7 @@ def write_page_alone(path: Path, **options: Any) -> int:
 def page_alone(
     *,
     tasks: Sequence[str] = ("gentle",),
+    lines: Sequence[str] = OFFERED_LINES,
     specimen_classes: Sequence[str] = OFFERED,
     count: int = 4,
     seed: int = 0,
@@ -105,7 +110,9 @@ def page_alone(
     Parameters
     ----------
     tasks : sequence of str
-        Tasks to offer: "gentle", and "depth" for cuts along a wanted depth.
+        Tasks to offer: "gentle", "depth" for cuts along a wanted depth, and "path" for cuts along a drawn line.
+    lines : sequence of str
+        Kinds of lines of "path", which its specimens have in turn.
     specimen_classes : sequence of str
         Classes of specimens to offer.
     count : int
@@ -128,6 +135,10 @@ def page_alone(
         one_of("task", each, tuple(HAND_CUTS))
     for each in specimen_classes:
         one_of("specimen_class", each, CLASSES)
+    for each in lines:
+        one_of("line", each, KINDS)
+    if not lines:
+        raise ValueError(f"lines is empty. Give one or more of {', '.join(KINDS)}.")
     one_of("language", language, LANGUAGES)
     in_range("seed", seed, 0, 2**53, "1", "Give a whole number from 0.")
     numbers = range(round(in_range("count", count, 1, 100, "1", "Give how many specimens of each class.")))
@@ -137,7 +148,7 @@ def page_alone(
         "platform": platform,
         "scoring": scoring_data(),
         "specimens": [
-            specimen_data(each, seed, k, task=task)
+            specimen_data(each, seed, k, task=task, line=lines[k % len(lines)] if task == "path" else None)
             for task, each, k in itertools.product(tasks, dict.fromkeys(specimen_classes), numbers)
         ],
     }
@@ -158,13 +169,14 @@ def page_text(template: str, told: dict[str, Any], **values: Any) -> str:
 
 def page_data(tasks: Sequence[str] = ("gentle",)) -> dict[str, Any]:
     """Return what a page of ``tasks`` needs to know, whatever the specimen: layouts, hand, limits, texts; SI units."""
-    kinds = {"cut": CUT, "episode": EPISODE, "reading": READING, "descent": DESCENT, "depth": DEPTH}
+    kinds = {"reading": READING}
+    for task in tasks:
+        kinds |= HAND_CUTS[task].record_kinds
     return {
         "version": cutenv.__version__,
         "tasks": {task: _task_data(task) for task in tasks},
         "layout": {name: layout(kind) for name, kind in kinds.items()},
         "hand": dataclasses.asdict(PLAYED_HAND),
-        "ends": DEPTH_ENDS,
         "terms": TERMS,
         "force_allowed_per_depth": FORCE_ALLOWED,
         "tip_tolerance": TIP_TOLERANCE,
@@ -178,8 +190,11 @@ def page_data(tasks: Sequence[str] = ("gentle",)) -> dict[str, Any]:
         "level_reach": LEVEL_REACH,
         "fastest_descent": DESCENT_SCALE,
         "depth_terms": DEPTH_TERMS,
+        "path_terms": PATH_TERMS,
         "depth_tolerance": DEPTH_TOLERANCE,
         "layer_tolerance": LAYER_TOLERANCE,
+        "line_tolerance": LINE_TOLERANCE,
+        "farthest_tolerance": FARTHEST_TOLERANCE,
         "inclined": INCLINED,
         "spacing": SPACING,
         "length": LENGTH,
@@ -198,34 +213,36 @@ def page_texts(language: str) -> dict[str, str]:
 def _task_data(task: str) -> dict[str, Any]:
     """Return how a task's law is called: numbers of the hand in a millisecond, records, and sizes of memory [bytes]."""
     kind = HAND_CUTS[task]
-    memory = [8 * kind.stylus_numbers, 4 * len(kind.components)]  # action and observation
-    if task == "gentle":
-        return {"numbers": kind.stylus_numbers, "records": ("cut", "episode"), "memory": memory}
+    memory = [] if kind.memory is None else [kind.memory.itemsize]
     return {
         "numbers": kind.stylus_numbers,
-        "records": ("cut", "episode", "descent", "depth"),
-        "memory": [DEPTH_STEP_MEMORY.itemsize, *memory],
-        "tables": _base64(partial_depth_tables(measured_liver().slab()).tobytes()),
+        "records": tuple(kind.record_kinds),
+        "memory": [*memory, 8 * kind.stylus_numbers, 4 * len(kind.components)],  # of action and observation
+        "beside": kind.beside_fields,
+        "ends": kind.ends,
+        "tables": _base64(partial_depth_tables(measured_liver().slab()).tobytes()) if task == "depth" else None,
     }
 
 
 def specimen_data(
-    specimen_class: str, seed: int, episode: int, target_length: float | None = None, *, task: str = "gentle"
+    specimen_class: str,
+    seed: int,
+    episode: int,
+    target_length: float | None = None,
+    *,
+    task: str = "gentle",
+    line: str | None = None,
 ) -> dict[str, Any]:
-    """Return a cut at its start: its key, and the records of its whole state as base64; hidden truth included."""
-    cut = HAND_CUTS[task](specimen_class=specimen_class, seed=seed, episode=episode, target_length=target_length)
-    records, facts = {"cut": cut.cuts, "episode": cut.episodes}, {}
-    if isinstance(cut, HandDepthCut):
-        records |= {"descent": cut.descents, "depth": cut.depths}
-        facts = cut.cutting.given_depth
-    return {
-        "task": task,
-        "specimen_class": specimen_class,
-        "seed": seed,
-        "episode": episode,
-        "records": {name: _base64(record.tobytes()) for name, record in records.items()},
-        "facts": facts,
-    }
+    """Return a cut at its start: its key, and the records of its whole state as base64; hidden truth included.
+
+    ``line`` is the kind of line of a cut along one; the key draws it by default.
+    """
+    key: dict[str, Any] = {"specimen_class": specimen_class, "seed": seed, "episode": episode}
+    of_task: dict[str, Any] = {} if line is None else {"line": line}
+    cut = HAND_CUTS[task](**key, **of_task, target_length=target_length)
+    told = {"line": cut.noted["line"]} if isinstance(cut, HandPathCut) else {}
+    records = {name: _base64(record.tobytes()) for name, record in cut.records.items()}
+    return {"task": task} | key | told | {"records": records, "facts": cut.facts}
 
 
 def scoring_data() -> dict[str, Any]:
@@ -241,8 +258,8 @@ def scoring_data() -> dict[str, Any]:
             "steadiness": points.STEADINESS_POINTS,
             "time": points.TIME_POINTS,
         },
-        "depth_points": points.MAP_POINTS,
-        "depth_cost": points.MAP_COST,
+        "map_points": points.MAP_POINTS,
+        "map_cost": points.MAP_COST,
         "tissue": [(name, *limits) for name, limits in points.TISSUE_HARMED.items()],
         "missed": points.MISSED,
         "beyond_limit": points.BEYOND_LIMIT,
@@ -251,6 +268,7 @@ def scoring_data() -> dict[str, Any]:
         "close": CLOSE,
         "overshoot_allowed": OVERSHOOT_ALLOWED,
         "layer_limit": LAYER_LIMIT,
+        "line_limit": LINE_LIMIT,
         "force_limit_per_depth": FORCE_LIMIT_PER_DEPTH,
         "shallowest": SHALLOWEST,
         "standstill": STANDSTILL_SPEED,

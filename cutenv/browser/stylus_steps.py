@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -11,13 +11,14 @@ from cutenv._base.arrays import Array, StructArray
 from cutenv._engine.jit import njit
 from cutenv.cutting.drive import Hand
 from cutenv.cutting.dtypes import READING, TICK
+from cutenv.cutting.simulate import CUT
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.plant.protocol import recorded_trace
 from cutenv.play.hand_model import PLAYED_HAND, speed_over
 from cutenv.task.assessment import succeeded
-from cutenv.task.cuts import step_one
-from cutenv.task.depth_terms import DEPTH_ENDS
+from cutenv.task.cuts import EPISODE, step_one
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, COMPONENTS, Component, speed_action
+from cutenv.task.reward import ENDS
 from cutenv.trace import Trace
 
 
@@ -82,6 +83,8 @@ class HandCut:
         Time for the cut [s].
     hand : Hand
         Coupling between the person and the blade.
+    **task
+        Further arguments of the environment.
 
     Attributes
     ----------
@@ -95,8 +98,16 @@ class HandCut:
     """Environment whose episode it is."""
     components: tuple[Component, ...] = COMPONENTS
     """Components of its observation."""
+    record_kinds: ClassVar[dict[str, np.dtype[Any]]] = {"cut": CUT, "episode": EPISODE}
+    """Records of its whole state, in the order in which its law takes them."""
+    ends: tuple[str, ...] = ENDS
+    """Names of its ends by code."""
     stylus_numbers = 2
     """Numbers of the hand in each millisecond: position [m] and angle [rad]."""
+    memory: np.dtype[Any] | None = None
+    """Record that its law needs within a millisecond."""
+    beside_fields: tuple[str, ...] = ()
+    """Fields of a trace that its law fills beside the readings."""
 
     def __init__(
         self,
@@ -107,6 +118,7 @@ class HandCut:
         target_length: float | None = None,
         deadline: float = 30.0,
         hand: Hand = PLAYED_HAND,
+        **task: Any,
     ) -> None:
         self._env = self.environment(
             specimen_class=specimen_class,
@@ -115,12 +127,15 @@ class HandCut:
             control_hz=round(1.0 / TICK),
             drive="hand",
             **dataclasses.asdict(hand),
+            **task,
         )
         self._env.reset(seed=seed, options={"episode": episode})
         self.hand = hand
         self.end, self.success = "", False
+        self._memory: StructArray = np.zeros(1, self.memory)  # a number if there is none
         self._action = np.zeros((1, self.stylus_numbers))
         self._observation = np.zeros((1, len(self.components)), np.float32)
+        self._beside: list[Array] = []
 
     @property
     def cuts(self) -> StructArray:
@@ -131,6 +146,21 @@ class HandCut:
     def episodes(self) -> StructArray:
         """State of the task, :data:`~cutenv.task.cuts.EPISODE`, shape (1,)."""
         return self._env.cutting.episode
+
+    @property
+    def records(self) -> dict[str, StructArray]:
+        """Records of its whole state by the names of :attr:`record_kinds`, each of shape (1,)."""
+        return {"cut": self.cuts, "episode": self.episodes}
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """Notes of a record that are known at the start, by key of its metadata: wanted depth or line."""
+        return {}
+
+    @property
+    def beside(self) -> Array:
+        """Fields of the trace beside the readings, :attr:`beside_fields`, at every reading so far, shape (k, n)."""
+        return np.concatenate([np.zeros((len(self.beside_fields), 0)), *self._beside], axis=1)
 
     @property
     def target_length(self) -> float:
@@ -159,11 +189,13 @@ class HandCut:
         readings, outcome = np.zeros((len(places), 1), READING), np.zeros(2)
         if self.end:
             return readings[:0, 0]
-        done = self._follow(places, readings, outcome)
-        self.end, self.success = DEPTH_ENDS[int(outcome[0])], bool(outcome[1])
+        beside = np.zeros((len(self.beside_fields), len(places)))
+        done = self._follow(places, readings, beside, outcome)
+        self._beside.append(beside[:, :done])
+        self.end, self.success = self.ends[int(outcome[0])], bool(outcome[1])
         return readings[:done, 0]
 
-    def _follow(self, places: Array, readings: StructArray, outcome: Array) -> int:
+    def _follow(self, places: Array, readings: StructArray, beside: Array, outcome: Array) -> int:
         done: int = follow_stylus(
             self.cuts, self.episodes, places, self.hand.motor_lag, self.hand.acceleration, self._action,
             self._observation, readings, outcome,
@@ -178,4 +210,6 @@ class HandCut:
         ValueError
             If there are fewer than two.
         """
-        return recorded_trace(readings, self.measured_depth, **metadata)
+        trace = recorded_trace(readings, self.measured_depth, **metadata)
+        beside = zip(self.beside_fields, self.beside.copy(), strict=True)
+        return dataclasses.replace(trace, **dict(beside))

@@ -38,7 +38,7 @@ from cutenv.classroom.class_store import (
 )
 from cutenv.classroom.foreign_upload import Uploads
 from cutenv.classroom.shown_result import ahead_words, shown_card
-from cutenv.play.course import Course
+from cutenv.play.course import Course, CourseTask
 from cutenv.play.course_progress import GIVEN_UP, CourseProgress
 from cutenv.recording import Provenance, load_one, save
 from cutenv.report.score_page import ScoredRecord, write_score_page
@@ -132,7 +132,8 @@ class Lesson:
             else:
                 cut = cut or self.store.hand_out(code, *progress.specimen(), task=progress.task.name)
                 said = {"ahead": ahead_words(progress), "feedback": progress.task.feedback}
-            data = specimen_data(cut.specimen_class, cut.seed, 0, cut.target_length, task=self._kind(code, cut))
+            task = self._task(code, cut)
+            data = specimen_data(cut.specimen_class, cut.seed, 0, cut.target_length, task=task.task, **task.of_line)
             return data | said | {"id": cut.id, "done": False}
 
     def finish(self, code: str, number: str, movements: bytes, digest: str, *, stalled: float = 0.0) -> dict[str, Any]:
@@ -144,7 +145,7 @@ class Lesson:
             The person, and the cut that was handed out.
         movements : bytes
             Position of the hand [m] and angle of the blade [rad] of every millisecond, and where a depth is wanted the
-            level of the blade above that at the start [m]; float64, little endian.
+            level of the blade above that at the start, along a line the place across [m]; float64, little endian.
         digest : str
             CRC-32 of the page's readings as they lie in memory, in 8 hexadecimal digits. It need not withstand forgery:
             what is kept are the readings that the law finds here.
@@ -233,7 +234,8 @@ class Lesson:
         return self.store.close_unfinished()
 
     def _repeated(self, handed_out: HandedOutCut, movements: bytes, digest: str) -> tuple[HandCut, Any]:
-        kind = HAND_CUTS[self._kind(handed_out.code, handed_out)]
+        task = self._task(handed_out.code, handed_out)
+        kind = HAND_CUTS[task.task]
         size = 8 * kind.stylus_numbers
         if len(movements) % size or not FEWEST_MOVEMENTS <= len(movements) // size <= LONGEST_CUT:
             raise RefusedCut(
@@ -244,8 +246,9 @@ class Lesson:
         if not np.isfinite(stylus).all() or np.abs(stylus).max() > 10.0:
             raise RefusedCut("a movement of the hand is no number, or farther than any hand reaches.")
         cut = kind(
-            specimen_class=handed_out.specimen_class, seed=handed_out.seed, target_length=handed_out.target_length
-        )
+            specimen_class=handed_out.specimen_class, seed=handed_out.seed, target_length=handed_out.target_length,
+            **task.of_line,
+        )  # fmt: skip
         readings = cut.follow(stylus)
         if len(readings) < len(stylus):
             raise RefusedCut(f"the cut ends after {len(readings)} ms; the page sent {len(stylus)}.")
@@ -255,13 +258,14 @@ class Lesson:
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Tasks that are cut in the class, "gentle" and "depth"."""
+        """Tasks that are cut in the class, "gentle", "depth" and "path"."""
         return ("gentle",) if self.course is None else self.course.kinds
 
-    def _kind(self, code: str, cut: HandedOutCut) -> str:
-        """Return the task that a cut was handed out for, "gentle" or "depth"."""
+    def _task(self, code: str, cut: HandedOutCut) -> CourseTask:
+        """Return the task that a cut was handed out for; gentle cutting without a course."""
         tasks = () if self.course is None else self.course.for_operator(code).tasks
-        return next((task.task for task in tasks if task.name == cut.task), "gentle")
+        gently = CourseTask(name="", specimen_class=cut.specimen_class)
+        return next((task for task in tasks if task.name == cut.task), gently)
 
     def scored(self, cut: HandedOutCut) -> tuple[Trace, ScoreCard]:
         """Return the record of a saved cut and its score card; LookupError if it was not saved."""

@@ -163,8 +163,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--course",
         metavar="COURSE",
-        help="file of a course, or the name of one that comes with cutenv (first, force-shown, depth): goes on with "
-        "the operator's next task, as the records in --out tell",
+        help="file of a course, or the name of one that comes with cutenv (first, force-shown, depth, path): goes on "
+        "with the operator's next task, as the records in --out tell",
     )
     parser.add_argument("--operator", metavar="CODE", help="anonymous code in the records, such as P07")
     parser.add_argument(

@@ -7,9 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cutenv._base.languages import LANGUAGES
-from cutenv.browser.page_alone import HAND_CUTS, OFFERED, write_page_alone
+from cutenv.browser.page_alone import HAND_CUTS, OFFERED, OFFERED_LINES, write_page_alone
 from cutenv.browser.scorm_package import write_scorm_package
 from cutenv.commands.options import command_parser, made_folder, reports_errors
+from cutenv.tissue.drawn_lines import KINDS
 from cutenv.tissue.specimen import CLASSES
 
 
@@ -19,9 +20,13 @@ def main(argv: Sequence[str]) -> int:
     arguments = _parser().parse_args(argv)
     if arguments.pass_mark is not None and arguments.scorm is None:
         raise ValueError("--pass-mark is for a learning platform's package: give --scorm PACKAGE too.")
+    tasks = tuple(arguments.task or ("gentle",))
+    if arguments.line and "path" not in tasks:
+        raise ValueError(f"--line {arguments.line[0]} is for cuts along a drawn line: give --task path too.")
     made_folder("PAGE", arguments.page.parent)
     options = {
-        "tasks": arguments.task or ("gentle",),
+        "tasks": tasks,
+        "lines": arguments.line or OFFERED_LINES,
         "specimen_classes": arguments.specimen_class or OFFERED,
         "count": arguments.count,
         "seed": arguments.seed,
@@ -50,6 +55,7 @@ def _parser() -> argparse.ArgumentParser:
             "cut.html --scorm cut.zip --pass-mark 60",
             "depth.html --task depth --open",
             "both.html --task gentle --task depth --scorm both.zip",
+            "excision.html --task path --line excision --count 10",
         ),
         note="The page saves records that 'cutenv score' and 'cutenv study' read.",
     )
@@ -58,8 +64,15 @@ def _parser() -> argparse.ArgumentParser:
         "--task",
         action="append",
         choices=HAND_CUTS,
-        help="depth: cuts along a wanted depth, with a blade that also moves up and down; may be repeated; default "
-        "gentle",
+        help="depth: cuts along a wanted depth, with a blade that also moves up and down; path: along a drawn line, "
+        "with a blade that is steered; may be repeated; default gentle",
+    )
+    parser.add_argument(
+        "--line",
+        action="append",
+        choices=KINDS,
+        help="kind of line of --task path, may be repeated: the specimens of a class have them in turn; default "
+        f"{', '.join(OFFERED_LINES)}",
     )
     parser.add_argument(
         "--specimen-class",

@@ -112,7 +112,7 @@ class CourseProgress:
         force = course_words(language, task.feedback)
         facts = {"number": number, "count": count, "name": task.name, "so_far": so_far, "force": force}
         said = course_words(language, "ahead", demand=task.demand(language), **facts)
-        return said if task.task == "gentle" else f"{said} {course_words(language, 'along a depth')}"
+        return said if task.task == "gentle" else f"{said} {course_words(language, f'along a {task.task}')}"
 
     def _is_ours(self, facts: dict[str, Any]) -> bool:
         named = (facts.get("course"), facts.get("operator"))

@@ -10,6 +10,7 @@ COURSE_WORDS: Mapping[str, Mapping[str, str]] = {
         "ahead": "Task {number} of {count}, {name}: {demand}{so_far}. Force: {force}.",
         "so far": ", {done} of {times} so far",
         "along a depth": "Along the dashed depth.",
+        "along a path": "Along the dashed line.",
         "one cut": "1 cut",
         "cuts": "{times} cuts",
         "in a row": "{limits}, {cuts} in a row",
@@ -35,6 +36,7 @@ COURSE_WORDS: Mapping[str, Mapping[str, str]] = {
         "ahead": "Aufgabe {number} von {count}, {name}: {demand}{so_far}. Kraft: {force}.",
         "so far": ", bisher {done} von {times}",
         "along a depth": "In der gestrichelten Tiefe.",
+        "along a path": "Entlang der gestrichelten Linie.",
         "one cut": "1 Schnitt",
         "cuts": "{times} Schnitte",
         "in a row": "{limits}, {cuts} hintereinander",
@@ -82,6 +84,10 @@ COURSE_WORDS: Mapping[str, Mapping[str, str]] = {
         "layer_area": "geöffnete Fläche der Schicht darunter",
         "layer_depth": "Tiefe in der Schicht darunter",
         "peak_vertical_force": "größte senkrechte Kraft",
+        "mean_line_distance": "mittlerer Abstand zur Linie",
+        "largest_line_distance": "größter Abstand zur Linie",
+        "line_area": "Fläche zwischen Schnitt und Linie",
+        "peak_lateral_force": "größte Kraft zur Seite",
     },
 }
 """Sentences, rules of feedback and names of metrics; a metric without a word is called as in the table of metrics."""

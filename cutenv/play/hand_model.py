@@ -16,7 +16,7 @@ PLAYED_HAND = Hand(motor_lag=0.020, acceleration=2.0)
 
 FASTEST = SPEED_SCALE
 """Greatest speed of the hand [m/s]: the fastest measured, and an agent's action 1. The blade may lurch faster."""
-_TURN_GAIN = 8.0  # rate of turn over the angle from the blade to a place [1/s]
+_TURN_GAIN = 8.0  # rate of turn over the sine of the angle from the blade to a place [1/s]
 _NEAR = 0.001  # [m], a millimetre: less than the hand is behind what leads it, at half its speed
 _SIDEWAYS = 2.0  # a place that is behind the hand, and less than this beside it, is one to draw back to
 _LEVEL_GAIN = 20.0  # descent speed over the error of the level [1/s]
@@ -47,15 +47,36 @@ def speed_over(left: float, lag: float, acceleration: float) -> float:
     return math.copysign(min(abs(left) / (4.0 * lag), stoppable, FASTEST), left)
 
 
+@njit_internal
+def hand_over_slab(state: Struct, steering: Struct) -> tuple[float, float]:
+    """Return the place of the hand along the slab, and across it to the left [m]: ahead of a steered blade."""
+    reach = state.hand - state.blade
+    # In this order it is the hand of a straight cut, to the last bit, while the blade points along the slab.
+    return state.hand + steering.east + reach * (steering.ahead - 1.0), steering.north + reach * steering.across
+
+
+@njit_internal
+def steered_toward(
+    state: Struct, steering: Struct, along: float, across: float, lag: float, acceleration: float
+) -> tuple[float, float]:
+    """Return speed [m/s] and rate of turn [rad/s] that bring the hand of a steered blade to a place on the slab [m]."""
+    here = hand_over_slab(state, steering)
+    east, north = along - here[0], across - here[1]
+    ahead = east * steering.ahead + north * steering.across
+    return speed_over(ahead, lag, acceleration), turn_toward(ahead, north * steering.ahead - east * steering.across)
+
+
+@njit_internal
 def turn_toward(ahead: float, left: float) -> float:
     """Return the rate of turn to the left [rad/s] that points a blade at a place, seen from the hand along the blade.
 
-    A place that is less than :data:`_NEAR` ahead counts as that far, so that a hand at rest does not tremble. A blade
-    that is drawn back does not turn.
+    It is in proportion to the sine of the angle, and at most the task's.  A place that is less than :data:`_NEAR` ahead
+    counts as that far, so that a hand at rest does not tremble. A blade that is drawn back does not turn.
     """
     if ahead < 0.0 and abs(left) < -_SIDEWAYS * ahead:
         return 0.0
-    turn: float = _TURN_GAIN * math.atan2(left, max(ahead, _NEAR))
+    before = max(ahead, _NEAR)
+    turn = _TURN_GAIN * left / math.sqrt(before * before + left * left)
     return min(max(turn, -TURN_SCALE), TURN_SCALE)
 
 

@@ -107,7 +107,8 @@ class Session:
         self._line: dict[str, Any] = {} if line is None else {"line": line}
         if self._line and task != "path":
             raise ValueError(f'line = {line!r} needs task="path": task={task!r} has no line.')
-        if task == "path" and device.coupling is not None:
+        kinds = (self.task,) if course is None else course.course.kinds
+        if "path" in kinds and device.coupling is not None:
             raise ValueError('task="path" takes no device that pushes: its force would be one in the plane.')
         operator = operator if course is None else course.operator
         self.chosen_class = one_of("specimen_class", specimen_class, CLASSES)
@@ -142,7 +143,7 @@ class Session:
         self._felt: FeltForce | None = None
         self._task, self._feedback = "", "always"
         # Compile now, on cuts that are discarded, rather than while the clock of the first one runs.
-        for kind in (self.task,) if course is None else course.course.kinds:
+        for kind in kinds:
             PLAYED_TASKS[kind](**self._line).tick(Stylus(0.0, float(np.pi / 2)))
         self._prepare()
         if folder is not None:
@@ -274,7 +275,7 @@ class Session:
             self.chosen_class, self.seed, self._target_length = self.course.specimen()
             self._task, self._feedback = self.course.ahead(), self.course.metadata()["feedback"]
             assert self.course.task is not None  # else there is no specimen
-            self.task = self.course.task.task
+            self.task, self._line = self.course.task.task, self.course.task.of_line
         self.cut = PLAYED_TASKS[self.task](
             specimen_class=specimen_class or self.chosen_class,
             seed=self.seed,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cutenv._base.arrays import Array
 from cutenv.envs.path_cut import PathCutEnv, to_path_action
 from cutenv.play.devices import ScriptedDevice, simple_hand
-from cutenv.play.hand_model import speed_over, turn_toward
+from cutenv.play.hand_model import hand_over_slab, steered_toward
 from cutenv.play.haptics import Stylus
 from cutenv.play.played_cut import PlayedCut
 from cutenv.task.path_cutting import PathCutting
@@ -62,20 +62,16 @@ class PlayedPathCut(PlayedCut):
     @property
     def hand_place(self) -> tuple[float, float]:
         """Place of the hand along the slab, and across it to the left [m]: in front of the blade by the spring."""
-        state, steering = self.plant.states[0], self.cutting.steerings[0]
-        reach = float(state["hand"]) - float(state["blade"])
-        # In this order it is the hand of a straight cut, to the last bit, while the blade points along the slab.
-        along = float(state["hand"]) + float(steering["east"]) + reach * (float(steering["ahead"]) - 1.0)
-        return along, float(steering["north"]) + reach * float(steering["across"])
+        along, across = hand_over_slab(self.plant.states[0], self.cutting.steerings[0])
+        return float(along), float(across)
 
     def action(self, stylus: Stylus) -> NDArray[np.float32]:
         """Return the environment's action, which moves the hand along the blade and turns it toward the place."""
-        steering, here = self.cutting.steerings[0], self.hand_place
-        cosine, sine = float(steering["ahead"]), float(steering["across"])
-        along, across = stylus.position - here[0], stylus.across - here[1]
-        ahead, left = along * cosine + across * sine, across * cosine - along * sine
-        speed = speed_over(ahead, self._hand.motor_lag, self._hand.acceleration)
-        return to_path_action(speed, stylus.angle, turn_toward(ahead, left))
+        speed, turn = steered_toward(
+            self.plant.states[0], self.cutting.steerings[0], stylus.position, stylus.across, self._hand.motor_lag,
+            self._hand.acceleration,
+        )  # fmt: skip
+        return to_path_action(float(speed), stylus.angle, float(turn))
 
     def simple_hand(self) -> ScriptedDevice:
         """Return a scripted hand with a beginner's plan, which goes along the line."""

@@ -383,6 +383,7 @@ def scene_data() -> dict[str, Any]:
         "opened_aside": OPENED_ASIDE.tree,
         "tint": [(role, _formula(text).tree) for role, text in TINT],
         "below": BELOW,
+        "chord": CHORD,
         "largest_displacement": LARGEST_DISPLACEMENT,
         "ruler": {"step": RULER_STEP, "labelled": RULER_LABELLED},
         "clamp": Hatched()._asdict(),

@@ -53,6 +53,11 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the pages that were made, those that cut, and the pictures of ``assets/pictures``."""
     files.append(File.generated(config, "cut.html", content=page_alone()))
     files.append(File.generated(config, "cut-depth.html", content=page_alone(tasks=("depth",), count=2)))
+    files.append(
+        File.generated(
+            config, "cut-path.html", content=page_alone(tasks=("path",), count=4, specimen_classes=("liver",))
+        )
+    )
     for path, text in _generated.items():
         files.append(File.generated(config, path, content=text))
     for picture in sorted((ROOT / "assets" / "pictures").iterdir()):

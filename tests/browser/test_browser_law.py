@@ -6,14 +6,18 @@ import importlib.util
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from cutenv.browser.depth_steps import HandDepthCut
+from cutenv.browser.page_alone import HAND_CUTS
+from cutenv.browser.path_steps import HandPathCut
 from cutenv.browser.stylus_steps import HandCut
 from cutenv.play import PlayedCut, Stylus
 from cutenv.play.played_depth_cut import PlayedDepthCut
+from cutenv.play.played_path_cut import PlayedPathCut
 
 pytest.importorskip("wasmtime", reason="runs WebAssembly in the tests: pip install 'cutenv[dev]'")
 
@@ -22,27 +26,34 @@ import check_browser_law
 ROOT = Path(__file__).parents[2]
 
 
-@pytest.mark.parametrize("task", check_browser_law.CUTS)
+@pytest.mark.parametrize("task", HAND_CUTS)
 def test_the_program_asks_its_surroundings_for_nothing(task: str) -> None:
     assert list(check_browser_law.CARRIED[task].imports) == []
 
 
 @pytest.mark.parametrize(
-    ("task", "seed"), [*(("gentle", seed) for seed in range(8)), *(("depth", seed) for seed in range(4))]
+    ("task", "seed"),
+    [
+        *(("gentle", seed) for seed in range(8)),
+        *(("depth", seed) for seed in range(4)),
+        *(("path", seed) for seed in range(4)),
+    ],
 )
 def test_a_cut_in_webassembly_is_pythons_to_the_last_bit(task: str, seed: int) -> None:
-    kind = check_browser_law.CUTS[task]
+    kind = HAND_CUTS[task]
     cut = kind(specimen_class=check_browser_law.CLASSES[seed % 4], seed=seed, episode=seed // 4)
-    assert check_browser_law.same(cut, check_browser_law.wandering(seed, numbers=cut.stylus_numbers))
+    assert check_browser_law.same(cut, check_browser_law.wandering(cut, seed))
+    if isinstance(cut, HandPathCut):
+        assert np.ptp(cut.beside[1]) > 5e-4, "the blade goes straight on: the test compares too little"
     if isinstance(cut, HandDepthCut):
-        assert np.ptp(cut.levels) > 0.003, "the blade stays at its level: the test compares too little"
+        assert np.ptp(cut.beside[0]) > 0.003, "the blade stays at its level: the test compares too little"
         return
     assert cut.cuts["states"]["uncontrolled"][0, 0] > 0.0, "nothing was cut: the test compares too little"
 
 
 def test_a_led_cut_is_the_windows() -> None:
     led, played = HandCut(specimen_class="vascular", seed=5), PlayedCut(specimen_class="vascular", seed=5)
-    stylus = check_browser_law.wandering(5, 3_000)
+    stylus = check_browser_law.wandering(led, 5, 3_000)
     readings = led.follow(stylus)
     for position, angle in stylus.tolist():
         played.tick(Stylus(position, angle))
@@ -52,7 +63,7 @@ def test_a_led_cut_is_the_windows() -> None:
 
 def test_a_led_cut_along_a_wanted_depth_is_the_windows() -> None:
     led, played = HandDepthCut(specimen_class="vascular", seed=5), PlayedDepthCut(specimen_class="vascular", seed=5)
-    stylus = check_browser_law.wandering(5, 3_000, numbers=3)
+    stylus = check_browser_law.wandering(led, 5, 3_000)
     readings = np.concatenate([led.follow(part) for part in np.split(stylus, [7, 1500])])
     for position, angle, level in stylus.tolist():
         played.tick(Stylus(position, angle, level=level))
@@ -60,6 +71,24 @@ def test_a_led_cut_along_a_wanted_depth_is_the_windows() -> None:
     ours, theirs = led.trace(readings), played.trace()
     for name in ("time", "force", "position", "speed", "angle", "depth", "height", "vertical_force"):
         assert getattr(ours, name).tobytes() == getattr(theirs, name).tobytes(), name
+
+
+def test_a_led_cut_along_a_line_is_the_windows() -> None:
+    key: dict[str, Any] = {"specimen_class": "vascular", "seed": 5, "line": "excision"}
+    led, played = HandPathCut(**key), PlayedPathCut(**key)
+    hand = played.simple_hand()
+    stylus = [hand.read() for _ in range(3_000)]
+    numbers = np.array([(each.position, each.angle, each.across) for each in stylus])
+    readings = np.concatenate([led.follow(part) for part in np.split(numbers, [7, 1500])])
+    for each in stylus:
+        played.tick(each)
+    assert led.end == played.end
+    ours, theirs = led.trace(readings, **led.noted), played.trace()
+    for name in ("time", "force", "position", "speed", "angle", "depth", "blade_x", "blade_y", "lateral_force"):
+        assert getattr(ours, name).tobytes() == getattr(theirs, name).tobytes(), name
+    assert ours.lateral_force is not None
+    assert np.ptp(ours.lateral_force) > 0.1
+    assert {"line": "excision"} | {name: theirs.metadata[name] for name in set(led.noted) - {"line"}} == led.noted
 
 
 def test_a_cut_that_has_ended_stays_as_it_is() -> None:
@@ -71,13 +100,13 @@ def test_a_cut_that_has_ended_stays_as_it_is() -> None:
 
 
 @pytest.mark.skipif(importlib.util.find_spec("ziglang") is None, reason="its linker: pip install 'cutenv[dev]'")
-@pytest.mark.parametrize("task", check_browser_law.CUTS)
+@pytest.mark.parametrize("task", HAND_CUTS)
 def test_it_can_be_built_anew_from_the_kernels_and_is_the_same_law(tmp_path: Path, task: str) -> None:
     build = [sys.executable, "scripts/build_browser_law.py", "--task", task, "--out", str(tmp_path)]
     done = subprocess.run(build, cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, f"the kept one still serves: {done.stdout[-500:]}{done.stderr[-500:]}"
     (built,) = tmp_path.glob("*.wasm")
     for seed in (20, 21):
-        cut = check_browser_law.CUTS[task](specimen_class=check_browser_law.CLASSES[seed % 4], seed=seed)
-        stylus = check_browser_law.wandering(seed, 6000, cut.stylus_numbers)
+        cut = HAND_CUTS[task](specimen_class=check_browser_law.CLASSES[seed % 4], seed=seed)
+        stylus = check_browser_law.wandering(cut, seed, 6000)
         assert check_browser_law.same(cut, stylus, built.read_bytes())

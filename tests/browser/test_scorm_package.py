@@ -133,9 +133,9 @@ class Course:
         self.browser.value(f"""void (({{ page, stylus }}) => {{
           const {{ cut }} = page;
           let at = 0;
-          const level = cut.deep ? [0] : [];
+          const third = cut.map ? [0] : []; // level, or place across
           const feed = (pace, most) => {{
-            for (let i = 0; i < most && !cut.end; i++) cut.advance([[at += pace, 0.5 * Math.PI, ...level]]);
+            for (let i = 0; i < most && !cut.end; i++) cut.advance([[at += pace, 0.5 * Math.PI, ...third]]);
           }};
           while (cut.tip < cut.target + {beyond} && !cut.end) feed(1e-5, 20);
           while (cut.last("force") > 0.2 && !cut.end) feed(-4e-6, 20);
@@ -209,8 +209,9 @@ def test_status_after_every_specimen(course: Course, mark: float | None, status:
     assert course.browser.value("kept.refused") == []
 
 
-def test_points_along_a_wanted_depth_are_reported(course: Course) -> None:
-    course.enter(STRICT, count=1, tasks=["depth"])
+@pytest.mark.parametrize("task", ["depth", "path"])
+def test_points_along_a_wanted_depth_or_a_line_are_reported(course: Course, task: str) -> None:
+    course.enter(STRICT, count=1, tasks=[task], lines=["straight"])
     course.cut(beyond=-0.04)
     assert course.score() > 0.0
     assert course.browser.value("kept.values['cmi.core.score.raw']") == f"{course.score():g}"

@@ -119,8 +119,8 @@ def test_an_educators_way(browser: chromium.Browser, served: Served, tmp_path: P
 
     sign_in()
     assert browser.value("document.querySelectorAll('td.small svg').length") == 3
-    browser.value("document.querySelector('td a[href]').click()")
-    wait(browser, "document.querySelector('svg, img')")
+    browser.value("(window.left = true, document.querySelector('td a[href]').click())")
+    wait(browser, "!window.left && document.querySelector('svg, img')")
     assert codes[0] in browser.value("document.body.textContent")
 
     # A record of another program, dropped on the page

@@ -21,6 +21,7 @@ from class_room import Room, cut_once, hand
 
 from cutenv.browser import HandCut
 from cutenv.browser.depth_steps import HandDepthCut
+from cutenv.browser.path_steps import HandPathCut
 from cutenv.classroom import Lesson
 from cutenv.classroom.request_guard import LARGEST_BODY, Trials
 from cutenv.play.course import named_course
@@ -101,12 +102,38 @@ def test_a_cut_along_a_wanted_depth_is_repeated_scored_and_kept(tmp_path: Path) 
     (path,) = (room.lesson.folder / "P01").glob("*.csv")
     trace = load_one(path)
     assert trace.height is not None
-    assert trace.height.tobytes() == made.levels.tobytes()
+    assert trace.height.tobytes() == made.beside[0].tobytes()
     assert {name: trace.metadata[name] for name in made.noted} == made.noted
     other = client.post("/cuts").json()
     flat = client.post(f"/cuts/{other['id']}", content=hand(1001).tobytes(), **sent)
     assert flat.status_code == 422
     assert "milliseconds of 24 bytes" in flat.json()["error"]
+    room.store.close()
+
+
+def test_a_cut_along_a_line_is_repeated_scored_and_kept(tmp_path: Path) -> None:
+    course = tmp_path / "course.toml"
+    course.write_text(
+        'name = "bends"\n[[task]]\nname = "an S"\ntask = "path"\nline = "s"\nspecimen_class = "liver"\nseeds = [5]\n'
+        "mark = { line_area_mm2 = 1000 }\n"
+    )
+    room = Room(tmp_path, str(course))
+    client = room.person("P01")
+    assert 'id="law-path"' in client.get("/cut").text
+    handed_out = client.post("/cuts").json()
+    assert (handed_out["line"], set(handed_out["records"])) == ("s", {"cut", "episode", "steering", "path"})
+    stylus = np.column_stack([hand(), np.linspace(0.0, 0.002, 900)])
+    made = HandPathCut(specimen_class="liver", seed=5, line="s")
+    readings = made.follow(stylus)
+    sent = {"X-Readings": f"{zlib.crc32(readings.tobytes()):08x}"}
+    answer = client.post(f"/cuts/{handed_out['id']}", content=stylus.tobytes(), headers=sent)
+    assert answer.status_code == 200, answer.text
+    assert [each["part"] for each in answer.json()["points"]].count("path") == 1
+    (path,) = (room.lesson.folder / "P01").glob("*.csv")
+    trace = load_one(path)
+    assert trace.blade_y is not None
+    assert trace.blade_y.tobytes() == made.beside[1].tobytes()
+    assert {name: trace.metadata[name] for name in made.noted} == made.noted
     room.store.close()
 
 

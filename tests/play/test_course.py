@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from played import DATE, TARGET, run
+from played import DATE, TARGET, Pushing, run
 
 from cutenv import cli
 from cutenv.play.course import (
@@ -21,7 +21,7 @@ from cutenv.play.course import (
 )
 from cutenv.play.course_progress import GIVEN_UP, CourseProgress
 from cutenv.play.course_words import COURSE_WORDS
-from cutenv.play.devices import simple_hand
+from cutenv.play.devices import MouseDevice, simple_hand
 from cutenv.play.play_session import Session
 from cutenv.recording import load_one
 
@@ -91,6 +91,10 @@ def test_the_file_says_what_the_course_holds(tmp_path: Path) -> None:
         ('specimen_class = "liver"', 'specimen_class = "kidney"', "specimen_class must be one of .*got 'kidney'"),
         ('feedback = "never"', 'task = "deep"', "task must be one of .*got 'deep'"),
         ("tip_error_mm = 50", "mean_depth_error_mm = 2", "mark mean_depth_error_mm is of cuts along a wanted depth"),
+        ("tip_error_mm = 50", "line_area_mm2 = 2", "mark line_area_mm2 is of cuts along a drawn line"),
+        ('feedback = "never"', 'line = "arc"', "line = 'arc' is of cuts along a drawn line"),
+        ('feedback = "never"', 'task = "path"\nline = "spiral"', "line must be one of .*got 'spiral'"),
+        ('feedback = "never"', 'task = "path"\ntarget_length_mm = 120', "at most 100 mm"),
         ("seeds = [6, 7]", "seeds = 6", "seeds must be a list of whole numbers, got 6"),
         ("target_length_mm = 70", "target_length_mm = 7", "target_length_mm = 7 mm is outside 15 to 130 mm"),
         ('name = "second"', 'name = "first"', "two tasks are called 'first'"),
@@ -107,13 +111,14 @@ def test_a_wrong_file_is_refused_by_task_key_value_and_cure(tmp_path: Path, old:
 
 
 def test_the_courses_that_come_along_are_valid_and_named_in_the_help(capsys: pytest.CaptureFixture[str]) -> None:
-    assert {named_course(name).name for name in SHIPPED_COURSES} == {"first cuts", "force shown or not", "wanted depth"}
+    known = {"first cuts", "force shown or not", "wanted depth", "drawn lines"}
+    assert {named_course(name).name for name in SHIPPED_COURSES} == known
     with pytest.raises(SystemExit):
         cli.main(["play", "--help"])
     helped = capsys.readouterr().out
     assert all(name in helped for name in SHIPPED_COURSES)
     with pytest.raises(
-        ValueError, match="neither a file nor one that comes with cutenv \\(depth, first, force-shown\\)"
+        ValueError, match="neither a file nor one that comes with cutenv \\(depth, first, force-shown, path\\)"
     ):
         named_course("last")
 
@@ -149,6 +154,23 @@ def test_a_person_goes_on_where_the_records_say(tmp_path: Path) -> None:
     assert CourseProgress(given, "P07", tmp_path).task is None
     harder = course(task(mark={"overall_score": 101.0}, repetitions=2))  # the mark of now counts
     assert CourseProgress(harder, "P07", tmp_path).task is not None
+
+
+def test_a_course_may_go_on_with_cuts_along_a_line(tmp_path: Path) -> None:
+    drawn = task(name="bend", task="path", line="arc", mark={"largest_line_distance_mm": 9.0}, seeds=(3,))
+    progress = CourseProgress(course(drawn), "P07", tmp_path)
+    played = Session(MouseDevice(), folder=tmp_path, countdown=0.0, course=progress, now=lambda: DATE)
+    assert progress.ahead().endswith("Force: shown. Along the dashed line.")
+    assert progress.ahead("de").endswith("Entlang der gestrichelten Linie.")
+    played.device = played.cut.simple_hand()
+    played.begin()
+    run(played)
+    path, verdict, _ = played.sight().verdict
+    assert path.startswith("Path: ")
+    assert verdict == "Mark reached."
+    assert load_one(played.saved).metadata["environment"] == "cutenv/PathCut-v1"
+    with pytest.raises(ValueError, match="takes no device that pushes"):
+        Session(Pushing(), course=CourseProgress(course(drawn), "P08", tmp_path))
 
 
 def test_a_course_may_go_on_with_cuts_along_a_wanted_depth(tmp_path: Path) -> None:

@@ -15,6 +15,8 @@ class CutDepth {
 
   get opened() { return Math.max(this.law.number("depth", "deepest"), 0); } // depth into the layer below
 
+  beyond(limits) { return this.opened > limits.layer_limit; }
+
   // Errors as the task counts them, [mm2] and [mm]; rounding may leave -1e-20.
   errors(target) {
     const sum = name => Math.max(this.law.number("depth", name), 0);

@@ -19,6 +19,7 @@ class Drawing {
     this.drawnCut = cut;
     this.drawn = 0;
     this.path = [];
+    this.plan = cut?.path ? new Plan(this, cut) : null;
     this.standing = new Map(); // places that stay during a cut
     this.range = { low: this.told.scene.chart.low, high: this.told.scene.chart.high };
   }
@@ -107,10 +108,11 @@ class Drawing {
     const shown = { "": true, truth: showTip, hand: true, force: seen.force,
       depth: cut.deep, layer: cut.deep && showTip };
     this.colour.tint = seen.force ? this.tint(values) : this.colour.steel;
-    this.drawTissue(values, moved);
+    if (this.plan) this.plan.draw({ target: scene.label(texts.target, values), tip: texts.tip }, showTip);
+    else this.drawTissue(values, moved);
     this.drawChart(texts, values, seen);
     for (const part of scene.parts) {
-      if (!shown[part.shown]) continue;
+      if (!shown[part.shown] || (this.plan && part.view === "above")) continue;
       const places = this.standing.get(part) ?? scene.places(part, values, moved);
       if (part.standing) this.standing.set(part, places);
       this.clipped(part.view, () => this.drawPart(part, places, texts, values));
@@ -118,7 +120,8 @@ class Drawing {
     this.drawRuler();
     this.hatch(this.line - this.scale * values.half_width, this.line + this.scale * values.half_width);
     this.hatch(this.level - this.scale * this.told.scene.clamp.height, this.ground);
-    this.words(scene.label(texts.above, values), this.left, 14);
+    const above = this.plan ? showTip ? texts.above_path_truth : texts.above_path : texts.above;
+    this.words(scene.label(above, values), this.left, 14);
     this.words(scene.label(texts.side, values), this.left, this.sideTop - 8);
   }
 

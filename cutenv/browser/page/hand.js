@@ -11,16 +11,28 @@ const beyond = (value, ignored, most) => Math.sign(value) * Math.max(Math.abs(va
 class Stylus {
   constructor(told) {
     Object.assign(this, { told, keys: new Set(), slowly: false });
-    this.rest(false);
+    this.rest("gentle");
   }
 
-  // Stand at the clamp, upright, at the level where the blade stands; a deep cut's blade also moves up and down.
-  rest(deep) { Object.assign(this, { deep, position: 0, angle: UPRIGHT, level: 0, pressing: 0, pointers: new Map() }); }
+  // Stand at the clamp, upright, at the level where the blade stands: the start of a cut of a task.
+  rest(task) {
+    this.keys.clear();
+    Object.assign(this, { deep: task === "depth", steered: task === "path", position: 0, across: 0, angle: UPRIGHT,
+      level: 0, pressing: 0, pointers: new Map() });
+  }
 
-  // What the law takes of it in a millisecond.
-  get numbers() { return this.deep ? [this.position, this.angle, this.level] : [this.position, this.angle]; }
+  // What the law takes of it in a millisecond: where the blade is steered, the place along and across the slab.
+  get numbers() {
+    const third = this.deep ? [this.level] : this.steered ? [this.across] : [];
+    return [this.position, this.angle, ...third];
+  }
 
-  move(distance) { this.position = within(this.position + distance, 0, this.told.travel); }
+  move(along, across = 0) {
+    this.position = within(this.position + along, 0, this.told.travel);
+    if (!this.steered) return;
+    const side = 0.5 * this.told.slab.width;
+    this.across = within(this.across + across, -side, side);
+  }
   lean(angle) { this.angle = within(angle, this.told.inclined, UPRIGHT); }
   raise(height) { this.level = within(this.level + height, -this.told.level_reach, this.told.level_reach); }
 
@@ -30,20 +42,25 @@ class Stylus {
     else this.lean(this.angle + way * this.told.notch);
   }
 
-  // Stay near the hand that it leads, and take what is held: keys, sticks, and the pen's pressure.
-  advance(milliseconds, hand) {
+  // Stay near the hand that it leads, at a place along and across, and take what is held: keys, sticks, pen's pressure.
+  advance(milliseconds, [hand, aside]) {
     const seconds = milliseconds / 1e3, { told } = this;
-    for (const key of this.keys) this.move(KEYS[key] * (this.slowly ? 0.003 : 0.015) * seconds);
+    const held = [0, 1].map(k => [...this.keys].reduce((sum, key) => sum + this.ways[key][k], 0));
+    const speed = (this.slowly ? 0.003 : 0.015) / Math.max(Math.hypot(...held), 1);
+    this.move(held[0] * speed * seconds, held[1] * speed * seconds);
     let descent = this.pressing;
     for (const pad of navigator.getGamepads?.() ?? []) {
       if (!pad) continue;
-      if (Math.abs(pad.axes[0]) > IGNORED.stick) this.move(pad.axes[0] * 0.0254 * seconds);
+      const stick = [pad.axes[0], this.steered ? -(pad.axes[1] ?? 0) : 0].map(each => Math.abs(each) > IGNORED.stick ? each : 0);
+      const size = 0.0254 * seconds / Math.max(Math.hypot(...stick), 1);
+      this.move(stick[0] * size, stick[1] * size);
       const pull = pad.buttons[7]?.value ?? 0;
       if (pull > 0.02) this.angle = UPRIGHT - pull * (UPRIGHT - told.inclined);
       descent += beyond(pad.axes[3] ?? 0, IGNORED.stick, 1);
     }
     if (this.deep) this.raise(-within(descent, -1, 1) * told.fastest_descent * seconds);
-    this.position = within(within(this.position, hand - told.lead, hand + told.lead), 0, told.travel);
+    const away = [this.position - hand, this.across - aside], distance = Math.hypot(...away);
+    if (distance > told.lead) this.move(...away.map(each => each * (told.lead / distance - 1)));
   }
 
   // Follow the person on the picture and at the sliders; `at` says whether a cut goes on, the scale, and how to start.
@@ -71,7 +88,8 @@ class Stylus {
     canvas.addEventListener("keydown", event => {
       if (event.key === " ") { event.preventDefault(); at.start(); return; }
       if (!at.cutting()) return;
-      if (event.key in KEYS) this.keys.add(event.key);
+      if (event.key in this.ways) this.keys.add(event.key);
+      else if (event.key in TILTING) this.turn(TILTING[event.key], true);
       else if (event.key === "ArrowUp" || event.key === "ArrowDown") this.turn(event.key === "ArrowUp" ? 1 : -1, event.shiftKey);
       else return;
       this.slowly = event.shiftKey;
@@ -86,13 +104,15 @@ class Stylus {
     level.addEventListener("input", () => { this.level = level.value / 1e3; });
   }
 
+  get ways() { return this.steered ? ANYWHERE : FORWARD; }
+
   touch({ pointerId, clientX: x, clientY: y }) { this.pointers.set(pointerId, { x, y }); }
 
   // The first pointer leads the hand; a second finger turns the wheel as it moves up or down.
   follow(event, before, scale) {
     const [first] = this.pointers.keys();
     if (event.pointerId !== first) { this.turn((before.y - event.clientY) / NOTCH_HEIGHT, false); return; }
-    this.move((event.clientX - before.x) / scale);
+    this.move((event.clientX - before.x) / scale, (before.y - event.clientY) / scale);
     if (event.pointerType !== "pen") return;
     // A pen leans the blade as it leans itself. Pressed harder than by half it lowers the blade, more gently it raises it.
     if (event.tiltX || event.tiltY) this.lean(UPRIGHT - Math.hypot(event.tiltX, event.tiltY) * Math.PI / 180);
@@ -100,4 +120,6 @@ class Stylus {
   }
 }
 
-const KEYS = { ArrowRight: 1, ArrowLeft: -1 };
+const FORWARD = { ArrowRight: [1, 0], ArrowLeft: [-1, 0] }; // ways of keys along and across the slab
+const ANYWHERE = { ...FORWARD, ArrowUp: [0, 1], ArrowDown: [0, -1] };
+const TILTING = { PageUp: 1, PageDown: -1 };

@@ -8,8 +8,8 @@ const MOST_MILLISECONDS = 250; // made up for after a stall
 
 class Law {
   constructor(program, told, task) {
-    const { numbers, records, memory, tables } = told.tasks[task];
-    this.told = told;
+    const { numbers, records, memory, tables, beside, ends } = told.tasks[task];
+    Object.assign(this, { told, beside, ends });
     this.layout = told.layout;
     this.memory = program.memory;
     this.follow = program.follow;
@@ -22,7 +22,7 @@ class Law {
     this.stylus = this.room(8 * numbers * MOST_MILLISECONDS);
     this.calls = memory.map(size => this.room(size));
     this.readings = this.room(this.layout.reading.size * MOST_MILLISECONDS);
-    this.besides = kept ? [this.room(16 * MOST_MILLISECONDS)] : [];
+    this.besides = beside.length ? [this.room(8 * beside.length * MOST_MILLISECONDS)] : [];
     this.outcome = this.room(16);
     const missing = this.next - this.memory.buffer.byteLength;
     if (missing > 0) this.memory.grow(Math.ceil(missing / 65536));
@@ -49,7 +49,7 @@ class Law {
   }
 
   // Advance by a millisecond for each row of numbers of the stylus; return the readings up to the end of the cut, and
-  // where the blade also moves up and down, its levels and vertical forces.
+  // the columns beside them: of a blade that also moves up and down, or is steered.
   advance(stylus) {
     stylus.forEach((row, i) => row.forEach((value, k) => {
       this.view.setFloat64(this.stylus + 8 * (this.columns * i + k), value, true);
@@ -58,7 +58,7 @@ class Law {
     const done = this.follow(...this.records.map(name => this[name]), ...this.tables, this.stylus, count, lag,
       acceleration, ...this.start, ...this.calls, this.readings, ...this.besides, this.outcome);
     const { size } = this.layout.reading, row = (start, bytes) => new Float64Array(this.memory.buffer.slice(start, start + bytes));
-    const beside = this.besides.flatMap(start => [row(start, 8 * done), row(start + 8 * count, 8 * done)]);
+    const beside = this.beside.map((_, k) => row(this.besides[0] + 8 * k * count, 8 * done));
     return { readings: row(this.readings, size * done), beside };
   }
 
@@ -76,7 +76,7 @@ class Law {
   }
 
   get end() {
-    return this.told.ends[this.view.getFloat64(this.outcome, true)];
+    return this.ends[this.view.getFloat64(this.outcome, true)];
   }
 
   get success() {

@@ -30,7 +30,7 @@
     page.cut = new HandCut(laws[specimen.task], specimen);
     page.practised = false;
     page.phase = "ready";
-    stylus.rest(Boolean(page.cut.deep));
+    stylus.rest(specimen.task);
     show();
   }
 
@@ -163,7 +163,7 @@
         page.from += due - MOST_MILLISECONDS;
         due = MOST_MILLISECONDS;
       }
-      stylus.advance(due, page.cut.hand);
+      stylus.advance(due, page.cut.path?.hand ?? [page.cut.hand, 0]);
       page.practised ||= practising();
       if (due > 0) {
         page.cut.advance(Array.from({ length: due }, () => stylus.numbers));
@@ -201,11 +201,12 @@
     byId("start").disabled = Boolean(page.busy || page.done);
     if (page.done) byId("card").hidden = true;
     if (!cut) return;
-    byId("task").textContent = say(cut.deep ? texts.task_depth : texts.task, { target: fixed(1e3 * cut.target, 1) });
-    document.body.classList.toggle("deep", Boolean(cut.deep));
+    const { task } = cut.specimen, named = name => `${name}_${task}` in texts ? `${name}_${task}` : name;
+    byId("task").textContent = say(texts[named("task")], { target: fixed(1e3 * cut.target, 1) });
+    document.body.dataset.task = task;
     for (const name of ["help", "advice", "result_note"]) {
       if (!byId(name)) continue;
-      byId(name).dataset.text = cut.deep ? `${name}_depth` : name;
+      byId(name).dataset.text = named(name);
       byId(name).textContent = texts[byId(name).dataset.text];
     }
     byId("start").hidden = at === "cutting" || at === "countdown";
@@ -228,7 +229,7 @@
     const scored = page.points ? [[texts.score, say(texts.points_of, { value: fixed(sum(page.points), told.platform ? 1 : 0), most: 100 })]] : [];
     const rows = [...scored, [texts.result_off, off], [texts.result_peak, `${fixed(found.peak, 1)} N`],
       [texts.result_longest, `${millimetres(found.longest)} mm`], [texts.result_time, `${fixed(found.time, 1)} s`],
-      ...depthRows(cut), [texts.result_return, fixed(cut.gained, 2)]];
+      ...depthRows(cut), ...pathRows(cut), [texts.result_return, fixed(cut.gained, 2)]];
     const toldRows = shown().result ? rows : [];
     if (!shown().result) byId("verdict").textContent = texts.ended;
     byId("results").replaceChildren(...toldRows.flatMap(([name, value]) => [element("dt", name), element("dd", value)]));
@@ -244,6 +245,14 @@
       [texts.result_too_deep, `${fixed(below, 0)} mm²`], [texts.result_uncut, `${fixed(above, 0)} mm²`]];
   }
 
+  function pathRows(cut) {
+    if (!cut.path) return [];
+    const { area_mm2: area, largest_distance_mm: farthest } = cut.path.errors;
+    const aside = cut.columns.lateral_force.reduce((most, force) => Math.max(most, Math.abs(force)), 0);
+    return [[texts.result_path, `${fixed(1e3 * cut.path.mean(cut.target), 1)} mm`], [texts.result_farthest, `${fixed(farthest, 1)} mm`],
+      [texts.result_area, `${fixed(area, 0)} mm²`], [texts.result_lateral, `${fixed(aside, 1)} N`]];
+  }
+
   // A tip that missed the target is not rounded to one that did not.
   const apart = off => Math.abs(off) > told.tip_tolerance ? Math.max(Math.abs(off), told.tip_tolerance + 1e-4) : off;
 
@@ -257,6 +266,11 @@
       const { mean_error_mm: mean, layer_mm: opened } = cut.deep.errors(cut.target), allowed = 1e3 * told.layer_tolerance;
       return opened > allowed ? say(texts.end_finished_layer, { opened: fixed(Math.max(opened, allowed + 0.1), 1) })
         : say(texts.end_finished_depth, { mean: fixed(Math.max(mean, 1e3 * told.depth_tolerance + 0.1), 1), tolerance: fixed(1e3 * told.depth_tolerance, 1) });
+    }
+    if (cut.path && Math.abs(UPRIGHT - cut.angle) <= told.angle_tolerance) {
+      const mean = cut.path.mean(cut.target), missed = mean > told.line_tolerance;
+      const [name, off, allowed] = missed ? ["path", mean, told.line_tolerance] : ["farthest", cut.path.farthest, told.farthest_tolerance];
+      return say(texts[`end_finished_${name}`], { off: fixed(1e3 * Math.max(off, allowed + 1e-4), 1), tolerance: fixed(1e3 * allowed, 0) });
     }
     return say(texts.end_finished_tilted, { angle: fixed(cut.angle * 180 / Math.PI, 0) });
   }
@@ -276,6 +290,10 @@
     for (const name of ["costs", "costs-word"]) byId(name).style.left = `${100 * told.force_allowed_per_depth / cut.limitPerDepth}%`;
     put("distance", `${fixed(distance, 1)} mm`);
     if (cut.deep) put("below", signed(1e3 * (cut.depthAt(cut.deep.wanted, cut.blade) - cut.deep.level)));
+    if (cut.path) {
+      put("aside", signed(1e3 * cut.path.aside));
+      put("lateral", seen ? `${fixed(cut.last("lateral_force"), 1)} N` : "–");
+    }
     put("ahead", `${fixed(1e3 * (cut.hand - cut.blade), 1)} mm`);
     put("speed", `${fixed(1e2 * cut.last("speed"), 1)} cm/s`);
     put("angle", say(texts.degrees, { value: fixed(cut.angle * 180 / Math.PI, 0) }));
@@ -334,9 +352,10 @@
     if (page.cut) show();
     if (told.served) return;
     byId("operator").title = texts.bad_operator;
-    byId("specimen").replaceChildren(...told.specimens.map(({ task, specimen_class: kind, episode }, k) => {
+    byId("specimen").replaceChildren(...told.specimens.map(({ task, line, specimen_class: kind, episode }, k) => {
       const called = `${texts[`class_${kind}`]}, ${say(texts.number, { number: episode + 1 })}`;
-      const option = element("option", task === "depth" ? say(texts.along_depth, { specimen: called }) : called);
+      const along = texts[line ? `along_${line}` : `along_${task}`];
+      const option = element("option", along ? say(along, { specimen: called }) : called);
       option.value = k;
       return option;
     }));

@@ -1,7 +1,6 @@
 // A cut that goes on or has ended: its readings, its numbers, and the file that `cutenv score` reads.
 
 const READING = ["time", "force", "position", "speed", "angle", "true_force", "elastic_force", "tip", "jump"];
-const BESIDE = ["height", "vertical_force"]; // of a blade that also moves up and down
 const LONG_RUN = 0.004; // m
 
 class HandCut {
@@ -9,7 +8,7 @@ class HandCut {
     this.law = law;
     this.specimen = specimen;
     law.begin(specimen);
-    this.columns = Object.fromEntries([...READING, ...BESIDE].map(name => [name, []]));
+    this.columns = Object.fromEntries([...READING, ...law.beside].map(name => [name, []]));
     this.parts = [];
     this.inputs = [];
     this.target = law.number("episode", "tasks.target");
@@ -17,6 +16,7 @@ class HandCut {
     this.limitPerDepth = law.number("episode", "tasks.force_limit_per_depth");
     const points = Math.round(law.told.length / law.told.spacing) + 1;
     this.deep = specimen.task === "depth" ? new CutDepth(law, specimen, points) : null;
+    this.path = specimen.task === "path" ? new CutPath(law, specimen, points) : null;
     this.depth = this.deep?.surface ?? law.numbers("cut", "profiles.depth", points);
     this.measuredDepth = law.numbers("episode", "nominals.depth", points);
     this.end = "";
@@ -33,7 +33,7 @@ class HandCut {
     for (let i = 0; i < readings.length / width; i++) {
       READING.forEach((name, k) => this.columns[name].push(readings[width * i + k]));
       this.inputs.push(stylus[i]);
-      beside.forEach((values, k) => this.columns[BESIDE[k]].push(values[i]));
+      beside.forEach((values, k) => this.columns[this.law.beside[k]].push(values[i]));
     }
     this.end = this.law.end;
     this.success = this.law.success;
@@ -55,6 +55,8 @@ class HandCut {
   get angle() { return this.law.number("cut", "states.angle"); }
   get lag() { return Math.max(this.blade - this.tip, 0); }
 
+  get map() { return this.deep ?? this.path; }
+
   // Depth to which the blade is engaged, and to which limits of force belong.
   get engaged() {
     return this.depthAt(this.deep ? this.law.numbers("cut", "profiles.depth", this.depth.length) : this.depth, this.blade);
@@ -62,7 +64,7 @@ class HandCut {
   // Sum of the task's rewards.
   get gained() {
     const terms = this.law.numbers("episode", "totals", this.law.told.terms.length);
-    return terms.reduce((sum, term) => sum + term, 0) + (this.deep?.costs ?? 0);
+    return terms.reduce((sum, term) => sum + term, 0) + (this.map?.costs ?? 0);
   }
 
   depthAt(profile, position) {
@@ -98,27 +100,29 @@ class HandCut {
   get name() {
     const { specimen_class: kind, seed, episode } = this.specimen;
     const stamp = localTime(this.begun).slice(0, 19).replace(/[-:]/g, "");
-    return `${stamp}_${this.deep ? "depth_" : ""}${kind}_${seed}-${episode}`;
+    return `${stamp}_${this.map ? `${this.specimen.task}_` : ""}${kind}_${seed}-${episode}`;
   }
 
   // The text of the record, schema cutenv-record/1: what a rig would have recorded, and where the tip ended.
   csv(operator, practised) {
-    const { specimen_class: kind, seed, episode } = this.specimen;
+    const { specimen_class: kind, seed, episode, line } = this.specimen;
     const told = {
       rig: "cutenv page, simulated", sensor: "simulated, 1 kHz",
       specimen: `${kind}, seed ${seed}, number ${episode}`,
+      ...(line ? { line } : {}),
       ...(operator ? { operator } : {}),
       date: localTime(this.begun), name: this.name, program: `cutenv ${this.law.told.version}`,
       specimen_class: kind, specimen_seed: seed, specimen_episode: episode, practice: practised,
       end: this.end || "given up", success: this.success, device: "browser", hand: this.law.told.hand,
       stalled_s: Math.round(1e3 * this.stalled) / 1e3, target_length_m: this.target,
-      tip_end_m: Math.round(1e6 * this.last("tip")) / 1e6, ...this.deep?.noted(this.target),
+      tip_end_m: Math.round(1e6 * this.last("tip")) / 1e6, ...this.map?.noted(this.target),
     };
-    const { time, force, position, speed, angle, height, vertical_force: vertical } = this.columns;
+    const { time, force, position, speed, angle } = this.columns, { beside } = this.law;
     const rows = time.map((_, i) => [time[i], force[i], position[i], speed[i], angle[i],
-      this.depthAt(this.measuredDepth, position[i]), ...(this.deep ? [height[i], vertical[i]] : [])].map(digits).join(","));
+      this.depthAt(this.measuredDepth, position[i]), ...beside.map(name => this.columns[name][i])].map(digits).join(","));
+    const further = beside.map(name => `,${name}_${name.endsWith("force") ? "N" : "m"}`).join("");
     return ["# cutenv-record/1", `# rows: ${rows.length}`, `# metadata: ${JSON.stringify(told)}`,
-      `time_s,force_N,position_m,speed_m_s,angle_rad,depth_m${this.deep ? ",height_m,vertical_force_N" : ""}`, ...rows, ""].join("\n");
+      `time_s,force_N,position_m,speed_m_s,angle_rad,depth_m${further}`, ...rows, ""].join("\n");
   }
 }
 

@@ -3,11 +3,11 @@
 
 function taskPoints(cut, told) {
   const { scoring } = told, { points, tissue } = scoring, metrics = metricsOf(cut, scoring);
-  const share = value => Math.min(Math.max(value, 0), 1), { target, deep } = cut, last = cut.last("tip");
+  const share = value => Math.min(Math.max(value, 0), 1), { target, map } = cut, last = cut.last("tip");
   const farthest = cut.columns.tip.reduce((a, b) => Math.max(a, b), -Infinity) - target;
   const way = share(last / target);
   if (farthest > scoring.overshoot_allowed || metrics.peak_force_per_depth > scoring.force_limit_per_depth ||
-      (deep && deep.opened > scoring.layer_limit) || ["overshoot", "force_limit", "layer"].includes(cut.end)) {
+      map?.beyond(scoring) || ["overshoot", "force_limit", "layer", "off_line"].includes(cut.end)) {
     return [{ part: "way", points: scoring.beyond_limit * points.way * way, most: points.way }];
   }
   const counts = way * (cut.success ? 1 : scoring.missed);
@@ -18,11 +18,11 @@ function taskPoints(cut, told) {
     steadiness: counts * (metrics.peak_force > 0 ? share(1 - metrics.force_rate / metrics.peak_force / scoring.restless) : 0),
     time: counts * share(1 - metrics.duration / scoring.deadline),
   };
-  const gentle = deep ? 1 - scoring.depth_points / 100 : 1; // the depth has the other points
+  const gentle = map ? 1 - scoring.map_points / 100 : 1; // the depth, or the path, has the other points
   const parts = Object.entries(points).map(([part, most]) => ({ part, points: gentle * most * shares[part], most: gentle * most }));
-  if (!deep) return parts;
-  const gained = scoring.depth_points * counts * share(1 + deep.costs / scoring.depth_cost);
-  return [...parts, { part: "depth", points: gained, most: scoring.depth_points }];
+  if (!map) return parts;
+  const gained = scoring.map_points * counts * share(1 + map.costs / scoring.map_cost);
+  return [...parts, { part: cut.specimen.task, points: gained, most: scoring.map_points }];
 }
 
 // The metrics by their names there; what is unavailable there is what the points take it for.
