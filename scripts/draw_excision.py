@@ -23,7 +23,7 @@ from cutenv.plant import FreehandPlant
 from cutenv.tissue import Specimen
 from cutenv.tissue.grid import SPACING
 from cutenv.tissue.lines import CutLine, half_ellipse
-from cutenv.viewer.solid import write_curved_view
+from cutenv.viewer.solid import CurvedCut, write_curved_view
 
 LENGTH, HEIGHT = 0.056, 0.01
 """Distance of the ends of one side of the excision, and height of its summit [m]."""
@@ -140,7 +140,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     print(f"between the cuts: {1e6 * area_within(first, second):.0f} mm2")
     draw(arguments.file, first, second)
     if arguments.view is not None:
-        size = write_curved_view(arguments.view, second.plant, title="An ellipse, cut by a free hand")
+        size = write_curved_view(arguments.view, CurvedCut.of_plant(second.plant, "An ellipse, cut by a free hand"))
         print(f"page: {arguments.view} ({size / 1e6:.1f} MB)")
     return 0
 

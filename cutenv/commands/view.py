@@ -11,21 +11,23 @@ from pathlib import Path
 from cutenv.commands.inputs import chosen_cut, read_records
 from cutenv.commands.options import (
     add_cut,
+    add_line,
     add_record_options,
     add_target_length,
     command_parser,
+    line_given,
     made_folder,
     reports_errors,
     target_length,
 )
-from cutenv.viewer.solid import COLOURINGS, ShownCut, write_view
+from cutenv.viewer.solid import COLOURINGS, CurvedCut, ShownCut, write_curved_view, write_view
 
 
 @reports_errors("view")
 def main(argv: Sequence[str]) -> int:
     """Run the command; return 0, or 2 if the record or the options are bad."""
     arguments = _parser().parse_args(argv)
-    target = target_length(arguments)
+    target, line = target_length(arguments), line_given(arguments)
     if arguments.out is not None:
         made_folder("--out", arguments.out.parent)
     records = read_records(arguments)
@@ -34,10 +36,18 @@ def main(argv: Sequence[str]) -> int:
     for each in records.refused:
         print(f"left out: {each.name}: {each.reason}", file=sys.stderr)
     trace = chosen_cut(records, arguments.cut)
-    cut = ShownCut.of(trace, target=target)
-    path = arguments.out or Path(re.sub(r"[^\w.-]+", "_", cut.name) + "_view.html")
-    size = write_view(path, cut, colour=arguments.colour)
-    print(f"page: {path} ({size / 1e6:.1f} MB, {len(cut)} instants)")
+    path: Path
+    if trace.blade_x is None and line is None:
+        cut = ShownCut.of(trace, target=target)
+        path = arguments.out or page_of(cut.name)
+        size = write_view(path, cut, colour=arguments.colour or COLOURINGS[0])
+        print(f"page: {path} ({size / 1e6:.1f} MB, {len(cut)} instants)")
+    else:
+        if arguments.colour not in (None, COLOURINGS[0]):
+            raise ValueError(f"--colour {arguments.colour}: a cut in the plane shows displacement; leave it out.")
+        curved = CurvedCut.of_record(trace, line=line, target=target)
+        path = arguments.out or page_of(curved.name)
+        print(f"page: {path} ({write_curved_view(path, curved) / 1e6:.1f} MB, as the record ends)")
     if arguments.open:
         import webbrowser
 
@@ -45,20 +55,26 @@ def main(argv: Sequence[str]) -> int:
     return 0
 
 
+def page_of(name: str) -> Path:
+    """Return the default path of the page of a cut."""
+    return Path(re.sub(r"[^\w.-]+", "_", name) + "_view.html")
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = command_parser(
         "view",
         __doc__,
         examples=("cut.csv --open", "cuts.csv --cut 2 --target-length 80mm --out second.html"),
-        note="A record needs position and depth of cut beside force in newtons; without angle the blade is upright.",
+        note="A record needs position and depth of cut beside force in newtons; without angle the blade is upright.\n"
+        "A record with the places of the blade is shown as the slab at its end.",
     )
     add_record_options(parser, files=1, about="record of cuts: CSV, Parquet or HDF5")
     add_cut(parser)
     add_target_length(parser, "the record's own")
+    add_line(parser)
     parser.add_argument(
         "--colour",
         choices=COLOURINGS,
-        default=COLOURINGS[0],
         help=f"what the tissue's colour shows; default {COLOURINGS[0]}",
     )
     parser.add_argument("--out", type=Path, metavar="PAGE", help="page to write; default NAME_view.html, here")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 import re
@@ -12,9 +13,15 @@ import numpy as np
 import pytest
 
 from cutenv.plant import FreehandPlant
+from cutenv.play.played_path_cut import PlayedPathCut
+from cutenv.scoring.path_map import LINE_KEY, PathMap
+from cutenv.scoring.truth import ASIDE_AT_END
 from cutenv.tissue import Specimen
-from cutenv.viewer.solid import write_curved_view
-from cutenv.viewer.solid.curved_solid import OPENING, CurvedSolid
+from cutenv.tissue.lines import through
+from cutenv.trace import Trace
+from cutenv.viewer.solid import CurvedCut, write_curved_view
+from cutenv.viewer.solid.curved_cut import OPENING
+from cutenv.viewer.solid.curved_solid import CurvedSolid
 from cutenv.viewer.solid.curved_view import curved_page
 
 
@@ -27,7 +34,7 @@ def plant() -> FreehandPlant:
 
 
 def test_the_solid_is_closed_but_for_its_cuts() -> None:
-    solid = CurvedSolid(plant())
+    solid = CurvedSolid(CurvedCut.of_plant(plant()))
     edges: dict[tuple[tuple[float, ...], ...], int] = {}
     for surface in solid.skins.values():
         for face in surface.faces:
@@ -43,7 +50,7 @@ def test_the_solid_is_closed_but_for_its_cuts() -> None:
 
 
 def test_faces_of_the_cut_are_where_the_crack_went() -> None:
-    solid = CurvedSolid(plant())
+    solid = CurvedSolid(CurvedCut.of_plant(plant()))
     faces = solid.skins["faces"]
     assert len(faces.faces) == 4 * (len(plant().cut) - 1)  # two triangles on either side of each piece
     upper = faces.vertices[faces.vertices[:, 2] > 0.0]
@@ -68,7 +75,7 @@ def test_the_tip_is_drawn_at_the_blade() -> None:
 
 def test_the_page_is_one_file_that_holds_its_scene(tmp_path: Path) -> None:
     page = tmp_path / "cut.html"
-    assert write_curved_view(page, plant(), title="A cut & more") == page.stat().st_size
+    assert write_curved_view(page, CurvedCut.of_plant(plant(), "A cut & more")) == page.stat().st_size
     text = page.read_text(encoding="utf-8")
     assert "A cut &amp; more" in text
     found = re.search(r'<script type="text/plain" id="told">(.*?)</script>', text, re.DOTALL)
@@ -77,9 +84,51 @@ def test_the_page_is_one_file_that_holds_its_scene(tmp_path: Path) -> None:
     assert told["scalpel_rad"][1] == pytest.approx(plant().heading)
     assert len(told["commands"]) > 8
     assert not re.search(r'(src|href)="(http|//)', text)
-    assert curved_page(plant(), title="A cut & more") == text
+    assert curved_page(CurvedCut.of_plant(plant(), "A cut & more")) == text
 
 
-def test_nothing_cut_is_nothing_to_show(tmp_path: Path) -> None:
+def test_nothing_cut_is_nothing_to_show() -> None:
     with pytest.raises(ValueError, match="not left the clamp"):
-        write_curved_view(tmp_path / "cut.html", FreehandPlant(Specimen.drawn(0)))
+        CurvedCut.of_plant(FreehandPlant(Specimen.drawn(0)))
+
+
+@cache
+def played() -> Trace:
+    cut = PlayedPathCut(line="excision", seed=3)
+    hand = cut.simple_hand()
+    while not cut.end:
+        cut.tick(hand.read())
+    return cut.trace(name="An excision", end=cut.end)
+
+
+def test_a_record_in_the_plane_is_drawn_with_its_cut_and_its_line(tmp_path: Path) -> None:
+    cut = CurvedCut.of_record(played())
+    line = through(played().metadata[LINE_KEY])
+    aside = np.array(played().metadata[ASIDE_AT_END])
+    true = PathMap(line=line, aside=aside).place
+    hardly_moved = [rest + 0.001 * (moved - rest) for rest, moved in zip(cut.rest, cut.moved, strict=True)]
+    faces = CurvedSolid(dataclasses.replace(cut, moved=hardly_moved)).skins["faces"].vertices
+    drawn = np.column_stack((faces[:, 1], -faces[:, 0]))
+    distances = np.min(np.hypot(*(drawn[:, None] - true).transpose(2, 0, 1)), axis=1)
+    assert distances.max() < 0.0005
+    assert drawn[:, 0].max() == pytest.approx(true[-1, 0], abs=0.006)  # an element
+    assert cut.line is not None
+    assert cut.line == pytest.approx(np.column_stack((line.x, line.y)))
+    write_curved_view(tmp_path / "cut.html", cut)
+    assert "An excision" in (tmp_path / "cut.html").read_text(encoding="utf-8")
+
+
+def test_without_its_notes_the_cut_is_expected_behind_the_blade() -> None:
+    notes = {key: value for key, value in played().metadata.items() if key not in (LINE_KEY, ASIDE_AT_END)}
+    bare = dataclasses.replace(played(), metadata=notes)
+    expected, true = CurvedCut.of_record(bare), CurvedCut.of_record(played())
+    assert expected.line is None
+    ends = [np.vstack(each.moved)[:, 1] for each in (expected, true)]
+    assert np.abs(ends[0]).max() == pytest.approx(np.abs(ends[1]).max(), rel=0.05)
+    along = CurvedCut.of_record(bare, line=through(played().metadata[LINE_KEY]))
+    assert along.heading == pytest.approx(true.heading, abs=0.2)
+
+
+def test_a_record_without_depth_is_refused() -> None:
+    with pytest.raises(ValueError, match="blade_x, blade_y"):
+        CurvedCut.of_record(dataclasses.replace(played(), depth=None))

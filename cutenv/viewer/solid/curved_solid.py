@@ -8,21 +8,20 @@ from functools import cached_property
 import numpy as np
 
 from cutenv._base.arrays import Array
-from cutenv.plant.freehand_plant import FreehandPlant
 from cutenv.tissue.lines import WIDTH
 from cutenv.viewer import palette
+from cutenv.viewer.solid.curved_cut import CurvedCut
 from cutenv.viewer.solid.solids import Surface
 
-OPENING = 0.0016
-"""Distance by which faces of a cut are drawn apart, far from its ends [m]: an illustration."""
+_ABOVE = 2.5e-4  # the upper face, at which lines are drawn [m]
 
 
 class CurvedSolid:
-    """Slab of a plant that was cut by hand, under its present force.
+    """Slab that was cut along any curve, as surfaces and lines.
 
     Parameters
     ----------
-    plant : FreehandPlant
+    cut : CurvedCut
 
     Attributes
     ----------
@@ -32,10 +31,11 @@ class CurvedSolid:
 
     width = WIDTH
 
-    def __init__(self, plant: FreehandPlant) -> None:
-        self.depth = float(np.mean(plant.specimen.depth))
-        self._rest = [_seen(outline) for outline in plant.model.outlines()]
-        self._moved = [_seen(outline) for outline in plant.displaced(OPENING)]
+    def __init__(self, cut: CurvedCut) -> None:
+        self.depth = cut.depth
+        self._rest = [_seen(outline) for outline in cut.rest]
+        self._moved = [_seen(outline) for outline in cut.moved]
+        self._line = None if cut.line is None else _seen(cut.line)
 
     @cached_property
     def skins(self) -> dict[str, Surface]:
@@ -55,7 +55,14 @@ class CurvedSolid:
     def lines(self) -> Array:
         """Ends of the edges of the elements in the upper face, shape (2 n, 3) [m]."""
         ends = np.concatenate([np.stack((m, np.roll(m, -1, axis=0)), axis=1).reshape(-1, 2) for m in self._moved])
-        return np.column_stack((ends, np.full(len(ends), self.depth + 2.5e-4)))
+        return self._above(ends)
+
+    @cached_property
+    def wanted(self) -> Array | None:
+        """Ends of the pieces of the line that was to be cut, over the upper face, shape (2 n, 3) [m]; None without."""
+        if self._line is None:
+            return None
+        return self._above(np.stack((self._line[:-1], self._line[1:]), axis=1).reshape(-1, 2))
 
     def colours(self, surface: Surface) -> Array:
         """Return the colour of each vertex by the displacement of its place, shape (n, 3), 0 to 1."""
@@ -67,6 +74,9 @@ class CurvedSolid:
         table = np.array(palette.TISSUE) / 255.0
         colours: Array = table[np.rint(shade * (len(table) - 1)).astype(int)]
         return colours
+
+    def _above(self, places: Array) -> Array:
+        return np.column_stack((places, np.full(len(places), self.depth + _ABOVE)))
 
     def _level(self, height: float) -> Surface:
         parts = []

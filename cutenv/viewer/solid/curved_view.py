@@ -8,25 +8,24 @@ from pathlib import Path
 
 from cutenv._base.atomic_file import atomic_write
 from cutenv._base.document import render
-from cutenv.plant.freehand_plant import FreehandPlant
 from cutenv.viewer.solid import solid_scene
-from cutenv.viewer.solid.curved_solid import OPENING, CurvedSolid
+from cutenv.viewer.solid.curved_cut import OPENING, CurvedCut
+from cutenv.viewer.solid.curved_solid import CurvedSolid
 from cutenv.viewer.solid.scalpel import pose
 from cutenv.viewer.solid.view_page import as_base64, digest, meshcat_viewer
 
 _HERE = Path(__file__).parent
 
 
-def write_curved_view(path: Path, plant: FreehandPlant, *, title: str = "Cuts by a free hand") -> int:
-    """Write the page of a plant's slab, its cuts and its blade, as a whole or not at all.
+def write_curved_view(path: Path, cut: CurvedCut) -> int:
+    """Write the page of a slab, its cuts and its blade, as a whole or not at all.
 
     Parameters
     ----------
     path : Path
         Path of the page (.html).
-    plant : FreehandPlant
-        Slab that was cut; it is shown under the present force.
-    title : str
+    cut : CurvedCut
+        Slab that was cut.
 
     Returns
     -------
@@ -35,36 +34,33 @@ def write_curved_view(path: Path, plant: FreehandPlant, *, title: str = "Cuts by
 
     Raises
     ------
-    ValueError
-        If nothing is cut yet.
     ImportError
         If meshcat or Jinja2 is not installed.
     OSError
         If the page cannot be written.
     """
-    document = curved_page(plant, title=title).encode("utf-8")
+    document = curved_page(cut).encode("utf-8")
     with atomic_write(path) as part:
         part.write_bytes(document)
     return len(document)
 
 
-def curved_page(plant: FreehandPlant, *, title: str = "Cuts by a free hand") -> str:
+def curved_page(cut: CurvedCut) -> str:
     """Return the page as text."""
-    solid = CurvedSolid(plant)
+    solid = CurvedSolid(cut)
     packed = solid_scene.curved_commands(solid)
     viewer, licences = meshcat_viewer()
-    angle = float(plant.cuts.states["angle"][0])
-    along, height, _ = pose(0.0, angle, solid.depth)
-    (x, y), heading = plant.blade, plant.heading
+    along, height, _ = pose(0.0, cut.angle, solid.depth)
+    (x, y), heading = cut.blade, cut.heading
     told = {
         "commands": [as_base64(each) for each in packed],
         "units_per_metre": solid_scene.UNITS_PER_METRE,
         "scalpel_m": [along * math.sin(-heading) - y, along * math.cos(heading) + x, height],
-        "scalpel_rad": [angle - 0.5 * math.pi, heading],
+        "scalpel_rad": [cut.angle - 0.5 * math.pi, heading],
         "middle_m": [0.0, 0.062, 0.0],
     }
     values = {
-        "title": title,
+        "title": cut.name,
         "opening": OPENING,
         "told": json.dumps(told, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c"),
         "licences": licences.replace("<", "&lt;"),

@@ -76,6 +76,8 @@ def curved_commands(solid: CurvedSolid) -> list[bytes]:
         stage.surface(f"tissue/{name}", solid.skins[name], coloured=solid.colours(solid.skins[name]))
     stage.surface("tissue/faces", solid.skins["faces"], palette.CUT_FACE)
     stage.lines("tissue/lines", solid.lines, palette.MESH)
+    if solid.wanted is not None:
+        stage.lines("target", solid.wanted, palette.TARGET)
     stage.furnish(_clamp(solid.width, 0.0, solid.depth))
     return stage.packed
 
