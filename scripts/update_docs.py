@@ -12,6 +12,7 @@
     python scripts/update_docs.py bead-tracking             what scripts/measure_bead_tracking.py left in runs/
     python scripts/update_docs.py browser-page              what scripts/measure_page.py left in runs/ (--json)
     python scripts/update_docs.py rig-faults-serial         what scripts/rig_faults.py --serial left in runs/ (--json)
+    python scripts/update_docs.py rig-faults-grbl           what scripts/rig_faults.py --grbl left in runs/ (--json)
     python scripts/update_docs.py errata tissue-file rig-file slow-rig metrics weights ends class-attacks
     python scripts/update_docs.py --docstring               tables in the docstring of cutenv/envs/gentle_cut.py
     python scripts/update_docs.py --check parameters        fails if a block is not what it would print
@@ -153,6 +154,7 @@ PAGES = {
     "rig-faults": "docs/rig/what-stops-it.md",
     "rig-faults-height": "docs/rig/what-stops-it.md",
     "rig-faults-serial": "docs/rig/serial-rig.md",
+    "rig-faults-grbl": "docs/rig/serial-rig.md",
     "slow-rig": "docs/rig/serial-rig.md",
     "rig-soak": "docs/rig/what-stops-it.md",
     "browser-page": "docs/how-to/browser.md",
@@ -492,6 +494,7 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "rig-faults": lambda _: rig_faults.markdown(left_by(rig_faults)),
     "rig-faults-height": lambda _: rig_faults.markdown(left_by(rig_faults, rig_faults.DEFAULT_OF_HEIGHT)),
     "rig-faults-serial": lambda _: rig_faults.markdown(left_by(rig_faults, rig_faults.DEFAULT_OF_SERIAL)),
+    "rig-faults-grbl": lambda _: rig_faults.markdown(left_by(rig_faults, rig_faults.DEFAULT_OF_GRBL)),
     "slow-rig": slow_rig,
     "rig-soak": lambda _: "```\n" + rig_soak.text(left_by(rig_soak)) + "\n```",
     "browser-page": lambda _: measure_page.markdown(left_by(measure_page)),

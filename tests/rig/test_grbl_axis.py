@@ -103,7 +103,7 @@ def test_when_the_computer_is_silent_it_goes_on_no_farther_than_stated(
     until(lambda: machine.speed == 0.0)
     way = 1e-3 * (machine.position - before)
     assert 0.0 < way <= SPEED * (SENT_AHEAD + PIECE + 0.02)
-    assert machine._state == "Idle"
+    assert machine.state == "Idle"
 
 
 def test_a_machine_that_ignores_the_cancel_is_reset_and_loses_its_zero(

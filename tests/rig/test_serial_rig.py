@@ -24,7 +24,7 @@ from cutenv.rig.devices import DriveState, ForceSample, Mounting, RigError, Syst
 from cutenv.rig.devices.driver_registry import mounted
 from cutenv.rig.devices.serial.board_lines import board_line
 from cutenv.rig.devices.serial.slow_profile import RATES, slow_settings
-from cutenv.rig.emulator.serial.serial_faults import SERIAL_FAULTS
+from cutenv.rig.emulator.serial.serial_faults import GRBL_FAULTS, SERIAL_FAULTS
 from cutenv.rig.emulator.serial.serial_rig import EmulatedSerialRig, SerialOptions
 from cutenv.rig.hardware import rig_plant
 from cutenv.rig.operation.conformance import Listening
@@ -402,10 +402,11 @@ def test_a_drive_with_a_reference_of_its_own_takes_no_zero(capsys: pytest.Captur
 
 def test_each_fault_of_the_emulator_has_its_row_in_the_table() -> None:
     assert set(rig_trials.EXPECTED_OF_SERIAL) == {*SERIAL_FAULTS, *rig_trials.OWN}
+    assert set(rig_trials.EXPECTED_OF_GRBL) == {*GRBL_FAULTS, *rig_trials.OWN}
 
 
 def test_faults_of_a_cut_in_real_time_stop_it_as_stated() -> None:
-    with rig_faults.Trials(serial=True) as trials:
+    with rig_faults.Trials(kind="serial") as trials:
         import numpy as np
 
         for fault in ("cell_silent", "stop_button", "board_deaf", "kill_9", "cable_out"):

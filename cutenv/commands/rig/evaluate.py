@@ -44,7 +44,7 @@ def main(argv: Sequence[str]) -> int:
 def _evaluated(arguments: argparse.Namespace) -> Evaluation:
     from cutenv.commands.rig.run import chosen_policy
     from cutenv.envs import RigCutEnv, RigDepthCutEnv
-    from cutenv.rig.config.identified import environment_arguments
+    from cutenv.rig.operation.suitability import simulated
     from cutenv.sim_to_real import FEWEST_SPECIMENS
     from cutenv.sim_to_real.evaluation_result import Evaluation
     from cutenv.sim_to_real.paired_experiment import paired_experiment, save_records, simulator_like
@@ -64,13 +64,13 @@ def _evaluated(arguments: argparse.Namespace) -> Evaluation:
         stack.callback(rig.close)
         if changed and not rig.draws_specimens:
             raise ValueError("--change is for an emulated or fake rig: a real one is described by its file.")
-        simulated = {name: value for name, value in shared.items() if name not in ("angle_mode", "fixed_angle_deg")}
-        simulator = simulator_like(rig, **simulated)
+        wanted = {name: value for name, value in shared.items() if name not in ("angle_mode", "fixed_angle_deg")}
+        simulator = simulator_like(rig, **wanted)
         cuts = paired_experiment(
             rig, simulator, policy, seed=arguments.seed, specimens=arguments.specimens, draws=arguments.draws,
             told=_progress(arguments.specimens, stack),
         )  # fmt: skip
-        given = environment_arguments(rig.settings.identified, rig.settings.position_control)
+        given = simulated(rig.settings)
         name = _rig_name(arguments.rig, rig)
     if len(cuts.rig) < FEWEST_SPECIMENS:
         said = "; ".join(cuts.between)
