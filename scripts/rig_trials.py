@@ -168,6 +168,8 @@ def stated_detection(fault: str, cause: Cause, settings: RigSettings) -> float |
     stated = detection_times(limits, packet=1.0 / settings.sensor.rate, sync=settings.bus.sync)[cause]
     if fault == "cell_wire_off":
         stated += 2.0 / settings.sensor.rate  # a reading may lie within the limit by chance
+    if fault == "board_restart" and cause is Cause.FORCE_STATUS:
+        stated += 1.0 / settings.sensor.rate  # the first reading after it
     if fault == "board_deaf":
         stated += BOARD_PATIENCE
     if cause is Cause.FORCE_LOST:

@@ -32,8 +32,11 @@ def _once(summary: str, begin: Callable[[Any], None]) -> InjectedFault:
     return InjectedFault(summary=summary, begin=lambda rig, p: begin(rig), end=lambda rig, p: None)
 
 
-def _of_line(line: str, sender: str) -> dict[str, InjectedFault]:
-    """Return what can happen to a serial line, by name; ``sender`` is what is at its other end."""
+def _of_line(line: str, sender: str, *, share: float, delay: float) -> dict[str, InjectedFault]:
+    """Return what can happen to a serial line, by name; ``sender`` is what is at its other end.
+
+    ``share`` of the lines and ``delay`` [s] are those of a fault that is given without.
+    """
     return {
         "cable_out": InjectedFault(
             summary=f"the cable of the {sender} is pulled out; at the end it is put in again, and the port has another "
@@ -45,14 +48,14 @@ def _of_line(line: str, sender: str) -> dict[str, InjectedFault]:
         f"{sender}_mute": _of(line, "mute", f"nothing that the {sender} sends comes here; it hears all", True, False),
         "damaged_lines": _of(
             line, "damaged_share", "a bit is changed in a share of the lines", "share", 0.0,
-            share=Range(0.5, 0.0, 1.0, "1"),
+            share=Range(share, 0.0, 1.0, "1"),
         ),
         "lost_lines": _of(
-            line, "lost_share", "a share of the lines is lost", "share", 0.0, share=Range(0.5, 0.0, 1.0, "1")
+            line, "lost_share", "a share of the lines is lost", "share", 0.0, share=Range(share, 0.0, 1.0, "1")
         ),
         "noise": _of(line, "noise", "random bytes come, as with another baud rate", True, False),
         "doubled_lines": _of(line, "doubled", "each line comes twice", True, False),
-        "latency": _of(line, "delay", "lines come late", "delay_s", 0.0, delay_s=Range(0.15, 0.0, 2.0, "s")),
+        "latency": _of(line, "delay", "lines come late", "delay_s", 0.0, delay_s=Range(delay, 0.0, 2.0, "s")),
     }  # fmt: skip
 
 
@@ -80,7 +83,8 @@ _OF_CELL: dict[str, InjectedFault] = {
         parameters={"force_N": Range(25.0, -190.0, 190.0, "N")},
     ),
 }
-_BOARD, _MACHINE = _of_line("line", "board"), _of_line("machine.line", "grbl")
+_BOARD = _of_line("line", "board", share=0.5, delay=0.15)
+_MACHINE = _of_line("machine.line", "grbl", share=0.8, delay=0.5)  # less is not noticed, as its page says
 
 SERIAL_FAULTS: dict[str, InjectedFault] = {
     **_BOARD,
