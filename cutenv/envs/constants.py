@@ -79,7 +79,7 @@ def rig_constants(rig: str | Path, *, drive: str = "rig") -> dict[str, float]:
         driven by a rig.
     """
     from cutenv.rig.config.identified import environment_arguments
-    from cutenv.rig.operation.suitability import simulated
+    from cutenv.rig.operation.suitability import simulator_keywords
     from cutenv.rig.toml_file import read_rig_file
 
     if drive == "hand":
@@ -93,7 +93,7 @@ def rig_constants(rig: str | Path, *, drive: str = "rig") -> dict[str, float]:
         )
     if not environment_arguments(settings.identified, control):
         raise ValueError(f"{rig}: nothing in it was identified yet. Run 'cutenv rig identify {rig} --write' first.")
-    measured = simulated(settings)
+    measured = simulator_keywords(settings)
     try:
         Constants.from_keywords(measured, drive=drive)
     except ValueError as error:

@@ -361,6 +361,12 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return self._source.settings
 
     @property
+    def lateness(self) -> str:
+        """Sentence on an emulated rig that was late itself, as no real one is; "" if it was not."""
+        emulator = self._source.emulator
+        return "" if emulator is None else emulator.lateness
+
+    @property
     def draws_specimens(self) -> bool:
         """True if specimens are drawn by program, as for an emulated or fake rig, and not laid by hand."""
         return self._source.draws

@@ -20,7 +20,7 @@ from cutenv.envs.constants import Constants
 from cutenv.recording.appending import AppendingRecord, RecordingFailed
 from cutenv.recording.cut_listener import CutListener
 from cutenv.recording.provenance import Provenance
-from cutenv.rig.config.imitated_rig import EMULATED, EMULATOR, FAKE, HEIGHT, NAMED, fake_settings
+from cutenv.rig.config.imitated_rig import EMULATED, EMULATOR, FAKE, HEIGHT, RIG_NAMES, fake_settings
 from cutenv.rig.config.settings import PositionControl, RigSettings, SensorCalibration
 from cutenv.rig.connection import operator_of, settings_of
 from cutenv.rig.contradictions import refuse_contradictions
@@ -194,7 +194,7 @@ class RigSource:
     ) -> None:
         self._rig, self._constants, self._operator = str(rig), constants, operator
         self._lower = dict(lower_limits or {})
-        named = self._rig in NAMED
+        named = self._rig in RIG_NAMES
         control = None
         if isinstance(constants.drive, PDRig):
             control = PositionControl(**{key.name: getattr(constants.drive, key.name) for key in _OF_PD_CONTROL})
@@ -205,7 +205,7 @@ class RigSource:
                 )
         own = (
             settings_of(self._rig)
-            if self._rig in NAMED and self._rig not in (FAKE, EMULATOR)
+            if self._rig in RIG_NAMES and self._rig not in (FAKE, EMULATOR)
             else fake_settings(name=self._rig, height=HEIGHT if needs_height else None, position_control=control)
         )
         self.settings = self._lowered(own if named else read_rig_file(rig))
@@ -222,7 +222,7 @@ class RigSource:
                 calibration=SensorCalibration(date=datetime.now().date().isoformat()),
                 sensor=dataclasses.replace(self.settings.sensor, rate=FakeSensor.rate),
             )
-        self.draws = self._rig in NAMED
+        self.draws = self._rig in RIG_NAMES
         self._emulated = emulator_arguments(constants) if self._rig == EMULATOR else []
         if self._rig in EMULATED and self._rig != EMULATOR and (changed := changed_constants(constants)):
             raise ValueError(

@@ -13,6 +13,7 @@ from cutenv.rig.config.settings import RigSettings, SensorCalibration
 from cutenv.rig.devices.clock import FakeClock
 from cutenv.rig.devices.real_time import preferred
 from cutenv.rig.devices.serial.slow_profile import grbl_settings, slow_settings
+from cutenv.rig.errors import RigError
 from cutenv.rig.operation.operator import AutomaticOperator, Operator, TerminalOperator
 from cutenv.rig.operation.preflight import SETTLE
 from cutenv.rig.plant import RigPlant
@@ -34,7 +35,7 @@ def connected(rig: str, *, clock: FakeClock | None = None) -> Iterator[Connectio
     Parameters
     ----------
     rig : str
-        A rig's TOML file, or one of :data:`~cutenv.rig.config.imitated_rig.NAMED`, which have the blade in free air.
+        A rig's TOML file, or one of :data:`~cutenv.rig.config.imitated_rig.RIG_NAMES`: these have the blade in air.
     clock : FakeClock, optional
         Clock of a fake rig.
 
@@ -45,6 +46,7 @@ def connected(rig: str, *, clock: FakeClock | None = None) -> Iterator[Connectio
     RigError
         If the rig is not there, or differs from its file.
     """
+    emulator = None
     with ExitStack() as stack:
         if rig == FAKE:
             from cutenv.rig.fake.air_plant import AirPlant
@@ -58,7 +60,8 @@ def connected(rig: str, *, clock: FakeClock | None = None) -> Iterator[Connectio
             if rig in EMULATED:
                 from cutenv.rig.emulator.process import start
 
-                settings = stack.enter_context(start(free_air=True, kind=rig)).settings
+                emulator = stack.enter_context(start(free_air=True, kind=rig))
+                settings = emulator.settings
             else:
                 settings = read_rig_file(rig)
             plant = rig_plant(settings)
@@ -67,7 +70,12 @@ def connected(rig: str, *, clock: FakeClock | None = None) -> Iterator[Connectio
         plant.open()
         stack.enter_context(guarded(plant.supervisor, plant.clock))
         plant.clock.sleep_until(plant.clock.now() + SETTLE)
-        yield Connection(settings, plant)
+        try:
+            yield Connection(settings, plant)
+        except RigError as error:
+            if emulator is None or not (late := emulator.lateness):
+                raise
+            raise RigError(f"{error} ({late})") from error
 
 
 def operator_of(settings: RigSettings) -> Operator:

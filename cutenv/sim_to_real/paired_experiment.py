@@ -20,7 +20,7 @@ from cutenv.plant.protocol import to_trace
 from cutenv.policy import Policy, PrivilegedPolicy
 from cutenv.recording import save
 from cutenv.rig.errors import RigError
-from cutenv.rig.operation.suitability import simulated
+from cutenv.rig.operation.suitability import simulator_keywords
 from cutenv.rig.safety.stop_causes import BY_PEOPLE, Cause
 from cutenv.sim_to_real import FEWEST_SPECIMENS, Agreement, ClockKept, ComparedCut
 from cutenv.sim_to_real.estimated_depth_cut import EstimatedDepthCutEnv
@@ -90,7 +90,7 @@ def simulator_like(rig: RigCutEnv, **arguments: Any) -> GentleCutEnv:
         drive="rig" if control is None else "pd",
         angle_mode="fixed" if fixed else "free",
         fixed_angle_deg=float(np.degrees(rig.start_angle)) if fixed else 90.0,
-        **{**simulated(rig.settings), **arguments},
+        **{**simulator_keywords(rig.settings), **arguments},
     )
     return simulator
 

@@ -31,7 +31,7 @@ from cutenv.rig.devices.real_time import prefer
 from cutenv.rig.devices.serial.slow_profile import grbl_settings, slow_settings
 from cutenv.rig.emulator.assembly import RANGES, EmulatedRig, Options
 from cutenv.rig.emulator.control import ControlServer, EmulatorControl
-from cutenv.rig.emulator.emulated_bench import EmulatedBench
+from cutenv.rig.emulator.emulated_bench import STALL, EmulatedBench
 from cutenv.rig.emulator.emulated_tissue import Laid, feel
 from cutenv.rig.emulator.motor import position_control, turn_motor
 from cutenv.rig.emulator.serial.grbl_rig import EmulatedGrblRig
@@ -297,6 +297,19 @@ class RunningEmulator:
                 self._process.wait(_ENDS_WITHIN)
         if self._process.stdout is not None:
             self._process.stdout.close()
+
+    @property
+    def lateness(self) -> str:
+        """Sentence on an emulator that was late itself, as no real board is; "" if it was not, or has ended."""
+        try:
+            worst = self.control.state()["worst_stall_s"]
+        except (OSError, ValueError, RigError):
+            return ""
+        if worst < STALL:
+            return ""
+        return (
+            f"the emulator itself was late by up to {1e3 * worst:.0f} ms, as no real rig is: this computer is too busy"
+        )
 
     @property
     def status(self) -> int | None:

@@ -40,7 +40,7 @@ def top_speed(settings: RigSettings) -> float:
     return min(settings.limits.speed / MARGIN, settings.blade.speed)
 
 
-def simulated(settings: RigSettings) -> dict[str, float]:
+def simulator_keywords(settings: RigSettings) -> dict[str, float]:
     """Return keywords with which the simulator is like a rig, in SI: what was identified, and what its file states.
 
     That is the top speed if it is below that of the tasks, and the mean delay of a force until it is read: half the
