@@ -21,8 +21,10 @@ SPEED = 0.015
 """Speed of the cuts [m/s]."""
 PERIOD = 0.020
 """Control period, from command to command [s]."""
+SLOW = ("serial", "grbl")
+"""Drivers of the blade on a slow rig."""
 SLOW_SPEED, SLOW_PERIOD = 0.0045, 0.100
-"""The same of a serial rig."""
+"""The same of such a rig."""
 STALL = 0.005
 """Lateness of a thread that should run every 2 ms, above which the host counts as stalled [s]."""
 WATCHED = 0.002
@@ -38,7 +40,7 @@ _FAR = 0.09  # [m], position from which the cut continues in another specimen
 
 def pace_of(settings: RigSettings) -> tuple[float, float]:
     """Return speed [m/s] and control period [s] of the cuts on a rig."""
-    return (SLOW_SPEED, SLOW_PERIOD) if settings.blade.driver == "serial" else (SPEED, PERIOD)
+    return (SLOW_SPEED, SLOW_PERIOD) if settings.blade.driver in SLOW else (SPEED, PERIOD)
 
 
 class HostWatch:

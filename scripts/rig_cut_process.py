@@ -38,13 +38,7 @@ class CutProcess:
     """
 
     def __init__(self, emulator: RunningEmulator, *, seed: int, kept: bool = False) -> None:
-        settings = emulator.settings
-        if settings.blade.driver == "serial":
-            ready = {"port": settings.blade.options.port, "converter": emulator.converter}
-        else:
-            ready = {"can": settings.bus.port, "sensor": settings.sensor.port, "page": settings.sensor.page}
-        ready["control"] = emulator.control.port
-        command = [sys.executable, __file__, json.dumps(ready), str(seed)]
+        command = [sys.executable, __file__, json.dumps(emulator.ready), str(seed)]
         keeper = [sys.executable, "-c", "import subprocess, sys; subprocess.run(sys.argv[1:])"]
         self.process = subprocess.Popen(
             keeper + command if kept else command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE

@@ -4,17 +4,18 @@
     python scripts/rig_faults.py --only kill_9 --trials 3
     python scripts/rig_faults.py --height                     faults of a height axis, with the blade in air
     python scripts/rig_faults.py --serial                     faults of a serial rig: board, stepper, load cell
+    python scripts/rig_faults.py --grbl                       faults of a rig with GRBL and a load cell
     python scripts/rig_faults.py --json runs/rig-faults.json  for scripts/update_docs.py rig-faults
 
-The blade cuts sampled specimens at 1.5 cm/s (a serial rig: 4.5 mm/s) when the fault occurs, at a random instant.  All
+The blade cuts sampled specimens at 1.5 cm/s (a slow rig: 4.5 mm/s) when the fault occurs, at a random instant.  All
 times are of one clock.  The machine's own delays are counted (a thread of the rig or of the emulator that was late by
 more than 5 ms), and the times of such trials are kept apart.  If such a delay has stopped the rig before the fault, the
 trial does not count, and is repeated.  A machine that is too busy is refused at once (exit code 3), with what to ask
 for.
 
-Trials are stored as they are made, in runs/rig-faults.part.json, those of a height axis and of a serial rig in
-rig-faults-height.part.json and rig-faults-serial.part.json there.  An interrupted run continues where it left off when
-the command is given again; --anew starts from the beginning.
+Trials are stored as they are made, in runs/rig-faults.part.json, those of the other kinds in
+rig-faults-height.part.json, rig-faults-serial.part.json and rig-faults-grbl.part.json there.  An interrupted run
+continues where it left off when the command is given again; --anew starts from the beginning.
 """
 
 from __future__ import annotations
@@ -37,6 +38,7 @@ from rig_cut_process import trial_in_child
 from rig_trials import (
     BY_THE_DRIVE,
     EXPECTED,
+    EXPECTED_OF_GRBL,
     EXPECTED_OF_HEIGHT,
     EXPECTED_OF_SERIAL,
     GAP,
@@ -49,15 +51,16 @@ from rig_trials import (
 from tqdm import tqdm
 
 from cutenv._base.atomic_file import atomic_write
+from cutenv.rig.config.imitated_rig import EMULATOR
 from cutenv.rig.emulator.process import RunningEmulator, start
 from cutenv.rig.errors import RigError
 
-DEFAULT, DEFAULT_OF_HEIGHT, DEFAULT_OF_SERIAL = (
-    Path("runs") / f"rig-faults{kind}.json" for kind in ("", "-height", "-serial")
+KINDS = {"": EXPECTED, "height": EXPECTED_OF_HEIGHT, "serial": EXPECTED_OF_SERIAL, "grbl": EXPECTED_OF_GRBL}
+"""Faults by the kind of rig, "" that of the drives on a bus."""
+DEFAULT, DEFAULT_OF_HEIGHT, DEFAULT_OF_SERIAL, DEFAULT_OF_GRBL = (
+    Path("runs") / f"rig-faults{kind and '-'}{kind}.json" for kind in KINDS
 )
-PART, PART_OF_HEIGHT, PART_OF_SERIAL = (
-    default.with_suffix(".part.json") for default in (DEFAULT, DEFAULT_OF_HEIGHT, DEFAULT_OF_SERIAL)
-)
+PART = DEFAULT.with_suffix(".part.json")
 _ATTEMPTS = 8  # at a trial that the host's stalls prevent
 _LOOKED_AT = (1, 4)  # failed attempts after which the machine's load is checked
 HEADER = (
@@ -73,8 +76,8 @@ class Trials:
     ----------
     check : callable, optional
         Called after failed attempts; raises :class:`TooBusy` if more would fail too.
-    height, serial : bool
-        True for the faults of a height axis; of a serial rig.
+    kind : str
+        Kind of rig, of :data:`KINDS`.
 
     Attributes
     ----------
@@ -82,8 +85,8 @@ class Trials:
         Number of times that the rig had stopped before the fault, by fault.
     """
 
-    def __init__(self, check: Callable[[], None] | None = None, *, height: bool = False, serial: bool = False) -> None:
-        self._check, self._height, self._serial = check, height, serial
+    def __init__(self, check: Callable[[], None] | None = None, *, kind: str = "") -> None:
+        self._check, self._kind = check, kind
         self.before: Counter[str] = Counter()
         self._emulator: RunningEmulator | None = None
         self._rig: CuttingRig | None = None
@@ -117,9 +120,9 @@ class Trials:
         raise RigError(f"{fault}: {_ATTEMPTS} times the rig had stopped before the fault came: is this machine busy?")
 
     def _tried(self, fault: str, seed: int, after: float) -> Trial:
-        if self._height:
+        if self._kind == "height":
             return self._tried_height(fault, seed, after)
-        emulator = self._emulator = self._emulator or start(serial=self._serial)
+        emulator = self._emulator = self._emulator or start(kind=self._kind or EMULATOR)
         if fault in IN_CHILD:
             self._leave()
             return trial_in_child(emulator, fault, seed=seed, after=after)
@@ -229,7 +232,7 @@ def markdown(kept: dict[str, Any]) -> str:
     lines = [HEADER, tuple("---" for _ in HEADER), *rows(kept)]
     table = "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
     made = f"{len(kept['trials'])} trials, {sum(kept['before'].values())} more that a stop came before."
-    if kept["trials"][0]["fault"] in EXPECTED_OF_HEIGHT or "cable_out" in {each["fault"] for each in kept["trials"]}:
+    if "bus_gap" not in {each["fault"] for each in kept["trials"]}:
         return f"{table}\n\n{made}"
     allowed = f"Found out counts as kept up to {1e3 * WAY:g} ms beyond the stated time: the ways of frames and events."
     gap = f"bus_gap is a bus that is off for {1e3 * GAP:g} ms: the first quick stop is lost, and sent again."
@@ -244,19 +247,18 @@ def main(argv: Sequence[str] | None = None) -> int:
     kinds = parser.add_mutually_exclusive_group()
     kinds.add_argument("--height", action="store_true", help="faults of a height axis")
     kinds.add_argument("--serial", action="store_true", help="faults of a serial rig")
-    add("--only", nargs="+", metavar="FAULT", help=f"{', '.join(EXPECTED)}; of a height axis: "
-        f"{', '.join(EXPECTED_OF_HEIGHT)}; of a serial rig: {', '.join(EXPECTED_OF_SERIAL)}")  # fmt: skip
+    kinds.add_argument("--grbl", action="store_true", help="faults of a rig with GRBL and a load cell")
+    listed = "; ".join(f"of --{kind}: {', '.join(faults)}" if kind else ", ".join(faults)
+                       for kind, faults in KINDS.items())  # fmt: skip
+    add("--only", nargs="+", metavar="FAULT", help=listed)
     add("--seed", type=int, default=0, help="of specimens and instants; default 0")
-    add("--json", type=Path, metavar="FILE", help=f"keep every trial there; the documentation is made from {DEFAULT},"
-        f" {DEFAULT_OF_HEIGHT} and {DEFAULT_OF_SERIAL}")  # fmt: skip
+    add("--json", type=Path, metavar="FILE", help=f"keep every trial there; the documentation is made from {DEFAULT} "
+        "and those beside it, -height, -serial and -grbl")  # fmt: skip
     add("--markdown", action="store_true", help="print the table as Markdown")
     add("--anew", action="store_true", help="begin from the first trial, though a run was broken off")
     arguments = parser.parse_args(argv)
-    known, part = EXPECTED, PART
-    if arguments.height:
-        known, part = EXPECTED_OF_HEIGHT, PART_OF_HEIGHT
-    if arguments.serial:
-        known, part = EXPECTED_OF_SERIAL, PART_OF_SERIAL
+    kind = next((kind for kind in KINDS if kind and getattr(arguments, kind)), "")
+    known, part = KINDS[kind], DEFAULT.with_name(f"{DEFAULT.stem}{kind and '-'}{kind}.part.json")
     arguments.only = arguments.only or list(known)
     if unknown := [fault for fault in arguments.only if fault not in known]:
         parser.error(f"no fault {unknown[0]!r}; there are {', '.join(known)}")
@@ -265,7 +267,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"{len(trials)} trials were made before ({part}); it goes on from there.", file=sys.stderr)
     try:
         check_host()
-        with Trials(check_host, height=arguments.height, serial=arguments.serial) as on:
+        with Trials(check_host, kind=kind) as on:
             on.before = before
             for fault, number in tqdm(planned(arguments, trials), unit="trial", leave=False):
                 trials.append(on.one(fault, np.random.default_rng([arguments.seed, number, *fault.encode()])))

@@ -12,11 +12,12 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
-from cutting_rig import PERIOD, SPEED, UPRIGHT, WATCHED, CuttingRig, pace_of
+from cutting_rig import PERIOD, SLOW, SPEED, UPRIGHT, WATCHED, CuttingRig, pace_of
 
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.canopen.network import DRIVE_PATIENCE
 from cutenv.rig.devices.serial.board import BOARD_PATIENCE
+from cutenv.rig.devices.serial.grbl_options import PIECE, SENT_AHEAD
 from cutenv.rig.devices.serial.load_cell import sensor_delay
 from cutenv.rig.emulator.control import EmulatorControl
 from cutenv.rig.safety.stop_causes import Cause, RigStopped, StopReport, detection_times
@@ -25,6 +26,8 @@ SENSOR_DELAY = 0.010
 """Delay of the emulated sensor's readings, as in the simulated one [s]."""
 WAY = 0.003
 """Allowance beyond a stated time [s]: a millisecond of the emulator, transport of a frame or packet, an event."""
+PATIENCE = {"serial": BOARD_PATIENCE, "grbl": SENT_AHEAD + PIECE}
+"""Time for which a blade goes on without its computer, by driver [s]."""
 _WINDOW = 0.1  # [s], over which lost readings are counted
 _DIES = 0.010  # [s] that the system takes to end a killed process, whose threads run until then
 _STAYS = 5e-5  # [m] by which a stopped carriage may still give way
@@ -108,13 +111,44 @@ EXPECTED_OF_SERIAL: dict[str, tuple[Cause, ...]] = {
     **{fault: EXPECTED[fault] for fault in OWN},
 }
 """Causes as which the faults of a serial rig may be detected. A motor that loses steps cannot be: it has no encoder."""
-UNKNOWABLE = ("slip", "blocked")
-"""Faults that nothing here can detect: the carriage stands, or moves less than commanded."""
-SPOILS = ("slip", "blocked", "cable_out", "board_restart")
+_OF_GRBL: dict[str, tuple[Cause, ...]] = {
+    "grbl_cable_out": (Cause.BUS,),
+    "grbl_deaf": (Cause.MOTION_STALE, Cause.HEARTBEAT),
+    "grbl_mute": (Cause.MOTION_STALE, Cause.HEARTBEAT, Cause.STUCK, Cause.FOLLOWING),
+    "grbl_damaged_lines": (Cause.MOTION_STALE, Cause.HEARTBEAT, Cause.STUCK, Cause.FOLLOWING, Cause.SPEED),
+    "grbl_lost_lines": (Cause.MOTION_STALE, Cause.HEARTBEAT, Cause.STUCK, Cause.FOLLOWING),
+    "grbl_noise": (Cause.MOTION_STALE, Cause.HEARTBEAT),
+    "grbl_doubled_lines": (),
+    "grbl_latency": (Cause.MOTION_STALE, Cause.HEARTBEAT, Cause.FOLLOWING),
+    "grbl_restart": (Cause.DRIVE,),
+    "grbl_alarm": (Cause.DRIVE,),
+    "feed_hold": (),
+    "cancel_ignored": (Cause.FORCE, Cause.FORCE_RISE),
+    "board_cable_out": (Cause.FORCE_STALE,),
+    "board_restart": (Cause.FORCE_STALE, Cause.FORCE_STATUS, Cause.FORCE_LOST),
+    "board_mute": (Cause.FORCE_STALE,),
+}
+EXPECTED_OF_GRBL: dict[str, tuple[Cause, ...]] = {
+    **_OF_GRBL,
+    **{fault: causes for fault, causes in EXPECTED_OF_SERIAL.items() if fault.startswith("cell_")},
+    "over_force": EXPECTED["over_force"],
+    "blocked": (),
+    **{fault: EXPECTED[fault] for fault in OWN},
+}
+"""Causes as which the faults of a rig with GRBL may be detected."""
+WITH = {"cancel_ignored": "over_force"}
+"""Faults that only show when the blade is stopped, and what is injected with each for that."""
+UNKNOWABLE = ("slip", "blocked", "feed_hold", "grbl_doubled_lines")
+"""Faults that nothing here can detect: the carriage stands, or moves less than commanded.  GRBL goes on after a feed
+hold with the next jogs; a report of its that comes twice is as true as the first, and does no harm."""
+SPOILS = (
+    "slip", "blocked", "cable_out", "board_restart", "grbl_cable_out", "grbl_restart", "grbl_alarm", "board_cable_out",
+    "cancel_ignored",
+)  # fmt: skip
 """Faults after which a rig is set up anew: nobody knows where its carriage is, or its port has gone."""
 BY_THE_DRIVE = (
     "bus_off", "power_loss", "kill_9", "cable out", "power loss", "cable_out", "board_deaf", "board_restart",
-    "stop_button", "limit_switch",
+    "stop_button", "limit_switch", "grbl_cable_out", "grbl_deaf", "grbl_alarm", "grbl_restart",
 )  # fmt: skip
 """Faults in which no command reaches the drive, or it has stopped before: its own watch stops it, or it coasts."""
 
@@ -125,15 +159,18 @@ def stated_detection(fault: str, cause: Cause, settings: RigSettings) -> float |
     None for readings out of order, of which about a fifth are lost, as many as are allowed; and for lines that are lost
     by chance: some get through.
     """
-    if fault in ("reordering", "damaged_lines", "lost_lines"):
+    if fault in ("reordering", "damaged_lines", "lost_lines", "grbl_damaged_lines", "grbl_lost_lines"):
         return None
     limits, (speed, period) = settings.limits, pace_of(settings)
-    serial = settings.blade.driver == "serial"
+    slow, patience = settings.blade.driver in SLOW, PATIENCE.get(settings.blade.driver, DRIVE_PATIENCE)
     if fault == "kill_9":
-        return (BOARD_PATIENCE if serial else DRIVE_PATIENCE) + _DIES  # the drive's own watchdog
+        ramp = speed / settings.blade.acceleration if settings.blade.driver == "grbl" else 0.0
+        return patience + _DIES + ramp  # the drive's own watchdog; with GRBL, the jogs that it has, to their end
     stated = detection_times(limits, packet=1.0 / settings.sensor.rate, sync=settings.bus.sync)[cause]
     if fault == "cell_wire_off":
         stated += 2.0 / settings.sensor.rate  # a reading may lie within the limit by chance
+    if fault == "board_restart" and cause is Cause.FORCE_STATUS:
+        stated += 1.0 / settings.sensor.rate  # the first reading after it
     if fault == "board_deaf":
         stated += BOARD_PATIENCE
     if cause is Cause.FORCE_LOST:
@@ -146,8 +183,8 @@ def stated_detection(fault: str, cause: Cause, settings: RigSettings) -> float |
         stated += (limits.speed - speed) / settings.blade.acceleration + _LAG
     if cause is Cause.OVERRUN:
         stated += period * limits.overrun
-    if fault == "over_force":
-        stated += sensor_delay(settings) if serial else SENSOR_DELAY
+    if fault in ("over_force", "cancel_ignored"):
+        stated += sensor_delay(settings) if slow else SENSOR_DELAY
     if fault == "parent_death":
         stated += _DIES
     return stated
@@ -182,13 +219,16 @@ class Trial:
     """True if commands were refused afterwards."""
     moved: float | None = None
     """Displacement half a second later, from where it had come to rest [m]."""
+    driver: str = ""
+    """Driver of the blade."""
     stalls: list[float] | None = None
     """Lateness of the host's processes around the trial [s]."""
 
     @property
     def expected(self) -> tuple[Cause, ...]:
         """Causes as which the fault may be detected."""
-        return (EXPECTED | EXPECTED_OF_HEIGHT | EXPECTED_OF_SERIAL)[self.fault]
+        of_grbl = EXPECTED_OF_GRBL if self.driver == "grbl" else {}
+        return (EXPECTED | EXPECTED_OF_HEIGHT | EXPECTED_OF_SERIAL | of_grbl)[self.fault]
 
     @property
     def before(self) -> bool:
@@ -303,6 +343,8 @@ def _happens(
 
 def _inject(control: EmulatorControl, fault: str) -> None:
     control.inject(GAPS.get(fault, fault))
+    if fault in WITH:
+        control.inject(WITH[fault])
     if fault in GAPS:
         time.sleep(GAP)
         control.clear(GAPS[fault])
@@ -336,12 +378,13 @@ def put_together(
         injected=injected,
         speed=speed,
         commanded=pace_of(settings)[0],
+        driver=settings.blade.driver,
         crossed=first("force limit crossed"),
         received=first("quick stop received"),
         standstill=rests[-1]["time_s"] if rests else None,
     )
     if fault == "kill_9":  # no process is left to report
-        lost = first("heartbeat of the master lost")
+        lost = first("heartbeat of the master lost") or first("jogs made")
         result.cause, result.detected = (None, None) if lost is None else (Cause.HEARTBEAT, lost)
     elif report is not None:
         result.cause, result.detail, result.detected = report.cause, report.detail, report.detected

@@ -12,6 +12,8 @@
     python scripts/update_docs.py bead-tracking             what scripts/measure_bead_tracking.py left in runs/
     python scripts/update_docs.py browser-page              what scripts/measure_page.py left in runs/ (--json)
     python scripts/update_docs.py rig-faults-serial         what scripts/rig_faults.py --serial left in runs/ (--json)
+    python scripts/update_docs.py rig-faults-grbl           what scripts/rig_faults.py --grbl left in runs/ (--json)
+    python scripts/update_docs.py slow-rig-agents           what scripts/slow_rig_agents.py left in runs/slow-rig
     python scripts/update_docs.py errata tissue-file rig-file slow-rig metrics weights ends class-attacks
     python scripts/update_docs.py --docstring               tables in the docstring of cutenv/envs/gentle_cut.py
     python scripts/update_docs.py --check parameters        fails if a block is not what it would print
@@ -65,6 +67,7 @@ import recover_layers
 import rig_faults
 import rig_soak
 import safe_cut
+import slow_rig_agents
 import stock_learners
 import tip_errors
 import wear_series
@@ -81,7 +84,7 @@ from cutenv.learning.result_tables import rows_of
 from cutenv.learning.statistics import mean_with_interval
 from cutenv.policy import CONSTANT_FEEDS, ORACLE, SCRIPTS, ConstantFeed
 from cutenv.report import draw_cut
-from cutenv.rig.devices.serial.slow_profile import RATES, slow_settings
+from cutenv.rig.devices.serial.slow_profile import RATES, grbl_settings, slow_settings
 from cutenv.rig.operation.suitability import suitability_lines
 from cutenv.rig.toml_text import template
 from cutenv.scoring import DEPTH_METRICS, INVARIANCES, METRICS, PATH_METRICS, Metric
@@ -153,6 +156,8 @@ PAGES = {
     "rig-faults": "docs/rig/what-stops-it.md",
     "rig-faults-height": "docs/rig/what-stops-it.md",
     "rig-faults-serial": "docs/rig/serial-rig.md",
+    "rig-faults-grbl": "docs/rig/serial-rig.md",
+    "slow-rig-agents": "docs/results/slow-rig.md",
     "slow-rig": "docs/rig/serial-rig.md",
     "rig-soak": "docs/rig/what-stops-it.md",
     "browser-page": "docs/how-to/browser.md",
@@ -437,6 +442,7 @@ def slow_rig(_: argparse.Namespace) -> str:
         + "\n".join(f"  {line}" for line in suitability_lines(slow_settings("", converter=converter)))
         for converter, rate in RATES.items()
     ]
+    lines.append("GRBL, with hx711\n" + "\n".join(f"  {line}" for line in suitability_lines(grbl_settings("", ""))))
     return "```text\n" + "\n\n".join(lines) + "\n```"
 
 
@@ -492,7 +498,9 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "rig-faults": lambda _: rig_faults.markdown(left_by(rig_faults)),
     "rig-faults-height": lambda _: rig_faults.markdown(left_by(rig_faults, rig_faults.DEFAULT_OF_HEIGHT)),
     "rig-faults-serial": lambda _: rig_faults.markdown(left_by(rig_faults, rig_faults.DEFAULT_OF_SERIAL)),
+    "rig-faults-grbl": lambda _: rig_faults.markdown(left_by(rig_faults, rig_faults.DEFAULT_OF_GRBL)),
     "slow-rig": slow_rig,
+    "slow-rig-agents": lambda _: slow_rig_agents.markdown(slow_rig_agents.kept(ROOT / slow_rig_agents.DEFAULT)),
     "rig-soak": lambda _: "```\n" + rig_soak.text(left_by(rig_soak)) + "\n```",
     "browser-page": lambda _: measure_page.markdown(left_by(measure_page)),
     "class-load": lambda _: class_load.markdown(left_by(class_load)),

@@ -22,7 +22,7 @@ Main = Callable[[Sequence[str]], int]
 
 LIVE_PORT = 8801
 """Default port at which a rig's readings can be watched, on its own machine alone."""
-RIG = 'a rig\'s TOML file, "emulator", "serial" (an emulated serial rig) or "fake"'
+RIG = 'a rig\'s TOML file, "emulator", "serial" or "grbl" (emulated slow rigs) or "fake"'
 """Help of every argument that names a rig."""
 
 

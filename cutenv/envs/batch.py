@@ -222,6 +222,8 @@ class CutBatch:
                 f"actions[{bad}] = {np.asarray(actions)[bad]} must hold {len(names)} numbers in [-1, 1] "
                 f"({', '.join(names)}), and none may be NaN."
             )
+        if (most := self.single.greatest_action) < 1.0:
+            np.clip(commands[:, 0], -most, most, out=commands[:, 0])
         return commands
 
     def extra_terms(self) -> dict[str, NDArray[np.float64]]:

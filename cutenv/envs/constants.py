@@ -66,10 +66,11 @@ def taken_from(keywords: dict[str, Any], kind: type[T]) -> T:
     return kind(**{name: keywords.pop(name) for name in names})
 
 
-def identified_constants(rig: str | Path, *, drive: str = "rig") -> dict[str, float]:
-    """Return keywords with the values that ``cutenv rig identify --write`` has put into a rig's file; SI.
+def rig_constants(rig: str | Path, *, drive: str = "rig") -> dict[str, float]:
+    """Return keywords with which the simulator is like the rig of a file; SI.
 
-    Of a rig under PD position control, which ``drive="pd"`` simulates, the gains are among them.
+    Those are the values that ``cutenv rig identify --write`` has put there, the top speed, and the sensor's delay where
+    the file states one.  Of a rig under PD position control, which ``drive="pd"`` simulates, the gains are among them.
 
     Raises
     ------
@@ -78,6 +79,7 @@ def identified_constants(rig: str | Path, *, drive: str = "rig") -> dict[str, fl
         driven by a rig.
     """
     from cutenv.rig.config.identified import environment_arguments
+    from cutenv.rig.operation.suitability import simulator_keywords
     from cutenv.rig.toml_file import read_rig_file
 
     if drive == "hand":
@@ -89,9 +91,9 @@ def identified_constants(rig: str | Path, *, drive: str = "rig") -> dict[str, fl
         raise ValueError(
             f'rig = {str(rig)!r} has {own} [position_control], and drive is "{drive}": give drive="{kind}".'
         )
-    measured = environment_arguments(settings.identified, control)
-    if not measured:
+    if not environment_arguments(settings.identified, control):
         raise ValueError(f"{rig}: nothing in it was identified yet. Run 'cutenv rig identify {rig} --write' first.")
+    measured = simulator_keywords(settings)
     try:
         Constants.from_keywords(measured, drive=drive)
     except ValueError as error:

@@ -17,7 +17,7 @@ from cutenv._base.arrays import StructArray
 from cutenv._base.validation import in_range, one_of
 from cutenv._engine.jit import warn_before_first_compile
 from cutenv.cutting.drive import DRIVES
-from cutenv.envs.constants import Constants, identified_constants
+from cutenv.envs.constants import Constants, rig_constants
 from cutenv.envs.tissue_source import TissueSource
 from cutenv.plant.simulator import ANGLE_RANGE, SimulatedPlant
 from cutenv.task.beginning import SHORTEST, drawn_length
@@ -25,6 +25,7 @@ from cutenv.task.cuts import step_one
 from cutenv.task.gentle_cutting import SimulatedCutting
 from cutenv.task.info import COST, GROUPS, OUT_OF_RANGE, PLACES
 from cutenv.task.observation import CLIP, COMPONENTS, within_reach
+from cutenv.task.weights import greatest_action
 from cutenv.tissue.sampling import sample_all_profiles
 from cutenv.tissue.specimen import CLASSES, Specimen
 from cutenv.tissue.surface import SurfaceSpread
@@ -144,7 +145,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     fixed_angle_deg     90.0    angle of the blade if fixed [deg], 45 to 90
     reward_from         "truth" "truth" or "estimate" (tip from force, as on a rig)
     drive               "rig"   "rig" (holds position), "pd" (PD control) or "hand" (yields to force)
-    rig                 None    a rig's TOML file, whose identified values replace the parameter table's
+    rig                 None    a rig's TOML file; what it says of the rig replaces the parameter table's
     render_mode         None    "rgb_array" or "human"
     =================== ======= ===========================================================================
 
@@ -222,10 +223,12 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.ticks = round(_UPDATES_HZ / control_hz)
         self.fixed_angle = math.radians(fixed_angle_deg) if angle_mode == "fixed" else None
         self.from_truth = reward_from == "truth"
-        measured = {} if rig is None else identified_constants(rig, drive=drive)
+        measured = {} if rig is None else rig_constants(rig, drive=drive)
         self.constants = Constants.from_keywords(
             {**measured, **constants}, drive=drive, others=[*ARGUMENTS, *self.other_keywords]
         )
+        self.greatest_action = greatest_action(self.constants.limits.top_speed)
+        """Speed action to which faster ones are reduced."""
         self._check_dead_time()
         self._seed: int | None = None
         self._episode = 0
@@ -347,6 +350,8 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
                 f"action = {action!r} must hold {len(names)} numbers in [-1, 1] ({', '.join(names)}), "
                 "and none may be NaN."
             )
+        most = self.greatest_action
+        command[0] = min(max(command[0], -most), most)
         cutting = self.cutting
         observation, reward = cutting.step(command)
         if self.render_mode is not None and cutting.readings is not None:

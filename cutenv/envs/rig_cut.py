@@ -27,6 +27,7 @@ from cutenv.rig.contradictions import AHEAD
 from cutenv.rig.operation.operator import Operator
 from cutenv.rig.operation.session import RigSession
 from cutenv.rig.operation.specimen_source import SpecimenKey
+from cutenv.rig.operation.suitability import top_speed
 from cutenv.rig.plant import RigPlant
 from cutenv.rig.safety.guard import interrupt
 from cutenv.rig.safety.stop_causes import Cause, RigStopped
@@ -34,6 +35,7 @@ from cutenv.task.beginning import drawn_length
 from cutenv.task.episode_dtypes import STOPPED
 from cutenv.task.gentle_cutting import GentleCutting
 from cutenv.task.observation import CLIP, COMPONENTS, within_reach
+from cutenv.task.weights import greatest_action
 from cutenv.tissue.description import TissueDescription, measured_liver
 from cutenv.tissue.specimen import CLASSES, Specimen
 
@@ -79,7 +81,8 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     =============== ========== ========================================================================
     rig             "emulator" a rig's TOML file (``cutenv rig init``); "emulator": an emulated rig in a
                                process of its own; "serial": one with stepper and load cell on a serial
-                               line; "fake": one in memory, on a clock of its own
+                               line; "grbl": one whose blade a machine with GRBL moves; "fake": one in
+                               memory, on a clock of its own
     target_length   None       length of the cut [m]; None: drawn from 0.060 to 0.100 m
     specimen_class  "mixed"    of the specimens that an emulated or fake rig draws
     tissue          None       path of a tissue or specimen JSON file: what is drawn, and what the rig
@@ -172,6 +175,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._episode = 0
         self._work = Work(self.close)
         self._ended = True
+        self._reduced = 0  # commands of this cut that were faster than the rig obeys
         self._stop: dict[str, Any] | None = None
         self._plant: RigPlant
         self.cutting: GentleCutting
@@ -235,7 +239,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
                 episode=episode,
             )
             self._episode = episode + 1
-            self._ended, self._stop = False, None
+            self._ended, self._stop, self._reduced = False, None, 0
             return self.cutting.rest(self.start_angle), self._info()
 
     def _lay(self, key: SpecimenKey) -> None:
@@ -295,6 +299,9 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             cutting = self.cutting
             if not cutting.time:
                 self._session.start()
+            most = greatest_action(min(self.constants.limits.top_speed, top_speed(self.settings)))
+            self._reduced += bool(abs(command[0]) > most)
+            command[0] = min(max(command[0], -most), most)
             try:
                 observation, reward = cutting.step(command)
             except RigStopped as stop:
@@ -344,7 +351,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             "rig": {
                 "overruns": plant.timing.overruns,
                 "period_s": plant.timing.periods[-1] if plant.timing.periods else None,
-                "limited": plant.supervisor.limited,
+                "limited": self._reduced + plant.supervisor.limited,
             },
         }
 
@@ -352,6 +359,12 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     def settings(self) -> RigSettings:
         """Settings of the rig."""
         return self._source.settings
+
+    @property
+    def lateness(self) -> str:
+        """Sentence on an emulated rig that was late itself, as no real one is; "" if it was not."""
+        emulator = self._source.emulator
+        return "" if emulator is None else emulator.lateness
 
     @property
     def draws_specimens(self) -> bool:

@@ -20,9 +20,9 @@ from cutenv.envs.constants import Constants
 from cutenv.recording.appending import AppendingRecord, RecordingFailed
 from cutenv.recording.cut_listener import CutListener
 from cutenv.recording.provenance import Provenance
-from cutenv.rig.config.imitated_rig import HEIGHT, fake_settings
+from cutenv.rig.config.imitated_rig import EMULATED, EMULATOR, FAKE, HEIGHT, RIG_NAMES, fake_settings
 from cutenv.rig.config.settings import PositionControl, RigSettings, SensorCalibration
-from cutenv.rig.connection import EMULATOR, FAKE, SERIAL, operator_of, settings_of
+from cutenv.rig.connection import operator_of, settings_of
 from cutenv.rig.contradictions import refuse_contradictions
 from cutenv.rig.devices.camera import CAMERA_NOTE, RigCamera
 from cutenv.rig.errors import RigError
@@ -152,7 +152,7 @@ class RigSource:
     Parameters
     ----------
     rig : str or Path
-        "fake", "emulator", "serial", or a TOML file.
+        "fake", "emulator", "serial", "grbl", or a TOML file.
     constants : Constants
         Constants of an emulated or fake rig's drive and sensor.
     operator : Operator, optional
@@ -194,7 +194,7 @@ class RigSource:
     ) -> None:
         self._rig, self._constants, self._operator = str(rig), constants, operator
         self._lower = dict(lower_limits or {})
-        named = self._rig in (FAKE, EMULATOR, SERIAL)
+        named = self._rig in RIG_NAMES
         control = None
         if isinstance(constants.drive, PDRig):
             control = PositionControl(**{key.name: getattr(constants.drive, key.name) for key in _OF_PD_CONTROL})
@@ -204,8 +204,8 @@ class RigSource:
                     "the section [position_control] instead."
                 )
         own = (
-            settings_of(SERIAL)
-            if self._rig == SERIAL
+            settings_of(self._rig)
+            if self._rig in RIG_NAMES and self._rig not in (FAKE, EMULATOR)
             else fake_settings(name=self._rig, height=HEIGHT if needs_height else None, position_control=control)
         )
         self.settings = self._lowered(own if named else read_rig_file(rig))
@@ -222,10 +222,12 @@ class RigSource:
                 calibration=SensorCalibration(date=datetime.now().date().isoformat()),
                 sensor=dataclasses.replace(self.settings.sensor, rate=FakeSensor.rate),
             )
-        self.draws = self._rig in (FAKE, EMULATOR, SERIAL)
+        self.draws = self._rig in RIG_NAMES
         self._emulated = emulator_arguments(constants) if self._rig == EMULATOR else []
-        if self._rig == SERIAL and (changed := changed_constants(constants)):
-            raise ValueError(f'{changed[0]}: an emulated serial rig is as it is. Leave it out, or take rig="fake".')
+        if self._rig in EMULATED and self._rig != EMULATOR and (changed := changed_constants(constants)):
+            raise ValueError(
+                f'{changed[0]}: an emulated {self._rig} rig is as it is. Leave it out, or take rig="fake".'
+            )
         self.supply: FakeSpecimens | EmulatedSpecimens | None = None
         """Supply of drawn specimens, once there is a session; its ``layers`` are those of the next specimen laid."""
         self.fake: FakeRig | None = None
@@ -251,11 +253,11 @@ class RigSource:
             return RigSession(fake.plant, operator, self.supply)
         from cutenv.rig.hardware import rig_plant
 
-        if self._rig in (EMULATOR, SERIAL):
+        if self._rig in EMULATED:
             from cutenv.rig.emulator.process import start
 
             emulator = start(
-                free_air=True, height=self.settings.height is not None, serial=self._rig == SERIAL,
+                free_air=True, height=self.settings.height is not None, kind=self._rig,
                 arguments=self._emulated,
             )  # fmt: skip
             self.emulator, self.settings = emulator, self._lowered(emulator.settings)

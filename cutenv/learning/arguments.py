@@ -5,11 +5,13 @@ Nothing here loads torch, so that ``cutenv train --help`` answers at once.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from cutenv.envs.constants import rig_constants
 from cutenv.envs.learned_tasks import TASKS, TRUE_TIP, LearnedTask
 from cutenv.learning.options import check_ranges, flag_of, option
 from cutenv.learning.seeds import TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
@@ -32,6 +34,36 @@ _TEACHERS = {"gentle": TASKS["gentle"].scripts, "depth": TASKS["depth"].teachers
 TEACHERS = tuple(name for names in _TEACHERS.values() for name in names)
 """Names of the policies that learners can imitate."""
 _ENTROPY_WEIGHT = re.compile(r"(auto_)?\d*\.?\d+(e-?\d+)?")
+
+
+def for_rig(chosen: Mapping[str, Any]) -> dict[str, Any]:
+    """Return chosen options with what the file of a rig determines: the blade's angle and decisions a second.
+
+    Raises
+    ------
+    BadArguments
+        If the file cannot be used, or an option contradicts it.
+    """
+    if not chosen.get("rig"):
+        return dict(chosen)
+    from cutenv.rig.operation.suitability import decisions
+    from cutenv.rig.toml_file import read_rig_file
+
+    try:
+        rig_constants(chosen["rig"])
+        settings = read_rig_file(chosen["rig"])
+    except (OSError, ValueError) as error:
+        raise BadArguments(f"--rig: {error}") from None
+    by_hand = {"angle_mode": "fixed", "fixed_angle_deg": round(math.degrees(settings.fixed_angle), 6)}
+    implied: dict[str, Any] = by_hand if settings.angle_mode == "fixed" else {}
+    for name, value in implied.items():
+        if chosen.get(name, value) != value:
+            raise BadArguments(
+                f"{flag_of(name)} {chosen[name]} contradicts {chosen['rig']}, whose blade is set by hand at "
+                f"{by_hand['fixed_angle_deg']:g} degrees; leave it out."
+            )
+    rate = {"control_hz": min(LearnerArguments.control_hz, decisions(settings))}
+    return {**rate, **chosen, **implied}
 
 
 def actor_critic_inputs(task: LearnedTask, history: int, critic: str) -> dict[str, int]:
@@ -77,6 +109,12 @@ class LearnerArguments:
     history: int = option(6, "number of past decisions among the features", (0, 100))
     force: str = option("felt", "give the agent the force (felt), or hide it (unfelt)", ("felt", "unfelt"))
     environments: int = option(64, "number of environments that run side by side", (1, MAX_ENVIRONMENTS))
+    rig: str = option(
+        "",
+        "file of the rig to train for: its drive, sensor and top speed are simulated, and its blade's angle and "
+        "decisions a second are kept",
+        metavar="FILE",
+    )
     rigs: int = option(
         1, "number of rigs to train on: one as it is, the others with constants drawn at random", (1, MAX_ENVIRONMENTS)
     )
@@ -111,6 +149,8 @@ class LearnerArguments:
         check_ranges(self, BadArguments)
         if self.angle_mode == "free" and self.fixed_angle_deg != 90.0:
             raise BadArguments(f"--fixed-angle-deg {self.fixed_angle_deg:g} has no effect without --angle-mode fixed")
+        if self.rig and self.rigs > 1:
+            raise BadArguments(f"--rigs {self.rigs} draws rigs at random, and --rig is one: leave one of them out")
         if self.rigs > self.environments:
             raise BadArguments(f"--rigs {self.rigs} needs as many --environments; {self.environments} are too few")
         if self.specimens == 1:
@@ -152,7 +192,12 @@ class LearnerArguments:
     @property
     def environment(self) -> dict[str, Any]:
         """Keyword arguments of the environment in which the agent is trained and tested."""
-        return {"specimen_class": self.specimen_class, "control_hz": self.control_hz, **self.angle}
+        return {"specimen_class": self.specimen_class, "control_hz": self.control_hz, **self.angle, **self.simulated}
+
+    @property
+    def simulated(self) -> dict[str, float]:
+        """Constants of the rig to train for; empty where none is named."""
+        return rig_constants(self.rig) if self.rig else {}
 
     @property
     def angle(self) -> dict[str, Any]:

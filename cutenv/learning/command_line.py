@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from cutenv.learning.arguments import BadArguments, LearnerArguments
+from cutenv.learning.arguments import BadArguments, LearnerArguments, for_rig
 from cutenv.learning.checkpoint import NAMES, checkpoint_of
 from cutenv.learning.options import add_options, flag_of, parse
 
@@ -60,7 +60,7 @@ def run_request(kind: type[Chosen], given: argparse.Namespace, prefix: str) -> R
         if is_quick:
             raise BadArguments(f"--quick is for a new run, and {resume} keeps its arguments; leave it out.")
         return RunRequest(resumed(kind, resume, chosen), resume, resume=True)
-    chosen = kind.completed(chosen)
+    chosen = kind.completed(for_rig(chosen))
     if is_quick:
         chosen = {**kind.quick, **chosen}
     arguments = kind(**chosen)

@@ -188,7 +188,7 @@ def exported(learner: TrialLearner, arguments: TrialArguments, run: Path, name: 
 
 def time_to_threshold(arguments: LearnerArguments, curve: Sequence[Mapping[str, float]]) -> float | None:
     """Return the time [s] until the agent did as well as the demonstrated script on validation specimens, or None."""
-    shared = {"specimen_class": arguments.specimen_class, **arguments.angle}
+    shared = {"specimen_class": arguments.specimen_class, **arguments.angle, **arguments.simulated}
     several, seeds = {arguments.known_script: contestant(arguments.known_script)}, arguments.validation_seeds
     rows = evaluate(several, seeds, shared, description="script on validation specimens")
     threshold = float(np.mean([row["return"] for row in rows]))

@@ -39,6 +39,7 @@ def record_run(arguments: LearnerArguments, run: Path, agent: str) -> dict[str, 
         "agent": agent,
         "arguments": dataclasses.asdict(arguments),
         "environment": arguments.learned_task.id,
+        "simulated_rig": arguments.simulated,
         "seeds": {name: [min(seeds), max(seeds)] for name, seeds in used.items() if seeds},
         **origin(run, PACKAGES),
     }

@@ -41,6 +41,8 @@ def compare_task(run: Path, facts: Mapping[str, Any], *, processes: int | None =
     shared = {name: arguments[name] for name in ("task", "specimen_class", "angle_mode")}
     if arguments["angle_mode"] == "fixed":
         shared["fixed_angle_deg"] = arguments["fixed_angle_deg"]
+    if facts.get("simulated_rig"):
+        shared |= {**facts["simulated_rig"], "control_hz": arguments["control_hz"]}
     scripts = {name: Contestant(task.teachers[name]()) for name in task.scripts}
     few = TEST_SEEDS[: arguments["specimens"]]
     rows = evaluate({**learned, **scripts, ORACLE: Contestant(task.planner())}, few, shared, processes=processes)

@@ -58,6 +58,8 @@ def compare(
     if arguments["angle_mode"] == "fixed":
         shared["fixed_angle_deg"] = arguments.get("fixed_angle_deg", 90.0)
     rate = {"control_hz": arguments["control_hz"]}
+    if facts.get("simulated_rig"):  # on a slow rig scripts decide no faster than the agent
+        shared |= {**facts["simulated_rig"], **rate}
     contestants = {
         **{name: contestant(str(folder)) for name, folder in learned.items()},
         **{name: Contestant(make()) for name, make in BASELINES.items()},

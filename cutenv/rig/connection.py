@@ -8,19 +8,17 @@ from dataclasses import replace
 from datetime import date
 from typing import NamedTuple
 
-from cutenv.rig.config.imitated_rig import fake_settings
+from cutenv.rig.config.imitated_rig import EMULATED, EMULATOR, FAKE, GRBL, SERIAL, fake_settings
 from cutenv.rig.config.settings import RigSettings, SensorCalibration
 from cutenv.rig.devices.clock import FakeClock
 from cutenv.rig.devices.real_time import preferred
-from cutenv.rig.devices.serial.slow_profile import slow_settings
+from cutenv.rig.devices.serial.slow_profile import grbl_settings, slow_settings
+from cutenv.rig.errors import RigError
 from cutenv.rig.operation.operator import AutomaticOperator, Operator, TerminalOperator
 from cutenv.rig.operation.preflight import SETTLE
 from cutenv.rig.plant import RigPlant
 from cutenv.rig.safety.guard import guarded
 from cutenv.rig.toml_file import read_rig_file
-
-FAKE, EMULATOR, SERIAL = "fake", "emulator", "serial"
-"""Names that are not files: a rig in memory on its own clock, and two emulated ones in a process of their own."""
 
 
 class Connection(NamedTuple):
@@ -37,7 +35,7 @@ def connected(rig: str, *, clock: FakeClock | None = None) -> Iterator[Connectio
     Parameters
     ----------
     rig : str
-        A rig's TOML file, "emulator", "serial" or "fake"; the latter three have the blade in free air.
+        A rig's TOML file, or one of :data:`~cutenv.rig.config.imitated_rig.RIG_NAMES`: these have the blade in air.
     clock : FakeClock, optional
         Clock of a fake rig.
 
@@ -48,6 +46,7 @@ def connected(rig: str, *, clock: FakeClock | None = None) -> Iterator[Connectio
     RigError
         If the rig is not there, or differs from its file.
     """
+    emulator = None
     with ExitStack() as stack:
         if rig == FAKE:
             from cutenv.rig.fake.air_plant import AirPlant
@@ -58,10 +57,11 @@ def connected(rig: str, *, clock: FakeClock | None = None) -> Iterator[Connectio
         else:
             from cutenv.rig.hardware import rig_plant
 
-            if rig in (EMULATOR, SERIAL):
+            if rig in EMULATED:
                 from cutenv.rig.emulator.process import start
 
-                settings = stack.enter_context(start(free_air=True, serial=rig == SERIAL)).settings
+                emulator = stack.enter_context(start(free_air=True, kind=rig))
+                settings = emulator.settings
             else:
                 settings = read_rig_file(rig)
             plant = rig_plant(settings)
@@ -70,7 +70,12 @@ def connected(rig: str, *, clock: FakeClock | None = None) -> Iterator[Connectio
         plant.open()
         stack.enter_context(guarded(plant.supervisor, plant.clock))
         plant.clock.sleep_until(plant.clock.now() + SETTLE)
-        yield Connection(settings, plant)
+        try:
+            yield Connection(settings, plant)
+        except RigError as error:
+            if emulator is None or not (late := emulator.lateness):
+                raise
+            raise RigError(f"{error} ({late})") from error
 
 
 def operator_of(settings: RigSettings) -> Operator:
@@ -92,8 +97,9 @@ def settings_of(rig: str) -> RigSettings:
     FileNotFoundError, ValueError
         If its file is missing or not valid.
     """
-    if rig == SERIAL:
-        return replace(slow_settings("", name=rig), emulated=True, armed_by="the emulator", calibration=_today())
+    if rig in (SERIAL, GRBL):
+        own = slow_settings("", name=rig) if rig == SERIAL else grbl_settings("", "", name=rig)
+        return replace(own, emulated=True, armed_by="the emulator", calibration=_today())
     return fake_settings(name=rig) if rig in (FAKE, EMULATOR) else read_rig_file(rig)
 
 

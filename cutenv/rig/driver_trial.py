@@ -6,8 +6,9 @@ from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
+from cutenv.rig.config.imitated_rig import EMULATED, FAKE
 from cutenv.rig.config.settings import Axis, RigSettings, SensorSettings
-from cutenv.rig.connection import EMULATOR, FAKE, SERIAL, operator_of, settings_of
+from cutenv.rig.connection import operator_of, settings_of
 from cutenv.rig.devices.clock import SystemClock
 from cutenv.rig.devices.driver_registry import KIND_OF_ROLE, DriverKind, Mounting, driver_named, mounted, traits_of
 from cutenv.rig.devices.real_time import preferred
@@ -28,7 +29,7 @@ def tried_drivers(rig: str, sections: list[str] | None = None) -> Tried:
     Parameters
     ----------
     rig : str
-        A rig's TOML file, "emulator", "serial", or the name of a driver that needs no options.
+        A rig's TOML file, the name of an emulated one, or the name of a driver that needs no options.
     sections : list of str, optional
         Sections to be tried; by default the blade's axis and the sensor.
 
@@ -40,12 +41,12 @@ def tried_drivers(rig: str, sections: list[str] | None = None) -> Tried:
         If a device does not answer, or the operator does not agree.
     """
     if rig == FAKE:
-        raise ValueError("a fake rig has no drivers to try. Give 'emulator', 'serial', or a rig's file.")
+        raise ValueError(f"a fake rig has no drivers to try. Give {', '.join(map(repr, EMULATED))}, or a rig's file.")
     with ExitStack() as stack:
-        if rig in (EMULATOR, SERIAL):
+        if rig in EMULATED:
             from cutenv.rig.emulator.process import start
 
-            settings = stack.enter_context(start(free_air=True, serial=rig == SERIAL)).settings
+            settings = stack.enter_context(start(free_air=True, kind=rig)).settings
         elif rig.endswith(".toml") or Path(rig).exists():
             settings = settings_of(rig)
         else:

@@ -147,11 +147,11 @@ def _settings(text: str, path: Path) -> RigSettings:
         if section.name in tables
         for key in section.keys
         if key.example and key.name not in tables[section.name] and _is_needed(section, key, needed)
-    ]
+    ] + [missing for role in KIND_OF_ROLE if role in tables for missing in _missing_options(role, tables[role], path)]
     if missing:
         raise ValueError(
             f"{path}: only a person can supply {', '.join(missing)}. Write them into the file; 'cutenv rig init' writes"
-            " one that explains each."
+            " one that explains each, and 'cutenv rig drivers NAME' tells a driver's options."
         )
     parts = {name: _part(section, tables[name], path) for name, section in _NAMED.items() if name in tables}
     top = parts.pop("")
@@ -189,6 +189,13 @@ def _needed_by(role: str, driver: str, kind: DriverKind, path: Path) -> set[str]
     except ValueError as error:
         raise ValueError(f"{path}: [{role}] {error}") from None
     return {need if "." in need else f"{role}.{need}" for need in needs}
+
+
+def _missing_options(role: str, table: Mapping[str, Any], path: Path) -> list[str]:
+    """Return the options of a section's driver that only a person can supply and that are missing."""
+    keys = option_keys(KIND_OF_ROLE[role], _driver_of(role, table.get("driver"), path))
+    given = table.get(OPTIONS, {})
+    return [f"{role}.{OPTIONS}.{key.name}" for key in keys if key.example and key.name not in given]
 
 
 def _is_needed(section: FileSection, key: FileKey, needed: set[str]) -> bool:
@@ -276,11 +283,6 @@ def _driver_options(role: str, driver: str, table: Any, path: Path) -> Any:
         return None
     for name in table:
         one_of(f"{where}the name", name, [key.name for key in keys])
-    if missing := [key.name for key in keys if key.example and key.name not in table]:
-        raise ValueError(
-            f"{where.rstrip()} driver {driver!r} needs {', '.join(missing)}. Write them into the file; 'cutenv rig "
-            f"drivers {driver}' explains each."
-        )
     return _made(of, _values(keys, table, where), where.rstrip())
 
 

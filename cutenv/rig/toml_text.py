@@ -18,9 +18,10 @@ _BEGINNING = """\
 _UNFINISHED = f"""\
 #
 # Not finished: replace each line that begins with '{_TO_FILL.strip()}' by the true value for this rig, without that
-# beginning.  Until then the file is refused, and the missing keys are listed.  The sections [angle], [height],
-# [position_control] and [camera] may stay as they are.
+# beginning.  Until then the file is refused, and all missing keys are listed at once.  Sections of which every line is
+# a comment are for what this rig need not have, and may stay as they are.
 """
+_ON_A_BUS = ("angle", "height", "position_control")  # optional sections that only a rig with CANopen drives has
 _WIDTH = 116  # characters of a comment, after its mark
 
 
@@ -42,6 +43,8 @@ def _text(settings: RigSettings, *, to_fill: bool) -> str:
     unread = _unread(settings)
     for section in SECTIONS:
         part = getattr(settings, section.name) if section.name else settings
+        if part is None and section.name in _ON_A_BUS and "canopen" not in driven_roles(settings).values():
+            continue  # this rig's drivers know nothing of it
         if part is None:  # no axis of that kind, no camera
             lines += ["", *(f"# {line}".rstrip() for line in _lines(section, section.of(), to_fill=True))]
         else:

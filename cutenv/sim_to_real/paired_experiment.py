@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cutenv._base.validation import in_range
 from cutenv.cutting.dtypes import TICK
@@ -20,14 +19,12 @@ from cutenv.envs.rig_depth_cut import RigDepthCutEnv
 from cutenv.plant.protocol import to_trace
 from cutenv.policy import Policy, PrivilegedPolicy
 from cutenv.recording import save
-from cutenv.rig.config.identified import environment_arguments
 from cutenv.rig.errors import RigError
-from cutenv.rig.operation.suitability import top_speed
+from cutenv.rig.operation.suitability import simulator_keywords
 from cutenv.rig.safety.stop_causes import BY_PEOPLE, Cause
 from cutenv.sim_to_real import FEWEST_SPECIMENS, Agreement, ClockKept, ComparedCut
 from cutenv.sim_to_real.estimated_depth_cut import EstimatedDepthCutEnv
 from cutenv.task.episode_dtypes import STOPPED
-from cutenv.task.observation import speed_action
 
 DRAWS = 5
 """Number of simulated cuts of each specimen, which differ only by the noise of the force sensor."""
@@ -74,14 +71,14 @@ class PairedCuts:
 
 
 def simulator_like(rig: RigCutEnv, **arguments: Any) -> GentleCutEnv:
-    """Make the simulator's environment for comparison with a rig: rewards from estimates, identified constants.
+    """Make the simulator's environment for comparison with a rig: rewards from estimates, the rig's constants.
 
     Parameters
     ----------
     rig : RigCutEnv
         Environment of the rig to compare with.
     **arguments
-        Keywords of :class:`~cutenv.envs.gentle_cut.GentleCutEnv`, which override the identified constants.
+        Keywords of :class:`~cutenv.envs.gentle_cut.GentleCutEnv`, which override those of the rig.
     """
     fixed = rig.fixed_angle is not None
     control = rig.settings.position_control
@@ -93,34 +90,9 @@ def simulator_like(rig: RigCutEnv, **arguments: Any) -> GentleCutEnv:
         drive="rig" if control is None else "pd",
         angle_mode="fixed" if fixed else "free",
         fixed_angle_deg=float(np.degrees(rig.start_angle)) if fixed else 90.0,
-        **{**environment_arguments(rig.settings.identified, control), **arguments},
+        **{**simulator_keywords(rig.settings), **arguments},
     )
     return simulator
-
-
-class SpeedLimited:
-    """Policy as a rig obeys it: speeds beyond the greatest that is ever commanded there are reduced to it.
-
-    Parameters
-    ----------
-    policy : Policy
-        Policy that decides.
-    speed : float
-        Greatest speed [m/s].
-    """
-
-    def __init__(self, policy: Policy, speed: float) -> None:
-        self._policy, self._most = policy, min(float(speed_action(speed)), 1.0)
-
-    def reset(self, rng: np.random.Generator) -> None:
-        """Forget everything about the last cut."""
-        self._policy.reset(rng)
-
-    def __call__(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return an action for an observation."""
-        action = np.array(self._policy(observation), dtype=np.float32)
-        action[0] = np.clip(action[0], -self._most, self._most)
-        return action
 
 
 def cut_once(env: GentleCutEnv | RigCutEnv, policy: Policy, *, seed: int, episode: int, noise: int = 0) -> ComparedCut:
@@ -269,7 +241,7 @@ def paired_experiment(
     Parameters
     ----------
     rig, simulator : RigCutEnv, GentleCutEnv
-        Environments; see :func:`simulator_like`. In the simulator, too, no command is faster than the rig's limits.
+        Environments; see :func:`simulator_like`.
     policy : Policy
         Policy that decides.
     seed, specimens : int
@@ -281,10 +253,9 @@ def paired_experiment(
     """
     in_range("specimens", specimens, FEWEST_SPECIMENS, 10_000, "1", "A dozen is a beginning.")
     in_range("draws", draws, 2, 100, "1", "Noise needs two simulated cuts or more.")
-    as_obeyed = policy if isinstance(policy, PrivilegedPolicy) else SpeedLimited(policy, top_speed(rig.settings))
-    simulated = simulate_cuts(simulator, as_obeyed, seed=seed, specimens=specimens, draws=draws, told=told)
+    expected = simulate_cuts(simulator, policy, seed=seed, specimens=specimens, draws=draws, told=told)
     cuts, clock, between = cut_on_rig(rig, policy, seed=seed, specimens=specimens, told=told)
-    return PairedCuts(simulator=simulated, rig=cuts, paired=rig.draws_specimens, clock=clock, between=between)
+    return PairedCuts(simulator=expected, rig=cuts, paired=rig.draws_specimens, clock=clock, between=between)
 
 
 def save_records(folder: Path, cuts: Sequence[Sequence[ComparedCut]], about: Mapping[str, Any]) -> list[Path]:

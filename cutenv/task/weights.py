@@ -11,6 +11,7 @@ import numpy as np
 from cutenv._base.arrays import StructArray
 from cutenv._base.parameter import check_parameters, parameter
 from cutenv.task.episode_dtypes import TASK
+from cutenv.task.observation import SPEED_SCALE, speed_action
 from cutenv.task.reward import REWARD
 from cutenv.task_quantities import FORCE_LIMIT_PER_DEPTH
 
@@ -50,15 +51,24 @@ else:
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """Limits at which the task ends for safety."""
+    """Limits at which the task ends for safety, and of the speed that a rig obeys."""
 
     force_limit_per_depth: float = parameter(
         FORCE_LIMIT_PER_DEPTH, unit="N/m", low=1.0, high=1e5, provenance="assumed",
         source="a planner that knows the tissue never meets it", sensitivity=(600.0, 1500.0),
     )  # fmt: skip
+    top_speed: float = parameter(
+        SPEED_SCALE, unit="m/s", low=0.0005, high=SPEED_SCALE, provenance="measured",
+        source="fastest measured; a slower rig obeys its own, and reduces faster actions to it",
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
         check_parameters(self)
+
+
+def greatest_action(speed: float) -> float:
+    """Return the speed action that commands a top speed [m/s], at most 1: a rig reduces faster actions to it."""
+    return min(float(speed_action(speed)), 1.0)
 
 
 def task_record(

@@ -68,7 +68,7 @@ def test_the_simulator_loads_no_module_of_the_rig(make: str) -> None:
 def test_identified_constants_are_read_when_they_are_asked_for() -> None:
     loaded = loaded_after(
         "import cutenv.envs.constants as constants\n"
-        "try:\n    constants.identified_constants('missing.toml')\nexcept FileNotFoundError:\n    pass"
+        "try:\n    constants.rig_constants('missing.toml')\nexcept FileNotFoundError:\n    pass"
     )
     assert "cutenv.rig.toml_file" in loaded
 

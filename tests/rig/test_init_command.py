@@ -20,6 +20,20 @@ def test_a_new_file_is_the_template_with_the_rig_s_name(tmp_path: Path, capsys: 
         read_rig_file(path)
 
 
+def test_a_new_file_of_a_slow_rig_tells_all_missing_lines_at_once_and_has_no_section_of_other_drives(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "slow.toml"
+    cli.main(["rig", "init", str(path), "--profile", "serial"])
+    assert "[height]" not in path.read_text(encoding="utf-8")
+    capsys.readouterr()
+    assert cli.main(["rig", "check", str(path)]) == 2
+    told = capsys.readouterr().err
+    for line in ("depth_profile", "blade.lead_mm", "blade.options.port", "blade.options.steps", "sensor.options.port",
+                 "sensor.options.counts_per_N", "calibration.date"):  # fmt: skip
+        assert line in told
+
+
 def test_without_a_name_the_rig_is_called_as_its_file(tmp_path: Path) -> None:
     path = tmp_path / "bench.toml"
     cli.main(["rig", "init", str(path)])

@@ -9,8 +9,10 @@ import time
 from collections.abc import Callable, Iterator
 from datetime import date
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 import rig_faults
 import rig_trials
@@ -24,7 +26,9 @@ from cutenv.rig.devices import DriveState, ForceSample, Mounting, RigError, Syst
 from cutenv.rig.devices.driver_registry import mounted
 from cutenv.rig.devices.serial.board_lines import board_line
 from cutenv.rig.devices.serial.slow_profile import RATES, slow_settings
-from cutenv.rig.emulator.serial.serial_faults import SERIAL_FAULTS
+from cutenv.rig.emulator.process import RunningEmulator
+from cutenv.rig.emulator.serial.grbl_rig import EmulatedGrblRig
+from cutenv.rig.emulator.serial.serial_faults import GRBL_FAULTS, SERIAL_FAULTS
 from cutenv.rig.emulator.serial.serial_rig import EmulatedSerialRig, SerialOptions
 from cutenv.rig.hardware import rig_plant
 from cutenv.rig.operation.conformance import Listening
@@ -402,18 +406,56 @@ def test_a_drive_with_a_reference_of_its_own_takes_no_zero(capsys: pytest.Captur
 
 def test_each_fault_of_the_emulator_has_its_row_in_the_table() -> None:
     assert set(rig_trials.EXPECTED_OF_SERIAL) == {*SERIAL_FAULTS, *rig_trials.OWN}
+    assert set(rig_trials.EXPECTED_OF_GRBL) == {*GRBL_FAULTS, *rig_trials.OWN}
 
 
 def test_faults_of_a_cut_in_real_time_stop_it_as_stated() -> None:
-    with rig_faults.Trials(serial=True) as trials:
-        import numpy as np
-
+    with rig_faults.Trials(kind="serial") as trials:
         for fault in ("cell_silent", "stop_button", "board_deaf", "kill_9", "cable_out"):
             done = trials.one(fault, np.random.default_rng(1))
             wrong = done.wrong()
             if wrong:  # a busy machine: once more
                 wrong = trials.one(fault, np.random.default_rng(2)).wrong()
             assert wrong == [], fault
+
+
+def test_faults_of_a_cut_on_a_rig_with_grbl_stop_it_as_stated() -> None:
+    with rig_faults.Trials(kind="grbl") as trials:
+        for fault in ("cell_silent", "grbl_mute", "cancel_ignored"):
+            wrong = trials.one(fault, np.random.default_rng(1)).wrong()
+            if wrong:  # a busy machine: once more
+                wrong = trials.one(fault, np.random.default_rng(2)).wrong()
+            assert wrong == [], fault
+
+
+def test_the_emulated_machine_tells_what_a_blocked_carriage_does_not_do_and_stops_at_its_switch() -> None:
+    rig = EmulatedGrblRig(SerialOptions(motion="grbl", laid=None))
+    try:
+        rig.machine.blocked = True
+        rig.machine._blocks.append([2.0, 6.0])
+        for _ in range(500):
+            rig.step(rig.now())
+        assert rig.machine.position == pytest.approx(2.0, abs=0.01)
+        assert rig.position == pytest.approx(0.0, abs=1e-5)
+        assert [event["what"] for event in rig.events()] == ["jogs made"]
+        rig.machine.blocked, rig.machine.state = False, "Jog"
+        rig.machine._way = -1.0
+        rig.machine._blocks.append([9.0, 6.0])
+        for _ in range(1500):
+            rig.step(rig.now())
+        assert rig.machine.state == "Alarm"
+        assert -4.1e-3 < rig.position < -3.9e-3
+    finally:
+        rig.close()
+
+
+def test_a_stop_of_an_emulated_rig_that_was_late_itself_says_so() -> None:
+    running = RunningEmulator.__new__(RunningEmulator)
+    late = {"worst_stall_s": 0.226}
+    running.control = SimpleNamespace(state=lambda: late)  # type: ignore[assignment]
+    assert "late by up to 226 ms, as no real rig is" in running.lateness
+    late["worst_stall_s"] = 0.001
+    assert running.lateness == ""
 
 
 def test_a_line_that_the_board_does_not_know_is_counted_and_does_nothing(rig: EmulatedSerialRig) -> None:

@@ -1,7 +1,8 @@
 """Run an emulated rig in real time: drive, screw, tissue and force sensor.
 
 That is an EPOS4 drive on a CAN hub and a Net F/T; with --serial a board with stepper and load cell behind a
-pseudo-terminal, which runs its own sketch and needs a C++ compiler.
+pseudo-terminal, which runs its own sketch and needs a C++ compiler; with --grbl a machine with GRBL and such a board,
+each behind a pseudo-terminal.
 Prints one line of JSON when it is ready: the ports and the sensor's page.
 """
 
@@ -56,9 +57,9 @@ def main(argv: Sequence[str]) -> int:
     """Run the command until it is ended; return 0, or 2 if an option is bad or a port is taken."""
     arguments = _parser().parse_args(argv)
     from cutenv.rig.emulator.faults import FAULTS, parsed_fault
-    from cutenv.rig.emulator.serial.serial_faults import SERIAL_FAULTS
+    from cutenv.rig.emulator.serial.serial_faults import GRBL_FAULTS, SERIAL_FAULTS
 
-    known_faults = SERIAL_FAULTS if arguments.serial else FAULTS
+    known_faults = GRBL_FAULTS if arguments.grbl else SERIAL_FAULTS if arguments.serial else FAULTS
     if arguments.list_faults:
         for name, fault in known_faults.items():
             known = [f"{key}={about.default:g} {about.unit}" for key, about in fault.parameters.items()]
@@ -69,7 +70,8 @@ def main(argv: Sequence[str]) -> int:
 
     parent = os.getppid() if arguments.with_parent == 0 else arguments.with_parent
     faults = [parsed_fault(text, known_faults) for text in arguments.fault]
-    options = _serial_options(arguments) if arguments.serial else _options(arguments)
+    slow = arguments.serial or arguments.grbl
+    options = _serial_options(arguments) if slow else _options(arguments)
     serve(options, faults=faults, parent=parent, real_time=arguments.real_time, file=arguments.write)
     return 0
 
@@ -88,21 +90,23 @@ def _serial_options(arguments: argparse.Namespace) -> SerialOptions:
     from cutenv.cutting.parameters import LawParameters
     from cutenv.rig.emulator.serial.serial_rig import SerialOptions
 
+    kind = "--grbl" if arguments.grbl else "--serial"
     allowed = {"debt_length_mm": "debt_length", "blade_friction_Ns_m2": "friction_per_depth_speed"}
     law = {}
     for option, _, unit, *_ in _CONSTANTS:
         name = option.removeprefix("--").replace("-", "_")
         value = getattr(arguments, name)
         if value is not None and name not in allowed:
-            raise ValueError(f"{option}: a serial rig has no such property. Leave it out, or leave out --serial.")
+            raise ValueError(f"{option}: a serial rig has no such property. Leave it out, or leave out {kind}.")
         if value is not None:
             law[allowed[name]] = unit * value
     if arguments.height or arguments.can_port or arguments.sensor_port or arguments.page_port:
-        raise ValueError("--height and the ports of bus, sensor and page are not for --serial. Leave them out.")
+        raise ValueError(f"--height and the ports of bus, sensor and page are not for {kind}. Leave them out.")
     if arguments.sensor != "netft" or arguments.range != "task":
-        raise ValueError("--sensor and --range are not for --serial, which has a load cell. Leave them out.")
+        raise ValueError(f"--sensor and --range are not for {kind}, which has a load cell. Leave them out.")
     return SerialOptions(
         angle=math.radians(arguments.angle_deg),
+        motion="grbl" if arguments.grbl else "board",
         converter=arguments.converter,
         laid=_laid(arguments),
         force_limit=arguments.force_limit_N,
@@ -153,6 +157,7 @@ def _parser() -> argparse.ArgumentParser:
         examples=(
             "--write emulated.toml",
             "--serial --write serial.toml",
+            "--grbl --list-faults",
             "--seed 3 --fault sensor_silent@5",
             "--list-faults",
         ),
@@ -171,12 +176,13 @@ def _parser() -> argparse.ArgumentParser:
         "--angle-deg", type=float, default=90.0, metavar="DEG", help="angle of the blade at the start [deg]; default 90"
     )
     add("--height", action="store_true", help="a further axis raises and lowers the blade")
-    add(
-        "--serial", action="store_true", help="a board with stepper and load cell on a serial line, not CAN and Net F/T"
-    )
+    slow = parser.add_mutually_exclusive_group()
+    slow.add_argument("--serial", action="store_true", help="a board with stepper and load cell on a serial line, not "
+                      "CAN and Net F/T")  # fmt: skip
+    slow.add_argument("--grbl", action="store_true", help="a machine with GRBL, and a board with the load cell")
     add("--converter", choices=("hx711", "ads1220", "nau7802"), default="hx711", help="converter of the load cell of a "
         "serial rig; default hx711")  # fmt: skip
-    add("--no-zero", action="store_true", help="a serial rig whose zero nobody has set yet")
+    add("--no-zero", action="store_true", help="a serial rig, or one with GRBL, whose zero nobody has set yet")
     add("--fault", action="append", default=[], metavar="NAME@SECONDS", help="fault to raise at this time; "
         "NAME:KEY=VALUE,KEY=VALUE@SECONDS with parameters; may be given again")  # fmt: skip
     add("--list-faults", action="store_true", help="print the faults and their parameters, and end")

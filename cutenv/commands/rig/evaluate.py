@@ -42,9 +42,10 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _evaluated(arguments: argparse.Namespace) -> Evaluation:
-    from cutenv.commands.rig.run import chosen_policy
+    from cutenv.commands.rig.run import chosen_policy, paced
     from cutenv.envs import RigCutEnv, RigDepthCutEnv
-    from cutenv.rig.config.identified import environment_arguments
+    from cutenv.rig.connection import settings_of
+    from cutenv.rig.operation.suitability import simulator_keywords
     from cutenv.sim_to_real import FEWEST_SPECIMENS
     from cutenv.sim_to_real.evaluation_result import Evaluation
     from cutenv.sim_to_real.paired_experiment import paired_experiment, save_records, simulator_like
@@ -55,7 +56,11 @@ def _evaluated(arguments: argparse.Namespace) -> Evaluation:
     out: Path | None = arguments.out
     shared: dict[str, Any] = {"specimen_class": arguments.specimen_class, "tissue": arguments.tissue}
     shared["target_length"] = target_length(arguments)
-    shared |= {name: wanted[name] for name in _OF_BOTH if name in wanted}
+    shared, note = paced(
+        shared | {name: wanted[name] for name in _OF_BOTH if name in wanted}, settings_of(arguments.rig)
+    )
+    if note:
+        print(f"cutenv rig evaluate: {note}", file=sys.stderr)
     with ExitStack() as stack:
         records = None if out is None else out / _RECORDS / "rig"
         rig = (RigDepthCutEnv if arguments.task == "depth" else RigCutEnv)(
@@ -64,13 +69,13 @@ def _evaluated(arguments: argparse.Namespace) -> Evaluation:
         stack.callback(rig.close)
         if changed and not rig.draws_specimens:
             raise ValueError("--change is for an emulated or fake rig: a real one is described by its file.")
-        simulated = {name: value for name, value in shared.items() if name not in ("angle_mode", "fixed_angle_deg")}
-        simulator = simulator_like(rig, **simulated)
+        wanted = {name: value for name, value in shared.items() if name not in ("angle_mode", "fixed_angle_deg")}
+        simulator = simulator_like(rig, **wanted)
         cuts = paired_experiment(
             rig, simulator, policy, seed=arguments.seed, specimens=arguments.specimens, draws=arguments.draws,
             told=_progress(arguments.specimens, stack),
         )  # fmt: skip
-        given = environment_arguments(rig.settings.identified, rig.settings.position_control)
+        given = simulator_keywords(rig.settings)
         name = _rig_name(arguments.rig, rig)
     if len(cuts.rig) < FEWEST_SPECIMENS:
         said = "; ".join(cuts.between)

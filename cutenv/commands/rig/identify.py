@@ -13,8 +13,9 @@ from datetime import date
 from pathlib import Path
 
 from cutenv.commands.options import RIG, command_parser, reports_errors
+from cutenv.rig.config.imitated_rig import RIG_NAMES
 from cutenv.rig.config.settings import RigSettings
-from cutenv.rig.connection import EMULATOR, FAKE, SERIAL, connected, operator_of
+from cutenv.rig.connection import connected, operator_of
 from cutenv.rig.errors import RigError
 from cutenv.rig.identification import Identification, Plan, identification_from, perform
 from cutenv.rig.operation.preflight import prepare
@@ -27,7 +28,7 @@ def main(argv: Sequence[str]) -> int:
     """Run the command; return 0, 1 if the rig refuses or stopped the blade, or 2 if an option or the file is bad."""
     arguments = _parser().parse_args(argv)
     try:
-        if arguments.write and arguments.rig in (FAKE, EMULATOR, SERIAL):
+        if arguments.write and arguments.rig in RIG_NAMES:
             raise ValueError(f'--write needs a rig\'s file, and "{arguments.rig}" has none.')
         with connected(arguments.rig) as rig:
             settings = rig.settings

@@ -250,7 +250,8 @@ def _line(number: int, told: dict[str, Any], env: RigCutEnv) -> str:
             time, way = 1e3 * stop["time_to_standstill_s"], 1e3 * (stop["distance_to_standstill_m"] or 0.0)
             line += f"; at rest {time:.0f} ms and {way:.2f} mm later"
         if stop["cause"] in _LATE:
-            line += "\n  the computer was late: close other programs; 'cutenv rig check' explains real-time priority"
+            line += f"\n  {env.lateness or 'the computer was late'}: close other programs; 'cutenv rig check' explains "
+            line += "real-time priority"
     if told["record"] is not None:
         line += f"\n  in full: cutenv score {shlex.quote(told['record'])}"
     return line

@@ -12,8 +12,9 @@ from collections.abc import Sequence
 from datetime import date
 
 from cutenv.commands.options import RIG, command_parser, reports_errors
+from cutenv.rig.config.imitated_rig import RIG_NAMES
 from cutenv.rig.config.settings import RigSettings
-from cutenv.rig.connection import EMULATOR, FAKE, SERIAL, connected, operator_of
+from cutenv.rig.connection import connected, operator_of
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.weighing import Weighing, weigh
 from cutenv.rig.toml_file import write_values
@@ -26,7 +27,7 @@ def main(argv: Sequence[str]) -> int:
     """Weigh; return 0, 1 if the rig or the operator refuses, or 2 if an option or the file is bad."""
     arguments = _parser().parse_args(argv)
     masses = [mass_of(text) for text in arguments.masses]
-    if arguments.write and arguments.rig in (FAKE, EMULATOR, SERIAL):
+    if arguments.write and arguments.rig in RIG_NAMES:
         raise ValueError(f'--write needs a rig\'s file, and "{arguments.rig}" has none.')
     try:
         with connected(arguments.rig) as rig:

@@ -8,6 +8,12 @@ from datetime import date
 
 from cutenv.rig.config.settings import Axis, HeightAxis, RigSettings, SensorCalibration
 
+FAKE = "fake"
+"""Name of a rig in memory, on its own clock."""
+EMULATOR, SERIAL, GRBL = EMULATED = "emulator", "serial", "grbl"
+"""Names of emulated rigs in a process of their own."""
+RIG_NAMES = (FAKE, *EMULATED)
+"""Names that are not files."""
 HEIGHT = HeightAxis()
 """Height axis of a fake and of an emulated rig."""
 

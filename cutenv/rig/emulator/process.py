@@ -20,19 +20,21 @@ from types import TracebackType
 from typing import Any
 
 from cutenv._base.atomic_file import atomic_write
+from cutenv._base.validation import one_of
 from cutenv._engine.jit import warn_before_first_compile
 from cutenv.cutting.descending_cut import follow_levels
 from cutenv.cutting.sensor import measure
-from cutenv.rig.config.imitated_rig import HEIGHT
+from cutenv.rig.config.imitated_rig import EMULATED, EMULATOR, HEIGHT
 from cutenv.rig.config.settings import Bus, PositionControl, RigSettings, SensorCalibration, SensorSettings
 from cutenv.rig.devices.analogue.analogue_sensor import AnalogueOptions
 from cutenv.rig.devices.real_time import prefer
-from cutenv.rig.devices.serial.slow_profile import slow_settings
+from cutenv.rig.devices.serial.slow_profile import grbl_settings, slow_settings
 from cutenv.rig.emulator.assembly import RANGES, EmulatedRig, Options
 from cutenv.rig.emulator.control import ControlServer, EmulatorControl
-from cutenv.rig.emulator.emulated_bench import EmulatedBench
+from cutenv.rig.emulator.emulated_bench import STALL, EmulatedBench
 from cutenv.rig.emulator.emulated_tissue import Laid, feel
 from cutenv.rig.emulator.motor import position_control, turn_motor
+from cutenv.rig.emulator.serial.grbl_rig import EmulatedGrblRig
 from cutenv.rig.emulator.serial.serial_rig import EmulatedSerialRig, SerialOptions
 from cutenv.rig.errors import RigError
 from cutenv.rig.toml_text import to_toml
@@ -50,7 +52,7 @@ def warm_up(*, height: bool = False, serial: bool = False) -> None:
     laid = Laid(specimen_class="liver")
     rig: EmulatedBench
     if serial:
-        rig = EmulatedSerialRig(SerialOptions(laid=laid))
+        rig = EmulatedSerialRig(SerialOptions(laid=laid))  # GRBL's has no kernels of its own
     else:
         rig = driven = EmulatedRig(Options(laid=laid, height_axis=HEIGHT if height else None))
         for axis in driven.axes.values():
@@ -73,7 +75,7 @@ def serve(
     """Run an emulated rig until a signal, a request on the control port, or the end of its parent.
 
     Prints one line of JSON when it is ready: the ports "can", "sensor" and "control", the URL "page", and "pid"; of a
-    serial rig "port", "converter", "control" and "pid".
+    serial rig "port", "converter", "control" and "pid", with GRBL also "sensor_port".
 
     Parameters
     ----------
@@ -100,7 +102,7 @@ def serve(
     serial = isinstance(options, SerialOptions)
     warm_up(height=not serial and options.height_axis is not None, serial=serial)  # type: ignore[union-attr]
     first = real_time and prefer()  # only now: compiling takes seconds; before there are threads: they inherit it
-    rig: EmulatedBench = EmulatedSerialRig(options) if isinstance(options, SerialOptions) else EmulatedRig(options)
+    rig = _made(options)
     rig.real_time = first
     control = None
     try:
@@ -128,11 +130,16 @@ def serve(
         rig.close()
 
 
-def _told(rig: EmulatedBench) -> dict[str, Any]:
+def _made(options: Options | SerialOptions) -> EmulatedRig | EmulatedSerialRig:
+    if not isinstance(options, SerialOptions):
+        return EmulatedRig(options)
+    return EmulatedGrblRig(options) if options.motion == "grbl" else EmulatedSerialRig(options)
+
+
+def _told(rig: EmulatedRig | EmulatedSerialRig) -> dict[str, Any]:
     """Return what a driver has to know to reach the rig."""
     if isinstance(rig, EmulatedSerialRig):
-        return {"port": rig.line.port, "converter": rig.options.converter}
-    assert isinstance(rig, EmulatedRig)
+        return rig.ready()
     told = {"can": rig.hub.port, "sensor": rig.sensor.port, "page": rig.sensor.page}
     options = rig.options
     if (control := position_control(options.blade_mechanics, options.blade_axis)) is not None:
@@ -173,8 +180,12 @@ def emulated_settings(
     blade, and nothing raises it.
     """
     if "port" in ready:
+        port, converter = ready["port"], ready["converter"]
+        own = slow_settings(port, converter=converter, name="emulated serial rig")
+        if "sensor_port" in ready:
+            own = grbl_settings(port, ready["sensor_port"], converter=converter, name="emulated GRBL rig")
         return replace(
-            slow_settings(ready["port"], converter=ready["converter"], name="emulated serial rig"),
+            own,
             armed_by="the emulator",
             fixed_angle=angle,
             calibration=SensorCalibration(date=datetime.date.today().isoformat()),
@@ -224,8 +235,8 @@ class RunningEmulator:
         Settings for drivers that connect to it.
     control : EmulatorControl
         Client of its control port.
-    converter : str
-        Converter of a serial rig's load cell, else "".
+    ready : dict
+        What it printed: its ports, and what drivers have to know.
 
     Raises
     ------
@@ -255,8 +266,7 @@ class RunningEmulator:
         )
         self.pid = self._process.pid
         try:
-            ready = self._ready(timeout)
-            self.converter: str = ready.get("converter", "")
+            self.ready = ready = self._ready(timeout)
             self.settings = emulated_settings(ready, angle_mode=angle_mode, angle=angle, height=height)
             self.control = EmulatorControl(ready["control"])
         except BaseException:
@@ -289,6 +299,19 @@ class RunningEmulator:
             self._process.stdout.close()
 
     @property
+    def lateness(self) -> str:
+        """Sentence on an emulator that was late itself, as no real board is; "" if it was not, or has ended."""
+        try:
+            worst = self.control.state()["worst_stall_s"]
+        except (OSError, ValueError, RigError):
+            return ""
+        if worst < STALL:
+            return ""
+        return (
+            f"the emulator itself was late by up to {1e3 * worst:.0f} ms, as no real rig is: this computer is too busy"
+        )
+
+    @property
     def status(self) -> int | None:
         """Exit status of the process; None while it runs."""
         return self._process.poll()
@@ -316,7 +339,7 @@ def start(
     free_air: bool = False,
     angle_deg: float | None = None,
     height: bool = False,
-    serial: bool = False,
+    kind: str = EMULATOR,
     real_time: bool = True,
     arguments: Sequence[str] = (),
     timeout: float = STARTS_WITHIN,
@@ -331,8 +354,9 @@ def start(
         Angle at which the blade is fixed [degrees]; None: a second axis turns it.
     height : bool
         True for a rig with a height axis.
-    serial : bool
-        True for a serial rig, whose blade is fixed, upright by default.
+    kind : str
+        Name of the rig, of :data:`~cutenv.rig.config.imitated_rig.EMULATED`; the blade of "serial" and "grbl" is fixed,
+        upright by default.
     real_time : bool
         Take priority over other processes, if the system allows.
     arguments : sequence of str
@@ -349,9 +373,9 @@ def start(
     given += ["--free-air"] if free_air else []
     given += ["--real-time"] if real_time else []
     given += ["--height"] if height else []
-    given += ["--serial"] if serial else []
-    if serial and angle_deg is None:
-        angle_deg = 90.0
+    if one_of("kind", kind, EMULATED) != EMULATOR:
+        given.append(f"--{kind}")
+        angle_deg = 90.0 if angle_deg is None else angle_deg
     given += [] if angle_deg is None else ["--angle", "fixed", "--angle-deg", str(angle_deg)]
     return RunningEmulator(
         [*given, *arguments],

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+from dataclasses import fields
 from typing import NamedTuple
 
+from cutenv.cutting.sensor import SensorParameters
+from cutenv.rig.config.identified import environment_arguments
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.driver_registry import KIND_OF_ROLE, traits_of
 from cutenv.rig.devices.serial.load_cell import sensor_delay
@@ -17,6 +20,7 @@ FEWEST_DECISIONS = 5.0
 """Decisions a second below which no policy is worth trying: assumed [Hz]."""
 _DEADLINE, _ENDING = 30.0, 4.0  # [s] of a cut, of which so much is needed to stop and unload
 _LONGEST, _SHORTEST, _AHEAD = 0.100, 0.060, 0.010  # [m] targets of the tasks, and how far the blade leads the tip
+_LONGEST_DELAY = next(f.metadata["high"] for f in fields(SensorParameters) if f.name == "force_delay")  # [s]
 _FRAME = 0.002  # [s] of a line or frame, and of the threads
 
 
@@ -34,6 +38,20 @@ class Fit(NamedTuple):
 def top_speed(settings: RigSettings) -> float:
     """Return the greatest speed that is ever commanded [m/s]."""
     return min(settings.limits.speed / MARGIN, settings.blade.speed)
+
+
+def simulator_keywords(settings: RigSettings) -> dict[str, float]:
+    """Return keywords with which the simulator is like a rig, in SI: what was identified, and what its file states.
+
+    That is the top speed if it is below that of the tasks, and the mean delay of a force until it is read: half the
+    sensor's settling time and half a reading.
+    """
+    found = environment_arguments(settings.identified, settings.position_control)
+    if (speed := top_speed(settings)) < TASK_SPEED:
+        found["top_speed"] = speed
+    if (settling := sensor_delay(settings)) > 0.0:
+        found["force_delay"] = min(0.5 * settling + 0.5 / settings.sensor.rate, _LONGEST_DELAY)
+    return found
 
 
 def decisions(settings: RigSettings) -> int:

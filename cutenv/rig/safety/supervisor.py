@@ -24,6 +24,7 @@ from cutenv.rig.safety.stop_causes import Breach, Cause, StopReport
 
 MARGIN = 1.04
 """Ratio of the speed limit to the greatest commanded speed [1]: the drive's speed loop overshoots."""
+_ROUNDING = 1e-9  # [m/s] of a speed that was reduced to the limit before
 BRAKING = 0.16
 """Time constant near the ends of travel [s]: a speed is allowed that would take at least this long to reach the end."""
 _SHORT = 1e-4  # [m] from an end of travel, the distance at which the allowed speed is zero
@@ -173,7 +174,7 @@ class Supervisor:
                 raise RigError(f"the blade may not move: the rig is {why}. The operator has to release it first.")
             allowed, raised = self._allowed(speed), self._allowed_rise(rise)
             turned = min(max(angle, self.limits.angle_low), self.limits.angle_high)
-            self.limited += allowed != speed or turned != angle or raised != rise
+            self.limited += abs(allowed - speed) > _ROUNDING or turned != angle or raised != rise
             self._command, self._rising = allowed, raised
             self._held_until = self._clock.now() + hold * (1.0 + self.limits.overrun)
             try:

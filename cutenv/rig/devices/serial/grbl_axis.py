@@ -11,7 +11,6 @@ import logging
 import math
 import threading
 from collections.abc import Callable
-from typing import Any
 
 from cutenv._base.validation import in_range
 from cutenv.rig.config.settings import Axis
@@ -19,8 +18,8 @@ from cutenv.rig.devices.clock import Clock, Repeating
 from cutenv.rig.devices.driver_registry import Mounting, rig_driver
 from cutenv.rig.devices.drivers import MotionListener
 from cutenv.rig.devices.latch import Event, Latch
-from cutenv.rig.devices.owner import Owner
 from cutenv.rig.devices.samples import DriveState, MotionSample
+from cutenv.rig.devices.serial.grbl_connection import GrblConnection
 from cutenv.rig.devices.serial.grbl_lines import (
     GRBL_AXES,
     JOG_CANCEL,
@@ -30,21 +29,18 @@ from cutenv.rig.devices.serial.grbl_lines import (
     GrblStatus,
     grbl_setting,
     grbl_status,
-    jog_line,
     offsets_of,
 )
 from cutenv.rig.devices.serial.grbl_options import PIECE, REPORT_PERIOD, SENT_AHEAD, GrblOptions, check_grbl
-from cutenv.rig.devices.serial.ports import open_port, write_line
+from cutenv.rig.devices.serial.jog_feed import JogFeed
 from cutenv.rig.devices.serial.stepper_settings import on_pseudo_terminal
 from cutenv.rig.errors import RigError
 
 _log = logging.getLogger(__name__)
 
 _STOPPING = 0.020  # [s] between reports while it stops
-_BOOT, _ANSWER, _REPORTS, _STATE = 4.0, 1.0, 1.0, 1.5  # [s]
+_BOOT, _REPORTS, _STATE = 4.0, 1.0, 1.5  # [s]
 _DEAF = 0.1  # [s] beyond its ramp, after which a machine that does not slow down is reset
-_WRITE, _READ = 0.02, 0.05  # [s]
-_LINE = 128  # bytes at most
 _SAME = 0.02  # [1] relative difference allowed between the machine's settings and the file
 _MINUTE = 6e4  # mm/min of a m/s
 _MOVING = ("Idle", "Jog")
@@ -71,31 +67,23 @@ class GrblAxis:
         self._number = GRBL_AXES.index(self._options.letter)
         self._clock: Clock = mounting.clock
         self._changed = threading.Condition()
-        self._sending, self._feeding = threading.Lock(), threading.Lock()
         self._listener: MotionListener | None = None
-        self._port: Any = None
-        self._owner = Owner()
+        self._machine: GrblConnection | None = None
+        self._jogs = JogFeed(self._options.letter, self._number, self._write_quietly, lambda: self.latch.closed)
         self._turns: list[Repeating] = []
-        self._ending = threading.Event()
-        self._reader: threading.Thread | None = None
         self._reset()
 
     def _reset(self) -> None:
         self._status: GrblStatus | None = None
         self._heard = 0.0
         self._reports = 0
-        self._answers: list[str] = []
-        self._closed = 0  # answers "ok" and errors since the last question
         self._told: dict[int, float] = {}
         self._offset = 0.0  # [mm] from machine position to the mark's coordinates
         self._zeroed = False
         self._state = DriveState.DISABLED
-        self._lost: str | None = None
-        self._target = 0.0
-        self._sent = self._base = 0.0  # [mm] of jogs since the axis stood, and where that was
-        self._jogging = self._cancelled = False
+        self._jogs.begin()
+        self._asked_at = -math.inf  # [s] of the last question for a report
         self._fastest = 0.0  # [mm/min] feed at the stop
-        self._asked = 0.0
         self._reset_at = math.inf  # [s] when a machine that is deaf is reset
         self._mark = 0.0  # [mm] coordinate of the clamp
         self._passed_on, self._passed_state = -math.inf, self._state
@@ -113,13 +101,14 @@ class GrblAxis:
         if self._listener is not None:
             raise RigError(f"{self.name}: it is open already; close it first.")
         self._reset()
-        self._owner = Owner()
-        self._port = open_port(self._options.port, self._options.baud, read_limit=_READ)
-        self._listener, self._ending = listener, threading.Event()
-        self._reader = threading.Thread(
-            target=self._read, args=(self._port, self._ending), name="cutenv GRBL", daemon=True
-        )
-        self._reader.start()
+        self._listener = listener
+        try:
+            self._machine = GrblConnection(
+                self._options.port, self._options.baud, self._clock, heard=self._handle, broke=self._break
+            )
+        except RigError:
+            self._listener = None
+            raise
         try:
             self._identify()
             self._compare()
@@ -143,7 +132,7 @@ class GrblAxis:
                 lines = self._ask("$I")
                 break
             except RigError:
-                if self._lost is not None or self._clock.now() > ends:
+                if self._lost or self._clock.now() > ends:
                     raise RigError(
                         f"no GRBL answers at {self._options.port} and {self._options.baud} baud. Is the machine "
                         "powered, is the baud rate right, is it GRBL 1.1?"
@@ -184,7 +173,7 @@ class GrblAxis:
         if self._listener is None:
             return
         try:
-            if self._lost is None:
+            if not self._lost:
                 self._write(JOG_CANCEL)
                 self._rested()
         except Exception as error:  # a lost machine or any other error: leave it anyway
@@ -195,14 +184,9 @@ class GrblAxis:
     def _leave(self) -> None:
         while self._turns:
             self._turns.pop().stop()
-        self._ending.set()
-        self._listener, port, self._port = None, self._port, None
-        if self._reader is not None and self._reader is not threading.current_thread():
-            self._reader.join(timeout=1.0)
-        try:
-            port.close()
-        except Exception:  # the device is gone
-            _log.warning("the port %s was not closed in order", self._options.port, exc_info=True)
+        self._listener, machine, self._machine = None, self._machine, None
+        if machine is not None:
+            machine.close()
 
     def limits(self) -> dict[str, float]:
         """Return speed and acceleration as the machine tells them; the ends of travel are the file's: GRBL has none."""
@@ -254,9 +238,8 @@ class GrblAxis:
                 f"{self.name}: the machine does not know where the blade stands. Put the blade at the clamp by hand, "
                 "and give 'cutenv rig zero'."
             )
-        with self._feeding:
-            self._target, self._jogging = 0.0, False
-            self._state = DriveState.ENABLED
+        self._jogs.begin()
+        self._state = DriveState.ENABLED
 
     def command(self, speed: float) -> None:
         """Take a target speed [m/s], from which the next jogs are made; does not wait.
@@ -272,8 +255,7 @@ class GrblAxis:
         speed = in_range(f"{self.name} speed", speed, -top, top, "m/s", "The top speed is in the rig's file.")
         if self.latch.closed or self._state is not DriveState.ENABLED:
             raise RigError(f"{self.name}: {self._lost or f'not enabled, the machine is in {self._state.value}'}.")
-        with self._feeding:
-            self._target = speed * self._settings.direction
+        self._jogs.aim(1e3 * speed * self._settings.direction)
 
     def quick_stop(self, *, for_good: bool = False) -> None:
         """Cancel every jog, at once, from any thread: GRBL slows down as always.
@@ -284,8 +266,8 @@ class GrblAxis:
             If the port does not take it, or the axis was never opened.
         """
         self.latch.happens(Event.STOP)
+        self._jogs.end()
         with self._changed:
-            self._target, self._cancelled = 0.0, True
             self._fastest = 0.0 if self._status is None else self._status.feed
         self._write(JOG_CANCEL)  # repeated until it is seen to obey: a jog that it has not read yet is cancelled too
 
@@ -296,7 +278,7 @@ class GrblAxis:
         """
         self.latch.happens(Event.STOP)
         _log.warning("%s: %s: no more jogs are sent", self.name, why)
-        self._target, self._cancelled = 0.0, True
+        self._jogs.end()
         self._reset_at = self._clock.now() + self._settings.speed / self._settings.acceleration + _DEAF
 
     def disable(self) -> None:
@@ -307,7 +289,7 @@ class GrblAxis:
         RigError
             If it does not come to rest.
         """
-        self._target = 0.0
+        self._jogs.aim(0.0)
         self._rested()
         if self._state is DriveState.ENABLED:
             self._state = DriveState.DISABLED
@@ -320,45 +302,23 @@ class GrblAxis:
         RigError
             If the cause is still there.
         """
-        self._target = 0.0
+        self._jogs.aim(0.0)
         self._write(JOG_CANCEL)
         self._rested()
         if self._status is not None and self._status.state == "Alarm":
             self._ask("$X")
         self._read_offsets()
-        self._cancelled, self._jogging, self._reset_at = False, False, math.inf
+        self._jogs.begin()
+        self._reset_at = math.inf
         self._state = DriveState.DISABLED
         self._fresh()
         if self._state is DriveState.FAULT:
             raise RigError(f"{self.name}: the machine stays in {self._status}. Is a limit switch or a door open?")
 
     def _feed(self, now: float) -> None:
-        """Send the jogs that are due; cancel those under way where the target is 0, or goes the other way."""
-        with self._feeding:
-            status = self._status
-            if self._state is not DriveState.ENABLED or self.latch.closed or status is None:
-                return
-            if self._cancelled:  # by ourselves: go on once it stands
-                if status.state == "Idle" and self._heard > self._asked:
-                    self._cancelled = self._jogging = False
-                return
-            target = 1e3 * self._target  # [mm/s]
-            if self._jogging and (target == 0.0 or target * self._sent < 0.0):
-                self._cancelled, self._asked = True, now
-                self._write_quietly(JOG_CANCEL + STATUS)
-                return
-            if target == 0.0:
-                return
-            if not self._jogging:
-                self._jogging, self._sent, self._base = True, 0.0, status.position[self._number]
-            moved = status.position[self._number] - self._base
-            moved += math.copysign(status.feed / 60.0, target) * (now - self._heard)
-            if abs(self._sent) - abs(moved) > abs(target) * (SENT_AHEAD - PIECE):
-                return
-            self._sent += target * PIECE
-            self._write_quietly(jog_line(self._options.letter, target * PIECE, 60.0 * abs(target)))
-            if self.latch.closed:  # stopped between the lines above: the cancel has to be the last
-                self._write_quietly(JOG_CANCEL)
+        status = self._status
+        if self._state is DriveState.ENABLED and not self.latch.closed and not self._lost and status is not None:
+            self._jogs.turn(now, status, self._heard)
 
     def _ask_status(self, now: float) -> None:
         if now > self._reset_at:
@@ -366,27 +326,27 @@ class GrblAxis:
             if self._status is None or (self._status.state == "Jog" and self._status.feed >= 0.9 * self._fastest):
                 self._zeroed = False
                 self._write_quietly(SOFT_RESET)
-        stopping = self._cancelled and self._status is not None and self._status.state != "Idle"
+        stopping = self._jogs.cancelled and self._status is not None and self._status.state != "Idle"
+        if self._lost:
+            return
         if stopping or now - self._asked_at >= REPORT_PERIOD - 0.5 * _STOPPING:
             self._asked_at = now
             self._write_quietly(STATUS)
 
-    _asked_at = -math.inf  # [s] of the last question for a report
-
     # Lines
 
+    @property
+    def _lost(self) -> str:
+        """Reason why the line is lost, or ""."""
+        return "" if self._machine is None else self._machine.lost or ""
+
     def _write(self, data: bytes) -> None:
-        self._owner.check()
-        port = self._port
-        if port is None:
+        if (machine := self._machine) is None:
             raise RigError(f"{self.name}: not open.")
-        with self._sending:
-            try:
-                write_line(port, data, _WRITE)
-            except Exception as error:  # pyserial and the system raise many kinds
-                why = f"the machine at {self._options.port} is lost: {error}"
-                threading.Thread(target=self._break, args=(why, self._clock.now()), daemon=True).start()
-                raise RigError(f"{self.name}: {why}.") from error
+        try:
+            machine.write(data)
+        except RigError as error:
+            raise RigError(f"{self.name}: {error}") from error
 
     def _write_quietly(self, data: bytes) -> None:
         try:
@@ -395,29 +355,12 @@ class GrblAxis:
             _log.warning("%s", error)
 
     def _ask(self, line: str) -> list[str]:
-        """Send a line, and return what comes before its "ok"; raises RigError for an error, or if none comes."""
-        with self._changed:
-            self._answers, self._closed = [], 0
-        self._write(line.encode("ascii") + b"\n")
-        self._clock.wait_for(lambda: self._closed > 0 or self._lost is not None, _ANSWER, self._changed)
-        answers = list(self._answers)
-        if not self._closed or any(answer.startswith("error:") for answer in answers):
-            raise RigError(f"{self.name}: {self._lost or f'to {line!r} the machine says {answers or None}'}.")
-        return answers
-
-    def _read(self, port: Any, ending: threading.Event) -> None:
-        rest = b""
-        while not ending.is_set():
-            try:
-                read = port.read(max(port.in_waiting, 1))
-            except Exception as error:  # pyserial and the system raise many kinds
-                if not ending.is_set():
-                    self._break(f"nothing can be read any more: {error}", self._clock.now())
-                return
-            *lines, rest = (rest + read).split(b"\n")
-            rest = rest[-_LINE:]
-            for line in lines:
-                self._handle(line.strip(), self._clock.now())
+        if (machine := self._machine) is None:
+            raise RigError(f"{self.name}: not open.")
+        try:
+            return machine.ask(line)
+        except RigError as error:
+            raise RigError(f"{self.name}: {error}") from error
 
     def _handle(self, line: bytes, now: float) -> None:
         if line.startswith(b"<"):
@@ -425,13 +368,6 @@ class GrblAxis:
                 self._reported(status, now)
             return
         text, listener = line.decode("ascii", "replace"), self._listener
-        with self._changed:
-            if text == "ok" or text.startswith("error:"):
-                self._answers += [text] if text != "ok" else []
-                self._closed += 1
-            elif text:
-                self._answers.append(text)
-            self._changed.notify_all()
         if listener is None:
             return
         if text.startswith("ALARM:"):
@@ -452,7 +388,7 @@ class GrblAxis:
                 self._state = DriveState.QUICK_STOP
             self._changed.notify_all()
         speed = status.feed / _MINUTE
-        if self._sent < 0.0:
+        if self._jogs.backward:
             speed = -speed
         position = 1e-3 * (status.position[self._number] - self._offset - self._mark)
         direction = self._settings.direction
@@ -466,17 +402,16 @@ class GrblAxis:
 
     def _break(self, why: str, now: float) -> None:
         with self._changed:
-            first, self._lost = self._lost is None, self._lost or why
             self._state = DriveState.FAULT
             self._changed.notify_all()
-        if first and self._listener is not None:
+        if self._listener is not None:
             self._listener.broken(self.name, why, now)
 
     # Waiting
 
     def _await(self, come: Callable[[], bool], what: str, limit: float) -> None:
-        self._clock.wait_for(lambda: self._lost is not None or come(), limit, self._changed)
-        if self._lost is not None:
+        self._clock.wait_for(lambda: bool(self._lost) or come(), limit, self._changed)
+        if self._lost:
             raise RigError(f"{self.name}: {self._lost}.")
         if not come():
             raise RigError(f"{self.name}: the machine does not {what} within {limit:.1f} s.")
@@ -492,6 +427,6 @@ class GrblAxis:
     def _fresh(self) -> None:
         """Wait for a report younger than now."""
         seen = self._reports
-        if self._port is None:
+        if self._machine is None:
             raise RigError(f"{self.name}: not open.")
         self._await(lambda: self._reports > seen + 1, "report its state", _REPORTS)

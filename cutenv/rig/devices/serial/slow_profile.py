@@ -55,12 +55,12 @@ def slow_settings(port: str, *, converter: str = "hx711", name: str = "slow rig"
     )
 
 
-def grbl_settings(port: str, sensor_port: str, *, name: str = "GRBL rig") -> RigSettings:
+def grbl_settings(port: str, sensor_port: str, *, converter: str = "hx711", name: str = "GRBL rig") -> RigSettings:
     """Return the settings of a rig whose blade a machine with GRBL moves, with a load cell on a board of its own.
 
     Its limits are those of a slow rig, with times for a position that comes ten times a second.
     """
-    rig = slow_settings(sensor_port, name=name)
+    rig = slow_settings(sensor_port, converter=converter, name=name)
     late = 3.5 * REPORT_PERIOD
     return replace(
         rig,

@@ -11,7 +11,7 @@ import threading
 import time
 from collections import deque
 
-from cutenv.rig.devices.serial.grbl_lines import JOG_CANCEL, SOFT_RESET, STATUS
+from cutenv.rig.devices.serial.grbl_lines import JOG_CANCEL, MARK, SOFT_RESET, STATUS
 from cutenv.rig.emulator.serial.line import EmulatedLine
 
 _BLOCKS = 15  # jogs that the planner holds
@@ -34,8 +34,14 @@ class EmulatedGrbl:
         Serial line; ``line.port`` is the port to open.
     position, speed : float
         Machine position [mm], and speed [mm/s].
-    deaf_to_cancel : bool
-        Fault: jog cancel is not obeyed.
+    deaf_to_cancel, blocked : bool
+        Faults: jog cancel is not obeyed; the carriage stands though the motor gets pulses.
+    state : str
+        State as in its reports.
+    cancels, runs_out : int
+        Jog cancels that came, and times at which it came to the end of its jogs by itself.
+    jogs_read : int
+        Jogs that it has taken.
     stopped : threading.Event
         Set it to end :meth:`run`.
     """
@@ -44,12 +50,14 @@ class EmulatedGrbl:
         self.line = EmulatedLine()
         self.settings = {10: 1.0, 13: 0.0, 20: 0.0, 21: 1.0, 100: 400.0, 110: rate, 120: acceleration}
         self.position = self.speed = 0.0
-        self.deaf_to_cancel = False
+        self.deaf_to_cancel = self.blocked = False
+        self._slipped = 0.0  # [mm] of pulses that a blocked carriage did not follow
+        self.cancels = self.runs_out = 0
         self.stopped = threading.Event()
         self.jogs_read = 0
         self._way = 1.0
         self._blocks: deque[list[float]] = deque()  # way left [mm], feed [mm/s]
-        self._state, self._cancelling = "Idle", False
+        self.state, self._cancelling = "Idle", False
         self._shift = 0.0  # G92 [mm]
         self._text = ""
 
@@ -71,10 +79,23 @@ class EmulatedGrbl:
         self._move()
         self.line.say(out, due)
 
+    @property
+    def carriage(self) -> float:
+        """Position of the carriage [mm]: that of the machine, but for what a blocked one did not follow."""
+        return self.position - self._slipped
+
+    def set_zero(self) -> None:
+        """Give the present position the coordinate of the clamp, as ``cutenv rig zero`` does."""
+        self._shift = self.position - MARK
+
+    def feed_hold(self) -> None:
+        """Slow down and forget its jogs, as when somebody presses its button for feed hold while it jogs."""
+        self._cancelling = bool(self._blocks)
+
     def alarm(self, number: int) -> None:
         """Stop at once, as at a limit switch (1) or a reset in motion (3): the position is lost."""
         self._blocks.clear()
-        self.speed, self._state, self._cancelling = 0.0, "Alarm", False
+        self.speed, self.state, self._cancelling = 0.0, "Alarm", False
         self.line.say(b"ALARM:%d\r\n" % number, time.monotonic())
 
     def reset(self) -> None:
@@ -82,16 +103,17 @@ class EmulatedGrbl:
         moved = self.speed != 0.0
         self._blocks.clear()
         self._text, self.speed, self._shift, self._cancelling = "", 0.0, 0.0, False
-        self._state = "Alarm" if moved else "Idle"
+        self.state = "Alarm" if moved else "Idle"
         self.line.say((b"ALARM:3\r\n" if moved else b"") + b"\r\n" + _BANNER, time.monotonic())
 
     def _realtime(self, byte: int) -> bytes:
         one = bytes([byte])
         if one == STATUS:
             feed = 60.0 * abs(self.speed)
-            return b"<%s|MPos:%.3f,0.000,0.000|FS:%d,0>\r\n" % (self._state.encode(), self.position, round(feed))
+            return b"<%s|MPos:%.3f,0.000,0.000|FS:%d,0>\r\n" % (self.state.encode(), self.position, round(feed))
         if one == JOG_CANCEL:
             self._cancelling = bool(self._blocks) and not self.deaf_to_cancel
+            self.cancels += 1
         elif one == SOFT_RESET:
             self.reset()
         elif byte < 0x80:
@@ -100,13 +122,13 @@ class EmulatedGrbl:
 
     def _obey(self, text: str) -> bytes:
         if (jog := _JOG.fullmatch(text)) is not None:
-            if self._state not in ("Idle", "Jog"):
+            if self.state not in ("Idle", "Jog"):
                 return b"error:9\r\n"
             if self._cancelling:
                 return b"ok\r\n"  # flushed
             way, feed = float(jog[1]), float(jog[2]) / 60.0
             self._blocks.append([abs(way), min(feed, self.settings[110] / 60.0)])
-            self._way, self._state = math.copysign(1.0, way), "Jog"
+            self._way, self.state = math.copysign(1.0, way), "Jog"
             self.jogs_read += 1
             return b"ok\r\n"
         if text == "$I":
@@ -119,7 +141,7 @@ class EmulatedGrbl:
             self._shift = self.position - float(text[4:])
             return b"ok\r\n"
         if text == "$X":
-            self._state = "Idle"
+            self.state = "Idle"
             return b"[MSG:Caution: Unlocked]\r\nok\r\n"
         return b"ok\r\n" if not text else b"error:1\r\n"
 
@@ -131,16 +153,19 @@ class EmulatedGrbl:
         wanted = 0.0 if self._cancelling else min(feed, math.sqrt(2.0 * acceleration * left))
         change = min(max(wanted - abs(self.speed), -acceleration * _TICK), acceleration * _TICK)
         speed = max(abs(self.speed) + change, 0.0)
-        way = min(speed * _TICK, left)
+        way = moved = min(speed * _TICK, left)
         self.position += self._way * way
         self.speed = self._way * speed
         while self._blocks and way >= self._blocks[0][0] - 1e-9:
             way -= self._blocks.popleft()[0]
         if self._blocks:
             self._blocks[0][0] -= max(way, 0.0)
+        if self.blocked:
+            self._slipped += self._way * moved
         if not self._blocks or (self._cancelling and speed == 0.0):
+            self.runs_out += not self._cancelling
             self._blocks.clear()
-            self.speed, self._state, self._cancelling = 0.0, "Idle", False
+            self.speed, self.state, self._cancelling = 0.0, "Idle", False
 
     def close(self) -> None:
         """Remove the port; may be called twice."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from cutenv.rig.devices.serial.slow_profile import COUNTS_PER_NEWTON, DELAYS, SC
 from cutenv.rig.devices.serial.stepper_settings import StepRates
 from cutenv.rig.emulator.emulated_bench import EmulatedBench
 from cutenv.rig.emulator.emulated_tissue import EmulatedTissue, Laid
+from cutenv.rig.emulator.faults import InjectedFault
 from cutenv.rig.emulator.serial.firmware import CONVERTERS, HIGH_PIN, LOW_PIN, Firmware
 from cutenv.rig.emulator.serial.line import EmulatedLine
 from cutenv.rig.emulator.serial.serial_faults import SERIAL_FAULTS
@@ -35,7 +36,8 @@ from cutenv.rig.emulator.serial.serial_faults import SERIAL_FAULTS
 CELL = SensorParameters(force_delay=0.0, force_noise=0.01, force_resolution=0.0)
 """Load cell before its converter: noise as assumed of a cell for 50 N; the converter averages it."""
 _SPEED_OVER = 10  # ms over which the carriage's speed is taken: a step is 2.5 um
-_SWITCHES = 0.002  # [m] beyond the board's ends of travel, at which the limit switches open
+SWITCHES = 0.002
+"""Distance beyond the ends of travel at which the limit switches open [m]."""
 _FULL = 8_388_607  # counts of the converter's range
 
 
@@ -47,6 +49,8 @@ class SerialOptions:
     ----------
     angle : float
         Angle at which the blade is fixed [rad].
+    motion : str
+        What moves the blade: a stepper on the "board" of the load cell, or a machine with "grbl".
     converter : str
         Converter of the load cell, of :data:`cutenv.rig.emulator.serial.firmware.CONVERTERS`.
     clock_error : float
@@ -68,6 +72,7 @@ class SerialOptions:
     """
 
     angle: float = math.pi / 2
+    motion: str = "board"
     converter: str = "hx711"
     clock_error: float = 0.0
     laid: Laid | None = field(default_factory=Laid)
@@ -80,6 +85,7 @@ class SerialOptions:
 
     def __post_init__(self) -> None:
         check_angle(self.angle)
+        one_of("motion", self.motion, ("board", "grbl"))
         one_of("converter", self.converter, CONVERTERS)
         in_range("clock_error", self.clock_error, -0.2, 0.2, "1", "An HX711 may be off by a tenth.")
         in_range("force_limit", self.force_limit, 0.01, 1000.0, "N", "What the rig's own limit is.")
@@ -98,7 +104,7 @@ class EmulatedSerialRig(EmulatedBench):
         Faults of the load cell.
     """
 
-    faults = SERIAL_FAULTS
+    faults: ClassVar[Mapping[str, InjectedFault]] = SERIAL_FAULTS
     stands_after = 10
 
     def __init__(self, options: SerialOptions | None = None) -> None:
@@ -157,6 +163,10 @@ class EmulatedSerialRig(EmulatedBench):
         """Axis as mounted."""
         return self._axis
 
+    def ready(self) -> dict[str, Any]:
+        """Return what drivers have to know to reach it."""
+        return {"port": self.line.port, "converter": self.options.converter}
+
     def state(self) -> dict[str, Any]:
         """Return whether the stepper has power, and whether the cable is in."""
         state = "operation enabled" if self._state is BoardState.ENABLED else "not enabled"
@@ -175,10 +185,9 @@ class EmulatedSerialRig(EmulatedBench):
                 if b"Q*" in heard:
                     self.happened("quick stop received", time=due, axis="blade")
             self.board.advance(round(1e6 * TICK))
+            self._move(due)
             position = self.position
             self._positions.append(position)
-            self.board.open_pin(LOW_PIN, position < self._axis.low - _SWITCHES or self._opened(LOW_PIN))
-            self.board.open_pin(HIGH_PIN, position > self._axis.high + _SWITCHES or self._opened(HIGH_PIN))
             before = abs(self.bench.true_force)
             self._readings.append(self.bench.advance(position, self.angle))
             if not self.frozen:
@@ -187,6 +196,12 @@ class EmulatedSerialRig(EmulatedBench):
                 self._overhear(line, due)
             moved = abs(self._positions[-1] - self._positions[-2]) / TICK
         self._watch(due, before, abs(self.bench.true_force), moved)
+
+    def _move(self, due: float) -> None:
+        """Let what moves the carriage make its millisecond: the board has done so; open the limit switches."""
+        position = self.position
+        self.board.open_pin(LOW_PIN, position < self._axis.low - SWITCHES or self._opened(LOW_PIN))
+        self.board.open_pin(HIGH_PIN, position > self._axis.high + SWITCHES or self._opened(HIGH_PIN))
 
     def _opened(self, pin: int) -> bool:
         return pin == HIGH_PIN and ("limit_switch", "") in self.active
