@@ -128,7 +128,7 @@ class Trials:
         return trial(self._rig, emulator.control, fault, seed=seed, after=after)
 
     def _tried_height(self, fault: str, seed: int, after: float) -> Trial:
-        emulator = self._emulator = self._emulator or start(height=True, free_air=True)
+        emulator = self._emulator = self._emulator or start(across=("height",), free_air=True)
         if not isinstance(self._rig, RaisingRig):
             self._rig = RaisingRig(emulator.settings, emulator.control)
         return height_trial(self._rig, emulator.control, fault, seed=seed, after=after)

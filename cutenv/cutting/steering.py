@@ -378,7 +378,7 @@ def turn_crack(row: Struct, profile: Struct, steering: Struct, n: int) -> None:
     lag, K, toughness = row.blade[n] - row.creep[n] - a, row.K[n], row.toughness[n]
     stored = 0.5 * K * max(lag, 0.0) ** 2 + steering.held
 
-    advance = _advance_tip(steering, a)
+    advance = advance_tip(steering, a)
     mean_pull = 0.5 * (steering.pull + pull)
     push = steering.coupling * mean_pull + steering.side_stiffness * steering.offset
     if push != 0.0 and lag > 0.0:  # a crack that is not loaded does not turn
@@ -415,7 +415,7 @@ def turn_crack(row: Struct, profile: Struct, steering: Struct, n: int) -> None:
 
 
 @njit_inline
-def _advance_tip(steering: Struct, a: float) -> float:
+def advance_tip(steering: Struct, a: float) -> float:
     """Advance one tip in its direction to ``a`` [m] of the line; return by how much crack [m]."""
     start, aside = steering.settled, steering.tip_aside
     advance = (a - start) * steering.stretch

@@ -55,7 +55,7 @@ def _unread(settings: RigSettings) -> set[str]:
     drivers = driven_roles(settings)
     used = set(drivers.values()) | {"opencv"}
     unread = set().union(*(keys for name, keys in OWN_KEYS.items() if name not in used))
-    for role in ("blade", "angle", "height"):
+    for role in ("blade", "angle", "height", "side"):
         if drivers.get(role, "canopen") != "canopen":
             unread |= {key for key in OWN_KEYS["canopen"] if key.startswith(f"{role}.")}
     return unread

@@ -18,7 +18,8 @@ import pytest
 
 from cutenv import cli
 from cutenv.recording import UNITS, load, load_operators
-from cutenv.rig.config.settings import HeightAxis, SafetyLimits
+from cutenv.rig.config.axes import HeightAxis
+from cutenv.rig.config.settings import SafetyLimits
 from cutenv.rig.emulator.faults import FAULTS
 from cutenv.rig.safety.stop_causes import STILL
 from cutenv.task.weights import RewardWeights

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from typing import Any
 
 from cutenv._base.validation import in_range
-from cutenv.rig.config.settings import Axis
+from cutenv.rig.config.axes import Axis
 from cutenv.rig.devices.clock import Clock, Repeating
 from cutenv.rig.devices.driver_registry import Mounting, rig_driver
 from cutenv.rig.devices.drivers import MotionListener
