@@ -3,6 +3,7 @@
     python scripts/rig_faults.py                              10 trials of each fault, about a quarter of an hour
     python scripts/rig_faults.py --only kill_9 --trials 3
     python scripts/rig_faults.py --height                     faults of a height axis, with the blade in air
+    python scripts/rig_faults.py --side                       faults of an axis to the side, with the blade in air
     python scripts/rig_faults.py --serial                     faults of a serial rig: board, stepper, load cell
     python scripts/rig_faults.py --json runs/rig-faults.json  for scripts/update_docs.py rig-faults
 
@@ -12,9 +13,9 @@ more than 5 ms), and the times of such trials are kept apart.  If such a delay h
 trial does not count, and is repeated.  A machine that is too busy is refused at once (exit code 3), with what to ask
 for.
 
-Trials are stored as they are made, in runs/rig-faults.part.json, those of a height axis and of a serial rig in
-rig-faults-height.part.json and rig-faults-serial.part.json there.  An interrupted run continues where it left off when
-the command is given again; --anew starts from the beginning.
+Trials are stored as they are made, in runs/rig-faults.part.json, those of an axis across the cut and of a serial rig in
+rig-faults-height.part.json, rig-faults-side.part.json and rig-faults-serial.part.json there.  An interrupted run
+continues where it left off when the command is given again; --anew starts from the beginning.
 """
 
 from __future__ import annotations
@@ -31,13 +32,13 @@ from typing import Any
 
 import numpy as np
 from busy_host import TooBusy, look
+from cross_trials import CrossingRig, cross_trial
 from cutting_rig import CuttingRig
-from height_trials import RaisingRig, height_trial
 from rig_cut_process import trial_in_child
 from rig_trials import (
     BY_THE_DRIVE,
     EXPECTED,
-    EXPECTED_OF_HEIGHT,
+    EXPECTED_ACROSS,
     EXPECTED_OF_SERIAL,
     GAP,
     IN_CHILD,
@@ -52,12 +53,12 @@ from cutenv._base.atomic_file import atomic_write
 from cutenv.rig.emulator.process import RunningEmulator, start
 from cutenv.rig.errors import RigError
 
-DEFAULT, DEFAULT_OF_HEIGHT, DEFAULT_OF_SERIAL = (
-    Path("runs") / f"rig-faults{kind}.json" for kind in ("", "-height", "-serial")
-)
-PART, PART_OF_HEIGHT, PART_OF_SERIAL = (
-    default.with_suffix(".part.json") for default in (DEFAULT, DEFAULT_OF_HEIGHT, DEFAULT_OF_SERIAL)
-)
+KNOWN = {"": EXPECTED, **EXPECTED_ACROSS, "serial": EXPECTED_OF_SERIAL}
+DEFAULTS = {kind: Path("runs") / f"rig-faults{kind and f'-{kind}'}.json" for kind in KNOWN}
+"""Files of the trials from which the documentation is made, by kind of rig."""
+DEFAULT = DEFAULTS[""]
+PART = ".part.json"
+"""End of the name of a file of a run that goes on."""
 _ATTEMPTS = 8  # at a trial that the host's stalls prevent
 _LOOKED_AT = (1, 4)  # failed attempts after which the machine's load is checked
 HEADER = (
@@ -73,8 +74,8 @@ class Trials:
     ----------
     check : callable, optional
         Called after failed attempts; raises :class:`TooBusy` if more would fail too.
-    height, serial : bool
-        True for the faults of a height axis; of a serial rig.
+    kind : str
+        Kind of rig: "height" and "side" for the faults of an axis across the cut, "serial" for those of a serial rig.
 
     Attributes
     ----------
@@ -82,8 +83,8 @@ class Trials:
         Number of times that the rig had stopped before the fault, by fault.
     """
 
-    def __init__(self, check: Callable[[], None] | None = None, *, height: bool = False, serial: bool = False) -> None:
-        self._check, self._height, self._serial = check, height, serial
+    def __init__(self, check: Callable[[], None] | None = None, *, kind: str = "") -> None:
+        self._check, self.kind = check, kind
         self.before: Counter[str] = Counter()
         self._emulator: RunningEmulator | None = None
         self._rig: CuttingRig | None = None
@@ -117,9 +118,9 @@ class Trials:
         raise RigError(f"{fault}: {_ATTEMPTS} times the rig had stopped before the fault came: is this machine busy?")
 
     def _tried(self, fault: str, seed: int, after: float) -> Trial:
-        if self._height:
-            return self._tried_height(fault, seed, after)
-        emulator = self._emulator = self._emulator or start(serial=self._serial)
+        if self.kind in EXPECTED_ACROSS:
+            return self._tried_across(fault, seed, after)
+        emulator = self._emulator = self._emulator or start(serial=self.kind == "serial")
         if fault in IN_CHILD:
             self._leave()
             return trial_in_child(emulator, fault, seed=seed, after=after)
@@ -127,11 +128,11 @@ class Trials:
             self._rig = CuttingRig(emulator.settings, emulator.control)
         return trial(self._rig, emulator.control, fault, seed=seed, after=after)
 
-    def _tried_height(self, fault: str, seed: int, after: float) -> Trial:
-        emulator = self._emulator = self._emulator or start(across=("height",), free_air=True)
-        if not isinstance(self._rig, RaisingRig):
-            self._rig = RaisingRig(emulator.settings, emulator.control)
-        return height_trial(self._rig, emulator.control, fault, seed=seed, after=after)
+    def _tried_across(self, fault: str, seed: int, after: float) -> Trial:
+        emulator = self._emulator = self._emulator or start(across=(self.kind,), free_air=True)
+        if not isinstance(self._rig, CrossingRig):
+            self._rig = CrossingRig(emulator.settings, emulator.control)
+        return cross_trial(self._rig, emulator.control, fault, seed=seed, after=after)
 
     def _leave(self) -> None:
         if self._rig is not None:
@@ -229,7 +230,9 @@ def markdown(kept: dict[str, Any]) -> str:
     lines = [HEADER, tuple("---" for _ in HEADER), *rows(kept)]
     table = "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
     made = f"{len(kept['trials'])} trials, {sum(kept['before'].values())} more that a stop came before."
-    if kept["trials"][0]["fault"] in EXPECTED_OF_HEIGHT or "cable_out" in {each["fault"] for each in kept["trials"]}:
+    if kept["trials"][0]["fault"] in EXPECTED_ACROSS["height"] or "cable_out" in {
+        each["fault"] for each in kept["trials"]
+    }:
         return f"{table}\n\n{made}"
     allowed = f"Found out counts as kept up to {1e3 * WAY:g} ms beyond the stated time: the ways of frames and events."
     gap = f"bus_gap is a bus that is off for {1e3 * GAP:g} ms: the first quick stop is lost, and sent again."
@@ -242,21 +245,20 @@ def main(argv: Sequence[str] | None = None) -> int:
     add = parser.add_argument
     add("--trials", type=int, default=10, metavar="N", help="of each fault; default 10")
     kinds = parser.add_mutually_exclusive_group()
-    kinds.add_argument("--height", action="store_true", help="faults of a height axis")
-    kinds.add_argument("--serial", action="store_true", help="faults of a serial rig")
-    add("--only", nargs="+", metavar="FAULT", help=f"{', '.join(EXPECTED)}; of a height axis: "
-        f"{', '.join(EXPECTED_OF_HEIGHT)}; of a serial rig: {', '.join(EXPECTED_OF_SERIAL)}")  # fmt: skip
+    for kind, about in (("height", "a height axis"), ("side", "an axis to the side"), ("serial", "a serial rig")):
+        kinds.add_argument(
+            f"--{kind}", action="store_const", const=kind, dest="kind", default="", help=f"faults of {about}"
+        )
+    add("--only", nargs="+", metavar="FAULT", help="; ".join(
+        f"{kind or 'usual'}: {', '.join(known)}" for kind, known in KNOWN.items()
+    ))  # fmt: skip
     add("--seed", type=int, default=0, help="of specimens and instants; default 0")
-    add("--json", type=Path, metavar="FILE", help=f"keep every trial there; the documentation is made from {DEFAULT},"
-        f" {DEFAULT_OF_HEIGHT} and {DEFAULT_OF_SERIAL}")  # fmt: skip
+    add("--json", type=Path, metavar="FILE", help=f"keep every trial there; the documentation is made from "
+        f"{', '.join(map(str, DEFAULTS.values()))}")  # fmt: skip
     add("--markdown", action="store_true", help="print the table as Markdown")
     add("--anew", action="store_true", help="begin from the first trial, though a run was broken off")
     arguments = parser.parse_args(argv)
-    known, part = EXPECTED, PART
-    if arguments.height:
-        known, part = EXPECTED_OF_HEIGHT, PART_OF_HEIGHT
-    if arguments.serial:
-        known, part = EXPECTED_OF_SERIAL, PART_OF_SERIAL
+    known, part = KNOWN[arguments.kind], DEFAULTS[arguments.kind].with_suffix(PART)
     arguments.only = arguments.only or list(known)
     if unknown := [fault for fault in arguments.only if fault not in known]:
         parser.error(f"no fault {unknown[0]!r}; there are {', '.join(known)}")
@@ -265,7 +267,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"{len(trials)} trials were made before ({part}); it goes on from there.", file=sys.stderr)
     try:
         check_host()
-        with Trials(check_host, height=arguments.height, serial=arguments.serial) as on:
+        with Trials(check_host, kind=arguments.kind) as on:
             on.before = before
             for fault, number in tqdm(planned(arguments, trials), unit="trial", leave=False):
                 trials.append(on.one(fault, np.random.default_rng([arguments.seed, number, *fault.encode()])))

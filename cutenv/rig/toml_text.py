@@ -19,7 +19,7 @@ _UNFINISHED = f"""\
 #
 # Not finished: replace each line that begins with '{_TO_FILL.strip()}' by the true value for this rig, without that
 # beginning.  Until then the file is refused, and the missing keys are listed.  The sections [angle], [height],
-# [position_control] and [camera] may stay as they are.
+# [side], [position_control] and [camera] may stay as they are.
 """
 _WIDTH = 116  # characters of a comment, after its mark
 

@@ -80,8 +80,8 @@ class SensorSettings:
     cut_axis: Literal["x", "y", "z"] = setting("x", "1", "Axis of the sensor along the cut line.")
     sign: int = setting(1, "1", "1 or -1: sign of the reading when the tissue resists forward motion.")
     components: Literal["along", "all"] = setting(
-        "along", "1", "Components in a record: the force along the cut, or all six beside it. A rig with a height axis "
-        "always records all."
+        "along", "1", "Components in a record: the force along the cut, or all six beside it. A rig with an axis "
+        "across the cut always records all."
     )  # fmt: skip
 
     def __post_init__(self) -> None:
