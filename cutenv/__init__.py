@@ -37,6 +37,9 @@ gymnasium.register(id="cutenv/RigCut-v1", entry_point="cutenv.envs.rig_cut:RigCu
 gymnasium.register(
     id="cutenv/RigDepthCut-v1", entry_point="cutenv.envs.rig_depth_cut:RigDepthCutEnv", nondeterministic=True
 )
+gymnasium.register(
+    id="cutenv/RigPathCut-v1", entry_point="cutenv.envs.rig_path_cut:RigPathCutEnv", nondeterministic=True
+)
 
 _LAZY = (
     "envs",

@@ -3,6 +3,7 @@
     python scripts/rig_faults.py                              10 trials of each fault, about a quarter of an hour
     python scripts/rig_faults.py --only kill_9 --trials 3
     python scripts/rig_faults.py --height                     faults of a height axis, with the blade in air
+    python scripts/rig_faults.py --side                       faults of an axis to the side, with the blade in air
     python scripts/rig_faults.py --serial                     faults of a serial rig: board, stepper, load cell
     python scripts/rig_faults.py --grbl                       faults of a rig with GRBL and a load cell
     python scripts/rig_faults.py --json runs/rig-faults.json  for scripts/update_docs.py rig-faults
@@ -14,7 +15,7 @@ trial does not count, and is repeated.  A machine that is too busy is refused at
 for.
 
 Trials are stored as they are made, in runs/rig-faults.part.json, those of the other kinds in
-rig-faults-height.part.json, rig-faults-serial.part.json and rig-faults-grbl.part.json there.  An interrupted run
+rig-faults-height.part.json, rig-faults-side.part.json and so on there.  An interrupted run
 continues where it left off when the command is given again; --anew starts from the beginning.
 """
 
@@ -32,14 +33,14 @@ from typing import Any
 
 import numpy as np
 from busy_host import TooBusy, look
+from cross_trials import CrossingRig, cross_trial
 from cutting_rig import CuttingRig
-from height_trials import RaisingRig, height_trial
 from rig_cut_process import trial_in_child
 from rig_trials import (
     BY_THE_DRIVE,
     EXPECTED,
+    EXPECTED_ACROSS,
     EXPECTED_OF_GRBL,
-    EXPECTED_OF_HEIGHT,
     EXPECTED_OF_SERIAL,
     GAP,
     IN_CHILD,
@@ -55,12 +56,13 @@ from cutenv.rig.config.imitated_rig import EMULATOR
 from cutenv.rig.emulator.process import RunningEmulator, start
 from cutenv.rig.errors import RigError
 
-KINDS = {"": EXPECTED, "height": EXPECTED_OF_HEIGHT, "serial": EXPECTED_OF_SERIAL, "grbl": EXPECTED_OF_GRBL}
+KNOWN = {"": EXPECTED, **EXPECTED_ACROSS, "serial": EXPECTED_OF_SERIAL, "grbl": EXPECTED_OF_GRBL}
 """Faults by the kind of rig, "" that of the drives on a bus."""
-DEFAULT, DEFAULT_OF_HEIGHT, DEFAULT_OF_SERIAL, DEFAULT_OF_GRBL = (
-    Path("runs") / f"rig-faults{kind and '-'}{kind}.json" for kind in KINDS
-)
-PART = DEFAULT.with_suffix(".part.json")
+DEFAULTS = {kind: Path("runs") / f"rig-faults{kind and f'-{kind}'}.json" for kind in KNOWN}
+"""Files of the trials from which the documentation is made, by kind of rig."""
+DEFAULT = DEFAULTS[""]
+PART = ".part.json"
+"""End of the name of a file of a run that goes on."""
 _ATTEMPTS = 8  # at a trial that the host's stalls prevent
 _LOOKED_AT = (1, 4)  # failed attempts after which the machine's load is checked
 HEADER = (
@@ -77,7 +79,7 @@ class Trials:
     check : callable, optional
         Called after failed attempts; raises :class:`TooBusy` if more would fail too.
     kind : str
-        Kind of rig, of :data:`KINDS`.
+        Kind of rig, of :data:`KNOWN`.
 
     Attributes
     ----------
@@ -86,7 +88,7 @@ class Trials:
     """
 
     def __init__(self, check: Callable[[], None] | None = None, *, kind: str = "") -> None:
-        self._check, self._kind = check, kind
+        self._check, self.kind = check, kind
         self.before: Counter[str] = Counter()
         self._emulator: RunningEmulator | None = None
         self._rig: CuttingRig | None = None
@@ -120,9 +122,9 @@ class Trials:
         raise RigError(f"{fault}: {_ATTEMPTS} times the rig had stopped before the fault came: is this machine busy?")
 
     def _tried(self, fault: str, seed: int, after: float) -> Trial:
-        if self._kind == "height":
-            return self._tried_height(fault, seed, after)
-        emulator = self._emulator = self._emulator or start(kind=self._kind or EMULATOR)
+        if self.kind in EXPECTED_ACROSS:
+            return self._tried_across(fault, seed, after)
+        emulator = self._emulator = self._emulator or start(kind=self.kind or EMULATOR)
         if fault in IN_CHILD:
             self._leave()
             return trial_in_child(emulator, fault, seed=seed, after=after)
@@ -130,11 +132,11 @@ class Trials:
             self._rig = CuttingRig(emulator.settings, emulator.control)
         return trial(self._rig, emulator.control, fault, seed=seed, after=after)
 
-    def _tried_height(self, fault: str, seed: int, after: float) -> Trial:
-        emulator = self._emulator = self._emulator or start(height=True, free_air=True)
-        if not isinstance(self._rig, RaisingRig):
-            self._rig = RaisingRig(emulator.settings, emulator.control)
-        return height_trial(self._rig, emulator.control, fault, seed=seed, after=after)
+    def _tried_across(self, fault: str, seed: int, after: float) -> Trial:
+        emulator = self._emulator = self._emulator or start(across=(self.kind,), free_air=True)
+        if not isinstance(self._rig, CrossingRig):
+            self._rig = CrossingRig(emulator.settings, emulator.control)
+        return cross_trial(self._rig, emulator.control, fault, seed=seed, after=after)
 
     def _leave(self) -> None:
         if self._rig is not None:
@@ -245,20 +247,24 @@ def main(argv: Sequence[str] | None = None) -> int:
     add = parser.add_argument
     add("--trials", type=int, default=10, metavar="N", help="of each fault; default 10")
     kinds = parser.add_mutually_exclusive_group()
-    kinds.add_argument("--height", action="store_true", help="faults of a height axis")
-    kinds.add_argument("--serial", action="store_true", help="faults of a serial rig")
-    kinds.add_argument("--grbl", action="store_true", help="faults of a rig with GRBL and a load cell")
-    listed = "; ".join(f"of --{kind}: {', '.join(faults)}" if kind else ", ".join(faults)
-                       for kind, faults in KINDS.items())  # fmt: skip
-    add("--only", nargs="+", metavar="FAULT", help=listed)
+    abouts = {
+        "height": "a height axis", "side": "an axis to the side", "serial": "a serial rig",
+        "grbl": "a rig with GRBL and a load cell",
+    }  # fmt: skip
+    for kind, about in abouts.items():
+        kinds.add_argument(
+            f"--{kind}", action="store_const", const=kind, dest="kind", default="", help=f"faults of {about}"
+        )
+    add("--only", nargs="+", metavar="FAULT", help="; ".join(
+        f"{kind or 'usual'}: {', '.join(known)}" for kind, known in KNOWN.items()
+    ))  # fmt: skip
     add("--seed", type=int, default=0, help="of specimens and instants; default 0")
-    add("--json", type=Path, metavar="FILE", help=f"keep every trial there; the documentation is made from {DEFAULT} "
-        "and those beside it, -height, -serial and -grbl")  # fmt: skip
+    add("--json", type=Path, metavar="FILE", help=f"keep every trial there; the documentation is made from "
+        f"{', '.join(map(str, DEFAULTS.values()))}")  # fmt: skip
     add("--markdown", action="store_true", help="print the table as Markdown")
     add("--anew", action="store_true", help="begin from the first trial, though a run was broken off")
     arguments = parser.parse_args(argv)
-    kind = next((kind for kind in KINDS if kind and getattr(arguments, kind)), "")
-    known, part = KINDS[kind], DEFAULT.with_name(f"{DEFAULT.stem}{kind and '-'}{kind}.part.json")
+    known, part = KNOWN[arguments.kind], DEFAULTS[arguments.kind].with_suffix(PART)
     arguments.only = arguments.only or list(known)
     if unknown := [fault for fault in arguments.only if fault not in known]:
         parser.error(f"no fault {unknown[0]!r}; there are {', '.join(known)}")
@@ -267,7 +273,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"{len(trials)} trials were made before ({part}); it goes on from there.", file=sys.stderr)
     try:
         check_host()
-        with Trials(check_host, kind=kind) as on:
+        with Trials(check_host, kind=arguments.kind) as on:
             on.before = before
             for fault, number in tqdm(planned(arguments, trials), unit="trial", leave=False):
                 trials.append(on.one(fault, np.random.default_rng([arguments.seed, number, *fault.encode()])))

@@ -74,22 +74,33 @@ EXPECTED: dict[str, tuple[Cause, ...]] = {
 }
 """Causes as which each fault may be detected: for example, a stuck encoder with speed zero is an acceleration.  A
 carriage that slips behind its motor's encoder cannot be detected; it stands, or moves less than commanded."""
-EXPECTED_OF_HEIGHT: dict[str, tuple[Cause, ...]] = {
+_OF_EITHER: dict[str, tuple[Cause, ...]] = {
     "no answer": (Cause.HEARTBEAT,),
     "cable out": (Cause.MOTION_STALE,),
     "power loss": (Cause.MOTION_STALE,),
     "wrong position": (Cause.SPEED,),
     "stuck encoder": (Cause.STUCK, Cause.FOLLOWING, Cause.DRIVE),
-    "cannot be lowered": (Cause.STUCK, Cause.FOLLOWING, Cause.DRIVE),
-    "cannot be raised": (Cause.NOT_RAISED,),
     "limit switch": (Cause.DRIVE,),
     "error of the drive": (Cause.DRIVE,),
     "runaway": (Cause.FOLLOWING, Cause.SPEED),
     "second master": (Cause.FOREIGN,),
     "quick stop not obeyed": (Cause.FORCE_STALE,),
-    "vertical force": (Cause.VERTICAL_FORCE,),
 }
-"""Causes as which the faults of a height axis may be detected, see ``scripts/height_trials.py``."""
+EXPECTED_ACROSS: dict[str, dict[str, tuple[Cause, ...]]] = {
+    "height": {
+        **_OF_EITHER,
+        "cannot be lowered": (Cause.STUCK, Cause.FOLLOWING, Cause.DRIVE),
+        "cannot be raised": (Cause.NOT_RAISED,),
+        "vertical force": (Cause.VERTICAL_FORCE,),
+    },
+    "side": {
+        **_OF_EITHER,
+        "cannot go right": (Cause.STUCK, Cause.FOLLOWING, Cause.DRIVE),
+        "cannot go left": (Cause.STUCK, Cause.FOLLOWING, Cause.DRIVE),
+        "force to the side": (Cause.FORCE, Cause.FORCE_RISE),
+    },
+}
+"""Causes as which the faults of an axis across the cut may be detected, see ``scripts/cross_trials.py``."""
 EXPECTED_OF_SERIAL: dict[str, tuple[Cause, ...]] = {
     "cable_out": (Cause.BUS,),
     "board_restart": (Cause.DRIVE, Cause.FORCE_STATUS),
@@ -228,7 +239,8 @@ class Trial:
     def expected(self) -> tuple[Cause, ...]:
         """Causes as which the fault may be detected."""
         of_grbl = EXPECTED_OF_GRBL if self.driver == "grbl" else {}
-        return (EXPECTED | EXPECTED_OF_HEIGHT | EXPECTED_OF_SERIAL | of_grbl)[self.fault]
+        across = EXPECTED_ACROSS["height"] | EXPECTED_ACROSS["side"]
+        return (EXPECTED | across | EXPECTED_OF_SERIAL | of_grbl)[self.fault]
 
     @property
     def before(self) -> bool:

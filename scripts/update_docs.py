@@ -5,7 +5,7 @@
     python scripts/update_docs.py ladder learned-stop stock safe-cut memory check-score depth-cut  left in runs/
     python scripts/update_docs.py depth-ladder depth-agents path-ladder                            likewise
     python scripts/update_docs.py benchmark                 what scripts/leaderboard.py --publish has kept
-    python scripts/update_docs.py rig-faults rig-faults-height rig-soak class-load  what scripts left in runs/
+    python scripts/update_docs.py rig-faults rig-faults-height rig-faults-side rig-soak class-load    likewise, in runs/
     python scripts/update_docs.py depth seen-runs           what measure_depth_accuracy.py and measure_seen_runs.py left
     python scripts/update_docs.py wear                      what scripts/wear_series.py left in runs/ (--json)
     python scripts/update_docs.py live-camera               what scripts/camera_beside_rig.py left in runs/ (--json)
@@ -155,6 +155,7 @@ PAGES = {
     "bead-tracking": "docs/validation/beads.md",
     "rig-faults": "docs/rig/what-stops-it.md",
     "rig-faults-height": "docs/rig/what-stops-it.md",
+    "rig-faults-side": "docs/rig/what-stops-it.md",
     "rig-faults-serial": "docs/rig/serial-rig.md",
     "rig-faults-grbl": "docs/rig/serial-rig.md",
     "slow-rig-agents": "docs/results/slow-rig.md",
@@ -496,9 +497,10 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "wear": lambda _: "\n".join(wear_series.table(left_by(wear_series)["rows"])),
     "bead-tracking": lambda _: bead_tracking.markdown(*bead_tracking.kept(ROOT / bead_tracking.FOLDER)),
     "rig-faults": lambda _: rig_faults.markdown(left_by(rig_faults)),
-    "rig-faults-height": lambda _: rig_faults.markdown(left_by(rig_faults, rig_faults.DEFAULT_OF_HEIGHT)),
-    "rig-faults-serial": lambda _: rig_faults.markdown(left_by(rig_faults, rig_faults.DEFAULT_OF_SERIAL)),
-    "rig-faults-grbl": lambda _: rig_faults.markdown(left_by(rig_faults, rig_faults.DEFAULT_OF_GRBL)),
+    "rig-faults-height": lambda _: rig_faults.markdown(left_by(rig_faults, rig_faults.DEFAULTS["height"])),
+    "rig-faults-side": lambda _: rig_faults.markdown(left_by(rig_faults, rig_faults.DEFAULTS["side"])),
+    "rig-faults-serial": lambda _: rig_faults.markdown(left_by(rig_faults, rig_faults.DEFAULTS["serial"])),
+    "rig-faults-grbl": lambda _: rig_faults.markdown(left_by(rig_faults, rig_faults.DEFAULTS["grbl"])),
     "slow-rig": slow_rig,
     "slow-rig-agents": lambda _: slow_rig_agents.markdown(slow_rig_agents.kept(ROOT / slow_rig_agents.DEFAULT)),
     "rig-soak": lambda _: "```\n" + rig_soak.text(left_by(rig_soak)) + "\n```",

@@ -104,14 +104,14 @@ def add_depth_options(parser: argparse.ArgumentParser) -> None:
     add_layer_depth(parser, "the record's own")
 
 
-def add_line(parser: argparse.ArgumentParser) -> None:
-    """Add ``--line``, read by :func:`line_given`."""
+def add_line(parser: argparse.ArgumentParser, of: str, default: str) -> None:
+    """Add ``--line``, read by :func:`line_given`; ``of`` and ``default`` describe what has it, and what holds else."""
     parser.add_argument(
         "--line",
         metavar="LINE",
-        help="line to cut along, of records with the places of the blade: straight, arc:RADIUS, s:RADIUS, "
-        "excision:LENGTH:HEIGHT (to the right: negative), with units (arc:40mm), or a CSV file of places with columns "
-        "such as x_mm,y_mm; default the record's own",
+        help=f"line to cut along, {of}: straight, arc:RADIUS, s:RADIUS, excision:LENGTH:HEIGHT (to the right: "
+        "negative), with units (arc:40mm), or a CSV file of places with columns such as x_mm,y_mm; default "
+        f"{default}",
     )
 
 
@@ -202,13 +202,14 @@ def add_specimen_class(parser: argparse.ArgumentParser, default: str) -> None:
     )
 
 
-def add_task(parser: argparse.ArgumentParser) -> None:
-    """Add ``--task`` of a rig."""
+def add_task(parser: argparse.ArgumentParser, *more: str) -> None:
+    """Add ``--task`` of a rig, with ``more`` tasks than that of the depth."""
+    line = "; or along a line, on a rig with an axis to the side" if "path" in more else ""
     parser.add_argument(
         "--task",
-        choices=("gentle", "depth"),
+        choices=("gentle", "depth", *more),
         default="gentle",
-        help="gentle cutting (the default), or along a wanted depth, on a rig with a height axis",
+        help=f"gentle cutting (the default), or along a wanted depth, on a rig with a height axis{line}",
     )
 
 

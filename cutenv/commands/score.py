@@ -156,7 +156,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--example", action="store_true", help="write the record of a simulated cut and score it")
     add_target_length(parser, "the record's own, which always holds")
     add_depth_options(parser)
-    add_line(parser)
+    add_line(parser, "of records with the places of the blade", "the record's own")
     parser.add_argument(
         "--reference",
         default="baselines",

@@ -71,7 +71,7 @@ def _parser() -> argparse.ArgumentParser:
     add_record_options(parser, files=1, about="record of cuts: CSV, Parquet or HDF5")
     add_cut(parser)
     add_target_length(parser, "the record's own")
-    add_line(parser)
+    add_line(parser, "of records with the places of the blade", "the record's own")
     parser.add_argument(
         "--colour",
         choices=COLOURINGS,

@@ -18,12 +18,14 @@ from cutenv.cutting.row import LANES
 from cutenv.cutting.steering import (
     LEAST_SPREAD,
     STEERING,
+    advanced,
     frame_at,
+    lay_cut,
     renew_point,
     renew_points,
 )
 from cutenv.cutting.update import grow_row, leap_row, load_row, look_row, run_row, turn_row
-from cutenv.tissue.grid import LENGTH, SPACING
+from cutenv.tissue.grid import LENGTH
 
 _PASSING = (  # scratch: it lives only in the row
     ("turn", "f8"),  # to the left in this update [rad]
@@ -255,7 +257,11 @@ def turn_crack(row: Struct, places: Struct, profile: Struct, steering: Struct, n
     stored = 0.5 * K * max(lag, 0.0) ** 2 + places.held[n]
 
     i, share = grid_index(a)
-    advance = _advance_tip(places, steering, n, a, i, share)
+    start, aside = places.settled[n], places.tip_aside[n]
+    advance, east, north, next_aside = advanced(place_in_row(places, n), steering, a, i, share)
+    lay_cut(steering, places.cell[n], start, aside, a, next_aside, i)
+    places.tip_east[n], places.tip_north[n], places.tip_aside[n] = east, north, next_aside
+    places.settled[n], places.cell[n] = a, i
     mean_pull = 0.5 * (places.pull[n] + pull)
     push = places.coupling[n] * mean_pull + places.side_stiffness[n] * places.offset[n]
     if push != 0.0 and lag > 0.0:  # a crack that is not loaded does not turn
@@ -295,24 +301,3 @@ def turn_crack(row: Struct, places: Struct, profile: Struct, steering: Struct, n
     places.held[n] = held
     row.ledger[n] -= taken - excess
     places.pull[n] = row.elastic[n] * places.per_stretch[n]
-
-
-@njit_inline
-def _advance_tip(places: Struct, steering: Struct, n: int, a: float, i: int, share: float) -> float:
-    """Advance one tip in its direction to ``a`` [m] of the line; return by how much crack [m].
-
-    ``i`` and ``share`` are the grid index of ``a`` and the fraction of the way to the next point.
-    """
-    start, aside = places.settled[n], places.tip_aside[n]
-    advance = (a - start) * places.stretch[n]
-    east = places.tip_east[n] + (advance * places.tip_ahead[n] - (a - start))
-    north = places.tip_north[n] + advance * places.tip_across[n]
-    next_aside = (north - lerp(steering.y, i, share)) * lerp(steering.cosine, i, share) - (
-        east - lerp(steering.x_excess, i, share)
-    ) * lerp(steering.sine, i, share)
-    places.tip_east[n], places.tip_north[n], places.tip_aside[n], places.settled[n] = east, north, next_aside, a
-    for k in range(places.cell[n] + 1, i + 1):
-        steering.cut[k] = aside + (next_aside - aside) * ((k * SPACING - start) / (a - start))
-    places.cell[n] = i
-    steering.cut[i + 1] = next_aside
-    return advance  # type: ignore[no-any-return]

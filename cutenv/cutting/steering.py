@@ -233,3 +233,38 @@ def _stand(steering: Struct, tip: float) -> None:
     frame = frame_at(steering, i, share)
     steering.coupling, steering.side_stiffness = frame.coupling, frame.side_stiffness
     steering.stretch, steering.per_stretch = frame.stretch, 1.0 / frame.stretch
+
+
+@njit_inline
+def advanced(place: Struct, steering: Struct, a: float, i: int, share: float) -> tuple[float, float, float, float]:
+    """Return how much crack leads one tip to ``a`` [m] of the line, and its place there: east, north and aside [m].
+
+    ``i`` and ``share`` are the grid index of ``a`` and the fraction of the way to the next point.
+    """
+    grown = a - place.settled
+    advance = grown * place.stretch
+    east = place.tip_east + (advance * place.tip_ahead - grown)
+    north = place.tip_north + advance * place.tip_across
+    aside = (north - lerp(steering.y, i, share)) * lerp(steering.cosine, i, share) - (
+        east - lerp(steering.x_excess, i, share)
+    ) * lerp(steering.sine, i, share)
+    return advance, east, north, aside
+
+
+@njit_inline
+def lay_cut(steering: Struct, cell: int, start: float, aside: float, a: float, next_aside: float, i: int) -> None:
+    """Lay the cut from ``start``, where it is ``aside`` to the left [m], to ``a``, in the cell ``i``."""
+    for k in range(cell + 1, i + 1):
+        steering.cut[k] = aside + (next_aside - aside) * ((k * SPACING - start) / (a - start))
+    steering.cut[i + 1] = next_aside
+
+
+@njit_inline
+def advance_tip(steering: Struct, a: float) -> float:
+    """Advance one tip in its direction to ``a`` [m] of the line; return by how much crack [m]."""
+    i, share = grid_index(a)
+    advance, east, north, aside = advanced(steering, steering, a, i, share)
+    lay_cut(steering, steering.cell, steering.settled, steering.tip_aside, a, aside, i)
+    steering.tip_east, steering.tip_north, steering.tip_aside = east, north, aside
+    steering.settled, steering.cell = a, i
+    return advance

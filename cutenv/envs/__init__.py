@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from cutenv.envs.path_cut import PathCutEnv, PathCutVectorEnv
     from cutenv.envs.rig_cut import RigCutEnv
     from cutenv.envs.rig_depth_cut import RigDepthCutEnv
+    from cutenv.envs.rig_path_cut import RigPathCutEnv
     from cutenv.envs.shared_control import SharedControl
     from cutenv.envs.vector import GentleCutVectorEnv
 
@@ -25,6 +26,7 @@ __all__ = [
     "PathCutVectorEnv",
     "RigCutEnv",
     "RigDepthCutEnv",
+    "RigPathCutEnv",
     "SharedControl",
     "set_cores",
 ]
@@ -41,6 +43,7 @@ __getattr__ = import_when_used(
         "PathCutVectorEnv": "cutenv.envs.path_cut",
         "RigCutEnv": "cutenv.envs.rig_cut",
         "RigDepthCutEnv": "cutenv.envs.rig_depth_cut",
+        "RigPathCutEnv": "cutenv.envs.rig_path_cut",
         "SharedControl": "cutenv.envs.shared_control",
         "set_cores": "cutenv._engine.parallel",
     },

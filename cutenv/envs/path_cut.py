@@ -8,29 +8,25 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cutenv._base.arrays import StructArray
-from cutenv._base.validation import one_of
 from cutenv._engine.parallel import parallel_for
 from cutenv.cutting.parameters import profile_records
 from cutenv.cutting.steering import STEERING, SteeringParameters
 from cutenv.envs.constants import taken_from
 from cutenv.envs.gentle_cut import GentleCutEnv
+from cutenv.envs.line_choice import LineChoice
 from cutenv.envs.map_batch import MapBatch
 from cutenv.envs.vector import GentleCutVectorEnv
 from cutenv.task.beginning import LONGEST
 from cutenv.task.cuts import Cuts
 from cutenv.task.observation import SPEED_SCALE, speed_action, to_action
-from cutenv.task.path_beginning import GIVEN_LINE, begin_path_some
+from cutenv.task.path_beginning import begin_path_some
 from cutenv.task.path_cuts import path_errors, step_path_one, step_path_some
 from cutenv.task.path_cutting import PathCutting, path_record, steering_record
 from cutenv.task.path_privileged import append_path_privileged
 from cutenv.task.path_terms import ALL_PATH_COMPONENTS, PATH_ENDS, PATH_MAP, TURN_SCALE, PathConstants
 from cutenv.task_quantities import PATH_COSTS
-from cutenv.tissue.drawn_lines import KINDS, LEAST_LENGTH, MIXED_LINES, DrawnLines, drawn_lines, given_line
-from cutenv.tissue.grid import LENGTH, POINTS_PER_METRE, SPACING
-from cutenv.tissue.lines import CutLine, length_within, through
-
-ROOM = LEAST_LENGTH - LONGEST
-"""Length of line that a cut needs within the slab beyond its target, for the blade that leads the tip [m]."""
+from cutenv.tissue.grid import LENGTH, SPACING
+from cutenv.tissue.lines import CutLine
 
 
 class PathCutEnv(GentleCutEnv):
@@ -145,9 +141,7 @@ class PathCutEnv(GentleCutEnv):
     cutting: PathCutting
 
     def __init__(self, *, line: str | CutLine | ArrayLike = "mixed", **keywords: Any) -> None:
-        self.kind = GIVEN_LINE
-        if isinstance(line, str):
-            self.kind = (*KINDS, "mixed").index(one_of("line", line, (*KINDS, "mixed")))
+        self.line = LineChoice(line)
         for name, only in (("reward_from", "truth"), ("relaxing_share", 0.0)):
             if keywords.get(name, only) != only:
                 raise ValueError(
@@ -156,44 +150,19 @@ class PathCutEnv(GentleCutEnv):
         self.path_constants = taken_from(keywords, PathConstants)
         self.steering_parameters = taken_from(keywords, SteeringParameters)
         super().__init__(**keywords)
-        self._given = None if isinstance(line, str) else line if isinstance(line, CutLine) else through(line)
-        self._drawn: DrawnLines | None = None
-        if self._given is not None:
-            self._check_line(LONGEST if self.target_length is None else self.target_length)
-
-    def lines_for(self, plane: tuple[str, str, float]) -> DrawnLines:
-        """Return the lines of which one is cut, by a model in the plane: element, formulation and Poisson's ratio."""
-        if self._given is None:
-            assert self.kind <= MIXED_LINES
-            return drawn_lines(*plane)
-        if self._drawn is None:
-            self._drawn = given_line(self._given, *plane)
-        return self._drawn
+        self.line.check(LONGEST if self.target_length is None else self.target_length)
 
     def check_start(self, length: float) -> None:
         """Raise ValueError if a cut of a target length [m] cannot begin where it is to, or does not fit its line."""
         super().check_start(length)
-        if getattr(self, "_given", None) is not None:
-            self._check_line(length)
-
-    def _check_line(self, length: float) -> None:
-        assert self._given is not None
-        within = length_within(self._given)
-        if within < length + ROOM - 1e-9:
-            k = round(within * POINTS_PER_METRE)
-            x, y = self._given.x[k], self._given.y[k]
-            raise ValueError(
-                f"The line leaves the slab at ({x:.4f}, {y:.4f}) m, after {1e3 * within:.0f} mm: a cut of "
-                f"{1e3 * length:.0f} mm needs {1e3 * ROOM:.0f} mm more, for the blade that leads its tip. Give a "
-                f"target_length of at most {within - ROOM:.3f} m, or another line."
-            )
+        self.line.check(length)
 
     def new_cutting(self, *arguments: Any, key: tuple[int, int], **keywords: Any) -> PathCutting:
         """Return a new cut of this task with the arguments of its class; ``key`` is seed and episode."""
         keywords.pop("from_truth")
         tissue = self.specimen.tissue
         return PathCutting(
-            *arguments, drawn=self.lines_for((tissue.element, tissue.formulation, tissue.poisson)), kind=self.kind,
+            *arguments, drawn=self.line.lines_for(tissue), kind=self.line.kind,
             constants=self.path_constants, steering=self.steering_parameters, key=key, **keywords,
         )  # fmt: skip
 
@@ -250,9 +219,9 @@ class PathBatch(MapBatch):
     def _begin_rest(self, which: NDArray[np.int64], given: str | None) -> None:
         single = self.single
         tissue = single.specimen.tissue
-        lines = single.lines_for((tissue.element, tissue.formulation, tissue.poisson)).records
+        lines, kind = single.line.lines_for(tissue).records, single.line.kind
         parallel_for(
-            begin_path_some, len(which), self.cuts, self.steerings, self.paths, self._path_start, lines, single.kind,
+            begin_path_some, len(which), self.cuts, self.steerings, self.paths, self._path_start, lines, kind,
             which, self.seeds, self.episodes, self.observations,
         )  # fmt: skip
 

@@ -126,8 +126,10 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """Number of components of an observation."""
     other_keywords: ClassVar[tuple[str, ...]] = ()
     """Keywords of a task that is made of this one."""
-    needs_height: ClassVar[str] = ""
-    """Name of the task if it needs a rig with a height axis; empty if it does not."""
+    needs_axis: ClassVar[str] = ""
+    """Name of the axis across the cut that the task needs, "height" or "side"; empty if it needs none."""
+    task_name: ClassVar[str] = "cutenv/RigCut-v1"
+    """Id of the environment."""
 
     def __init__(
         self,
@@ -167,7 +169,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
         self._source = RigSource(
             rig, self.constants, operator=operator, records=records, lower_limits=lower_limits, dry_run=dry_run,
-            needs_height=self.needs_height,
+            needs_axis=self.needs_axis, by=self.task_name,
         )  # fmt: skip
         self.angle_mode, self.fixed_angle = blade_angle(self.settings, angle_mode, fixed_angle_deg)
         self._session: RigSession | None = None

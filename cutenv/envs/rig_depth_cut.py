@@ -66,7 +66,8 @@ class RigDepthCutEnv(RigCutEnv):
     action_names = ("speed", "angle", "descent")
     component_count = len(ALL_COMPONENTS)
     other_keywords = ("wanted", "layer", *_DEPTH_WEIGHTS, *_EXPECTED)
-    needs_height = "cutenv/RigDepthCut-v1"
+    needs_axis = "height"
+    task_name = "cutenv/RigDepthCut-v1"
     cutting: RigDepthCutting
 
     def __init__(self, *, wanted: str = "mixed", layer: bool | None = None, **keywords: Any) -> None:
@@ -99,7 +100,7 @@ class RigDepthCutEnv(RigCutEnv):
 
     def _check_levels(self, cutting: RigDepthCutting) -> None:
         """Raise RigError if the wanted depth is out of the reach of the height axis."""
-        axis = self.settings.require_height_axis(by=self.needs_height)
+        axis = self.settings.require_height_axis(by=self.task_name)
         last = int((cutting.target_length + AHEAD) * POINTS_PER_METRE)
         levels = (cutting.plant.depth - cutting.depths["wanted"][0])[: last + 1]
         low, high = float(levels.min()), float(levels.max())

@@ -20,7 +20,7 @@ from cutenv.envs.constants import Constants
 from cutenv.recording.appending import AppendingRecord, RecordingFailed
 from cutenv.recording.cut_listener import CutListener
 from cutenv.recording.provenance import Provenance
-from cutenv.rig.config.imitated_rig import EMULATED, EMULATOR, FAKE, HEIGHT, RIG_NAMES, fake_settings
+from cutenv.rig.config.imitated_rig import EMULATED, EMULATOR, FAKE, RIG_NAMES, across, fake_settings
 from cutenv.rig.config.settings import PositionControl, RigSettings, SensorCalibration
 from cutenv.rig.connection import operator_of, settings_of
 from cutenv.rig.contradictions import refuse_contradictions
@@ -41,27 +41,31 @@ if TYPE_CHECKING:
     from cutenv.rig.fake.air_plant import AirPlant
     from cutenv.rig.fake.fake_rig import FakeRig
     from cutenv.tissue.layers import Layers
+    from cutenv.tissue.lines import CutLine
 
 
 class FakeSpecimens:
-    """Supply that lays drawn specimens on a fake rig; on one with a height axis with the ``layers`` set last."""
+    """Supply that lays drawn specimens on a fake rig, with the ``layers``, or along the ``line``, set last."""
 
     def __init__(self, rig: FakeRig, constants: Constants) -> None:
         self._rig, self._constants = rig, constants
         self.layers: Layers | None = None
+        self.line: CutLine | None = None
 
     def mount(self, key: SpecimenKey) -> NDArray[np.float64] | None:
         """Lay a specimen; return None, because the caller has drawn it and knows its depth."""
         from cutenv.rig.fake.descending_bench import DescendingBench
         from cutenv.rig.fake.specimen_plant import SpecimenPlant
+        from cutenv.rig.fake.steered_bench import SteeredBench
 
         specimen, constants = key.specimen, self._constants
         if specimen is None:
             raise RigError("a fake rig cuts drawn specimens only.")
         drive = constants.drive if constants.drive != Rig() else None  # None: the rig's own
-        if self._rig.settings.height is None:
-            laid: Any = SpecimenPlant
-        else:
+        laid: Any = SpecimenPlant
+        if self.line is not None:
+            laid = functools.partial(SteeredBench, line=self.line)
+        elif self._rig.settings.height is not None:
             laid = functools.partial(DescendingBench, layers=self.layers)
         self._rig.mount(
             lambda settings: laid(
@@ -78,17 +82,18 @@ class FakeSpecimens:
 
 
 class EmulatedSpecimens:
-    """Supply that lays drawn specimens on an emulated rig; on one with a height axis with the ``layers`` set last."""
+    """Supply that lays drawn specimens on an emulated rig, with the ``layers``, or along the ``line``, set last."""
 
     def __init__(self, control: EmulatorControl) -> None:
         self._control = control
         self.layers: Layers | None = None
+        self.line: CutLine | None = None
 
     def mount(self, key: SpecimenKey) -> NDArray[np.float64] | None:
         """Lay a specimen; return None, because the caller has drawn it and knows its depth."""
         if key.specimen is None:
             raise RigError("an emulated rig cuts drawn specimens only.")
-        self._control.mount(key.specimen, seed=key.seed, episode=key.episode, layers=self.layers)
+        self._control.mount(key.specimen, seed=key.seed, episode=key.episode, layers=self.layers, line=self.line)
         return None
 
 
@@ -164,9 +169,9 @@ class RigSource:
         Limits to be lowered, see :meth:`cutenv.rig.config.settings.SafetyLimits.lowered`.
     dry_run : bool
         True to use a fake with the rig's settings instead of the rig.
-    needs_height : str
-        What needs a height axis, such as "DepthCut-v1": an emulated or fake rig then has one, and a file without the
-        section ``[height]`` is refused. Empty: nothing does.
+    needs_axis, by : str
+        Axis across the cut that is needed, "height" or "side", and what needs it, such as "RigDepthCut-v1": an emulated
+        or fake rig then has one, and a file without its section is refused. Empty: none is.
 
     Attributes
     ----------
@@ -190,7 +195,8 @@ class RigSource:
         records: str | Path | None = None,
         lower_limits: dict[str, float] | None = None,
         dry_run: bool = False,
-        needs_height: str = "",
+        needs_axis: str = "",
+        by: str = "",
     ) -> None:
         self._rig, self._constants, self._operator = str(rig), constants, operator
         self._lower = dict(lower_limits or {})
@@ -206,11 +212,13 @@ class RigSource:
         own = (
             settings_of(self._rig)
             if self._rig in RIG_NAMES and self._rig not in (FAKE, EMULATOR)
-            else fake_settings(name=self._rig, height=HEIGHT if needs_height else None, position_control=control)
+            else fake_settings(name=self._rig, position_control=control, **across(needs_axis))
         )
         self.settings = self._lowered(own if named else read_rig_file(rig))
-        if needs_height:
-            self.settings.require_height_axis(by=needs_height)
+        if needs_axis == "height":
+            self.settings.require_height_axis(by=by)
+        elif needs_axis == "side":
+            self.settings.require_side_axis(by=by)
         if dry_run:
             from cutenv.rig.fake.fake_rig import FakeSensor
 
@@ -229,7 +237,7 @@ class RigSource:
                 f'{changed[0]}: an emulated {self._rig} rig is as it is. Leave it out, or take rig="fake".'
             )
         self.supply: FakeSpecimens | EmulatedSpecimens | None = None
-        """Supply of drawn specimens, once there is a session; its ``layers`` are those of the next specimen laid."""
+        """Supply of drawn specimens, once there is a session; its ``layers`` and ``line`` are for the next one laid."""
         self.fake: FakeRig | None = None
         """Fake rig in use, if there is one."""
         self._folder = None if records is None else Path(records)
@@ -257,7 +265,7 @@ class RigSource:
             from cutenv.rig.emulator.process import start
 
             emulator = start(
-                free_air=True, height=self.settings.height is not None, kind=self._rig,
+                free_air=True, across=tuple(self.settings.cross_axes), kind=self._rig,
                 arguments=self._emulated,
             )  # fmt: skip
             self.emulator, self.settings = emulator, self._lowered(emulator.settings)

@@ -10,8 +10,9 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from cutenv._base.validation import one_of
+from cutenv.rig.config.axes import Axis, CrossAxis, HeightAxis
 from cutenv.rig.config.file_schema import setting_text
-from cutenv.rig.config.settings import Axis, HeightAxis, RigSettings
+from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.canopen.bus import INTERFACES, bus_arguments
 from cutenv.rig.devices.canopen.configuration import PRODUCER_PERIOD
 from cutenv.rig.devices.canopen.network import DRIVE_PATIENCE
@@ -86,6 +87,8 @@ def contradictions(settings: RigSettings) -> Found:
     yield from _forces(settings)
     yield from _turns(settings)
     yield from _measured(settings)
+    for name, cross_axis in settings.cross_axes.items():
+        yield from _across(settings, name, cross_axis)
     if settings.height is not None:
         yield from _heights(settings, settings.height)
     for name, axis in axes_driven_by(settings, "canopen").items():
@@ -273,53 +276,66 @@ def _turns(settings: RigSettings) -> Found:
         )
 
 
+def _across(settings: RigSettings, name: str, axis: CrossAxis) -> Found:
+    low, high = axis.bounds
+    lowest, highest = (f"{name}.{end}" for end in axis.ends)
+    if low > -_CLAMP_ROOM:
+        yield Contradiction((lowest,), f"a cut begins at {name} 0: give {-1e3 * _CLAMP_ROOM:g} mm or less.")
+    if high < _CLAMP_ROOM:
+        yield Contradiction((highest,), f"a cut begins at {name} 0: give {1e3 * _CLAMP_ROOM:g} mm or more.")
+    if axis.low > low:
+        yield Contradiction((f"{name}.low", lowest), _drive_first(f"Lower {name}.low_mm, or raise the limit"))
+    if axis.high < high:
+        yield Contradiction((f"{name}.high", highest), _drive_first(f"Raise {name}.high_mm, or lower the limit"))
+    if axis.driver == "canopen" and axis.following_error < axis.following:
+        yield Contradiction(
+            (f"{name}.following_error", f"{name}.following"),
+            _drive_first("Widen the drive's window, or lower the limit"),
+        )
+    if axis.following < axis.fastest * settings.bus.sync:
+        yield Contradiction(
+            (f"{name}.following", f"{name}.fastest", "bus.sync"),
+            "the blade moves further than that between two samples. Allow more.",
+        )
+    if axis.fastest > axis.speed:
+        yield Contradiction(
+            (f"{name}.fastest", f"{name}.speed"),
+            "the drive goes no faster than its own speed; the limit must be within it.",
+        )
+    if axis.fastest < RAISE_SPEED:
+        yield Contradiction(
+            (f"{name}.fastest",), f"between cuts the blade is moved at {1e2 * RAISE_SPEED:g} cm/s. Allow that."
+        )
+    if axis.most_acceleration < axis.acceleration:
+        yield Contradiction(
+            (f"{name}.most_acceleration", f"{name}.acceleration"),
+            "the drive accelerates beyond the limit by itself. Lower its own acceleration.",
+        )
+    if (resting := axis.fastest / axis.acceleration) > 0.5 * REST_WITHIN:
+        yield Contradiction(
+            (f"{name}.acceleration", f"{name}.fastest"),
+            f"at the end of a cut the blade takes {resting:.2g} s to rest, and may take {0.5 * REST_WITHIN:g}.",
+        )
+    if axis.force_axis == settings.sensor.cut_axis:
+        yield Contradiction(
+            (f"{name}.force_axis", "sensor.cut_axis"), "one axis of the sensor cannot lie along the cut and across it."
+        )
+
+
 def _heights(settings: RigSettings, axis: HeightAxis) -> Found:
-    limits, cut_axis = settings.limits, settings.sensor.cut_axis
-    if axis.lowest > -_CLAMP_ROOM:
-        yield Contradiction(("height.lowest",), f"a cut begins at height 0: give {-1e3 * _CLAMP_ROOM:g} mm or less.")
     if not _CLAMP_ROOM < axis.raised <= axis.highest - _CLAMP_ROOM:
         yield Contradiction(
             ("height.raised", "height.highest"),
             f"the blade is raised above height 0, and stays {1e3 * _CLAMP_ROOM:g} mm below its limit.",
         )
-    if axis.low > axis.lowest:
-        yield Contradiction(("height.low", "height.lowest"), _drive_first("Lower height.low_mm, or raise the limit"))
-    if axis.high < axis.highest:
-        yield Contradiction(("height.high", "height.highest"), _drive_first("Raise height.high_mm, or lower the limit"))
-    if axis.driver == "canopen" and axis.following_error < axis.following:
-        yield Contradiction(
-            ("height.following_error", "height.following"), _drive_first("Widen the drive's window, or lower the limit")
-        )
-    if axis.following < axis.fastest * settings.bus.sync:
-        yield Contradiction(
-            ("height.following", "height.fastest", "bus.sync"),
-            "the blade moves further than that between two samples. Allow more.",
-        )
-    if axis.fastest > axis.speed:
-        yield Contradiction(
-            ("height.fastest", "height.speed"),
-            "the drive goes no faster than its own speed; the limit must be within it.",
-        )
-    if axis.fastest < RAISE_SPEED:
-        yield Contradiction(("height.fastest",), f"the blade is raised at {1e2 * RAISE_SPEED:g} cm/s. Allow that.")
-    if axis.most_acceleration < axis.acceleration:
-        yield Contradiction(
-            ("height.most_acceleration", "height.acceleration"),
-            "the drive accelerates beyond the limit by itself. Lower its own acceleration.",
-        )
-    if (resting := axis.fastest / axis.acceleration) > 0.5 * REST_WITHIN:
-        yield Contradiction(
-            ("height.acceleration", "height.fastest"),
-            f"at the end of a cut the blade takes {resting:.2g} s to rest, and may take {0.5 * REST_WITHIN:g}.",
-        )
-    if axis.vertical_force > limits.force:
+    if axis.vertical_force > settings.limits.force:
         yield Contradiction(
             ("height.vertical_force", "limits.force"),
             "the limit of each axis of the sensor is lower: this one would never count.",
         )
-    if axis.force_axis == cut_axis:
+    if settings.side is not None and settings.side.force_axis == axis.force_axis:
         yield Contradiction(
-            ("height.force_axis", "sensor.cut_axis"), "one axis of the sensor cannot lie along the cut and the height."
+            ("height.force_axis", "side.force_axis"), "one axis of the sensor cannot lie upwards and to the side."
         )
 
 

@@ -6,8 +6,9 @@ from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
+from cutenv.rig.config.axes import Axis
 from cutenv.rig.config.imitated_rig import EMULATED, FAKE
-from cutenv.rig.config.settings import Axis, RigSettings, SensorSettings
+from cutenv.rig.config.settings import RigSettings, SensorSettings
 from cutenv.rig.connection import operator_of, settings_of
 from cutenv.rig.devices.clock import SystemClock
 from cutenv.rig.devices.driver_registry import KIND_OF_ROLE, DriverKind, Mounting, driver_named, mounted, traits_of
@@ -17,7 +18,7 @@ from cutenv.rig.operation.conformance import TriedPromise
 from cutenv.rig.operation.force_conformance import conform_force
 from cutenv.rig.operation.motion_conformance import TRIAL_TRAVEL, conform_motion
 
-SECTIONS_TRIED = ("blade", "angle", "height", "sensor")
+SECTIONS_TRIED = ("blade", "angle", "height", "side", "sensor")
 """Sections of a rig's file whose drivers can be tried."""
 Tried = dict[str, tuple[str, list[TriedPromise]]]
 """Name of the driver, and its findings, by section."""

@@ -25,4 +25,6 @@ def rig_plant(settings: RigSettings, clock: Clock | None = None) -> RigPlant:
             return None
         return mounted(Mounting(role=role, rig=settings, clock=clock, shared=shared))
 
-    return RigPlant(settings, clock, made("blade"), made("sensor"), angle=made("angle"), height=made("height"))
+    return RigPlant(
+        settings, clock, made("blade"), made("sensor"), angle=made("angle"), height=made("height"), side=made("side")
+    )

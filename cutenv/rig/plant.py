@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,10 +19,13 @@ from cutenv.rig.devices.owner import Owner
 from cutenv.rig.devices.samples import ForceSample, MotionSample
 from cutenv.rig.devices.timing import Timing
 from cutenv.rig.errors import RigError
+from cutenv.rig.heading import Heading
 from cutenv.rig.reading_grid import ReadingGrid
+from cutenv.rig.safety.following_monitor import NOMINAL_LAG
 from cutenv.rig.safety.quick_stops import AGAIN
 from cutenv.rig.safety.stop_causes import WATCH, Cause, RigStopped, StopReport
 from cutenv.rig.safety.supervisor import Supervisor
+from cutenv.tissue.lines import CutLine
 from cutenv.tissue.specimen import N_POINTS
 
 _LATE = 0.002  # [s] after the end of a period, from which a command counts as an overrun
@@ -36,6 +40,7 @@ SLOW_TURN = math.radians(10.0)
 _SAME_RATE = 0.02  # relative difference allowed between the sensor's rate and the file's
 _AIMED = math.radians(0.05)  # [rad] error below which the hinge is not moved
 _ARRIVED = 2e-5  # [m] distance at which the blade has arrived
+_NEAR, _APART = 2e-4, 1e-3  # [m] the same on its way back, and distance between places that are noted on its way
 _FEWEST, _MOST = 20, 200  # readings of a tare: a second of them, within these
 _SLICE = 0.02  # [s] of waiting at a time
 REST_WITHIN = 2.0
@@ -57,8 +62,8 @@ class RigPlant:
         Driver of the force sensor.
     angle : MotionDriver, optional
         Driver that turns the blade; None if the angle is set by hand, and angle commands are ignored.
-    height : MotionDriver, optional
-        Driver that raises and lowers the blade; None if it stays at one height.
+    height, side : MotionDriver, optional
+        Drivers that raise and lower the blade, and move it to the side; None if it has none.
     depth : array of shape (301,), optional
         Depth of cut as measured beforehand, one value every 0.5 mm [m].
     follows : bool
@@ -74,6 +79,8 @@ class RigPlant:
         Receiver of samples, readings and heartbeats after the supervisor, for measurements of the rig itself.
     timing : Timing
         Timing of the control clock.
+    heading : Heading
+        Direction in which a blade points that an axis moves to the side as well.
     owner : Owner
         Process that has opened the rig; no other may move it.
     zero : tuple of 3 float
@@ -89,12 +96,13 @@ class RigPlant:
         *,
         angle: MotionDriver | None = None,
         height: MotionDriver | None = None,
+        side: MotionDriver | None = None,
         depth: NDArray[np.float64] | None = None,
         follows: bool = True,
     ) -> None:
         self.settings, self.clock = settings, clock
         self._angle, self._sensor = angle, sensor
-        self._axes = [axis for axis in (blade, angle, height) if axis is not None]
+        self._axes = [axis for axis in (blade, angle, height, side) if axis is not None]
         self._gain = settings.calibration.gain
         self.supervisor = Supervisor(
             settings,
@@ -113,7 +121,9 @@ class RigPlant:
         self._timers: list[Repeating] = []
         self.owner = Owner()
         self._left = False
-        self._grid = ReadingGrid(settings, sensor.rate, [axis.name for axis in self._axes])
+        self.heading = Heading()
+        self._grid = ReadingGrid(settings, sensor.rate, [axis.name for axis in self._axes], self.heading)
+        self._way: list[tuple[float, float]] = []  # [m] places of the blade since the clamp, some apart
         self._due: float | None = None
         self._cutting = False  # outside a cut, readings have no start time
         self._commanded: float | None = None
@@ -269,23 +279,31 @@ class RigPlant:
 
     # A cut
 
-    def begin(self) -> None:
-        """Begin a cut: its time starts with the next command."""
+    def begin(self, line: CutLine | None = None) -> None:
+        """Begin a cut: its time starts with the next command.
+
+        Along a ``line`` the blade points in its direction, and positions of the readings are arc lengths of the line.
+        """
         self._due = None
+        self.heading.begin(0.0 if line is None else float(line.angle[0]))
+        self._grid.line, self._way = line, []
         self._grid.ticks = 0
         self._cutting = True
         self.timing = Timing()
 
-    def advance(self, speed: float, angle: float, ticks: int, descent_speed: float = 0.0) -> StructArray:
+    def advance(
+        self, speed: float, angle: float, ticks: int, descent_speed: float = 0.0, turn_rate: float = 0.0
+    ) -> StructArray:
         """Command ``speed`` [m/s] and ``angle`` [rad] for ``ticks`` milliseconds; see :class:`~cutenv.plant.Plant`.
 
-        A rig with a height axis takes ``descent_speed`` [m/s], downwards, and has height and vertical force of the
-        readings in :attr:`beside`.
+        A rig with a height axis takes ``descent_speed`` [m/s], downwards, one with an axis to the side ``turn_rate``
+        [rad/s], to the left: ``speed`` is then in the direction of :attr:`heading`.  What these axes measure is in
+        :attr:`beside`.
 
         Raises
         ------
         ValueError
-            If ``ticks`` is not a whole number from 1, or the blade is to descend on a rig without a height axis.
+            If ``ticks`` is not a whole number from 1, or the rig has no axis for what is commanded.
         RigError
             If the rig is not released.
         RigStopped
@@ -295,6 +313,8 @@ class RigPlant:
             raise ValueError(f"ticks = {ticks:g} is not a whole number of milliseconds.")
         if descent_speed:
             self.settings.require_height_axis(by="descent_speed")
+        if turn_rate:
+            self.settings.require_side_axis(by="turn_rate")
         period = ticks * TICK
         now = self.clock.now()
         start = now if self._due is None else self._due
@@ -308,12 +328,23 @@ class RigPlant:
                 self._grid.start += now - start
                 start = now
         self._raise_if_stopped()  # perhaps since the last command
-        turned = self._drive(speed, angle, hold=start + period - now, rise=-descent_speed)
-        self._note_timing()
         self._due = start + period
-        self._wait(self._due, turned)
+        self.heading.turn(turn_rate, start, self._due)
+        turned = self._go(speed, angle, descent_speed)
+        self._note_timing()
+        self._wait(
+            self._due, turned, go=partial(self._go, speed, angle, descent_speed) if turn_rate and speed else None
+        )
         self._raise_if_stopped()
         return self._collect(int(ticks))
+
+    def _go(self, speed: float, angle: float, descent_speed: float) -> float:
+        """Command a blade to go where it points, until the end of the period; return the angle to turn to [rad]."""
+        assert self._due is not None
+        now = self.clock.now()
+        lag = self.settings.identified.motor_lag or NOMINAL_LAG
+        ahead, left = self.heading.speeds(speed, now + 0.5 * self.settings.bus.sync, lead=lag)
+        return self._drive(ahead, angle, hold=self._due - now, height=-descent_speed, side=left)
 
     def halt(self) -> None:
         """Bring the blade to rest on its ramp, as at the end of a cut, and lock the rig."""
@@ -362,39 +393,77 @@ class RigPlant:
         self._wait(self.clock.now() + _SLICE, wanted, fastest=SLOW_TURN)
 
     def raise_to(self, height: float, *, speed: float = RAISE_SPEED) -> None:
-        """Move the blade up or down to ``height`` [m] at no more than ``speed`` [m/s], outside a cut.
+        """Move the blade up or down to ``height`` [m] outside a cut, see :meth:`carry`."""
+        self.settings.require_height_axis(by="raise_to")
+        self.carry("height", height, speed=speed)
+
+    def carry(self, axis: str, place: float, *, speed: float = RAISE_SPEED) -> None:
+        """Move the blade across the cut to ``place`` [m] of an axis, at no more than ``speed`` [m/s], outside a cut.
 
         Raises
         ------
-        ValueError
-            If the rig has no height axis.
         RigError, RigStopped
             If the rig is not released, or the blade was stopped or does not arrive in time. A blade that cannot be
-            raised is a fault: it is stopped.
+            raised, or not moved to the side, is a fault: it is stopped.
         """
-        self.settings.require_height_axis(by="raise_to")
-        held, upwards = self._angle_now(), height > self.height
-        deadline = self.clock.now() + 3.0 * abs(height - self.height) / speed + 5.0
-        while abs(left := height - self.height) > _ARRIVED:
+        fault = Cause.STUCK if axis != "height" else Cause.NOT_RAISED if place > self.height else None
+        self._carry({axis: place}, speed=speed, fault=fault)
+
+    def retrace(self, *, speed: float) -> None:
+        """Move the blade back along the way that it has come since the last cut began, and to the middle of the clamp.
+
+        A rig without an axis to the side does nothing.  See :meth:`carry` for errors.
+        """
+        if self.settings.side is None:
+            return
+        raised = self.settings.height is not None and self.height > 0.0  # out of the cut
+        while self._way and not raised:
+            x, y = self._way[-1]
+            self._carry({"blade": x, "side": y}, speed=speed, within=_NEAR, fault=Cause.STUCK)
+            self._way.pop()
+        self._way = []
+        self._carry({"blade": min(self.position, 0.0), "side": 0.0}, speed=speed, fault=Cause.STUCK)
+
+    def _carry(self, to: dict[str, float], *, speed: float, fault: Cause | None, within: float = _ARRIVED) -> None:
+        """Move straight axes to places [m], together, at no more than ``speed`` [m/s] each, until they are ``within``.
+
+        A blade that does not arrive in time is stopped with the cause ``fault``, if there is one.
+        """
+        held = self._angle_now()
+
+        def left() -> dict[str, float]:
+            return {name: place - self.place(name) for name, place in to.items()}
+
+        deadline = self.clock.now() + 3.0 * max(map(abs, left().values())) / speed + 5.0
+        while (farthest := max(map(abs, (off := left()).values()))) > within:
             if self.clock.now() > deadline:
-                where = f"the blade stands at a height of {1e3 * self.height:.2f} mm, and not at {1e3 * height:g} mm"
-                if upwards:
-                    self.supervisor.trip(Cause.NOT_RAISED, where)
+                stands = ", ".join(
+                    f"the blade stands at a {name} of {1e3 * self.place(name):.2f} mm, and not at {1e3 * place:g} mm"
+                    for name, place in to.items()
+                ).replace("a side", "a place to the left")
+                if fault is not None:
+                    self.supervisor.trip(fault, stands)
                     self._raise_if_stopped()
-                raise RigError(f"{where}.")
-            self._drive(0.0, held, hold=_SLICE, rise=math.copysign(min(speed, 4.0 * abs(left)), left))
+                raise RigError(f"{stands}.")
+            fast = min(speed, 4.0 * farthest) / farthest
+            speeds = {name: fast * way for name, way in off.items()}
+            self._drive(speeds.pop("blade", 0.0), held, hold=_SLICE, **speeds)
             self._wait(self.clock.now() + _SLICE, held, fastest=SLOW_TURN)
             self._raise_if_stopped()
         self._drive(0.0, held, hold=_SLICE)
         self._wait(self.clock.now() + _SLICE, held, fastest=SLOW_TURN)
 
+    def place(self, name: str) -> float:
+        """Return the last reported position of an axis [m] or [rad]; raises RigError before the first sample."""
+        sample = self.supervisor.axis(name)
+        if sample is None:
+            raise RigError(f"the {name} axis has reported no position: open the rig first, if it has one.")
+        return sample.position
+
     @property
     def height(self) -> float:
         """Last reported height of the blade's lower end [m], upwards; raises RigError before the first sample."""
-        sample = self.supervisor.axis("height")
-        if sample is None:
-            raise RigError("the height axis has reported no position: open the rig first, if it has one.")
-        return sample.position
+        return self.place("height")
 
     @property
     def level(self) -> float:
@@ -415,7 +484,7 @@ class RigPlant:
 
     @property
     def beside(self) -> StructArray | None:
-        """Height, vertical force and six components of the last readings; None for a rig that records none of them.
+        """Further measurements with the last readings; None for a rig that records none of them.
 
         Of type :data:`~cutenv.rig.reading_grid.BESIDE_READINGS`, one for each reading that :meth:`advance` returned.
         """
@@ -429,10 +498,7 @@ class RigPlant:
     @property
     def position(self) -> float:
         """Last reported position of the blade [m]; raises RigError before the first sample."""
-        blade = self.supervisor.blade
-        if blade is None:
-            raise RigError("the blade's axis has reported no position yet: open the rig first.")
-        return blade.position
+        return self.place("blade")
 
     @property
     def angle(self) -> float:
@@ -451,15 +517,18 @@ class RigPlant:
             self.timing.latencies.append(now - self._grid.newest)
         self._commanded = now
 
-    def _wait(self, moment: float, angle: float, *, fastest: float = TURN_RATE) -> None:
-        """Wait until ``moment`` [s] or a stop, closing the angle's loop at every SYNC."""
+    def _wait(
+        self, moment: float, angle: float, *, fastest: float = TURN_RATE, go: Callable[[], float] | None = None
+    ) -> None:
+        """Wait until ``moment`` [s] or a stop, closing the angle's loop, and turning the heading, at every SYNC."""
         now = self.clock.now()
         while now < moment and self.supervisor.phase == "ready":
             if self._angle is not None:
                 self.supervisor.turn(self._rate_of_turn(angle, fastest))
-                now = self.clock.sleep_until(min(now + self.settings.bus.sync, moment))
-            else:
-                now = self.clock.sleep_until(min(now + _SLICE, moment))
+            slice = _SLICE if self._angle is None and go is None else self.settings.bus.sync
+            now = self.clock.sleep_until(min(now + slice, moment))
+            if go is not None and now < moment and self.supervisor.phase == "ready":
+                go()
 
     def _rate_of_turn(self, wanted: float, fastest: float) -> float:
         sample = self.supervisor.axis("angle")
@@ -475,11 +544,11 @@ class RigPlant:
         sample = self.supervisor.axis("angle")
         return self.settings.fixed_angle if sample is None else sample.position
 
-    def _drive(self, speed: float, angle: float, *, hold: float, rise: float = 0.0) -> float:
+    def _drive(self, speed: float, angle: float, *, hold: float, **across: float) -> float:
         """Send a command; raise :class:`RigStopped` if a thread has stopped the blade at this moment."""
         self.owner.check()
         try:
-            return self.supervisor.drive(speed, angle, hold, rise)
+            return self.supervisor.drive(speed, angle, hold, **across)
         except RigError:
             self._raise_if_stopped()
             raise
@@ -502,5 +571,9 @@ class RigPlant:
 
     def _collect(self, ticks: int) -> StructArray:
         readings = self._grid.collect(ticks)
+        if self.settings.side is not None:
+            place = self.position, self.place("side")
+            if self._cutting and math.dist(place, self._way[-1] if self._way else (0.0, 0.0)) > _APART:
+                self._way.append(place)
         self.keep(readings)
         return readings

@@ -13,17 +13,18 @@ from cutenv._base.arrays import StructArray
 from cutenv.cutting.dtypes import READING, TICK
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.samples import ForceSample, MotionSample, interpolated, newest_since
+from cutenv.rig.heading import Heading
 from cutenv.rig.safety.motion_history import REST_SPEED
-from cutenv.trace import COMPONENTS_OF_FORCE
+from cutenv.tissue.expected_cut import along_line
+from cutenv.tissue.lines import CutLine
+from cutenv.trace import BESIDE, COMPONENTS_OF_FORCE
 
 _OLDEST = 0.05  # [s] before a period, from which samples are still used
 _KEPT = 4.0  # [s] of samples kept
 _UNKNOWN = ("true_force", "elastic_force", "tip", "jump")
 
-MEASURED_BESIDE = ("height", "vertical_force", *COMPONENTS_OF_FORCE)
-"""Fields of :data:`cutenv.trace.BESIDE` that a rig with a height axis measures; no axis moves its blade sideways."""
-BESIDE_READINGS: np.dtype[Any] = np.dtype([(name, "f8") for name in MEASURED_BESIDE])
-"""Measurements of a rig beside a reading: :data:`MEASURED_BESIDE`."""
+BESIDE_READINGS: np.dtype[Any] = np.dtype([(name, "f8") for name in BESIDE])
+"""Measurements of a rig beside a reading, :data:`cutenv.trace.BESIDE`; 0 where no axis measures them."""
 
 
 class ReadingGrid:
@@ -37,6 +38,8 @@ class ReadingGrid:
         Readings of the force sensor per second [Hz].
     axes : iterable of str
         Names of the driven axes.
+    heading : Heading
+        Direction of a blade that is also moved to the side: forces and speed of its readings are along this direction.
 
     Attributes
     ----------
@@ -48,10 +51,12 @@ class ReadingGrid:
         Time of the newest force that :meth:`collect` used [s].
     beside : Records or None
         :data:`BESIDE_READINGS` for the last readings that :meth:`collect` returned; None for a rig that
-        has no height axis and records the force along the cut alone.
+        has no axis across the cut and records the force along it alone.
+    line : CutLine or None
+        Line of which positions are arc lengths; None: they are those of the blade's axis.
     """
 
-    def __init__(self, settings: RigSettings, rate: float, axes: Iterable[str]) -> None:
+    def __init__(self, settings: RigSettings, rate: float, axes: Iterable[str], heading: Heading) -> None:
         self._cut_axis = "xyz".index(settings.sensor.cut_axis)
         self._sign, self._fixed_angle = settings.sensor.sign, settings.fixed_angle
         self._forces: deque[ForceSample] = deque(maxlen=round(_KEPT * rate))
@@ -59,9 +64,10 @@ class ReadingGrid:
         self._motions: dict[str, deque[MotionSample]] = {axis: deque(maxlen=kept) for axis in axes}
         self.start = self.newest = 0.0
         self.ticks = 0
-        self._height = settings.height
-        self._all = settings.sensor.components == "all"
-        self.beside = None if self._height is None and not self._all else np.zeros(0, BESIDE_READINGS)
+        self._height, self._side, self._heading = settings.height, settings.side, heading
+        self.line: CutLine | None = None
+        more = settings.cross_axes or settings.sensor.components == "all"
+        self.beside = np.zeros(0, BESIDE_READINGS) if more else None
 
     def force(self, sample: ForceSample) -> None:
         """Keep a reading of the force sensor."""
@@ -95,23 +101,41 @@ class ReadingGrid:
             readings["force"] = along[newest]
             self.newest = float(sensed[-1])
         readings["position"], readings["speed"] = self._interpolated("blade", time)
+        if self.beside is not None:
+            self.beside = self._measured_beside(time, [forces[i] for i in newest.tolist()])
+        if self._side is not None:
+            self._turn_to_heading(readings, time)
         readings["speed"][np.abs(readings["speed"]) < REST_SPEED] = 0.0
         if "angle" in self._motions:
             readings["angle"], _ = self._interpolated("angle", time)
         else:
             readings["angle"] = self._fixed_angle
-        if self.beside is not None:
-            self.beside = self._measured_beside(time, [forces[i] for i in newest.tolist()])
         return readings
 
+    def _turn_to_heading(self, readings: StructArray, time: NDArray[np.float64]) -> None:
+        """Turn force and speed into the direction of the blade; tell positions along the line."""
+        assert self.beside is not None
+        heading = self._heading.at(time)
+        ahead, across = np.cos(heading), np.sin(heading)
+        x, (y, to_left) = readings["position"].copy(), self._interpolated("side", time)
+        force, push = readings["force"].copy(), self.beside["lateral_force"]
+        readings["force"] = ahead * force + across * push
+        readings["speed"] = ahead * readings["speed"] + across * to_left
+        self.beside["lateral_force"] = ahead * push - across * force
+        self.beside["blade_x"], self.beside["blade_y"] = x, y
+        if self.line is not None:
+            readings["position"] = along_line(self.line, x, y)[0]
+
     def _measured_beside(self, time: NDArray[np.float64], samples: list[ForceSample]) -> NDArray[np.void]:
-        """Return height, vertical force and all six components at times [s], of the force sample of each."""
-        beside, axis = np.zeros(len(time), BESIDE_READINGS), self._height
-        if axis is not None:
+        """Return height, forces across the cut and all six components at times [s], of the force sample of each."""
+        beside = np.zeros(len(time), BESIDE_READINGS)
+        if self._height is not None:
             beside["height"], _ = self._interpolated("height", time)
         if samples:
-            if axis is not None:
-                beside["vertical_force"] = [axis.vertical(sample.force) for sample in samples]
+            if self._height is not None:
+                beside["vertical_force"] = [self._height.felt(sample.force) for sample in samples]
+            if self._side is not None:
+                beside["lateral_force"] = [self._side.felt(sample.force) for sample in samples]
             six = np.array([(*sample.force, *sample.torque) for sample in samples])
             for number, name in enumerate(COMPONENTS_OF_FORCE):
                 beside[name] = six[:, number]

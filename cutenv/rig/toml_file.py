@@ -29,7 +29,7 @@ from cutenv.rig.devices.driver_registry import (
 )
 
 _NAMED = {section.name: section for section in SECTIONS}
-_OPTIONAL = ("angle", "height", "position_control", "camera")
+_OPTIONAL = ("angle", "height", "side", "position_control", "camera")
 
 
 def read_rig_file(path: str | os.PathLike[str]) -> RigSettings:

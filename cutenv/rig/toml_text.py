@@ -21,7 +21,7 @@ _UNFINISHED = f"""\
 # beginning.  Until then the file is refused, and all missing keys are listed at once.  Sections of which every line is
 # a comment are for what this rig need not have, and may stay as they are.
 """
-_ON_A_BUS = ("angle", "height", "position_control")  # optional sections that only a rig with CANopen drives has
+_ON_A_BUS = ("angle", "height", "side", "position_control")  # optional sections that only a rig with CANopen drives has
 _WIDTH = 116  # characters of a comment, after its mark
 
 
@@ -58,7 +58,7 @@ def _unread(settings: RigSettings) -> set[str]:
     drivers = driven_roles(settings)
     used = set(drivers.values()) | {"opencv"}
     unread = set().union(*(keys for name, keys in OWN_KEYS.items() if name not in used))
-    for role in ("blade", "angle", "height"):
+    for role in ("blade", "angle", "height", "side"):
         if drivers.get(role, "canopen") != "canopen":
             unread |= {key for key in OWN_KEYS["canopen"] if key.startswith(f"{role}.")}
     return unread

@@ -40,7 +40,53 @@ def steering_record(parameters: SteeringParameters) -> StructArray:
     return record
 
 
-class PathCutting(MapAssessed, SimulatedCutting):
+class PathAssessed(MapAssessed):
+    """Episode whose path is assessed as well, by a map of its distance to a line.
+
+    Attributes
+    ----------
+    steerings, paths : Records, shape (1,)
+        Place in the plane and map of the path, :data:`~cutenv.cutting.steering.STEERING` and
+        :data:`~cutenv.task.path_terms.PATH_MAP`.
+    line : CutLine
+        The line to cut along.
+    """
+
+    steerings: StructArray
+    paths: StructArray
+    line: CutLine
+
+    end_names = PATH_ENDS
+    map_costs = PATH_COSTS
+    shown_as = "path"
+
+    @property
+    def maps(self) -> StructArray:
+        """The map of the path, shape (1,)."""
+        return self.paths
+
+    @property
+    def path_errors(self) -> dict[str, float]:
+        """The path of the cut so far in numbers: area [mm2], mean and largest distance to the line [mm]."""
+        found = path_errors(self.paths, np.array([self.tip]))
+        return {name: float(value[0]) for name, value in found.items()}
+
+    @property
+    def noted_line(self) -> dict[str, Any]:
+        """The line for the metadata of a record: places within the slab [m], by its key."""
+        from cutenv.scoring.path_map import LINE_KEY
+
+        return {LINE_KEY: np.round(places_within(self.line), 6).tolist()}
+
+    @property
+    def cut_distance(self) -> Array:
+        """Distance of the cut to the left of the line at each of its points that the tip has passed [m], shape (n,)."""
+        steering = self.steerings[0]
+        passed: Array = steering["cut"][: steering["cell"] + 1].copy()
+        return passed
+
+
+class PathCutting(PathAssessed, SimulatedCutting):
     """An episode: cut gently to a target length, along a drawn line.
 
     Parameters
@@ -59,19 +105,7 @@ class PathCutting(MapAssessed, SimulatedCutting):
         Seed and episode.
     arguments, keywords
         Those of :class:`~cutenv.task.gentle_cutting.SimulatedCutting`.
-
-    Attributes
-    ----------
-    steerings, paths : Records, shape (1,)
-        Place in the plane and map of the path, :data:`~cutenv.cutting.steering.STEERING` and
-        :data:`~cutenv.task.path_terms.PATH_MAP`.
-    line : CutLine
-        The line to cut along.
     """
-
-    end_names = PATH_ENDS
-    map_costs = PATH_COSTS
-    shown_as = "path"
 
     def __init__(
         self,
@@ -94,11 +128,6 @@ class PathCutting(MapAssessed, SimulatedCutting):
         self.line: CutLine = drawn.lines[number]
         begin_path_one(plant.cuts, self.steerings, self.paths, drawn.records, number)
 
-    @property
-    def maps(self) -> StructArray:
-        """The map of the path, shape (1,)."""
-        return self.paths
-
     def step(self, action: NDArray[np.float64]) -> tuple[NDArray[np.float32], float]:
         """Command an action (3 numbers in [-1, 1]) for one decision; return observation, shape (28,), and reward."""
         self.last_action = action
@@ -118,20 +147,12 @@ class PathCutting(MapAssessed, SimulatedCutting):
         return observation
 
     @property
-    def path_errors(self) -> dict[str, float]:
-        """The path of the cut so far in numbers: area [mm2], mean and largest distance to the line [mm]."""
-        found = path_errors(self.paths, self.plant.states["tip"])
-        return {name: float(value[0]) for name, value in found.items()}
-
-    @property
     def noted_path(self) -> dict[str, Any]:
         """Notes of a simulated record on its path, by key of its metadata: errors, line, and the cut beside it [m]."""
-        from cutenv.scoring.path_map import LINE_KEY
         from cutenv.scoring.truth import ASIDE_AT_END
 
         errors = {name: round(value, 3) for name, value in self.path_errors.items()}
-        noted = {LINE_KEY: places_within(self.line), ASIDE_AT_END: self.aside_to_tip}
-        return errors | {key: np.round(values, 6).tolist() for key, values in noted.items()}
+        return errors | self.noted_line | {ASIDE_AT_END: np.round(self.aside_to_tip, 6).tolist()}
 
     @property
     def blade_place(self) -> tuple[float, float]:
@@ -171,10 +192,3 @@ class PathCutting(MapAssessed, SimulatedCutting):
         end = (north - y) * np.cos(angle) - (east - x) * np.sin(angle)
         share = (more * SPACING - steering["settled"]) / (tip - steering["settled"])
         return np.append(passed, steering["tip_aside"] + (end - steering["tip_aside"]) * share)
-
-    @property
-    def cut_distance(self) -> Array:
-        """Distance of the cut to the left of the line at each of its points that the tip has passed [m], shape (n,)."""
-        steering = self.steerings[0]
-        passed: Array = steering["cut"][: steering["cell"] + 1].copy()
-        return passed

@@ -17,6 +17,7 @@ IDS = {
     "path-cut": "cutenv/PathCut-v1",
     "rig-cut": "cutenv/RigCut-v1",
     "rig-depth-cut": "cutenv/RigDepthCut-v1",
+    "rig-path-cut": "cutenv/RigPathCut-v1",
 }
 """Name of the page and id of the environment."""
 

@@ -18,7 +18,8 @@ import pytest
 
 from cutenv import cli
 from cutenv.recording import UNITS, load, load_operators
-from cutenv.rig.config.settings import HeightAxis, SafetyLimits
+from cutenv.rig.config.axes import HeightAxis, SideAxis
+from cutenv.rig.config.settings import SafetyLimits
 from cutenv.rig.emulator.faults import FAULTS
 from cutenv.rig.safety.stop_causes import STILL
 from cutenv.task.weights import RewardWeights
@@ -179,6 +180,13 @@ def test_the_limits_that_are_listed_are_the_defaults():
         f"up or down beyond {100 * axis.fastest:g} cm/s; {axis.most_acceleration:g} m/s²",
         f"beyond {axis.vertical_force:g} N, up or down",
         f"| {1e3 * axis.following:g} mm from where it should be",
+    ):
+        assert value in page
+    side = SideAxis()
+    for value in (
+        f"blade outside {1e3 * side.rightmost:g} to {1e3 * side.leftmost:g} mm from the middle",
+        f"to either side beyond {100 * side.fastest:g} cm/s; {side.most_acceleration:g} m/s²",
+        f"| {1e3 * side.following:g} mm from where it should be",
     ):
         assert value in page
     assert STILL == 0.2

@@ -11,8 +11,9 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from cutenv.rig.config.axes import Axis
 from cutenv.rig.config.imitated_rig import fake_settings
-from cutenv.rig.config.settings import Axis, Bus, RigSettings
+from cutenv.rig.config.settings import Bus, RigSettings
 from cutenv.rig.devices.canopen.axis import CanopenAxis
 from cutenv.rig.devices.canopen.network import CanNetwork
 from cutenv.rig.devices.canopen.objects import SYNC_FRAME

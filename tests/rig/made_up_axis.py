@@ -8,7 +8,8 @@ import numpy as np
 
 from cutenv.cutting.drive import Rig, advance_command, delayed_command, lag_gain
 from cutenv.cutting.dtypes import STATE, TICK
-from cutenv.rig.config.settings import Axis, RigSettings
+from cutenv.rig.config.axes import Axis
+from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.identification.experiment import Recorded, identification_from
 from cutenv.rig.identification.motion_plan import Plan
 from cutenv.rig.identification.recording import Stretch

@@ -11,7 +11,7 @@ import pytest
 from canopen_bench import Bench, kept_benches
 from made_up_drive import until
 
-from cutenv.rig.config.settings import Axis
+from cutenv.rig.config.axes import Axis
 from cutenv.rig.devices.samples import DriveState
 from cutenv.rig.errors import RigError
 

@@ -13,7 +13,8 @@ import can
 import pytest
 from made_up_drive import Ear, MadeUpDrive, until
 
-from cutenv.rig.config.settings import Axis, Bus
+from cutenv.rig.config.axes import Axis
+from cutenv.rig.config.settings import Bus
 from cutenv.rig.devices.canopen.axis import CanopenAxis
 from cutenv.rig.devices.canopen.bus import bus_arguments, open_bus
 from cutenv.rig.devices.canopen.network import CanNetwork

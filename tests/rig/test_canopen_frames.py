@@ -9,7 +9,8 @@ from collections.abc import Iterator
 import pytest
 from made_up_drive import Ear, MadeUpDrive, until
 
-from cutenv.rig.config.settings import Axis, Bus
+from cutenv.rig.config.axes import Axis
+from cutenv.rig.config.settings import Bus
 from cutenv.rig.devices.canopen.axis import CanopenAxis
 from cutenv.rig.devices.canopen.network import CanNetwork
 from cutenv.rig.devices.canopen.objects import CONTROLWORD, STATUSWORD, drive_state, error_meaning

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cutenv.rig.config.settings import Axis
+from cutenv.rig.config.axes import Axis
 from cutenv.rig.devices.canopen.units import AxisUnits
 
 AXES = st.builds(

@@ -10,7 +10,8 @@ from typing import Any
 import pytest
 
 from cutenv import cli
-from cutenv.rig.config.settings import Axis, RigSettings, SensorSettings
+from cutenv.rig.config.axes import Axis
+from cutenv.rig.config.settings import RigSettings, SensorSettings
 from cutenv.rig.devices import FakeClock, ForceSample, Mounting
 from cutenv.rig.driver_trial import tried_drivers
 from cutenv.rig.errors import RigError

@@ -31,7 +31,7 @@ UP = ("Did it go up first, and then down?", True)
 
 def source(answers: list[tuple[str, bool | str]], records: Path | None = None) -> RigSource:
     made = RigSource(
-        "fake", Constants(), operator=ScriptedOperator(answers), records=records, needs_height="DepthCut-v1"
+        "fake", Constants(), operator=ScriptedOperator(answers), records=records, needs_axis="height", by="DepthCut-v1"
     )
     loose = dataclasses.replace(made.settings.limits, force_rise=1e6, force=900.0, force_norm=900.0)
     made.settings = dataclasses.replace(made.settings, limits=loose)
@@ -78,16 +78,16 @@ def test_after_a_stop_nothing_is_raised_before_the_operators_yes():
             plant.advance(0.01, UPRIGHT, 20, 0.002)
         plant.supervisor.trip(Cause.OPERATOR, "a test")
         plant.clock.sleep_until(plant.clock.now() + 1.0)
-        depth = rig.fake.bench.height[0]
+        depth = rig.fake.bench.beside("height")[0]
         assert depth < -0.0015
         with pytest.raises(RigError, match="not agreed"):
             session.next_cut(KEY, UPRIGHT)
         plant.clock.sleep_until(plant.clock.now() + 1.0)
-        assert rig.fake.bench.height[0] == depth
+        assert rig.fake.bench.beside("height")[0] == depth
         session.operator.unasked[:] = [("The blade was stopped", True), (MOVES, "no")]
         with pytest.raises(RigError, match="not confirmed"):
             session.next_cut(KEY, UPRIGHT)
-        assert rig.fake.bench.height[0] == depth
+        assert rig.fake.bench.beside("height")[0] == depth
         session.operator.unasked[:] = [(f"at a height of {1e3 * depth:+.1f} mm", "fake")]
         session.next_cut(KEY, UPRIGHT)
         raised = "The blade is raised to 20 mm at 5 mm/s."
@@ -104,7 +104,7 @@ def test_a_blade_that_cannot_be_raised_out_of_the_cut_is_stopped_and_stays_so():
         for _ in range(50):
             plant.advance(0.01, UPRIGHT, 20, 0.002)
         session.end_cut()
-        rig.fake.faults.cannot_be_raised = True
+        rig.fake.faults.height.one_way = True
         session.operator.unasked[:] = [("cannot be raised", True), (MOVES, "fake"), ("cannot be raised", False)]
         with pytest.raises(RigError):
             session.next_cut(KEY, UPRIGHT)
@@ -120,8 +120,8 @@ def test_a_blade_that_went_the_other_way_is_not_raised():
         with pytest.raises(RigError, match=r"If it went down, correct height.direction = 1 in the rig's file"):
             session.next_cut(KEY, UPRIGHT)
         assert session.plant.supervisor.phase == "unready"
-        assert {rig.fake.blade.state, rig.fake.height.state} == {DriveState.DISABLED}
-        assert abs(rig.fake.bench.height[0]) < 5e-5
+        assert {rig.fake.blade.state, rig.fake.across["height"].state} == {DriveState.DISABLED}
+        assert abs(rig.fake.bench.beside("height")[0]) < 5e-5
 
 
 def test_an_axis_that_sinks_without_power_is_noticed():
@@ -134,7 +134,7 @@ def test_an_axis_that_sinks_without_power_is_noticed():
             rig.fake.bench.plant.descents["level"] = -0.002
 
         supply.mount = sink
-        with pytest.raises(RigError, match=r"went to a height of -2.0 mm: a height axis needs a brake"):
+        with pytest.raises(RigError, match=r"the height axis went to -2.0 mm: it needs a brake"):
             session.next_cut(KEY, UPRIGHT)
 
 
@@ -146,5 +146,5 @@ def test_a_rig_without_the_axis_is_refused(tmp_path):
     with pytest.raises(
         ValueError, match="DepthCut-v1 raises and lowers the blade, and rig 'bench 2' has no height axis"
     ):
-        RigSource(tmp_path / "rig.toml", Constants(), needs_height="DepthCut-v1")
+        RigSource(tmp_path / "rig.toml", Constants(), needs_axis="height", by="DepthCut-v1")
     assert RigSource("fake", Constants()).settings.height is None

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import pytest
 from hand_moved_drive import INCREMENT, SYNC, HandMovedDrive
 
-from cutenv.rig.config.imitated_rig import HEIGHT
+from cutenv.rig.config.imitated_rig import across
 from cutenv.rig.emulator.assembly import EmulatedRig, Options
 from cutenv.rig.emulator.emulated_tissue import EmulatedTissue
 from cutenv.rig.emulator.faults import FAULTS, parsed_fault
@@ -66,8 +66,8 @@ class HandMovedRig(HandMovedDrive):
 @pytest.fixture
 def rig(request) -> Iterator[HandMovedRig]:
     named = getattr(request.node, "callspec", None)
-    lifted = named is not None and named.params.get("name") in OF_THE_HEIGHT
-    made = HandMovedRig(laid=None, **({"height_axis": HEIGHT} if lifted else {}))
+    axis = OF_AN_AXIS.get(named.params.get("name", ""), "") if named is not None else ""
+    made = HandMovedRig(laid=None, cross_axes=across(axis))
     yield made
     made.close()
 
@@ -332,16 +332,23 @@ def over_lift(rig):
     assert struct.unpack("!IIIiiiiii", rig.socket.recv(64))[5] * 1e-6 == pytest.approx(12.0, abs=0.1)
     rig.rig.clear()
     with pytest.raises(ValueError, match="no height axis"):
-        EmulatedTissue().add_lift(1.0)
+        EmulatedTissue().add_across("height", 1.0)
 
 
-OF_THE_HEIGHT = ("cannot_be_raised", "over_lift")
+def side_push(rig):
+    rig.rig.inject("side_push", {"force_N": 12.0})
+    rig.drain()
+    rig.wait(0.01)
+    assert struct.unpack("!IIIiiiiii", rig.socket.recv(64))[4] * 1e-6 == pytest.approx(12.0, abs=0.1)
+
+
+OF_AN_AXIS = {"cannot_be_raised": "height", "over_lift": "height", "side_push": "side"}
 PROMISES = {
     promise.__name__: promise
     for promise in (
         heartbeat_lost, bus_off, doubled_frames, stuck_encoder, following_error, slip, runaway, drive_fault, power_loss,
         over_force, second_master, sensor_freeze, axis_freeze, sensor_silent, bad_status, packet_loss, reordering,
-        latency, saturation, cannot_be_raised, wrong_position, deaf, over_lift,
+        latency, saturation, cannot_be_raised, wrong_position, deaf, over_lift, side_push,
     )
 }  # fmt: skip
 

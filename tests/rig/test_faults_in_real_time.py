@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 import rig_faults
 import rig_trials
-from height_trials import HEIGHT_FAULTS
+from cross_trials import CROSS_FAULTS
 
 from cutenv.recording import load_one
 from cutenv.rig.emulator.faults import FAULTS
@@ -38,9 +38,10 @@ def trials() -> Iterator[rig_faults.Trials]:
 
 
 def test_every_fault_of_the_emulator_has_its_expected_causes():
-    of_height = {fault.emulated for fault in HEIGHT_FAULTS.values()}
-    assert set(rig_trials.EXPECTED) | of_height == {*FAULTS, *rig_trials.GAPS, *rig_trials.OWN}
-    assert set(HEIGHT_FAULTS) == set(rig_trials.EXPECTED_OF_HEIGHT)
+    across = {fault.emulated for faults in CROSS_FAULTS.values() for fault in faults.values()}
+    assert set(rig_trials.EXPECTED) | across == {*FAULTS, *rig_trials.GAPS, *rig_trials.OWN}
+    for axis, faults in CROSS_FAULTS.items():
+        assert set(faults) == set(rig_trials.EXPECTED_ACROSS[axis])
 
 
 IN_ORDER = sorted(rig_trials.EXPECTED, key=lambda fault: (fault in rig_trials.IN_CHILD, fault == "slip"))
@@ -56,17 +57,18 @@ def test_it_is_found_out_stopped_and_stays_stopped(trials, fault):
     assert done.wrong() == []
 
 
-@pytest.fixture(scope="module")
-def height_trials() -> Iterator[rig_faults.Trials]:
-    with rig_faults.Trials(height=True) as made:
+@pytest.fixture(scope="module", params=CROSS_FAULTS)
+def cross_trials(request) -> Iterator[rig_faults.Trials]:
+    with rig_faults.Trials(kind=request.param) as made:
         yield made
 
 
-@pytest.mark.parametrize("fault", HEIGHT_FAULTS)
-def test_a_fault_of_the_height_axis_is_found_out_and_stops_both(height_trials, fault):
+@pytest.mark.parametrize("number", range(len(CROSS_FAULTS["height"])))
+def test_a_fault_of_an_axis_across_the_cut_is_found_out_and_stops_both(cross_trials, number):
+    fault = list(CROSS_FAULTS[cross_trials.kind])[number]
     random = np.random.default_rng(list(fault.encode()))
     for _ in range(ATTEMPTS):
-        done = height_trials.one(fault, random)
+        done = cross_trials.one(fault, random)
         if not done.stalls:
             break
     assert done.wrong() == []

@@ -49,7 +49,7 @@ def move(rig: FakeRig, descent_speed: float, periods: int = 100, speed: float = 
 
 
 def faulty(**values: object) -> Callable[[FakeRig], None]:
-    return lambda rig: rig.faults.__dict__.update(values)
+    return lambda rig: rig.faults.height.__dict__.update(values)
 
 
 def fail(rig: FakeRig) -> None:
@@ -57,25 +57,25 @@ def fail(rig: FakeRig) -> None:
 
 
 def fall(rig: FakeRig) -> None:
-    rig.height.state = DriveState.SWITCHED_ON
+    rig.across["height"].state = DriveState.SWITCHED_ON
 
 
 FAULTS: dict[str, tuple[Callable[[FakeRig], None], float, set[Cause]]] = {
-    "no samples": (faulty(height_silent=True), 0.003, {Cause.MOTION_STALE}),
-    "no heartbeat": (faulty(height_heartbeat_silent=True), 0.003, {Cause.HEARTBEAT}),
-    "a wrong height": (faulty(height_shift=0.002), 0.003, {Cause.SPEED, Cause.FOLLOWING}),
-    "a stuck encoder": (faulty(height_stuck=True), 0.003, {Cause.STUCK, Cause.ACCELERATION}),
-    "a stuck encoder while raised": (faulty(height_stuck=True), -0.003, {Cause.NOT_RAISED, Cause.ACCELERATION}),
-    "it cannot be lowered": (faulty(height_blocked=True), 0.003, {Cause.STUCK, Cause.ACCELERATION}),
-    "it cannot be raised": (faulty(cannot_be_raised=True), -0.003, {Cause.NOT_RAISED, Cause.ACCELERATION}),
-    "a runaway downwards": (faulty(height_runaway=-0.02), 0.003, {Cause.SPEED, Cause.FOLLOWING}),
-    "a runaway upwards": (faulty(height_runaway=0.006), 0.0, {Cause.FOLLOWING, Cause.HEIGHT}),
-    "a pressed blade": (faulty(vertical_force=-10.5), 0.003, {Cause.VERTICAL_FORCE}),
-    "a lifted blade": (faulty(vertical_force=10.5), 0.003, {Cause.VERTICAL_FORCE}),
+    "no samples": (faulty(silent=True), 0.003, {Cause.MOTION_STALE}),
+    "no heartbeat": (faulty(heartbeat_silent=True), 0.003, {Cause.HEARTBEAT}),
+    "a wrong height": (faulty(shift=0.002), 0.003, {Cause.SPEED, Cause.FOLLOWING}),
+    "a stuck encoder": (faulty(stuck=True), 0.003, {Cause.STUCK, Cause.ACCELERATION}),
+    "a stuck encoder while raised": (faulty(stuck=True), -0.003, {Cause.NOT_RAISED, Cause.ACCELERATION}),
+    "it cannot be lowered": (faulty(blocked=True), 0.003, {Cause.STUCK, Cause.ACCELERATION}),
+    "it cannot be raised": (faulty(one_way=True), -0.003, {Cause.NOT_RAISED, Cause.ACCELERATION}),
+    "a runaway downwards": (faulty(runaway=-0.02), 0.003, {Cause.SPEED, Cause.FOLLOWING}),
+    "a runaway upwards": (faulty(runaway=0.006), 0.0, {Cause.FOLLOWING, Cause.HEIGHT}),
+    "a pressed blade": (faulty(force=-10.5), 0.003, {Cause.VERTICAL_FORCE}),
+    "a lifted blade": (faulty(force=10.5), 0.003, {Cause.VERTICAL_FORCE}),
     "a limit switch": (fail, 0.003, {Cause.DRIVE}),
     "a drive that leaves operation": (fall, 0.003, {Cause.DRIVE}),
     "a command that is no number": (
-        lambda rig: rig.plant.supervisor.drive(0.0, UPRIGHT, 0.02, math.nan), 0.003, {Cause.NOT_A_NUMBER},
+        lambda rig: rig.plant.supervisor.drive(0.0, UPRIGHT, 0.02, height=math.nan), 0.003, {Cause.NOT_A_NUMBER},
     ),
 }  # fmt: skip
 GROWS = (Cause.SPEED, Cause.FOLLOWING, Cause.ACCELERATION, Cause.HEIGHT)
@@ -98,16 +98,16 @@ def test_every_fault_stops_both_axes_in_time_and_stays_so(name, after):
     assert late <= (
         0.4 if stop.report.cause in GROWS else detection_times(rig.settings.limits)[stop.report.cause] + 1e-3
     )
-    for drive in (rig.blade, rig.height):  # told at once, together
+    for drive in (rig.blade, rig.across["height"]):  # told at once, together
         assert (stop.report.commanded, "quick stop") in drive.sent
     rig.clock.sleep_until(rig.clock.now() + 0.1)
-    height, position = rig.bench.height, rig.bench.motion
+    height, position = rig.bench.beside("height"), rig.bench.motion
     assert (height[1], position[1]) == (0.0, 0.0)
     for _ in range(5):
         with pytest.raises(RigStopped):
             rig.plant.advance(0.01, UPRIGHT, PERIOD, -0.01)
         rig.clock.sleep_until(rig.clock.now() + 0.1)
-    assert (rig.bench.height[0], rig.bench.motion[0]) == (height[0], position[0])  # and nothing was raised
+    assert (rig.bench.beside("height")[0], rig.bench.motion[0]) == (height[0], position[0])  # and nothing was raised
     with pytest.raises(RigError, match="not agreed"):
         rig.plant.supervisor.reset(agreed=False)
 
@@ -124,7 +124,7 @@ def test_without_a_supervisor_the_same_faults_go_on():
 
 def test_after_a_reset_it_can_be_raised_again_and_not_before():
     rig = ready(height=-0.003)
-    rig.faults.cannot_be_raised = True
+    rig.faults.height.one_way = True
     with pytest.raises(RigStopped) as stop:
         rig.plant.raise_to(0.01)
     assert stop.value.report.cause is Cause.NOT_RAISED
@@ -142,7 +142,7 @@ def test_a_blade_that_does_not_arrive_above_is_a_fault_too():
     """It moves, but so slowly that neither the encoder stands nor the difference grows."""
     rig = ready(height=-0.003)
     rig.plant.supervisor.drive, command = (
-        lambda speed, angle, hold, rise=0.0: command(speed, angle, hold, min(rise, 2e-4)),
+        lambda speed, angle, hold, height=0.0: command(speed, angle, hold, height=min(height, 2e-4)),
         rig.plant.supervisor.drive,
     )
     with pytest.raises(RigStopped, match=r"cannot be raised: the blade stands at a height of -?\d"):
@@ -152,17 +152,17 @@ def test_a_blade_that_does_not_arrive_above_is_a_fault_too():
 def test_a_drive_that_does_not_hear_the_quick_stop_is_told_again_and_then_left_to_its_watchdog():
     rig = ready()
     assert move(rig, 0.003, 20) is None
-    rig.faults.height_quick_stops_lost = 3
+    rig.faults.height.quick_stops_lost = 3
     rig.plant.supervisor.trip(Cause.OPERATOR, "a test")
     rig.clock.sleep_until(rig.clock.now() + 0.3)
-    assert rig.height.state is DriveState.QUICK_STOP
-    assert 4 <= len(rig.height.sent) <= 6
+    assert rig.across["height"].state is DriveState.QUICK_STOP
+    assert 4 <= len(rig.across["height"].sent) <= 6
     rig = ready()
     assert move(rig, 0.003, 20) is None
-    rig.faults.height_quick_stops_lost = 1000
+    rig.faults.height.quick_stops_lost = 1000
     rig.plant.supervisor.trip(Cause.OPERATOR, "a test")
     rig.clock.sleep_until(rig.clock.now() + 0.3)
-    assert "abandoned" in [what for _, what in rig.height.sent]
+    assert "abandoned" in [what for _, what in rig.across["height"].sent]
     assert "the height drive ignores the quick stop" in rig.plant.supervisor.report.detail
 
 
@@ -175,7 +175,7 @@ def test_commands_fade_out_before_both_ends_and_are_no_faster_than_allowed():
     assert rig.plant.supervisor.limited > 0
     rig = ready()
     assert move(rig, 0.02, 25, speed=0.0) is None
-    assert -rig.bench.height[1] == pytest.approx(0.0106 / 1.04, rel=0.01)
+    assert -rig.bench.beside("height")[1] == pytest.approx(0.0106 / 1.04, rel=0.01)
 
 
 def test_a_late_policy_stops_a_blade_that_only_descends():
@@ -190,7 +190,7 @@ def test_a_late_policy_stops_a_blade_that_only_descends():
 def test_a_locked_axis_that_sinks_is_stopped():
     rig = ready()
     rig.plant.supervisor.lock()
-    rig.height.target = -0.004
+    rig.across["height"].target = -0.004
     rig.clock.sleep_until(rig.clock.now() + 0.5)
     assert rig.plant.supervisor.phase == "stopped"
     assert "locked, the height axis moves: -1." in str(rig.plant.supervisor.report)
@@ -209,7 +209,7 @@ def test_from_beyond_an_end_it_creeps_back_only_if_allowed(height):
     rig = in_air(height)
     rig.plant.power()
     rig.clock.sleep_until(rig.clock.now() + SETTLE)
-    rig.faults.height_runaway = math.copysign(0.001, height)
+    rig.faults.height.runaway = math.copysign(0.001, height)
     with pytest.raises(RigStopped, match="outward"):
         return_inside(rig.plant)
 
@@ -218,11 +218,11 @@ def test_the_self_test_moves_it_up_and_back_and_measures_both():
     rig = ready()
     check = moving_checks(rig.plant)[0]
     assert (check.name, check.passed) == ("height encoder", True)
-    assert "raised +0.98" in check.found
+    assert "moved up +0.98" in check.found
     rig = ready(height=0.0245)  # near the upper end: down first
     assert "-1.00 mm" in moving_checks(rig.plant)[0].found
     rig = ready()
-    rig.faults.cannot_be_raised = True
+    rig.faults.height.one_way = True
     with pytest.raises(RigStopped, match="cannot be raised"):
         moving_checks(rig.plant)
 
@@ -230,7 +230,7 @@ def test_the_self_test_moves_it_up_and_back_and_measures_both():
 def test_a_drive_that_was_not_homed_is_not_moved():
     rig = ready()
     assert [check.passed for check in still_checks(rig.plant) if check.name == "height homed"] == [True]
-    rig.faults.height_not_homed = True
+    rig.faults.height.not_homed = True
     (check,) = [check for check in still_checks(rig.plant) if check.name == "height homed"]
     assert not check.passed
     assert "home it with the maker's tool" in check.found
@@ -241,10 +241,10 @@ def test_a_drive_that_was_not_homed_is_not_moved():
 
 def pressing(rig: FakeRig, force: float, per_metre: float) -> None:
     """Let the tissue push back by a force that changes with the height [N], [N/m]."""
-    start = rig.bench.height[0]
+    start = rig.bench.beside("height")[0]
 
     def push(now: float) -> None:
-        rig.faults.vertical_force = force - per_metre * (rig.bench.height[0] - start)
+        rig.faults.height.force = force - per_metre * (rig.bench.beside("height")[0] - start)
 
     push(0.0)
     rig.clock.every(0.001, push, "tissue")
@@ -256,12 +256,12 @@ def test_a_blade_that_presses_too_hard_is_raised_slowly_after_a_yes_alone():
     pressing(rig, 12.0, 2000.0)
     assert rig.plant.supervisor.report.cause is Cause.VERTICAL_FORCE
     rig.clock.sleep_until(rig.clock.now() + 0.2)
-    stood = rig.bench.height[0]
+    stood = rig.bench.beside("height")[0]
     operator = ScriptedOperator([("will move", "fake"), ("the blade presses on the tissue with 12.0 N", False)])
     rig.plant.supervisor.reset(agreed=True)
     with pytest.raises(RigError, match="has not agreed that it is raised: nothing moves"):
         prepare(rig.plant, operator, today=date.today(), in_air=False)
-    assert rig.bench.height[0] == stood
+    assert rig.bench.beside("height")[0] == stood
     with pytest.raises(RigError, match=r"presses on the tissue with 12\.0 N, 10 N allowed: it may be raised"):
         release(rig)
     operator.unasked[:] = [("will move", "fake"), ("May it be raised at 2 mm/s until it is free?", True)]
@@ -286,13 +286,13 @@ def test_a_force_that_grows_or_stays_while_it_is_raised_ends_that(force, per_met
     rig.plant.supervisor.reset(agreed=True)
     rig.plant.power()
     rig.clock.sleep_until(rig.clock.now() + SETTLE)
-    start = rig.bench.height[0]
+    start = rig.bench.beside("height")[0]
     with pytest.raises(ends) as caught:
         relieve(rig.plant)
     assert type(caught.value) is ends
-    assert rig.bench.height[0] - start < (0.0005 if ends is RigStopped else 0.0101)
+    assert rig.bench.beside("height")[0] - start < (0.0005 if ends is RigStopped else 0.0101)
     rig.clock.sleep_until(rig.clock.now() + 0.2)
-    assert rig.bench.height[1] == 0.0
+    assert rig.bench.beside("height")[1] == 0.0
 
 
 def test_while_it_is_relieved_no_other_motion_is_possible():
@@ -302,10 +302,10 @@ def test_while_it_is_relieved_no_other_motion_is_possible():
     rig.plant.power()
     rig.clock.sleep_until(rig.clock.now() + SETTLE)
     rig.plant.supervisor.release(returning=True)
-    before = (rig.bench.motion[0], rig.bench.height[0])
+    before = (rig.bench.motion[0], rig.bench.beside("height")[0])
     assert move(rig, 0.005, 10, speed=0.01) is None
-    assert (rig.bench.motion[0], rig.bench.height[0]) == before
-    rig.faults.vertical_force = -10.5  # a pull is no pressing
+    assert (rig.bench.motion[0], rig.bench.beside("height")[0]) == before
+    rig.faults.height.force = -10.5  # a pull is no pressing
     rig = ready(height=-0.005)
     pressing(rig, -12.0, 0.0)
     assert rig.plant.supervisor.pressed is None

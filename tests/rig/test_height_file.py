@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 from made_up_settings import FREE, USUAL, with_value
 
+from cutenv.rig.config.axes import HeightAxis
 from cutenv.rig.config.imitated_rig import HEIGHT
-from cutenv.rig.config.settings import HeightAxis
 from cutenv.rig.contradictions import contradictions, refuse_contradictions
 from cutenv.rig.toml_file import read_rig_file
 from cutenv.rig.toml_text import template, to_toml

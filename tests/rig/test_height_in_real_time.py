@@ -25,7 +25,7 @@ ATTEMPTS = 3  # at a session in which the host stalls
 
 def cut_up_and_down() -> None:
     specimen = Specimen.drawn(3, 0, specimen_class="liver")
-    with start(free_air=True, height=True) as emulator:
+    with start(free_air=True, across=("height",)) as emulator:
         settings = emulator.settings
         loose = dataclasses.replace(settings.limits, force_rise=1e5, force=100.0, force_norm=100.0)
         settings = dataclasses.replace(settings, limits=loose)

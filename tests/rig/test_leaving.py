@@ -14,7 +14,8 @@ from made_up_drive import Ear, MadeUpDrive, until
 from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.recording import load_one
 from cutenv.recording.appending import AppendingRecord
-from cutenv.rig.config.settings import Axis, Bus
+from cutenv.rig.config.axes import Axis
+from cutenv.rig.config.settings import Bus
 from cutenv.rig.devices.canopen.axis import CanopenAxis
 from cutenv.rig.devices.canopen.network import CanNetwork
 from cutenv.rig.devices.clock import SystemClock

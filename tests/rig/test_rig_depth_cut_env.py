@@ -109,7 +109,7 @@ def test_a_stop_leaves_the_blade_where_it_is_until_the_operators_yes():
     asked = [("will move", "fake"), ("Did it go up first", True), ("was stopped", False)]
     env = RigDepthCutEnv(rig="fake", target_length=0.06, operator=ScriptedOperator(asked))
     cut(env, until=60)
-    height = env.the_fake().bench.height[0]
+    height = env.the_fake().bench.beside("height")[0]
     env.the_fake().faults.extra_force = 30.0
     info = env.step(to_depth_action(0.01, UPRIGHT, 0.0))[4]
     assert info["end"] == "stopped"
@@ -117,13 +117,13 @@ def test_a_stop_leaves_the_blade_where_it_is_until_the_operators_yes():
     assert info["reward_terms"]["safety"] < -0.5
     with pytest.raises(RigError, match="not agreed"):
         env.reset(seed=1)
-    assert env.the_fake().bench.height[0] == pytest.approx(height, abs=5e-4)
+    assert env.the_fake().bench.beside("height")[0] == pytest.approx(height, abs=5e-4)
     env.close()
 
 
 def test_a_blade_that_cannot_be_raised_during_a_cut_is_stopped(env):
     cut(env, until=60)
-    env.the_fake().faults.cannot_be_raised = True
+    env.the_fake().faults.height.one_way = True
     ended, info = False, {}
     for _ in range(200):
         _, _, ended, _, info = env.step(to_depth_action(0.005, UPRIGHT, -0.005))

@@ -57,7 +57,7 @@ def test_a_run_that_was_broken_off_goes_on_where_it_left_off(machine: Machine, c
     assert rig_faults.main(SOME) == 1  # "bad_status" is not to be found out as a force limit
     assert "4 trials were made before" in capsys.readouterr().err
     in_pieces, machine.made = machine.made, []
-    assert not rig_faults.PART.exists()
+    assert not rig_faults.DEFAULT.with_suffix(rig_faults.PART).exists()
     kept = json.loads(Path("kept.json").read_text())
     assert [each["fault"] for each in kept["trials"]] == ["over_force"] * 3 + ["bad_status"] * 3
     rig_faults.main(SOME)

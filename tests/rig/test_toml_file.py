@@ -128,7 +128,7 @@ def test_every_number_of_the_file_says_its_unit() -> None:
 
 REFUSED = {
     "unknown key": (("force_N = 15.0", "force_mN = 15.0"), r"in \[limits\] the name .*Did you mean 'force_N'"),
-    "unknown section": (("[sensor]", "[sensr]"), "name must be one of .*'sensr'.*Did you mean 'sensor'"),
+    "unknown section": (("[sensor]", "[sensr]"), "name 'sensr' is not known. Did you mean 'sensor'"),
     "unknown line": (("emulated =", "emulate ="), "Did you mean 'emulated'"),
     "out of range": (("force_rise_N_per_s = 200.0", "force_rise_N_per_s = 2e6"),
                      r"\[limits\] force_rise_N_per_s = 2e\+06 N/s is outside 1 to 1e\+06 N/s"),

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cutenv.commands.options import add_specimen_class, command_parser, reports_errors
-from cutenv.rig.config.settings import Axis
+from cutenv.rig.config.axes import Axis
 
 if TYPE_CHECKING:
     from cutenv.rig.emulator.assembly import Options
@@ -100,8 +100,9 @@ def _serial_options(arguments: argparse.Namespace) -> SerialOptions:
             raise ValueError(f"{option}: a serial rig has no such property. Leave it out, or leave out {kind}.")
         if value is not None:
             law[allowed[name]] = unit * value
-    if arguments.height or arguments.can_port or arguments.sensor_port or arguments.page_port:
-        raise ValueError(f"--height and the ports of bus, sensor and page are not for {kind}. Leave them out.")
+    ports = arguments.can_port or arguments.sensor_port or arguments.page_port
+    if arguments.height or arguments.side or ports:
+        raise ValueError(f"--height, --side and the ports of bus, sensor and page are not for {kind}. Leave them out.")
     if arguments.sensor != "netft" or arguments.range != "task":
         raise ValueError(f"--sensor and --range are not for {kind}, which has a load cell. Leave them out.")
     return SerialOptions(
@@ -120,7 +121,7 @@ def _serial_options(arguments: argparse.Namespace) -> SerialOptions:
 def _options(arguments: argparse.Namespace) -> Options:
     from cutenv.cutting.parameters import LawParameters
     from cutenv.cutting.sensor import SensorParameters
-    from cutenv.rig.config.imitated_rig import HEIGHT
+    from cutenv.rig.config.imitated_rig import across
     from cutenv.rig.emulator.assembly import Options
     from cutenv.rig.emulator.motor import Mechanics, hinge
 
@@ -135,7 +136,7 @@ def _options(arguments: argparse.Namespace) -> Options:
         angle=math.radians(arguments.angle_deg),
         laid=_laid(arguments),
         force_limit=arguments.force_limit_N,
-        height_axis=HEIGHT if arguments.height else None,
+        cross_axes=across(*(name for name in ("height", "side") if getattr(arguments, name))),
         blade_mechanics=Mechanics(**given["mechanics"]),
         hinge_mechanics=hinge(),
         sensor=SensorParameters(**given["sensor"]),
@@ -176,6 +177,7 @@ def _parser() -> argparse.ArgumentParser:
         "--angle-deg", type=float, default=90.0, metavar="DEG", help="angle of the blade at the start [deg]; default 90"
     )
     add("--height", action="store_true", help="a further axis raises and lowers the blade")
+    add("--side", action="store_true", help="a further axis moves the blade to the side")
     slow = parser.add_mutually_exclusive_group()
     slow.add_argument("--serial", action="store_true", help="a board with stepper and load cell on a serial line, not "
                       "CAN and Net F/T")  # fmt: skip

@@ -17,12 +17,14 @@ from typing import TYPE_CHECKING, Any
 
 from cutenv.commands.options import (
     RIG,
+    add_line,
     add_lsl,
     add_specimen_class,
     add_target_length,
     add_task,
     add_watch,
     command_parser,
+    line_given,
     reports_errors,
     target_length,
 )
@@ -112,19 +114,24 @@ def paced(keywords: dict[str, Any], settings: RigSettings) -> tuple[dict[str, An
 
 
 def _environment(arguments: argparse.Namespace, keywords: dict[str, Any], **more: Any) -> RigCutEnv:
-    from cutenv.envs import RigCutEnv, RigDepthCutEnv
+    from cutenv.envs import RigCutEnv, RigDepthCutEnv, RigPathCutEnv
     from cutenv.rig.connection import settings_of
+    from cutenv.tissue.drawn_lines import KINDS
 
     keywords, note = paced(keywords, settings_of(arguments.rig))
     if note:
         print(f"cutenv rig run: {note}", file=sys.stderr)
-    task = RigDepthCutEnv if arguments.task == "depth" else RigCutEnv
+    tasks: dict[str, type[RigCutEnv]] = {"gentle": RigCutEnv, "depth": RigDepthCutEnv, "path": RigPathCutEnv}
+    if arguments.line is not None:
+        if arguments.task != "path":
+            raise ValueError(f"--line {arguments.line}: the task is {arguments.task}. Give --task path too.")
+        keywords = {**keywords, "line": arguments.line if arguments.line in KINDS else line_given(arguments)}
     lower = {
         "force": arguments.force_limit_N,
         "speed": None if arguments.speed_limit_cm_s is None else 1e-2 * arguments.speed_limit_cm_s,
         "high": None if arguments.travel_limit_mm is None else 1e-3 * arguments.travel_limit_mm,
     }
-    return task(
+    return tasks[arguments.task](
         rig=arguments.rig,
         specimen_class=arguments.specimen_class,
         target_length=target_length(arguments),
@@ -217,7 +224,11 @@ def cut_and_report(env: RigCutEnv, policy: Policy, *, seed: int, episode: int) -
         observation, reward, ended, _, info = env.step(policy(observation))
         total += reward
     timing, cutting = env.session.plant.timing, env.cutting
-    depth = {f"{name}_estimated": value for name, value in info.get("depth", {}).items()}
+    maps: dict[str, Any] = {
+        name: {f"{each}_estimated": value for each, value in info[name].items()}
+        for name in ("depth", "path")
+        if name in info
+    }
     return {
         "seed": seed,
         "episode": episode,
@@ -225,7 +236,7 @@ def cut_and_report(env: RigCutEnv, policy: Policy, *, seed: int, episode: int) -
         "success_estimated": info["is_success"],
         "return_estimated": total,
         "tip_error_estimated_mm": 1e3 * abs(cutting.tip - cutting.target_length),
-        **({"depth": depth} if depth else {}),
+        **maps,
         "time_s": cutting.time,
         "overruns": timing.overruns,
         "longest_period_s": max(timing.periods, default=math.nan),
@@ -243,6 +254,11 @@ def _line(number: int, told: dict[str, Any], env: RigCutEnv) -> str:
     )
     if "depth" in told:
         line += f"; estimated mean error of the depth {told['depth']['mean_error_mm_estimated']:.2f} mm"
+    if "path" in told:
+        line += (
+            f"; estimated distance of the cut to the line {told['path']['mean_distance_mm_estimated']:.2f} mm in the "
+            f"mean, {told['path']['largest_distance_mm_estimated']:.2f} mm at most"
+        )
     if told["stop"] is not None:
         stop = told["stop"]
         line += f"\n  STOPPED, {stop['cause']}: {stop['detail']}"
@@ -264,6 +280,7 @@ def _parser() -> argparse.ArgumentParser:
         examples=(
             "--policy ppo-free --rig emulator --cuts 2",
             '--task depth --policy "follow the depth" --rig emulator',
+            '--task path --policy "steer by force" --rig emulator --line arc',
             '--policy "probe and creep" --rig my_rig.toml --dry-run',
             '--policy "probe and creep" --rig my_rig.toml --target-length 80mm --out cuts',
         ),
@@ -274,7 +291,8 @@ def _parser() -> argparse.ArgumentParser:
     add("--policy", required=True, metavar="POLICY", help="name of a script or of a shipped policy, folder of a "
         "trained policy, or MODULE:CLASS of your own")  # fmt: skip
     add("--rig", required=True, metavar="RIG", help=RIG)
-    add_task(parser)
+    add_task(parser, "path")
+    add_line(parser, "with --task path: a kind that is drawn, arc, s, excision, random; or", "any that is drawn")
     add("--cuts", type=int, default=1, metavar="N", help="number of cuts, one after the other; default 1")
     add("--seed", type=int, default=0, metavar="N", help="seed of target lengths and of drawn specimens; default 0")
     add_target_length(parser, "drawn from 60mm to 100mm")

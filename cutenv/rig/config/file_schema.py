@@ -77,6 +77,7 @@ _ABOUT = {
     "blade": "The axis that moves the blade along the cut.",
     "angle": 'The axis that turns the blade: with angle_mode = "free" only.',
     "height": "The axis that raises and lowers the blade: optional.",
+    "side": "The axis that moves the blade to the side, for cuts along a curve: optional.",
     "position_control": "PD control of position by the blade's drive: optional. Without it the drive has a velocity "
     "loop. It configures no drive: the simulator, a fake and identification read it.",
     "sensor": "The force sensor, and how the cut lies in its axes.",

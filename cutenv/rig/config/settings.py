@@ -9,10 +9,11 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from cutenv._base.parameter import check_parameters
 from cutenv._base.validation import in_range, one_of
+from cutenv.rig.config.axes import DRIVER, Axis, CrossAxis, HeightAxis, SideAxis
 from cutenv.rig.config.setting import setting
 
 
@@ -40,123 +41,6 @@ class Bus:
         in_range("node", self.node, 1, 127, "1", "Nodes of CANopen are 1 to 127.")
         in_range("port", self.port, 1, 65535, "1", "A socketcand gateway's is 29536 unless it was changed.")
         in_range("bitrate", self.bitrate, 10_000, 1_000_000, "bit/s", "CANopen runs at 10 kbit/s to 1 Mbit/s.")
-
-
-_DRIVER = "Driver: a name that 'cutenv rig drivers' lists, or module:Class. Its own keys are in the table 'options'."
-_WAY, _SPEED, _ACCELERATION = ("mm", "deg"), ("cm_s", "deg_s"), ("m_s2", "deg_s2")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Axis:
-    """One drive with its motor, gear and load: metres along the cut, or radians of the blade's angle.
-
-    The defaults are a screw's: the examples tell a hinge's.
-    """
-
-    driver: str = setting("canopen", "1", _DRIVER)
-    options: Any = None
-    node: int = setting(1, "1", "Number of the drive on the bus, 1 to 127.", example=("", "2"))
-    gear: float = setting(4.4, "1", "Turns of the motor for one turn of the screw or hinge.", 1e-3, 1e5, example="4.4")
-    lead: float = setting(
-        0.002, _WAY, "Travel for one turn of the screw or hinge.", 1e-5, 10.0,
-        why="travel for one turn of screw or hinge (one turn of a hinge: 2 pi)", example=("2.0", "360.0"),
-    )  # fmt: skip
-    pulses: int = setting(
-        1024, "1", "Pulses of the encoder for one turn of the motor; an increment is a quarter of one.", example="1024"
-    )
-    direction: int = setting(1, "1", "1 or -1: direction of the axis at a positive speed of the motor.")
-    low: float = setting(
-        -0.002, _WAY, "One end of travel: the drive's own software limit.", -10.0, 10.0,
-        why="the drive's software limit, before the clamp, to which the blade returns", example=("", "44.0"),
-    )  # fmt: skip
-    high: float = setting(
-        0.149, _WAY, "Other end of travel: the drive's own software limit.", -10.0, 10.0, example=("", "91.0")
-    )
-    speed: float = setting(
-        0.0381, _SPEED, "Top speed of the drive, whatever is commanded.", 1e-5, 100.0,
-        why="the fastest of the thesis's rig", example=("", "100.0"),
-    )  # fmt: skip
-    acceleration: float = setting(
-        0.1, _ACCELERATION, "Acceleration and deceleration of the drive.", 1e-4, 1000.0,
-        why="as the simulated rig's", example=("", "400.0"),
-    )  # fmt: skip
-    quick_stop: float = setting(
-        1.0, _ACCELERATION, "Deceleration of a quick stop.", 1e-3, 1e4,
-        why="full speed to rest within 40 ms", example=("", "2000.0"),
-    )  # fmt: skip
-    following_error: float = setting(
-        0.002, _WAY, "Following error at which the drive itself stops.", 1e-6, 1.0, example=("", "2.0")
-    )
-    current_limit: float = setting(
-        2.0, "A", "Current limit of the motor, which bounds the force before anything else.", 0.01, 100.0
-    )
-    rated_torque: float = setting(
-        0.1, "N_m", "Rated torque of the motor, the unit in which the drive reports torque.", 1e-5, 100.0
-    )
-
-    def __post_init__(self) -> None:
-        check_parameters(self)
-        in_range("node", self.node, 1, 127, "1", "Nodes of CANopen are 1 to 127.")
-        in_range("pulses", self.pulses, 1, 10**7, "1", "Give the encoder's pulses for one turn of the motor.")
-        one_of("direction", self.direction, (1, -1))
-        if not self.low < self.high:
-            raise ValueError(f"low = {self.low:g} must be below high = {self.high:g}: the ends of travel.")
-
-
-@dataclass(frozen=True, kw_only=True)
-class HeightAxis(Axis):
-    """Drive that raises and lowers the blade, and its limits; heights are of the blade's lower end, upwards.
-
-    Height 0 is the height at which a cut begins. Below it the blade cuts deeper.
-    """
-
-    node: int = setting(3, "1", "Number of the drive on the bus, 1 to 127.", example="3")
-    direction: int = setting(1, "1", "1 or -1: 1 if a positive speed of the motor raises the blade.")
-    low: float = setting(
-        -0.021, "mm", "Lower end of travel: the drive's own software limit.", -1.0, 1.0, example="-21.0"
-    )
-    high: float = setting(
-        0.026, "mm", "Upper end of travel: the drive's own software limit.", -1.0, 1.0, example="26.0"
-    )
-    lowest: float = setting(
-        -0.020, "mm", "Height below which the blade is stopped: the greatest depth beyond that of the start.", -1.0, 0.0
-    )
-    highest: float = setting(0.025, "mm", "Height above which the blade is stopped.", 0.0, 1.0)
-    raised: float = setting(
-        0.020, "mm", "Height to which the blade is raised, slowly, before it returns to the clamp.", 0.0, 1.0
-    )
-    fastest: float = setting(
-        0.0106, "cm_s", "Speed up or down at which the blade is stopped. Commands reach 96 % of it.", 1e-4, 0.5,
-        why="1 cm/s, and 4 % for the loop",
-    )  # fmt: skip
-    most_acceleration: float = setting(
-        1.0, "m_s2", "Acceleration up or down at which the blade is stopped.", 0.01, 100.0,
-        why="ten times what the axis is told",
-    )  # fmt: skip
-    following: float = setting(
-        0.001, "mm", "Distance from the height where the blade should be, at which it is stopped.", 1e-5, 0.1
-    )
-    vertical_force: float = setting(
-        10.0, "N", "Vertical force, either way, at which the blade is stopped.", 0.1, 1000.0
-    )
-    homing: Literal["checked", "trusted"] = setting(
-        "checked", "1", "Whether the drive has to report that it was homed (bit 15 of its statusword), or is trusted: "
-        "for a drive without that bit. Homing is the drive's own function."
-    )  # fmt: skip
-    force_axis: Literal["x", "y", "z"] = setting("z", "1", "Axis of the sensor along the height.")
-    force_sign: int = setting(1, "1", "1 or -1: sign of the reading when the tissue pushes the blade up.")
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        one_of("homing", self.homing, ("checked", "trusted"))
-        one_of("force_axis", self.force_axis, ("x", "y", "z"))
-        one_of("force_sign", self.force_sign, (1, -1))
-        if not self.lowest < self.highest:
-            raise ValueError(f"lowest = {self.lowest:g} must be below highest = {self.highest:g}.")
-
-    def vertical(self, force: tuple[float, float, float]) -> float:
-        """Return the force of the tissue on the blade, upwards [N], from that in the sensor's axes [N]."""
-        return self.force_sign * force["xyz".index(self.force_axis)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -187,7 +71,7 @@ class PositionControl:
 class SensorSettings:
     """Settings of a force sensor, and the direction of the cut in its axes."""
 
-    driver: str = setting("netft", "1", _DRIVER)
+    driver: str = setting("netft", "1", DRIVER)
     options: Any = None
     address: str = setting("192.168.1.1", "1", "Network address of a Net F/T.", example='"192.168.1.1"')
     port: int = setting(49152, "1", "Its UDP port for RDT.")
@@ -196,8 +80,8 @@ class SensorSettings:
     cut_axis: Literal["x", "y", "z"] = setting("x", "1", "Axis of the sensor along the cut line.")
     sign: int = setting(1, "1", "1 or -1: sign of the reading when the tissue resists forward motion.")
     components: Literal["along", "all"] = setting(
-        "along", "1", "Components in a record: the force along the cut, or all six beside it. A rig with a height axis "
-        "always records all."
+        "along", "1", "Components in a record: the force along the cut, or all six beside it. A rig with an axis "
+        "across the cut always records all."
     )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -320,7 +204,7 @@ class SensorCalibration:
 class CameraSettings:
     """Camera that films the blade, and the blade's mark."""
 
-    driver: str = setting("opencv", "1", _DRIVER)
+    driver: str = setting("opencv", "1", DRIVER)
     options: Any = None
     source: str = setting(
         "0", "1", "Number of the camera, address of its stream, or a video file that is played in its place.",
@@ -339,6 +223,22 @@ class CameraSettings:
         check_parameters(self)
         one_of("travel", self.travel, ("right", "left"))
         in_range("tag", self.tag, -1, 49, "1", "-1 is a strip.")
+
+
+class Reach(NamedTuple):
+    """Limits of a straight axis, at which the blade is stopped."""
+
+    low: float
+    """Ends of travel [m]."""
+    high: float
+    speed: float
+    """Either way [m/s]."""
+    acceleration: float
+    """[m/s2]."""
+    following: float
+    """Distance from where the blade should be [m]."""
+    axis: Axis
+    """The drive."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -366,6 +266,7 @@ class RigSettings:
     blade: Axis = field(default_factory=Axis)
     angle: Axis | None = None
     height: HeightAxis | None = None
+    side: SideAxis | None = None
     position_control: PositionControl | None = None
     sensor: SensorSettings = field(default_factory=SensorSettings)
     limits: SafetyLimits = field(default_factory=SafetyLimits)
@@ -381,22 +282,40 @@ class RigSettings:
 
     @property
     def axes(self) -> dict[str, Axis]:
-        """Driven axes by name: the blade's, and "angle" and "height" where the rig has them."""
-        driven = {"blade": self.blade, "angle": self.angle, "height": self.height}
+        """Driven axes by name: the blade's, and "angle", "height" and "side" where the rig has them."""
+        driven = {"blade": self.blade, "angle": self.angle, **self.cross_axes}
         return {name: axis for name, axis in driven.items() if axis is not None}
 
-    def require_height_axis(self, *, by: str) -> HeightAxis:
-        """Return the height axis; ``by`` names what needs it.
+    @property
+    def cross_axes(self) -> dict[str, CrossAxis]:
+        """Axes across the cut by name: "height" and "side" where the rig has them."""
+        return {name: axis for name, axis in (("height", self.height), ("side", self.side)) if axis is not None}
 
-        Raises
-        ------
-        ValueError
-            If the rig has none.
-        """
+    @property
+    def reaches(self) -> dict[str, Reach]:
+        """Limits of every straight axis by name."""
+        limits, crossing = self.limits, self.cross_axes.items()
+        along = Reach(limits.low, limits.high, limits.speed, limits.acceleration, limits.following, self.blade)
+        return {"blade": along} | {
+            name: Reach(*axis.bounds, axis.fastest, axis.most_acceleration, axis.following, axis)
+            for name, axis in crossing
+        }
+
+    def require_height_axis(self, *, by: str) -> HeightAxis:
+        """Return the height axis; ``by`` names what needs it; raises ValueError if the rig has none."""
         if self.height is None:
-            raise ValueError(
-                f"{by} raises and lowers the blade, and rig {self.name!r} has no height axis. Use a rig that has one, "
-                "described in its file under [height] ('cutenv rig init' writes the section, commented out), or a task "
-                "at constant height: cutenv/RigCut-v1."
-            )
+            raise ValueError(self._lacks(by, "height", "raises and lowers the blade", "at constant height"))
         return self.height
+
+    def require_side_axis(self, *, by: str) -> SideAxis:
+        """Return the axis to the side; ``by`` names what needs it; raises ValueError if the rig has none."""
+        if self.side is None:
+            raise ValueError(self._lacks(by, "side", "moves the blade to the side", "along a straight line"))
+        return self.side
+
+    def _lacks(self, by: str, name: str, moves: str, without: str) -> str:
+        return (
+            f"{by} {moves}, and rig {self.name!r} has no {name} axis. Use a rig that has one, described in its file "
+            f"under [{name}] ('cutenv rig init' writes the section, commented out), or a task {without}: "
+            "cutenv/RigCut-v1."
+        )

@@ -15,8 +15,9 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import Any, NamedTuple, TypeVar
 
 from cutenv._base.validation import one_of
+from cutenv.rig.config.axes import Axis
 from cutenv.rig.config.file_schema import FileKey, keys_of
-from cutenv.rig.config.settings import Axis, CameraSettings, RigSettings, SensorSettings
+from cutenv.rig.config.settings import CameraSettings, RigSettings, SensorSettings
 from cutenv.rig.devices.clock import Clock
 
 Made = TypeVar("Made", bound=Callable[..., Any])
@@ -40,6 +41,7 @@ KIND_OF_ROLE = {
     "blade": DriverKind.MOTION,
     "angle": DriverKind.MOTION,
     "height": DriverKind.MOTION,
+    "side": DriverKind.MOTION,
     "sensor": DriverKind.FORCE,
     "camera": DriverKind.CAMERA,
 }
@@ -67,7 +69,7 @@ OWN_KEYS: Mapping[str, frozenset[str]] = {
         [f"bus.{key}" for key in ("interface", "channel", "bitrate", "host", "port", "node", "heartbeat")]
         + [
             f"{axis}.{key}"
-            for axis in ("blade", "angle", "height")
+            for axis in ("blade", "angle", "height", "side")
             for key in ("node", "gear", "pulses", "following_error", "current_limit", "rated_torque")
         ]
     ),
@@ -76,7 +78,7 @@ OWN_KEYS: Mapping[str, frozenset[str]] = {
 }
 """Keys of the common sections that only this driver, or another that declares its need of them, reads."""
 
-CONDITIONAL = frozenset().union(*OWN_KEYS.values()) | {f"{axis}.lead" for axis in ("blade", "angle", "height")}
+CONDITIONAL = frozenset().union(*OWN_KEYS.values()) | {f"{axis}.lead" for axis in ("blade", "angle", "height", "side")}
 """Keys that a person has to supply only for a driver that needs them."""
 
 
@@ -87,7 +89,7 @@ class Mounting:
     Attributes
     ----------
     role : str
-        Section of the rig's file: "blade", "angle", "height", "sensor" or "camera".
+        Section of the rig's file: "blade", "angle", "height", "side", "sensor" or "camera".
     rig : RigSettings
         All settings of the rig, in SI.
     clock : Clock

@@ -70,7 +70,7 @@ class MotionDriver(Protocol):
     """
 
     name: str
-    """Name of the axis, "blade", "angle" or "height"."""
+    """Name of the axis, "blade", "angle", "height" or "side"."""
     latch: Latch
     """Latch of the rig: while it is closed, nothing is sent that could give the drive power or speed."""
 

@@ -14,7 +14,8 @@ from cutenv._base.validation import in_range, one_of
 from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.plant.simulator import ANGLE_RANGE, check_angle
-from cutenv.rig.config.settings import Axis, HeightAxis, SafetyLimits
+from cutenv.rig.config.axes import Axis, CrossAxis
+from cutenv.rig.config.settings import SafetyLimits
 from cutenv.rig.devices.analogue.sensor_calibration_file import AnalogueCalibration
 from cutenv.rig.emulator.board_server import BoardServer
 from cutenv.rig.emulator.emulated_axis import EmulatedAxis
@@ -22,10 +23,10 @@ from cutenv.rig.emulator.emulated_bench import EmulatedBench
 from cutenv.rig.emulator.emulated_tissue import EmulatedTissue, Laid
 from cutenv.rig.emulator.faults import FAULTS
 from cutenv.rig.emulator.hub import Frame, Hub
-from cutenv.rig.emulator.layered_tissue import ARM, LayeredTissue
 from cutenv.rig.emulator.motor import Mechanics, hinge
 from cutenv.rig.emulator.node import Node
 from cutenv.rig.emulator.sensor_server import SensorServer
+from cutenv.rig.emulator.tissue_across import ARM, TissueAcross
 
 BLADE = Axis(low=-0.002, high=0.149)
 """Axis of the emulated rig's carriage."""
@@ -90,8 +91,9 @@ class Options:
         True force whose crossing is recorded as an event [N].
     blade_mechanics, hinge_mechanics : Mechanics
         Mechanics that the axes of the range move.
-    height_axis : HeightAxis, optional
-        Axis that raises and lowers the blade, with the mechanics of the blade's; None: the blade stays at one height.
+    cross_axes : mapping of str to CrossAxis
+        Axes that raise and lower the blade, "height", and move it to the side, "side", with the mechanics of the
+        blade's.
     sensor : SensorParameters
         Force sensor, as in the simulator.
     analogue : str, optional
@@ -110,7 +112,7 @@ class Options:
     angle: float = math.pi / 2
     laid: Laid | None = field(default_factory=Laid)
     force_limit: float = 15.0
-    height_axis: HeightAxis | None = None
+    cross_axes: Mapping[str, CrossAxis] = field(default_factory=dict)
     blade_mechanics: Mechanics = field(default_factory=Mechanics)
     hinge_mechanics: Mechanics = field(default_factory=hinge)
     sensor: SensorParameters = field(default_factory=SensorParameters)
@@ -145,7 +147,7 @@ class EmulatedRig(EmulatedBench):
     Attributes
     ----------
     axes, nodes : dict
-        Axes and nodes by name, "blade" and perhaps "angle" and "height".
+        Axes and nodes by name, "blade" and perhaps "angle", "height" and "side".
     intruders : dict
         Fault: speeds that another master commands every millisecond, by axis [m/s or rad/s].
     """
@@ -157,10 +159,10 @@ class EmulatedRig(EmulatedBench):
         felt = self.options.sensor
         if self.options.analogue is not None:
             felt = replace(felt, force_resolution=0.0)  # the converter's
-        self._layered: LayeredTissue | None = None
+        self._across: TissueAcross | None = None
         bench = EmulatedTissue(felt, self.options.law)
-        if self.options.height_axis is not None:
-            bench = self._layered = LayeredTissue(felt, self.options.law)
+        if self.options.cross_axes:
+            bench = self._across = TissueAcross(self.options.cross_axes, felt, self.options.law)
         super().__init__(bench, self.options.force_limit)
         self.axes: dict[str, EmulatedAxis] = {
             "blade": EmulatedAxis(
@@ -171,11 +173,9 @@ class EmulatedRig(EmulatedBench):
             self.axes["angle"] = EmulatedAxis(
                 "angle", self.options.hinge_axis, self.options.hinge_mechanics, position=self.options.angle, margin=0.05
             )
-        if self.options.height_axis is not None:
-            self.axes["height"] = EmulatedAxis(
-                "height", self.options.height_axis, Mechanics(), position=0.0, margin=0.001
-            )
-        self.has_height = "height" in self.axes
+        for name, axis in self.options.cross_axes.items():
+            self.axes[name] = EmulatedAxis(name, axis, Mechanics(), position=0.0, margin=0.001)
+        self.cross_axes = tuple(self.options.cross_axes)
         if self.options.laid is not None:
             self.mount(self.options.laid)
         self._noise = np.random.default_rng(0).standard_normal((4096, 5)) * _OTHER_NOISE
@@ -220,9 +220,9 @@ class EmulatedRig(EmulatedBench):
         return float(self.axes["angle"].motor["carriage"]) if "angle" in self.axes else self.options.angle
 
     @property
-    def height(self) -> float:
-        """Height of the blade's lower end [m], upwards; 0 without a height axis."""
-        return float(self.axes["height"].motor["carriage"]) if "height" in self.axes else 0.0
+    def places(self) -> dict[str, float]:
+        """Height of the blade's lower end, upwards, and place to the left [m], by axis."""
+        return {name: float(self.axes[name].motor["carriage"]) for name in self.cross_axes}
 
     def _send(self, frame: Frame) -> None:
         self.hub.send(frame)
@@ -242,16 +242,16 @@ class EmulatedRig(EmulatedBench):
         }
 
     def truth(self) -> dict[str, Any]:
-        """Return the position of the motor [m], and the height of the blade [m] if an axis moves it."""
+        """Return the position of the motor, and height and place to the side of a blade that axes move there [m]."""
         told = {"motor_position_m": float(self.axes["blade"].motor["position"])}
         return told | self._noted()
 
     def _noted(self) -> dict[str, Any]:
-        return {"height_m": self.height} if self.has_height else {}
+        return {f"{name}_m": place for name, place in self.places.items()}
 
     def _before_mount(self) -> None:
-        if self._layered is not None:
-            self._layered.check_height(self.height)
+        if self._across is not None:
+            self._across.check_places(self.places)
 
     def step(self, due: float) -> None:
         """Advance by one millisecond, that of time ``due`` [s]."""
@@ -268,19 +268,21 @@ class EmulatedRig(EmulatedBench):
                 self.axes["angle"].turn(0.0)
             before = abs(self.bench.true_force)
             speed = abs(float(blade.motor["carriage_speed"]))
-            if self._layered is not None:
-                lift = self.axes["height"]
-                lift.turn(self._layered.vertical_force)
-                speed = max(speed, abs(float(lift.motor["carriage_speed"])))
-                self._layered.height = self.height
+            if self._across is not None:
+                for name in self.cross_axes:
+                    axis, felt = self.axes[name], self._across.forces[name]
+                    axis.turn(felt if name == "height" else -felt)
+                    speed = max(speed, abs(float(axis.motor["carriage_speed"])))
+                self._across.places = self.places
             reading = self.bench.advance(float(blade.motor["carriage"]), self.angle)
         self._watch(due, before, abs(self.bench.true_force), speed)
         if self.options.range != "task":
             self._flag(due, speed)
         self._ticks += 1
         fy, fz, tx, ty, tz = self._noise_rows[self._ticks % len(self._noise_rows)]
-        if self._layered is not None:
-            fz, ty = fz + self._layered.vertical_force, ty - ARM * reading
+        if self._across is not None:
+            forces = self._across.forces
+            fy, fz, ty = fy + forces.get("side", 0.0), fz + forces.get("height", 0.0), ty - ARM * reading
         self.sensor.send((reading, fy, fz, tx, ty, tz))
 
     def _flag(self, due: float, speed: float) -> None:

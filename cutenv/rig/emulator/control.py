@@ -12,12 +12,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from cutenv._base.validation import in_range, one_of
 from cutenv.rig.emulator.emulated_bench import EmulatedBench
 from cutenv.rig.emulator.emulated_tissue import Laid
 from cutenv.rig.errors import RigError
 from cutenv.tissue.description import load_description
 from cutenv.tissue.layers import Layers
+from cutenv.tissue.lines import CutLine
 from cutenv.tissue.specimen import Specimen
 
 _LONGEST = 1 << 16  # bytes of a request
@@ -37,9 +40,11 @@ def _specimen(rig: EmulatedBench, request: Request) -> Request:
         tissue=None if tissue is None else load_description(Path(str(tissue))),
         specimen=Specimen.from_json(str(request["json"])) if "json" in request else None,
         layers=None if request.get("layers") is None else Layers(**request["layers"]),
+        line=None if request.get("line") is None else CutLine(*np.array(request["line"])),
     )
-    if laid.layers is not None and not rig.has_height:
-        raise ValueError("layers: this rig has no height axis. Start the emulator with --height.")
+    for name, given, axis in (("layers", laid.layers, "height"), ("line", laid.line, "side")):
+        if given is not None and axis not in rig.cross_axes:
+            raise ValueError(f"{name}: this rig has no {axis} axis. Start the emulator with --{axis}.")
     rig.mount(laid)
     return {"seed": laid.seed, "episode": laid.episode, "class": laid.specimen_class}
 
@@ -106,7 +111,7 @@ def _shutdown(rig: EmulatedBench, request: Request) -> Request:
 
 
 REQUESTS: dict[str, tuple[Callable[[EmulatedBench, Request], Request], tuple[str, ...] | None]] = {
-    "specimen": (_specimen, ("seed", "episode", "class", "tissue", "json", "layers")),
+    "specimen": (_specimen, ("seed", "episode", "class", "tissue", "json", "layers", "line")),
     "inject": (_inject, None),
     "clear": (_clear, ("fault",)),
     "events": (_events, ("since",)),
@@ -231,9 +236,17 @@ class EmulatorControl:
         extra = {} if tissue is None else {"tissue": str(Path(tissue).absolute())}
         return self.ask("specimen", seed=seed, episode=episode, **{"class": specimen_class}, **extra)
 
-    def mount(self, specimen: Specimen, *, seed: int = 0, episode: int = 0, layers: Layers | None = None) -> Request:
-        """Lay a given specimen; seed and episode select the sensor's noise; layers are for a rig with a height axis."""
-        more = {} if layers is None else {"layers": dataclasses.asdict(layers)}
+    def mount(
+        self, specimen: Specimen, *, seed: int = 0, episode: int = 0, layers: Layers | None = None,
+        line: CutLine | None = None,
+    ) -> Request:  # fmt: skip
+        """Lay a given specimen; seed and episode select the sensor's noise.
+
+        Layers are for a rig with a height axis, a line for one with an axis to the side.
+        """
+        more: Request = {} if layers is None else {"layers": dataclasses.asdict(layers)}
+        if line is not None:
+            more["line"] = np.round(line, 9).tolist()
         return self.ask(
             "specimen",
             seed=seed,

@@ -7,7 +7,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from cutenv.rig.config.settings import Axis
+from cutenv.rig.config.axes import Axis, CrossAxis
 from cutenv.rig.devices.canopen.objects import WHOLE_RPM
 from cutenv.rig.devices.samples import DriveState
 from cutenv.rig.emulator.motor import (
@@ -35,7 +35,7 @@ class EmulatedAxis:
     Parameters
     ----------
     name : str
-        "blade", "angle" or "height".
+        "blade", "angle", "height" or "side".
     settings : Axis
         Node, gear, lead, encoder, travel.
     mechanics : Mechanics
@@ -48,7 +48,7 @@ class EmulatedAxis:
     Attributes
     ----------
     homed : bool
-        True if the drive reports that its position is referenced to home; only the height axis is asked for it.
+        True if the drive reports that its position is referenced to home; only axes across the cut are asked for it.
     encoder_stuck : bool
         Fault: position and velocity stay constant; the loop goes on by the motor's own commutation.
     """
@@ -56,7 +56,7 @@ class EmulatedAxis:
     def __init__(self, name: str, settings: Axis, mechanics: Mechanics, *, position: float, margin: float) -> None:
         self.name = name
         self.settings = settings
-        self.encoder_stuck, self.homed = False, name == "height"
+        self.encoder_stuck, self.homed = False, isinstance(settings, CrossAxis)
         self._motors = motor_record(settings, mechanics, position=position, margin=margin)
         # A plain void on the same memory: its fields are read ten times faster than a record's attributes.
         self.motor = self._motors.view(np.dtype((np.void, MOTOR)))[0]

@@ -46,8 +46,8 @@ class EmulatedBench(ABC):
     """Faults that it knows, by name."""
     stands_after: ClassVar[int] = 5
     """Milliseconds without motion after which the carriage has come to rest."""
-    has_height: bool = False
-    """True if an axis raises and lowers the blade."""
+    cross_axes: tuple[str, ...] = ()
+    """Names of the axes across the cut, "height" and "side"."""
 
     def __init__(self, bench: EmulatedTissue, force_limit: float) -> None:
         self.bench = bench

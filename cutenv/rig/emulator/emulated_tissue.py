@@ -20,6 +20,7 @@ from cutenv.plant.simulator import ANGLE_RANGE
 from cutenv.rig.errors import RigError
 from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.layers import Layers
+from cutenv.tissue.lines import CutLine
 from cutenv.tissue.specimen import LENGTH, SPACING, Specimen
 
 CLAMP_TOLERANCE = 0.002
@@ -78,6 +79,8 @@ class Laid:
     """Specimen that is given instead of drawn; seed and episode then only select the sensor's noise."""
     layers: Layers | None = None
     """Layers over its depth, for a rig with a height axis; default one tissue throughout."""
+    line: CutLine | None = None
+    """Line along which its profiles lie, for a rig with an axis to the side; default the axis of the slab."""
 
     def drawn(self) -> Specimen:
         """Return the specimen; raises ValueError if seed, episode or class is invalid."""
@@ -147,9 +150,9 @@ class EmulatedTissue:
         """Add ``force`` [N] to the tissue's; 0 removes it."""
         self._records["extra"] = force
 
-    def add_lift(self, force: float) -> None:
-        """Raise ValueError: without a height axis there is no vertical force."""
-        raise ValueError("over_lift: this rig has no height axis. Start the emulator with --height.")
+    def add_across(self, axis: str, force: float) -> None:
+        """Raise ValueError: without an axis across the cut there is no force along it."""
+        raise ValueError(f"this rig has no {axis} axis. Start the emulator with --{axis}.")
 
     def advance(self, position: float, angle: float) -> float:
         """Move to ``position`` [m] and ``angle`` [rad] in one millisecond; return the sensor's reading [N]."""

@@ -46,7 +46,7 @@ class Range(NamedTuple):
 class InjectedFault:
     """Fault that can be started and ended.
 
-    Faults with ``of_axis`` take the parameter ``axis``, "blade", "angle" or "height", besides their own.
+    Faults with ``of_axis`` take the parameter ``axis``, "blade", "angle", "height" or "side", besides their own.
     """
 
     summary: str
@@ -170,9 +170,15 @@ FAULTS: dict[str, InjectedFault] = {
     ),
     "over_lift": InjectedFault(
         summary="a force is added to the vertical one, on a rig with a height axis",
-        begin=lambda rig, p: rig.bench.add_lift(p["force_N"]),
-        end=lambda rig, p: rig.bench.add_lift(0.0),
+        begin=lambda rig, p: rig.bench.add_across("height", p["force_N"]),
+        end=lambda rig, p: rig.bench.add_across("height", 0.0),
         parameters={"force_N": Range(-14.0, -190.0, 190.0, "N")},
+    ),
+    "side_push": InjectedFault(
+        summary="a force to the right is added to that across the cut, on a rig with an axis to the side",
+        begin=lambda rig, p: rig.bench.add_across("side", p["force_N"]),
+        end=lambda rig, p: rig.bench.add_across("side", 0.0),
+        parameters={"force_N": Range(25.0, -190.0, 190.0, "N")},
     ),
     "sensor_freeze": _of_sensor("frozen", "the counts stay as they are", True, False),
     "axis_freeze": _of_sensor(

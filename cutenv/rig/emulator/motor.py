@@ -18,7 +18,8 @@ from cutenv._base.arrays import Struct, StructArray
 from cutenv._base.parameter import check_parameters, parameter
 from cutenv._engine.elementary import exp
 from cutenv._engine.jit import njit, njit_internal
-from cutenv.rig.config.settings import Axis, PositionControl
+from cutenv.rig.config.axes import Axis
+from cutenv.rig.config.settings import PositionControl
 
 SUBSTEP = 5e-5
 """Time step of the equations of motion [s]."""

@@ -24,7 +24,9 @@ from cutenv._base.validation import one_of
 from cutenv._engine.jit import warn_before_first_compile
 from cutenv.cutting.descending_cut import follow_levels
 from cutenv.cutting.sensor import measure
-from cutenv.rig.config.imitated_rig import EMULATED, EMULATOR, HEIGHT
+from cutenv.cutting.steered_cut import follow_turns
+from cutenv.rig.config.imitated_rig import EMULATED, EMULATOR
+from cutenv.rig.config.imitated_rig import across as cross_axes
 from cutenv.rig.config.settings import Bus, PositionControl, RigSettings, SensorCalibration, SensorSettings
 from cutenv.rig.devices.analogue.analogue_sensor import AnalogueOptions
 from cutenv.rig.devices.real_time import prefer
@@ -39,6 +41,7 @@ from cutenv.rig.emulator.serial.serial_rig import EmulatedSerialRig, SerialOptio
 from cutenv.rig.errors import RigError
 from cutenv.rig.toml_text import to_toml
 from cutenv.tissue.grid import N_POINTS, SPACING
+from cutenv.tissue.lines import straight
 
 STARTS_WITHIN = 180.0
 """Time allowed for a start [s]; the first one on a machine compiles."""
@@ -46,15 +49,15 @@ _ENDS_WITHIN = 5.0  # [s]
 _SWITCH = 0.0005  # [s] after which a thread lets another one run: a millisecond holds several
 
 
-def warm_up(*, height: bool = False, serial: bool = False) -> None:
+def warm_up(*, across: Sequence[str] = (), serial: bool = False) -> None:
     """Compile, or load from disk, the kernels of a millisecond, before anybody waits for it."""
-    warn_before_first_compile(*(follow_levels, measure) if height else (feel,), turn_motor)
-    laid = Laid(specimen_class="liver")
+    warn_before_first_compile(*(follow_levels, follow_turns, measure) if across else (feel,), turn_motor)
+    laid = Laid(specimen_class="liver", line=straight() if "side" in across else None)
     rig: EmulatedBench
     if serial:
         rig = EmulatedSerialRig(SerialOptions(laid=laid))  # GRBL's has no kernels of its own
     else:
-        rig = driven = EmulatedRig(Options(laid=laid, height_axis=HEIGHT if height else None))
+        rig = driven = EmulatedRig(Options(laid=laid, cross_axes=cross_axes(*across)))
         for axis in driven.axes.values():
             axis.motor["mode"] = 1
     try:
@@ -100,7 +103,7 @@ def serve(
     """
     sys.setswitchinterval(_SWITCH)
     serial = isinstance(options, SerialOptions)
-    warm_up(height=not serial and options.height_axis is not None, serial=serial)  # type: ignore[union-attr]
+    warm_up(across=() if isinstance(options, SerialOptions) else tuple(options.cross_axes), serial=serial)
     first = real_time and prefer()  # only now: compiling takes seconds; before there are threads: they inherit it
     rig = _made(options)
     rig.real_time = first
@@ -155,7 +158,7 @@ def _settings_of(options: Options | SerialOptions, ready: dict[str, Any]) -> Rig
     if isinstance(options, SerialOptions):
         return emulated_settings(ready, angle=options.angle)
     return emulated_settings(
-        ready, angle_mode=options.angle_mode, angle=options.angle, height=options.height_axis is not None,
+        ready, angle_mode=options.angle_mode, angle=options.angle, across=tuple(options.cross_axes),
         host=options.host,
     )  # fmt: skip
 
@@ -171,13 +174,13 @@ def emulated_settings(
     *,
     angle_mode: str = "free",
     angle: float = math.pi / 2,
-    height: bool = False,
+    across: Sequence[str] = (),
     host: str = "127.0.0.1",
 ) -> RigSettings:
     """Return the settings with which drivers reach an emulated rig that has printed ``ready``, calibrated today.
 
-    ``angle`` is the angle of a fixed blade [rad]; ``height``: it has a height axis. On a serial rig no drive turns the
-    blade, and nothing raises it.
+    ``angle`` is the angle of a fixed blade [rad]; ``across`` are the axes across the cut that it has. On a serial rig
+    no drive turns the blade, and nothing raises it.
     """
     if "port" in ready:
         port, converter = ready["port"], ready["converter"]
@@ -200,7 +203,7 @@ def emulated_settings(
         bus=Bus(interface="socketcand", channel="vcan0", host=host, port=ready["can"]),
         blade=mounted.blade,
         angle=mounted.angle if angle_mode == "free" else None,
-        height=HEIGHT if height else None,
+        **cross_axes(*across),  # type: ignore[arg-type]
         position_control=None if gains is None else PositionControl(**gains),
         sensor=_sensor(ready, host),
         limits=mounted.limits,
@@ -250,7 +253,7 @@ class RunningEmulator:
         *,
         angle_mode: str,
         angle: float,
-        height: bool = False,
+        across: Sequence[str] = (),
         timeout: float = STARTS_WITHIN,
     ) -> None:
         if os.name == "nt":  # a pipe cannot be read with a time limit there, nor a lost parent be seen
@@ -267,7 +270,7 @@ class RunningEmulator:
         self.pid = self._process.pid
         try:
             self.ready = ready = self._ready(timeout)
-            self.settings = emulated_settings(ready, angle_mode=angle_mode, angle=angle, height=height)
+            self.settings = emulated_settings(ready, angle_mode=angle_mode, angle=angle, across=across)
             self.control = EmulatorControl(ready["control"])
         except BaseException:
             self._end()
@@ -338,7 +341,7 @@ def start(
     specimen_class: str = "liver",
     free_air: bool = False,
     angle_deg: float | None = None,
-    height: bool = False,
+    across: Sequence[str] = (),
     kind: str = EMULATOR,
     real_time: bool = True,
     arguments: Sequence[str] = (),
@@ -352,8 +355,8 @@ def start(
         Key of the specimen at the start; ``free_air``: none.
     angle_deg : float, optional
         Angle at which the blade is fixed [degrees]; None: a second axis turns it.
-    height : bool
-        True for a rig with a height axis.
+    across : sequence of str
+        Axes across the cut that it has: "height", "side".
     kind : str
         Name of the rig, of :data:`~cutenv.rig.config.imitated_rig.EMULATED`; the blade of "serial" and "grbl" is fixed,
         upright by default.
@@ -372,7 +375,7 @@ def start(
     given = ["--seed", str(seed), "--episode", str(episode), "--specimen-class", specimen_class]
     given += ["--free-air"] if free_air else []
     given += ["--real-time"] if real_time else []
-    given += ["--height"] if height else []
+    given += [f"--{axis}" for axis in across]
     if one_of("kind", kind, EMULATED) != EMULATOR:
         given.append(f"--{kind}")
         angle_deg = 90.0 if angle_deg is None else angle_deg
@@ -381,6 +384,6 @@ def start(
         [*given, *arguments],
         angle_mode="free" if angle_deg is None else "fixed",
         angle=math.pi / 2 if angle_deg is None else math.radians(angle_deg),
-        height=height,
+        across=across,
         timeout=timeout,
     )

@@ -10,14 +10,14 @@ from cutenv.cutting.sensor import Sensor, SensorParameters
 from cutenv.plant.simulator import ANGLE_RANGE
 from cutenv.rig.config.identified import drive_of
 from cutenv.rig.config.settings import RigSettings
-from cutenv.rig.fake.specimen_plant import AtOneHeight
-from cutenv.rig.fake.vertical_drive import VerticalDrive
+from cutenv.rig.fake.cross_drive import CrossDrive
+from cutenv.rig.fake.specimen_plant import FreeAcross
 
 _MIDDLE = 0.5  # [1] share of the way between the ends of travel at which the blade starts
 _FAR = 100.0  # [m] to the model's own end stops
 
 
-class AirPlant(AtOneHeight):
+class AirPlant(FreeAcross):
     """Bench of :class:`cutenv.rig.fake.fake_rig.FakeRig` with the simulator's drive and sensor, and no specimen.
 
     Parameters
@@ -32,6 +32,8 @@ class AirPlant(AtOneHeight):
         Position of the blade at the start [m]; by default the middle of its travel.
     height : float
         Height of the blade at the start [m], if the rig has a height axis.
+    seed, episode : int
+        Key of the sensor's noise.
     """
 
     def __init__(
@@ -42,9 +44,14 @@ class AirPlant(AtOneHeight):
         sensor: SensorParameters | None = None,
         start: float | None = None,
         height: float = 0.0,
+        seed: int = 0,
+        episode: int = 0,
     ) -> None:
         self._drive = drive or drive_of(settings)
-        self._lift = None if settings.height is None else VerticalDrive(settings.height, height=height)
+        self._across = {
+            name: CrossDrive(axis, place=height if name == "height" else 0.0)
+            for name, axis in settings.cross_axes.items()
+        }
         self._records = self._drive.records(2.0 * _FAR)
         self._states = np.zeros(1, STATE)
         middle = _MIDDLE * (settings.limits.low + settings.limits.high)
@@ -53,8 +60,9 @@ class AirPlant(AtOneHeight):
         self._quick_stop = settings.blade.quick_stop
         self._angle, hinge = settings.fixed_angle, settings.angle
         self._reach = ANGLE_RANGE if hinge is None else (hinge.low, hinge.high)
-        self._sensor = Sensor(sensor)
-        self._force = self._sensor.measure(0.0)
+        self._sensor = Sensor(sensor, seed=seed, episode=episode)
+        self._force = 0.0
+        self._feel()
 
     def step(self, speed: float, turn: float, stopping: bool) -> None:
         """Advance by a millisecond; a quick stop brakes at its own rate, without the velocity loop's lag."""
@@ -64,11 +72,15 @@ class AirPlant(AtOneHeight):
         target = 0.0 if stopping else float(delayed_command(state, drive, speed))
         advance_in_air(state, drive, lag_gain(drive, TICK), target, TICK)
         self._angle = min(max(self._angle + turn * TICK, self._reach[0]), self._reach[1])
-        self._force = self._sensor.measure(0.0)
+        self._feel()
 
     def block(self) -> None:
         """Advance by a millisecond in which nothing can move."""
         self._states["hand_speed"] = self._states["speed"] = 0.0
+        self._feel()
+
+    def _feel(self) -> None:
+        """Measure the force of a millisecond."""
         self._force = self._sensor.measure(0.0)
 
     @property

@@ -13,13 +13,15 @@ from cutenv.plant import DescendingPlant
 from cutenv.plant.simulator import ANGLE_RANGE
 from cutenv.rig.config.identified import drive_of
 from cutenv.rig.config.settings import RigSettings
+from cutenv.rig.fake.cross_drive import CrossDrive
+from cutenv.rig.fake.specimen_plant import FreeAcross
 from cutenv.tissue.layers import Layers
 from cutenv.tissue.specimen import Specimen
 
 _FELT = [(READING.names or ()).index(name) for name in ("position", "speed", "force")]
 
 
-class DescendingBench:
+class DescendingBench(FreeAcross):
     """Specimen under the cutting law with vertical motion, with the simulator's own drives and sensor.
 
     Parameters
@@ -52,6 +54,7 @@ class DescendingBench:
         self._usual = self.plant.cuts.drives[0].copy()
         self._quick_stops = settings.blade.quick_stop, axis.quick_stop
         self._rise, self._rise_stops, self._rise_blocked = 0.0, False, False
+        self._across = {name: CrossDrive(each) for name, each in settings.cross_axes.items() if name != "height"}
         self._position = self._speed = self._force = 0.0
         self._advance(0.0, stopping=False)
 
@@ -65,9 +68,12 @@ class DescendingBench:
         self.plant.cuts.states["hand_speed"] = self.plant.cuts.states["speed"] = 0.0
         self._advance(0.0, stopping=False)
 
-    def rise(self, speed: float, *, stopping: bool, blocked: bool) -> None:
-        """Command the vertical motion of the next millisecond [m/s], upwards."""
+    def shift(self, axis: str, speed: float, *, stopping: bool, blocked: bool) -> None:
+        """Command the motion of the next millisecond [m/s]; the height's is felt by the tissue."""
+        if axis != "height":
+            return super().shift(axis, speed, stopping=stopping, blocked=blocked)
         self._rise, self._rise_stops, self._rise_blocked = speed, stopping, blocked
+        return None
 
     def _advance(self, speed: float, *, stopping: bool) -> None:
         plant, descent = self.plant, self._descent
@@ -89,17 +95,17 @@ class DescendingBench:
         """Position [m], speed [m/s] and angle [rad]."""
         return self._position, self._speed, self._angle
 
-    @property
-    def height(self) -> tuple[float, float]:
-        """Height of the blade's lower end [m] and its speed upwards [m/s]."""
+    def beside(self, axis: str) -> tuple[float, float]:
+        """Return place [m] and speed [m/s] of an axis across the cut."""
+        if axis != "height":
+            return super().beside(axis)
         return self.plant.level, float(self.plant.descents["level_speed"][0])
+
+    def cross_force(self, axis: str) -> float:
+        """Return the force of the tissue on the blade, upwards [N]; it feels nothing of an axis to the side."""
+        return float(self.plant.vertical_force[-1]) if axis == "height" else 0.0
 
     @property
     def force(self) -> float:
         """Force along the cut as measured by the sensor [N]."""
         return self._force
-
-    @property
-    def vertical_force(self) -> float:
-        """Force of the tissue on the blade, upwards [N]."""
-        return float(self.plant.vertical_force[-1])

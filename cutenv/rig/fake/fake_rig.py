@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +18,9 @@ from cutenv.cutting.drive import Rig
 from cutenv.cutting.dtypes import TICK
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.plant import ReplayPlant
+from cutenv.rig.config.axes import Axis
 from cutenv.rig.config.imitated_rig import fake_settings
-from cutenv.rig.config.settings import Axis, RigSettings
+from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.clock import FakeClock, Repeating
 from cutenv.rig.devices.drivers import ForceListener, MotionListener
 from cutenv.rig.devices.latch import Event, Latch
@@ -35,6 +36,30 @@ _PRIME = 7919  # makes the other axes' counts flicker
 _BACK = 4294967296  # sequences are modulo 2**32
 _HEARTBEAT = 0.050  # [s]
 _ARM = 0.1  # [m] from the blade's lower end up to the sensor, of a rig with a height axis
+
+
+@dataclass
+class CrossFaults:
+    """Faults of an axis across the cut; each can be changed at any instant."""
+
+    stuck: bool = False
+    """True if its encoder shows one place."""
+    blocked: bool = False
+    """True if the blade stands, and its encoder shows it."""
+    one_way: bool = False
+    """True if the blade can be lowered, but not raised; or moved to the right, but not to the left."""
+    shift: float = 0.0
+    """Difference by which its encoder is wrong [m]."""
+    runaway: float = 0.0
+    """Speed of the blade, whatever is commanded [m/s]; a quick stop does stop it."""
+    silent: bool = False
+    """True if it sends no samples."""
+    heartbeat_silent: bool = False
+    not_homed: bool = False
+    quick_stops_lost: int = 0
+    """Number of quick stops that do not reach its drive."""
+    force: float = 0.0
+    """Force added to the tissue's, upwards, or to the right [N]."""
 
 
 @dataclass
@@ -73,24 +98,8 @@ class Faults:
     """Number of quick stops that do not reach the blade's drive."""
     turn_stuck: bool = False
     """True if the hinge's encoder shows one angle."""
-    height_stuck: bool = False
-    """True if the height axis's encoder shows one height."""
-    height_blocked: bool = False
-    """True if the blade stands in its height, and its encoder shows it."""
-    cannot_be_raised: bool = False
-    """True if the blade can be lowered, but not raised."""
-    height_shift: float = 0.0
-    """Difference by which the height axis's encoder is wrong [m]."""
-    height_runaway: float = 0.0
-    """Speed upwards of the blade, whatever is commanded [m/s]; a quick stop does stop it."""
-    height_silent: bool = False
-    """True if the height axis sends no samples."""
-    height_heartbeat_silent: bool = False
-    height_not_homed: bool = False
-    height_quick_stops_lost: int = 0
-    """Number of quick stops that do not reach the height axis's drive."""
-    vertical_force: float = 0.0
-    """Vertical force added to the tissue's, upwards [N]."""
+    height: CrossFaults = field(default_factory=CrossFaults)
+    side: CrossFaults = field(default_factory=CrossFaults)
     power_lost: bool = False
     bus_off: bool = False
 
@@ -129,9 +138,9 @@ class FakeDrive:
         self.latch.happens(Event.STOP)
         self._rig.reach(self.name)
         self.sent.append((self._rig.clock.now(), "quick stop"))
-        lost = {"blade": "quick_stops_lost", "height": "height_quick_stops_lost"}.get(self.name, "")
-        if lost and getattr(self._rig.faults, lost) > 0:
-            setattr(self._rig.faults, lost, getattr(self._rig.faults, lost) - 1)
+        faults = self._rig.faults_of(self.name)
+        if faults is not None and faults.quick_stops_lost > 0:
+            faults.quick_stops_lost -= 1
         elif self.state is DriveState.ENABLED:
             self.state = DriveState.QUICK_STOP
 
@@ -154,8 +163,9 @@ class FakeDrive:
         return drive_limits(self._rig.settings.axes[self.name])
 
     def about(self) -> dict[str, float | str]:
-        """Return that this is a fake drive, and of the height axis whether it was homed."""
-        homed = {"homed": "no" if self._rig.faults.height_not_homed else "yes"} if self.name == "height" else {}
+        """Return that this is a fake drive, and of an axis across the cut whether it was homed."""
+        faults = self._rig.faults_of(self.name)
+        homed = {"homed": "no" if faults.not_homed else "yes"} if isinstance(faults, CrossFaults) else {}
         return {"kind": "fake drive", **homed}
 
     def close(self) -> None:
@@ -242,11 +252,11 @@ class FakeRig:
         self.bench = bench(self.settings)
         self.blade = FakeDrive("blade", self)
         self.angle = FakeDrive("angle", self) if self.settings.angle is not None else None
-        self.height = FakeDrive("height", self) if self.settings.height is not None else None
+        self.across = {name: FakeDrive(name, self) for name in self.settings.cross_axes}
         self.sensor = FakeSensor(self)
         self.plant = RigPlant(
-            self.settings, self.clock, self.blade, self.sensor, angle=self.angle, height=self.height, depth=depth,
-            follows=follows,
+            self.settings, self.clock, self.blade, self.sensor, angle=self.angle, depth=depth, follows=follows,
+            **self.across,
         )  # fmt: skip
         self.heard: Callable[[float, str, float], None] = lambda time, axis, speed: None
         self._listeners: dict[str, MotionListener | None] = {}
@@ -255,7 +265,8 @@ class FakeRig:
         self._counts = (0, 0, 0, 0, 0, 0)
         self._held: tuple[float, float, float] = (0.0, 0.0, 0.0)
         self._pending: list[tuple[float, ForceSample]] = []
-        self._ramped = self._stuck_at = self._turn_stuck_at = self._height_stuck_at = 0.0
+        self._ramped = self._stuck_at = self._turn_stuck_at = 0.0
+        self._shown_across = dict.fromkeys(self.across, 0.0)
         self._turns: list[Repeating] = [
             self.clock.every(TICK, self._tick, "bench"),
             self.clock.every(self.settings.bus.sync, self._sync, "SYNC"),
@@ -284,7 +295,7 @@ class FakeRig:
 
     def report_emergency(self, code: int, meaning: str, axis: str = "blade") -> None:
         """Let a drive, the blade's or another, report an error and stop by itself."""
-        drive = self.height if axis == "height" else self.angle if axis == "angle" else self.blade
+        drive = self.across.get(axis, self.angle if axis == "angle" else self.blade)
         assert drive is not None
         drive.state = DriveState.FAULT
         if (listener := self._listeners.get(axis)) is not None:
@@ -311,8 +322,8 @@ class FakeRig:
         if not stopping:
             speed = faults.runaway or speed - math.copysign(faults.slip, speed)
         turn = 0.0 if stopping or self.angle is None else self.angle.target
-        if self.height is not None:
-            self._rise(self.height)
+        for drive_across in self.across.values():
+            self._shift(drive_across)
         if faults.blocked:
             self.bench.block()
         else:
@@ -320,13 +331,19 @@ class FakeRig:
         self._ramped += faults.ramp * TICK
         self._feel(now)
 
-    def _rise(self, drive: FakeDrive) -> None:
-        """Command the bench's vertical motion of the next millisecond."""
-        faults = self.faults
-        stopping = drive.state is not DriveState.ENABLED or faults.power_lost
-        rise = 0.0 if stopping else faults.height_runaway or drive.target
-        blocked = faults.height_blocked or (faults.cannot_be_raised and rise > 0.0)
-        self.bench.rise(rise, stopping=stopping, blocked=blocked)
+    def faults_of(self, axis: str) -> Faults | CrossFaults | None:
+        """Return the faults of an axis by name; None for the hinge."""
+        across = {"height": self.faults.height, "side": self.faults.side}
+        return self.faults if axis == "blade" else across.get(axis)
+
+    def _shift(self, drive: FakeDrive) -> None:
+        """Command the bench's motion of the next millisecond across the cut."""
+        faults = self.faults_of(drive.name)
+        assert isinstance(faults, CrossFaults)
+        stopping = drive.state is not DriveState.ENABLED or self.faults.power_lost
+        speed = 0.0 if stopping else faults.runaway or drive.target
+        blocked = faults.blocked or (faults.one_way and speed > 0.0)
+        self.bench.shift(drive.name, speed, stopping=stopping, blocked=blocked)
 
     def _feel(self, now: float) -> None:
         faults, height = self.faults, self.settings.height
@@ -335,9 +352,9 @@ class FakeRig:
             force = self.felt() - self.sensor.zero
             self.sensor.last.append(force)
             felt = [math.nan if faults.force_nan else force, faults.side_force, 0.0]
-            if height is not None:
-                up = self.bench.vertical_force + faults.vertical_force
-                felt["xyz".index(height.force_axis)] += height.force_sign * up
+            for name, axis in self.settings.cross_axes.items():
+                more = getattr(faults, name).force
+                felt["xyz".index(axis.force_axis)] += axis.force_sign * (self.bench.cross_force(name) + more)
             flicker = self._sequence * _PRIME % 1009
             counts = [round(_COUNTS * force) + flicker % 2, flicker, flicker, flicker, flicker, flicker]
             if faults.axis_frozen is not None:
@@ -381,23 +398,26 @@ class FakeRig:
         if self.angle is not None and (listener := self._listeners.get("angle")) is not None:
             angle = self._turn_stuck_at
             listener.motion("angle", MotionSample(now, angle, self.angle.target, 0.0, self.angle.state))
-        if self.height is not None and not self.faults.height_silent:
-            self._tell_height(now, self.height)
+        for drive in self.across.values():
+            self._tell_across(now, drive)
 
-    def _tell_height(self, now: float, drive: FakeDrive) -> None:
-        height, speed = self.bench.height
-        if self.faults.height_stuck:
-            height, speed = self._height_stuck_at, 0.0
-        self._height_stuck_at = height
-        if (listener := self._listeners.get("height")) is not None:
-            shown = height + self.faults.height_shift
-            listener.motion("height", MotionSample(now, shown, speed, 0.0, drive.state))
+    def _tell_across(self, now: float, drive: FakeDrive) -> None:
+        faults = self.faults_of(drive.name)
+        assert isinstance(faults, CrossFaults)
+        place, speed = self.bench.beside(drive.name)
+        if faults.stuck:
+            place, speed = self._shown_across[drive.name], 0.0
+        self._shown_across[drive.name] = place
+        if (listener := self._listeners.get(drive.name)) is not None and not faults.silent:
+            listener.motion(drive.name, MotionSample(now, place + faults.shift, speed, 0.0, drive.state))
 
     def _beat(self, now: float) -> None:
         if self.faults.heartbeat_silent or self.faults.bus_off or self.faults.power_lost:
             return
         for axis, listener in self._listeners.items():
-            if listener is not None and not (axis == "height" and self.faults.height_heartbeat_silent):
+            faults = self.faults_of(axis)
+            silent = isinstance(faults, CrossFaults) and faults.heartbeat_silent
+            if listener is not None and not silent:
                 listener.alive(axis, now)
 
 

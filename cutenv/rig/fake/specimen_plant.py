@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Protocol
 
 from cutenv.cutting.drive import Drive
@@ -13,7 +15,7 @@ from cutenv.plant import ReplayPlant, SimulatedPlant
 from cutenv.plant.simulator import ANGLE_RANGE
 from cutenv.rig.config.identified import drive_of
 from cutenv.rig.config.settings import RigSettings
-from cutenv.rig.fake.vertical_drive import VerticalDrive
+from cutenv.rig.fake.cross_drive import CrossDrive
 from cutenv.tissue.specimen import Specimen
 from cutenv.trace import Trace
 
@@ -41,43 +43,38 @@ class DrivenPlant(Protocol):
         """Force as measured by the sensor [N]."""
         ...
 
-    def rise(self, speed: float, *, stopping: bool, blocked: bool) -> None:
-        """Command the vertical motion of the next millisecond [m/s], upwards; for a rig with a height axis."""
+    def shift(self, axis: str, speed: float, *, stopping: bool, blocked: bool) -> None:
+        """Command the motion of the next millisecond of "height" [m/s], upwards, or of "side", to the left."""
         ...
 
-    @property
-    def height(self) -> tuple[float, float]:
-        """Height of the blade's lower end [m] and its speed upwards [m/s]."""
+    def beside(self, axis: str) -> tuple[float, float]:
+        """Return height of the blade's lower end, or its place to the left [m], and the speed of it [m/s]."""
         ...
 
-    @property
-    def vertical_force(self) -> float:
-        """Force of the tissue on the blade, upwards [N]."""
+    def cross_force(self, axis: str) -> float:
+        """Return the force of the tissue on the blade, upwards, or to the right [N]."""
         ...
 
 
-class AtOneHeight:
-    """Part of a bench on which the blade feels nothing of a height axis: it moves up and down freely."""
+class FreeAcross:
+    """Part of a bench on which the blade feels nothing of the axes across the cut: it moves freely there."""
 
-    _lift: VerticalDrive | None = None
+    _across: Mapping[str, CrossDrive] = MappingProxyType({})
 
-    def rise(self, speed: float, *, stopping: bool, blocked: bool) -> None:
-        """Move up or down by a millisecond, in air."""
-        if self._lift is not None:
-            self._lift.step(speed, stopping=stopping, blocked=blocked)
+    def shift(self, axis: str, speed: float, *, stopping: bool, blocked: bool) -> None:
+        """Move by a millisecond, in air."""
+        self._across[axis].step(speed, stopping=stopping, blocked=blocked)
 
-    @property
-    def height(self) -> tuple[float, float]:
-        """Height of the blade's lower end [m] and its speed upwards [m/s]; 0 without a height axis."""
-        return (0.0, 0.0) if self._lift is None else (self._lift.height, self._lift.speed)
+    def beside(self, axis: str) -> tuple[float, float]:
+        """Return place [m] and speed [m/s] of an axis across the cut."""
+        return self._across[axis].place, self._across[axis].speed
 
-    @property
-    def vertical_force(self) -> float:
+    def cross_force(self, axis: str) -> float:
         """Nothing presses on the blade."""
         return 0.0
 
 
-class SpecimenPlant(AtOneHeight):
+class SpecimenPlant(FreeAcross):
     """Specimen under the cutting law, with the simulator's own drive and sensor."""
 
     def __init__(
@@ -85,7 +82,7 @@ class SpecimenPlant(AtOneHeight):
         sensor: SensorParameters | None = None, law: LawParameters | None = None, seed: int = 0, episode: int = 0,
     ) -> None:  # fmt: skip
         drive = drive or drive_of(settings)
-        self._lift = None if settings.height is None else VerticalDrive(settings.height)
+        self._across = {name: CrossDrive(axis) for name, axis in settings.cross_axes.items()}
         self.plant = SimulatedPlant(
             specimen, drive=drive, sensor=sensor, law=law, seed=seed, episode=episode, angle=settings.fixed_angle
         )
@@ -126,7 +123,7 @@ class SpecimenPlant(AtOneHeight):
         return self._force
 
 
-class RecordedPlant(AtOneHeight):
+class RecordedPlant(FreeAcross):
     """Recorded cut, replayed millisecond by millisecond, whatever is commanded; at its end the blade rests."""
 
     def __init__(self, trace: Trace) -> None:

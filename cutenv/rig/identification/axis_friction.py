@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array
-from cutenv.rig.config.settings import Axis
+from cutenv.rig.config.axes import Axis
 from cutenv.rig.identification.recording import Stretch
 
 TORQUE_STEP = 1e-3

@@ -9,7 +9,8 @@ from contextlib import suppress
 
 import numpy as np
 
-from cutenv.rig.config.settings import Axis, RigSettings
+from cutenv.rig.config.axes import Axis
+from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.clock import Clock, SystemClock
 from cutenv.rig.devices.drivers import MotionDriver
 from cutenv.rig.devices.samples import DriveState, MotionSample

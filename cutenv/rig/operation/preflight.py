@@ -6,8 +6,9 @@ import math
 from dataclasses import dataclass
 from datetime import date
 
+from cutenv.rig.config.axes import Axis, CrossAxis
 from cutenv.rig.config.sensor_calibration import expired
-from cutenv.rig.config.settings import Axis, HeightAxis, RigSettings
+from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.operator import Operator
 from cutenv.rig.plant import RigPlant
@@ -68,12 +69,14 @@ def still_checks(plant: RigPlant, *, in_air: bool = True) -> list[Check]:
             Check(f"{name} axis", moved is not None, "no sample" if moved is None else f'"{moved.state.value}"')
         )
         checks += [_limit(name, axis, what, value) for what, value in answered[name].items()]
-    if settings.height is not None and settings.height.homing == "checked":
-        homed = plant.about()["height"].get("homed") == "yes"
+    for name, cross_axis in settings.cross_axes.items():
+        if cross_axis.homing == "trusted":
+            continue
+        homed = plant.about()[name].get("homed") == "yes"
         cure = (
             "" if homed else '; home it with the maker\'s tool, or write homing = "trusted" for a drive without the bit'
         )
-        checks.append(Check("height homed", homed, f"the drive says {'yes' if homed else 'no'}{cure}"))
+        checks.append(Check(f"{name} homed", homed, f"the drive says {'yes' if homed else 'no'}{cure}"))
     return checks
 
 
@@ -86,7 +89,7 @@ def _limit(name: str, axis: Axis, what: str, answered: float) -> Check:
 
 def moving_checks(plant: RigPlant) -> list[Check]:
     """Move the released blade by a millimetre and back, and turn it by a degree; check that the encoders show it."""
-    checks = [] if plant.settings.height is None else [_raised_and_back(plant, plant.settings.height)]
+    checks = [_moved_and_back(plant, name, axis) for name, axis in plant.settings.cross_axes.items()]
     start = plant.position
     way = _NUDGE if start + _NUDGE < plant.settings.limits.high else -_NUDGE
     plant.travel(start + way, speed=_NUDGE_SPEED)
@@ -107,24 +110,24 @@ def moving_checks(plant: RigPlant) -> list[Check]:
     return checks
 
 
-def _first_way(plant: RigPlant, axis: HeightAxis) -> float:
-    """Return the way by which the self-test moves the blade first [m], upwards."""
-    return _NUDGE if plant.height + _NUDGE < axis.highest else -_NUDGE
+def _first_way(plant: RigPlant, name: str, axis: CrossAxis) -> float:
+    """Return the way by which the self-test moves an axis across the cut first [m]."""
+    return _NUDGE if plant.place(name) + _NUDGE < axis.bounds[1] else -_NUDGE
 
 
-def _ask_direction(plant: RigPlant, axis: HeightAxis, operator: Operator) -> None:
-    """Ask whether up is up: with a wrong ``direction`` the encoder agrees, and the blade would be driven down.
+def _ask_direction(plant: RigPlant, name: str, axis: CrossAxis, operator: Operator) -> None:
+    """Ask whether up is up, or left is left: with a wrong ``direction`` the encoder agrees with the commands.
 
     Raises
     ------
     RigError
         If the operator does not agree.
     """
-    first, then = ("up", "down") if _first_way(plant, axis) > 0.0 else ("down", "up")
+    first, then = axis.to if _first_way(plant, name, axis) > 0.0 else axis.to[::-1]
     if not operator.confirm(f"The blade has moved by {1e3 * _NUDGE:g} mm. Did it go {first} first, and then {then}?"):
         raise RigError(
-            f"the operator has not confirmed that the blade went {first} first: nothing is raised. If it went {then}, "
-            f"correct height.direction = {axis.direction} in the rig's file."
+            f"the operator has not confirmed that the blade went {first} first: nothing is cut. If it went {then}, "
+            f"correct {name}.direction = {axis.direction} in the rig's file."
         )
 
 
@@ -146,19 +149,19 @@ def _ask_motion(plant: RigPlant, operator: Operator) -> None:
         )
 
 
-def _raised_and_back(plant: RigPlant, axis: HeightAxis) -> Check:
-    """Raise the released blade by a millimetre and lower it again, against what was commanded.
+def _moved_and_back(plant: RigPlant, name: str, axis: CrossAxis) -> Check:
+    """Move the released blade across the cut by a millimetre and back, against what was commanded.
 
-    Near the upper end of its travel it is lowered first.
+    Near the upper or left end of its travel it goes the other way first.
     """
-    start, way = plant.height, _first_way(plant, axis)
-    plant.raise_to(start + way, speed=_NUDGE_SPEED)
-    there = plant.height - start
-    plant.raise_to(start, speed=_NUDGE_SPEED)
-    back = plant.height - start
+    start, way = plant.place(name), _first_way(plant, name, axis)
+    plant.carry(name, start + way, speed=_NUDGE_SPEED)
+    there = plant.place(name) - start
+    plant.carry(name, start, speed=_NUDGE_SPEED)
+    back = plant.place(name) - start
     well = there / way > _NUDGE_SHARE and abs(back) < (1.0 - _NUDGE_SHARE) * _NUDGE
-    found = f"raised {1e3 * there:+.3f} of {1e3 * way:+.2f} mm, and back to {1e3 * back:+.3f} mm"
-    return Check("height encoder", well, found)
+    found = f"moved {axis.to[0]} {1e3 * there:+.3f} of {1e3 * way:+.2f} mm, and back to {1e3 * back:+.3f} mm"
+    return Check(f"{name} encoder", well, found)
 
 
 def return_inside(plant: RigPlant) -> None:
@@ -174,10 +177,10 @@ def return_inside(plant: RigPlant) -> None:
     inside = min(max(plant.position, limits.low + _INSIDE), limits.high - _INSIDE)
     if not limits.low <= plant.position <= limits.high:
         plant.travel(inside, speed=CREEP)
-    if (axis := plant.settings.height) is not None:
-        within = min(max(plant.height, axis.lowest + _INSIDE), axis.highest - _INSIDE)
-        if not axis.lowest <= plant.height <= axis.highest:
-            plant.raise_to(within, speed=CREEP)
+    for name, axis in plant.settings.cross_axes.items():
+        (low, high), place = axis.bounds, plant.place(name)
+        if not low <= place <= high:
+            plant.carry(name, min(max(place, low + _INSIDE), high - _INSIDE), speed=CREEP)
 
 
 def relieve(plant: RigPlant) -> None:
@@ -204,7 +207,8 @@ def prepare(plant: RigPlant, operator: Operator, *, today: date, in_air: bool = 
 
     Calibration and ``armed_by``; switching on; tare and self-test at rest; the operator's typed confirmation; for a
     blade beyond an end of its travel, its slow return, if the operator agrees to that too; a millimetre to and fro. On
-    a rig with a height axis a millimetre up and down comes first, and the operator confirms that up is up.
+    a rig with axes across the cut a millimetre up and down, or to the left and right, comes first, and the operator
+    confirms that up is up, and left is left.
 
     Parameters
     ----------
@@ -255,8 +259,8 @@ def prepare(plant: RigPlant, operator: Operator, *, today: date, in_air: bool = 
         checks += _passed(moving_checks(plant))
         if plant.counts_steps:
             _ask_motion(plant, operator)
-        if in_air and plant.settings.height is not None:
-            _ask_direction(plant, plant.settings.height, operator)
+        for name, axis in plant.settings.cross_axes.items() if in_air else ():
+            _ask_direction(plant, name, axis, operator)
     except BaseException as error:
         plant.halt()
         try:
@@ -277,11 +281,15 @@ def _question(plant: RigPlant, in_air: bool) -> str:
     else:
         felt = ". May it move"
     where = f"According to its drive it stands {1e3 * plant.position:.1f} mm from the clamp"
-    moves = "will move"
+    moves = []
     if (axis := plant.settings.height) is not None:
         where += f", at a height of {1e3 * plant.height:+.1f} mm"
-        moves = f"will move: up and down by 1 mm, and up to {1e3 * axis.raised:g} mm before it returns"
-    return f"The blade of {plant.settings.name} {moves}. {where}{felt}, and is the stop button within reach?"
+        moves.append(f"up and down by 1 mm, and up to {1e3 * axis.raised:g} mm before it returns")
+    if plant.settings.side is not None:
+        where += f", {1e3 * plant.place('side'):+.1f} mm to the left of the middle"
+        moves.append("to the left and right by 1 mm")
+    told = f"will move{': ' if moves else ''}{'; '.join(moves)}"
+    return f"The blade of {plant.settings.name} {told}. {where}{felt}, and is the stop button within reach?"
 
 
 def _newtons(force: tuple[float, float, float]) -> str:

@@ -5,9 +5,8 @@ from __future__ import annotations
 from cutenv._base.arrays import StructArray
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.plant import RigPlant
-from cutenv.rig.reading_grid import MEASURED_BESIDE
 from cutenv.tissue.grid import depth_below
-from cutenv.trace import COMPONENTS_OF_FORCE, Reading
+from cutenv.trace import COMPONENTS_OF_FORCE, PLACE, Reading
 
 Row = tuple[float, ...]
 
@@ -15,12 +14,16 @@ Row = tuple[float, ...]
 def recorded_beside(settings: RigSettings) -> tuple[str, ...]:
     """Return the fields that a rig records beside a :class:`~cutenv.trace.Reading`'s.
 
-    With a height axis "height", "vertical_force" and the six components; without one the six, if its file says so.
-    They are what ``beside`` of :class:`cutenv.recording.AppendingRecord` takes.
+    With a height axis "height" and "vertical_force", with one to the side "blade_x", "blade_y" and "lateral_force";
+    with either, or if its file says so, the six components.  They are what ``beside`` of
+    :class:`cutenv.recording.AppendingRecord` takes.
     """
+    names: tuple[str, ...] = ()
     if settings.height is not None:
-        return MEASURED_BESIDE
-    return COMPONENTS_OF_FORCE if settings.sensor.components == "all" else ()
+        names += "height", "vertical_force"
+    if settings.side is not None:
+        names += *PLACE, "lateral_force"
+    return names + COMPONENTS_OF_FORCE if names or settings.sensor.components == "all" else ()
 
 
 def recorded_rows(plant: RigPlant, readings: StructArray) -> tuple[list[Reading], list[Row] | None]:

@@ -110,6 +110,7 @@ class RigSession:
             try:
                 self._raise()
                 self.operator.tell(f"The blade returns to the clamp at {1e3 * RETURN_SPEED:g} mm/s.")
+                plant.retrace(speed=RETURN_SPEED)
                 plant.travel(START_POSITION, speed=RETURN_SPEED, angle=angle)
                 self._lower()
                 break
@@ -155,11 +156,12 @@ class RigSession:
                 f"the blade was moved to {1e3 * plant.position:.1f} mm while the specimen was laid: begin the cut "
                 "again, and leave it at the clamp."
             )
-        if plant.settings.height is not None and abs(plant.height - START_HEIGHT) > _PUSHED:
-            raise RigError(
-                f"without power the blade went to a height of {1e3 * plant.height:+.1f} mm: a height axis needs a brake"
-                " or a screw that holds it. Begin the cut again when it does."
-            )
+        for name in plant.settings.cross_axes:
+            if abs(plant.place(name)) > _PUSHED:  # START_HEIGHT is 0, as is the middle
+                raise RigError(
+                    f"without power the {name} axis went to {1e3 * plant.place(name):+.1f} mm: it needs a brake or a "
+                    "screw that holds it. Begin the cut again when it does."
+                )
         zero = plant.tare()
         off = max(abs(now - then) for now, then in zip(zero, self._air or zero, strict=True))
         if off > DRIFT:

@@ -98,12 +98,13 @@ def fits(settings: RigSettings) -> list[Fit]:
     elif reach < _SHORTEST:
         why = f"in 30 s it cuts {1e3 * max(reach, 0.0):.0f} mm, and targets begin at {1e3 * _SHORTEST:g} mm"
     free = settings.angle is not None
-    lifts = settings.height is not None
+    lifts, aside = settings.height is not None, settings.side is not None
     fast = speed >= 0.98 * TASK_SPEED / MARGIN
     found = [
         Fit("RigCut-v1, angle fixed", cut, why),
         Fit("RigCut-v1, angle free", cut and free, why if free else "no drive turns the blade"),
         Fit("RigDepthCut-v1", cut and lifts, why if lifts else "no drive raises the blade"),
+        Fit("RigPathCut-v1", cut and aside, why if aside else "no drive moves the blade to the side"),
         Fit(
             "policies at full speed",
             cut and fast,

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections import deque
 
-from cutenv.rig.config.settings import HeightAxis, Identified, SafetyLimits
+from cutenv.rig.config.axes import HeightAxis
+from cutenv.rig.config.settings import Identified, SafetyLimits
 from cutenv.rig.devices.sample_clock import LEAK, SEQUENCES, SampleClock
 from cutenv.rig.devices.samples import ForceSample
 from cutenv.rig.safety.stop_causes import STILL, Breach, Cause
@@ -74,15 +75,15 @@ class ForceMonitor:
     def pressed(self) -> str | None:
         """Vertical force beyond its limit, from a blade that presses on the tissue, as a text; None if it is within."""
         height, newest = self._height, self.newest
-        if height is None or newest is None or height.vertical(newest.force) <= height.vertical_force:
+        if height is None or newest is None or height.felt(newest.force) <= height.vertical_force:
             return None
-        up = height.vertical(newest.force)
+        up = height.felt(newest.force)
         return f"the blade presses on the tissue with {up:.1f} N, {height.vertical_force:g} N allowed"
 
     def let_relieve(self) -> None:
         """Allow a vertical force that is beyond its limit now, as long as it falls, until it is within."""
         if self._height is not None and self.newest is not None and self.pressed is not None:
-            self._relieved = self._height.vertical(self.newest.force)
+            self._relieved = self._height.felt(self.newest.force)
 
     @property
     def relieving(self) -> bool:
@@ -90,7 +91,7 @@ class ForceMonitor:
         return self._relieved is not None
 
     def _lifted_too_much(self, height: HeightAxis, force: tuple[float, float, float]) -> bool:
-        up = height.vertical(force)
+        up = height.felt(force)
         if self._relieved is not None:
             self._relieved = min(self._relieved, up)
             if self._relieved > 0.9 * height.vertical_force:  # less: readings that flicker about the limit
@@ -128,7 +129,7 @@ class ForceMonitor:
         if max(map(abs, sample.force)) > limits.force:
             return Breach(Cause.FORCE, f"{_newtons(sample)} beyond {limits.force:g} N in an axis")
         if (height := self._height) is not None and self._lifted_too_much(height, sample.force):
-            up = f"{height.vertical(sample.force):+.2f} N upwards"
+            up = f"{height.felt(sample.force):+.2f} N upwards"
             return Breach(Cause.VERTICAL_FORCE, f"{up}, beyond {height.vertical_force:g} N")
         if norm > limits.force_norm:
             return Breach(Cause.FORCE, f"{norm:.2f} N in all, beyond {limits.force_norm:g} N")

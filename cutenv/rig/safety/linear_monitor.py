@@ -4,30 +4,12 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import NamedTuple
 
+from cutenv.rig.config.settings import Reach
 from cutenv.rig.devices.samples import MotionSample
 from cutenv.rig.safety.following_monitor import FollowingMonitor
 from cutenv.rig.safety.motion_history import CREEP, FASTER, JITTER, LONG, OUTWARD, SAMPLES, elapsed, rests
 from cutenv.rig.safety.stop_causes import Breach, Cause
-
-
-class LinearLimits(NamedTuple):
-    """Limits of an axis at which the blade is stopped, and the words for its place and direction."""
-
-    low: float
-    """Ends of travel [m]."""
-    high: float
-    speed: float
-    """Either way [m/s]."""
-    acceleration: float
-    """[m/s2]."""
-    following: float
-    """Distance from where the blade should be [m]."""
-    outside: Cause
-    """Cause of a stop beyond an end of travel."""
-    place: str = "blade at"
-    way: str = ""
 
 
 class LinearMonitor:
@@ -35,16 +17,24 @@ class LinearMonitor:
 
     Parameters
     ----------
-    limits : LinearLimits
+    limits : Reach
         Limits of the axis.
     following : FollowingMonitor
         Model of its velocity loop.
     sync : float
         Time between samples [s].
+    outside : Cause
+        Cause of a stop beyond an end of travel.
+    place, way : str
+        Words for its place and direction.
     """
 
-    def __init__(self, limits: LinearLimits, following: FollowingMonitor, sync: float) -> None:
+    def __init__(
+        self, limits: Reach, following: FollowingMonitor, sync: float, *, outside: Cause = Cause.TRAVEL,
+        place: str = "blade at", way: str = "",
+    ) -> None:  # fmt: skip
         self._limits, self._following, self._sync = limits, following, sync
+        self._outside, self._place, self._way = outside, place, way
         self._samples: deque[MotionSample] = deque(maxlen=LONG)
         self._returning: tuple[float, float] | None = None  # [m] allowed range while returning inside
 
@@ -55,7 +45,7 @@ class LinearMonitor:
         if not self._samples or limits.low <= self._samples[-1].position <= limits.high:
             return None
         there, low, high = (1e3 * each for each in (self._samples[-1].position, limits.low, limits.high))
-        return f"{limits.place} {there:.2f} mm, outside {low:g} to {high:g} mm"
+        return f"{self._place} {there:.2f} mm, outside {low:g} to {high:g} mm"
 
     @property
     def standing(self) -> bool:
@@ -102,18 +92,18 @@ class LinearMonitor:
             low, high = self._returning
             if not low <= sample.position <= high:
                 where = self.beyond or "the blade"
-                return Breach(limits.outside, f"{where}: it was to return inside, but moves outward")
+                return Breach(self._outside, f"{where}: it was to return inside, but moves outward")
             if abs(fastest) > FASTER * CREEP:
                 told = f"while returning, at {1e3 * CREEP:g} mm/s"
-                return Breach(Cause.SPEED, f"{100 * fastest:.2f} cm/s{limits.way} {told}")
+                return Breach(Cause.SPEED, f"{100 * fastest:.2f} cm/s{self._way} {told}")
             self._draw_in()
         elif (beyond := self.beyond) is not None:
-            return Breach(limits.outside, beyond)
+            return Breach(self._outside, beyond)
         if abs(fastest) > limits.speed:
-            return Breach(Cause.SPEED, f"{100 * fastest:+.2f} cm/s{limits.way}, beyond {100 * limits.speed:g} cm/s")
+            return Breach(Cause.SPEED, f"{100 * fastest:+.2f} cm/s{self._way}, beyond {100 * limits.speed:g} cm/s")
         if abs(acceleration) > limits.acceleration:
             beyond = f"beyond {limits.acceleration:g} m/s2"
-            return Breach(Cause.ACCELERATION, f"{acceleration:+.2f} m/s2{limits.way}, {beyond}")
+            return Breach(Cause.ACCELERATION, f"{acceleration:+.2f} m/s2{self._way}, {beyond}")
         if stuck:
             return self._stuck(command)
         return self._astray(off, command) if abs(off) > limits.following else None

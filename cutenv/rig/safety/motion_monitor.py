@@ -3,16 +3,26 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping
+from functools import partial
 
-from cutenv.rig.config.settings import RigSettings
+from cutenv.rig.config.settings import Reach, RigSettings
 from cutenv.rig.devices.samples import DriveState, MotionSample
 from cutenv.rig.safety.following_monitor import NOMINAL_LAG, FollowingMonitor
 from cutenv.rig.safety.height_monitor import HeightMonitor
-from cutenv.rig.safety.linear_monitor import LinearLimits, LinearMonitor
+from cutenv.rig.safety.linear_monitor import LinearMonitor
 from cutenv.rig.safety.sample_rate_monitor import SURPLUS, SampleRateMonitor
 from cutenv.rig.safety.stop_causes import Breach, Cause
 
+_SLOW_ACROSS = 3e-4  # [m/s] expected speed below which an axis across the cut may stand still
+_UNMOVED = 5e-6  # [m] within which a straight axis counts as standing
 _ASTRAY = math.radians(10.0)  # [rad] allowed error of a hinge: its lag is not identified
+
+
+_ACROSS: Mapping[str, Callable[[Reach, FollowingMonitor, float], LinearMonitor]] = {
+    "height": partial(HeightMonitor, outside=Cause.HEIGHT, place="blade at a height of", way=" upwards"),
+    "side": partial(LinearMonitor, outside=Cause.SIDE, place="blade to the left by", way=" to the left"),
+}
 
 
 class MotionMonitor:
@@ -35,18 +45,18 @@ class MotionMonitor:
         self._limits, self._sync = settings.limits, settings.bus.sync
         self.newest: dict[str, MotionSample] = {}
         self._cadences: dict[str, SampleRateMonitor] = {}
-        identified, limits, sync = settings.identified, settings.limits, settings.bus.sync
+        identified, reaches, sync = settings.identified, settings.reaches, settings.bus.sync
         following = FollowingMonitor(
             lag=identified.motor_lag or NOMINAL_LAG,
             acceleration=identified.acceleration or settings.blade.acceleration,
-            sync=sync, slow=0.001, unmoved=5e-6,
+            sync=sync, slow=0.001, unmoved=_UNMOVED,
         )  # fmt: skip
-        along = LinearLimits(
-            limits.low, limits.high, limits.speed, limits.acceleration, limits.following, outside=Cause.TRAVEL
-        )
-        self._linear: dict[str, LinearMonitor] = {"blade": LinearMonitor(along, following, sync)}
-        if settings.height is not None:
-            self._linear["height"] = HeightMonitor(settings.height, sync)
+        self._linear: dict[str, LinearMonitor] = {"blade": LinearMonitor(reaches["blade"], following, sync)}
+        for name, axis in settings.cross_axes.items():
+            across = FollowingMonitor(
+                lag=NOMINAL_LAG, acceleration=axis.acceleration, sync=sync, slow=_SLOW_ACROSS, unmoved=_UNMOVED
+            )
+            self._linear[name] = _ACROSS[name](reaches[name], across, sync)
         hinge = settings.blade if settings.angle is None else settings.angle
         self._turning = FollowingMonitor(
             lag=NOMINAL_LAG, acceleration=hinge.acceleration, sync=sync, slow=math.radians(1.0),

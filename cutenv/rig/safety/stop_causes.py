@@ -28,6 +28,7 @@ class Cause(StrEnum):
     TRAVEL = "travel limit"
     ANGLE = "angle limit"
     HEIGHT = "height limit"
+    SIDE = "side limit"
     VERTICAL_FORCE = "vertical force limit"
     NOT_RAISED = "cannot be raised"
     FOLLOWING = "following error"
@@ -90,6 +91,7 @@ def detection_times(limits: SafetyLimits, *, packet: float = 0.001, sync: float 
         Cause.TRAVEL: sync,
         Cause.ANGLE: sync,
         Cause.HEIGHT: sync,
+        Cause.SIDE: sync,
         Cause.VERTICAL_FORCE: packet,
         Cause.NOT_RAISED: stuck_after(sync) + sync,
         Cause.FOLLOWING: sync,

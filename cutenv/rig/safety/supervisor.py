@@ -28,7 +28,7 @@ _ROUNDING = 1e-9  # [m/s] of a speed that was reduced to the limit before
 BRAKING = 0.16
 """Time constant near the ends of travel [s]: a speed is allowed that would take at least this long to reach the end."""
 _SHORT = 1e-4  # [m] from an end of travel, the distance at which the allowed speed is zero
-_STRAYED = {"blade": 0.003, "angle": math.radians(10.0), "height": 0.001}  # [m], [rad] that a locked axis may move
+_STRAYED = {"blade": 0.003, "angle": math.radians(10.0), "height": 0.001, "side": 0.001}  # [m], [rad] of a locked axis
 _FALLEN = (DriveState.QUICK_STOP, DriveState.REACTING, DriveState.FAULT)
 
 
@@ -45,7 +45,7 @@ class Supervisor:
     clock : Clock
         Clock of the rig.
     axes : sequence of MotionDriver
-        Driver of the blade, and of angle and height where it has them.
+        Driver of the blade, and of angle, height and side where it has them.
     rate : float
         Rate of the force readings [Hz].
     rate_error : float
@@ -68,7 +68,7 @@ class Supervisor:
         follows: bool = True,
     ) -> None:
         self.settings, self.limits = settings, settings.limits
-        self._clock = clock
+        self._clock, self._reaches = clock, settings.reaches
         self._axes = {axis.name: axis for axis in axes}
         self._latch = Latch()
         for axis in axes:
@@ -82,7 +82,7 @@ class Supervisor:
         self._motions = MotionMonitor(settings, follows=follows)
         self._alive: dict[str, float] = {}
         self._follows = follows
-        self._command = self._turning = self._rising = 0.0
+        self._told = dict.fromkeys(self._axes, 0.0)  # [m/s], [rad/s] that each axis is commanded
         self._held_until = math.inf
         self._locked_at: dict[str, float] = {}
         self._quick_stops = QuickStops(self._axes, self._motions.newest, fresh=self.limits.stale_motion)
@@ -98,7 +98,9 @@ class Supervisor:
 
     def force(self, sample: ForceSample) -> None:
         """Check one force reading; over-force is detected entirely here, in the thread that received the packet."""
-        breach = self._forces.check(sample, moving=self._command != 0.0 or self._rising != 0.0)
+        breach = self._forces.check(
+            sample, moving=any(speed != 0.0 for axis, speed in self._told.items() if axis != "angle")
+        )
         if self.phase is Phase.STOPPED and self.report is not None:
             self.report.peak_force = max(self.report.peak_force, math.hypot(*sample.force))
         if breach is not None and self.phase is Phase.READY:
@@ -108,8 +110,7 @@ class Supervisor:
         """Check one motion sample of an axis."""
         self._motions.note(axis, sample)
         if self.phase is Phase.READY:
-            told = {"blade": self._command, "height": self._rising}.get(axis, self._turning)
-            if (breach := self._motions.check(axis, told)) is not None:
+            if (breach := self._motions.check(axis, self._told[axis])) is not None:
                 self.trip(*breach, sample.time)
             return
         self._motions.restart()
@@ -151,10 +152,12 @@ class Supervisor:
 
     # Commands
 
-    def drive(self, speed: float, angle: float, hold: float, rise: float = 0.0) -> float:
+    def drive(self, speed: float, angle: float, hold: float, **across: float) -> float:
         """Check, limit and send a command that is valid for ``hold`` [s]; return the angle to turn to [rad].
 
-        ``rise`` is the speed upwards [m/s], 0 for a rig without a height axis.
+        ``across`` are the speeds of the other straight axes by name [m/s]: ``height`` upwards, ``side`` to the left;
+        0 by default.  Where one to the side is limited, the speed along the cut is reduced alike, and the other way
+        round: the blade keeps its course.
         Check and transmission share one lock with :meth:`trip`: no command can follow a quick stop, which with some
         drive settings would start the motion again.
 
@@ -163,24 +166,25 @@ class Supervisor:
         RigError
             If the rig is not released, or is stopped.
         """
-        if self.phase is Phase.READY and not (math.isfinite(speed) and math.isfinite(angle) and math.isfinite(rise)):
-            upwards = "" if self.settings.height is None else f", upwards {rise} m/s"
-            self.trip(Cause.NOT_A_NUMBER, f"the command is speed {speed} m/s, angle {angle} rad{upwards}")
+        wanted = {"blade": speed} | {name: across.get(name, 0.0) for name in self.settings.cross_axes}
+        if self.phase is Phase.READY and not (math.isfinite(angle) and all(map(math.isfinite, wanted.values()))):
+            others = "".join(f", {name} {value} m/s" for name, value in wanted.items() if name != "blade")
+            self.trip(Cause.NOT_A_NUMBER, f"the command is speed {speed} m/s, angle {angle} rad{others}")
             return angle
         broken = None
         with self._lock:
             if self.phase is not Phase.READY:
                 why = f"stopped ({self.report})" if self.phase is Phase.STOPPED else "not released"
                 raise RigError(f"the blade may not move: the rig is {why}. The operator has to release it first.")
-            allowed, raised = self._allowed(speed), self._allowed_rise(rise)
+            allowed = self._on_course({name: self._allowed(name, value) for name, value in wanted.items()}, wanted)
             turned = min(max(angle, self.limits.angle_low), self.limits.angle_high)
-            self.limited += abs(allowed - speed) > _ROUNDING or turned != angle or raised != rise
-            self._command, self._rising = allowed, raised
+            reduced = any(abs(allowed[name] - speed) > _ROUNDING for name, speed in wanted.items())
+            self.limited += reduced or turned != angle
+            self._told |= allowed
             self._held_until = self._clock.now() + hold * (1.0 + self.limits.overrun)
             try:
-                self._axes["blade"].command(allowed)
-                if "height" in self._axes:
-                    self._axes["height"].command(raised)
+                for name, value in allowed.items():
+                    self._axes[name].command(value)
             except RigError as error:
                 broken = str(error)
         if broken is not None:
@@ -193,41 +197,37 @@ class Supervisor:
         with self._lock:
             if self.phase is Phase.READY:
                 top = self.settings.angle.speed if self.settings.angle is not None else 0.0
-                self._turning = min(max(rate, -top), top)
+                self._told["angle"] = min(max(rate, -top), top)
                 try:
-                    self._axes["angle"].command(self._turning)
+                    self._axes["angle"].command(self._told["angle"])
                 except RigError as error:
                     broken = str(error)
         if broken is not None:
             self.trip(Cause.BUS, broken)
 
-    def _allowed(self, speed: float) -> float:
-        """Return the speed [m/s] reduced to the limit, which decreases toward the ends of travel."""
-        if self.relieving:
+    def _allowed(self, name: str, speed: float) -> float:
+        """Return a straight axis's speed [m/s] reduced to the limit, which decreases toward the ends of travel."""
+        sample = self._motions.newest.get(name)
+        if sample is None or (self.relieving and name != "height"):
             return 0.0
-        blade = self._motions.newest["blade"]
-        braking = BRAKING + abs(blade.speed) / (2.0 * self.settings.blade.acceleration)
-        top = min(self.limits.speed / MARGIN, self.settings.blade.speed)
+        reach = self._reaches[name]
+        braking = BRAKING + abs(sample.speed) / (2.0 * reach.axis.acceleration)
+        top = min(reach.speed / MARGIN, reach.axis.speed)
         if self.beyond is not None:
             top = min(top, CREEP)
-        highest = max(self.limits.high - _SHORT - blade.position, 0.0) / braking
-        lowest = max(blade.position - self.limits.low - _SHORT, 0.0) / braking
-        return min(max(speed, -min(top, lowest)), min(top, highest))
-
-    def _allowed_rise(self, rise: float) -> float:
-        """Return a speed upwards [m/s] reduced to the limit, which decreases toward the ends of the vertical travel."""
-        axis, sample = self.settings.height, self._motions.newest.get("height")
-        if axis is None or sample is None:
-            return 0.0
-        braking = BRAKING + abs(sample.speed) / (2.0 * axis.acceleration)
-        top = min(axis.fastest / MARGIN, axis.speed)
-        if self.beyond is not None:
-            top = min(top, CREEP)
-        highest = max(axis.highest - _SHORT - sample.position, 0.0) / braking
-        lowest = max(sample.position - axis.lowest - _SHORT, 0.0) / braking
+        highest = max(reach.high - _SHORT - sample.position, 0.0) / braking
+        lowest = max(sample.position - reach.low - _SHORT, 0.0) / braking
         if self.relieving:
             top, lowest = min(top, CREEP), 0.0
-        return min(max(rise, -min(top, lowest)), min(top, highest))
+        return min(max(speed, -min(top, lowest)), min(top, highest))
+
+    def _on_course(self, allowed: dict[str, float], wanted: dict[str, float]) -> dict[str, float]:
+        """Return allowed speeds [m/s] with those along the cut and to the side reduced by the same share."""
+        if "side" in allowed:
+            share = min(allowed[name] / wanted[name] if wanted[name] else 1.0 for name in ("blade", "side"))
+            if share < 1.0:
+                allowed |= {name: share * wanted[name] for name in ("blade", "side")}
+        return allowed
 
     # Timing
 
@@ -257,7 +257,7 @@ class Supervisor:
                 found.append(Breach(Cause.MOTION_STALE, f"no sample of the {axis} axis for {1e3 * silent:.0f} ms"))
             if (silent := now - self._alive.get(axis, -math.inf)) > limits.heartbeat:
                 found.append(Breach(Cause.HEARTBEAT, f"no heartbeat from the {axis} drive for {1e3 * silent:.0f} ms"))
-        if (self._command or self._turning or self._rising) and (late := now - self._held_until) > 0.0:
+        if any(self._told.values()) and (late := now - self._held_until) > 0.0:
             found.append(Breach(Cause.OVERRUN, f"no new command, {1e3 * late:.0f} ms after the last one expired"))
         return found
 
@@ -351,7 +351,7 @@ class Supervisor:
             self.trip(Cause.BUS, broken)
 
     def _rest(self) -> None:
-        self._command = self._turning = self._rising = 0.0
+        self._told = dict.fromkeys(self._axes, 0.0)
         self._held_until = math.inf
 
     def reset(self, agreed: bool) -> None:

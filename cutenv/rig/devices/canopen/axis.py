@@ -6,7 +6,7 @@ import logging
 import threading
 from collections.abc import Callable
 
-from cutenv.rig.config.settings import Axis, HeightAxis
+from cutenv.rig.config.axes import Axis, CrossAxis
 from cutenv.rig.devices.canopen import configuration
 from cutenv.rig.devices.canopen import objects as o
 from cutenv.rig.devices.canopen.network import CanNetwork
@@ -178,7 +178,7 @@ class CanopenAxis:
         word = self._book.read(o.STATUSWORD)
         trip = self._clock.now() - asked
         told = configuration.read_identity(self._book, self.units)
-        if isinstance(self._settings, HeightAxis):
+        if isinstance(self._settings, CrossAxis):
             told["homed"] = "yes" if word & o.HOMED else "no"
         return {**told, "sdo_round_trip_ms": 1e3 * trip, "state": self._state.value, "garbled_frames": self.garbled}
 

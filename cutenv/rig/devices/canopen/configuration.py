@@ -5,7 +5,8 @@ from __future__ import annotations
 import contextlib
 import math
 
-from cutenv.rig.config.settings import Axis, Bus
+from cutenv.rig.config.axes import Axis
+from cutenv.rig.config.settings import Bus
 from cutenv.rig.devices.canopen import objects as o
 from cutenv.rig.devices.canopen.network import DRIVE_PATIENCE
 from cutenv.rig.devices.canopen.sdo_channel import SdoChannel, SdoRefused, Unanswered

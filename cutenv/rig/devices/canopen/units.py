@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from cutenv._base.validation import in_range
-from cutenv.rig.config.settings import Axis
+from cutenv.rig.config.axes import Axis
 
 _INT32 = 2**31 - 1
 _EDGES = 4  # increments in one pulse of the encoder

@@ -13,7 +13,7 @@ import threading
 from collections.abc import Callable
 
 from cutenv._base.validation import in_range
-from cutenv.rig.config.settings import Axis
+from cutenv.rig.config.axes import Axis
 from cutenv.rig.devices.clock import Clock, Repeating
 from cutenv.rig.devices.driver_registry import Mounting, rig_driver
 from cutenv.rig.devices.drivers import MotionListener

@@ -7,8 +7,9 @@ from typing import Literal
 
 from cutenv._base.parameter import check_parameters
 from cutenv._base.validation import in_range, one_of
+from cutenv.rig.config.axes import Axis
 from cutenv.rig.config.setting import setting
-from cutenv.rig.config.settings import Axis, RigSettings
+from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.serial.grbl_lines import GRBL_AXES
 
 REPORT_PERIOD = 0.100

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from cutenv.rig.config.settings import Axis, Bus, RigSettings, SafetyLimits, SensorSettings
+from cutenv.rig.config.axes import Axis
+from cutenv.rig.config.settings import Bus, RigSettings, SafetyLimits, SensorSettings
 from cutenv.rig.devices.serial.grbl_options import REPORT_PERIOD, GrblOptions
 from cutenv.rig.devices.serial.load_cell import LoadCellOptions
 from cutenv.rig.devices.serial.stepper_settings import BOARD_PERIOD, StepperOptions

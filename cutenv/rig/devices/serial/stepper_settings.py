@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 from cutenv._base.parameter import check_parameters
 from cutenv._base.validation import in_range
+from cutenv.rig.config.axes import Axis
 from cutenv.rig.config.setting import setting
-from cutenv.rig.config.settings import Axis, RigSettings
+from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.serial.board_lines import StepperSetup
 from cutenv.rig.devices.serial.ports import is_pseudo_terminal
 

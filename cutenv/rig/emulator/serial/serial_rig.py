@@ -15,7 +15,7 @@ from cutenv.cutting.dtypes import TICK
 from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.plant.simulator import check_angle
-from cutenv.rig.config.settings import Axis
+from cutenv.rig.config.axes import Axis
 from cutenv.rig.devices.serial.board_lines import (
     BoardFlag,
     BoardState,

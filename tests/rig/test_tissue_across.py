@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -11,13 +12,13 @@ from hand_moved_drive import INCREMENT
 
 from cutenv.commands.rig.emulate import _options, _parser
 from cutenv.cutting.sensor import SensorParameters
-from cutenv.rig.config.imitated_rig import HEIGHT
+from cutenv.rig.config.imitated_rig import across
 from cutenv.rig.devices.canopen.objects import HOMED
 from cutenv.rig.emulator.assembly import EmulatedRig, Options
 from cutenv.rig.emulator.control import answered
 from cutenv.rig.emulator.emulated_tissue import EmulatedTissue, Laid
 from cutenv.rig.emulator.hub import Frame
-from cutenv.rig.emulator.layered_tissue import ARM, LayeredTissue
+from cutenv.rig.emulator.tissue_across import ARM, TissueAcross
 from cutenv.rig.errors import RigError
 from cutenv.tissue.layers import Layers
 
@@ -25,47 +26,51 @@ UPRIGHT = math.pi / 2
 WAY = np.linspace(0.0, 0.03, 1501)[1:]
 
 
-def laid(of: type[EmulatedTissue], **more) -> EmulatedTissue:
+def layered(sensor: SensorParameters | None = None) -> TissueAcross:
+    return TissueAcross(("height",), sensor)
+
+
+def laid(of: Callable[[SensorParameters], EmulatedTissue], **more) -> EmulatedTissue:
     bench, what = of(SensorParameters()), Laid(seed=3, episode=1, **more)
     bench.mount(what.drawn(), what, position=0.0, angle=UPRIGHT)
     return bench
 
 
 def test_at_height_0_the_readings_are_those_of_a_rig_without_the_axis_to_the_last_bit():
-    plain, layered = laid(EmulatedTissue), laid(LayeredTissue)
-    readings = [(plain.advance(x, UPRIGHT), layered.advance(x, UPRIGHT)) for x in WAY]
+    plain, low = laid(EmulatedTissue), laid(layered)
+    readings = [(plain.advance(x, UPRIGHT), low.advance(x, UPRIGHT)) for x in WAY]
     assert [one for one, _ in readings] == [other for _, other in readings]
-    assert (plain.true_force, plain.tip) == (layered.true_force, layered.tip)
-    assert abs(layered.vertical_force) < 1.0
-    assert layered.true_force > 0.5
+    assert (plain.true_force, plain.tip) == (low.true_force, low.tip)
+    assert abs(low.forces["height"]) < 1.0
+    assert low.true_force > 0.5
 
 
 def test_a_lower_blade_cuts_deeper_and_a_rising_one_is_held_down():
-    plain, lower = laid(LayeredTissue), laid(LayeredTissue)
+    plain, lower = laid(layered), laid(layered)
     for k, x in enumerate(WAY):
         plain.advance(x, UPRIGHT)
-        lower.height = -3e-6 * k
+        lower.places["height"] = -3e-6 * k
         lower.advance(x, UPRIGHT)
     assert lower.true_force > plain.true_force
-    pushed = lower.vertical_force
+    pushed = lower.forces["height"]
     for _ in range(200):
-        lower.height += 5e-6
+        lower.places["height"] += 5e-6
         lower.advance(WAY[-1], UPRIGHT)
-    assert lower.vertical_force < min(0.0, pushed)
+    assert lower.forces["height"] < min(0.0, pushed)
     lower.take_away()
     lower.advance(0.0, UPRIGHT)
-    assert (lower.true_force, lower.vertical_force) == (0.0, 0.0)
+    assert (lower.true_force, lower.forces["height"]) == (0.0, 0.0)
 
 
 def test_a_specimen_is_laid_only_with_the_blade_at_height_0():
-    bench = LayeredTissue()
-    with pytest.raises(RigError, match=r"at a height of 5\.0 mm: lower it to 0 \(within 2 mm\)"):
-        bench.check_height(0.005)
-    bench.check_height(-0.0019)
+    bench = layered()
+    with pytest.raises(RigError, match=r"the height axis stands at 5\.0 mm: move it to 0 \(within 2 mm\)"):
+        bench.check_places({"height": 0.005})
+    bench.check_places({"height": -0.0019})
 
 
 def test_the_option_adds_a_third_node_with_its_own_dictionary_that_says_it_is_homed():
-    assert _options(_parser().parse_args([])).height_axis is None
+    assert _options(_parser().parse_args([])).cross_axes == {}
     options = _options(_parser().parse_args(["--height", "--free-air"]))
     rig = EmulatedRig(options)
     try:
@@ -87,7 +92,7 @@ def test_the_option_adds_a_third_node_with_its_own_dictionary_that_says_it_is_ho
 
 
 def test_the_sensor_gets_the_vertical_force_and_a_torque_by_its_arm():
-    rig = EmulatedRig(Options(laid=None, height_axis=HEIGHT))
+    rig = EmulatedRig(Options(laid=None, cross_axes=across("height")))
     loads = []
     try:
         rig.sensor.send = loads.append
@@ -107,7 +112,7 @@ def test_the_sensor_gets_the_vertical_force_and_a_torque_by_its_arm():
 
 def test_layers_are_laid_by_the_control_port_on_a_rig_with_the_axis_alone():
     asked = {"do": "specimen", "seed": 3, "layers": {"boundary": 0.01, "deep_toughness": 2.0}}
-    rig = EmulatedRig(Options(laid=None, height_axis=HEIGHT))
+    rig = EmulatedRig(Options(laid=None, cross_axes=across("height")))
     try:
         assert answered(rig, asked)["ok"]
         assert rig.bench.laid.layers == Layers(boundary=0.01, deep_toughness=2.0)

@@ -1,0 +1,76 @@
+"""Tissue of an imitated rig along a line: the law in the plane under a blade that two axes lead."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cutenv.cutting.dtypes import READING, TICK
+from cutenv.cutting.parameters import LawParameters
+from cutenv.cutting.steered_cut import follow_turns
+from cutenv.plant import SteeredPlant
+from cutenv.plant.simulator import ANGLE_RANGE
+from cutenv.tissue.grid import LENGTH, SPACING
+from cutenv.tissue.lines import CutLine
+from cutenv.tissue.specimen import Specimen
+
+_LEAST = 1e-7  # [m] in a millisecond, below which a blade keeps its direction
+
+
+class TissueInPlane:
+    """Specimen along a line, cut by a blade that points where it is moved, as one behind a pivot does.
+
+    Parameters
+    ----------
+    specimen : Specimen
+        The tissue to cut.
+    line : CutLine
+        Line along which its profiles lie; the blade stands at its start.
+    law : LawParameters, optional
+        Constants of the cutting law.
+    angle : float
+        Inclination of the blade at the start [rad].
+
+    Attributes
+    ----------
+    plant : SteeredPlant
+        The specimen, with what is hidden on a rig.
+    force, side_force : float
+        Force of the tissue on the blade back toward the clamp, and to the right, across the slab [N].
+    """
+
+    def __init__(
+        self, specimen: Specimen, line: CutLine, *, law: LawParameters | None = None, angle: float = math.pi / 2
+    ) -> None:
+        self.plant = SteeredPlant(specimen, line, law=law, angle=_measured(angle))
+        self.force = self.side_force = 0.0
+        self._readings, self._lateral = np.zeros(1, READING), np.zeros(1)
+
+    def advance(self, x: float, y: float, angle: float) -> None:
+        """Move the blade to a place along and across the slab [m], at an inclination [rad], in a millisecond.
+
+        At the ends of the specimen, and too far from the line, it is held.
+        """
+        state, steering = self.plant.cuts.states[0], self.plant.steerings[0]
+        at_x, at_y = self.plant.blade
+        east, north = min(max(x, 0.0), LENGTH - SPACING) - at_x, y - at_y
+        along = float(east * steering.ahead + north * steering.across)
+        if (way := math.hypot(east, north)) > _LEAST:
+            along = math.copysign(way, along)
+            steering.ahead, steering.across = east / along, north / along
+        path = np.array([[0.0, state.blade - state.hand + along, _measured(angle)]])
+        follow_turns(self.plant.cuts, self.plant.steerings, path, TICK, self._readings, self._lateral)
+        force, lateral = float(self._readings["true_force"][0]), float(self._lateral[0])
+        ahead, across = float(steering.ahead), float(steering.across)
+        self.force, self.side_force = force * ahead - lateral * across, force * across + lateral * ahead
+
+    @property
+    def tip(self) -> float:
+        """Arc length of the line that the crack has reached [m]."""
+        return float(self.plant.cuts.states["tip"][0])
+
+
+def _measured(angle: float) -> float:
+    """Limit an angle [rad] to the range for which the law was measured."""
+    return min(max(angle, ANGLE_RANGE[0]), ANGLE_RANGE[1])
