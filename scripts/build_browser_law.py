@@ -70,21 +70,24 @@ def intermediate_code(task: str) -> str:
 
         from cutenv.browser.depth_steps import follow_deep_stylus
         from cutenv.browser.page_alone import TABLES
-        from cutenv.browser.path_steps import N_PATH_MEMORY, follow_steered_stylus
+        from cutenv.browser.path_steps import follow_steered_stylus
         from cutenv.browser.stylus_steps import follow_stylus
         from cutenv.cutting.descent import DESCENT
         from cutenv.cutting.dtypes import READING
         from cutenv.cutting.simulate import CUT
         from cutenv.cutting.steering import STEERING
         from cutenv.task.cuts import EPISODE
-        from cutenv.task.depth_cuts import N_MEMORY
+        from cutenv.task.depth_cuts import DEPTH_STEP_MEMORY
         from cutenv.task.depth_terms import DEPTH
+        from cutenv.task.path_cuts import PATH_STEP_MEMORY
         from cutenv.task.path_terms import PATH_MAP
 
         library: Any = numba  # which has no types
         carray, pointer = library.carray, library.types.CPointer
-        kinds = CUT, EPISODE, READING, DESCENT, DEPTH, TABLES, STEERING, PATH_MAP
-        cut, episode, reading, descent, depth, tables, steering, path = (pointer(from_dtype(kind)) for kind in kinds)
+        kinds = CUT, EPISODE, READING, DESCENT, DEPTH, DEPTH_STEP_MEMORY, TABLES, STEERING, PATH_MAP, PATH_STEP_MEMORY
+        cut, episode, reading, descent, depth, levels, tables, steering, path, places = (
+            pointer(from_dtype(kind)) for kind in kinds
+        )
         number, single, real, whole = pointer(types.float64), pointer(types.float32), types.float64, types.int32
 
         def follow(
@@ -105,7 +108,7 @@ def intermediate_code(task: str) -> str:
             return follow_deep_stylus(
                 carray(cuts, (1,)), carray(episodes, (1,)), carray(descents, (1,)), carray(depths, (1,)),
                 carray(slabs, (1,)), carray(stylus, (count, 3)), lag, acceleration, start,
-                carray(memory, (N_MEMORY, 1)), carray(actions, (1, 3)), carray(observations, (1, 22)),
+                carray(memory, (1,)), carray(actions, (1, 3)), carray(observations, (1, 22)),
                 carray(readings, (count, 1)), carray(beside, (2, count)), carray(outcome, (2,)),
             )  # fmt: skip
 
@@ -115,7 +118,7 @@ def intermediate_code(task: str) -> str:
         ) -> Any:  # fmt: skip
             return follow_steered_stylus(
                 carray(cuts, (1,)), carray(episodes, (1,)), carray(steerings, (1,)), carray(paths, (1,)),
-                carray(stylus, (count, 3)), lag, acceleration, carray(memory, (N_PATH_MEMORY, 1)),
+                carray(stylus, (count, 3)), lag, acceleration, carray(memory, (1,)),
                 carray(actions, (1, 3)), carray(observations, (1, 28)), carray(readings, (count, 1)),
                 carray(beside, (3, count)), carray(outcome, (2,)),
             )  # fmt: skip
@@ -124,12 +127,12 @@ def intermediate_code(task: str) -> str:
             "gentle": (follow, (cut, episode, number, whole, real, real, number, single, reading, number)),
             "depth": (
                 follow_deep,
-                (cut, episode, descent, depth, tables, number, whole, real, real, real, number, number, single, reading,
-                 number, number),
+                (cut, episode, descent, depth, tables, number, whole, real, real, real, levels, number, single,
+                 reading, number, number),
             ),
             "path": (
                 follow_steered,
-                (cut, episode, steering, path, number, whole, real, real, number, number, single, reading, number,
+                (cut, episode, steering, path, number, whole, real, real, places, number, single, reading, number,
                  number),
             ),
         }[task]  # fmt: skip

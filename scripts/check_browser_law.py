@@ -53,7 +53,7 @@ class CompiledCut:
             self._tables = [self._put(partial_depth_tables(cut.cutting.slabs).tobytes())]
             self._start = [float(cut.descents["level"][0])]
         self._beside = len(cut.beside_fields)
-        memory = [8 * cut.memory_numbers] if cut.memory_numbers else []
+        memory = [] if cut.memory is None else [cut.memory.itemsize]
         memory += [8 * cut.stylus_numbers, 4 * len(cut.components), 16]  # action, observation, outcome
         self.records = [(self._put(each.tobytes()), each) for each in cut.records.values()]
         *self._memory, self._outcome = (self._put(bytes(size)) for size in memory)

@@ -12,7 +12,7 @@ from cutenv.browser.stylus_steps import HandCut
 from cutenv.cutting.descent import DESCENT
 from cutenv.envs.depth_cut import DepthCutEnv
 from cutenv.play.hand_model import descent_toward, speed_over
-from cutenv.task.depth_cuts import N_MEMORY, step_depth_one
+from cutenv.task.depth_cuts import DEPTH_STEP_MEMORY, step_depth_one
 from cutenv.task.depth_cutting import DepthCutting
 from cutenv.task.depth_terms import ALL_COMPONENTS, DEPTH, DEPTH_ENDS
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, speed_action
@@ -29,7 +29,7 @@ def follow_deep_stylus(
     lag: float,
     acceleration: float,
     start: float,
-    memory: Array,
+    memory: StructArray,
     actions: Array,
     observations: StructArray,
     readings: StructArray,
@@ -48,8 +48,8 @@ def follow_deep_stylus(
         Wanted position of the hand [m], angle of the blade [rad], and level of the blade above that at the start [m].
     start : float
         Level of the blade at the start [m].
-    memory, actions, observations : array, shape (N_MEMORY, 1), (1, 3), (1, 22) float32
-        Memory of the calls.
+    memory, actions, observations : Records, array, shape (1,), (1, 3), (1, 22) float32
+        Memory of the calls, :data:`~cutenv.task.depth_cuts.DEPTH_STEP_MEMORY`, action and observation.
     beside : array, shape (2, n)
         Filled with the level of the blade [m] and the true vertical force on it, upwards [N].
     outcome : array, shape (2,)
@@ -89,7 +89,7 @@ class HandDepthCut(HandCut):
     stylus_numbers = 3
     """Numbers of the hand in each millisecond: position [m], angle [rad], level above that at the start [m]."""
 
-    memory_numbers = N_MEMORY
+    memory = DEPTH_STEP_MEMORY
     beside_fields = ("height", "vertical_force")
 
     def __init__(self, **keywords: Any) -> None:

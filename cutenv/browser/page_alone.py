@@ -213,7 +213,7 @@ def page_texts(language: str) -> dict[str, str]:
 def _task_data(task: str) -> dict[str, Any]:
     """Return how a task's law is called: numbers of the hand in a millisecond, records, and sizes of memory [bytes]."""
     kind = HAND_CUTS[task]
-    memory = [8 * kind.memory_numbers] if kind.memory_numbers else []
+    memory = [] if kind.memory is None else [kind.memory.itemsize]
     return {
         "numbers": kind.stylus_numbers,
         "records": tuple(kind.record_kinds),

@@ -7,27 +7,18 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cutenv._base.arrays import Array, StructArray
-from cutenv._engine.intrinsics import as_float64_view
-from cutenv._engine.jit import njit, njit_internal
-from cutenv._engine.lanes import first_row
+from cutenv._engine.jit import njit
 from cutenv.browser.stylus_steps import HandCut
-from cutenv.cutting.row import begin, plain_views, put
 from cutenv.cutting.steering import STEERING
 from cutenv.envs.path_cut import PathCutEnv
 from cutenv.play.hand_model import steered_toward
 from cutenv.scoring.path_map import LINE_KEY
-from cutenv.task import path_cuts
-from cutenv.task.assessment import add_terms
-from cutenv.task.cuts import batch_of_one, take_cut
-from cutenv.task.map_steps import REMEMBERED
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, SPEED_SCALE, speed_action
+from cutenv.task.path_cuts import PATH_STEP_MEMORY, step_path_one
 from cutenv.task.path_cutting import PathCutting
 from cutenv.task.path_terms import ALL_PATH_COMPONENTS, PATH_ENDS, PATH_MAP, TURN_SCALE
 from cutenv.tissue.drawn_lines import kind_of
 
-N_PATH_MEMORY = REMEMBERED + 1
-"""Numbers that a millisecond has to remember."""
-_begin_lane, _advance, _conclude = path_cuts._begin_lane, path_cuts._advance, path_cuts._conclude
 _LATERAL = [each.name for each in ALL_PATH_COMPONENTS].index("lateral")
 _NEWTONS = ALL_PATH_COMPONENTS[_LATERAL].scale
 
@@ -41,7 +32,7 @@ def follow_steered_stylus(
     stylus: Array,
     lag: float,
     acceleration: float,
-    memory: Array,
+    memory: StructArray,
     actions: Array,
     observations: StructArray,
     readings: StructArray,
@@ -59,8 +50,8 @@ def follow_steered_stylus(
     stylus : array, shape (n, 3)
         Wanted place of the hand along the slab [m], angle of the blade [rad], and place across the slab, to the left
         [m].
-    memory, actions, observations : array, shape (N_PATH_MEMORY, 1), (1, 3), (1, 28) float32
-        Memory of the calls.
+    memory, actions, observations : Records, array, shape (1,), (1, 3), (1, 28) float32
+        Memory of the calls, :data:`~cutenv.task.path_cuts.PATH_STEP_MEMORY`, action and observation.
     beside : array, shape (3, n)
         Filled with the place of the blade along and across the slab [m], and the measured force to its right [N].
     outcome : array, shape (2,)
@@ -75,7 +66,9 @@ def follow_steered_stylus(
         for k, action in enumerate((speed_action(speed), tilt, turning)):
             actions[0, k] = min(max(float(np.float32(action)), -1.0), 1.0)
         done = i + 1
-        end = _step(cuts, episodes, steerings, paths, actions, observations, readings[i:done], memory)
+        end = step_path_one(
+            cuts, episodes, steerings, paths, 1, actions, observations, readings[i:done], beside[2:, i:done], memory
+        )[1]
         beside[0, i], beside[1, i] = state.blade + steering.east, steering.north
         beside[2, i] = _NEWTONS * float(observations[0, _LATERAL])
         if end != 0:
@@ -83,35 +76,6 @@ def follow_steered_stylus(
     outcome[0] = end
     outcome[1] = 1.0 if end != 0 and paths[0].success == 1 else 0.0
     return done
-
-
-@njit_internal
-def _step(
-    cuts: StructArray,
-    episodes: StructArray,
-    steerings: StructArray,
-    paths: StructArray,
-    action: Array,
-    observations: StructArray,
-    readings: StructArray,
-    memory: Array,
-) -> int:
-    """Step one cut by a millisecond as :func:`cutenv.task.path_cuts.step_path_one`, in given memory; return its end.
-
-    In a browser nothing can be allocated.
-    """
-    c, e = cuts[0], episodes[0]
-    one, beside = batch_of_one(c, e), (steerings, paths)
-    row, count = first_row(c.rows), first_row(e.counts)
-    plain, turns = plain_views(c.rows, c.states, c.laws, c.drives), memory[REMEMBERED]
-    take_cut(one, row, plain, count, action, 0, 0)
-    _begin_lane(memory, 0, action[0, 2], c.states[0], turns, 0)
-    begin(row, plain, 1)
-    _advance(one, beside, turns, row, count, memory, readings, 0)
-    put(row, plain, 0, 0)
-    end = _conclude(one, beside, 0, row, count, memory, 0, action[0], observations[0], e.infos[0])
-    add_terms(as_float64_view(e.infos), e.totals)
-    return end
 
 
 class HandPathCut(HandCut):
@@ -134,7 +98,7 @@ class HandPathCut(HandCut):
     stylus_numbers = 3
     """Numbers of the hand in each millisecond: place along [m], angle [rad], place across, to the left [m]."""
 
-    memory_numbers = N_PATH_MEMORY
+    memory = PATH_STEP_MEMORY
     beside_fields = ("blade_x", "blade_y", "lateral_force")
 
     def __init__(self, *, line: str = "mixed", **keywords: Any) -> None:

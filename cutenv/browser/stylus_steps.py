@@ -104,8 +104,8 @@ class HandCut:
     """Names of its ends by code."""
     stylus_numbers = 2
     """Numbers of the hand in each millisecond: position [m] and angle [rad]."""
-    memory_numbers = 0
-    """Numbers that its law needs to remember within a millisecond."""
+    memory: np.dtype[Any] | None = None
+    """Record that its law needs within a millisecond."""
     beside_fields: tuple[str, ...] = ()
     """Fields of a trace that its law fills beside the readings."""
 
@@ -132,7 +132,7 @@ class HandCut:
         self._env.reset(seed=seed, options={"episode": episode})
         self.hand = hand
         self.end, self.success = "", False
-        self._memory = np.empty((self.memory_numbers, 1))
+        self._memory: StructArray = np.zeros(1, self.memory)  # a number if there is none
         self._action = np.zeros((1, self.stylus_numbers))
         self._observation = np.zeros((1, len(self.components)), np.float32)
         self._beside: list[Array] = []

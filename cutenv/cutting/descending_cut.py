@@ -4,22 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from cutenv._base.arrays import Array, Struct, StructArray
+from cutenv._base.arrays import Array, StructArray
 from cutenv._engine.intrinsics import keep_alive, without_refcount
-from cutenv._engine.jit import njit, njit_inline, njit_nogil
+from cutenv._engine.jit import njit, njit_nogil
 from cutenv._engine.lanes import first_row
 from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
-from cutenv.cutting.descent import descending_row
-from cutenv.cutting.drive import velocity_loop_step
+from cutenv.cutting.beside_row import beside_views, pad_beside, put_beside, take_beside
+from cutenv.cutting.descending_row import LEVEL_ROW, LEVEL_SCALARS, ONE_LEVEL, descending_row, lower_row
 from cutenv.cutting.dtypes import TICK
 from cutenv.cutting.row import LANES, ONE, ROW, begin, note, plain_views, put, take, take_tissue
 from cutenv.cutting.sensor import feel_row
 from cutenv.cutting.simulate import EnergyAccount, Physics, account
 from cutenv.cutting.update import drive_row
 from cutenv.tissue.specimen import LENGTH
-
-LOWEST, HIGHEST = -0.025, 0.025
-"""Ends of the blade's vertical travel [m]."""
 
 
 @njit
@@ -65,34 +62,26 @@ def follow_levels(
     ValueError
         If the path leaves the specimen.
     """
-    rows, levels = np.zeros(1, ONE), np.empty(1)
-    row = first_row(rows)
+    rows, all_levels = np.zeros(1, ONE), np.zeros(1, ONE_LEVEL)
+    row, levels = first_row(rows), first_row(all_levels)
     plain = plain_views(rows, cuts.states, cuts.laws, cuts.drives)
+    beside = beside_views(all_levels, descents, 1, LEVEL_SCALARS)
+    take_beside(beside, 0, 0)
     take_tissue(row, plain, cuts.profiles[0], 0, 0)
     begin(row, plain, 1)
     for i in range(len(path)):
         if not 0.0 <= path[i, 0] <= LENGTH:
             raise ValueError("positions leave the specimen: give metres from the clamp, 0 to 0.15")
-        row.dx[0], levels[0], row.next_angle[0] = path[i, 0] - row.blade[0], path[i, 1], path[i, 2]
+        row.dx[0], levels.next_level[0], row.next_angle[0] = path[i, 0] - row.blade[0], path[i, 1], path[i, 2]
         row.turns = 1 if path[i, 2] != row.angle[0] else 0
-        descending_row(row, cuts.profiles, descents, slabs, levels, dt)
+        descending_row(row, levels, beside, cuts.profiles, descents, slabs, dt)
         row.felt[0] = row.force[0]
         note(row, 0, readings[i], dt)
-        vertical[i] = descents[0].vertical
+        vertical[i] = levels.vertical[0]
     put(row, plain, 0, 0)
+    put_beside(beside, 0, 0)
     keep_alive(rows)
-
-
-@njit_inline
-def next_level(descent: Struct, descent_speed: float) -> float:
-    """Return the level [m] after a millisecond of the vertical drive under a commanded speed downwards [m/s]."""
-    if descent_speed == 0.0 and descent.level_speed == 0.0:
-        return descent.level  # type: ignore[no-any-return]
-    height, descent.level_speed = velocity_loop_step(
-        descent.level - LOWEST, descent.level_speed, -descent_speed, descent.gain, descent.acceleration,
-        HIGHEST - LOWEST, TICK,
-    )  # fmt: skip
-    return height + LOWEST if descent.level_speed != 0.0 else descent.level
+    keep_alive(all_levels)
 
 
 @njit
@@ -119,21 +108,25 @@ def hold_descending(
     readings, vertical : Records, array
         Filled, one for each millisecond; ``vertical`` is the true force upwards on the blade [N].
     """
-    rows, levels = np.zeros(1, ONE), np.empty(1)
-    row, plain = first_row(rows), plain_views(rows, cuts.states, cuts.laws, cuts.drives)
+    rows, all_levels = np.zeros(1, ONE), np.zeros(1, ONE_LEVEL)
+    row, levels = first_row(rows), first_row(all_levels)
+    plain = plain_views(rows, cuts.states, cuts.laws, cuts.drives)
+    beside = beside_views(all_levels, descents, 1, LEVEL_SCALARS)
     take(row, plain, cuts.profiles[0], cuts.drives[0], cuts.sensors[0], 0, 0)
-    row.given[0], row.aim[0] = speed, angle
+    take_beside(beside, 0, 0)
+    row.given[0], row.aim[0], levels.descent_speed[0] = speed, angle, descent_speed
     begin(row, plain, 1)
-    descent = descents[0]
     for i in range(len(readings)):
         drive_row(row, TICK)
-        levels[0] = next_level(descent, descent_speed)
-        descending_row(row, cuts.profiles, descents, slabs, levels, TICK)
+        lower_row(levels)
+        descending_row(row, levels, beside, cuts.profiles, descents, slabs, TICK)
         feel_row(row, cuts.sensors, i == 0)
         note(row, 0, readings[i], TICK)
-        vertical[i] = descent.vertical
+        vertical[i] = levels.vertical[0]
     put(row, plain, 0, 0)
+    put_beside(beside, 0, 0)
     keep_alive(rows)
+    keep_alive(all_levels)
 
 
 @njit_nogil
@@ -165,25 +158,30 @@ def hold_some_descending(
         Filled with the last force measured along the cut, and the true one upwards [N].
     """
     cuts = without_refcount(cuts)
-    rows, levels = np.zeros(1, ROW), np.empty(len(descents))
-    row, plain = first_row(rows), plain_views(rows, cuts.states, cuts.laws, cuts.drives)
+    rows, all_levels = np.zeros(1, ROW), np.zeros(1, LEVEL_ROW)
+    row, levels = first_row(rows), first_row(all_levels)
+    plain = plain_views(rows, cuts.states, cuts.laws, cuts.drives)
+    beside = beside_views(all_levels, descents, LANES, LEVEL_SCALARS)
     begun, end = next_chunk(passed, core, LANES)
     while begun < end:
         taken = end - begun
         for k in range(taken):
             n = begun + k
             take(row, plain, cuts.profiles[n], cuts.drives[n], cuts.sensors[n], k, n)
-            row.given[k], row.aim[k] = commands[n, 0], commands[n, 1]
+            take_beside(beside, k, n)
+            row.given[k], row.aim[k], levels.descent_speed[k] = commands[n, 0], commands[n, 1], commands[n, 2]
         begin(row, plain, taken)
+        pad_beside(beside, taken)
         for i in range(ticks):
             drive_row(row, TICK)
-            for n in range(begun, end):
-                levels[n] = next_level(descents[n], commands[n, 2])
-            descending_row(row, cuts.profiles, descents, slabs, levels, TICK)
+            lower_row(levels)
+            descending_row(row, levels, beside, cuts.profiles, descents, slabs, TICK)
             feel_row(row, cuts.sensors, i == 0)
         for k in range(taken):
             put(row, plain, k, begun + k)
-            felt[begun + k, 0], felt[begun + k, 1] = row.felt[k], descents[begun + k].vertical
+            put_beside(beside, k, begun + k)
+            felt[begun + k, 0], felt[begun + k, 1] = row.felt[k], levels.vertical[k]
         mark_done(passed, core, taken)
         begun, end = next_chunk(passed, core, LANES)
     keep_alive(rows)
+    keep_alive(all_levels)

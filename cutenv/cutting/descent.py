@@ -33,10 +33,9 @@ from cutenv._base.arrays import Struct, StructArray
 from cutenv._base.parameter import check_parameters, parameter
 from cutenv._engine.jit import njit, njit_inline, njit_internal
 from cutenv.cutting.dtypes import PROFILE, TICK
-from cutenv.cutting.law import LONGEST_ADVANCE, depth_at, grid_index, stiffness_at, toughness_at
-from cutenv.cutting.update import grow_row, leap_row, load_row, look_row, relax_row, run_row, turn_row
-from cutenv.tissue.floor import BEDDING, EDGE_LENGTH, press
-from cutenv.tissue.grid import N_POINTS, POINTS_PER_METRE
+from cutenv.cutting.law import grid_index
+from cutenv.tissue.floor import BEDDING, EDGE_LENGTH
+from cutenv.tissue.grid import N_POINTS
 from cutenv.tissue.layers import Layers, layered_depth, summed_toughness
 from cutenv.tissue.slab import at_depth, cut_through_along
 from cutenv.tissue.specimen import Specimen
@@ -44,7 +43,6 @@ from cutenv.tissue.specimen import Specimen
 LEAST_DEPTH = 5e-4
 """Depth [m] to which the blade stays engaged, however far it is raised."""
 _ASIDE = 0.25e-3  # depths on either side from which the stiffness's rise with depth is taken [m]
-_LEAST_CHANGE = 1e-6  # of the level engaged, from which that rise is taken [m]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -202,145 +200,6 @@ def renew_between(profile: Struct, descent: Struct, slab: Struct, low: float, hi
     first, last = grid_index(low)[0], grid_index(max(low, high))[0]
     for i in range(first, last + 2):
         renew(profile, descent, slab, i)
-
-
-@njit_inline
-def descending_row(
-    row: Struct, profiles: StructArray, descents: StructArray, slabs: StructArray, levels: StructArray, dt: float
-) -> None:
-    """Advance the law as :func:`~cutenv.cutting.update.cut_row`; then each blade goes to its level, ``levels`` [m]."""
-    slab = slabs[0]
-    if row.turns > 0:
-        turn_row(row, profiles)
-    if row.relaxing > 0:
-        relax_row(row, dt)
-    load_row(row, dt)
-    if row.points > 0 or row.leaps > 0:
-        for n in range(row.taken):
-            i, j, far = row.tip_point[n], row.blade_point[n], row.da[n] > LONGEST_ADVANCE
-            if i != row.seen_tip_point[n] or j != row.seen_blade_point[n] or far:
-                profile, descent = profiles[row.cut[n]], descents[row.cut[n]]
-                if far:
-                    renew_between(profile, descent, slab, row.tip[n], row.blade[n])
-                renew(profile, descent, slab, i)
-                renew(profile, descent, slab, i + 1)
-                renew_edge(profile, descent, j)
-                renew_edge(profile, descent, j + 1)
-    if row.leaps > 0:
-        leap_row(row, profiles)
-    if row.points > 0:
-        look_row(row, profiles)
-    grow_row(row)
-    if row.runs > 0:
-        for n in range(row.taken):
-            if row.waits[n] == 0:
-                renew_between(profiles[row.cut[n]], descents[row.cut[n]], slab, row.tip[n], row.blade[n])
-        run_row(row, profiles)
-    for n in range(len(row.blade)):
-        row.force[n] = row.elastic[n] + row.rubbing[n]
-    for n in range(row.taken):
-        if row.going[n] == 1:
-            descent = descents[row.cut[n]]
-            move_to_level(row, descent, n, levels[row.cut[n]])
-            descent.waiting -= 1
-            if descent.waiting <= 0:
-                respond(row, profiles[row.cut[n]], descent, slab, n)
-            tell_forces(row, descent, n)
-
-
-@njit_inline
-def move_to_level(row: Struct, descent: Struct, n: int, level: float) -> None:
-    """Move one blade to ``level`` [m]: it rubs, and its edge presses on springs."""
-    fall = descent.level - level
-    descent.level = level
-    descent.grip = 0.0
-    if fall != 0.0:
-        descent.grip = math.copysign(row.friction_per_depth[n] * row.depth[n], fall)
-        bearing, rubbed = descent.bearing + descent.spring * fall, descent.grip * fall
-        pressing = 0.5 * (descent.bearing + bearing) * fall
-        if bearing < 0.0:  # it leaves the floor on the way
-            bearing, pressing = 0.0, -0.5 * descent.bearing**2 / descent.spring
-        descent.bearing = bearing
-        descent.pressed += pressing
-        row.work[n] += pressing + rubbed
-        row.friction[n] += rubbed
-
-
-@njit_inline
-def tell_forces(row: Struct, descent: Struct, n: int) -> None:
-    """Tell the force upwards, and add that of slicing to the force along the cut."""
-    lag = max(row.blade[n] - row.creep[n] - row.tip[n], 0.0)
-    descent.vertical = descent.bearing + descent.grip + 0.5 * descent.rise * lag**2
-    descent.drag = 0.0
-    if descent.slicing > 0.0:  # it reverses as friction on the faces does
-        descent.drag = descent.slicing * row.bristle[n] * row.per_presliding_length[n]
-        row.force[n] += descent.drag
-
-
-@njit_internal
-def respond(row: Struct, profile: Struct, descent: Struct, slab: Struct, n: int) -> None:
-    """Let the floor of the cut and the tissue respond to the motion since they last did."""
-    a, x = row.tip[n], row.blade[n]
-    moved, fall = x - descent.blade, descent.settled - descent.level
-    lag, grown, cell = x - row.creep[n] - a, a - descent.tip, int(a * POINTS_PER_METRE + 0.5)
-    onwards = cell != descent.cell
-    for i in range(descent.cell + 1, cell + 1):
-        descent.floor[i] = descent.engaged
-    descent.waiting, descent.blade, descent.settled = descent.response, x, descent.level
-    descent.cell, descent.tip = cell, a
-    # A loading blade carries the tissue with it: the edge is drawn through it as far as the tip advances.  What a run
-    # advances at once is drawn as the blade moves on, so that the force of slicing stays that of its motion.
-    if lag >= 0.0:
-        descent.owed_slip += grown
-        slip = min(descent.owed_slip, max(moved, 0.0))
-        descent.owed_slip -= slip
-    else:
-        descent.owed_slip, slip = 0.0, abs(moved)
-
-    at, sliced = a + min(lag, 0.0), 0.0  # the leading end of the edge, in the tissue
-    under = int(at * POINTS_PER_METRE + 0.5)
-    if fall != 0.0 or descent.pressed != 0.0 or under != descent.under:
-        descent.under = under
-        pressing, released, spent, sliced, descent.bearing, descent.spring = press(descent, at, a, slip)
-        surplus = spent - released
-        row.work[n] += (pressing - descent.pressed) + max(surplus, 0.0)
-        row.fracture[n] += spent
-        row.loss[n] += max(-surplus, 0.0)
-        descent.pressed = pressing - released
-        sliced = max(surplus, 0.0) if fall <= 0.0 else min(max(surplus, 0.0), sliced)
-    engaged = max(descent.level, descent.floor[cell])
-    if engaged != descent.engaged:
-        gained = engage(row, profile, descent, slab, n, engaged, max(lag, 0.0))
-        row.work[n] += gained
-        sliced += max(gained, 0.0) if fall == 0.0 else 0.0
-    elif onwards or descent.rise == 0.0:
-        descent.rise = rise_with_depth(descent, slab, cell)
-    descent.untold = max(descent.untold - descent.slicing * abs(moved), 0.0) + (sliced if moved != 0.0 else 0.0)
-    descent.slicing = descent.untold * POINTS_PER_METRE
-
-
-@njit_internal
-def engage(row: Struct, profile: Struct, descent: Struct, slab: Struct, n: int, engaged: float, lag: float) -> float:
-    """Engage one blade down to another level ``engaged`` [m]; return the work that it takes [J]."""
-    a, x, K, toughness = row.tip[n], row.blade[n], row.K[n], row.toughness[n]
-    change = descent.engaged - engaged
-    descent.engaged = engaged
-    descent.version += 1
-    renew_between(profile, descent, slab, a, a)
-    j = grid_index(x)[0]
-    renew_edge(profile, descent, j)
-    renew_edge(profile, descent, j + 1)
-    row.K[n], row.dK[n] = stiffness_at(profile, a)
-    row.toughness[n], row.depth[n] = toughness_at(profile, a), depth_at(profile, x)
-    row.seen_tip_point[n], row.seen_blade_point[n] = -1, -1
-    row.held_force[n] *= row.toughness[n] / toughness
-    row.elastic[n] = row.K[n] * lag
-    row.force[n] += row.elastic[n] - K * lag
-    if abs(change) > _LEAST_CHANGE:
-        descent.rise = (row.K[n] - K) / change
-    else:
-        descent.rise = rise_with_depth(descent, slab, descent.cell)
-    return 0.5 * (row.K[n] - K) * lag**2  # type: ignore[no-any-return]
 
 
 @njit_internal

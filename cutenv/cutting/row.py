@@ -64,6 +64,7 @@ _PASSING = (  # scratch: it lives only in the row
     ("elastic", "f8"),  # force of the tissue [N]
     ("force", "f8"),  # both, on the blade [N]
     ("lateral", "f8"),  # of the tissue on a blade in the plane, to its right [N]
+    ("plane_force", "f8"),  # size of both in the plane [N]
     ("waits", "i8"),  # 1 if the crack does not run
     ("jump", "f8"),  # unstable growth [m]
     ("seed", "u8"),  # seed and episode: key of the sensor's noise

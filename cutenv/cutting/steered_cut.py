@@ -9,11 +9,18 @@ from cutenv._engine.intrinsics import keep_alive, without_refcount
 from cutenv._engine.jit import njit, njit_nogil
 from cutenv._engine.lanes import first_row
 from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
+from cutenv.cutting.beside_row import beside_views, pad_beside, put_beside, take_beside
 from cutenv.cutting.dtypes import TICK
 from cutenv.cutting.row import LANES, ONE, ROW, begin, note, plain_views, put, take, take_tissue
 from cutenv.cutting.sensor import feel_row
 from cutenv.cutting.simulate import EnergyAccount, Physics, account
-from cutenv.cutting.steering import steered_row
+from cutenv.cutting.steered_row import (
+    ONE_PLACE,
+    PLACE_ROW,
+    PLACE_SCALARS,
+    aim_place,
+    steered_row,
+)
 from cutenv.cutting.update import drive_row
 
 
@@ -55,21 +62,26 @@ def follow_turns(
     lateral : array, shape (n,)
         Filled with the force of the tissue on the blade, to its right [N].
     """
-    rows, turns = np.zeros(1, ONE), np.empty(1)
-    row = first_row(rows)
+    rows, all_places = np.zeros(1, ONE), np.zeros(1, ONE_PLACE)
+    row, places = first_row(rows), first_row(all_places)
     plain = plain_views(rows, cuts.states, cuts.laws, cuts.drives)
+    beside = beside_views(all_places, steerings, 1, PLACE_SCALARS)
     take_tissue(row, plain, cuts.profiles[0], 0, 0)
+    take_beside(beside, 0, 0)
     begin(row, plain, 1)
     for i in range(len(path)):
         way = row.blade[0] - row.hand[0]  # the law moves both along the line alike, but for the blade's own motion
-        turns[0], row.dx[0], row.next_angle[0] = path[i, 0], path[i, 1] - way, path[i, 2]
+        aim_place(places, 0, path[i, 0])
+        row.dx[0], row.next_angle[0] = path[i, 1] - way, path[i, 2]
         row.turns = 1 if path[i, 2] != row.angle[0] else 0
-        steered_row(row, cuts.profiles, steerings, turns, dt)
+        steered_row(row, places, cuts.profiles, steerings, dt)
         row.felt[0] = row.force[0]
         note(row, 0, readings[i], dt)
-        lateral[i] = steerings[0].lateral
+        lateral[i] = row.lateral[0]
     put(row, plain, 0, 0)
+    put_beside(beside, 0, 0)
     keep_alive(rows)
+    keep_alive(all_places)
 
 
 @njit
@@ -95,19 +107,25 @@ def hold_steered(
     readings, lateral : Records, array
         Filled, one for each millisecond; ``lateral`` is the true force on the blade to its right [N].
     """
-    rows, turns = np.zeros(1, ONE), np.full(1, turn_rate * TICK)
-    row, plain = first_row(rows), plain_views(rows, cuts.states, cuts.laws, cuts.drives)
+    rows, all_places = np.zeros(1, ONE), np.zeros(1, ONE_PLACE)
+    row, places = first_row(rows), first_row(all_places)
+    plain = plain_views(rows, cuts.states, cuts.laws, cuts.drives)
+    beside = beside_views(all_places, steerings, 1, PLACE_SCALARS)
     take(row, plain, cuts.profiles[0], cuts.drives[0], cuts.sensors[0], 0, 0)
+    take_beside(beside, 0, 0)
     row.given[0], row.aim[0] = speed, angle
+    aim_place(places, 0, turn_rate * TICK)
     begin(row, plain, 1)
     for i in range(len(readings)):
         drive_row(row, TICK)
-        steered_row(row, cuts.profiles, steerings, turns, TICK)
+        steered_row(row, places, cuts.profiles, steerings, TICK)
         feel_row(row, cuts.sensors, i == 0)
         note(row, 0, readings[i], TICK)
-        lateral[i] = steerings[0].lateral
+        lateral[i] = row.lateral[0]
     put(row, plain, 0, 0)
+    put_beside(beside, 0, 0)
     keep_alive(rows)
+    keep_alive(all_places)
 
 
 @njit_nogil
@@ -136,23 +154,30 @@ def hold_some_steered(
         Filled with the last force measured along the blade's direction, and the true one to its right [N].
     """
     cuts = without_refcount(cuts)
-    rows, turns = np.zeros(1, ROW), commands[:, 2] * TICK
-    row, plain = first_row(rows), plain_views(rows, cuts.states, cuts.laws, cuts.drives)
+    rows, all_places = np.zeros(1, ROW), np.zeros(1, PLACE_ROW)
+    row, places = first_row(rows), first_row(all_places)
+    plain = plain_views(rows, cuts.states, cuts.laws, cuts.drives)
+    beside = beside_views(all_places, steerings, LANES, PLACE_SCALARS)
     begun, end = next_chunk(passed, core, LANES)
     while begun < end:
         taken = end - begun
         for k in range(taken):
             n = begun + k
             take(row, plain, cuts.profiles[n], cuts.drives[n], cuts.sensors[n], k, n)
+            take_beside(beside, k, n)
             row.given[k], row.aim[k] = commands[n, 0], commands[n, 1]
+            aim_place(places, k, commands[n, 2] * TICK)
         begin(row, plain, taken)
+        pad_beside(beside, taken)
         for i in range(ticks):
             drive_row(row, TICK)
-            steered_row(row, cuts.profiles, steerings, turns, TICK)
+            steered_row(row, places, cuts.profiles, steerings, TICK)
             feel_row(row, cuts.sensors, i == 0)
         for k in range(taken):
             put(row, plain, k, begun + k)
-            felt[begun + k, 0], felt[begun + k, 1] = row.felt[k], steerings[begun + k].lateral
+            put_beside(beside, k, begun + k)
+            felt[begun + k, 0], felt[begun + k, 1] = row.felt[k], row.lateral[k]
         mark_done(passed, core, taken)
         begun, end = next_chunk(passed, core, LANES)
     keep_alive(rows)
+    keep_alive(all_places)

@@ -28,7 +28,8 @@ class BadArguments(ValueError):
     """Options that contradict each other, are out of range or do not fit a data set; the message names the cure."""
 
 
-TEACHERS = (*TASKS["gentle"].scripts, *TASKS["depth"].teachers, *TASKS["path"].teachers)
+_TEACHERS = {"gentle": TASKS["gentle"].scripts, "depth": TASKS["depth"].teachers, "path": TASKS["path"].teachers}
+TEACHERS = tuple(name for names in _TEACHERS.values() for name in names)
 """Names of the policies that learners can imitate."""
 _ENTROPY_WEIGHT = re.compile(r"(auto_)?\d*\.?\d+(e-?\d+)?")
 
@@ -85,8 +86,10 @@ class LearnerArguments:
     )
     script: str = option(
         "return stroke",
-        "script of the task to imitate",
+        "script to imitate; for --task "
+        + "; for --task ".join(f"{name}: {', '.join(one)}" for name, one in _TEACHERS.items()),
         TEACHERS,
+        metavar="SCRIPT",
     )
     demonstration_noise: float = option(
         0.15, "standard deviation of the noise added to half of the demonstrations", (0.0, 1.0)

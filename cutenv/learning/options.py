@@ -31,7 +31,7 @@ def option(
     allowed : tuple of str or pair of float, optional
         Every text that is allowed, or the smallest and the largest number, which :func:`check_ranges` checks.
     metavar : str, optional
-        Placeholder of the value in the help; by default TEXT, N, X or FILE.
+        Placeholder of the value in the help; by default every text that is allowed, or TEXT, N, X or FILE.
     resumable : bool
         Whether an interrupted run may be resumed with another value.
     """
@@ -64,7 +64,7 @@ def add_options(parser: argparse.ArgumentParser, kind: type[Any]) -> None:
             convert = _KINDS[str(field.type)]
             choices = field.metadata["allowed"] if convert is str else None
             default = f" (default {field.default})" if field.default != "" else ""
-            shown = None if choices else metavar or {str: "TEXT", int: "N", float: "X"}[convert]
+            shown = metavar or (None if choices else {str: "TEXT", int: "N", float: "X"}[convert])
             parser.add_argument(
                 flag, type=convert, choices=choices, metavar=shown, default=argparse.SUPPRESS, help=meaning + default
             )

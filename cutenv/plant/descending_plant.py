@@ -6,7 +6,8 @@ import numpy as np
 
 from cutenv._base.arrays import Array, StructArray
 from cutenv._base.validation import in_range
-from cutenv.cutting.descending_cut import HIGHEST, LOWEST, account_of_descending, hold_descending
+from cutenv.cutting.descending_cut import account_of_descending, hold_descending
+from cutenv.cutting.descending_row import HIGHEST, LOWEST
 from cutenv.cutting.descent import DescentParameters, descent_records, layered_profiles
 from cutenv.cutting.drive import Drive, Rig
 from cutenv.cutting.dtypes import READING, new_state

@@ -7,7 +7,7 @@ import numpy as np
 from cutenv._base.arrays import Array, Struct, StructArray
 from cutenv._engine.jit import njit, njit_internal
 from cutenv.cutting.law import grid_index, lerp
-from cutenv.cutting.steering import to_crack
+from cutenv.cutting.steered_row import to_crack
 from cutenv.policy.map_planner import MapPlanner, MapSearch, ThirdPlan
 from cutenv.policy.plan import choose_action
 from cutenv.task.cuts import Cuts

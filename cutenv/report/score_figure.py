@@ -112,7 +112,9 @@ def summary_figure(cuts: Sequence[tuple[str, ScoreCard]], width: float) -> Figur
             filled = "full" if card.outcome.startswith("success") else "none"
             row = people.index(operator)
             axes.plot(card.overall_score, -row, "o", color=_RAMP, markersize=6, alpha=0.8, fillstyle=filled)
-    axes.set_yticks(-np.arange(len(people)), [label(each or "cuts") for each in people])
+    axes.set_yticks(
+        -np.arange(len(people)), [label(each or ("no code" if len(people) > 1 else "cuts")) for each in people]
+    )
     axes.set_ylim(-len(people) + 0.4, 0.6)
     axes.set_xlim(-2.0, 102.0)
     axes.set_xlabel("overall score")

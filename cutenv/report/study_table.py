@@ -74,7 +74,7 @@ def table_lines(study: Study) -> list[str]:
         for found in study.findings:
             lines.append(f"{spoken(found.metric):24s} {_both(found.retest, 'agreement', 'consistency')}")
     lines += ["", *(line for text in words for line in textwrap.wrap(text, 110, subsequent_indent="  "))]
-    notes = [f"no reliability: {unknown}"] * bool(unknown)
+    notes = [f"no reliability: {unknown.removeprefix('series: ')}"] * bool(unknown)
     return [*lines, "", *(f"note: {note}" for note in (*notes, *study.notes, DISCLAIMER))]
 
 

@@ -58,26 +58,25 @@ def survey(depth: Struct, descent: Struct, low: float) -> None:
     depth.counts = max(depth.counts, descent.cell + 1)
 
 
-COMMAND, REACHED, VERTICAL_SUM, VERTICAL_MAX = range(4)
-"""Rows of what a step remembers of each lane: commanded speed downwards [m/s], least position of the edge's leading end
-[m], sum and maximum of the true vertical force [N]."""
+DEPTH_COUNTED = ("reached", "vertical_sum", "vertical_max")
+"""Counts of a step: least position of the edge's leading end [m], sum and maximum of the true vertical force [N]."""
 UNFELT = (0.0, 0.0)
 """Sum and maximum of the vertical force before the first step [N]."""
 
 
 @njit_inline
-def begin_depth_step(step: StructArray, k: Integer, command: float, position: float) -> None:
-    """Prepare a step of lane ``k`` with a commanded speed downwards [m/s] of a blade at ``position`` [m]."""
-    step[COMMAND, k], step[REACHED, k] = command, position
-    step[VERTICAL_SUM, k], step[VERTICAL_MAX, k] = 0.0, -math.inf
+def begin_depth_step(step: Struct, k: Integer, position: float) -> None:
+    """Prepare a step of lane ``k`` for a blade at ``position`` [m]."""
+    step.reached[k] = position
+    step.vertical_sum[k], step.vertical_max[k] = 0.0, -math.inf
 
 
 @njit_inline
-def count_depth(step: StructArray, k: Integer, position: float, vertical: float) -> None:
+def count_depth(step: Struct, k: Integer, position: float, vertical: float) -> None:
     """Count a millisecond of lane ``k``: position of the edge's leading end [m], true vertical force [N]."""
-    step[REACHED, k] = min(step[REACHED, k], position)
-    step[VERTICAL_SUM, k] += vertical
-    step[VERTICAL_MAX, k] = max(step[VERTICAL_MAX, k], vertical)
+    step.reached[k] = min(step.reached[k], position)
+    step.vertical_sum[k] += vertical
+    step.vertical_max[k] = max(step.vertical_max[k], vertical)
 
 
 @njit_inline

@@ -11,20 +11,17 @@ from cutenv._engine.intrinsics import as_float64_view, prefetch
 from cutenv._engine.jit import njit, njit_inline, njit_internal
 from cutenv._engine.lanes import first_row
 from cutenv._engine.randomness import Integer
-from cutenv.cutting.descending_cut import next_level
-from cutenv.cutting.descent import descending_row
+from cutenv.cutting.beside_row import Beside, beside_views, put_beside, take_beside
+from cutenv.cutting.descending_row import LEVEL_ROW, LEVEL_SCALARS, ONE_LEVEL, descending_row, lower_row
 from cutenv.cutting.dtypes import TICK
 from cutenv.cutting.law import grid_index
-from cutenv.cutting.row import begin, plain_views, put
+from cutenv.cutting.row import LANES, begin, plain_views, put
 from cutenv.cutting.sensor import feel_row
 from cutenv.cutting.update import drive_row
 from cutenv.task.assessment import add_terms, succeeded
 from cutenv.task.cuts import Cuts, batch_of_one, conclude_cut, count_row, take_cut
 from cutenv.task.depth_assessment import (
-    COMMAND,
-    REACHED,
-    VERTICAL_MAX,
-    VERTICAL_SUM,
+    DEPTH_COUNTED,
     as_deep_as_wanted,
     begin_depth_step,
     charge_depth,
@@ -33,13 +30,14 @@ from cutenv.task.depth_assessment import (
     survey,
 )
 from cutenv.task.depth_terms import DESCENT_SCALE, LAYER
-from cutenv.task.map_steps import REMEMBERED, map_stepper
+from cutenv.task.map_steps import MapLanes, map_stepper, step_counts
 from cutenv.task.observation import DEAD_ZONE
 from cutenv.task.reward import ENDS, SAFETY_ENDS
 
 _SAFETY = ENDS.index("force_limit")  # whose charges an end in the layer below shares
-N_MEMORY = REMEMBERED + 1
-"""Numbers that :func:`step_depth_one` has to remember."""
+_ROW = MapLanes(LEVEL_ROW, LEVEL_SCALARS, step_counts(DEPTH_COUNTED, LANES))
+DEPTH_STEP_MEMORY = MapLanes(ONE_LEVEL, LEVEL_SCALARS, step_counts(DEPTH_COUNTED, 1)).memory
+"""Memory of a call of :func:`step_depth_one`."""
 _SAFETY_CODES = max(ENDS.index(name) for name in SAFETY_ENDS)  # the ends for safety are the first ones
 
 
@@ -61,7 +59,7 @@ def step_depth_one(
     observations: StructArray,
     readings: StructArray,
     vertical: StructArray,
-    memory: Array,
+    memory: StructArray,
 ) -> tuple[float, int]:
     """Step one cut by one decision; return its reward and end, see :data:`step_depth_some`.
 
@@ -75,31 +73,35 @@ def step_depth_one(
         Milliseconds until the next decision.
     action, observations, readings, vertical : array, shape (1, 3), (1, 22) float32, (1, ticks), (1, ticks)
         Action within [-1, 1]; observation, readings and true vertical force [N]: filled.
-    memory : array, shape (N_MEMORY, 1)
-        Memory of the call: in a browser nothing can be allocated.
+    memory : Records, shape (1,)
+        :data:`DEPTH_STEP_MEMORY` of the call.
     """
     c, e = cuts[0], episodes[0]
     one, beside = batch_of_one(c, e), (descents, depths, slabs)
     row, count = first_row(c.rows), first_row(e.counts)
     plain, numbers = plain_views(c.rows, c.states, c.laws, c.drives), as_float64_view(e.infos)
-    step, levels = memory, memory[REMEMBERED]
+    level, step = first_row(memory[0].motion), first_row(memory[0].step)
+    along = beside_views(memory[0].motion, descents, 1, LEVEL_SCALARS)
     take_cut(one, row, plain, count, action, 0, 0)
-    _begin_lane(step, 0, action[0, 2], c.states[0], levels, 0)
+    take_beside(along, 0, 0)
+    _begin_lane(step, 0, action[0, 2], c.states[0], level)
     begin(row, plain, 1)
     for i in range(ticks):
-        _advance(one, beside, levels, row, count, step, readings, i)
-        vertical[0, i] = descents[0].vertical
+        _advance(one, beside, row, level, along, count, step, readings, i)
+        vertical[0, i] = level.vertical[0]
         if count.end[0] != 0:
             break
     put(row, plain, 0, 0)
+    put_beside(along, 0, 0)
     end = _conclude(one, beside, 0, row, count, step, 0, action[0], observations[0], e.infos[0])
     return add_terms(numbers, e.totals) + terms_of(depths[0]), end
 
 
 @njit_inline
-def _begin_lane(step: StructArray, k: Integer, action: float, state: Struct, levels: Array, n: Integer) -> None:
-    """Prepare lane ``k`` for a descent action of a cut."""
-    begin_depth_step(step, k, commanded_descent(action), state.tip)
+def _begin_lane(step: Struct, k: Integer, action: float, state: Struct, levels: Struct) -> None:
+    """Prepare lane ``k`` for a descent action."""
+    begin_depth_step(step, k, state.tip)
+    levels.descent_speed[k] = commanded_descent(action)
 
 
 @njit_inline
@@ -129,28 +131,22 @@ def terms_of(depth: Struct) -> float:
 def _advance(
     cuts: Cuts,
     beside: tuple[StructArray, ...],
-    levels: Array,
     row: Struct,
+    levels: Struct,
+    along: Beside,
     count: Struct,
-    step: StructArray,
+    step: Struct,
     readings: StructArray,
     i: int,
 ) -> int:
     """Advance and count millisecond ``i`` of a row; return how many of its cuts end with it."""
-    descents = beside[0]
     drive_row(row, TICK)
-    for k in range(row.taken):
-        c = row.cut[k]
-        if row.going[k] == 1:
-            held = step[COMMAND, k] == 0.0 and descents[c].level_speed == 0.0
-            levels[c] = descents[c].level if held else next_level(descents[c], step[COMMAND, k])
-    descending_row(row, cuts.profiles, descents, beside[2], levels, TICK)
+    lower_row(levels)
+    descending_row(row, levels, along, cuts.profiles, beside[0], beside[2], TICK)
     feel_row(row, cuts.sensors, i == 0)
     over = count_row(cuts, row, count, row.force, True, readings, i)
-    for k in range(row.taken):
-        if row.going[k] == 1:
-            c = row.cut[k]
-            count_depth(step, k, min(row.blade[k] - row.creep[k], row.tip[k]), descents[c].vertical)
+    for k in range(len(row.blade)):
+        count_depth(step, k, min(row.blade[k] - row.creep[k], row.tip[k]), levels.vertical[k])
     return over
 
 
@@ -161,7 +157,7 @@ def _conclude(
     c: int,
     row: Struct,
     count: Struct,
-    step: StructArray,
+    step: Struct,
     k: int,
     action: StructArray,
     observation: StructArray,
@@ -169,7 +165,7 @@ def _conclude(
 ) -> int:
     """Compute reward terms, observation and info for the step of cut number ``c``, in lane ``k``; return its end."""
     descent, depth, task, progress = beside[0][c], beside[1][c], cuts.tasks[c], cuts.progresses[c]
-    survey(depth, descent, step[REACHED, k] - descent.edge_length)
+    survey(depth, descent, step.reached[k] - descent.edge_length)
     charge_depth(depth, task.target)
     # It is charged as an end at the limit of force is: for all that stopping could still have cost.
     in_layer = depth.deepest > depth.layer_limit and (count.end[k] == 0 or count.end[k] > _SAFETY_CODES)
@@ -184,12 +180,12 @@ def _conclude(
     info.energy_residual -= descent.pressed
     observe_depth(
         depth, descent, cuts.nominals[c], cuts.sensors[c], cuts.states[c].tick, progress.updates, progress.position,
-        (step[VERTICAL_SUM, k], step[VERTICAL_MAX, k]), action[2], observation,
+        (step.vertical_sum[k], step.vertical_max[k]), action[2], observation,
     )  # fmt: skip
     return progress.end  # type: ignore[no-any-return]
 
 
-step_depth_some = map_stepper("step_depth_some", _begin_lane, _fetch, _advance, _conclude, terms_of)
+step_depth_some = map_stepper("step_depth_some", _ROW, _begin_lane, _fetch, _advance, _conclude, terms_of)
 """Step n cuts by one decision, with their vertical motions, their depths and the slab of them all; see
 :mod:`cutenv.task.map_steps`."""
 

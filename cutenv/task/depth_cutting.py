@@ -11,7 +11,7 @@ from cutenv._base.arrays import Array, Struct, StructArray
 from cutenv.cutting.descent import DescentParameters, descent_records
 from cutenv.plant.simulator import SimulatedPlant
 from cutenv.task.depth_beginning import begin_depth_one, observe_depth_at_start
-from cutenv.task.depth_cuts import N_MEMORY, depth_errors, step_depth_one
+from cutenv.task.depth_cuts import DEPTH_STEP_MEMORY, depth_errors, step_depth_one
 from cutenv.task.depth_terms import ALL_COMPONENTS, DEPTH, DEPTH_ENDS, DepthConstants
 from cutenv.task.gentle_cutting import ShownDepth, SimulatedCutting
 from cutenv.task.map_assessed import MapAssessed
@@ -146,7 +146,7 @@ class DepthCutting(DepthAssessed, SimulatedCutting):
         self._level_before = 0.0
         self.vertical: Array = np.zeros((1, self.ticks))
         """True vertical force on the blade since the last decision, upwards [N]."""
-        self._memory: Array = np.empty((N_MEMORY, 1))
+        self._memory: StructArray = np.zeros(1, DEPTH_STEP_MEMORY)
         begin_depth_one(
             plant.cuts, self.episode, self.descents, self.depths, self.slabs,
             (1.0 - specimen.tissue.friction_share, descent.bedding), (wanted, int(layer)),

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,16 +12,36 @@ from cutenv._engine.intrinsics import as_float64_view, keep_alive, without_refco
 from cutenv._engine.jit import njit_nogil
 from cutenv._engine.lanes import first_row
 from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
+from cutenv.cutting.beside_row import beside_views, pad_beside, put_beside, take_beside
 from cutenv.cutting.row import LANES, ROW, begin, plain_views, put
 from cutenv.task.assessment import COUNT, reward_of
 from cutenv.task.cuts import Cuts, fetch_some, flat_views, take_cut
 
-REMEMBERED = 4
-"""Numbers that a step of these tasks remembers of each lane."""
+
+class MapLanes(NamedTuple):
+    """Rows of a task beside that of the law, for a number of lanes."""
+
+    motion: np.dtype[Any]
+    """Row of what the task adds to the motion, see :mod:`cutenv.cutting.beside_row`."""
+    scalars: int
+    """Scalars of its record that a lane holds."""
+    step: np.dtype[Any]
+    """Counts of a step."""
+
+    @property
+    def memory(self) -> np.dtype[Any]:
+        """Record of both, for the step of one cut; in a browser the step itself can allocate nothing."""
+        return np.dtype((np.record, [("motion", self.motion, (1,)), ("step", self.step, (1,))]))
+
+
+def step_counts(names: Sequence[str], lanes: int) -> np.dtype[Any]:
+    """Return the structured dtype of what is counted in a step, by name; one number for each lane."""
+    return np.dtype((np.record, [(name, "f8", (lanes,)) for name in names]))
 
 
 def map_stepper(
     name: str,
+    rows_beside: MapLanes,
     begin_lane: Callable[..., None],
     fetch: Callable[..., None],
     advance: Callable[..., int],
@@ -34,11 +54,14 @@ def map_stepper(
     ----------
     name : str
         Name of the kernel.
+    rows_beside : MapLanes
+        What the task adds to a row of :data:`~cutenv.cutting.row.LANES`.
     begin_lane, fetch, advance, conclude, terms : callable
         What differs between the tasks, compiled by :func:`~cutenv._engine.jit.njit_inline`: prepare a lane for an
         action, prefetch records of the next row, advance and count a millisecond, conclude the step of a cut, and sum
         the costs of its map.
     """
+    motion_row, scalars, step_row = rows_beside
 
     def step_some(
         passed: WorkQueue,
@@ -72,9 +95,9 @@ def map_stepper(
             (waiting, actions, observations, rewards, ends, infos, readings)
         )
         rows, counts = np.zeros(1, ROW), np.zeros(1, COUNT)
-        steps, all_wanted = np.zeros((REMEMBERED, LANES)), np.empty(len(waiting))
-        step, wanted = without_refcount((steps, all_wanted))
-        row, count = first_row(rows), first_row(counts)
+        motions, steps = np.zeros(1, motion_row), np.zeros(1, step_row)
+        row, count, motion, step = first_row(rows), first_row(counts), first_row(motions), first_row(steps)
+        along = beside_views(motions, beside[0], LANES, scalars)
         plain, numbers = plain_views(rows, cuts.states, cuts.laws, cuts.drives), as_float64_view(infos)
         fetched = flat_views(cuts, plain, infos)
         first, last = next_chunk(passed, core, LANES)
@@ -86,21 +109,24 @@ def map_stepper(
                     rewards[n], ends[n] = 0.0, 0
                 else:
                     take_cut(cuts, row, plain, count, actions, taken, n)
-                    begin_lane(step, taken, actions[n, 2], cuts.states[n], wanted, n)
+                    take_beside(along, taken, n)
+                    begin_lane(step, taken, actions[n, 2], cuts.states[n], motion)
                     taken += 1
             if taken > 0:
                 begin(row, plain, taken)
+                pad_beside(along, taken)
             for i in range(ticks + 1 if taken > 0 else 0):
                 fetch_some(cuts, fetched, i, following[0], following[1])
                 fetch(beside, cuts, i, following[0], following[1])
                 over = taken  # after the last millisecond, all of them
                 if i < ticks:
-                    over = advance(cuts, beside, wanted, row, count, step, readings, i)
+                    over = advance(cuts, beside, row, motion, along, count, step, readings, i)
                 for k in range(taken if over > 0 else 0):
                     if row.going[k] == 1 and (i == ticks or count.end[k] != 0):
                         c = row.cut[k]
                         row.going[k] = 0
                         put(row, plain, k, c)
+                        put_beside(along, k, c)
                         ends[c] = conclude(cuts, beside, c, row, count, step, k, actions[c], observations[c], infos[c])
                         rewards[c] = reward_of(numbers, c) + terms(beside[1][c])
             mark_done(passed, core, last - first)
@@ -108,7 +134,7 @@ def map_stepper(
         keep_alive(rows)
         keep_alive(counts)
         keep_alive(steps)
-        keep_alive(all_wanted)
+        keep_alive(motions)
 
     kernel: Any = step_some
     kernel.__name__ = kernel.__qualname__ = name  # of its file in the cache,

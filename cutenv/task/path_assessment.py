@@ -27,9 +27,8 @@ def _fused(name: str, parameters: tuple[str, ...], lines: list[str]) -> Any:
 _charge = _fused("_charge", ("path", *OF_PATH), charge_lines(PATH_COSTS, "path", OF_PATH))
 _fill = _fused("_fill", (*(one.name for one in PATH_COMPONENTS), "observation"), observe_lines(PATH_COMPONENTS, _FIRST))
 
-TURN_COMMAND, PLANE_FORCE, LATERAL_SUM, LATERAL_PEAK = range(4)
-"""Rows of what a step remembers of each lane: commanded rate of turn [rad/s], size of the force on the blade in the
-plane, sum and largest size of its part to the right [N]."""
+PATH_COUNTED = ("lateral_sum", "lateral_peak")
+"""Counts of a step: sum and largest size of the force to the right of the blade [N]."""
 UNFELT_ASIDE = (0.0, 0.0)
 """Sum and largest size of the lateral force before the first step [N]."""
 
@@ -67,20 +66,16 @@ def _count(path: Struct, steering: Struct, i: int, aside: float) -> None:
 
 
 @njit_inline
-def begin_path_step(step: StructArray, k: Integer, command: float) -> None:
-    """Prepare a step of lane ``k`` with a commanded rate of turn [rad/s]."""
-    step[TURN_COMMAND, k] = command
-    step[LATERAL_SUM, k], step[LATERAL_PEAK, k] = 0.0, 0.0
+def begin_path_step(step: Struct, k: Integer) -> None:
+    """Prepare a step of lane ``k``."""
+    step.lateral_sum[k], step.lateral_peak[k] = 0.0, 0.0
 
 
 @njit_inline
-def count_lateral(step: StructArray, k: Integer, force: float, lateral: float) -> None:
-    """Count a millisecond of lane ``k``: true forces on the blade, along its direction and to its right [N]."""
-    step[PLANE_FORCE, k] = math.sqrt(
-        force * force + lateral * lateral
-    )  # without a lateral force, the size to the last bit
-    step[LATERAL_SUM, k] += lateral
-    step[LATERAL_PEAK, k] = max(step[LATERAL_PEAK, k], abs(lateral))
+def count_lateral(step: Struct, k: Integer, lateral: float) -> None:
+    """Count a millisecond of lane ``k``: true force on the blade, to its right [N]."""
+    step.lateral_sum[k] += lateral
+    step.lateral_peak[k] = max(step.lateral_peak[k], abs(lateral))
 
 
 @njit_inline

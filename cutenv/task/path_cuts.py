@@ -2,30 +2,30 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 
-from cutenv._base.arrays import Array, Struct, StructArray
+from cutenv._base.arrays import Struct, StructArray
 from cutenv._engine.intrinsics import as_float64_view, prefetch
 from cutenv._engine.jit import njit, njit_inline, njit_internal
 from cutenv._engine.lanes import first_row
 from cutenv._engine.randomness import Integer
+from cutenv.cutting.beside_row import Beside, beside_views, put_beside, take_beside
 from cutenv.cutting.dtypes import TICK
 from cutenv.cutting.law import grid_index
-from cutenv.cutting.row import begin, plain_views, put
+from cutenv.cutting.row import LANES, begin, plain_views, put
 from cutenv.cutting.sensor import feel_row
-from cutenv.cutting.steering import STEERING, steered_row
+from cutenv.cutting.steered_row import ONE_PLACE, PLACE_ROW, PLACE_SCALARS, aim_place, steered_row
+from cutenv.cutting.steering import STEERING
 from cutenv.cutting.update import drive_row
 from cutenv.task.assessment import add_terms, succeeded
 from cutenv.task.cuts import Cuts, batch_of_one, conclude_cut, count_row, take_cut
-from cutenv.task.map_steps import REMEMBERED, map_stepper
+from cutenv.task.map_steps import MapLanes, map_stepper, step_counts
 from cutenv.task.observation import DEAD_ZONE
 from cutenv.task.path_assessment import (
-    LATERAL_PEAK,
-    LATERAL_SUM,
-    PLANE_FORCE,
-    TURN_COMMAND,
+    PATH_COUNTED,
     begin_path_step,
     charge_path,
     count_lateral,
@@ -40,6 +40,9 @@ from cutenv.tissue.grid import N_POINTS
 _SAFETY = ENDS.index("force_limit")  # whose charges an end off the line shares
 _SAFETY_CODES = max(ENDS.index(name) for name in SAFETY_ENDS)  # the ends for safety are the first ones
 _STORED_LENGTH = 0.003  # [m], as in the term "stored"
+_ROW = MapLanes(PLACE_ROW, PLACE_SCALARS, step_counts(PATH_COUNTED, LANES))
+PATH_STEP_MEMORY = MapLanes(ONE_PLACE, PLACE_SCALARS, step_counts(PATH_COUNTED, 1)).memory
+"""Memory of a call of :func:`step_path_one`."""
 _AHEAD = 10  # points of the grid in the first distance at which the line is observed
 _STEERING, _LINES = np.int64(STEERING.itemsize // 8), 5  # numbers in a record; cache lines of its first ones
 
@@ -61,6 +64,7 @@ def step_path_one(
     observations: StructArray,
     readings: StructArray,
     lateral: StructArray,
+    memory: StructArray,
 ) -> tuple[float, int]:
     """Step one cut by one decision; return its reward and end, see :data:`step_path_some`.
 
@@ -74,30 +78,35 @@ def step_path_one(
         Milliseconds until the next decision.
     action, observations, readings, lateral : array, shape (1, 3), (1, 28) float32, (1, ticks), (1, ticks)
         Action within [-1, 1]; observation, readings and true lateral force [N]: filled.
+    memory : Records, shape (1,)
+        :data:`PATH_STEP_MEMORY` of the call.
     """
     c, e = cuts[0], episodes[0]
     one, beside = batch_of_one(c, e), (steerings, paths)
     row, count = first_row(c.rows), first_row(e.counts)
-    plain, numbers, turns = plain_views(c.rows, c.states, c.laws, c.drives), as_float64_view(e.infos), np.empty(1)
-    step = np.zeros((REMEMBERED, 1))
+    plain, numbers = plain_views(c.rows, c.states, c.laws, c.drives), as_float64_view(e.infos)
+    place, step = first_row(memory[0].motion), first_row(memory[0].step)
+    along = beside_views(memory[0].motion, steerings, 1, PLACE_SCALARS)
     take_cut(one, row, plain, count, action, 0, 0)
-    _begin_lane(step, 0, action[0, 2], c.states[0], turns, 0)
+    take_beside(along, 0, 0)
+    _begin_lane(step, 0, action[0, 2], c.states[0], place)
     begin(row, plain, 1)
     for i in range(ticks):
-        _advance(one, beside, turns, row, count, step, readings, i)
+        _advance(one, beside, row, place, along, count, step, readings, i)
         lateral[0, i] = row.lateral[0]
         if count.end[0] != 0:
             break
     put(row, plain, 0, 0)
+    put_beside(along, 0, 0)
     end = _conclude(one, beside, 0, row, count, step, 0, action[0], observations[0], e.infos[0])
     return add_terms(numbers, e.totals) + terms_of_path(paths[0]), end
 
 
 @njit_inline
-def _begin_lane(step: StructArray, k: Integer, action: float, state: Struct, turns: Array, n: Integer) -> None:
-    """Prepare lane ``k`` for a turn action of cut number ``n``."""
-    begin_path_step(step, k, commanded_turn(action))
-    turns[n] = step[TURN_COMMAND, k] * TICK
+def _begin_lane(step: Struct, k: Integer, action: float, state: Struct, places: Struct) -> None:
+    """Prepare lane ``k`` for a turn action."""
+    begin_path_step(step, k)
+    aim_place(places, k, commanded_turn(action) * TICK)
 
 
 @njit_inline
@@ -134,20 +143,23 @@ def terms_of_path(path: Struct) -> float:
 def _advance(
     cuts: Cuts,
     beside: tuple[StructArray, ...],
-    turns: Array,
     row: Struct,
+    places: Struct,
+    along: Beside,
     count: Struct,
-    step: StructArray,
+    step: Struct,
     readings: StructArray,
     i: int,
 ) -> int:
     """Advance and count millisecond ``i`` of a row; return how many of its cuts end with it."""
     drive_row(row, TICK)
-    steered_row(row, cuts.profiles, beside[0], turns, TICK)
+    steered_row(row, places, cuts.profiles, beside[0], TICK)
     feel_row(row, cuts.sensors, i == 0)
     for k in range(len(row.blade)):
-        count_lateral(step, k, row.force[k], row.lateral[k])
-    return count_row(cuts, row, count, step[PLANE_FORCE], True, readings, i)
+        count_lateral(step, k, row.lateral[k])
+        # Without a lateral force it is the size to the last bit.
+        row.plane_force[k] = math.sqrt(row.force[k] * row.force[k] + row.lateral[k] * row.lateral[k])
+    return count_row(cuts, row, count, row.plane_force, True, readings, i)
 
 
 @njit_internal
@@ -157,7 +169,7 @@ def _conclude(
     c: int,
     row: Struct,
     count: Struct,
-    step: StructArray,
+    step: Struct,
     k: int,
     action: StructArray,
     observation: StructArray,
@@ -184,12 +196,12 @@ def _conclude(
     info.energy_residual -= steering.held
     observe_path(
         path, steering, cuts.sensors[c], cuts.states[c].tick, progress.updates, row.blade[k],
-        (step[LATERAL_SUM, k], step[LATERAL_PEAK, k]), action[2], observation,
+        (step.lateral_sum[k], step.lateral_peak[k]), action[2], observation,
     )  # fmt: skip
     return progress.end  # type: ignore[no-any-return]
 
 
-step_path_some = map_stepper("step_path_some", _begin_lane, _fetch, _advance, _conclude, terms_of_path)
+step_path_some = map_stepper("step_path_some", _ROW, _begin_lane, _fetch, _advance, _conclude, terms_of_path)
 """Step n cuts by one decision, with their places in the plane and their paths; see :mod:`cutenv.task.map_steps`."""
 
 

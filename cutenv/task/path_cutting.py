@@ -15,7 +15,7 @@ from cutenv.task.gentle_cutting import ShownPath, SimulatedCutting
 from cutenv.task.map_assessed import MapAssessed
 from cutenv.task.observation import COMPONENTS
 from cutenv.task.path_beginning import begin_path_one, line_number, observe_path_at_start
-from cutenv.task.path_cuts import path_errors, step_path_one
+from cutenv.task.path_cuts import PATH_STEP_MEMORY, path_errors, step_path_one
 from cutenv.task.path_terms import ALL_PATH_COMPONENTS, PATH_ENDS, PATH_MAP, PathConstants
 from cutenv.task_quantities import PATH_COSTS
 from cutenv.tissue.drawn_lines import DrawnLines
@@ -89,6 +89,7 @@ class PathCutting(MapAssessed, SimulatedCutting):
         self.paths = path_record(constants)
         self.lateral: Array = np.zeros((1, self.ticks))
         """True force on the blade to its right since the last decision [N]."""
+        self._memory: StructArray = np.zeros(1, PATH_STEP_MEMORY)
         number = line_number(np.uint64(key[0]), np.uint64(key[1]), kind)
         self.line: CutLine = drawn.lines[number]
         begin_path_one(plant.cuts, self.steerings, self.paths, drawn.records, number)
@@ -104,7 +105,7 @@ class PathCutting(MapAssessed, SimulatedCutting):
         observation = np.empty((1, len(ALL_PATH_COMPONENTS)), np.float32)
         reward, self._end = step_path_one(
             self.plant.cuts, self.episode, self.steerings, self.paths, self.ticks, action.reshape(1, 3), observation,
-            self._recorded, self.lateral,
+            self._recorded, self.lateral, self._memory,
         )  # fmt: skip
         self._felt = self._recorded[0]
         return observation[0], reward

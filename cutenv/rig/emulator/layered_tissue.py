@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from cutenv.cutting.descending_cut import HIGHEST, LOWEST, follow_levels
+from cutenv.cutting.descending_cut import follow_levels
+from cutenv.cutting.descending_row import HIGHEST, LOWEST
 from cutenv.cutting.dtypes import READING, TICK
 from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.sensor import Sensor, SensorParameters

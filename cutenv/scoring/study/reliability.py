@@ -243,4 +243,4 @@ def _of_mean(rho: float, k: float) -> float:
 
 def _check_rows_differ(name: str, MSR: float, values: Array) -> None:
     if vanishes(MSR, values):
-        raise ValueError(f"{name}: the means of the rows do not differ at all; a correlation needs people who differ.")
+        raise ValueError(f"{name}: the people do not differ in their means; a correlation needs people who differ.")
