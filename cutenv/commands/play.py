@@ -22,6 +22,7 @@ from cutenv.commands.options import (
 
 if TYPE_CHECKING:
     from cutenv.play.course_progress import CourseProgress
+    from cutenv.play.shared_cut import Agent
 
 _EXTRA = ("pygame", "pymunk")
 _DEFAULT_CLASS = "liver"
@@ -57,17 +58,20 @@ def main(argv: Sequence[str]) -> int:
         )
     if arguments.line is not None and arguments.task != "path":
         raise ValueError(f"--line {arguments.line} needs --task path.")
+    agent = _agent_of(arguments)
     axes = None if arguments.axes is None else HandleAxes.parse(arguments.axes)
     open_display()  # before what takes half a minute where it has to be compiled
     print("preparing the first specimen ...", file=sys.stderr, flush=True)
     if arguments.picture is not None:
         made_folder("--picture", arguments.picture.parent)
     target = _EMULATED_TARGET if length is None else length
-    with named_device(arguments.device, target=target, url=arguments.device_url or INVERSE3_URL, axes=axes) as device:
+    url = arguments.device_url or INVERSE3_URL
+    with named_device(arguments.device, target=target, url=url, axes=axes, shares=agent is not None) as device:
         session = Session(
             device,
-            task=arguments.task,
+            task=arguments.task if agent is None else "shared",
             line=arguments.line,
+            agent=agent,
             specimen_class=arguments.specimen_class or _DEFAULT_CLASS,
             target_length=length if arguments.device != _EMULATED else target,
             seed=secrets.randbelow(2**31) if arguments.seed is None else arguments.seed,
@@ -93,12 +97,34 @@ def main(argv: Sequence[str]) -> int:
                 print(f"record: {path}")
     if session.card is not None and session.sight().shown.result:
         print(session.card.headline())
+        if agent is not None:
+            print(session.cut.map_words)
         print(f"in full: cutenv score {session.records[-1]}")
     if course is not None:
         print(f"{course.verdict} {course.ahead()}".strip())
     if arguments.picture is not None:
         window.save(arguments.picture)
     return 0
+
+
+def _agent_of(arguments: argparse.Namespace) -> Agent | None:
+    """Return the agent that shares the cuts, None without one.
+
+    Raises
+    ------
+    ValueError
+        If there is no such policy, it is for another task, or an option does not go with it.
+    """
+    if arguments.policy is None:
+        return None
+    if arguments.task != "gentle" or arguments.course is not None:
+        given = "--course" if arguments.course is not None else f"--task {arguments.task}"
+        raise ValueError(f"--policy {arguments.policy!r} cuts gently to a length, and does not go with {given}.")
+    from cutenv.learning.evaluation import contestant
+    from cutenv.play.shared_cut import Agent
+
+    found = contestant(arguments.policy)
+    return Agent(name=arguments.policy, policy=found.policy, arguments=found.arguments)
 
 
 def _course_of(arguments: argparse.Namespace) -> CourseProgress | None:
@@ -143,6 +169,7 @@ def _parser() -> argparse.ArgumentParser:
             "--task path --line excision",
             "--course first --operator P07",
             "--device emulated-inverse3 --cuts 1",
+            "--policy ppo-free --operator P07",
         ),
         note="Space begins and goes on, r repeats, c chooses the class, p shows what is hidden, m frees the mouse,\n"
         "F11 fills the screen, esc ends.\n"
@@ -156,6 +183,11 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--line", choices=("straight", "arc", "s", "excision", "random", "mixed"),
         help="line of --task path; default mixed, which is any of them",
+    )  # fmt: skip
+    parser.add_argument(
+        "--policy", metavar="POLICY",
+        help="share the cut with an agent, named as for 'cutenv evaluate': it cuts, and you lead while you hold space, "
+        "an arrow key, the mouse button, or the first button of a handle or gamepad",
     )  # fmt: skip
     add_specimen_class(parser, _DEFAULT_CLASS)
     parser.set_defaults(specimen_class=None)  # so that it is known whether it was given

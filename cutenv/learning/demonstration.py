@@ -91,7 +91,7 @@ def simulated(env: gymnasium.Env[Any, Any], policy: Policy, seed: int) -> Demons
         policy.set_state(cutting)
     tip = {"tip_m": info["truth"]["tip_m"], "true_force_N": 0.0}
     observations, actions, rewards = [observation], [], []
-    start = _at_rest(cutting, env.unwrapped.start_angle)  # type: ignore[attr-defined]
+    start = felt_at_rest(cutting, env.unwrapped.start_angle)  # type: ignore[attr-defined]
     task = "" if env.spec is None else env.spec.id
     infos = [start | tip | added_infos(task, observation, info) | _intervened(info)]
     ended = False
@@ -102,7 +102,7 @@ def simulated(env: gymnasium.Env[Any, Any], policy: Policy, seed: int) -> Demons
         actions.append(info.get("action", action))
         rewards.append(float(reward))
         tip = {"tip_m": info["truth"]["tip_m"], "true_force_N": cutting.readings["true_force"][-1]}
-        infos.append(_felt(cutting) | tip | added_infos(task, observation, info) | _intervened(info))
+        infos.append(felt_now(cutting) | tip | added_infos(task, observation, info) | _intervened(info))
     target = info["truth"]["target_length_m"]
     return _joined(observations, actions, rewards, True, infos, seed, {"target_length_m": target})
 
@@ -115,7 +115,7 @@ def _intervened(info: dict[str, Any]) -> dict[str, float]:
 def recorded(
     trace: Trace, *, control_hz: int, target_length: float | None = None, deadline: float = 30.0
 ) -> Demonstration:
-    """Make a demonstration of a recorded cut of a person or a rig.
+    """Make a demonstration of a recorded cut of a person or a rig; of one shared with an agent, it says who led.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ def recorded(
     observations = [cutting.rest(start)]
     actions: list[np.ndarray] = []
     rewards: list[float] = []
-    infos = [_at_rest(cutting, start) | {"tip_estimate_m": 0.0}]
+    infos = [felt_at_rest(cutting, start) | {"tip_estimate_m": 0.0}]
     beyond = 0
     while not cutting.end and plant.left >= ticks:
         done = len(actions) * ticks
@@ -158,9 +158,16 @@ def recorded(
         observations.append(observation)
         actions.append(action)
         rewards.append(reward)
-        infos.append(_felt(cutting) | {"tip_estimate_m": cutting.tip})
+        infos.append(felt_now(cutting) | {"tip_estimate_m": cutting.tip})
     if not actions:
         raise ValueError(f"the record lasts {trace.duration:g} s, less than a decision. Give more decisions a second.")
+    if "person_led_s" in trace.metadata:
+        for k, info in enumerate(infos):
+            led = any(
+                begin < k * ticks * TICK and end > (k - 1) * ticks * TICK
+                for begin, end in trace.metadata["person_led_s"]
+            )
+            info["is_intervention"] = float(k > 0 and led)
     about = {key: value for key, value in trace.metadata.items() if isinstance(value, (str, int, float, bool))}
     about |= {"target_length_m": cutting.target_length, "faster_than_reach": beyond / len(actions)}
     return _joined(observations, actions, rewards, bool(cutting.end), infos, None, about)
@@ -183,12 +190,12 @@ def _task(plant: ReplayPlant, target_length: float | None, deadline: float, tick
     )
 
 
-def _at_rest(cutting: GentleCutting, angle: float) -> dict[str, float]:
+def felt_at_rest(cutting: GentleCutting, angle: float) -> dict[str, float]:
     """Return the infos of :data:`FELT` at the start: at rest at the clamp, the force tared."""
     return dict.fromkeys(FELT, 0.0) | {"angle_deg": math.degrees(angle), "depth_m": float(cutting.plant.depth[0])}
 
 
-def _felt(cutting: GentleCutting) -> dict[str, float]:
+def felt_now(cutting: GentleCutting) -> dict[str, float]:
     """Return the infos of :data:`FELT` after a decision."""
     readings = cutting.readings
     assert readings is not None  # a decision was made

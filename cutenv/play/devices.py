@@ -40,7 +40,8 @@ def _within_width(across: float) -> float:
     return min(max(across, -0.5 * WIDTH), 0.5 * WIDTH)
 
 
-def _within_angles(angle: float) -> float:
+def within_angles(angle: float) -> float:
+    """Return the nearest angle that the blade can have [rad]: upright, or inclined to 45 degrees."""
     return min(max(angle, INCLINED), _UPRIGHT)
 
 
@@ -53,6 +54,10 @@ def _beyond_slack(name: str, stick: float) -> float:
     held = in_range(name, stick, -1.01, 1.01, "1", "Axes of a gamepad reach from -1 to 1.")
     slack = max(abs(held) - STICK_DEAD_ZONE, 0.0) / (1.0 - STICK_DEAD_ZONE)
     return math.copysign(min(slack, 1.0), held)
+
+
+def _pressed(held: bool) -> frozenset[str]:
+    return frozenset({"next"}) if held else frozenset()
 
 
 class LedHand:
@@ -68,12 +73,14 @@ class LedHand:
         Wanted level of the blade above that at the start [m].
     velocity : tuple of float
         Speed along and across with which the place moves on by itself [m/s], while a stick or a key is held.
+    held : bool
+        True while the button is held that takes the blade from an agent.
     """
 
     coupling = None
 
     def __init__(self) -> None:
-        self.angle, self.velocity = _UPRIGHT, (0.0, 0.0)
+        self.angle, self.velocity, self.held = _UPRIGHT, (0.0, 0.0), False
         self.open()
 
     def open(self) -> None:
@@ -98,7 +105,7 @@ class LedHand:
         along, across = self.velocity
         self.position = _within_travel(self.position + along * TICK)
         self.across = _within_width(self.across + across * TICK)
-        return Stylus(self.position, self.angle, level=self.level, across=self.across)
+        return Stylus(self.position, self.angle, _pressed(self.held), self.level, self.across)
 
     def push(self, force: float) -> None:
         """Ignore the force: what is held cannot push."""
@@ -117,7 +124,7 @@ class MouseDevice(LedHand):
 
     def turn(self, notches: float) -> None:
         """Turn the wheel: toward the person (negative) leans the blade, away from them raises it."""
-        self.angle = _within_angles(self.angle + NOTCH * in_range("notches", notches, -1e3, 1e3, "1"))
+        self.angle = within_angles(self.angle + NOTCH * in_range("notches", notches, -1e3, 1e3, "1"))
 
     def lower(self, notches: float) -> None:
         """Turn the wheel where the blade's depth is led: toward the person (negative) lowers it, away raises it."""
@@ -170,12 +177,13 @@ class GamepadDevice(LedHand):
 
 
 class Motion(NamedTuple):
-    """Position of the hand [m], angle [rad] and level [m] of the blade, and place across [m], that a script demands."""
+    """Motion that a script demands: hand [m], angle [rad] and level [m] of the blade, place across [m], button held."""
 
     position: float
     angle: float
     level: float = 0.0
     across: float = 0.0
+    held: bool = False
 
 
 class ScriptedDevice:
@@ -203,7 +211,7 @@ class ScriptedDevice:
         wanted = self._script(self._reads * TICK)
         self._reads += 1
         place, across = _within_travel(wanted.position), _within_width(wanted.across)
-        return Stylus(place, _within_angles(wanted.angle), level=wanted.level, across=across)
+        return Stylus(place, within_angles(wanted.angle), _pressed(wanted.held), wanted.level, across)
 
     def push(self, force: float) -> None:
         """Store the force that a person would feel [N]."""

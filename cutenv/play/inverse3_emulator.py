@@ -108,7 +108,7 @@ def _serve(socket: Any, arguments: argparse.Namespace) -> None:
             continue
         if fault == "slow":
             time.sleep(_SLOW)
-        pressed = _PRESSED[0] <= now < _PRESSED[1]
+        pressed = any(begin <= now < end for begin, end in (_PRESSED, arguments.takes_over))
         answer = state_message(handle, **tell, inventory=False, pressed=pressed)
         if fault == "unplugged":
             answer = json.dumps({"inverse3": [], "wireless_verse_grip": []})
@@ -144,6 +144,10 @@ def _parser() -> argparse.ArgumentParser:
     add("--port", type=int, default=10001, metavar="PORT", help="port on this machine, 0 for any; default 10001")
     add("--target-mm", type=float, default=80.0, metavar="MM", help="target of the cut at which the hand aims [mm]")
     add("--wait", type=float, default=4.0, metavar="S", help="rest of the hand after the connection [s]; default 4")
+    add(
+        "--takes-over", type=float, nargs=2, default=(0.0, 0.0), metavar=("S", "S"),
+        help="times after the connection between which the grip's button is down once more [s]",
+    )  # fmt: skip
     add("--service", type=float, default=3.5, choices=(3.1, 3.5), help="version of the protocol; default 3.5")
     add("--fault", choices=SERVICE_FAULTS, help="what goes wrong")
     add("--after", type=float, default=0.0, metavar="S", help="time of the fault after the connection [s]")

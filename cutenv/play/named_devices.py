@@ -21,7 +21,7 @@ _ENDS_WITHIN = 5.0  # [s]
 
 @contextmanager
 def named_device(
-    name: str, *, target: float, url: str = INVERSE3_URL, axes: HandleAxes | None = None
+    name: str, *, target: float, url: str = INVERSE3_URL, axes: HandleAxes | None = None, shares: bool = False
 ) -> Iterator[HapticDevice]:
     """Make a device for the time of the block; an emulated one ends with it.
 
@@ -35,6 +35,8 @@ def named_device(
         Address of the Inverse Service.
     axes : HandleAxes, optional
         Which of a handle's axes is which.
+    shares : bool
+        True for a hand of an emulated device that takes the blade from an agent for 2 s.
 
     Raises
     ------
@@ -51,7 +53,8 @@ def named_device(
     elif name == "force-dimension":
         yield PolledHandle(ForceDimensionLink(), FORCE_DIMENSION_COUPLING, axes or FORCE_DIMENSION_AXES)
     else:
-        with emulated_inverse3(target=target) as address:
+        takes = ("--takes-over", "6", "8", "--wait", "6") if shares else ()
+        with emulated_inverse3(*takes, target=target) as address:
             yield PolledHandle(Inverse3Link(address), INVERSE3_COUPLING, axes)
 
 

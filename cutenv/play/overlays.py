@@ -61,6 +61,12 @@ def draw_ready_card(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
     if sight.moment.shown_path is not None:
         move = "Move the mouse along the dashed line: the blade hangs on your hand, and points where it moves."
         pad = "Arrow keys move the hand, too. Gamepad: left stick and right trigger; begin with its button A."
+    if sight.leader:
+        move = f"{sight.leader[:1].upper()}{sight.leader[1:]}."
+        wheel = (
+            "While you hold it, the blade follows your hand: mouse or left and right; the wheel or up and down lean it."
+        )
+        pad = "Gamepad: hold A, left stick and right trigger. Let go, and the agent cuts on."
     lines = (
         (move, palette.INK),
         (wheel, palette.INK),

@@ -77,10 +77,13 @@ class PlayPicture:
             canvas.text(sight.feedback_words, (layout.column, 230), size=_NORMAL, colour=palette.QUIET)
         _draw_numbers(canvas, layout, sight)
         _draw_missing(canvas, layout, sight)
+        if sight.leader and sight.phase == "cutting":
+            at, colour = (layout.column - 24, layout.header + 16), palette.TARGET
+            canvas.text(sight.leader, at, size=20, colour=colour, anchor="midright", ground=palette.PAPER)
         if sight.practice:
             _draw_hidden(canvas, layout, sight)
         else:
-            _draw_advice(canvas, layout, moment)
+            _draw_advice(canvas, layout, moment, shared=bool(sight.leader))
         if sight.phase == "ready":
             draw_ready_card(canvas, layout, sight)
         elif sight.phase == "countdown":
@@ -250,7 +253,7 @@ def _draw_hidden(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
     draw_rows(canvas, layout, top + 26, 25, rows, size=21)
 
 
-def _draw_advice(canvas: Canvas, layout: Layout, moment: Moment) -> None:
+def _draw_advice(canvas: Canvas, layout: Layout, moment: Moment, *, shared: bool) -> None:
     """Draw instructions, in the place of the hidden quantities; of a cut along a depth or a line, one more."""
     lines: tuple[str, ...] = (
         "The green marks are your hand: the blade hangs on it",
@@ -271,6 +274,14 @@ def _draw_advice(canvas: Canvas, layout: Layout, moment: Moment) -> None:
             "",
             *lines[:3],
             *lines[4:],
+        )
+    elif shared:
+        lines = (
+            "Hold space, the mouse button or the button of your",
+            "handle, and the blade follows your hand from where",
+            "it is; let go, and the agent cuts on.",
+            "The record says who held it, and when.",
+            *lines[3:],
         )
     for k, words in enumerate(lines):
         canvas.text(words, (layout.column, 446 + 22 * k), size=17, colour=palette.QUIET)

@@ -20,9 +20,9 @@ from cutenv.play.devices import LedHand
 from cutenv.play.hand_model import PLAYED_HAND
 from cutenv.play.handle_body import Handle
 from cutenv.play.haptics import FeltForce, HapticDevice, Stylus
-from cutenv.play.played_cut import FEWEST_READINGS, UPDATES_HZ, PlayedCut
-from cutenv.play.played_depth_cut import PlayedDepthCut
-from cutenv.play.played_path_cut import PlayedPathCut
+from cutenv.play.played_cut import FEWEST_READINGS, UPDATES_HZ
+from cutenv.play.played_tasks import PLAYED_TASKS
+from cutenv.play.shared_cut import Agent
 from cutenv.play.view_state import PlayPhase, ViewState
 from cutenv.recording import Provenance, save
 from cutenv.scoring import ScoreCard
@@ -30,8 +30,6 @@ from cutenv.tissue.grid import depth_below
 from cutenv.tissue.specimen import CLASSES
 from cutenv.viewer.scene import Moment
 
-PLAYED_TASKS: dict[str, type[PlayedCut]] = {"gentle": PlayedCut, "depth": PlayedDepthCut, "path": PlayedPathCut}
-"""Cut of each task."""
 COUNTDOWN = 3.0
 """Duration of the countdown before every cut [s]."""
 LONGEST_STALL = 0.25
@@ -45,10 +43,13 @@ class Session:
     ----------
     device : HapticDevice
         Device that the person holds.
-    task : {"gentle", "depth", "path"}
+    task : {"gentle", "depth", "path", "shared"}
         "depth": the blade also moves up and down, and a depth is wanted. "path": it is steered along a drawn line.
+        "shared": an agent cuts, and the person takes over while a button is held.
     line : str, optional
         Kind of line of the task "path", as of :class:`~cutenv.envs.path_cut.PathCutEnv`; default "mixed".
+    agent : Agent, optional
+        Agent of the task "shared".
     specimen_class : str
         Class of the first specimens; see :meth:`choose_class`.
     seed : int
@@ -88,6 +89,7 @@ class Session:
         *,
         task: str = "gentle",
         line: str | None = None,
+        agent: Agent | None = None,
         specimen_class: str = "liver",
         seed: int = 0,
         folder: Path | None = None,
@@ -104,9 +106,12 @@ class Session:
     ) -> None:
         self.device = device
         self.task = one_of("task", task, tuple(PLAYED_TASKS))
-        self._line: dict[str, Any] = {} if line is None else {"line": line}
-        if self._line and task != "path":
+        given = {"line": line, "agent": agent}
+        self._of_task: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
+        if line is not None and task != "path":
             raise ValueError(f'line = {line!r} needs task="path": task={task!r} has no line.')
+        if (agent is not None) != (task == "shared") or (agent is not None and course is not None):
+            raise ValueError('an agent and task="shared" belong together, and no course has them.')
         kinds = (self.task,) if course is None else course.course.kinds
         if "path" in kinds and device.coupling is not None:
             raise ValueError('task="path" takes no device that pushes: its force would be one in the plane.')
@@ -144,7 +149,7 @@ class Session:
         self._task, self._feedback = "", "always"
         # Compile now, on cuts that are discarded, rather than while the clock of the first one runs.
         for kind in kinds:
-            PLAYED_TASKS[kind](**self._line).tick(Stylus(0.0, float(np.pi / 2)))
+            PLAYED_TASKS[kind](**self._of_task).tick(Stylus(0.0, float(np.pi / 2)))
         self._prepare()
         if folder is not None:
             folder.mkdir(parents=True, exist_ok=True)
@@ -248,8 +253,7 @@ class Session:
             self._stylus = self.device.read()
             self.cut.tick(self._stylus)
             if self._felt is not None:
-                blade = float(self.cut.readings["position"][-1])
-                self.device.push(self._felt.update(self._stylus.position, blade))
+                self.device.push(self.cut.felt(self._felt, self._stylus))
             if self.cut.end:
                 self.finished += 1
                 self._finish(self.cut.end)
@@ -275,7 +279,7 @@ class Session:
             self.chosen_class, self.seed, self._target_length = self.course.specimen()
             self._task, self._feedback = self.course.ahead(), self.course.metadata()["feedback"]
             assert self.course.task is not None  # else there is no specimen
-            self.task, self._line = self.course.task.task, self.course.task.of_line
+            self.task, self._of_task = self.course.task.task, self.course.task.of_line
         self.cut = PLAYED_TASKS[self.task](
             specimen_class=specimen_class or self.chosen_class,
             seed=self.seed,
@@ -284,7 +288,7 @@ class Session:
             deadline=self._deadline,
             hand=self._hand,
             handle=Handle(self._hand) if self._with_handle else None,
-            **self._line,
+            **self._of_task,
         )
         self._serial += 1
         self.phase = "ready"
@@ -384,6 +388,7 @@ class Session:
             task=self._task,
             done=self.done,
             verdict=self._verdict(),
+            leader=self.cut.leader_words,
         )
 
 

@@ -121,6 +121,8 @@ class PlayWindow:
         pygame = self._pygame
         if self.session.task == "path" and event.type in (pygame.KEYDOWN, pygame.KEYUP) and event.key in self._ways():
             self._take_arrow(event)
+        elif self.session.task == "shared" and self._takes_over(event):
+            pass
         elif event.type == pygame.KEYDOWN:
             self._take_key(event.key)
         elif event.type == pygame.MOUSEMOTION:
@@ -137,6 +139,27 @@ class PlayWindow:
             self._go_on(self.gamepad)
         elif event.type == pygame.CONTROLLERDEVICEADDED:
             self._open_gamepads()
+
+    def _takes_over(self, event: Any) -> bool:
+        """Take the blade from an agent, or give it back; return whether the event was for that."""
+        pygame = self._pygame
+        ways = {pygame.K_RIGHT: 1.0, pygame.K_LEFT: -1.0}
+        if event.type in (pygame.KEYDOWN, pygame.KEYUP) and event.key in (pygame.K_SPACE, *ways):
+            held, key = event.type == pygame.KEYDOWN, event.key
+        elif event.type in (pygame.MOUSEBUTTONDOWN, pygame.MOUSEBUTTONUP) and event.button == 1:
+            held, key = event.type == pygame.MOUSEBUTTONDOWN, -1
+        elif event.type in (pygame.CONTROLLERBUTTONDOWN, pygame.CONTROLLERBUTTONUP):
+            held, key = event.type == pygame.CONTROLLERBUTTONDOWN, -2
+            if event.button != pygame.CONTROLLER_BUTTON_A:
+                return False
+        else:
+            return False
+        if held and self.session.phase != "cutting":
+            return False
+        (self._arrows.add if held else self._arrows.discard)(key)
+        self.mouse.hold_keys(sum(ways.get(each, 0.0) for each in self._arrows), 0.0)
+        self.mouse.held = self.gamepad.held = bool(self._arrows)
+        return True
 
     def _take_key(self, key: int) -> None:
         pygame, session = self._pygame, self.session

@@ -19,7 +19,7 @@ from cutenv.play.devices import ScriptedDevice, simple_hand
 from cutenv.play.finishing import missing_to_finish
 from cutenv.play.hand_model import PLAYED_HAND, speed_toward
 from cutenv.play.handle_body import Handle, HandlePose
-from cutenv.play.haptics import Stylus
+from cutenv.play.haptics import FeltForce, Stylus
 from cutenv.policy.signals import in_si
 from cutenv.policy.tip_estimate import CUT_ESTIMATE, TipEstimate
 from cutenv.scoring import ReferenceSet, ScoreCard, score
@@ -88,18 +88,21 @@ class PlayedCut:
             target_length=target_length,
             deadline_s=deadline,
             control_hz=UPDATES_HZ,
-            drive="hand",
-            **dataclasses.asdict(hand),
+            **self._drive(hand),
             **task,
         )
         self._hand, self._handle = hand, handle
-        self._info = self._env.reset(seed=seed, options={"episode": episode})[1]
+        self._first, self._info = self._env.reset(seed=seed, options={"episode": episode})
         self._readings: StructArray = np.zeros(round(deadline * UPDATES_HZ) + 1, READING)
         self._count = 0
         self._tip_estimate = TipEstimate()
         self._estimate: Struct = np.zeros(1, CUT_ESTIMATE)[0]
         self.end = ""
         """Cause of the end, one of the environment's ends; empty while the cut goes on."""
+
+    def _drive(self, hand: Hand) -> dict[str, Any]:
+        """Return the environment's arguments of what moves the blade."""
+        return {"drive": "hand", **dataclasses.asdict(hand)}
 
     @property
     def plant(self) -> SimulatedPlant:
@@ -174,6 +177,10 @@ class PlayedCut:
         """Return the environment's action for what the person wants."""
         return to_action(speed_toward(stylus.position, self.plant.states[0], self._hand), stylus.angle)
 
+    def felt(self, felt: FeltForce, stylus: Stylus) -> float:
+        """Return the force for the person's hand [N], by the device's coupling to the blade."""
+        return felt.update(stylus.position, float(self.readings["position"][-1]))
+
     def simple_hand(self) -> ScriptedDevice:
         """Return a scripted hand with a beginner's plan for this cut."""
         return simple_hand(self.target_length)
@@ -181,6 +188,11 @@ class PlayedCut:
     @property
     def map_words(self) -> str:
         """Depth or path of the cut so far in words, empty where none is wanted."""
+        return ""
+
+    @property
+    def leader_words(self) -> str:
+        """Words that say who leads now, empty where only a person does."""
         return ""
 
     def missing(self, *, practice: bool, force_shown: bool = True) -> tuple[str, ...]:

@@ -48,4 +48,6 @@ class ViewState:
     feedback_words: str
     task: str
     verdict: tuple[str, ...]
+    leader: str
+    """Words that say who leads a shared cut; empty where only a person cuts."""
     done: bool

@@ -11,7 +11,15 @@ from cutenv.rig.config.imitated_rig import EMULATED, FAKE
 from cutenv.rig.config.settings import RigSettings, SensorSettings
 from cutenv.rig.connection import operator_of, settings_of
 from cutenv.rig.devices.clock import SystemClock
-from cutenv.rig.devices.driver_registry import KIND_OF_ROLE, DriverKind, Mounting, driver_named, mounted, traits_of
+from cutenv.rig.devices.driver_registry import (
+    KIND_OF_ROLE,
+    DriverKind,
+    Mounting,
+    driver_named,
+    mounted,
+    registered_drivers,
+    traits_of,
+)
 from cutenv.rig.devices.real_time import preferred
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.conformance import TriedPromise
@@ -79,8 +87,10 @@ def _findings(settings: RigSettings, role: str) -> list[TriedPromise]:
 
 def _role_of(name: str) -> str:
     """Return the section that a driver by its name is for: by its methods, if it is a class."""
-    made = driver_named(DriverKind.MOTION, name).load() if ":" in name else None
-    return "sensor" if made is not None and hasattr(made, "tare") else "blade"
+    if ":" not in name:
+        only_force = name in registered_drivers(DriverKind.FORCE) and name not in registered_drivers(DriverKind.MOTION)
+        return "sensor" if only_force else "blade"
+    return "sensor" if hasattr(driver_named(DriverKind.MOTION, name).load(), "tare") else "blade"
 
 
 def _rig_of(name: str) -> RigSettings:

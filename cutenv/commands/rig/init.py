@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from cutenv._base import resources
 from cutenv.commands.options import command_parser, reports_errors
-from cutenv.rig.config.settings import RigSettings
-from cutenv.rig.devices.serial.slow_profile import grbl_settings, slow_settings
+from cutenv.rig.config.settings import RigSettings, SensorSettings
+from cutenv.rig.devices.serial.bota_sensor import BotaOptions
+from cutenv.rig.devices.serial.robotiq_sensor import ROBOTIQ_RATE, RobotiqOptions
+from cutenv.rig.devices.serial.slow_profile import grbl_settings, slow_limits, slow_settings
 from cutenv.rig.toml_text import template
 
 PROFILES: dict[str, Callable[[], RigSettings]] = {
@@ -18,6 +21,11 @@ PROFILES: dict[str, Callable[[], RigSettings]] = {
     "grbl": lambda: grbl_settings("", ""),
 }
 """Settings that a new file begins from, by the kind of rig."""
+SENSORS: dict[str, SensorSettings] = {
+    "bota": SensorSettings(driver="bota", options=BotaOptions(), rate=800.0, components="all"),
+    "robotiq": SensorSettings(driver="robotiq", options=RobotiqOptions(), rate=ROBOTIQ_RATE, components="all"),
+}
+"""Force sensors that can take the place of the profile's."""
 
 
 @reports_errors("rig init")
@@ -25,11 +33,16 @@ def main(argv: Sequence[str]) -> int:
     """Run the command; return 0, or 2 if the file exists already or cannot be written."""
     arguments = _parser().parse_args(argv)
     path: Path = arguments.file
+    like = PROFILES[arguments.profile]()
+    if arguments.sensor is not None:
+        like = replace(like, sensor=SENSORS[arguments.sensor])
+    if arguments.sensor == "robotiq":  # whose readings are rare: silence is noticed late, so the blade has to be slow
+        like = replace(like, limits=replace(slow_limits(ROBOTIQ_RATE), stale_motion=like.limits.stale_motion))
     if path.suffix != ".toml":
         raise ValueError(f"{path} must end in .toml.")
     try:
         with path.open("x", encoding="utf-8") as file:
-            file.write(template(arguments.name or path.stem, like=PROFILES[arguments.profile]()))
+            file.write(template(arguments.name or path.stem, like=like))
     except FileExistsError:
         raise ValueError(f"{path} is there already, and is left as it is. Give another name.") from None
     if arguments.profile != "canopen":
@@ -39,10 +52,14 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = command_parser("rig init", __doc__, examples=("my_rig.toml", "my_rig.toml --profile serial"))
+    parser = command_parser(
+        "rig init", __doc__, examples=("my_rig.toml", "my_rig.toml --profile serial", "my_rig.toml --sensor bota")
+    )
     parser.add_argument("file", type=Path, metavar="FILE.toml", help="file to write, which must not exist yet")
     parser.add_argument("--profile", choices=PROFILES, default="canopen", help="kind of rig: a CANopen drive and a Net "
                         "F/T; a stepper and a load cell on a board; a machine with GRBL and such a load cell; "
                         "default canopen")  # fmt: skip
+    parser.add_argument("--sensor", choices=SENSORS, help="a Bota sensor, or a Robotiq FT 300, in place of the force "
+                        "sensor of the profile")  # fmt: skip
     parser.add_argument("--name", metavar="NAME", help="name of the rig; default the file's")
     return parser

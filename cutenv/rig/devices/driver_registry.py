@@ -57,7 +57,9 @@ OWN_DRIVERS: Mapping[DriverKind, Mapping[str, str]] = {
     },
     DriverKind.FORCE: {
         "analogue": "cutenv.rig.devices.analogue.analogue_sensor:AnalogueSensor",
+        "bota": "cutenv.rig.devices.serial.bota_sensor:bota_sensor",
         "netft": "cutenv.rig.devices.netft.mounted_sensor:mounted_sensor",
+        "robotiq": "cutenv.rig.devices.serial.robotiq_sensor:robotiq_sensor",
         "serial": "cutenv.rig.devices.serial.load_cell:LoadCell",
     },
     DriverKind.CAMERA: {"opencv": "cutenv.vision.film_source:mounted_camera"},
