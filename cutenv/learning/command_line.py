@@ -99,6 +99,7 @@ def resumed(kind: type[Chosen], run: Path, chosen: Mapping[str, Any]) -> Chosen:
 def run_program(train: Callable[[Chosen, Path], None], kind: type[Chosen], prefix: str, about: str | None) -> None:
     """Run one of the programs in ``agents/``: read its options, train into a new folder, print where the policy is."""
     arguments = parse(kind, about)
+    arguments = dataclasses.replace(arguments, **for_rig({"rig": arguments.rig, "control_hz": arguments.control_hz}))
     run = Path("runs") / (arguments.name or time.strftime(f"{prefix}-%Y%m%d-%H%M%S"))
     train(arguments, run)
     print(f"policy: {run / 'policy'}")

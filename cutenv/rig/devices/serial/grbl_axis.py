@@ -29,9 +29,16 @@ from cutenv.rig.devices.serial.grbl_lines import (
     GrblStatus,
     grbl_setting,
     grbl_status,
-    offsets_of,
+    grbl_zero,
 )
-from cutenv.rig.devices.serial.grbl_options import PIECE, REPORT_PERIOD, SENT_AHEAD, GrblOptions, check_grbl
+from cutenv.rig.devices.serial.grbl_options import (
+    PIECE,
+    REPORT_PERIOD,
+    SENT_AHEAD,
+    GrblOptions,
+    check_grbl,
+    lines_to_send,
+)
 from cutenv.rig.devices.serial.jog_feed import JogFeed
 from cutenv.rig.devices.serial.stepper_settings import on_pseudo_terminal
 from cutenv.rig.errors import RigError
@@ -41,7 +48,6 @@ _log = logging.getLogger(__name__)
 _STOPPING = 0.020  # [s] between reports while it stops
 _BOOT, _REPORTS, _STATE = 4.0, 1.0, 1.5  # [s]
 _DEAF = 0.1  # [s] beyond its ramp, after which a machine that does not slow down is reset
-_SAME = 0.02  # [1] relative difference allowed between the machine's settings and the file
 _MINUTE = 6e4  # mm/min of a m/s
 _MOVING = ("Idle", "Jog")
 
@@ -78,14 +84,12 @@ class GrblAxis:
         self._heard = 0.0
         self._reports = 0
         self._told: dict[int, float] = {}
-        self._offset = 0.0  # [mm] from machine position to the mark's coordinates
-        self._zeroed = False
+        self._zero: float | None = None  # [mm] machine position of the clamp; None: nobody has set it
         self._state = DriveState.DISABLED
         self._jogs.begin()
         self._asked_at = -math.inf  # [s] of the last question for a report
         self._fastest = 0.0  # [mm/min] feed at the stop
         self._reset_at = math.inf  # [s] when a machine that is deaf is reset
-        self._mark = 0.0  # [mm] coordinate of the clamp
         self._passed_on, self._passed_state = -math.inf, self._state
 
     # Life cycle
@@ -143,17 +147,7 @@ class GrblAxis:
 
     def _compare(self) -> None:
         self._told = dict(pair for line in self._ask("$$") if (pair := grbl_setting(line)) is not None)
-        wanted = {
-            110 + self._number: _MINUTE * self._settings.speed, 120 + self._number: 1e3 * self._settings.acceleration,
-        }  # fmt: skip
-        wrong = [
-            f"${number}={value:.3f}" for number, value in wanted.items()
-            if abs(self._told.get(number, math.nan) / value - 1.0) > _SAME or number not in self._told
-        ]  # fmt: skip
-        if not int(self._told.get(10, 1)) & 1:
-            wrong.append("$10=1")
-        if self._told.get(13, 0.0):
-            wrong.append("$13=0")
+        wrong = lines_to_send(self._told, self._settings, self._number)
         if wrong:
             raise RigError(
                 f"{self.name}: the machine is not set as the rig's file says. Send it {', '.join(wrong)} (speed in "
@@ -162,11 +156,7 @@ class GrblAxis:
         self._read_offsets()
 
     def _read_offsets(self) -> None:
-        lines = self._ask("$#")
-        work, shift = ([off for line in lines if (off := offsets_of(line, name))] for name in ("G54", "G92"))
-        self._offset = sum(offsets[0][self._number] for offsets in (work, shift) if offsets)
-        self._zeroed = bool(shift) and abs(shift[0][self._number]) > 0.5 * MARK
-        self._mark = MARK * self._zeroed
+        self._zero = grbl_zero(self._ask("$#"), self._number)
 
     def close(self) -> None:
         """Stop, and leave the port; never raises, and may be called twice."""
@@ -201,7 +191,9 @@ class GrblAxis:
         return {
             "port": self._options.port,
             "steps_per_mm": self._told.get(100 + self._number, math.nan),
-            "zero_set": "yes" if self._zeroed else "no: put the blade at the clamp, and give 'cutenv rig zero'",
+            "zero_set": "yes"
+            if self._zero is not None
+            else "no: put the blade at the clamp, and give 'cutenv rig zero'",
             "state": "?" if self._status is None else self._status.state,
             "soft_limits": "on" if self._told.get(20) else "off",
             "hard_limits": "on" if self._told.get(21) else "off: switch them on ($21=1)",
@@ -217,7 +209,7 @@ class GrblAxis:
         """
         self._ask(f"G92{self._options.letter}{MARK:g}")
         self._read_offsets()
-        if not self._zeroed:
+        if self._zero is None:
             raise RigError(f"{self.name}: the machine has not taken the zero.")
 
     # Commands
@@ -233,7 +225,7 @@ class GrblAxis:
         self._fresh()
         if self.latch.closed or self._state not in (DriveState.DISABLED, DriveState.ENABLED):
             raise RigError(f'{self.name}: the machine is in "{self._state.value}"; clear it first.')
-        if not self._zeroed:
+        if self._zero is None:
             raise RigError(
                 f"{self.name}: the machine does not know where the blade stands. Put the blade at the clamp by hand, "
                 "and give 'cutenv rig zero'."
@@ -324,7 +316,7 @@ class GrblAxis:
         if now > self._reset_at:
             self._reset_at = math.inf
             if self._status is None or (self._status.state == "Jog" and self._status.feed >= 0.9 * self._fastest):
-                self._zeroed = False
+                self._zero = None
                 self._write_quietly(SOFT_RESET)
         stopping = self._jogs.cancelled and self._status is not None and self._status.state != "Idle"
         if self._lost:
@@ -374,7 +366,7 @@ class GrblAxis:
             self._state = DriveState.FAULT
             listener.emergency(self.name, 0xFF00, f"GRBL's {text}", now)
         elif text.startswith("Grbl ") and self._turns:
-            self._state, self._zeroed = DriveState.FAULT, False
+            self._state, self._zero = DriveState.FAULT, None
             listener.emergency(self.name, 0x6180, "it was restarted, and no longer knows where the blade stands", now)
 
     def _reported(self, status: GrblStatus, now: float) -> None:
@@ -390,7 +382,7 @@ class GrblAxis:
         speed = status.feed / _MINUTE
         if self._jogs.backward:
             speed = -speed
-        position = 1e-3 * (status.position[self._number] - self._offset - self._mark)
+        position = 1e-3 * (status.position[self._number] - (self._zero or 0.0))
         direction = self._settings.direction
         # A stop is watched more closely, and told at once; samples between are not for the listener, who counts them.
         due = now - self._passed_on >= REPORT_PERIOD - 0.5 * _STOPPING

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from typing import NamedTuple
 
 JOG_CANCEL, SOFT_RESET, STATUS = b"\x85", b"\x18", b"?"
@@ -66,3 +67,14 @@ def offsets_of(line: str, name: str) -> tuple[float, ...] | None:
     """Return the offsets that a line such as ``[G92:0.000,0.000,0.000]`` tells; None if it is another."""
     match = re.fullmatch(rf"\[{name}:(-?[\d.]+(?:,-?[\d.]+)*)\]", line)
     return None if match is None else tuple(float(number) for number in match[1].split(","))
+
+
+def grbl_zero(lines: Iterable[str], number: int) -> float | None:
+    """Return the machine position [mm] of the clamp, which the answer to ``$#`` tells; None if nobody has set it.
+
+    ``number`` is the place of the axis among the machine's own.
+    """
+    found = {name: offsets[number] for line in lines for name in ("G54", "G92") if (offsets := offsets_of(line, name))}
+    if abs(found.get("G92", 0.0)) <= 0.5 * MARK:
+        return None
+    return found.get("G54", 0.0) + found["G92"] + MARK

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -18,6 +19,10 @@ PIECE = 0.025
 """Time of one jog [s]."""
 SENT_AHEAD = 0.150
 """Time of the motion that is sent ahead [s]: after a silence of the computer the blade goes on for so long."""
+
+
+_SAME = 0.02  # [1] relative difference allowed between the machine's settings and the file
+_MINUTE = 6e4  # mm/min of a m/s
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,3 +56,19 @@ def check_grbl(rig: RigSettings, role: str) -> None:
         )
     if rig.bus.sync != REPORT_PERIOD:
         raise ValueError(f"bus.sync_ms = {1e3 * rig.bus.sync:g}: GRBL tells its position every 100 ms. Write 100.")
+
+
+def lines_to_send(told: Mapping[int, float], axis: Axis, number: int) -> list[str]:
+    """Return the lines that set a machine as the file says; empty if it is.
+
+    ``told`` are its settings by number, and ``number`` is the place of the axis among its own.
+    """
+    wanted = {110 + number: _MINUTE * axis.speed, 120 + number: 1e3 * axis.acceleration}
+    wrong = [
+        f"${key}={value:.3f}" for key, value in wanted.items() if not abs(told.get(key, 0.0) / value - 1.0) <= _SAME
+    ]
+    if not int(told.get(10, 1)) & 1:  # reports of the machine position
+        wrong.append("$10=1")
+    if told.get(13, 0.0):  # in inches
+        wrong.append("$13=0")
+    return wrong
