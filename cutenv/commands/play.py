@@ -22,7 +22,7 @@ from cutenv.commands.options import (
 
 if TYPE_CHECKING:
     from cutenv.play.course_progress import CourseProgress
-    from cutenv.play.shared_cut import Agent
+    from cutenv.play.shared_cut import SharingAgent
 
 _EXTRA = ("pygame", "pymunk")
 _DEFAULT_CLASS = "liver"
@@ -107,7 +107,7 @@ def main(argv: Sequence[str]) -> int:
     return 0
 
 
-def _agent_of(arguments: argparse.Namespace) -> Agent | None:
+def _agent_of(arguments: argparse.Namespace) -> SharingAgent | None:
     """Return the agent that shares the cuts, None without one.
 
     Raises
@@ -121,10 +121,10 @@ def _agent_of(arguments: argparse.Namespace) -> Agent | None:
         given = "--course" if arguments.course is not None else f"--task {arguments.task}"
         raise ValueError(f"--policy {arguments.policy!r} cuts gently to a length, and does not go with {given}.")
     from cutenv.learning.evaluation import contestant
-    from cutenv.play.shared_cut import Agent
+    from cutenv.play.shared_cut import SharingAgent
 
     found = contestant(arguments.policy)
-    return Agent(name=arguments.policy, policy=found.policy, arguments=found.arguments)
+    return SharingAgent(name=arguments.policy, policy=found.policy, arguments=found.arguments)
 
 
 def _course_of(arguments: argparse.Namespace) -> CourseProgress | None:

@@ -29,6 +29,8 @@ from cutenv.recording.optional_import import optional_import
 
 LEROBOT_FORMAT = "v3.0"
 """Version of LeRobot's format that is written."""
+ENV_FILE = "env.py"
+"""File in which LeRobot looks for the environment of a repository of its hub."""
 INSTRUCTION = "Cut the slice of liver gently to the target length, and unload the blade there."
 """Task of every cut in words, as LeRobot gives it to policies that read."""
 _MEASURED = tuple(
@@ -68,6 +70,12 @@ def lerobot_folder(dataset_id: str) -> Path:
     if folder.exists():
         raise FileExistsError(f"data set {dataset_id!r} exists in {folder}; give another id.")
     return folder
+
+
+def measured_names(environment: str) -> tuple[str, ...]:
+    """Return the names of ``observation.state`` in an environment, by its id."""
+    added = ADDED[environment].felt if environment in ADDED else ()
+    return tuple(name for name in _MEASURED if name in FELT or name in added)
 
 
 def write_lerobot(
@@ -117,6 +125,7 @@ def write_lerobot(
         for name, content in (("stats", stats), ("info", info)):
             (part / f"meta/{name}.json").write_text(json.dumps(content, indent=4), encoding="utf-8")
         (part / "README.md").write_text(_card(source), encoding="utf-8")
+        (part / ENV_FILE).write_text(_env_file(keywords), encoding="utf-8")
         part.rename(folder)
     except BaseException:
         shutil.rmtree(part, ignore_errors=True)
@@ -287,3 +296,18 @@ Gentle cutting of measured liver by {source}, made with cutenv {cutenv.__version
 `observation.state` holds the force in newtons; every name ends with its unit.
 Not a medical device, and not validated for the assessment of people.
 """
+
+
+def _env_file(environment: Mapping[str, Any]) -> str:
+    """Return the text of an ``env.py`` for the keyword arguments of an environment."""
+    return f'''"""Environment for LeRobot's hub; it needs: pip install "cutenv>={cutenv.__version__}"."""
+
+from cutenv.learning import lerobot_environments
+
+ENVIRONMENT = {dict(environment)!r}
+
+
+def make_env(n_envs=1, use_async_envs=False, cfg=None):
+    """Make n_envs environments that are stepped together."""
+    return lerobot_environments.make_env(n_envs, use_async_envs, cfg, environment=ENVIRONMENT)
+'''

@@ -22,7 +22,7 @@ from cutenv.play.handle_body import Handle
 from cutenv.play.haptics import FeltForce, HapticDevice, Stylus
 from cutenv.play.played_cut import FEWEST_READINGS, UPDATES_HZ
 from cutenv.play.played_tasks import PLAYED_TASKS
-from cutenv.play.shared_cut import Agent
+from cutenv.play.shared_cut import SharingAgent
 from cutenv.play.view_state import PlayPhase, ViewState
 from cutenv.recording import Provenance, save
 from cutenv.scoring import ScoreCard
@@ -48,7 +48,7 @@ class Session:
         "shared": an agent cuts, and the person takes over while a button is held.
     line : str, optional
         Kind of line of the task "path", as of :class:`~cutenv.envs.path_cut.PathCutEnv`; default "mixed".
-    agent : Agent, optional
+    agent : SharingAgent, optional
         Agent of the task "shared".
     specimen_class : str
         Class of the first specimens; see :meth:`choose_class`.
@@ -89,7 +89,7 @@ class Session:
         *,
         task: str = "gentle",
         line: str | None = None,
-        agent: Agent | None = None,
+        agent: SharingAgent | None = None,
         specimen_class: str = "liver",
         seed: int = 0,
         folder: Path | None = None,

@@ -25,7 +25,7 @@ _TAKEN_BY = ("control_hz", "angle_mode", "fixed_angle_deg")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Agent:
+class SharingAgent:
     """Agent that shares a cut.
 
     Attributes
@@ -76,13 +76,13 @@ class SharedCut(PlayedCut):
 
     Parameters
     ----------
-    agent : Agent
+    agent : SharingAgent
         Agent that cuts.
     **keywords
         Those of :class:`~cutenv.play.played_cut.PlayedCut`.
     """
 
-    def __init__(self, *, agent: Agent, **keywords: Any) -> None:
+    def __init__(self, *, agent: SharingAgent, **keywords: Any) -> None:
         super().__init__(**keywords, **agent.turning)
         self.agent = agent
         self._ticks = UPDATES_HZ // agent.control_hz

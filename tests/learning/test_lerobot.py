@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import os
 import subprocess
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -17,6 +19,7 @@ from cutenv.commands.datasets import Arguments, cuts_of
 from cutenv.learning import lerobot_datasets
 from cutenv.learning.demonstration import Demonstration
 from cutenv.learning.lerobot_datasets import INSTRUCTION, lerobot_folder, write_lerobot
+from cutenv.learning.lerobot_environments import make_env
 
 ROOT = Path(__file__).parents[2]
 PYTHON = ROOT / (".venv-lerobot/Scripts/python.exe" if os.name == "nt" else ".venv-lerobot/bin/python")
@@ -118,14 +121,58 @@ def test_the_command_writes_where_lerobot_looks_and_never_over_another(
     assert lerobot_folder("a/b") == tmp_path / "hf/lerobot/a/b"
 
 
+def test_the_data_sets_own_environment_observes_what_the_data_set_holds(
+    folder: Path, made: tuple[dict[str, Any], list[Demonstration]]
+) -> None:
+    spec = importlib.util.spec_from_file_location("hub_env", folder / "env.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    (vector,) = module.make_env(n_envs=1)["cutenv/GentleCut-v1"].values()
+    table = parquet.read_table(folder / "data/chunk-000/file-000.parquet").to_pydict()
+    cut, rows = made[1][1], [k for k, number in enumerate(table["episode_index"]) if number == 1]
+    observation, _ = vector.reset(seed=[cut.seed])
+    for k, row in enumerate(rows):
+        assert observation["agent_pos"][0].tolist() == table["observation.state"][row]
+        assert observation["environment_state"][0].tolist() == table["observation.environment_state"][row]
+        observation, reward, ended, _, info = vector.step(cut.actions[k][None])
+        assert np.float32(reward[0]) == table["next.reward"][row]
+        assert ended[0] == table["next.done"][row]
+    assert info["final_info"]["is_success"][0] == table["next.success"][rows[-1]]
+    vector.close()
+
+
+@pytest.mark.parametrize(("task", "states", "observed"), [("depth", 11, 22), ("path", 12, 28)])
+def test_environments_for_lerobot_are_there_for_every_task_in_processes_too(
+    task: str, states: int, observed: int
+) -> None:
+    ((name, numbered),) = make_env(2, use_async_envs=True, environment={"task": task, "control_hz": 10}).items()
+    vector = numbered[0]
+    observation, _ = vector.reset(seed=[0, 1])
+    assert observation["agent_pos"].shape == (2, states)
+    assert observation["environment_state"].shape == (2, observed)
+    assert vector.step(vector.action_space.sample())[1].shape == (2,)
+    assert name in vector.call("task")
+    vector.close()
+
+
+def test_environments_for_lerobot_refuse_what_cannot_be() -> None:
+    with pytest.raises(ValueError, match="n_envs = 0"):
+        make_env(0)
+    with pytest.raises(ValueError, match=r"cfg\.task = 'PushT-v0': this is cutenv/GentleCut-v1"):
+        make_env(cfg=SimpleNamespace(task="PushT-v0"))
+
+
 @pytest.mark.skipif(
     not PYTHON.exists(), reason="LeRobot wants packages of its own: 'pip install lerobot' in .venv-lerobot"
 )
 def test_lerobots_library_reads_the_same_numbers(
     folder: Path, made: tuple[dict[str, Any], list[Demonstration]]
 ) -> None:
-    offline = os.environ | {"HF_HUB_OFFLINE": "1", "HF_HOME": str(folder.parent / "home")}
-    command = [str(PYTHON), str(Path(__file__).with_name("in_lerobot.py")), "cutenv/probe", str(folder)]
+    offline = os.environ | {"HF_HUB_OFFLINE": "1", "HF_HOME": str(folder.parent / "home"), "PYTHONPATH": str(ROOT)}
+    seeds = [str(cut.seed) for cut in made[1][:2]]
+    command = [str(PYTHON), str(Path(__file__).with_name("in_lerobot.py")), "cutenv/probe", str(folder), *seeds]
     ran = subprocess.run(command, env=offline, capture_output=True, text=True)
     assert ran.returncode == 0, ran.stderr[-3000:]
     found = json.loads(ran.stdout.splitlines()[-1])
@@ -144,3 +191,11 @@ def test_lerobots_library_reads_the_same_numbers(
     assert found["task"] == INSTRUCTION
     assert np.float32(found["greatest_force"]) == force.max()
     assert found["second"] == len(cuts[1].rewards)
+    for k, cut in enumerate(cuts[:2]):  # the data set's own env.py pays the recorded actions the recorded rewards
+        assert np.float32(found["replayed_rewards"][k]).tolist() == cut.rewards.astype(np.float32).tolist()
+        assert np.array_equal(
+            np.float32(found["replayed_states"][k])[:, 0], cut.infos["force_N"][:-1].astype(np.float32)
+        )
+        assert found["replayed_success"][k] == bool(cut.infos["is_success"][-1])
+    assert found["most_steps"] == 300
+    assert found["described"] == INSTRUCTION

@@ -18,7 +18,7 @@ from cutenv.play.devices import Motion, MouseDevice, ScriptedDevice
 from cutenv.play.haptics import Stylus
 from cutenv.play.play_session import Session
 from cutenv.play.play_window import PlayWindow
-from cutenv.play.shared_cut import Agent, SharedCut
+from cutenv.play.shared_cut import SharedCut, SharingAgent
 from cutenv.recording import load_one
 from cutenv.task.observation import in_units
 
@@ -26,9 +26,9 @@ UPRIGHT = 0.5 * np.pi
 IDLE = Stylus(0.0, UPRIGHT)
 
 
-def agent(name: str = "ppo-free") -> Agent:
+def agent(name: str = "ppo-free") -> SharingAgent:
     found = contestant(name)
-    return Agent(name=name, policy=found.policy, arguments=found.arguments)
+    return SharingAgent(name=name, policy=found.policy, arguments=found.arguments)
 
 
 def shared_cut(name: str = "ppo-free", **changes: Any) -> SharedCut:
