@@ -162,8 +162,8 @@ PAGES = {
     "slow-rig": "docs/rig/serial-rig.md",
     "rig-soak": "docs/rig/what-stops-it.md",
     "browser-page": "docs/how-to/browser.md",
-    "class-load": "docs/how-to/class.md",
-    "class-attacks": "docs/how-to/class.md",
+    "class-load": "docs/validation/class-server.md",
+    "class-attacks": "docs/validation/class-server.md",
 }
 """Block and the page that holds it."""
 
