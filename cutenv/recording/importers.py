@@ -18,6 +18,7 @@ from cutenv._base.arrays import Array
 from cutenv.measurement import QualityIssue, quality_issues
 from cutenv.recording import mcap_file
 from cutenv.recording.column_map import MAP_FILE, ColumnMap
+from cutenv.recording.columns import UNITS
 from cutenv.recording.csv_file import is_own
 from cutenv.recording.csv_sniffer import SniffedTable, bare_name, column_stem, sniff_table
 from cutenv.recording.cut_detection import STANDARD, CutSearch, FoundCut, contact_level, find_cuts, find_tare
@@ -35,6 +36,8 @@ _WAYS = {
     "posicion", "spostamento", "posizione",
 }  # fmt: skip
 _DEPTHS = {"depth", "thickness", "tiefe", "dicke", "profondeur", "epaisseur"}
+_FORCES = {"force", "kraft", "f", "fx", "load", "last", "fuerza", "forza"}
+_TIMES = {"time", "timestamp", "t", "zeit", "zeitstempel", "temps", "tiempo", "tempo"}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -248,17 +251,26 @@ def _how_to_map(table: SniffedTable) -> str:
     time, force, position = guessed_columns(table)
     items = ["rate=1000Hz" if time is None else f"time={_name(table, time)}", f"force={_name(table, force)}"]
     items += [] if position is None else [f"position={_name(table, position)}"]
+    items += [f"{field}={_name(table, k)}" for field, k in _turned_and_deep(table, (time, force, position))]
     unit = "" if _unit(table, force, "force") else " --unit N"
     names = f"Its columns: {', '.join(table.headers)}. " if table.headers else ""
     guess = f"--map {' '.join(map(shlex.quote, items))}{unit}"
     return f"{names}Correct this where it is wrong; it is kept beside the files for the next time: {guess}"
 
 
+def _turned_and_deep(table: SniffedTable, taken: tuple[int | None, ...]) -> list[tuple[str, int]]:
+    """Return the fields "angle" and "depth" with their columns, where just one has the unit, and the depth's name."""
+    columns = [k for k in range(table.n_columns) if k not in taken]
+    angles = [k for k in columns if _unit(table, k, "angle")]
+    depths = [k for k in columns if _unit(table, k, "depth") and not _DEPTHS.isdisjoint(_words(table, k))]
+    return [(field, found[0]) for field, found in (("angle", angles), ("depth", depths)) if len(found) == 1]
+
+
 def guessed_columns(table: SniffedTable) -> tuple[int | None, int, int | None]:
     """Return the columns that are probably time, force and position."""
     columns = range(table.n_columns)
-    force = next((k for k in columns if _unit(table, k, "force")), None)
-    time = next((k for k in columns if k != force and _unit(table, k, "time")), None)
+    force = _found(table, "force", _FORCES, ())
+    time = _found(table, "time", _TIMES, (force,))
     ways = [k for k in columns if k not in (force, time) and _is_way(table, k)]
     position = ways[0] if len(ways) == 1 else None
     if force is None and {*columns} <= {time, position}:
@@ -272,12 +284,32 @@ def guessed_columns(table: SniffedTable) -> tuple[int | None, int, int | None]:
     return time, force, position
 
 
-def _is_way(table: SniffedTable, column: int) -> bool:
-    """Return whether a column is plainly the blade's way: by its name, and a unit of length in its header."""
-    if not _unit(table, column, "position"):
-        return False
+def _found(table: SniffedTable, field: str, names: set[str], taken: tuple[int | None, ...]) -> int | None:
+    """Return the first column with a unit of the field in its header, or else by its name and without any unit."""
+    columns = [k for k in range(table.n_columns) if k not in taken]
+    told = next((k for k in columns if _unit(table, k, field)), None)
+    if told is not None:
+        return told
+    return next((k for k in columns if not _has_unit(table, k) and not names.isdisjoint(_words(table, k))), None)
+
+
+def _words(table: SniffedTable, column: int) -> list[str]:
+    """Return the words of a column's name in small letters, without accents."""
+    if column >= len(table.headers):
+        return []
     plain = unicodedata.normalize("NFD", column_stem(table.headers[column]))
-    words = re.findall(r"[a-z]+", "".join(letter for letter in plain if not unicodedata.combining(letter)))
+    return re.findall(r"[a-z]+", "".join(letter for letter in plain if not unicodedata.combining(letter)))
+
+
+def _has_unit(table: SniffedTable, column: int) -> bool:
+    return any(_unit(table, column, field) for field in UNITS)
+
+
+def _is_way(table: SniffedTable, column: int) -> bool:
+    """Return whether a column is plainly the blade's way: by its name, and a unit of length in its header or none."""
+    if not _unit(table, column, "position") and _has_unit(table, column):
+        return False
+    words = _words(table, column)
     return words == ["x"] or (not _WAYS.isdisjoint(words) and _DEPTHS.isdisjoint(words))
 
 
