@@ -162,12 +162,10 @@ def recorded(
     if not actions:
         raise ValueError(f"the record lasts {trace.duration:g} s, less than a decision. Give more decisions a second.")
     if "person_led_s" in trace.metadata:
+        times = _times_led(trace.metadata["person_led_s"])
         for k, info in enumerate(infos):
-            led = any(
-                begin < k * ticks * TICK and end > (k - 1) * ticks * TICK
-                for begin, end in trace.metadata["person_led_s"]
-            )
-            info["is_intervention"] = float(k > 0 and led)
+            begins, ends = (k - 1) * ticks * TICK, k * ticks * TICK
+            info["is_intervention"] = float(k > 0 and any(since < ends and until > begins for since, until in times))
     about = {key: value for key, value in trace.metadata.items() if isinstance(value, (str, int, float, bool))}
     about |= {"target_length_m": cutting.target_length, "faster_than_reach": beyond / len(actions)}
     return _joined(observations, actions, rewards, bool(cutting.end), infos, None, about)
@@ -188,6 +186,16 @@ def _task(plant: ReplayPlant, target_length: float | None, deadline: float, tick
         deadline=deadline,
         ticks=ticks,
     )
+
+
+def _times_led(told: Any) -> list[tuple[float, float]]:
+    """Return the times in which a person led [s], as a record's metadata tell them."""
+    try:
+        return [(float(since), float(until)) for since, until in told]
+    except (TypeError, ValueError):
+        raise ValueError(
+            f"the record's person_led_s = {told!r} must be a list of pairs of seconds, such as [[1.0, 2.5]]."
+        ) from None
 
 
 def felt_at_rest(cutting: GentleCutting, angle: float) -> dict[str, float]:

@@ -111,6 +111,13 @@ def recorded_cuts(
                 raise ValueError(f"{path}, cut {number}: {error}") from None
             made.about.setdefault("record", Path(path).name)
             found.append(made)
+    shared = ["is_intervention" in cut.infos for cut in found]
+    if any(shared) and not all(shared):
+        others = ", ".join(str(cut.about["record"]) for cut, told in zip(found, shared, strict=True) if not told)
+        raise ValueError(
+            f"some records were shared with an agent, and {others} not: give them for two data sets, for in one every "
+            "decision says who led."
+        )
     return {**environment, "reward_from": "estimate"}, found
 
 

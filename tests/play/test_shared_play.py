@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +15,13 @@ from played_window import FRAME, FakeClock, begin, post, pygame, show
 from cutenv import cli
 from cutenv.learning.demonstration import recorded
 from cutenv.learning.evaluation import contestant
+from cutenv.learning.minari_datasets import recorded_cuts
 from cutenv.play.devices import Motion, MouseDevice, ScriptedDevice
 from cutenv.play.haptics import Stylus
 from cutenv.play.play_session import Session
 from cutenv.play.play_window import PlayWindow
 from cutenv.play.shared_cut import SharedCut, SharingAgent
-from cutenv.recording import load_one
+from cutenv.recording import load_one, save
 from cutenv.task.observation import in_units
 
 UPRIGHT = 0.5 * np.pi
@@ -102,6 +104,15 @@ def test_the_record_and_the_end_card_say_who_held_the_blade_and_data_sets_know_i
     assert session.sight().verdict == (f"You held the blade in 10 of {every} decisions; 'ppo-free' made the others.",)
     cut = recorded(record, control_hz=10)
     assert np.flatnonzero(cut.infos["is_intervention"][1:]).tolist() == list(range(10, 20))
+    spoilt = dataclasses.replace(record, metadata={**told, "person_led_s": "all"})
+    with pytest.raises(ValueError, match="person_led_s = 'all' must be a list of pairs of seconds"):
+        recorded(spoilt, control_hz=10)
+    save(
+        dataclasses.replace(record, metadata={k: v for k, v in told.items() if k != "person_led_s"}),
+        tmp_path / "own.csv",
+    )
+    with pytest.raises(ValueError, match=r"shared with an agent, and own\.csv not: give them for two data sets"):
+        recorded_cuts([session.records[0], tmp_path / "own.csv"], {"control_hz": 10}, None)
     assert cli.main(["score", str(session.records[0]), "--out", str(tmp_path / "scored")]) == 0
 
 
