@@ -124,3 +124,10 @@ def test_a_file_that_says_nothing_usable_is_refused(
     path = file_of(tmp_path / "rig.toml", identified)
     with pytest.raises(ValueError, match=message):
         gymnasium.make("cutenv/GentleCut-v1", rig=str(path), **keywords)
+
+
+def test_a_rig_that_tells_its_position_too_seldom_is_refused_before_it_is_connected(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert cli.main(["rig", "identify", "grbl"]) == 2
+    assert "every 100 ms, too seldom" in capsys.readouterr().err

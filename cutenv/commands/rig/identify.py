@@ -15,12 +15,14 @@ from pathlib import Path
 from cutenv.commands.options import RIG, command_parser, reports_errors
 from cutenv.rig.config.imitated_rig import RIG_NAMES
 from cutenv.rig.config.settings import RigSettings
-from cutenv.rig.connection import connected, operator_of
+from cutenv.rig.connection import connected, operator_of, settings_of
 from cutenv.rig.errors import RigError
 from cutenv.rig.identification import Identification, Plan, identification_from, perform
 from cutenv.rig.operation.preflight import prepare
 from cutenv.rig.safety.stop_causes import RigStopped
 from cutenv.rig.toml_file import write_identified
+
+_SELDOM = 0.05  # [s] between positions, above which no step of some tenths of a second is seen to begin
 
 
 @reports_errors("rig identify")
@@ -30,6 +32,11 @@ def main(argv: Sequence[str]) -> int:
     try:
         if arguments.write and arguments.rig in RIG_NAMES:
             raise ValueError(f'--write needs a rig\'s file, and "{arguments.rig}" has none.')
+        if (period := settings_of(arguments.rig).bus.sync) > _SELDOM:
+            raise ValueError(
+                f"{arguments.rig} tells its position every {1e3 * period:g} ms, too seldom to see how it starts: "
+                f"{1e3 * _SELDOM:g} ms or less are needed. Write a motor_lag_ms that you know into [identified]."
+            )
         with connected(arguments.rig) as rig:
             settings = rig.settings
             operator = operator_of(settings)
