@@ -50,10 +50,15 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
     try:
         yield part
         _flush(part)
-        part.replace(target)
+        put_in_place(part, target)
     except BaseException:  # also when interrupted from the keyboard
         part.unlink(missing_ok=True)
         raise
+
+
+def put_in_place(part: Path, target: Path) -> None:
+    """Give a file that is whole, and flushed, the name of another one in its folder."""
+    part.replace(target)
     _flush_folder(target.parent)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 import secrets
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
 from typing import Any, NamedTuple
@@ -273,10 +273,12 @@ class ClassStore:
         outcome: str = "",
         score: float | None = None,
         reason: str = "",
+        keep: Callable[[], None] = lambda: None,
     ) -> bool:
         """Note how a cut ended: :data:`SAVED` with the name of its record, or :data:`REFUSED` with the reason.
 
-        Return False, and change nothing, if it had ended before, perhaps on another server.
+        Return False, and change nothing, if it had ended before, perhaps on another server.  ``keep`` is called
+        otherwise, while no other server can note an end: it puts the record in its place.
         """
         values = {
             "state": state,
@@ -287,7 +289,10 @@ class ClassStore:
         }
         goes_on = (CUTS.c.id == number) & CUTS.c.state.in_((PREPARED, GOING_ON, UNFINISHED))
         with self._transaction() as connection:
-            return connection.execute(update(CUTS).where(goes_on).values(**values)).rowcount > 0
+            ended = connection.execute(update(CUTS).where(goes_on).values(**values)).rowcount > 0
+            if ended:
+                keep()
+            return ended
 
     def add_foreign(
         self, code: str, record: str, *, outcome: str = "", score: float | None = None, reason: str = ""

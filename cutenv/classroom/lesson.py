@@ -11,6 +11,7 @@ import tempfile
 import threading
 import zipfile
 import zlib
+from collections.abc import Callable
 from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
@@ -19,7 +20,7 @@ from typing import Any
 import numpy as np
 
 import cutenv
-from cutenv._base.atomic_file import whole_files
+from cutenv._base.atomic_file import put_in_place, whole_files
 from cutenv.browser.page_alone import HAND_CUTS, specimen_data
 from cutenv.browser.stylus_steps import HandCut
 from cutenv.classroom.analysis import Analyses
@@ -200,8 +201,12 @@ class Lesson:
             card = score(trace, target_length=cut.target_length, reference=self._reference)
             place = self.folder / code
             place.mkdir(exist_ok=True)
-            save(trace, place / f"{name}.csv")
-            self._note_saved(handed_out, card, end)
+            part = place / f"{name}.{secrets.token_hex(4)}.part.csv"
+            save(trace, part)
+            try:  # the record of another server, which was quicker, stays
+                self._note_saved(handed_out, card, end, keep=lambda: put_in_place(part, place / f"{name}.csv"))
+            finally:
+                part.unlink(missing_ok=True)
             hidden = progress is not None and progress.metadata()["feedback"] == "never"
             if progress is not None:
                 progress.add(card, end)
@@ -214,9 +219,11 @@ class Lesson:
             cut.state == UNFINISHED and self.store.cuts(cut.code)[-1].id == cut.id
         )
 
-    def _note_saved(self, cut: HandedOutCut, card: ScoreCard, end: str) -> None:
-        record = f"{_record_name(cut)}.csv"
-        if not self.store.finish(cut.id, SAVED, record=record, outcome=card.outcome or end, score=card.overall_score):
+    def _note_saved(
+        self, cut: HandedOutCut, card: ScoreCard, end: str, *, keep: Callable[[], None] = lambda: None
+    ) -> None:
+        record, outcome = f"{_record_name(cut)}.csv", card.outcome or end
+        if not self.store.finish(cut.id, SAVED, record=record, outcome=outcome, score=card.overall_score, keep=keep):
             raise RefusedCut("this cut is finished already.")
 
     def recover(self) -> int:

@@ -65,7 +65,7 @@ def observe_path_at_rest(
 @njit
 def assess_path_readings(
     episodes: StructArray, steerings: StructArray, paths: StructArray, measured: StructArray, sensors: StructArray,
-    readings: StructArray, places: Array, lateral: Array, heading: float, action: StructArray,
+    readings: StructArray, places: Array, lateral: Array, heading: tuple[float, float], action: StructArray,
     observation: StructArray,
 ) -> tuple[float, int]:  # fmt: skip
     """Assess and observe a rig's readings since the last decision; tip, runs and path of the cut are estimates.
@@ -83,8 +83,8 @@ def assess_path_readings(
         end do not count.
     places, lateral : array, shape (n, 2), (n,)
         Place of the blade along and across the slab [m] and force to its right [N] at each reading.
-    heading : float
-        Direction of the blade after the last reading [rad].
+    heading : tuple of float
+        Direction of the blade after the last reading: cosine and sine of its angle to the axis of the slab.
     action, observation : array, shape (3,), (28,) float32
         The step's action; the observation, filled.
 
@@ -110,7 +110,7 @@ def assess_path_readings(
         total, largest = total + lateral[i], max(largest, abs(lateral[i]))
         if count.end[0] != 0:
             break
-    steering.ahead, steering.across = math.cos(heading), math.sin(heading)
+    steering.ahead, steering.across = heading
     survey_path(path, steering, tip)
     charge_path(path, task.target)
     lost = path.farthest > path.line_limit and (count.end[0] == 0 or count.end[0] > _SAFETY_CODES)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -81,7 +82,7 @@ class RigPathCutting(PathAssessed):
         places = np.column_stack([beside[name] for name in PLACE])
         reward, self._end = assess_path_readings(
             self.episode, self.steerings, self.paths, self._measured, self._sensors, readings, places,
-            beside["lateral_force"], heading, self.last_action, observation,
+            beside["lateral_force"], (math.cos(heading), math.sin(heading)), self.last_action, observation,
         )  # fmt: skip
         return observation, reward
 

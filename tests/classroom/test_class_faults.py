@@ -7,7 +7,7 @@ import ssl
 import subprocess
 import zlib
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -89,7 +89,8 @@ def test_a_record_written_just_before_the_end_is_saved_and_sent_again_it_is_not_
     handed_out = client.post("/cuts").json()
     client.post(f"/cuts/{handed_out['id']}/begun")
 
-    def end(*_: Any, **__: Any) -> None:
+    def end(*_: Any, keep: Callable[[], None], **__: Any) -> None:
+        keep()
         raise RuntimeError("killed")
 
     with monkeypatch.context() as patched:
@@ -203,6 +204,30 @@ def test_two_servers_on_one_folder_keep_a_cut_once_and_know_each_others(tmp_path
         assert "Task 2 of 2" in client.post("/cuts").json()["ahead"]["en"]
     assert rooms[1].lesson.recover() == 0
     for each in rooms:
+        each.store.close()
+
+
+def test_a_server_that_is_too_late_leaves_the_record_of_the_other_one(tmp_path: Path) -> None:
+    (tmp_path / "course.toml").write_text(TWO_TASKS.replace("repetitions = 2\n", ""))
+    quick, late = (Room(tmp_path, str(tmp_path / "course.toml")) for _ in range(2))
+    person, again = quick.person("P01"), late.client()
+    again.cookies = person.cookies
+    handed_out = person.post("/cuts").json()
+    stylus = np.concatenate([hand(4000, 3e-5), np.full((26_000, 2), [0.12, np.pi / 2])])
+    readings = HandCut(specimen_class="uniform", seed=handed_out["seed"]).follow(stylus)
+    request = {
+        "content": stylus[: len(readings)].tobytes(),
+        "headers": {"X-Readings": f"{zlib.crc32(readings.tobytes()):08x}"},
+    }
+    assert person.post(f"/cuts/{handed_out['id']}", **request).status_code == 200
+    (record,) = records(quick)
+    kept = record.read_bytes()
+    late.lesson._is_open = lambda _: True  # it looked a moment before the other one was done
+    assert again.post(f"/cuts/{handed_out['id']}", **request).status_code == 422
+    assert records(late) == [record]
+    assert record.read_bytes() == kept
+    assert [each.name for each in record.parent.iterdir()] == [record.name]
+    for each in (quick, late):
         each.store.close()
 
 

@@ -122,7 +122,7 @@ def test_what_is_written_is_read_again_and_holds_no_key_of_other_drivers(tmp_pat
         (HERE, "canopn", r"\[blade\] driver must be one of.*Did you mean 'canopen'.*module:Class"),
         (HERE, f"{__name__}:Plain", "has no options; found port, wait_ms"),
         (HERE, f"{__name__}:Unfit", "has no options"),
-        ('port = "/dev/x"', "", r"\[blade.options\] driver .* needs port"),
+        ('port = "/dev/x"', "", r"only a person can supply blade\.options\.port"),
         ("wait_ms = 5", "wait_ms = 500", r"\[blade.options\] wait_ms = 500 ms is outside 1 to 100 ms"),
         ("wait_ms = 5", "weight_ms = 5", "the name must be one of 'port', 'wait_ms', got 'weight_ms'"),
         ("wait_ms = 5", 'wait_ms = "5"', "wait_ms must be one real number in ms"),

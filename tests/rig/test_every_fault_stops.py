@@ -191,7 +191,8 @@ def test_every_cause_is_brought_about_by_some_fault():
     brought = set().union(*(causes for _, causes in FAULTS.values()))
     tested_below = {Cause.TRAVEL, Cause.ANGLE}
     of_height = {Cause.HEIGHT, Cause.VERTICAL_FORCE, Cause.NOT_RAISED}  # tests/rig/test_height_axis.py
-    assert brought | tested_below | of_height == set(Cause)
+    of_side = {Cause.SIDE}  # tests/rig/test_side_axis.py
+    assert brought | tested_below | of_height | of_side == set(Cause)
 
 
 def test_the_ends_of_travel():
