@@ -115,14 +115,22 @@ def main() -> None:
     print(f"| Script | same end and success | position apart, rms [mm] | {task.apart} apart, rms [mm] | returns apart "
           f"| return on the rig | in the simulator | {error}{true} | in the simulator [mm] |")  # fmt: skip
     print("|---|--:|--:|--:|--:|--:|--:|--:|--:|" + ("--:|" if true else ""))
+    off: list[float] = []
     try:
         for name in task.scripts:
             found = np.array(compared(rig, simulator, task, name, seed=arguments.seed, specimens=arguments.specimens))
             same = int(found[:, 0].sum())
             numbers = " | ".join(f"{value:.2f}" for value in np.median(found[:, 1:], axis=0))
             print(f"| {name} | {same} of {len(found)} | {numbers} |", flush=True)
+            if true:
+                off += np.abs(found[:, -3] - found[:, -2]).tolist()
     finally:
         rig.close()
+    if off:
+        median, most = np.median(off), max(off)
+        print(
+            f"\nThe rig's distance to the line is off the truth by {median:.2f} mm in the median, {most:.2f} at most."
+        )
 
 
 if __name__ == "__main__":

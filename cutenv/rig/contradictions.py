@@ -19,8 +19,9 @@ from cutenv.rig.devices.canopen.network import DRIVE_PATIENCE
 from cutenv.rig.devices.canopen.units import AxisUnits
 from cutenv.rig.devices.driver_registry import KIND_OF_ROLE, axes_driven_by, driven_roles, traits_of
 from cutenv.rig.operation.session import RETURN_SPEED
-from cutenv.rig.plant import RAISE_SPEED, REST_WITHIN, SLOW_TURN, TURN_RATE
+from cutenv.rig.plant import REST_WITHIN, TURN_RATE
 from cutenv.rig.safety.force_monitor import RISE_OVER
+from cutenv.rig.travel import RAISE_SPEED, SLOW_TURN
 
 AHEAD = 0.010
 """Distance by which the blade is ahead of the tip in tissue [m]."""

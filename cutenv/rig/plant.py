@@ -23,8 +23,9 @@ from cutenv.rig.heading import Heading
 from cutenv.rig.reading_grid import ReadingGrid
 from cutenv.rig.safety.following_monitor import NOMINAL_LAG
 from cutenv.rig.safety.quick_stops import AGAIN
-from cutenv.rig.safety.stop_causes import WATCH, Cause, RigStopped, StopReport
+from cutenv.rig.safety.stop_causes import WATCH, Cause, StopReport
 from cutenv.rig.safety.supervisor import Supervisor
+from cutenv.rig.travel import AIMED, SLICE, Travel
 from cutenv.tissue.lines import CutLine
 from cutenv.tissue.specimen import N_POINTS
 
@@ -33,21 +34,14 @@ _TURN_GAIN = 16.0  # [1/s] gain of the angle's position loop, closed at every SY
 _TURN_LAG = 0.040  # [s] lag of the hinge's own loop; this one looks ahead by it, to avoid overshoot
 TURN_RATE = math.radians(90.0)
 """Greatest rate of turn during a cut, equal to the simulated rig's [rad/s]."""
-RAISE_SPEED = 0.005
-"""Speed at which the blade is raised and lowered outside a cut [m/s]."""
-SLOW_TURN = math.radians(10.0)
-"""Rate of turn outside a cut [rad/s]."""
 _SAME_RATE = 0.02  # relative difference allowed between the sensor's rate and the file's
-_AIMED = math.radians(0.05)  # [rad] error below which the hinge is not moved
-_ARRIVED = 2e-5  # [m] distance at which the blade has arrived
-_NEAR, _APART = 2e-4, 1e-3  # [m] the same on its way back, and distance between places that are noted on its way
+_APART = 1e-3  # [m] between places that are noted on the blade's way
 _FEWEST, _MOST = 20, 200  # readings of a tare: a second of them, within these
-_SLICE = 0.02  # [s] of waiting at a time
 REST_WITHIN = 2.0
 """Time allowed for a blade to come to rest after a stop [s]."""
 
 
-class RigPlant:
+class RigPlant(Travel):
     """A blade on a motor and a force sensor, watched by a :class:`~cutenv.rig.safety.supervisor.Supervisor`.
 
     Parameters
@@ -353,117 +347,15 @@ class RigPlant:
             deadline = self.clock.now() + REST_WITHIN
             while not self.supervisor.standing and self.supervisor.phase == "ready" and self.clock.now() < deadline:
                 try:
-                    self.supervisor.drive(0.0, self._angle_now(), hold=_SLICE)
+                    self.supervisor.drive(0.0, self._angle_now(), hold=SLICE)
                     if self._angle is not None:
                         self.supervisor.turn(0.0)
                 except RigError:  # stopped at this moment: it comes to rest anyway
                     break
-                self.clock.sleep_until(self.clock.now() + _SLICE)
+                self.clock.sleep_until(self.clock.now() + SLICE)
             if self.supervisor.phase == "ready" and not self.supervisor.standing:
                 self.supervisor.trip(Cause.FOLLOWING, "the blade goes on moving though commanded to rest")
         self.supervisor.lock()
-
-    def travel(self, position: float, *, speed: float, angle: float | None = None) -> None:
-        """Move to ``position`` [m] at no more than ``speed`` [m/s], outside a cut; turn slowly to ``angle`` [rad].
-
-        The blade turns only on arrival, because on its way it may still be in tissue.
-
-        Raises
-        ------
-        RigError, RigStopped
-            If the rig is not released, or the blade was stopped or does not arrive in time.
-        """
-        held = self._angle_now()
-        wanted = held if angle is None else angle
-        turning = 0.0 if self._angle is None else abs(wanted - held) / SLOW_TURN
-        deadline = self.clock.now() + 3.0 * (abs(position - self.position) / speed + turning) + 5.0
-        arrived = False
-        while not (arrived and self._turned(wanted)):
-            left = position - self.position
-            arrived |= abs(left) <= _ARRIVED
-            if self.clock.now() > deadline:
-                where = f"{1e3 * self.position:.2f} mm and {math.degrees(self._angle_now()):.1f} degrees"
-                to = f"{1e3 * position:g} mm and {math.degrees(wanted):.1f} degrees"
-                raise RigError(f"the blade stands at {where} and does not reach {to}.")
-            rate = math.copysign(min(speed, 4.0 * abs(left)), left) if abs(left) > _ARRIVED else 0.0
-            turned = self._drive(rate, wanted if arrived else held, hold=_SLICE)
-            self._wait(self.clock.now() + _SLICE, turned, fastest=SLOW_TURN)
-            self._raise_if_stopped()
-        self._drive(0.0, wanted, hold=_SLICE)
-        self._wait(self.clock.now() + _SLICE, wanted, fastest=SLOW_TURN)
-
-    def raise_to(self, height: float, *, speed: float = RAISE_SPEED) -> None:
-        """Move the blade up or down to ``height`` [m] outside a cut, see :meth:`carry`."""
-        self.settings.require_height_axis(by="raise_to")
-        self.carry("height", height, speed=speed)
-
-    def carry(self, axis: str, place: float, *, speed: float = RAISE_SPEED) -> None:
-        """Move the blade across the cut to ``place`` [m] of an axis, at no more than ``speed`` [m/s], outside a cut.
-
-        Raises
-        ------
-        RigError, RigStopped
-            If the rig is not released, or the blade was stopped or does not arrive in time. A blade that cannot be
-            raised, or not moved to the side, is a fault: it is stopped.
-        """
-        fault = Cause.STUCK if axis != "height" else Cause.NOT_RAISED if place > self.height else None
-        self._carry({axis: place}, speed=speed, fault=fault)
-
-    def retrace(self, *, speed: float) -> None:
-        """Move the blade back along the way that it has come since the last cut began, and to the middle of the clamp.
-
-        A rig without an axis to the side does nothing.  See :meth:`carry` for errors.
-        """
-        if self.settings.side is None:
-            return
-        raised = self.settings.height is not None and self.height > 0.0  # out of the cut
-        while self._way and not raised:
-            x, y = self._way[-1]
-            self._carry({"blade": x, "side": y}, speed=speed, within=_NEAR, fault=Cause.STUCK)
-            self._way.pop()
-        self._way = []
-        self._carry({"blade": min(self.position, 0.0), "side": 0.0}, speed=speed, fault=Cause.STUCK)
-
-    def _carry(self, to: dict[str, float], *, speed: float, fault: Cause | None, within: float = _ARRIVED) -> None:
-        """Move straight axes to places [m], together, at no more than ``speed`` [m/s] each, until they are ``within``.
-
-        A blade that does not arrive in time is stopped with the cause ``fault``, if there is one.
-        """
-        held = self._angle_now()
-
-        def left() -> dict[str, float]:
-            return {name: place - self.place(name) for name, place in to.items()}
-
-        deadline = self.clock.now() + 3.0 * max(map(abs, left().values())) / speed + 5.0
-        while (farthest := max(map(abs, (off := left()).values()))) > within:
-            if self.clock.now() > deadline:
-                stands = ", ".join(
-                    f"the blade stands at a {name} of {1e3 * self.place(name):.2f} mm, and not at {1e3 * place:g} mm"
-                    for name, place in to.items()
-                ).replace("a side", "a place to the left")
-                if fault is not None:
-                    self.supervisor.trip(fault, stands)
-                    self._raise_if_stopped()
-                raise RigError(f"{stands}.")
-            fast = min(speed, 4.0 * farthest) / farthest
-            speeds = {name: fast * way for name, way in off.items()}
-            self._drive(speeds.pop("blade", 0.0), held, hold=_SLICE, **speeds)
-            self._wait(self.clock.now() + _SLICE, held, fastest=SLOW_TURN)
-            self._raise_if_stopped()
-        self._drive(0.0, held, hold=_SLICE)
-        self._wait(self.clock.now() + _SLICE, held, fastest=SLOW_TURN)
-
-    def place(self, name: str) -> float:
-        """Return the last reported position of an axis [m] or [rad]; raises RigError before the first sample."""
-        sample = self.supervisor.axis(name)
-        if sample is None:
-            raise RigError(f"the {name} axis has reported no position: open the rig first, if it has one.")
-        return sample.position
-
-    @property
-    def height(self) -> float:
-        """Last reported height of the blade's lower end [m], upwards; raises RigError before the first sample."""
-        return self.place("height")
 
     @property
     def level(self) -> float:
@@ -496,11 +388,6 @@ class RigPlant:
         return self._grid.start
 
     @property
-    def position(self) -> float:
-        """Last reported position of the blade [m]; raises RigError before the first sample."""
-        return self.place("blade")
-
-    @property
     def angle(self) -> float:
         """Last reported angle of the blade, or the angle set by hand [rad]."""
         return self._angle_now()
@@ -525,37 +412,17 @@ class RigPlant:
         while now < moment and self.supervisor.phase == "ready":
             if self._angle is not None:
                 self.supervisor.turn(self._rate_of_turn(angle, fastest))
-            slice = _SLICE if self._angle is None and go is None else self.settings.bus.sync
+            slice = SLICE if self._angle is None and go is None else self.settings.bus.sync
             now = self.clock.sleep_until(min(now + slice, moment))
             if go is not None and now < moment and self.supervisor.phase == "ready":
                 go()
 
     def _rate_of_turn(self, wanted: float, fastest: float) -> float:
         sample = self.supervisor.axis("angle")
-        if sample is None or abs(wanted - sample.position) < _AIMED:
+        if sample is None or abs(wanted - sample.position) < AIMED:
             return 0.0
         off = wanted - (sample.position + _TURN_LAG * sample.speed)
         return min(max(_TURN_GAIN * off, -fastest), fastest)
-
-    def _turned(self, wanted: float) -> bool:
-        return self._angle is None or abs(wanted - self._angle_now()) < 4 * _AIMED
-
-    def _angle_now(self) -> float:
-        sample = self.supervisor.axis("angle")
-        return self.settings.fixed_angle if sample is None else sample.position
-
-    def _drive(self, speed: float, angle: float, *, hold: float, **across: float) -> float:
-        """Send a command; raise :class:`RigStopped` if a thread has stopped the blade at this moment."""
-        self.owner.check()
-        try:
-            return self.supervisor.drive(speed, angle, hold, **across)
-        except RigError:
-            self._raise_if_stopped()
-            raise
-
-    def _raise_if_stopped(self) -> None:
-        if self.supervisor.phase == "stopped" and self.supervisor.report is not None:
-            raise RigStopped(self.supervisor.report, self._come_to_rest(self.supervisor.report))
 
     def _come_to_rest(self, report: StopReport) -> StructArray:
         """Wait until the blade is at rest; return the readings of the cut until then, none outside a cut.

@@ -405,7 +405,7 @@ def test_each_fault_of_the_emulator_has_its_row_in_the_table() -> None:
 
 
 def test_faults_of_a_cut_in_real_time_stop_it_as_stated() -> None:
-    with rig_faults.Trials(serial=True) as trials:
+    with rig_faults.Trials(kind="serial") as trials:
         import numpy as np
 
         for fault in ("cell_silent", "stop_button", "board_deaf", "kill_9", "cable_out"):

@@ -63,7 +63,7 @@ class Observer(Protocol):
 
 
 class MotionDriver(Protocol):
-    """One axis under velocity control: the carriage of the blade, its angle, or its height.
+    """One axis under velocity control: the carriage of the blade, its angle, height, or place to the side.
 
     SI and radians; the driver knows gear, lead and encoder. Every method raises :class:`RigError` if the axis does not
     answer in time.
@@ -112,7 +112,7 @@ class MotionDriver(Protocol):
     def about(self) -> dict[str, float | str]:
         """Return the data that the open drive reports about itself; a number's name ends with its unit.
 
-        Of a height axis "homed" is among them: "yes", or "no".
+        Of an axis across the cut "homed" is among them: "yes", or "no".
         """
         ...
 

@@ -32,7 +32,7 @@ class MotionSample(NamedTuple):
         Arrival on the clock [s].
     position, speed : float
         Position from the clamp [m] and speed [m/s] of the blade along the cut; of the angle axis [rad], [rad/s]; of the
-        height axis [m], [m/s], upwards.
+        height axis [m], [m/s], upwards; of that to the side, to the left.
     torque : float
         Torque of the motor over its rated torque [1].
     state : DriveState

@@ -14,9 +14,10 @@ from cutenv.rig.errors import RigError
 from cutenv.rig.operation.operator import Operator
 from cutenv.rig.operation.preflight import SETTLE, Check, prepare
 from cutenv.rig.operation.specimen_source import SpecimenKey, SpecimenSource
-from cutenv.rig.plant import RAISE_SPEED, RigPlant
+from cutenv.rig.plant import RigPlant
 from cutenv.rig.safety.guard import guarded
 from cutenv.rig.safety.stop_causes import BY_PEOPLE, WATCH, RigStopped
+from cutenv.rig.travel import RAISE_SPEED
 
 RETURN_SPEED = 0.005
 """Speed of the return to the clamp between cuts [m/s]: always slow."""

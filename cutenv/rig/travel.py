@@ -1,0 +1,179 @@
+"""Motions of a rig's blade outside a cut: to a place, up and down, to the side, and back the way that it came."""
+
+from __future__ import annotations
+
+import math
+
+from cutenv._base.arrays import StructArray
+from cutenv.rig.config.settings import RigSettings
+from cutenv.rig.devices.clock import Clock
+from cutenv.rig.devices.drivers import MotionDriver
+from cutenv.rig.devices.owner import Owner
+from cutenv.rig.errors import RigError
+from cutenv.rig.safety.stop_causes import Cause, RigStopped, StopReport
+from cutenv.rig.safety.supervisor import Supervisor
+
+RAISE_SPEED = 0.005
+"""Speed at which the blade is moved across the cut outside of it [m/s]."""
+SLOW_TURN = math.radians(10.0)
+"""Rate of turn outside a cut [rad/s]."""
+AIMED = math.radians(0.05)
+"""Error below which the hinge is not moved [rad]."""
+SLICE = 0.02
+"""Time of waiting, and validity of a command outside a cut, at a time [s]."""
+_ARRIVED = 2e-5  # [m] distance at which the blade has arrived
+_NEAR = 3e-4  # [m] distance at which it has passed a place on its way back
+
+
+class Travel:
+    """Part of a rig that moves its blade outside a cut; the blade waits and comes to rest as the whole rig does.
+
+    Attributes
+    ----------
+    settings, clock, supervisor, owner
+        As of :class:`~cutenv.rig.plant.RigPlant`.
+    """
+
+    settings: RigSettings
+    clock: Clock
+    supervisor: Supervisor
+    owner: Owner
+    _angle: MotionDriver | None
+    _way: list[tuple[float, float]]  # [m] places of the blade since the clamp, some apart
+
+    def _wait(self, moment: float, angle: float, *, fastest: float) -> None:
+        """Wait until ``moment`` [s] or a stop, turning to ``angle`` [rad] at no more than ``fastest`` [rad/s]."""
+        raise NotImplementedError
+
+    def _come_to_rest(self, report: StopReport) -> StructArray:
+        """Wait until the blade is at rest; return the readings of the cut until then."""
+        raise NotImplementedError
+
+    def travel(self, position: float, *, speed: float, angle: float | None = None) -> None:
+        """Move to ``position`` [m] at no more than ``speed`` [m/s], outside a cut; turn slowly to ``angle`` [rad].
+
+        The blade turns only on arrival, because on its way it may still be in tissue.
+
+        Raises
+        ------
+        RigError, RigStopped
+            If the rig is not released, or the blade was stopped or does not arrive in time.
+        """
+        held = self._angle_now()
+        wanted = held if angle is None else angle
+        turning = 0.0 if self._angle is None else abs(wanted - held) / SLOW_TURN
+        deadline = self.clock.now() + 3.0 * (abs(position - self.position) / speed + turning) + 5.0
+        arrived = False
+        while not (arrived and self._turned(wanted)):
+            left = position - self.position
+            arrived |= abs(left) <= _ARRIVED
+            if self.clock.now() > deadline:
+                where = f"{1e3 * self.position:.2f} mm and {math.degrees(self._angle_now()):.1f} degrees"
+                to = f"{1e3 * position:g} mm and {math.degrees(wanted):.1f} degrees"
+                raise RigError(f"the blade stands at {where} and does not reach {to}.")
+            rate = math.copysign(min(speed, 4.0 * abs(left)), left) if abs(left) > _ARRIVED else 0.0
+            turned = self._drive(rate, wanted if arrived else held, hold=SLICE)
+            self._wait(self.clock.now() + SLICE, turned, fastest=SLOW_TURN)
+            self._raise_if_stopped()
+        self._drive(0.0, wanted, hold=SLICE)
+        self._wait(self.clock.now() + SLICE, wanted, fastest=SLOW_TURN)
+
+    def raise_to(self, height: float, *, speed: float = RAISE_SPEED) -> None:
+        """Move the blade up or down to ``height`` [m] outside a cut, see :meth:`carry`."""
+        self.settings.require_height_axis(by="raise_to")
+        self.carry("height", height, speed=speed)
+
+    def carry(self, axis: str, place: float, *, speed: float = RAISE_SPEED) -> None:
+        """Move the blade across the cut to ``place`` [m] of an axis, at no more than ``speed`` [m/s], outside a cut.
+
+        Raises
+        ------
+        RigError, RigStopped
+            If the rig is not released, or the blade was stopped or does not arrive in time. A blade that cannot be
+            raised, or not moved to the side, is a fault: it is stopped.
+        """
+        fault = Cause.STUCK if axis != "height" else Cause.NOT_RAISED if place > self.height else None
+        self._carry({axis: place}, speed=speed, fault=fault)
+
+    def retrace(self, *, speed: float) -> None:
+        """Move the blade back along the way that it has come since the last cut began, and to the middle of the clamp.
+
+        A rig without an axis to the side does nothing.  See :meth:`carry` for errors.
+        """
+        if self.settings.side is None:
+            return
+        raised = self.settings.height is not None and self.height > 0.0  # out of the cut
+        while self._way and not raised:
+            x, y = self._way[-1]
+            self._carry({"blade": x, "side": y}, speed=speed, fault=Cause.STUCK, passing=True)
+            self._way.pop()
+        self._way = []
+        self._carry({"blade": min(self.position, 0.0), "side": 0.0}, speed=speed, fault=Cause.STUCK)
+
+    def _carry(self, to: dict[str, float], *, speed: float, fault: Cause | None, passing: bool = False) -> None:
+        """Move straight axes to places [m], together, at no more than ``speed`` [m/s] each.
+
+        The blade rests there, unless it is only ``passing``. One that does not arrive in time is stopped with the cause
+        ``fault``, if there is one.
+        """
+        held, within = self._angle_now(), _NEAR if passing else _ARRIVED
+
+        def left() -> dict[str, float]:
+            return {name: place - self.place(name) for name, place in to.items()}
+
+        deadline = self.clock.now() + 3.0 * max(map(abs, left().values())) / speed + 5.0
+        while (farthest := max(map(abs, (off := left()).values()))) > within:
+            if self.clock.now() > deadline:
+                stands = ", ".join(
+                    f"the blade stands at a {name} of {1e3 * self.place(name):.2f} mm, and not at {1e3 * place:g} mm"
+                    for name, place in to.items()
+                ).replace("a side", "a place to the left")
+                if fault is not None:
+                    self.supervisor.trip(fault, stands)
+                    self._raise_if_stopped()
+                raise RigError(f"{stands}.")
+            fast = (speed if passing else min(speed, 4.0 * farthest)) / farthest
+            speeds = {name: fast * way for name, way in off.items()}
+            self._drive(speeds.pop("blade", 0.0), held, hold=SLICE, **speeds)
+            self._wait(self.clock.now() + SLICE, held, fastest=SLOW_TURN)
+            self._raise_if_stopped()
+        if not passing:
+            self._drive(0.0, held, hold=SLICE)
+            self._wait(self.clock.now() + SLICE, held, fastest=SLOW_TURN)
+
+    def place(self, name: str) -> float:
+        """Return the last reported position of an axis [m] or [rad]; raises RigError before the first sample."""
+        sample = self.supervisor.axis(name)
+        if sample is None:
+            raise RigError(f"the {name} axis has reported no position: open the rig first, if it has one.")
+        return sample.position
+
+    @property
+    def height(self) -> float:
+        """Last reported height of the blade's lower end [m], upwards; raises RigError before the first sample."""
+        return self.place("height")
+
+    @property
+    def position(self) -> float:
+        """Last reported position of the blade [m]; raises RigError before the first sample."""
+        return self.place("blade")
+
+    def _turned(self, wanted: float) -> bool:
+        return self._angle is None or abs(wanted - self._angle_now()) < 4 * AIMED
+
+    def _angle_now(self) -> float:
+        sample = self.supervisor.axis("angle")
+        return self.settings.fixed_angle if sample is None else sample.position
+
+    def _drive(self, speed: float, angle: float, *, hold: float, **across: float) -> float:
+        """Send a command; raise :class:`RigStopped` if a thread has stopped the blade at this moment."""
+        self.owner.check()
+        try:
+            return self.supervisor.drive(speed, angle, hold, **across)
+        except RigError:
+            self._raise_if_stopped()
+            raise
+
+    def _raise_if_stopped(self) -> None:
+        if self.supervisor.phase == "stopped" and self.supervisor.report is not None:
+            raise RigStopped(self.supervisor.report, self._come_to_rest(self.supervisor.report))
