@@ -262,7 +262,8 @@ def _turned_and_deep(table: SniffedTable, taken: tuple[int | None, ...]) -> list
     """Return the fields "angle" and "depth" with their columns, where just one has the unit, and the depth's name."""
     columns = [k for k in range(table.n_columns) if k not in taken]
     angles = [k for k in columns if _unit(table, k, "angle")]
-    depths = [k for k in columns if _unit(table, k, "depth") and not _DEPTHS.isdisjoint(_words(table, k))]
+    named = [k for k in columns if not _DEPTHS.isdisjoint(_words(table, k)) and _WAYS.isdisjoint(_words(table, k))]
+    depths = [k for k in named if _unit(table, k, "depth")]
     return [(field, found[0]) for field, found in (("angle", angles), ("depth", depths)) if len(found) == 1]
 
 
