@@ -16,6 +16,7 @@ from cutenv.tissue.lines import CutLine
 from cutenv.tissue.specimen import Specimen
 
 _LEAST = 1e-7  # [m] in a millisecond, below which a blade keeps its direction
+_TRAIL = 0.002  # [m] way in which a blade behind its pivot turns by a radian at most
 
 
 class TissueInPlane:
@@ -58,7 +59,15 @@ class TissueInPlane:
         along = float(east * steering.ahead + north * steering.across)
         if (way := math.hypot(east, north)) > _LEAST:
             along = math.copysign(way, along)
-            steering.ahead, steering.across = east / along, north / along
+            ahead, across, to_x, to_y = steering.ahead, steering.across, east / along, north / along
+            wanted = math.atan2(ahead * to_y - across * to_x, ahead * to_x + across * to_y)
+            turn = min(max(wanted, -way / _TRAIL), way / _TRAIL)  # steps of an encoder do not turn it
+            if turn == wanted:
+                steering.ahead, steering.across = to_x, to_y
+            else:
+                cosine, sine = math.cos(turn), math.sin(turn)
+                steering.ahead, steering.across = ahead * cosine - across * sine, ahead * sine + across * cosine
+                along = float(east * steering.ahead + north * steering.across)
         path = np.array([[0.0, state.blade - state.hand + along, _measured(angle)]])
         follow_turns(self.plant.cuts, self.plant.steerings, path, TICK, self._readings, self._lateral)
         force, lateral = float(self._readings["true_force"][0]), float(self._lateral[0])

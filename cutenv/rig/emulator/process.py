@@ -51,20 +51,22 @@ _SWITCH = 0.0005  # [s] after which a thread lets another one run: a millisecond
 
 def warm_up(*, across: Sequence[str] = (), serial: bool = False) -> None:
     """Compile, or load from disk, the kernels of a millisecond, before anybody waits for it."""
-    warn_before_first_compile(*(follow_levels, follow_turns, measure) if across else (feel,), turn_motor)
-    laid = Laid(specimen_class="liver", line=straight() if "side" in across else None)
-    rig: EmulatedBench
-    if serial:
-        rig = EmulatedSerialRig(SerialOptions(laid=laid))  # GRBL's has no kernels of its own
-    else:
-        rig = driven = EmulatedRig(Options(laid=laid, cross_axes=cross_axes(*across)))
-        for axis in driven.axes.values():
-            axis.motor["mode"] = 1
-    try:
-        for _ in range(10):
-            rig.step(rig.now())
-    finally:
-        rig.close()
+    in_plane: list[Any] = [follow_turns] if "side" in across else []
+    warn_before_first_compile(*(follow_levels, *in_plane, measure) if across else (feel,), turn_motor)
+    for line in (None, straight())[: 1 + len(in_plane)]:
+        laid = Laid(specimen_class="liver", line=line)
+        rig: EmulatedBench
+        if serial:
+            rig = EmulatedSerialRig(SerialOptions(laid=laid))  # GRBL's has no kernels of its own
+        else:
+            rig = driven = EmulatedRig(Options(laid=laid, cross_axes=cross_axes(*across)))
+            for axis in driven.axes.values():
+                axis.motor["mode"] = 1
+        try:
+            for _ in range(10):
+                rig.step(rig.now())
+        finally:
+            rig.close()
 
 
 def serve(
