@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib
 import functools
 import re
 from datetime import datetime
@@ -230,6 +231,10 @@ class RigSource:
                 calibration=SensorCalibration(date=datetime.now().date().isoformat()),
                 sensor=dataclasses.replace(self.settings.sensor, rate=FakeSensor.rate),
             )
+        if self._rig in EMULATED:
+            importlib.import_module(
+                "cutenv.rig.emulator.process"
+            )  # fails now, not amid a session, for lack of a package
         self.draws = self._rig in RIG_NAMES
         self._emulated = emulator_arguments(constants) if self._rig == EMULATOR else []
         if self._rig in EMULATED and self._rig != EMULATOR and (changed := changed_constants(constants)):

@@ -16,11 +16,13 @@ from cutenv.tissue.lines import CutLine
 from cutenv.tissue.specimen import Specimen
 
 _LEAST = 1e-7  # [m] in a millisecond, below which a blade keeps its direction
-_TRAIL = 0.002  # [m] way in which a blade behind its pivot turns by a radian at most
+_TRAIL = 0.002  # [m] for each radian by which the blade turns, at least
 
 
 class TissueInPlane:
     """Specimen along a line, cut by a blade that points where it is moved, as one behind a pivot does.
+
+    It turns by a radian in 2 mm of way at most (assumed), so that at rest the steps of encoders do not turn it.
 
     Parameters
     ----------
@@ -61,7 +63,7 @@ class TissueInPlane:
             along = math.copysign(way, along)
             ahead, across, to_x, to_y = steering.ahead, steering.across, east / along, north / along
             wanted = math.atan2(ahead * to_y - across * to_x, ahead * to_x + across * to_y)
-            turn = min(max(wanted, -way / _TRAIL), way / _TRAIL)  # steps of an encoder do not turn it
+            turn = min(max(wanted, -way / _TRAIL), way / _TRAIL)
             if turn == wanted:
                 steering.ahead, steering.across = to_x, to_y
             else:

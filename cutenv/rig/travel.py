@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 
 from cutenv._base.arrays import StructArray
 from cutenv.rig.config.settings import RigSettings
@@ -25,7 +26,7 @@ _ARRIVED = 2e-5  # [m] distance at which the blade has arrived
 _NEAR = 3e-4  # [m] distance at which it has passed a place on its way back
 
 
-class Travel:
+class Travel(ABC):
     """Part of a rig that moves its blade outside a cut; the blade waits and comes to rest as the whole rig does.
 
     Attributes
@@ -41,13 +42,13 @@ class Travel:
     _angle: MotionDriver | None
     _way: list[tuple[float, float]]  # [m] places of the blade since the clamp, some apart
 
+    @abstractmethod
     def _wait(self, moment: float, angle: float, *, fastest: float) -> None:
         """Wait until ``moment`` [s] or a stop, turning to ``angle`` [rad] at no more than ``fastest`` [rad/s]."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _come_to_rest(self, report: StopReport) -> StructArray:
         """Wait until the blade is at rest; return the readings of the cut until then."""
-        raise NotImplementedError
 
     def travel(self, position: float, *, speed: float, angle: float | None = None) -> None:
         """Move to ``position`` [m] at no more than ``speed`` [m/s], outside a cut; turn slowly to ``angle`` [rad].

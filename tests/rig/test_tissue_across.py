@@ -20,7 +20,10 @@ from cutenv.rig.emulator.emulated_tissue import EmulatedTissue, Laid
 from cutenv.rig.emulator.hub import Frame
 from cutenv.rig.emulator.tissue_across import ARM, TissueAcross
 from cutenv.rig.errors import RigError
+from cutenv.rig.tissue_in_plane import TissueInPlane
+from cutenv.tissue import Specimen
 from cutenv.tissue.layers import Layers
+from cutenv.tissue.lines import arc
 
 UPRIGHT = math.pi / 2
 WAY = np.linspace(0.0, 0.03, 1501)[1:]
@@ -125,3 +128,18 @@ def test_layers_are_laid_by_the_control_port_on_a_rig_with_the_axis_alone():
         assert "height_m" not in answered(rig, {"do": "truth"})
     finally:
         rig.close()
+
+
+def test_steps_of_the_encoders_do_not_turn_a_blade_at_rest():
+    tissue = TissueInPlane(Specimen.drawn(3), arc(0.1, turn=math.radians(20.0)))
+    along = np.linspace(0.0, 0.03, 2000)
+    for x in along:
+        tissue.advance(float(x), 0.0, UPRIGHT)
+    for x in along[:-400:-1]:  # back, so that friction pulls the other way
+        tissue.advance(float(x), 0.0, UPRIGHT)
+    rest, force, heading = float(x), tissue.force, tissue.plant.heading
+    step = 1e-6  # of an encoder
+    for k in range(200):
+        tissue.advance(rest, step * (k % 2), UPRIGHT)
+    assert tissue.plant.heading == pytest.approx(heading, abs=0.1)
+    assert tissue.force == pytest.approx(force, abs=0.05)
