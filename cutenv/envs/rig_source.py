@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib
 import functools
+import importlib
 import re
 from datetime import datetime
 from pathlib import Path
