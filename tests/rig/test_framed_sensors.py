@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import math
 import random
-import threading
 import time
 from collections.abc import Callable, Iterator
 from datetime import date
@@ -25,8 +24,8 @@ from cutenv.rig.devices.driver_registry import mounted
 from cutenv.rig.devices.serial.bota_sensor import bota_frame
 from cutenv.rig.devices.serial.frame_reader import FrameError, FrameFormat, FrameReader
 from cutenv.rig.devices.serial.robotiq_sensor import robotiq_frame
-from cutenv.rig.devices.serial.slow_profile import slow_limits, slow_settings
-from cutenv.rig.emulator.serial.serial_rig import EmulatedSerialRig, SerialOptions
+from cutenv.rig.devices.serial.slow_profile import slow_limits
+from cutenv.rig.emulator.process import start
 from cutenv.rig.hardware import rig_plant
 from cutenv.rig.operation.conformance import Listening
 from cutenv.rig.operation.operator import AutomaticOperator
@@ -239,18 +238,12 @@ def test_frames_and_requests_are_those_of_the_makers() -> None:
 
 @pytest.mark.parametrize("name", sorted(DEVICES))
 def test_a_moving_blade_stops_when_the_sensors_cable_is_pulled(name: str) -> None:
-    board = EmulatedSerialRig(SerialOptions(laid=None))
-    board.step(board.now())  # compiles
-    running = threading.Thread(target=board.run, daemon=True)
-    running.start()
-    with serving(DEVICES[name]()) as device:
-        rig = slow_settings(board.line.port)
+    # The board runs in a process of its own: in this one, sensor, drivers and board would wait for each other.
+    with start(kind="serial", free_air=True) as board, serving(DEVICES[name]()) as device:
+        rig = board.settings
         limits = dataclasses.replace(rig.limits, stale_force=0.08, late_force=0.3, overrun=5.0)  # of a busy machine
         plant = rig_plant(
-            dataclasses.replace(
-                rig, sensor=settings_of(name, device).sensor, limits=limits, emulated=True, armed_by="a test",
-                calibration=SensorCalibration(date=date.today().isoformat()),
-            )
+            dataclasses.replace(rig, sensor=settings_of(name, device, rate=100.0).sensor, limits=limits)
         )  # fmt: skip
         plant.open()
         try:
@@ -269,9 +262,6 @@ def test_a_moving_blade_stops_when_the_sensors_cable_is_pulled(name: str) -> Non
             assert plant.position - before < 0.004 * 0.5
         finally:
             plant.close()
-            board.stopped.set()
-            running.join()
-            board.close()
 
 
 @pytest.mark.parametrize("name", sorted(DEVICES))
