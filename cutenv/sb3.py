@@ -168,8 +168,8 @@ class FeatureVecEnv(NativeVecEnv):
 
     An observation is the output of :class:`cutenv.policy.Features`: forces by depth, an estimate of the crack tip, the
     distance to the target; with depth, that of :class:`cutenv.policy.depth_features.DepthFeatures`, along a line that
-    of :class:`cutenv.policy.path_features.PathFeatures`.  The attribute
-    ``features`` is its size.
+    of :class:`cutenv.policy.path_features.PathFeatures`.  The action of the ``script`` follows, if there is one.  The
+    attribute ``features`` is the size of both.
 
     Parameters
     ----------
@@ -179,6 +179,12 @@ class FeatureVecEnv(NativeVecEnv):
         Number of past decisions among the features.
     force : bool
         Whether the features include the force.
+    script : str, optional
+        Script to whose action the learner's is added (residual policy learning: Silver, Allen, Tenenbaum and Kaelbling,
+        2018).  In a ``terminal_observation`` its action is 0.
+    hold : int
+        Number of the environment's decisions that a step makes: the script decides at each, and what the learner adds
+        is held.  A cut that begins within a step has the script alone until the next.
     hidden_state, task, **arguments
         See :class:`NativeVecEnv`.
     """
@@ -189,13 +195,17 @@ class FeatureVecEnv(NativeVecEnv):
         *,
         history: int = 0,
         force: bool = True,
+        script: str | None = None,
+        hold: int = 1,
         hidden_state: bool = False,
         task: str = "gentle",
         **arguments: Any,
     ) -> None:
-        count = seeds if isinstance(seeds, int) else len(seeds)
-        self._features = task_of({"task": task})[0].space.features(count, history=history, force=force)
-        self.features = self._features.size
+        count, space = seeds if isinstance(seeds, int) else len(seeds), task_of({"task": task})[0].space
+        self._features = space.features(count, history=history, force=force)
+        self._script, self._hold = None if script is None else space.script(script), hold
+        self._scripted = np.zeros((count, 0 if script is None else len(space.actions)), np.float32)
+        self.features = self._features.size + self._scripted.shape[1]
         self._all = np.arange(count)
         super().__init__(seeds, hidden_state=hidden_state, task=task, **arguments)
 
@@ -204,8 +214,55 @@ class FeatureVecEnv(NativeVecEnv):
         return gymnasium.spaces.Box(-np.inf, np.inf, (size,), np.float32)
 
     def _observe(self) -> np.ndarray:
-        return self._with_hidden_state(self._features(self.observations), self._all)
+        return self._shown(self._features(self.observations), self._all)
 
     def _observe_start(self, started: np.ndarray) -> np.ndarray:
         self._features.forget(started)  # the features of the cut before
-        return self._with_hidden_state(self._features(self.observations[started], started), started)
+        return self._shown(self._features(self.observations[started], started), started)
+
+    def _shown(self, features: np.ndarray, numbers: np.ndarray) -> np.ndarray:
+        """Return features, place for the script's action, and hidden state if it is asked for."""
+        place = np.zeros((len(features), self._scripted.shape[1]), np.float32)
+        shown = np.concatenate([features, place], axis=1) if self._script else features
+        return self._with_hidden_state(shown, numbers)
+
+    def _with_script(self, shown: np.ndarray) -> np.ndarray:
+        """Let the script decide, once for all environments, and fill its actions in."""
+        if self._script is not None:
+            start = time.perf_counter()
+            self._scripted = self._script.act(self.observations)
+            shown[:, self._features.size : self.features] = self._scripted
+            self.seconds += time.perf_counter() - start
+        return shown
+
+    def reset(self) -> np.ndarray:
+        """Reset every environment to episode :attr:`first_episode` of its seed."""
+        shown = super().reset()
+        if self._script is not None:
+            self._script.begin([np.random.default_rng() for _ in self._all])
+        return self._with_script(shown)
+
+    def step_async(self, actions: np.ndarray) -> None:
+        """Store the actions, shape (n, 2), or (n, 3), for :meth:`step_wait`; the script's are added."""
+        if self._script is None:
+            super().step_async(actions)
+        else:
+            self._added = np.array(actions, np.float32)
+
+    def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
+        """Return observations, rewards, ends and infos; a cut that has ended starts again at once."""
+        if self._script is None:
+            return super().step_wait()
+        rewards, ended = np.zeros(self.num_envs, np.float32), np.zeros(self.num_envs, bool)
+        infos: list[dict[str, Any]] = [{"cost": 0.0} for _ in self._all]
+        for _ in range(self._hold):
+            super().step_async(np.clip(self._scripted + self._added, -1.0, 1.0))
+            shown, earned, ends, seen = super().step_wait()
+            for n in np.flatnonzero(~ended).tolist():
+                infos[n] = {**seen[n], "cost": infos[n]["cost"] + seen[n]["cost"]}
+            rewards[~ended] += earned[~ended]
+            ended |= ends
+            self._added[ended] = 0.0
+            self._script.forget(np.flatnonzero(ends))
+            shown = self._with_script(shown)
+        return shown, rewards, ended, infos

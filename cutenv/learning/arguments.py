@@ -66,9 +66,12 @@ def for_rig(chosen: Mapping[str, Any]) -> dict[str, Any]:
     return {**rate, **chosen, **implied}
 
 
-def actor_critic_inputs(task: LearnedTask, history: int, critic: str) -> dict[str, int]:
-    """Return the input sizes of an actor with this history, and of a critic that sees "truth" or "features"."""
-    features = task.space.features(history=history).size
+def actor_critic_inputs(task: LearnedTask, history: int, critic: str, base: str = "none") -> dict[str, int]:
+    """Return the input sizes of an actor with this history, and of a critic that sees "truth" or "features".
+
+    With the ``base`` "script", both see the script's action as well.
+    """
+    features = task.space.features(history=history).size + (len(task.space.actions) if base == "script" else 0)
     return {"features": features, "critic": features + (len(task.privileged) if critic == "truth" else 0)}
 
 
@@ -175,6 +178,10 @@ class LearnerArguments:
         """
         options = TASKS[chosen.get("task", "gentle")].options
         merged = {**{name: value for name, value in options.items() if name in cls.__dataclass_fields__}, **chosen}
+        if merged.get("base") == "script":
+            merged.setdefault("demonstrations", 0)
+        elif "hold" not in chosen:
+            merged.pop("hold", None)
         if merged.get("script") != TRUE_TIP and "corrections" not in chosen:
             merged.pop("corrections", None)
         return merged
@@ -212,6 +219,11 @@ class LearnerArguments:
         return {"history": self.history} | ({} if self.force == "felt" else {"force": False})
 
     @property
+    def correction(self) -> dict[str, Any]:
+        """Script to whose action the actor's is added, and for how many decisions that is held; empty without one."""
+        return {}
+
+    @property
     def training_seeds(self) -> range:
         """Seeds of the training environments."""
         first = self.seed * MAX_ENVIRONMENTS
@@ -226,7 +238,7 @@ class LearnerArguments:
         """Make environments with these seeds, which show the hidden state after the features."""
         from cutenv.sb3 import FeatureVecEnv
 
-        return FeatureVecEnv(seeds, hidden_state=True, task=self.task, **self.features, **self.environment)
+        return FeatureVecEnv(seeds, **self._shown)
 
     def training_environments(self) -> FeatureVecEnv | RandomisedRigs:
         """Make the environments to train in; see :meth:`environments_at`."""
@@ -234,8 +246,13 @@ class LearnerArguments:
             return self.environments_at(self.training_seeds)
         from cutenv.learning.randomised_rigs import RandomisedRigs, random_rigs
 
-        shared = {"hidden_state": True, "task": self.task, **self.features, **self.environment}
-        return RandomisedRigs(random_rigs(self.rigs, self.seed), self.training_seeds, **shared)
+        rigs = random_rigs(self.rigs, self.seed)
+        return RandomisedRigs(rigs, self.training_seeds, **self._shown)
+
+    @property
+    def _shown(self) -> dict[str, Any]:
+        shown = {"hidden_state": True, "task": self.task, **self.correction, **self.features}
+        return {**shown, **self.environment}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -263,6 +280,13 @@ class PPOArguments(LearnerArguments):
     averaging: float = option(
         0.15, "share of the actor that its running average takes over at every update", (1e-6, 1.0)
     )
+    base: str = option(
+        "none",
+        "what the actor's action is added to; none: nothing, it acts alone; script: the action of --script, which it "
+        "learns to correct (residual policy learning), without imitating it first",
+        ("none", "script"),
+    )
+    hold: int = option(1, "number of decisions for which what is added to the script's action is held", (1, 100))
     corrections: int = option(
         0, "number of decisions in which the clone cuts, and the script tells what it would have done", (0, 10**9)
     )
@@ -277,13 +301,28 @@ class PPOArguments(LearnerArguments):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.hold > 1 and not self.correction:
+            raise BadArguments(f"--hold {self.hold} has no effect without --base script")
+        if self.correction:
+            if self.demonstrations:
+                raise BadArguments(f"--demonstrations {self.demonstrations} has no use with --base script; give 0")
+            if self.force == "unfelt":
+                raise BadArguments("--base script feels the force, which --force unfelt hides; give --base none")
+            if self.script not in self.learned_task.space.scripts:
+                raise BadArguments(f"--base script needs a script that a rig can run; {self.script!r} sees the truth")
         if self.corrections and not (self.demonstrations and self.script == TRUE_TIP):
             raise BadArguments(f"--corrections {self.corrections} needs --demonstrations of --script {TRUE_TIP!r}")
 
     @property
     def sizes(self) -> dict[str, int]:
         """Input sizes of actor and critic, and units of a layer: keyword arguments of the actor-critic networks."""
-        return {**actor_critic_inputs(self.learned_task, self.history, self.critic), "hidden": self.hidden}
+        inputs = actor_critic_inputs(self.learned_task, self.history, self.critic, self.base)
+        return {**inputs, "hidden": self.hidden}
+
+    @property
+    def correction(self) -> dict[str, Any]:
+        """Script to whose action the actor's is added, and for how many decisions that is held; empty without one."""
+        return {"script": self.script, "hold": self.hold} if self.base == "script" else {}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -308,6 +347,11 @@ class RecurrentPPOArguments(PPOArguments):
         0.15, "share of training, after demonstrations, in which only the critic learns", (0.0, 1.0)
     )
     cloning_epochs: int = option(15, "number of passes over the demonstrations", (1, 10**6))
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.correction:
+            raise BadArguments("--base script is for --learner ppo; an actor with a memory acts alone")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -161,8 +161,9 @@ class Progress(BaseCallback):
         self.average()
         a = self._arguments
         share = self.share
-        for parameter in self._actor_parameters():  # a critic that knows nothing yet would spoil a clone
-            parameter.requires_grad_(not a.demonstrations or share >= a.critic_first)
+        taught = a.demonstrations or a.correction
+        for parameter in self._actor_parameters():  # a critic that knows nothing yet would spoil what it was taught
+            parameter.requires_grad_(not taught or share >= a.critic_first)
         if isinstance(a, PPOArguments):
             # Scheduled, not learned: a policy that may keep its noise comes to depend on it, and stalls without.
             deviation = a.exploration * (a.last_exploration / a.exploration) ** share

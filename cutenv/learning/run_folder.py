@@ -57,6 +57,7 @@ def export(
         environment=arguments.learned_task.id,
         environment_arguments={"control_hz": arguments.control_hz, **arguments.angle},
         features=arguments.features,
+        **arguments.correction,
         training=facts,
         replace=True,
     )

@@ -17,7 +17,7 @@ from cutenv.tissue.description import checked_fields
 
 POLICY_SCHEMA = "cutenv-policy/1"
 MEMORIES = (None, "lstm")
-_LATER = {"memory": None, "output": "linear"}  # fields that the first cards did not have
+_LATER = {"memory": None, "output": "linear", "script": None, "hold": 1}  # fields that the first cards did not have
 _SCALING = ("name", "unit", "scale", "offset")
 
 
@@ -57,6 +57,11 @@ class PolicyCard:
     memory : {None, "lstm"}
         Recurrent part before the dense layers: none, or an LSTM of ``layers[1]`` units.  A card without this field
         has none.
+    script : str, optional
+        Script to whose action the network's is added.  Its action follows the features in what the network sees.
+        Default: none; the network acts alone.
+    hold : int
+        Number of decisions for which what the network adds to the script's action is held.
     scaling : list of dict
         Name, unit, scale and offset of each component of the observation; default those of ``cutenv/GentleCut-v1``.
 
@@ -77,6 +82,8 @@ class PolicyCard:
     training: dict[str, Any]
     memory: str | None = None
     output: str = "linear"
+    script: str | None = None
+    hold: int = 1
     scaling: list[dict[str, Any]] = dataclasses.field(default_factory=observation_scaling)
 
     def __post_init__(self) -> None:
@@ -87,6 +94,15 @@ class PolicyCard:
         one_of("activation", self.activation, ACTIVATIONS)
         one_of("output", self.output, OUTPUTS)
         one_of("memory", self.memory, MEMORIES)
+        if self.script is not None:
+            one_of("script", self.script, space_of(self.environment).scripts)
+        if type(self.hold) is not int or self.hold < 1:
+            raise ValueError(f"hold must be a whole number of decisions, 1 or more, got {self.hold!r}.")
+        if (self.script is None and self.hold > 1) or (self.script is not None and self.memory is not None):
+            raise ValueError(
+                f"script = {self.script!r} does not go with memory = {self.memory!r} and hold = {self.hold}: a network "
+                "with a memory corrects no script, and what a network without a script does is not held."
+            )
         kept: dict[str, Any] = {
             "environment_arguments": _mapping("environment_arguments", self.environment_arguments),
             "layers": _sizes(self.layers),

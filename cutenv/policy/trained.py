@@ -30,7 +30,7 @@ _AGAIN = "Copy the whole folder again, or save the policy again with this versio
 
 
 class TrainedPolicy(ArrayPolicy):
-    """A trained deterministic policy: features, network, clipping to [-1, 1].
+    """A trained deterministic policy: features, network, the script that it corrects if any, clipping to [-1, 1].
 
     :meth:`load` reads one from a folder that :func:`save_policy` wrote.
 
@@ -50,20 +50,22 @@ class TrainedPolicy(ArrayPolicy):
     def __init__(self, card: PolicyCard, network: Network | RecurrentNetwork) -> None:
         check_scaling(card.scaling, card.environment)
         self._card, self._network = card, network
-        size = _features(card, 1).size
+        space = space_of(card.environment)
+        size = _features(card, 1).size + (0 if card.script is None else len(space.actions))
         if isinstance(network, RecurrentNetwork) != (card.memory is not None):
             kind = "one" if isinstance(network, RecurrentNetwork) else "none"
             raise ValueError(f"memory is {card.memory!r}, but the network has {kind}. {_AGAIN}")
         if network.sizes != card.layers:
             found = _shown(network.sizes)
             raise ValueError(f"layers is {_shown(card.layers)}, but the network's are {found}. {_AGAIN}")
-        needed = (size, len(space_of(card.environment).actions))
+        needed = (size, len(space.actions))
         if (network.sizes[0], network.sizes[-1]) != needed:
             raise ValueError(
                 f"layers is {_shown(card.layers)}; with features {card.features} it must begin with {needed[0]} and "
                 f"end with {needed[1]}. Train with the features that the card names."
             )
-        self._begin(1)
+        self._script = None if card.script is None else space.script(card.script)
+        self.begin([np.random.default_rng()])
 
     @property
     def card(self) -> PolicyCard:
@@ -82,27 +84,43 @@ class TrainedPolicy(ArrayPolicy):
 
     def begin(self, rngs: Sequence[np.random.Generator]) -> None:
         """Forget all cuts, and begin ``len(rngs)``; the policy uses no randomness."""
-        self._begin(len(rngs))
-
-    def _begin(self, count: int) -> None:
+        count = len(rngs)
+        if self._script is not None:
+            self._script.begin(rngs)
         self._features = _features(self._card, count)
+        self._added = np.zeros((count, len(space_of(self._card.environment).actions)), np.float32)
+        self._decided = np.zeros(count, int)
         self._state = self._network.start(count) if isinstance(self._network, RecurrentNetwork) else None
 
     def forget(self, cuts: Indices) -> None:
         """Begin those cuts again that are given by index."""
         self._features.forget(cuts)
+        self._decided[cuts] = 0
+        if self._script is not None:
+            self._script.forget(cuts)
         for values in self._state or ():
             values[cuts] = 0.0
 
     def act(self, observations: Array32) -> Array32:
         """Return the actions, shape (n, 2), for the observations of all cuts, shape (n, 12), or those of its space."""
         features = self._features(observations)
+        if self._script is not None:
+            return self._corrected(self._script.act(observations), features)
         if isinstance(self._network, RecurrentNetwork):
             assert self._state is not None
             actions, self._state = self._network(features, self._state)
         else:
             actions = self._network(features)
-        return np.clip(actions, np.float32(-1.0), np.float32(1.0))
+        return _clipped(actions)
+
+    def _corrected(self, scripted: Array32, features: Array32) -> Array32:
+        """Add to the script's actions, shape (n, k), what the network thought of last, or thinks of now."""
+        due = self._decided % self._card.hold == 0
+        self._decided += 1
+        if due.any():
+            assert isinstance(self._network, Network)
+            self._added[due] = _clipped(self._network(np.concatenate([features[due], scripted[due]], axis=1)))
+        return _clipped(scripted + self._added)
 
     @classmethod
     def load(cls, folder: str | Path) -> TrainedPolicy:
@@ -147,6 +165,8 @@ def save_policy(
     environment_arguments: Mapping[str, Any],
     features: Mapping[str, Any],
     training: Mapping[str, Any],
+    script: str | None = None,
+    hold: int = 1,
     replace: bool = False,
 ) -> PolicyCard:
     """Save a policy as a folder that :meth:`TrainedPolicy.load` reads.
@@ -159,7 +179,7 @@ def save_policy(
         Created if missing.  It may hold the same policy already, also with other facts about its training.
     network : Network or RecurrentNetwork
         Network from features to action.
-    environment, environment_arguments, features, training
+    environment, environment_arguments, features, training, script, hold
         Same as in :class:`PolicyCard`.
     replace : bool
         Whether a different policy in the folder is overwritten.
@@ -189,6 +209,8 @@ def save_policy(
         training=dict(training),
         memory="lstm" if isinstance(network, RecurrentNetwork) else None,
         output="linear" if isinstance(network, RecurrentNetwork) else network.output,
+        script=script,
+        hold=hold,
         scaling=observation_scaling(environment),
     )
     TrainedPolicy(card, network)  # raises now what loading would raise
@@ -203,6 +225,10 @@ def save_policy(
     _write(folder / WEIGHTS, content)
     _write(folder / CARD, (card.to_json() + "\n").encode())
     return card
+
+
+def _clipped(actions: Array32) -> Array32:
+    return np.clip(actions, np.float32(-1.0), np.float32(1.0))
 
 
 def _features(card: PolicyCard, count: int) -> Features | DepthFeatures | PathFeatures:
