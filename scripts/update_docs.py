@@ -3,7 +3,7 @@
     python scripts/update_docs.py parameters agreement specimens calibration field pass-marks speed baselines
     python scripts/update_docs.py training results --runs runs/NAME ...  one run for each training seed
     python scripts/update_docs.py ladder learned-stop stock safe-cut memory check-score depth-cut  left in runs/
-    python scripts/update_docs.py depth-ladder depth-agents path-ladder                            likewise
+    python scripts/update_docs.py depth-ladder depth-agents path-ladder path-agents                likewise
     python scripts/update_docs.py benchmark                 what scripts/leaderboard.py --publish has kept
     python scripts/update_docs.py rig-faults rig-faults-height rig-faults-side rig-soak class-load    likewise, in runs/
     python scripts/update_docs.py depth seen-runs           what measure_depth_accuracy.py and measure_seen_runs.py left
@@ -46,7 +46,6 @@ import class_attacks
 import class_load
 import curved_cuts
 import declared_tables
-import depth_agents
 import depth_ladder
 import depth_table
 import fit_layers
@@ -69,6 +68,7 @@ import rig_soak
 import safe_cut
 import slow_rig_agents
 import stock_learners
+import task_agents
 import tip_errors
 import wear_series
 from benchmark.table import markdown_table
@@ -120,6 +120,7 @@ PAGES = {
     "depth-agents": "docs/results/depth-cut.md",
     "path-cut": "docs/results/path-cut.md",
     "path-ladder": "docs/results/path-cut.md",
+    "path-agents": "docs/results/path-cut.md",
     "path-speed": "docs/results/path-cut.md",
     "speed": "docs/results/speed.md",
     "agreement": "docs/validation/agreement.md",
@@ -466,7 +467,8 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "benchmark": benchmark,
     "depth-cut": lambda _: "\n".join(depth_table.TABLE.lines(depth_table.TABLE.kept())),
     "depth-ladder": lambda _: depth_ladder.LADDER.report(depth_ladder.LADDER.kept()),
-    "depth-agents": lambda _: depth_agents.report(depth_agents.kept()),
+    "depth-agents": lambda _: task_agents.report("depth", task_agents.kept("depth")),
+    "path-agents": lambda _: task_agents.report("path", task_agents.kept("path")),
     "path-cut": lambda _: "\n".join(path_table.TABLE.lines(path_table.TABLE.kept())),
     "path-ladder": lambda _: path_ladder.LADDER.report(path_ladder.LADDER.kept()),
     "path-speed": lambda _: speed_of("path"),
