@@ -83,8 +83,8 @@ TASKS = {
         id="cutenv/PathCut-v1", single=PathCutEnv, batch=PathBatch, vector=PathCutVectorEnv,
         privileged=PATH_PRIVILEGED, scripts=tuple(PATH_SCRIPTS), script="steer by force", teachers=PATH_SCRIPTS,
         options={
-            "script": "steer by force", "base": "script", "hold": 2, "control_hz": 25, "timesteps": 12_000_000,
-            "exploration": 0.15, "last_exploration": 0.06, "learning_rate": 5e-4, "epochs": 4, "batch_size": 8000,
+            "script": "steer by force", "base": "script", "hold": 2, "control_hz": 25, "timesteps": 24_000_000,
+            "exploration": 0.15, "last_exploration": 0.05, "learning_rate": 7e-4, "epochs": 4, "batch_size": 8000,
             "critic_first": 0.05, "validation_specimens": 1000,
         },
         shown=("return", "success", "mean_distance_mm", "largest_distance_mm", "peak_force_N", "time_s"),
