@@ -19,7 +19,7 @@ from cutenv.learning.arguments import PPOArguments
 from cutenv.learning.asymmetric_actor_critic import AsymmetricActorCritic
 from cutenv.learning.cloning import Cloning, script_demonstrations
 from cutenv.learning.command_line import run_program
-from cutenv.learning.on_policy import FallingRate, clone_of
+from cutenv.learning.on_policy import FallingRate
 from cutenv.learning.progress import Progress
 from cutenv.learning.run_folder import export, record_run
 from cutenv.policy import Network
@@ -47,14 +47,11 @@ def train(arguments: PPOArguments, run: Path) -> None:
         device="cpu",
     )
 
-    # The actor first imitates a script, and then once more with what the script would have done where the actor came.
+    # The actor first imitates a script, or else begins as one whose actions it is to correct (--base script).
     if arguments.demonstrations:
         shown = script_demonstrations(environments, arguments)
         actor = model.policy
         Cloning(actor.action_for, actor.actor_parameters(), shown.by_decision(), seed=arguments.seed).run()
-        if arguments.corrections:
-            shown = shown.joined(script_demonstrations(environments, arguments, clone_of(actor)))
-            Cloning(actor.action_for, actor.actor_parameters(), shown.by_decision(), seed=arguments.seed).run()
 
     # Then it learns by trial.  Progress sets the exploration, trains only the critic at first, averages the actor, and
     # keeps in policy.zip the average that does best on validation specimens.

@@ -12,9 +12,9 @@ from cutenv.envs.depth_cut import DepthBatch, DepthCutEnv, DepthCutVectorEnv
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.envs.path_cut import PathBatch, PathCutEnv, PathCutVectorEnv
 from cutenv.envs.vector import GentleCutVectorEnv
-from cutenv.policy import BASELINES, SCRIPTS, OneReturnStroke, Policy
+from cutenv.policy import BASELINES, SCRIPTS, Policy
 from cutenv.policy.depth_planner import DepthPlanner
-from cutenv.policy.depth_scripts import DEPTH_SCRIPTS, FollowTrueTip
+from cutenv.policy.depth_scripts import DEPTH_SCRIPTS
 from cutenv.policy.path_planner import PathPlanner
 from cutenv.policy.path_scripts import PATH_SCRIPTS
 from cutenv.policy.policy_space import PolicySpace, space_of
@@ -41,7 +41,7 @@ class LearnedTask:
     options: Mapping[str, Any] = field(default_factory=dict)
     """Options of PPO that differ from its defaults on this task."""
     teachers: Mapping[str, Callable[[], Policy]]
-    """Policies to imitate by name, the scripts among them; call a value to make the policy."""
+    """Policies without a network by name, the scripts among them; call a value to make the policy."""
 
     shown: tuple[str, ...]
     """Scores in printed tables."""
@@ -54,15 +54,6 @@ class LearnedTask:
         return space_of(self.id)
 
 
-TRUE_TIP = "follow the true tip"
-"""Name of the teacher that is told the true tip."""
-
-
-def careful_true_tip() -> FollowTrueTip:
-    """Return the teacher that is told the true tip; it gives up earlier before a run than the scripts do."""
-    return FollowTrueTip(OneReturnStroke(run_share=1.0, beyond=0.002), lead=0.0045)
-
-
 TASKS = {
     "gentle": LearnedTask(
         id="cutenv/GentleCut-v1", single=GentleCutEnv, batch=CutBatch, vector=GentleCutVectorEnv,
@@ -73,10 +64,11 @@ TASKS = {
         id="cutenv/DepthCut-v1", single=DepthCutEnv, batch=DepthBatch, vector=DepthCutVectorEnv,
         privileged=DEPTH_PRIVILEGED, scripts=tuple(DEPTH_SCRIPTS), script="depth by two forces",
         options={
-            "script": TRUE_TIP, "control_hz": 25, "demonstrations": 300_000, "corrections": 200_000,
-            "timesteps": 2_500_000, "exploration": 0.04, "last_exploration": 0.02, "validation_specimens": 1000,
+            "script": "depth by two forces", "base": "script", "hold": 2, "control_hz": 25, "timesteps": 12_000_000,
+            "exploration": 0.05, "last_exploration": 0.02, "learning_rate": 5e-4, "epochs": 4, "batch_size": 8000,
+            "critic_first": 0.05, "validation_specimens": 1000,
         },
-        teachers={**DEPTH_SCRIPTS, TRUE_TIP: careful_true_tip},
+        teachers=DEPTH_SCRIPTS,
         shown=("return", "success", "mean_error_mm", "layer_mm", "peak_force_N", "time_s"), planner=DepthPlanner,
     ),
     "path": LearnedTask(

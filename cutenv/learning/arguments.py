@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from cutenv.envs.constants import rig_constants
-from cutenv.envs.learned_tasks import TASKS, TRUE_TIP, LearnedTask
+from cutenv.envs.learned_tasks import TASKS, LearnedTask
 from cutenv.learning.options import check_ranges, flag_of, option
 from cutenv.learning.seeds import TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
 from cutenv.policy import SCRIPTS
@@ -30,9 +30,8 @@ class BadArguments(ValueError):
     """Options that contradict each other, are out of range or do not fit a data set; the message names the cure."""
 
 
-_TEACHERS = {"gentle": TASKS["gentle"].scripts, "depth": TASKS["depth"].teachers, "path": TASKS["path"].teachers}
-TEACHERS = tuple(name for names in _TEACHERS.values() for name in names)
-"""Names of the policies that learners can imitate."""
+TEACHERS = tuple(name for one in TASKS.values() for name in one.scripts)
+"""Names of the scripts that learners can imitate, or correct."""
 _ENTROPY_WEIGHT = re.compile(r"(auto_)?\d*\.?\d+(e-?\d+)?")
 
 
@@ -127,8 +126,8 @@ class LearnerArguments:
     )
     script: str = option(
         "return stroke",
-        "script to imitate; for --task "
-        + "; for --task ".join(f"{name}: {', '.join(one)}" for name, one in _TEACHERS.items()),
+        "script to imitate, or to correct (--base script); for --task "
+        + "; for --task ".join(f"{name}: {', '.join(one.scripts)}" for name, one in TASKS.items()),
         TEACHERS,
         metavar="SCRIPT",
     )
@@ -160,9 +159,9 @@ class LearnerArguments:
             raise BadArguments("--specimens 1 gives no interval; give 2 or more, or 0 for no evaluation")
         if self.task not in self.tasks:
             raise BadArguments(f"--task {self.task} is learned by PPO alone; leave it out, or give --learner ppo")
-        other = [name for name, one in TASKS.items() if name != self.task and self.script in one.teachers]
+        other = [name for name, one in TASKS.items() if name != self.task and self.script in one.scripts]
         if other:
-            own = ", ".join(repr(name) for name in self.learned_task.teachers if name in TEACHERS)
+            own = ", ".join(repr(name) for name in self.learned_task.scripts)
             raise BadArguments(
                 f"--script {self.script!r} is for --task {other[0]}; those for --task {self.task} are {own}"
             )
@@ -182,19 +181,12 @@ class LearnerArguments:
             merged.setdefault("demonstrations", 0)
         elif "hold" not in chosen:
             merged.pop("hold", None)
-        if merged.get("script") != TRUE_TIP and "corrections" not in chosen:
-            merged.pop("corrections", None)
         return merged
 
     @property
     def learned_task(self) -> LearnedTask:
         """The task to learn."""
         return TASKS[self.task]
-
-    @property
-    def known_script(self) -> str:
-        """Name of a script whose return the agent is to reach: the teacher, unless that is told what no rig knows."""
-        return self.script if self.script in self.learned_task.scripts else self.learned_task.script
 
     @property
     def environment(self) -> dict[str, Any]:
@@ -287,9 +279,6 @@ class PPOArguments(LearnerArguments):
         ("none", "script"),
     )
     hold: int = option(1, "number of decisions for which what is added to the script's action is held", (1, 100))
-    corrections: int = option(
-        0, "number of decisions in which the clone cuts, and the script tells what it would have done", (0, 10**9)
-    )
     critic: str = option("truth", "input of the critic; truth: features and hidden state", ("truth", "features"))
     critic_first: float = option(
         0.1, "share of training, after demonstrations, in which only the critic learns", (0.0, 1.0)
@@ -308,10 +297,6 @@ class PPOArguments(LearnerArguments):
                 raise BadArguments(f"--demonstrations {self.demonstrations} has no use with --base script; give 0")
             if self.force == "unfelt":
                 raise BadArguments("--base script feels the force, which --force unfelt hides; give --base none")
-            if self.script not in self.learned_task.space.scripts:
-                raise BadArguments(f"--base script needs a script that a rig can run; {self.script!r} sees the truth")
-        if self.corrections and not (self.demonstrations and self.script == TRUE_TIP):
-            raise BadArguments(f"--corrections {self.corrections} needs --demonstrations of --script {TRUE_TIP!r}")
 
     @property
     def sizes(self) -> dict[str, int]:

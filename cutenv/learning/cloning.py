@@ -15,14 +15,11 @@ import torch
 from torch.nn.utils.rnn import pad_sequence
 from tqdm import tqdm
 
-from cutenv.learning.arguments import LearnerArguments, PPOArguments
+from cutenv.learning.arguments import LearnerArguments
 from cutenv.learning.randomised_rigs import RandomisedRigs
 from cutenv.policy import Policy
-from cutenv.policy.depth_scripts import FollowTrueTip
 from cutenv.policy.interface import as_array_policy
 from cutenv.sb3 import FeatureVecEnv
-from cutenv.task.depth_privileged import DEPTH_PRIVILEGED
-from cutenv.task.privileged import LAG
 
 Batch = tuple[torch.Tensor, torch.Tensor, torch.Tensor]
 """Observations, shape (..., size), actions, shape (..., k), and weights 1 or 0, shape (...)."""
@@ -67,10 +64,6 @@ class Demonstrations(NamedTuple):
             self.observations[1:].reshape(-1, size),
             self.starts[1:].reshape(-1),
         )
-
-    def joined(self, others: Demonstrations) -> Demonstrations:
-        """Return these demonstrations and others in the same environments after them."""
-        return Demonstrations(*(np.concatenate(parts) for parts in zip(self, others, strict=True)))
 
     def by_decision(self) -> DecisionDataset:
         """Return single decisions, for a network without memory."""
@@ -144,13 +137,8 @@ def demonstrations(
     decisions: int,
     noise: float,
     seed: int,
-    clone: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> Demonstrations:
     """Let a script cut in all environments.
-
-    With a ``clone`` that cuts in its place, the script tells in every state what it would have done: the states are
-    then those into which the clone comes by its own mistakes (DAgger: Ross, Gordon and Bagnell, AISTATS 2011).  In
-    every other environment the clone sets the depth alone, and the script moves the blade along the cut.
 
     Parameters
     ----------
@@ -164,8 +152,6 @@ def demonstrations(
         Standard deviation of the noise added to the actions in every other environment.
     seed : int
         Seed of the noise.
-    clone : callable, optional
-        Function from what the environments show to actions, shape (n, 3); for a script that is told the true tip.
     """
     rng = np.random.default_rng(seed)
     count = environments.num_envs
@@ -174,18 +160,9 @@ def demonstrations(
     amount = np.where(np.arange(count) % 2, noise, 0.0)[:, None]
     shown, starts = environments.reset(), np.ones(count, bool)
     lessons: list[tuple[np.ndarray, ...]] = []
-    what = "demonstrating" if clone is None else "correcting"
-    for _ in tqdm(range(-(-decisions // count)), desc=what, unit="decision", unit_scale=count):
-        if isinstance(script, FollowTrueTip):
-            script.tell(lags_of(shown))
-            if clone is not None:
-                script.reconsider(environments.observations)
+    for _ in tqdm(range(-(-decisions // count)), desc="demonstrating", unit="decision", unit_scale=count):
         actions = script.act(environments.observations)
-        acted = actions
-        if clone is not None:
-            acted = clone(shown)
-            acted[::2, :-1] = actions[::2, :-1]
-        noisy = acted + amount * rng.standard_normal(actions.shape).astype(np.float32)
+        noisy = actions + amount * rng.standard_normal(actions.shape).astype(np.float32)
         taken = np.clip(noisy, -1.0, 1.0).astype(np.float32)  # what the environment makes of it
         environments.step_async(noisy)
         after, rewards, ended, _ = environments.step_wait()
@@ -195,28 +172,14 @@ def demonstrations(
     return Demonstrations(*map(np.stack, zip(*lessons, strict=True)))
 
 
-def lags_of(shown: np.ndarray) -> np.ndarray:
-    """Return the lags of the tips [m] in what environments with their hidden state show, shape (n, size)."""
-    return 0.01 * shown[:, LAG - len(DEPTH_PRIVILEGED)]  # told in centimetres
-
-
-def script_demonstrations(
-    environments: FeatureVecEnv | RandomisedRigs,
-    arguments: LearnerArguments,
-    clone: Callable[[np.ndarray], np.ndarray] | None = None,
-) -> Demonstrations:
-    """Let the script of the options cut in all environments, as often and with as much noise as they say.
-
-    With a ``clone`` they are corrections, see :func:`demonstrations`.
-    """
-    corrections = arguments.corrections if isinstance(arguments, PPOArguments) else 0
+def script_demonstrations(environments: FeatureVecEnv | RandomisedRigs, arguments: LearnerArguments) -> Demonstrations:
+    """Let the script of the options cut in all environments, as often and with as much noise as they say."""
     return demonstrations(
         environments,
         arguments.learned_task.teachers[arguments.script],
-        decisions=arguments.demonstrations if clone is None else corrections,
+        decisions=arguments.demonstrations,
         noise=arguments.demonstration_noise,
         seed=arguments.seed,
-        clone=clone,
     )
 
 

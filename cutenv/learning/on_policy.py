@@ -91,24 +91,10 @@ class OnPolicyLearner:
         environments, policy = model.get_env(), model.policy
         shown = script_demonstrations(environments, arguments)
         error = self.imitate(policy, shown, arguments)
-        if arguments.corrections:
-            shown = shown.joined(script_demonstrations(environments, arguments, clone_of(policy)))
-            error = self.imitate(policy, shown, arguments)
         print(f"the clone's actions differ from those of {arguments.script!r} by {error:.3f} (root mean square)")
 
     def restore(self, model: Any, arguments: PPOArguments) -> None:
         """Do nothing: the checkpoint contains all that is needed."""
-
-
-def clone_of(policy: Any) -> Callable[[np.ndarray], np.ndarray]:
-    """Return the actor of a policy as a function from what environments show to its most likely actions."""
-
-    def clone(shown: np.ndarray) -> np.ndarray:
-        with torch.no_grad():
-            actions: np.ndarray = policy.action_for(torch.as_tensor(shown)).numpy().clip(-1.0, 1.0)
-        return actions
-
-    return clone
 
 
 def sb3_keywords(arguments: PPOArguments) -> dict[str, Any]:
@@ -189,7 +175,7 @@ def exported(learner: TrialLearner, arguments: TrialArguments, run: Path, name: 
 def time_to_threshold(arguments: LearnerArguments, curve: Sequence[Mapping[str, float]]) -> float | None:
     """Return the time [s] until the agent did as well as the demonstrated script on validation specimens, or None."""
     shared = {"specimen_class": arguments.specimen_class, **arguments.angle, **arguments.simulated}
-    several, seeds = {arguments.known_script: contestant(arguments.known_script)}, arguments.validation_seeds
+    several, seeds = {arguments.script: contestant(arguments.script)}, arguments.validation_seeds
     rows = evaluate(several, seeds, shared, description="script on validation specimens")
     threshold = float(np.mean([row["return"] for row in rows]))
     reached = (point["seconds"] for point in curve if point.get("validation_return", -np.inf) >= threshold)
@@ -240,7 +226,7 @@ def run_learner(learner: TrialLearner, request: RunRequest[Any], resume_command:
             compare(run, facts)
             if reached is not None:
                 when = f"after {reached:.0f} s, demonstrations included"
-                print(f"as good as {arguments.known_script!r} on the validation specimens {when}")
+                print(f"as good as {arguments.script!r} on the validation specimens {when}")
     except KeyboardInterrupt:
         print(f"\ninterrupted while evaluating; {run}/policy.zip is the trained agent.")
         print(f"Evaluate it with: {resume_command}")

@@ -24,8 +24,7 @@ VERTICAL_MEAN, BLADE_DEPTH, WANTED = (_COLUMNS[name] for name in ("vertical_mean
 """Columns of what depth adds to an observation."""
 _DESCENT_SPEED = _COLUMNS["descent_speed"]
 _MOTION = [POSITION_COLUMN, SPEED_COLUMN, DEPTH_COLUMN, FORCE_MEAN_COLUMN]
-_TIME_LEFT, _LAST_SPEED = ([one.name for one in COMPONENTS].index(name) for name in ("time_left", "last_speed"))
-_GOING_ON, _ADVANCING = 0.3, 0.008  # action, and speed [m/s], of a blade that goes on
+_TIME_LEFT = [one.name for one in COMPONENTS].index("time_left")
 _PROBE_TIME = 0.2  # [s]
 _DEPTH_SCALE = COMPONENTS[DEPTH_COLUMN].scale
 
@@ -189,30 +188,6 @@ class DepthByTwoForces(FollowDepth):
             np.column_stack([along[:, _MOTION], seen[:, VERTICAL_MEAN], seen[:, _DESCENT_SPEED]])
         )  # fmt: skip
         tips: Array = np.where(self._estimate.memory["probed"] == 1, located, along[:, POSITION_COLUMN] - lags)
-        return tips
-
-
-class FollowTrueTip(FollowDepth):
-    """The wanted depth at the true tip, which only a simulator tells: a teacher, for training and never for a rig.
-
-    A learner that imitates it learns where the tip is on average, for all that it is shown.
-    """
-
-    def tell(self, lags: Array) -> None:
-        """Tell the lags of the tips behind the blades [m], shape (n,), before :meth:`act` is asked."""
-        self._lags = np.asarray(lags, float)
-
-    def reconsider(self, observations: Array32) -> None:
-        """Decide anew where a learner went on although this script had stopped, or had begun to draw back."""
-        advancing = in_si(observations[:, : len(COMPONENTS)])[:, SPEED_COLUMN] > _ADVANCING
-        ignored = (observations[:, _LAST_SPEED] > _GOING_ON) & advancing
-        if isinstance(self.along, OneReturnStroke):
-            self.along.reconsider(ignored)
-
-    def tips(self, along: Array, seen: Array) -> Array:
-        """Return the true tips [m]."""
-        super().tips(along, seen)
-        tips: Array = along[:, POSITION_COLUMN] - self._lags
         return tips
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array, Array32, Indices
 from cutenv._base.validation import in_range
@@ -67,12 +66,6 @@ class OneReturnStroke(Script):
         """Begin those cuts again that are given by index."""
         super().forget(cuts)
         self._drawing[cuts] = self._drawn[cuts] = False
-
-    def reconsider(self, cuts: NDArray[np.bool_]) -> None:
-        """Forget that those cuts, shape (n,), were to stop or to draw back; what is seen next decides anew."""
-        self.unloading.go_on(cuts)
-        self._drawn &= ~(cuts & self._drawing)
-        self._drawing &= ~cuts
 
     def command(self, seen: Array) -> Array32:
         """Return the feed, or the return stroke."""

@@ -75,11 +75,6 @@ class StopAndUnload:
         """Begin the ending of those cuts now, wherever their tips are; ``cuts`` has shape (n,)."""
         self._stopping |= cuts
 
-    def go_on(self, cuts: NDArray[np.bool_]) -> None:
-        """Take back the ending of those cuts, shape (n,); it begins again if the tip is still near enough."""
-        self._stopping &= ~cuts
-        self._unloaded &= ~cuts
-
     def __call__(self, observation: Array32) -> Array32 | None:
         """Return the action of the ending once it has begun, else None, for an observation, shape (12,)."""
         begun, actions = self.endings(in_si(observation)[None])

@@ -15,12 +15,12 @@ from program import run
 from cutenv.policy import TrainedPolicy, gentle_policy
 from cutenv.policy.depth_features import DepthFeatures
 from cutenv.policy.depth_planner import DepthPlanner
-from cutenv.policy.depth_scripts import DEPTH_SCRIPTS
+from cutenv.policy.depth_scripts import DEPTH_SCRIPTS, DepthByTwoForces
 
 stable_baselines3 = pytest.importorskip("stable_baselines3", reason="the learner is an extra: pip install 'cutenv[rl]'")
 
 from cutenv.envs.depth_cut import DepthCutEnv  # noqa: E402
-from cutenv.envs.learned_tasks import TASKS, TRUE_TIP  # noqa: E402
+from cutenv.envs.learned_tasks import TASKS  # noqa: E402
 from cutenv.learning.arguments import (  # noqa: E402
     BadArguments,
     BCArguments,
@@ -29,15 +29,12 @@ from cutenv.learning.arguments import (  # noqa: E402
     RecurrentPPOArguments,
     SACArguments,
 )
-from cutenv.learning.cloning import demonstrations, lags_of  # noqa: E402
 from cutenv.learning.evaluation import contestant  # noqa: E402
 from cutenv.learning.task_report import task_headline  # noqa: E402
-from cutenv.sb3 import FeatureVecEnv  # noqa: E402
 
 SMALL = (
     "--task", "depth", "--name", "small", "--environments", "4", "--rollout", "32", "--batch-size", "64",
-    "--timesteps", "256", "--demonstrations", "800", "--corrections", "400", "--validations", "1",
-    "--validation-specimens", "2", "--specimens", "2",
+    "--timesteps", "256", "--validations", "1", "--validation-specimens", "2", "--specimens", "2",
 )  # fmt: skip
 
 
@@ -60,7 +57,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str, str]:
 def test_the_run_knows_its_task_and_begins_with_a_script_of_it(finished):
     facts = json.loads((finished[0] / "run.json").read_text())
     assert facts["environment"] == "cutenv/DepthCut-v1"
-    assert (facts["arguments"]["task"], facts["arguments"]["script"]) == ("depth", "follow the true tip")
+    assert (facts["arguments"]["task"], facts["arguments"]["script"]) == ("depth", "depth by two forces")
     assert facts["arguments"]["control_hz"] == 25
 
 
@@ -73,7 +70,6 @@ def test_agent_scripts_and_planner_met_the_same_specimens_and_agent_and_scripts_
     counts = {row["baseline"]: int(row["cuts"]) for row in rows(folder / "differences.csv")}
     assert counts == dict.fromkeys(DEPTH_SCRIPTS, 10) | {"PPO untrained": 2, "planner with truth": 2}
     assert any(line.startswith(("PPO beats", "PPO does not", "Whether PPO")) for line in printed.splitlines())
-    assert "correcting" in finished[2]
 
 
 def test_its_page_has_the_depth_of_agent_and_best_script(finished):
@@ -91,16 +87,19 @@ def test_the_exported_policy_acts_as_the_trained_one_with_three_numbers(finished
     model = stable_baselines3.PPO.load(finished[0] / "policy.zip", device="cpu")
     policy = TrainedPolicy.load(finished[0] / "policy")
     assert (policy.card.environment, len(policy.card.scaling)) == ("cutenv/DepthCut-v1", 22)
-    features = DepthFeatures(**policy.card.features)
-    hidden = np.zeros(model.observation_space.shape[0] - features.size, np.float32)  # the actor must not look at it
+    features, script = DepthFeatures(**policy.card.features), DepthByTwoForces()
+    hidden = np.zeros(model.observation_space.shape[0] - features.size - 3, np.float32)  # the actor must not look at it
     env = DepthCutEnv(**policy.environment_arguments)
     observation, _ = env.reset(seed=1)
     policy.reset(np.random.default_rng(0))
-    for _ in range(20):
-        expected, _ = model.predict(np.concatenate((features(observation), hidden)), deterministic=True)
+    script.reset(np.random.default_rng(0))
+    for number in range(20):
+        seen, scripted = features(observation), script(observation)
+        if number % policy.card.hold == 0:
+            added, _ = model.predict(np.concatenate((seen, scripted, hidden)), deterministic=True)
         action = policy(observation)
         assert action.shape == (3,)
-        assert action == pytest.approx(np.clip(expected, -1.0, 1.0), abs=1e-5)
+        assert action == pytest.approx(np.clip(scripted + added, -1.0, 1.0), abs=1e-5)
         observation = env.step(action)[0]
 
 
@@ -140,43 +139,9 @@ def test_a_script_of_the_other_task_is_refused_by_name():
     with pytest.raises(BadArguments, match="'probe down' is for --task depth; those for --task gentle are 'fast then"):
         PPOArguments(script="probe down")
     known = PPOArguments(**PPOArguments.completed({"task": "depth"}))
-    assert (known.script, known.known_script) == ("follow the true tip", "depth by two forces")
-    assert PPOArguments(task="depth", script="probe down").known_script == "probe down"
+    assert (known.script, known.correction) == ("depth by two forces", {"script": known.script, "hold": known.hold})
     assert PPOArguments.completed({"task": "depth", "script": "probe down"})["script"] == "probe down"
     assert PPOArguments(**PPOArguments.completed({"task": "path"})).script == "steer by force"
-
-
-def test_corrections_need_demonstrations_of_the_teacher_who_knows_the_tip():
-    for wrong in (
-        {},
-        {"task": "depth", "script": "probe down"},
-        {"task": "depth", "script": TRUE_TIP, "demonstrations": 0},
-    ):
-        with pytest.raises(BadArguments, match="--corrections 5 needs --demonstrations of --script 'follow the true"):
-            PPOArguments(corrections=5, **wrong)
-    assert PPOArguments.completed({}) == {}
-    assert "corrections" not in PPOArguments.completed({"task": "depth", "script": "probe down"})
-
-
-def test_a_clone_cuts_and_its_teacher_who_knows_the_tip_tells_what_it_would_have_done():
-    environments = FeatureVecEnv(range(4), hidden_state=True, task="depth", control_hz=25)
-    script = TASKS["depth"].teachers[TRUE_TIP]
-    asked = []
-
-    def clone(shown):
-        asked.append(lags_of(shown))
-        return np.full((4, 3), 0.25, np.float32)
-
-    taught = demonstrations(environments, script, decisions=400, noise=0.0, seed=0, clone=clone)
-    assert (taught.taken[..., 2] == np.float32(0.25)).all()
-    np.testing.assert_array_equal(taught.taken[:, ::2, :2], taught.actions[:, ::2, :2])
-    assert (taught.taken[:, 1::2] == np.float32(0.25)).all()
-    assert (taught.actions[20:, :, 2] < 0.0).any()  # up again, out of the depth into which the clone has come
-    assert taught.joined(taught).actions.shape == (200, 4, 3)
-    states = environments._batch.cuts.states
-    last = lags_of(environments._observe())
-    np.testing.assert_allclose(last, states["blade"] - states["tip"], atol=1e-6)
-    assert np.ptp(asked) > 0.002
 
 
 def test_the_first_sentence_says_whether_it_beats_every_script():
