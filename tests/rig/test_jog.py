@@ -17,7 +17,7 @@ import pytest
 
 from cutenv import cli
 from cutenv.commands.rig.terminal_keys import TerminalKeys, terminal_keys
-from cutenv.rig.config.imitated_rig import HEIGHT, fake_settings
+from cutenv.rig.config.imitated_rig import HEIGHT, SIDE, fake_settings
 from cutenv.rig.fake.air_plant import AirPlant
 from cutenv.rig.fake.fake_rig import FakeRig
 from cutenv.rig.operation.jogging import (
@@ -125,6 +125,30 @@ def test_u_and_d_raise_and_lower_a_blade_that_has_the_axis() -> None:
     assert abs(rig.plant.position - position) < 1e-6
     assert "height   +4.0" in shown[-1]
     assert KeyDecoder().feed(b"uDq") == [JogKey.RAISE, JogKey.LOWER, JogKey.QUIT]
+
+
+def test_l_and_r_move_a_blade_to_the_side_that_has_the_axis() -> None:
+    rig = FakeRig(AirPlant, fake_settings(side=SIDE))
+    rig.plant.open()
+    rig.clock.sleep_until(rig.clock.now() + SETTLE)
+    prepare(rig.plant, AutomaticOperator(rig.settings), today=date.today())
+    way = SPEED * (2.0 - 0.3 + HELD)
+    keys = (JogKey.TO_LEFT, 0.5, 2.5), (JogKey.FORWARD, 3.0, 5.0), (JogKey.TO_RIGHT, 5.5, 7.5), (JogKey.QUIT, 9.0, 9.0)
+    places, shown = {}, []
+    fingers = Fingers(rig, *keys)
+    fingers.then = lambda now: places.setdefault(int(now), (rig.plant.position, rig.plant.place("side")))
+    position, middle = rig.plant.position, rig.plant.place("side")
+    jog(rig.plant, fingers, Jog(turns=True, sidles=True), shown.append)
+    assert places[3] == pytest.approx((position, middle + way), abs=0.2 * way)
+    assert abs(places[3][0] - position) < 1e-5
+    assert places[5][0] - position > 0.5 * way
+    assert abs(places[5][1] - places[3][1]) < 1e-5
+    assert rig.plant.place("side") - middle == pytest.approx(0.0, abs=0.2 * way)
+    assert re.search(r"left +[+-]0\.\d\d mm", shown[-1])
+    assert KeyDecoder().feed(b"lR") == [JogKey.TO_LEFT, JogKey.TO_RIGHT]
+    without = Jog(turns=True)
+    without.press([JogKey.TO_LEFT], 1.0)
+    assert (without.command(1.01), without.aside()) == ((0.0, 0.0), 0.0)
 
 
 def test_without_the_axis_u_and_d_stop_as_any_other_key() -> None:

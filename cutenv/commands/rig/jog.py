@@ -1,6 +1,6 @@
 """Move the blade while an arrow key is held: right away from the clamp, left back, up and down turn it, q ends.
 
-On a rig with a height axis u raises and d lowers it, while held.
+On a rig with a height axis u raises and d lowers it, with an axis to the side l moves it left and r right, while held.
 A terminal reports a held key by repeating it: within 0.2 s after the last repeat the blade is commanded to rest (0.4 mm
 at 2 mm/s). A tap moves it for that long; a held key moves it once, pauses, then follows the terminal's repeats.
 Any other key stops it at once. A software stop is not a safety function: keep the stop button in reach.
@@ -34,10 +34,10 @@ def main(argv: Sequence[str]) -> int:
         check_terminal()
         with connected(arguments.rig, clock=PacedClock()) as rig:
             prepare(rig.plant, operator_of(rig.settings), today=date.today())
-            lifts = rig.settings.height is not None
-            controls = Jog(controls.speed, turns=rig.settings.angle is not None, lifts=lifts)
-            height = "u, d: raise, lower; " if lifts else ""
-            print(f"left, right: {1e3 * controls.speed:g} mm/s; up, down: turn; {height}q ends; any other key stops")
+            lifts, sidles = (axis is not None for axis in (rig.settings.height, rig.settings.side))
+            controls = Jog(controls.speed, turns=rig.settings.angle is not None, lifts=lifts, sidles=sidles)
+            across = "u, d: raise, lower; " * lifts + "l, r: to the left, to the right; " * sidles
+            print(f"left, right: {1e3 * controls.speed:g} mm/s; up, down: turn; {across}q ends; any other key stops")
             with terminal_keys() as keyboard:
                 try:
                     jog(rig.plant, keyboard, controls, _show)

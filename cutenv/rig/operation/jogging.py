@@ -45,6 +45,8 @@ class JogKey(Enum):
     SLANT = "down"
     RAISE = "u"
     LOWER = "d"
+    TO_LEFT = "l"
+    TO_RIGHT = "r"
     QUIT = "q"
     OTHER = "any other"
 
@@ -52,7 +54,9 @@ class JogKey(Enum):
 _ARROWS = {b"A": JogKey.UPRIGHT, b"B": JogKey.SLANT, b"C": JogKey.FORWARD, b"D": JogKey.BACK}
 
 
-_LETTERS = {b"q": JogKey.QUIT, b"u": JogKey.RAISE, b"d": JogKey.LOWER}
+_LETTERS = {
+    b"q": JogKey.QUIT, b"u": JogKey.RAISE, b"d": JogKey.LOWER, b"l": JogKey.TO_LEFT, b"r": JogKey.TO_RIGHT
+}  # fmt: skip
 
 
 class KeyDecoder:
@@ -91,6 +95,8 @@ class Jog:
         True if the blade has a hinge.
     lifts : bool
         True if the rig has a height axis.
+    sidles : bool
+        True if it has an axis to the side.
 
     Raises
     ------
@@ -98,9 +104,9 @@ class Jog:
         If the speed is out of range.
     """
 
-    def __init__(self, speed: float = SPEED, *, turns: bool = False, lifts: bool = False) -> None:
+    def __init__(self, speed: float = SPEED, *, turns: bool = False, lifts: bool = False, sidles: bool = False) -> None:
         self.speed = in_range("speed", speed, 1e-4, TOP_SPEED, "m/s", "Jogging is slow: 2 mm/s is 0.002.")
-        self._turns, self._lifts = turns, lifts
+        self._turns, self._lifts, self._sidles = turns, lifts, sidles
         self._held: JogKey | None = None
         self._until = -math.inf
         self.quit = False
@@ -125,6 +131,11 @@ class Jog:
         """Return the speed upwards [m/s] at the time of the last :meth:`command`."""
         up = {JogKey.RAISE: self.speed, JogKey.LOWER: -self.speed}.get(self._held or JogKey.OTHER, 0.0)
         return up if self._lifts else 0.0
+
+    def aside(self) -> float:
+        """Return the speed to the left [m/s] at the time of the last :meth:`command`."""
+        left = {JogKey.TO_LEFT: self.speed, JogKey.TO_RIGHT: -self.speed}.get(self._held or JogKey.OTHER, 0.0)
+        return left if self._sidles else 0.0
 
 
 class Keyboard(Protocol):
@@ -165,7 +176,9 @@ def jog(plant: RigPlant, keyboard: Keyboard, controls: Jog, show: Callable[[str]
             now = plant.angle
             wanted = min(max(angle + rate * PERIOD * TICK, now - _LEAD), now + _LEAD)
             angle = min(max(wanted, limits.angle_low), limits.angle_high)
-        plant.advance(speed, angle, PERIOD, -controls.rise())
+        left = controls.aside()
+        plant.heading.begin(math.copysign(0.5 * math.pi, left) if left else 0.0)  # the axes lead it where it points
+        plant.advance(abs(left) or speed, angle, PERIOD, -controls.rise())
         if count % _SHOWN_EVERY == 0:
             show(status(plant))
         count += 1
@@ -184,9 +197,11 @@ def status(plant: RigPlant) -> str:
     if blade is None:
         return f"blade unknown  {along}  {supervisor.phase}"
     lifted = supervisor.axis("height")
-    height = "" if lifted is None else f"height {1e3 * lifted.position:+7.2f} mm  "
+    across = "" if lifted is None else f"height {1e3 * lifted.position:+7.2f} mm  "
+    aside = supervisor.axis("side")
+    across += "" if aside is None else f"left {1e3 * aside.position:+7.2f} mm  "
     return (
-        f"{1e3 * blade.position:8.2f} mm  {1e3 * blade.speed:+7.2f} mm/s  {height}{math.degrees(plant.angle):5.1f} deg"
+        f"{1e3 * blade.position:8.2f} mm  {1e3 * blade.speed:+7.2f} mm/s  {across}{math.degrees(plant.angle):5.1f} deg"
         f"  {along}"
         f"  {supervisor.phase}, {blade.state.value}"
     )
