@@ -20,6 +20,7 @@ import rig_trials
 from cutenv import cli
 from cutenv.commands.rig.run import paced
 from cutenv.commands.rig.weigh import mass_of, measured_values
+from cutenv.rig.config.imitated_rig import SIDE
 from cutenv.rig.config.settings import RigSettings, SafetyLimits, SensorCalibration
 from cutenv.rig.contradictions import refuse_contradictions
 from cutenv.rig.devices import DriveState, ForceSample, Mounting, RigError, SystemClock
@@ -202,6 +203,10 @@ def changed(section: str, **changes: Any) -> RigSettings:
         (lambda: changed("blade", options=None), r"needs \[blade.options\]"),
         (lambda: changed("limits", stale_force=0.02), "time of 3 readings or more. Allow 37.5 ms"),
         (lambda: changed("limits", frozen_force=0.02), "time of 5 readings or more"),
+        (
+            lambda: dataclasses.replace(slow_settings("/dev/x"), side=SIDE),
+            r"side.force_axis = .* a load cell .* measures the force along the cut alone.* leave \[side\] out",
+        ),
         (lambda: changed("limits", stale_motion=0.015), "one may be late: allow two periods or more"),
     ],
 )

@@ -47,7 +47,16 @@ class LoadCellOptions:
         in_range("counts_per_N", abs(self.counts_per_N), 1.0, 1e8, "1/N", "Measure it: 'cutenv rig weigh'.")
 
 
-@rig_driver(options=LoadCellOptions, emulated=on_pseudo_terminal)
+def _check(rig: RigSettings, role: str) -> None:
+    for name, axis in rig.cross_axes.items():
+        raise ValueError(
+            f'{name}.force_axis = "{axis.force_axis}" is an axis of the sensor, and a load cell '
+            f'({role}.driver = "serial") measures the force along the cut alone. Take a sensor of three axes or more, '
+            f"or leave [{name}] out."
+        )
+
+
+@rig_driver(options=LoadCellOptions, check=_check, emulated=on_pseudo_terminal)
 class LoadCell:
     """Load cell on an HX711, ADS1220 or NAU7802, on a board with the sketch of assets/firmware.
 
