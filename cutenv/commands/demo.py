@@ -171,7 +171,7 @@ def _write(agent: DemoCut, script: DemoCut, name: str, arguments: argparse.Names
 
 
 def _parser() -> argparse.ArgumentParser:
-    from cutenv.policy import DEFAULT_SHIPPED, SHIPPED
+    from cutenv.policy import DEFAULT_SHIPPED
 
     parser = command_parser(
         "demo",
@@ -184,7 +184,8 @@ def _parser() -> argparse.ArgumentParser:
         "--policy",
         default=DEFAULT_SHIPPED,
         metavar="POLICY",
-        help=f"shipped policy ({', '.join(SHIPPED)}), or folder of a trained one; default {DEFAULT_SHIPPED}",
+        help=f"shipped policy of gentle cutting ('cutenv evaluate --list'), or folder of a trained one; default "
+        f"{DEFAULT_SHIPPED}",
     )
     parser.add_argument("--specimens", type=int, default=5, metavar="N", help="number of specimens; default 5")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the specimens; default 0")

@@ -17,7 +17,7 @@ from cutenv.policy.features import feature_count
 @pytest.mark.parametrize("name", SHIPPED)
 def test_a_shipped_policy_is_small_and_was_trained_on_seeds_of_training_alone(name):
     card = shipped(name).card
-    assert card.environment == "cutenv/GentleCut-v1"
+    assert card.environment == ("cutenv/PathCut-v1" if name == "ppo-path" else "cutenv/GentleCut-v1")
     assert set(card.layers[1:-1]) == {64}
     assert max(card.training["seeds"]["training"]) < 1_000_000
     assert resources.path(f"policies/{name}/policy.safetensors").stat().st_size < 200_000
@@ -26,7 +26,7 @@ def test_a_shipped_policy_is_small_and_was_trained_on_seeds_of_training_alone(na
 @pytest.mark.parametrize("name", SHIPPED)
 def test_a_shipped_policy_finishes_a_cut_within_the_tolerance(name):
     policy = shipped(name)
-    env = gymnasium.make("cutenv/GentleCut-v1", specimen_class="uniform", **policy.environment_arguments)
+    env = gymnasium.make(policy.card.environment, specimen_class="uniform", **policy.environment_arguments)
     observation, _ = env.reset(seed=3_000_000)
     policy.reset(np.random.default_rng(0))
     ended = False
