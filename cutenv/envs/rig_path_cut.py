@@ -83,7 +83,9 @@ class RigPathCutEnv(RigCutEnv):
         self.steering_parameters = SteeringParameters(**{name: own[name] for name in _EXPECTED if name in own})
         super().__init__(**keywords)
         self.line.check(LONGEST if self.target_length is None else self.target_length)
-        self._arguments |= {"line": line, **own}
+        self.path_keywords = {"line": line, **own}
+        """Keywords that this task adds to those of ``cutenv/RigCut-v1``, as they were given."""
+        self._arguments |= self.path_keywords
 
     def _lay(self, key: SpecimenKey) -> None:
         assert key.target is not None  # a cut has one

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from cutenv._base.arrays import Array
-from cutenv.trace import Trace
+from cutenv.trace import PLACE, Trace
 
 STEP = 1e-4
 """Spacing of the positions at which forces are compared [m]."""
@@ -101,6 +103,20 @@ def height_rmse(first: Trace, second: Trace) -> float | None:
     if first.height is None or second.height is None:
         return None
     return _rmse_over_time(first, second, "height")
+
+
+def place_rmse(first: Trace, second: Trace) -> float | None:
+    """Return the root mean square distance between two blades in the plane at equal times since the start [m].
+
+    Returns
+    -------
+    float or None
+        None if one has no places, or they have less than 0.1 s in common.
+    """
+    if first.blade_x is None or second.blade_x is None:
+        return None
+    x, y = (_rmse_over_time(first, second, name) for name in PLACE)
+    return None if x is None or y is None else math.hypot(x, y)
 
 
 def _rmse_over_time(first: Trace, second: Trace, name: str) -> float | None:

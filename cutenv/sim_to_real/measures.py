@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cutenv.scoring import DEPTH_METRICS, METRICS
+from cutenv.scoring import DEPTH_METRICS, METRICS, PATH_METRICS
 from cutenv.scoring.metric import metric_named
 from cutenv.sim_to_real.compared_cut import FORCE_RESOLUTION, ComparedCut
-from cutenv.sim_to_real.curves import force_offset, force_rmse, height_rmse, position_rmse
+from cutenv.sim_to_real.curves import force_offset, force_rmse, height_rmse, place_rmse, position_rmse
 
 RELATIVE = 0.01
 """Smallest margin relative to the simulator's mean, whatever the noise: the gain of a force sensor, a depth by
@@ -165,9 +165,20 @@ _HEIGHT = Measure(
 _SEEN = [name for name in DEPTH_METRICS if not name.startswith("layer_")]  # no rig sees a layer below
 DEPTH_MEASURES: Mapping[str, Measure] = {each.name: each for each in (_HEIGHT, *map(_metric, _SEEN))}
 """Further measures of cuts with height: its curve, and the metrics of the depth that a rig can tell."""
+_PLACE = Measure(
+    name="place_rmse",
+    unit="m",
+    meaning="Distance of the blade in the plane at equal times from the simulator's cuts of the same specimen.",
+    least_margin=_LENGTH,
+    paired=True,
+    value=_beside(lambda cut, other: place_rmse(cut.trace, other.trace)),
+)
+PATH_MEASURES: Mapping[str, Measure] = {each.name: each for each in (_PLACE, *map(_metric, PATH_METRICS))}
+"""Further measures of cuts along a line: the blade's way, and the metrics of the path."""
 
 
 def measures_of(cuts: Sequence[ComparedCut]) -> Mapping[str, Measure]:
     """Return everything that is compared of these cuts, by name."""
     deep = cuts and all(cut.trace.height is not None for cut in cuts)
-    return {**MEASURES, **(DEPTH_MEASURES if deep else {})}
+    steered = cuts and all(cut.trace.blade_x is not None for cut in cuts)
+    return {**MEASURES, **(DEPTH_MEASURES if deep else {}), **(PATH_MEASURES if steered else {})}

@@ -16,6 +16,7 @@ from cutenv.cutting.dtypes import TICK
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.envs.rig_depth_cut import RigDepthCutEnv
+from cutenv.envs.rig_path_cut import RigPathCutEnv
 from cutenv.plant.protocol import to_trace
 from cutenv.policy import Policy, PrivilegedPolicy
 from cutenv.recording import save
@@ -24,6 +25,7 @@ from cutenv.rig.operation.suitability import simulator_keywords
 from cutenv.rig.safety.stop_causes import BY_PEOPLE, Cause
 from cutenv.sim_to_real import FEWEST_SPECIMENS, Agreement, ClockKept, ComparedCut
 from cutenv.sim_to_real.estimated_depth_cut import EstimatedDepthCutEnv
+from cutenv.sim_to_real.estimated_path_cut import EstimatedPathCutEnv
 from cutenv.task.episode_dtypes import STOPPED
 
 DRAWS = 5
@@ -86,6 +88,8 @@ def simulator_like(rig: RigCutEnv, **arguments: Any) -> GentleCutEnv:
     if isinstance(rig, RigDepthCutEnv):
         # An imitated rig's slices have the mean liver's surface.
         kind = partial(EstimatedDepthCutEnv, surface_spread=0.0, **rig.depth_keywords)
+    if isinstance(rig, RigPathCutEnv):
+        kind = partial(EstimatedPathCutEnv, **rig.path_keywords)
     simulator: GentleCutEnv = kind(
         drive="rig" if control is None else "pd",
         angle_mode="fixed" if fixed else "free",

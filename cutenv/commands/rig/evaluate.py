@@ -28,6 +28,10 @@ if TYPE_CHECKING:
 
 AGREE, DIFFER = 0, 1
 _OF_BOTH = ("control_hz", "deadline_s", "angle_mode", "fixed_angle_deg")
+_ESTIMATED = {
+    "depth": ["the task is to cut along a wanted depth; tip and floor are estimates on both sides"],
+    "path": ["the task is to cut along a line; tip and cut are estimates on both sides"],
+}
 _PAGE, _RECORDS = "evaluation.html", "records"
 
 
@@ -43,7 +47,7 @@ def main(argv: Sequence[str]) -> int:
 
 def _evaluated(arguments: argparse.Namespace) -> Evaluation:
     from cutenv.commands.rig.run import chosen_policy, paced
-    from cutenv.envs import RigCutEnv, RigDepthCutEnv
+    from cutenv.envs import RigCutEnv, RigDepthCutEnv, RigPathCutEnv
     from cutenv.rig.connection import settings_of
     from cutenv.rig.operation.suitability import simulator_keywords
     from cutenv.sim_to_real import FEWEST_SPECIMENS
@@ -63,9 +67,8 @@ def _evaluated(arguments: argparse.Namespace) -> Evaluation:
         print(f"cutenv rig evaluate: {note}", file=sys.stderr)
     with ExitStack() as stack:
         records = None if out is None else out / _RECORDS / "rig"
-        rig = (RigDepthCutEnv if arguments.task == "depth" else RigCutEnv)(
-            rig=arguments.rig, records=records, **shared, **changed
-        )
+        tasks = {"gentle": RigCutEnv, "depth": RigDepthCutEnv, "path": RigPathCutEnv}
+        rig: RigCutEnv = tasks[arguments.task](rig=arguments.rig, records=records, **shared, **changed)
         stack.callback(rig.close)
         if changed and not rig.draws_specimens:
             raise ValueError("--change is for an emulated or fake rig: a real one is described by its file.")
@@ -92,8 +95,7 @@ def _evaluated(arguments: argparse.Namespace) -> Evaluation:
         given=given,
         changed=changed,
         notes=tuple(
-            ["the task is to cut along a wanted depth; tip and floor are estimates on both sides"]
-            * (arguments.task == "depth")
+            _ESTIMATED.get(arguments.task, [])
             + cuts.between
             + ["constants of the rig were changed: " + ", ".join(f"{k} = {v:g}" for k, v in changed.items())]
             * bool(changed)
@@ -161,6 +163,7 @@ def _parser() -> argparse.ArgumentParser:
         examples=(
             '--policy "probe and creep" --rig fake --specimens 6',
             '--task depth --policy "follow the depth" --rig fake --specimens 6',
+            '--task path --policy "steer by force" --rig fake --specimens 6',
             "--policy ppo-free --rig emulator --out evaluation",
         ),
         note="Exit status: 0 where both agree or more specimens are needed, 1 where they differ, 2 for an error.",
@@ -169,7 +172,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--policy", required=True, metavar="POLICY", help="name of a script or of a shipped policy, or folder of a "
         "trained policy")  # fmt: skip
     add("--rig", required=True, metavar="RIG", help=RIG)
-    add_task(parser)
+    add_task(parser, "path")
     add("--specimens", type=int, default=20, metavar="N", help="number of specimens, 6 or more; default 20")
     add_specimen_class(parser, "mixed")
     add_target_length(parser, "drawn from 60mm to 100mm")
