@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array, StructArray
-from cutenv.cutting.dtypes import TICK
 from cutenv.envs.depth_cut import DepthCutEnv
 from cutenv.plant import DescendingPlant
+from cutenv.sim_to_real.measured_force import MeasuredForce
 from cutenv.task.rig_depth_cutting import RigDepthCutting
 from cutenv.tissue.layers import Layers
 from cutenv.tissue.specimen import Specimen
@@ -41,21 +41,17 @@ class HeightPlant(DescendingPlant):
         **keywords: Any,
     ) -> None:  # fmt: skip
         super().__init__(specimen, seed=seed, episode=episode, **keywords)
-        self._noise, self._resolution = noise, resolution
-        self._late: Array = np.zeros(round(delay / TICK))
-        self._rng = np.random.default_rng([seed, episode])
+        self._felt = MeasuredForce(noise=noise, resolution=resolution, delay=delay, seed=seed, episode=episode)
         self.beside: dict[str, Array] = {"height": np.zeros(0), "vertical_force": np.zeros(0)}
 
     def advance(self, speed: float, angle: float, ticks: int, descent_speed: float = 0.0) -> StructArray:
         """Command as :meth:`~cutenv.plant.DescendingPlant.advance`; height is taken as linear between two decisions."""
         before = self.level
         readings = super().advance(speed, angle, ticks, descent_speed)
-        felt = np.concatenate((self._late, self.vertical_force))
-        self._late = felt[ticks:]
-        felt = felt[:ticks] + self._noise * self._rng.standard_normal(ticks)
-        if self._resolution > 0.0:
-            felt = self._resolution * np.round(felt / self._resolution)
-        self.beside = {"height": np.linspace(before, self.level, ticks + 1)[1:], "vertical_force": felt}
+        self.beside = {
+            "height": np.linspace(before, self.level, ticks + 1)[1:],
+            "vertical_force": self._felt(self.vertical_force),
+        }
         return readings
 
 

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array, Array32, StructArray
-from cutenv.cutting.dtypes import TICK
 from cutenv.envs.path_cut import PathCutEnv
 from cutenv.plant import SteeredPlant
+from cutenv.sim_to_real.measured_force import MeasuredForce
 from cutenv.task.path_beginning import line_number
 from cutenv.task.rig_path_cutting import RigPathCutting
 from cutenv.tissue.lines import CutLine
@@ -48,23 +48,16 @@ class PlacePlant(SteeredPlant):
     ) -> None:  # fmt: skip
         super().__init__(specimen, line, seed=seed, episode=episode, **keywords)
         self.depth = depth
-        self._noise, self._resolution = noise, resolution
-        self._late: Array = np.zeros(round(delay / TICK))
-        self._rng = np.random.default_rng([seed, episode])
+        self._felt = MeasuredForce(noise=noise, resolution=resolution, delay=delay, seed=seed, episode=episode)
         self.beside: dict[str, Array] = {name: np.zeros(0) for name in (*PLACE, "lateral_force")}
 
     def advance(self, speed: float, angle: float, ticks: int, turn_rate: float = 0.0) -> StructArray:
         """Command as :meth:`~cutenv.plant.SteeredPlant.advance`; between two decisions the blade's way is straight."""
         before = self.blade
         readings = super().advance(speed, angle, ticks, turn_rate)
-        felt = np.concatenate((self._late, self.lateral_force))
-        self._late = felt[ticks:]
-        felt = felt[:ticks] + self._noise * self._rng.standard_normal(ticks)
-        if self._resolution > 0.0:
-            felt = self._resolution * np.round(felt / self._resolution)
         places = zip(PLACE, before, self.blade, strict=True)
         self.beside = {name: np.linspace(start, end, ticks + 1)[1:] for name, start, end in places}
-        self.beside["lateral_force"] = felt
+        self.beside["lateral_force"] = self._felt(self.lateral_force)
         return readings
 
 
