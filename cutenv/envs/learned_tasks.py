@@ -12,7 +12,7 @@ from cutenv.envs.depth_cut import DepthBatch, DepthCutEnv, DepthCutVectorEnv
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.envs.path_cut import PathBatch, PathCutEnv, PathCutVectorEnv
 from cutenv.envs.vector import GentleCutVectorEnv
-from cutenv.policy import BASELINES, SCRIPTS, Policy
+from cutenv.policy import BASELINES, Policy
 from cutenv.policy.depth_planner import DepthPlanner
 from cutenv.policy.depth_scripts import DEPTH_SCRIPTS
 from cutenv.policy.path_planner import PathPlanner
@@ -34,46 +34,49 @@ class LearnedTask:
     vector: type[GentleCutVectorEnv]
     privileged: tuple[str, ...]
     """Names of the hidden state that a critic is shown."""
-    scripts: tuple[str, ...]
-    """Names of the scripts that learners are compared with."""
     script: str
     """Name of the script that they imitate, and reach after some time, by default."""
     options: Mapping[str, Any] = field(default_factory=dict)
     """Options of PPO that differ from its defaults on this task."""
-    teachers: Mapping[str, Callable[[], Policy]]
+    policies: Mapping[str, Callable[[], Policy]]
     """Policies without a network by name, the scripts among them; call a value to make the policy."""
 
     shown: tuple[str, ...]
     """Scores in printed tables."""
     planner: Callable[[], Policy] | None = None
-    """Maker of the planner with truth, where it is not among the teachers."""
+    """Maker of the planner with truth, where it is not among the policies."""
 
     @property
     def space(self) -> PolicySpace:
-        """Components of an observation, actions and features of a policy."""
+        """Components of an observation, actions, features and scripts."""
         return space_of(self.id)
+
+    @property
+    def scripts(self) -> tuple[str, ...]:
+        """Names of the scripts that learners imitate, correct, and are compared with."""
+        return tuple(self.space.scripts)
 
 
 TASKS = {
     "gentle": LearnedTask(
         id="cutenv/GentleCut-v1", single=GentleCutEnv, batch=CutBatch, vector=GentleCutVectorEnv,
-        privileged=PRIVILEGED_FEATURES, scripts=tuple(SCRIPTS), script="return stroke", teachers=BASELINES,
+        privileged=PRIVILEGED_FEATURES, script="return stroke", policies=BASELINES,
         shown=("return", "success", "tip_error_mm", "peak_force_N", "largest_jump_mm", "time_s"),
     ),
     "depth": LearnedTask(
         id="cutenv/DepthCut-v1", single=DepthCutEnv, batch=DepthBatch, vector=DepthCutVectorEnv,
-        privileged=DEPTH_PRIVILEGED, scripts=tuple(DEPTH_SCRIPTS), script="depth by two forces",
+        privileged=DEPTH_PRIVILEGED, script="depth by two forces",
         options={
             "script": "depth by two forces", "base": "script", "hold": 2, "control_hz": 25, "timesteps": 12_000_000,
             "exploration": 0.05, "last_exploration": 0.02, "learning_rate": 5e-4, "epochs": 4, "batch_size": 8000,
             "critic_first": 0.05, "validation_specimens": 1000,
         },
-        teachers=DEPTH_SCRIPTS,
+        policies=DEPTH_SCRIPTS,
         shown=("return", "success", "mean_error_mm", "layer_mm", "peak_force_N", "time_s"), planner=DepthPlanner,
     ),
     "path": LearnedTask(
         id="cutenv/PathCut-v1", single=PathCutEnv, batch=PathBatch, vector=PathCutVectorEnv,
-        privileged=PATH_PRIVILEGED, scripts=tuple(PATH_SCRIPTS), script="steer by force", teachers=PATH_SCRIPTS,
+        privileged=PATH_PRIVILEGED, script="steer by force", policies=PATH_SCRIPTS,
         options={
             "script": "steer by force", "base": "script", "hold": 2, "control_hz": 25, "timesteps": 24_000_000,
             "exploration": 0.15, "last_exploration": 0.05, "learning_rate": 7e-4, "epochs": 4, "batch_size": 8000,

@@ -30,7 +30,7 @@ class BadArguments(ValueError):
     """Options that contradict each other, are out of range or do not fit a data set; the message names the cure."""
 
 
-TEACHERS = tuple(name for one in TASKS.values() for name in one.scripts)
+KNOWN_SCRIPTS = tuple(name for one in TASKS.values() for name in one.scripts)
 """Names of the scripts that learners can imitate, or correct."""
 _ENTROPY_WEIGHT = re.compile(r"(auto_)?\d*\.?\d+(e-?\d+)?")
 
@@ -128,7 +128,7 @@ class LearnerArguments:
         "return stroke",
         "script to imitate, or to correct (--base script); for --task "
         + "; for --task ".join(f"{name}: {', '.join(one.scripts)}" for name, one in TASKS.items()),
-        TEACHERS,
+        KNOWN_SCRIPTS,
         metavar="SCRIPT",
     )
     demonstration_noise: float = option(

@@ -162,7 +162,7 @@ def contestant(name: str) -> Contestant:
         return Contestant(BASELINES[name]())
     for key, one in _OTHERS.items():
         if name in one.scripts:
-            return Contestant(one.teachers[name](), {"task": key})
+            return Contestant(one.policies[name](), {"task": key})
     if name in SHIPPED or Path(name).is_dir():
         policy = named_policy(name)
         task = next((key for key, one in TASKS.items() if one.id == policy.card.environment), "gentle")

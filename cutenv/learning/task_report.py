@@ -43,7 +43,7 @@ def compare_task(run: Path, facts: Mapping[str, Any], *, processes: int | None =
         shared["fixed_angle_deg"] = arguments["fixed_angle_deg"]
     if facts.get("simulated_rig"):
         shared |= {**facts["simulated_rig"], "control_hz": arguments["control_hz"]}
-    scripts = {name: Contestant(task.teachers[name]()) for name in task.scripts}
+    scripts = {name: Contestant(task.policies[name]()) for name in task.scripts}
     few = TEST_SEEDS[: arguments["specimens"]]
     rows = evaluate({**learned, **scripts, ORACLE: Contestant(task.planner())}, few, shared, processes=processes)
     write_csv(run / "scores.csv", rows)

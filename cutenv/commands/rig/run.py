@@ -73,14 +73,14 @@ def chosen_policy(name: str, task: str = "gentle") -> tuple[Policy, dict[str, An
     from cutenv.policy.shipped import policy_of_class
 
     chosen = TASKS[task]
-    if name in chosen.teachers:
-        policy = chosen.teachers[name]()
+    if name in chosen.policies:
+        policy = chosen.policies[name]()
         if isinstance(policy, PrivilegedPolicy):
             raise ValueError(f"policy {name!r} is shown the hidden state, which no rig knows. Take another.")
         return policy, {}
     for other in TASKS.values():
-        if name in other.teachers:
-            listed = ", ".join(chosen.teachers)
+        if name in other.policies:
+            listed = ", ".join(chosen.policies)
             raise ValueError(f"policy {name!r} is a script of {other.id}, and the task is {task}. Give {listed}.")
     own = policy_of_class(name)
     if own is not None:
@@ -88,11 +88,11 @@ def chosen_policy(name: str, task: str = "gentle") -> tuple[Policy, dict[str, An
     try:
         learned = gentle_policy(name) if task == "gentle" else named_policy(name)
     except ValueError as error:
-        raise ValueError(f"{error} Or a script: {', '.join(chosen.teachers)}.") from None
+        raise ValueError(f"{error} Or a script: {', '.join(chosen.policies)}.") from None
     if space_of(learned.card.environment) is not chosen.space:
         raise ValueError(
             f"policy {name!r} was trained in {learned.card.environment}, and the task {task} is {chosen.id}. Give one "
-            f"of that, or a script: {', '.join(chosen.teachers)}."
+            f"of that, or a script: {', '.join(chosen.policies)}."
         )
     return learned, {key: value for key, value in learned.environment_arguments.items() if key != "task"}
 
