@@ -17,18 +17,10 @@ from pathlib import Path
 from typing import Any
 
 from cutenv.commands.options import command_parser
-from cutenv.learning.arguments import (
-    BadArguments,
-    BCArguments,
-    CrossQArguments,
-    IQLArguments,
-    LearnerArguments,
-    PPOArguments,
-    RecurrentPPOArguments,
-    SACArguments,
-    TQCArguments,
-)
+from cutenv.learning.arguments import BadArguments, LearnerArguments, PPOArguments, RecurrentPPOArguments
 from cutenv.learning.command_line import RunRequest, add_run_options, run_request
+from cutenv.learning.imitation_arguments import BCArguments, IQLArguments
+from cutenv.learning.off_policy_arguments import CrossQArguments, SACArguments, TQCArguments
 
 LEARNERS: dict[str, tuple[str, type[LearnerArguments]]] = {
     "ppo": ("PPO", PPOArguments),

@@ -1,4 +1,4 @@
-"""Options of the learners, a frozen dataclass each: the command line of ``cutenv train``, kept in run.json.
+"""Options of all learners, and of PPO, a frozen dataclass each: the command line of ``cutenv train``, kept in run.json.
 
 Nothing here loads torch, so that ``cutenv train --help`` answers at once.
 """
@@ -6,7 +6,6 @@ Nothing here loads torch, so that ``cutenv train --help`` answers at once.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -15,7 +14,6 @@ from cutenv.envs.constants import rig_constants
 from cutenv.envs.learned_tasks import TASKS, LearnedTask
 from cutenv.learning.options import check_ranges, flag_of, option
 from cutenv.learning.seeds import TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
-from cutenv.policy import SCRIPTS
 from cutenv.tissue.specimen import CLASSES
 
 if TYPE_CHECKING:
@@ -32,7 +30,6 @@ class BadArguments(ValueError):
 
 KNOWN_SCRIPTS = tuple(name for one in TASKS.values() for name in one.scripts)
 """Names of the scripts that learners can imitate, or correct."""
-_ENTROPY_WEIGHT = re.compile(r"(auto_)?\d*\.?\d+(e-?\d+)?")
 
 
 def for_rig(chosen: Mapping[str, Any]) -> dict[str, Any]:
@@ -337,165 +334,3 @@ class RecurrentPPOArguments(PPOArguments):
         super().__post_init__()
         if self.correction:
             raise BadArguments("--base script is for --learner ppo; an actor with a memory acts alone")
-
-
-@dataclass(frozen=True, kw_only=True)
-class BCArguments(LearnerArguments):
-    """Options of behaviour cloning."""
-
-    quick: ClassVar[Mapping[str, Any]] = {
-        "demonstrations": 50_000,
-        "epochs": 20,
-        "validations": 4,
-        "validation_specimens": 50,
-        "specimens": 30,
-    }
-
-    dataset: str = option(
-        "", "id of a Minari data set to imitate, not a script; it sets decision rate and angle mode", metavar="ID"
-    )
-    demonstrations: int = option(400_000, "number of decisions of the script", (1, 10**9))
-    epochs: int = option(60, "number of passes over the demonstrations", (1, 10**6))
-    batch_size: int = option(1024, "number of decisions in a gradient step", (1, 10**9))
-    learning_rate: float = option(2e-3, "learning rate at the start; falls along half a cosine to zero", (1e-9, 1.0))
-
-    @classmethod
-    def completed(cls, chosen: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the options chosen for a new run, with what a data set determines.
-
-        Raises
-        ------
-        BadArguments
-            If there is no such data set, or an option contradicts it.
-        """
-        if not chosen.get("dataset"):
-            return dict(chosen)
-        for name in ("demonstrations", "script", "demonstration_noise"):
-            if name in chosen:
-                raise BadArguments(f"{flag_of(name)} belongs to a script; leave it out with --dataset.")
-        from cutenv.learning.minari_datasets import environment_of, opened
-
-        try:
-            dataset = opened(chosen["dataset"])
-            implied = environment_of(dataset)
-        except ValueError as error:
-            raise BadArguments(f"--dataset: {error}") from None
-        for name, value in implied.items():
-            if chosen.get(name, value) != value:
-                raise BadArguments(
-                    f"{flag_of(name)} {chosen[name]} contradicts data set {dataset.id!r}, whose decisions "
-                    f"were made with {value}; leave it out."
-                )
-        decisions = int(dataset.total_steps)
-        return {**chosen, **implied, "script": "", "demonstration_noise": 0.0, "demonstrations": decisions}
-
-    @property
-    def teacher(self) -> str:
-        """Name of what is imitated, for a sentence."""
-        return f"data set {self.dataset!r}" if self.dataset else repr(self.script)
-
-
-@dataclass(frozen=True, kw_only=True)
-class IQLArguments(BCArguments):
-    """Options of implicit Q-learning."""
-
-    quick: ClassVar[Mapping[str, Any]] = {**BCArguments.quick, "epochs": 10}
-
-    other_script: str = option("probe and creep", "script that makes half of the demonstrations", tuple(SCRIPTS))
-    epochs: int = option(40, "number of passes over the demonstrations", (1, 10**6))
-    learning_rate: float = option(1e-3, "learning rate at the start; falls along half a cosine to zero", (1e-9, 1.0))
-    gamma: float = option(1.0, "discount per decision", (0.0, 1.0))
-    tau: float = option(0.005, "share of the critic that its target takes over at every gradient step", (1e-9, 1.0))
-    expectile: float = option(0.7, "expectile of the actions' values that counts as a state's value", (0.5, 0.999))
-    temperature: float = option(
-        10.0, "exponent per unit of return with which better actions weigh more; 0: imitation", (0.0, 1e6)
-    )
-
-    @classmethod
-    def completed(cls, chosen: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the options chosen for a new run, with what a data set determines; see :class:`BCArguments`."""
-        if not chosen.get("dataset"):
-            return dict(chosen)
-        if "other_script" in chosen:
-            raise BadArguments("--other-script belongs to a script; leave it out with --dataset.")
-        return super().completed(chosen) | {"other_script": ""}
-
-    @property
-    def teacher(self) -> str:
-        """Name of what is imitated, for a sentence."""
-        return super().teacher if self.dataset else f"{self.script!r} and {self.other_script!r}"
-
-
-@dataclass(frozen=True, kw_only=True)
-class OffPolicyArguments(LearnerArguments):
-    """Options that SAC, TQC and CrossQ share."""
-
-    quick: ClassVar[Mapping[str, Any]] = {
-        "timesteps": 30_000,
-        "demonstrations": 50_000,
-        "validations": 4,
-        "validation_specimens": 50,
-        "specimens": 30,
-    }
-
-    timesteps: int = option(100_000, "number of decisions to train for", (1, 10**12), resumable=True)
-    history: int = option(0, "number of past decisions among the features", (0, 100))
-    environments: int = option(100, "number of environments that run side by side", (1, MAX_ENVIRONMENTS))
-    train_freq: int = option(10, "number of decisions of each environment between updates", (1, 10**6))
-    gradient_steps: int = option(100, "number of gradient steps of an update", (1, 10**6))
-    batch_size: int = option(256, "number of decisions in a gradient step", (2, 10**9))
-    buffer_size: int = option(1_000_000, "number of decisions that are kept, demonstrations included", (1, 10**9))
-    learning_rate: float = option(3e-4, "learning rate at the start; falls linearly to a twentieth", (1e-9, 1.0))
-    gamma: float = option(1.0, "discount per decision", (0.0, 1.0))
-    n_steps: int = option(10, "number of decisions whose rewards are summed before the critic's value", (1, 1000))
-    critic_hidden: int = option(128, "number of units in each layer of the critics", (1, 4096))
-    ent_coef: str = option("auto_0.001", "weight of the entropy: a number, or auto_ and the number to begin with")
-    target_entropy: float = option(-4.0, "entropy of the two actions that an automatic weight keeps", (-100.0, 2.0))
-    exploration: float = option(0.08, "standard deviation of the actions at the start", (1e-6, 10.0))
-    averaging: float = option(
-        0.05, "share of the actor that its running average takes over at every update", (1e-6, 1.0)
-    )
-    critic: str = option("truth", "input of the critic; truth: features and hidden state", ("truth", "features"))
-    critic_first: float = option(
-        0.5, "share of training, after demonstrations, in which only the critic learns", (0.0, 1.0)
-    )
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not _ENTROPY_WEIGHT.fullmatch(self.ent_coef):
-            raise BadArguments(f"--ent-coef {self.ent_coef!r} is neither a number nor auto_NUMBER; give 0.001, say")
-        if self.buffer_size < self.demonstrations:
-            raise BadArguments(
-                f"--buffer-size {self.buffer_size} does not hold the {self.demonstrations} demonstrations; "
-                "give more, or fewer --demonstrations"
-            )
-
-    @property
-    def sizes(self) -> dict[str, int]:
-        """Input sizes of actor and critic: keyword arguments of :mod:`cutenv.learning.asymmetric_actors`."""
-        return actor_critic_inputs(self.learned_task, self.history, self.critic)
-
-
-@dataclass(frozen=True, kw_only=True)
-class SACArguments(OffPolicyArguments):
-    """Options of SAC."""
-
-    tau: float = option(0.02, "share of the critic that its target takes over at every gradient step", (1e-9, 1.0))
-
-
-@dataclass(frozen=True, kw_only=True)
-class TQCArguments(SACArguments):
-    """Options of TQC."""
-
-    top_quantiles_to_drop_per_net: int = option(2, "number of highest quantiles that each critic leaves out", (0, 24))
-
-
-@dataclass(frozen=True, kw_only=True)
-class CrossQArguments(OffPolicyArguments):
-    """Options of CrossQ."""
-
-    policy_delay: int = option(3, "number of gradient steps of the critic for one of the actor", (1, 10**6))
-
-
-TrialArguments = PPOArguments | OffPolicyArguments
-"""Options of a learner that learns by trial."""

@@ -20,10 +20,11 @@ import torch
 from tqdm import tqdm
 
 from cutenv._base.atomic_file import atomic_write
-from cutenv.learning.arguments import BadArguments, BCArguments
+from cutenv.learning.arguments import BadArguments
 from cutenv.learning.checkpoint import end_interrupted
 from cutenv.learning.cloning import Cloning, DecisionDataset, script_demonstrations
 from cutenv.learning.command_line import RunRequest
+from cutenv.learning.imitation_arguments import BCArguments
 from cutenv.learning.minari_datasets import cloning_data, opened
 from cutenv.learning.progress import validate
 from cutenv.learning.result_tables import read_rows, write_csv

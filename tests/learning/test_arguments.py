@@ -8,17 +8,10 @@ import json
 
 import pytest
 
-from cutenv.learning.arguments import (
-    BadArguments,
-    BCArguments,
-    CrossQArguments,
-    IQLArguments,
-    PPOArguments,
-    RecurrentPPOArguments,
-    SACArguments,
-    TQCArguments,
-)
+from cutenv.learning.arguments import BadArguments, PPOArguments, RecurrentPPOArguments
 from cutenv.learning.command_line import add_run_options, run_request
+from cutenv.learning.imitation_arguments import BCArguments, IQLArguments
+from cutenv.learning.off_policy_arguments import CrossQArguments, SACArguments, TQCArguments
 
 
 def parsed(*given, kind=PPOArguments):

@@ -21,15 +21,10 @@ stable_baselines3 = pytest.importorskip("stable_baselines3", reason="the learner
 
 from cutenv.envs.depth_cut import DepthCutEnv  # noqa: E402
 from cutenv.envs.learned_tasks import TASKS  # noqa: E402
-from cutenv.learning.arguments import (  # noqa: E402
-    BadArguments,
-    BCArguments,
-    IQLArguments,
-    PPOArguments,
-    RecurrentPPOArguments,
-    SACArguments,
-)
+from cutenv.learning.arguments import BadArguments, PPOArguments, RecurrentPPOArguments  # noqa: E402
 from cutenv.learning.evaluation import contestant  # noqa: E402
+from cutenv.learning.imitation_arguments import BCArguments, IQLArguments  # noqa: E402
+from cutenv.learning.off_policy_arguments import SACArguments  # noqa: E402
 from cutenv.learning.task_report import task_headline  # noqa: E402
 
 SMALL = (
