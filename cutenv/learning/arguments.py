@@ -164,8 +164,8 @@ class LearnerArguments:
             )
 
     @classmethod
-    def completed(cls, chosen: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the options chosen for a new run and those that follow from them.
+    def completed(cls, chosen: Mapping[str, Any], *, quick: bool = False) -> dict[str, Any]:
+        """Return the options chosen for a new run, those that follow from them, and :attr:`quick` if it is to be quick.
 
         Raises
         ------
@@ -173,9 +173,10 @@ class LearnerArguments:
             For options that contradict each other.
         """
         options = TASKS[chosen.get("task", "gentle")].options
-        merged = {**{name: value for name, value in options.items() if name in cls.__dataclass_fields__}, **chosen}
+        own = {name: value for name, value in options.items() if name in cls.__dataclass_fields__}
+        merged = {**own, **(cls.quick if quick else {}), **chosen}
         if merged.get("base") == "script":
-            merged.setdefault("demonstrations", 0)
+            merged["demonstrations"] = chosen.get("demonstrations", 0)
         elif "hold" not in chosen:
             merged.pop("hold", None)
         return merged

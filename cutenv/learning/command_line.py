@@ -60,10 +60,7 @@ def run_request(kind: type[Chosen], given: argparse.Namespace, prefix: str) -> R
         if is_quick:
             raise BadArguments(f"--quick is for a new run, and {resume} keeps its arguments; leave it out.")
         return RunRequest(resumed(kind, resume, chosen), resume, resume=True)
-    chosen = kind.completed(for_rig(chosen))
-    if is_quick:
-        chosen = {**kind.quick, **chosen}
-    arguments = kind(**chosen)
+    arguments = kind(**kind.completed(for_rig(chosen), quick=is_quick))
     name = arguments.name or time.strftime(f"{prefix}-%Y%m%d-%H%M%S")
     run = Path("runs") / name
     if run.exists():

@@ -32,7 +32,7 @@ class BCArguments(LearnerArguments):
     learning_rate: float = option(2e-3, "learning rate at the start; falls along half a cosine to zero", (1e-9, 1.0))
 
     @classmethod
-    def completed(cls, chosen: Mapping[str, Any]) -> dict[str, Any]:
+    def completed(cls, chosen: Mapping[str, Any], *, quick: bool = False) -> dict[str, Any]:
         """Return the options chosen for a new run, with what a data set determines.
 
         Raises
@@ -41,7 +41,7 @@ class BCArguments(LearnerArguments):
             If there is no such data set, or an option contradicts it.
         """
         if not chosen.get("dataset"):
-            return dict(chosen)
+            return {**(cls.quick if quick else {}), **chosen}
         for name in ("demonstrations", "script", "demonstration_noise"):
             if name in chosen:
                 raise BadArguments(f"{flag_of(name)} belongs to a script; leave it out with --dataset.")
@@ -59,7 +59,8 @@ class BCArguments(LearnerArguments):
                     f"were made with {value}; leave it out."
                 )
         decisions = int(dataset.total_steps)
-        return {**chosen, **implied, "script": "", "demonstration_noise": 0.0, "demonstrations": decisions}
+        told = {**implied, "script": "", "demonstration_noise": 0.0, "demonstrations": decisions}
+        return {**(cls.quick if quick else {}), **chosen, **told}
 
     @property
     def teacher(self) -> str:
@@ -84,13 +85,13 @@ class IQLArguments(BCArguments):
     )
 
     @classmethod
-    def completed(cls, chosen: Mapping[str, Any]) -> dict[str, Any]:
+    def completed(cls, chosen: Mapping[str, Any], *, quick: bool = False) -> dict[str, Any]:
         """Return the options chosen for a new run, with what a data set determines; see :class:`BCArguments`."""
         if not chosen.get("dataset"):
-            return dict(chosen)
+            return {**(cls.quick if quick else {}), **chosen}
         if "other_script" in chosen:
             raise BadArguments("--other-script belongs to a script; leave it out with --dataset.")
-        return super().completed(chosen) | {"other_script": ""}
+        return super().completed(chosen, quick=quick) | {"other_script": ""}
 
     @property
     def teacher(self) -> str:

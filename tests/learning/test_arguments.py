@@ -8,6 +8,7 @@ import json
 
 import pytest
 
+from cutenv.envs.learned_tasks import TASKS
 from cutenv.learning.arguments import BadArguments, PPOArguments, RecurrentPPOArguments
 from cutenv.learning.command_line import add_run_options, run_request
 from cutenv.learning.imitation_arguments import BCArguments, IQLArguments
@@ -128,6 +129,14 @@ def test_the_least_of_every_number_is_taken():
         }
         taken = kind(angle_mode="fixed", **least)
         assert {name: getattr(taken, name) for name in least} == least
+
+
+@pytest.mark.parametrize("task", ["depth", "path"])
+def test_quick_is_quick_on_every_task(task):
+    arguments, _, _ = parsed("--quick", "--task", task)
+    quick = {**PPOArguments.quick, "demonstrations": 0}  # they correct a script
+    assert {name: getattr(arguments, name) for name in quick} == quick
+    assert arguments.exploration == TASKS[task].options["exploration"]
 
 
 def test_quick_sets_what_is_not_given():
