@@ -23,6 +23,7 @@ from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecEnv
 
+from cutenv._base.validation import in_range
 from cutenv.envs.learned_tasks import task_of
 from cutenv.task.info import INFO
 
@@ -187,6 +188,11 @@ class FeatureVecEnv(NativeVecEnv):
         is held.  A cut that begins within a step has the script alone until the next.
     hidden_state, task, **arguments
         See :class:`NativeVecEnv`.
+
+    Raises
+    ------
+    ValueError
+        If there is no such script, or ``hold`` is no whole number from 1, or has no script to hold for.
     """
 
     def __init__(
@@ -202,6 +208,10 @@ class FeatureVecEnv(NativeVecEnv):
         **arguments: Any,
     ) -> None:
         count, space = seeds if isinstance(seeds, int) else len(seeds), task_of({"task": task})[0].space
+        if in_range("hold", hold, 1, 1000, "1", "Give the number of decisions.") % 1.0:
+            raise ValueError(f"hold = {hold} is not a whole number of decisions.")
+        if hold > 1 and script is None:
+            raise ValueError(f"hold = {hold} has no effect without a script. Give script, or leave hold out.")
         self._features = space.features(count, history=history, force=force)
         self._script, self._hold = None if script is None else space.script(script), hold
         self._scripted = np.zeros((count, 0 if script is None else len(space.actions)), np.float32)

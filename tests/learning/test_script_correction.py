@@ -118,6 +118,20 @@ def _without_script() -> tuple[Any, ...]:
     return tuple((np.zeros(shape, np.float32), np.zeros(shape[0], np.float32)) for shape in shapes)
 
 
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"hold": 3}, "hold = 3 has no effect without a script"),
+        ({"script": SCRIPT, "hold": 0}, "hold = 0"),
+        ({"script": SCRIPT, "hold": 1.5}, "hold = 1.5 is not a whole number"),
+        ({"script": "return stroke"}, "script"),
+    ],
+)
+def test_environments_refuse_a_hold_or_a_script_that_cannot_be(wrong: dict[str, Any], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        FeatureVecEnv(SEEDS, **wrong, **TASK)
+
+
 def test_options_that_contradict_a_corrected_script_are_refused() -> None:
     known = PPOArguments(**PPOArguments.completed({"task": "path"}))
     assert known.correction == {"script": SCRIPT, "hold": known.hold}

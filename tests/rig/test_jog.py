@@ -138,7 +138,7 @@ def test_l_and_r_move_a_blade_to_the_side_that_has_the_axis() -> None:
     fingers = Fingers(rig, *keys)
     fingers.then = lambda now: places.setdefault(int(now), (rig.plant.position, rig.plant.place("side")))
     position, middle = rig.plant.position, rig.plant.place("side")
-    jog(rig.plant, fingers, Jog(turns=True, sidles=True), shown.append)
+    jog(rig.plant, fingers, Jog(turns=True, sideways=True), shown.append)
     assert places[3] == pytest.approx((position, middle + way), abs=0.2 * way)
     assert abs(places[3][0] - position) < 1e-5
     assert places[5][0] - position > 0.5 * way

@@ -34,9 +34,9 @@ def main(argv: Sequence[str]) -> int:
         check_terminal()
         with connected(arguments.rig, clock=PacedClock()) as rig:
             prepare(rig.plant, operator_of(rig.settings), today=date.today())
-            lifts, sidles = (axis is not None for axis in (rig.settings.height, rig.settings.side))
-            controls = Jog(controls.speed, turns=rig.settings.angle is not None, lifts=lifts, sidles=sidles)
-            across = "u, d: raise, lower; " * lifts + "l, r: to the left, to the right; " * sidles
+            lifts, sideways = (axis is not None for axis in (rig.settings.height, rig.settings.side))
+            controls = Jog(controls.speed, turns=rig.settings.angle is not None, lifts=lifts, sideways=sideways)
+            across = "u, d: raise, lower; " * lifts + "l, r: to the left, to the right; " * sideways
             print(f"left, right: {1e3 * controls.speed:g} mm/s; up, down: turn; {across}q ends; any other key stops")
             with terminal_keys() as keyboard:
                 try:

@@ -95,7 +95,7 @@ class Jog:
         True if the blade has a hinge.
     lifts : bool
         True if the rig has a height axis.
-    sidles : bool
+    sideways : bool
         True if it has an axis to the side.
 
     Raises
@@ -104,9 +104,11 @@ class Jog:
         If the speed is out of range.
     """
 
-    def __init__(self, speed: float = SPEED, *, turns: bool = False, lifts: bool = False, sidles: bool = False) -> None:
+    def __init__(
+        self, speed: float = SPEED, *, turns: bool = False, lifts: bool = False, sideways: bool = False
+    ) -> None:
         self.speed = in_range("speed", speed, 1e-4, TOP_SPEED, "m/s", "Jogging is slow: 2 mm/s is 0.002.")
-        self._turns, self._lifts, self._sidles = turns, lifts, sidles
+        self._turns, self._lifts, self._sideways = turns, lifts, sideways
         self._held: JogKey | None = None
         self._until = -math.inf
         self.quit = False
@@ -135,7 +137,7 @@ class Jog:
     def aside(self) -> float:
         """Return the speed to the left [m/s] at the time of the last :meth:`command`."""
         left = {JogKey.TO_LEFT: self.speed, JogKey.TO_RIGHT: -self.speed}.get(self._held or JogKey.OTHER, 0.0)
-        return left if self._sidles else 0.0
+        return left if self._sideways else 0.0
 
 
 class Keyboard(Protocol):
