@@ -117,7 +117,7 @@ PER_MILLIMETRE = 0.001
 
 
 @dataclass(frozen=True, kw_only=True)
-class MapCost:
+class WholeCutTerm:
     """One cost of a map of the cut: ``weight`` times a quantity of the whole cut, charged as it grows.
 
     What shrinks is refunded.  The map has a number for each point that the tip has passed, as the depth of the floor;
@@ -138,7 +138,7 @@ OF_MAP = ("deep", "uncut", "layer", "deepest", "target")
 layer [m]; target length [m]."""
 
 DEPTH_COSTS = (
-    MapCost(
+    WholeCutTerm(
         name="too_deep",
         title="cut too deep",
         text="area below the wanted depth / (L x 1 mm)",
@@ -146,7 +146,7 @@ DEPTH_COSTS = (
         per="per mm too deep along the whole cut",
         value=lambda deep, target: deep / (target * PER_MILLIMETRE),
     ),
-    MapCost(
+    WholeCutTerm(
         name="uncut",
         title="left uncut",
         text="area above the wanted depth, behind the tip, / (L x 1 mm)",
@@ -154,7 +154,7 @@ DEPTH_COSTS = (
         per="per mm too shallow along the whole cut",
         value=lambda uncut, target: uncut / (target * PER_MILLIMETRE),
     ),
-    MapCost(
+    WholeCutTerm(
         name="layer_area",
         title="layer opened",
         text="area opened in the layer below / (L x 1 mm)",
@@ -162,7 +162,7 @@ DEPTH_COSTS = (
         per="per mm of the layer below opened along the whole cut",
         value=lambda layer, target: layer / (target * PER_MILLIMETRE),
     ),
-    MapCost(
+    WholeCutTerm(
         name="layer_depth",
         title="depth into the layer",
         text="largest depth into the layer below / 1 mm",
@@ -179,7 +179,7 @@ OF_PATH = ("area", "farthest", "target")
 target length [m]."""
 
 PATH_COSTS = (
-    MapCost(
+    WholeCutTerm(
         name="off_line",
         title="off the line",
         text="area between cut and line / (L x 1 mm)",
@@ -187,7 +187,7 @@ PATH_COSTS = (
         per="per mm of distance to the line along the whole cut",
         value=lambda area, target: area / (target * PER_MILLIMETRE),
     ),
-    MapCost(
+    WholeCutTerm(
         name="farthest",
         title="farthest from the line",
         text="largest distance between cut and line / 1 mm",
@@ -209,7 +209,7 @@ def path_cost(of_map: Mapping[str, float]) -> float:
     return _map_cost(PATH_COSTS, of_map)
 
 
-def _map_cost(costs: tuple[MapCost, ...], of_map: Mapping[str, float]) -> float:
+def _map_cost(costs: tuple[WholeCutTerm, ...], of_map: Mapping[str, float]) -> float:
     values = {
         cost.name: cost.value(**{name: of_map[name] for name in inspect.signature(cost.value).parameters})
         for cost in costs

@@ -21,16 +21,12 @@ from benchmark.table import markdown_table
 from check_physics import RESIDUAL, Row, drawn
 from fit_layers import SlabsOfBricks, size_of, slab_name
 
-from cutenv.cutting.descending_cut import account_of_descending, follow_levels
-from cutenv.cutting.descent import DescentParameters, descent_records, layered_profiles
-from cutenv.cutting.drive import Rig
-from cutenv.cutting.dtypes import READING, TICK, new_state
-from cutenv.cutting.parameters import law_records, profile_records
-from cutenv.cutting.sensor import SensorParameters, sensor_records
-from cutenv.cutting.simulate import Physics, follow
+from cutenv.cutting.descent import DescentParameters
+from cutenv.cutting.dtypes import READING, TICK
+from cutenv.plant import DescendingPlant, SimulatedPlant
 from cutenv.tissue import Layers, Specimen
 from cutenv.tissue.layers import LAYER_REACH
-from cutenv.tissue.specimen import LENGTH, SPACING
+from cutenv.tissue.specimen import SPACING
 
 LAYERED = Layers(capsule_thickness=5e-4, capsule_toughness=8.0, boundary=0.01, deep_toughness=5.0, deep_modulus=2.0)
 SLAB_LAYERS = (
@@ -58,14 +54,13 @@ LEVEL_TOLERANCE = 0.02
 class Led(NamedTuple):
     """A cut whose blade was led along a path."""
 
-    cuts: Physics
-    descents: Any
+    plant: DescendingPlant
     readings: Any
-    vertical: Any
 
-    def energies(self) -> dict[str, float]:
-        """Return its energies since the start [J]."""
-        return account_of_descending(self.cuts, self.descents)._asdict()
+    @property
+    def vertical(self) -> Any:
+        """Vertical force at each reading, shape (n,) [N]."""
+        return self.plant.vertical_force
 
 
 def led(
@@ -77,15 +72,8 @@ def led(
     parameters: DescentParameters | None = None,
 ) -> Led:
     """Lead a blade along positions [m], levels [m] and angles [rad], one of each every millisecond."""
-    path = np.stack(np.broadcast_arrays(positions, levels, angles), axis=-1).astype(float)
-    descents, slab = descent_records([specimen], layers, parameters), specimen.tissue.slab()
-    cuts = Physics(
-        new_state(1, path[0, 2]), layered_profiles(descents, slab), law_records([specimen]),
-        Rig().records(travel=LENGTH - SPACING), sensor_records([SensorParameters()], [0], [0]),
-    )  # fmt: skip
-    readings, vertical = np.zeros(len(path), READING), np.zeros(len(path))
-    follow_levels(cuts, descents, slab, path, TICK, readings, vertical)
-    return Led(cuts, descents, readings, vertical)
+    plant = DescendingPlant(specimen, layers=layers or Layers(), descent=parameters, angle=float(np.ravel(angles)[0]))
+    return Led(plant, plant.lead(positions, angles, levels))
 
 
 def check_level_zero(specimens: Sequence[Specimen]) -> Iterator[Row]:
@@ -95,9 +83,7 @@ def check_level_zero(specimens: Sequence[Specimen]) -> Iterator[Row]:
     for specimen in specimens:
         for number, (motion, layers) in enumerate((m, la) for m in MOTIONS.values() for la in (None, alike)):
             positions, angles = motion(np.random.default_rng(number))
-            angles = np.broadcast_to(angles, positions.shape).astype(float)
-            states, readings = new_state(1, angles[0]), np.zeros(TICKS, READING)
-            follow(states, profile_records([specimen]), law_records([specimen]), positions, angles, TICK, readings)
+            readings = SimulatedPlant(specimen, angle=float(np.ravel(angles)[0])).lead(positions, angles)
             own = led(specimen, positions, 0.0, angles, layers)
             different += sum(int((own.readings[name] != readings[name]).sum()) for name in READING.names or ())
             compared += readings.size
@@ -115,7 +101,7 @@ def check_descent_account(specimens: Sequence[Specimen]) -> Iterator[Row]:
                 rng = np.random.default_rng((k, m))
                 positions, angles = motion(rng)
                 cut = led(specimen, positions, vertical(rng), angles, LAYERED)
-                energy = cut.energies()
+                energy = cut.plant.energy()
                 worst = max(worst, abs(energy["residual"]) / max(abs(energy["work"]), 1e-3))
                 lowest = min(lowest, *(energy[name] for name in ("loss", "fracture", "friction", "stored")))
                 gained = min(gained, energy["work"] - energy["friction"] - energy["stored"])
@@ -137,10 +123,10 @@ def check_limits(specimens: Sequence[Specimen]) -> Iterator[Row]:
     uniform = Specimen.drawn(0, specimen_class="uniform")
     feed = np.concatenate((FEED, np.linspace(FEED[-1], 0.01, TICKS)))
     stab = led(uniform, np.append(feed, np.full(TICKS, 0.01)), np.append(0.0 * feed, -4e-6 * np.arange(TICKS)), UPRIGHT)
-    descent = stab.descents[0]
+    descent = stab.plant.descents[0]
     expected = (
         descent["toughness"][0] * descent["edge_length"]
-        + stab.cuts.laws[0]["friction_per_depth"] * stab.cuts.profiles[0]["depth"][20]
+        + stab.plant.cuts["laws"][0, 0]["friction_per_depth"] * stab.plant.profiles[0]["depth"][20]
     )
     ratio = stab.vertical[-1] / expected
     yield Row(
@@ -162,11 +148,11 @@ def check_limits(specimens: Sequence[Specimen]) -> Iterator[Row]:
     for specimen in (uniform, *specimens):
         levels = -0.004 * np.sin(np.arange(TICKS) / 500.0) ** 2
         cut = led(specimen, 2.0 * FEED, levels, UPRIGHT)
-        state, own = cut.cuts.states[0], cut.descents[0]
+        state, own = cut.plant.states[0], cut.plant.descents[0]
         quiet = (cut.readings["jump"][1:] == 0.0) & (np.arange(1, TICKS) > 10)  # friction begins in the first ones
         steps.append(np.abs(np.diff(cut.readings["force"]))[quiet].max())
         at_once = led(specimen, 2.0 * FEED, levels, UPRIGHT, parameters=DescentParameters(response_time=TICK))
-        sooner.append(at_once.energies()["work"] / state["work"] - 1.0)
+        sooner.append(at_once.plant.energy()["work"] / state["work"] - 1.0)
         cells = np.clip(np.floor(state["tip"] / SPACING + 0.5 - np.arange(len(own["floor"])) + 0.5), 0, 1) * SPACING
         cells[0] *= 0.5
         fracture = float((own["toughness"] * (own["surface"] - own["floor"]) * cells).sum())
@@ -203,7 +189,7 @@ def held_force_over_work(specimen: Specimen) -> float:
     levels = 2e-3 * np.minimum(np.arange(len(x)) / TICKS, 1.0)
     held = led(specimen, x, levels, UPRIGHT)
     raised = led(specimen, np.append(x, np.full(20, x[-1])), np.append(levels, np.full(20, levels[-1] + 5e-5)), UPRIGHT)
-    before, after = held.energies(), raised.energies()
+    before, after = held.plant.energy(), raised.plant.energy()
     work = after["work"] - before["work"] - (after["friction"] - before["friction"])
     return float(held.vertical[-1] / (-work / 5e-5))
 

@@ -27,9 +27,10 @@ from speed.batch import MANY, RESETS_IN_STEPS, rates
 
 from cutenv._engine.jit import njit
 from cutenv._engine.randomness import generator
-from cutenv.cutting.dtypes import READING, TICK, new_state
-from cutenv.cutting.parameters import law_records, profile_records
-from cutenv.cutting.simulate import account, follow
+from cutenv.cutting.dtypes import READING, TICK
+from cutenv.cutting.motion import STRAIGHT
+from cutenv.cutting.simulate import account_one, follow
+from cutenv.plant import SimulatedPlant
 from cutenv.tissue import CutModel, Specimen, measured_liver
 from cutenv.tissue.slab import ROWS, row_means
 from cutenv.tissue.specimen import N_POINTS, SPACING
@@ -91,15 +92,12 @@ def check_stiffness(specimens: Sequence[Specimen]) -> Iterator[Row]:
 
 def reload_ratios(specimen: Specimen, speed: float, angle: float) -> list[tuple[float, bool]]:
     """Return the elastic force on return to each of :data:`TURNS` over the one before, and whether a crack just ran."""
-    profiles, laws = profile_records([specimen]), law_records([specimen])
-    states = new_state(1, angle)
-    state = states[0]
+    plant = SimulatedPlant(specimen, angle=angle)
+    state = plant.states[0]
 
     def felt_at(place: float) -> float:
         count = max(1, math.ceil(abs(place - state.blade) / (speed * TICK)))
-        path, readings = np.linspace(state.blade, place, count + 1)[1:], np.zeros(count, READING)
-        follow(states, profiles, laws, path, np.full(count, angle), TICK, readings)
-        return float(readings["elastic_force"][-1])
+        return float(plant.lead(np.linspace(state.blade, place, count + 1)[1:], angle)["elastic_force"][-1])
 
     found = []
     for place in TURNS:
@@ -122,22 +120,23 @@ def check_reloading(specimens: Sequence[Specimen]) -> Iterator[Row]:
         yield Row(what, shown, "1.000", bool(max(1.0 - low, high - 1.0) <= RELOAD))
 
 
+_follow, _account = follow(STRAIGHT), account_one(STRAIGHT)
+
+
 @njit
-def _lead(states: Any, profiles: Any, laws: Any, positions: Array, angles: Array, readings: Any, shares: Array) -> None:
+def _lead(cuts: Any, path: Array, readings: Any, shares: Array) -> None:
     """Move a blade; fill ``shares`` with the residual over the work, or over 1 mJ, after each update."""
-    for i in range(len(positions)):
-        now = slice(i, i + 1)
-        follow(states, profiles, laws, positions[now], angles[now], TICK, readings[now])
-        energy = account(states[0], profiles[0])
+    for i in range(len(path)):
+        _follow(cuts, path[i : i + 1], TICK, readings, shares[:0])
+        energy = _account(cuts)
         shares[i] = abs(energy.residual) / max(energy.work, LEAST_WORK)
 
 
 def worst_residual(specimen: Specimen, motion: str, episode: int) -> float:
     """Return the largest residual of the energy account during a motion, over the work or 1 mJ [1]."""
     positions, angles = MOTIONS[motion](generator(SEED, episode))
-    angles, shares = np.ascontiguousarray(np.broadcast_to(angles, positions.shape)), np.zeros(len(positions))
-    states, profiles, laws = new_state(1, angles[0]), profile_records([specimen]), law_records([specimen])
-    _lead(states, profiles, laws, positions, angles, np.zeros(len(positions), READING), shares)
+    path, shares = np.stack(np.broadcast_arrays(positions, angles, 0.0), axis=-1), np.zeros(len(positions))
+    _lead(SimulatedPlant(specimen, angle=path[0, 1]).cuts, path, np.zeros(1, READING), shares)
     return float(shares.max())  # NaN if any is
 
 

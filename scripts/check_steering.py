@@ -23,16 +23,11 @@ from adversarial_motions import FEED, MOTIONS, TICKS, UPRIGHT
 from benchmark.table import markdown_table
 from check_physics import RESIDUAL, Row, drawn
 
-from cutenv.cutting.drive import Rig
-from cutenv.cutting.dtypes import READING, TICK, new_state
-from cutenv.cutting.parameters import law_records, profile_records
-from cutenv.cutting.sensor import SensorParameters, sensor_records
-from cutenv.cutting.simulate import Physics, follow
-from cutenv.cutting.steered_cut import account_of_steered, follow_turns
-from cutenv.cutting.steering import SteeringParameters, steering_records
-from cutenv.plant import SteeredPlant
+from cutenv.cutting.dtypes import READING, TICK
+from cutenv.cutting.steering import SteeringParameters
+from cutenv.plant import SimulatedPlant, SteeredPlant
 from cutenv.tissue import CutModel, Specimen
-from cutenv.tissue.grid import LENGTH, SPACING
+from cutenv.tissue.grid import SPACING
 from cutenv.tissue.lines import CutLine, arc, half_ellipse, random_line, s_shape, straight
 from cutenv.tissue.path_model import PathModel
 
@@ -60,30 +55,21 @@ _GAIN_ANGLE, _GAIN_DISTANCE = 6.0, 400.0  # of a hand that follows a line [1/s],
 class Led(NamedTuple):
     """A cut whose blade was led along a path."""
 
-    cuts: Physics
-    steerings: Any
+    plant: SteeredPlant
     readings: Any
-    lateral: Any
 
-    def energies(self) -> dict[str, float]:
-        """Return its energies since the start [J]."""
-        return account_of_steered(self.cuts, self.steerings)._asdict()
+    @property
+    def lateral(self) -> Any:
+        """Force to the right of the blade at each reading, shape (n,) [N]."""
+        return self.plant.lateral_force
 
 
 def led(
     specimen: Specimen, line: CutLine, turns: Any, ways: Any, angles: Any, parameters: SteeringParameters | None = None
 ) -> Led:
     """Lead a blade by turns [rad], ways since the start [m] and angles [rad], one of each every millisecond."""
-    path = np.stack(np.broadcast_arrays(turns, ways, angles), axis=-1).astype(float)
-    profiles = profile_records([specimen])
-    steerings = steering_records([specimen], [line], profiles, parameters)
-    cuts = Physics(
-        new_state(1, path[0, 2]), profiles, law_records([specimen]),
-        Rig().records(travel=LENGTH - SPACING), sensor_records([SensorParameters()], [0], [0]),
-    )  # fmt: skip
-    readings, lateral = np.zeros(len(path), READING), np.zeros(len(path))
-    follow_turns(cuts, steerings, path, TICK, readings, lateral)
-    return Led(cuts, steerings, readings, lateral)
+    plant = SteeredPlant(specimen, line, steering=parameters, angle=float(np.ravel(angles)[0]))
+    return Led(plant, plant.lead(ways, angles, turns))
 
 
 def follow_line(
@@ -95,7 +81,7 @@ def follow_line(
     """
     places = [plant.blade]
     for _ in range(round(3.0 * length / speed / 0.02)):
-        at = float(plant.cuts.states["blade"][0])
+        at = float(plant.states["blade"][0])
         if at >= length:
             break
         i = min(round(at / SPACING), len(plant.line.x) - 1)
@@ -112,9 +98,7 @@ def check_straight(specimens: Sequence[Specimen]) -> Iterator[Row]:
     for specimen in specimens:
         for number, motion in enumerate(MOTIONS.values()):
             positions, angles = motion(np.random.default_rng(number))
-            angles = np.broadcast_to(angles, positions.shape).astype(float)
-            states, readings = new_state(1, angles[0]), np.zeros(TICKS, READING)
-            follow(states, profile_records([specimen]), law_records([specimen]), positions, angles, TICK, readings)
+            readings = SimulatedPlant(specimen, angle=float(np.ravel(angles)[0])).lead(positions, angles)
             own = led(specimen, straight(), 0.0, positions, angles)
             different += sum(int((own.readings[name] != readings[name]).sum()) for name in READING.names or ())
             compared += readings.size
@@ -133,7 +117,7 @@ def check_account(specimens: Sequence[Specimen]) -> Iterator[Row]:
                     rng = np.random.default_rng((k, m))
                     ways, angles = motion(rng)
                     cut = led(specimen, line, turns(rng), ways, angles)
-                    energy = cut.energies()
+                    energy = cut.plant.energy()
                     worst = max(worst, abs(energy["residual"]) / max(abs(energy["work"]), 1e-3))
                     lowest = min(lowest, *(energy[name] for name in ("loss", "fracture", "friction", "stored")))
                     gained = min(gained, energy["work"] - energy["friction"] - energy["stored"])
@@ -158,10 +142,10 @@ def check_bends(specimens: Sequence[Specimen]) -> Iterator[Row]:
         unlike.append(float(abs(left.readings["force"] - right.readings["force"]).max()))
         unlike.append(float(abs(left.lateral + right.lateral).max()))
         forces, ways = np.append(0.0, left.readings["force"]), np.append(0.0, FEED)
-        work = left.cuts.states[0]["work"]
+        work = left.plant.states[0]["work"]
         works.append(float((0.5 * (forces[1:] + forces[:-1]) * np.diff(ways)).sum() / work - 1.0))
         at_once = led(specimen, arc(0.04), turns, FEED, UPRIGHT, SteeringParameters(response_time=TICK))
-        sooner.append(float(at_once.cuts.states[0]["work"] / work - 1.0))
+        sooner.append(float(at_once.plant.states[0]["work"] / work - 1.0))
     what = "largest difference of the forces of an arc to the right from those of its mirror image"
     yield Row(what, f"{max(unlike):.1e} N", "1e-9 N", max(unlike) <= 1e-9)
     for what, found in (

@@ -20,9 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from cutenv.cutting.dtypes import READING, TICK, new_state
-from cutenv.cutting.parameters import law_records, profile_records
-from cutenv.cutting.simulate import follow
+from cutenv.cutting.dtypes import TICK
+from cutenv.plant import SimulatedPlant
 from cutenv.tissue.derivation import write_derived
 from cutenv.tissue.description import TissueDescription, following_means, tables_only
 from cutenv.tissue.specimen import Specimen
@@ -39,10 +38,7 @@ STIFFNESSES = np.array([0.5, 0.7, 0.85, 1.0, 1.15, 1.3, 1.6])  # of the cut's me
 def cut_along(specimen: Specimen, end: float, speed: float) -> NDArray[np.void]:
     """Return the readings of a blade moved from the clamp to ``end`` [m] at ``speed`` [m/s], upright."""
     positions = np.arange(1, math.ceil(end / (speed * TICK)) + 1) * speed * TICK
-    readings = np.zeros(len(positions), READING)
-    angles, start = np.full(len(positions), math.pi / 2), new_state(1, math.pi / 2)
-    follow(start, profile_records([specimen]), law_records([specimen]), positions, angles, TICK, readings)
-    return readings
+    return SimulatedPlant(specimen).lead(positions, math.pi / 2)
 
 
 def apparent_over_true(tissue: TissueDescription) -> float:

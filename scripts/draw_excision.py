@@ -50,7 +50,7 @@ def cut_side(specimen: Specimen, line: CutLine, rng: np.random.Generator, model:
     blade, tips, tremor = [plant.blade], [plant.tip], 0.0
     keep = math.exp(-1e-3 * _STEP / _SLOW)
     for _ in range(round(2.0 * LENGTH / _SPEED / (1e-3 * _STEP))):
-        at = float(plant.cuts.states["blade"][0])
+        at = float(plant.states["blade"][0])
         if plant.tip[0] >= LENGTH or plant.blade[0] >= LENGTH + 0.012 or plant.end:
             break
         i = min(round(at / SPACING), len(line.x) - 1)

@@ -63,7 +63,7 @@ def cut_in_steps(layers: Layers, study: int, number: int) -> tuple[Trace, list[D
     sections = depth_sections(trace)
     energy = cut.plant.energy()
     floor = cut.plant.floor
-    cells = int(float(cut.plant.cuts.states["tip"][0]) / SPACING + 0.5) + 1
+    cells = int(float(cut.plant.states["tip"][0]) / SPACING + 0.5) + 1
     area = SPACING * float(floor[:cells].sum())
     return (
         trace,

@@ -69,7 +69,7 @@ class SteppedCut:
     @property
     def position(self) -> float:
         """Position of the blade [m]."""
-        return float(self.plant.cuts.states["blade"][0])
+        return float(self.plant.states["blade"][0])
 
     def rest(self, time: float) -> None:
         """Let the blade stand for a time [s]."""

@@ -23,9 +23,11 @@ from cutenv.cutting import update as cutting_update
 from cutenv.cutting.drive import Hand, advance_command, coupling_step, lag_gain
 from cutenv.cutting.dtypes import DRIVE, READING, STATE, TICK, new_state
 from cutenv.cutting.friction import Grip
+from cutenv.cutting.motion import STRAIGHT
 from cutenv.cutting.parameters import LawParameters, law_records, profile_records
 from cutenv.cutting.row import ONE
 from cutenv.cutting.simulate import follow
+from cutenv.plant import SimulatedPlant
 from cutenv.tissue.description import TissueDescription, tables_only
 from cutenv.tissue.specimen import N_POINTS, SPACING, Specimen
 
@@ -91,21 +93,25 @@ def lead(
     ``start`` is the state to begin with; by default blade and tip stand at the clamp, at the first angle.
     """
     angles = _along(positions, angles)
-    profiles, laws = profile_records([specimen]), law_records([specimen], parameters)
+    cuts = SimulatedPlant(specimen, law=parameters).cuts
     states = new_state(len(positions) + 1, angles[0])
     if start is not None:
         states[0] = start
+    cuts["states"][0] = states[:1]
     readings = np.zeros(len(positions), READING)
-    _lead(states, profiles, laws, np.asarray(positions, dtype=float), angles, dt, readings)
-    return LedCut(profiles[0], laws[0], states, readings)
+    path = np.stack((np.asarray(positions, dtype=float), angles, 0.0 * angles), axis=-1)
+    _lead(cuts, states, path, dt, readings)
+    return LedCut(cuts["profiles"][0, 0], cuts["laws"][0, 0], states, readings)
+
+
+_follow = follow(STRAIGHT)
 
 
 @numba.njit
-def _lead(states, profiles, laws, positions, angles, dt, readings):
-    for i in range(len(positions)):
-        states[i + 1] = states[i]
-        now = slice(i, i + 1)
-        follow(states[i + 1 : i + 2], profiles, laws, positions[now], angles[now], dt, readings[now])
+def _lead(cuts, states, path, dt, readings):
+    for i in range(len(path)):
+        _follow(cuts, path[i : i + 1], dt, readings[i : i + 1], path[:0, 0])
+        states[i + 1] = cuts[0].states[0]
 
 
 _PARTS = (cutting_blade, cutting_friction, cutting_relaxation, cutting_law, cutting_row, cutting_update)
@@ -115,7 +121,10 @@ _IMPORT = rf"^from ({'|'.join(part.__name__ for part in _PARTS)}) import (\([^)]
 def changed_law(*changes: tuple[str, str]) -> ModuleType:
     """The cutting law in plain Python, with parts of its source replaced: physics broken on purpose."""
     sources = [Path(str(part.__file__)).read_text() for part in _PARTS]
-    sources = [re.sub("^@njit(_internal|_inline)?\n", "", source, flags=re.MULTILINE) for source in sources]
+    sources = [
+        re.sub(r"^@(njit(_internal|_inline)?|compiled_for\(.*\))\n", "", source, flags=re.MULTILINE)
+        for source in sources
+    ]
     for old, new in changes:
         found = sum(source.count(old) for source in sources)
         if found != 1:  # no AssertionError, which is what a broken law is to raise
@@ -146,10 +155,11 @@ def lead_by(
     law_module.begin(rows[0], plain, 1)
     row = SimpleNamespace(**{name: rows[0][name].tolist() for name in ONE.names})
     along = [SimpleNamespace(**{name: profiles[0][name].tolist() for name in profiles.dtype.names})]
+    law = law_module.cut_row(STRAIGHT)
     path = zip(np.asarray(positions, dtype=float).tolist(), angles.tolist(), strict=True)
     for i, (x, angle) in enumerate(path):
         row.dx[0], row.next_angle[0], row.turns = x - row.blade[0], angle, int(angle != row.angle[0])
-        law_module.cut_row(row, along, dt)
+        law(row, None, along, dt)
         row.felt[0] = row.force[0]
         law_module.note(row, 0, readings[i], dt)
         states[i + 1] = tuple(getattr(row, name)[0] for name in STATE.names)

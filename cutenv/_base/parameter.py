@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 from cutenv._base.validation import in_range
+
+T = TypeVar("T")
 
 ParameterProvenance = Literal["measured", "derived", "assumed", "choice"]
 
@@ -65,3 +67,15 @@ def parameter_table(*groups: Any) -> list[dict[str, Any]]:
         for field in dataclasses.fields(group)
         if "unit" in field.metadata
     ]
+
+
+def taken_from(keywords: dict[str, Any], kind: type[T]) -> T:
+    """Return constants of a ``kind`` that a task adds, of those ``keywords`` that name its fields, which are removed.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For a value out of range.
+    """
+    names = [field.name for field in dataclasses.fields(kind) if field.name in keywords]  # type: ignore[arg-type]
+    return kind(**{name: keywords.pop(name) for name in names})

@@ -130,24 +130,28 @@ def _content(path: Path) -> bytes:
 
 
 @cache
-def kernel_folder(module: str, package: Path = _PACKAGE) -> Path | None:
+def kernel_folder(module: str, package: Path = _PACKAGE, maker: str | None = None) -> Path | None:
     """Return the folder of the compiled kernels of a module as it is; None where nothing can be written.
+
+    ``maker`` is the module that makes kernels for declarations of the other one: their code depends on both.
 
     Below ``NUMBA_CACHE_DIR`` if that is set, else beside the source, else in the user's cache.  Its folders for earlier
     versions of the source are removed.
     """
+    name = module if maker is None else f"{module}-{maker.rpartition('.')[2]}"
+    digest = "".join(source_digest(each, package) for each in (module, maker) if each is not None)
     given = os.environ.get("NUMBA_CACHE_DIR")
     places = [Path(given) / package.name] if given else [package / "__pycache__", _user_cache() / package.name]
     for place in places:
-        folder = place / f"{_PREFIX}{module}-{source_digest(module, package)}"
+        folder = place / f"{_PREFIX}{name}-{digest}"
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError:
             continue
         if not os.access(folder, os.W_OK):
             continue
-        for earlier in place.glob(f"{_PREFIX}{module}-*"):
-            if earlier != folder:
+        for earlier in place.glob(f"{_PREFIX}{name}-*"):
+            if earlier != folder and "-" not in earlier.name.removeprefix(f"{_PREFIX}{name}-"):
                 shutil.rmtree(earlier, ignore_errors=True)
         return folder
     return None
@@ -291,7 +295,7 @@ def warn_before_first_compile(*kernels: Callable[..., Any]) -> None:
 
 def _is_compiled(kernel: Any) -> bool:
     """Return True if a kernel is on disk, or cannot be kept there."""
-    folder = kernel_folder(kernel.__module__)
+    folder = kernel_folder(kernel.__module__, maker=getattr(kernel, "made_in", None))
     return folder is None or (hasattr(kernel, "py_func") and any(folder.rglob(f"*.{kernel.__name__}-*.nbi")))
 
 
@@ -308,7 +312,7 @@ def _compile(function: Function, cache: bool = True, **options: bool) -> Functio
     settings: Any = numba.config
     njit: Any = numba.njit  # whose types lack the wrappers
     before = settings.CACHE_DIR
-    folder = kernel_folder(function.__module__)
+    folder = kernel_folder(function.__module__, maker=getattr(function, "made_in", None))
     settings.CACHE_DIR = str(folder or "")
     try:
         decorate = njit(

@@ -13,7 +13,7 @@ slice-push ratio xi, drawn over pressed length (Atkins, The Science and Engineer
     V = R / (1 + xi^2),    H = R xi / (1 + xi^2)        per length of edge.
 
 Floor and tissue respond to the blade's depth every ten updates; between these the blade presses on springs.  Forces,
-crack and account go on in every update.  The work of slicing is told by the force along the cut over the next point of
+crack and account go on in every update.  The work of slicing is released as force along the cut over the next point of
 the grid, half a millimetre.  In a run, tissue passes the edge by millimetres at once; the edge is drawn through it as
 the blade moves on.
 
@@ -32,16 +32,25 @@ import numpy as np
 from cutenv._base.arrays import Struct, StructArray
 from cutenv._base.parameter import check_parameters, parameter
 from cutenv._engine.jit import njit, njit_inline, njit_internal
+from cutenv._engine.randomness import Integer
+from cutenv.cutting.drive import velocity_loop_step
 from cutenv.cutting.dtypes import PROFILE, TICK
-from cutenv.cutting.law import grid_index
-from cutenv.tissue.floor import BEDDING, EDGE_LENGTH
-from cutenv.tissue.grid import N_POINTS
+from cutenv.cutting.lanes import gather, scatter
+from cutenv.cutting.law import LONGEST_ADVANCE, depth_at, grid_index, stiffness_at, toughness_at
+from cutenv.cutting.motion import Motion, Moving
+from cutenv.tissue.description import TissueDescription
+from cutenv.tissue.floor import BEDDING, EDGE_LENGTH, press
+from cutenv.tissue.grid import N_POINTS, POINTS_PER_METRE
 from cutenv.tissue.layers import Layers, layered_depth, summed_toughness
-from cutenv.tissue.slab import at_depth, cut_through_along
+from cutenv.tissue.nominal import NOMINAL, nominal_tissue
+from cutenv.tissue.slab import SLAB, at_depth, cut_through_along
 from cutenv.tissue.specimen import Specimen
 
 LEAST_DEPTH = 5e-4
 """Depth [m] to which the blade stays engaged, however far it is raised."""
+LOWEST, HIGHEST = -0.025, 0.025
+"""Ends of the blade's vertical travel [m]."""
+_LEAST_CHANGE = 1e-6  # of the level engaged, from which the stiffness's rise with depth is taken [m]
 _ASIDE = 0.25e-3  # depths on either side from which the stiffness's rise with depth is taken [m]
 
 
@@ -96,7 +105,7 @@ DESCENT: np.dtype[Any] = np.dtype(
             ("vertical", "f8"),  # force of the tissue on the blade, upwards [N]
             ("drag", "f8"),  # force of slicing against the motion along the cut [N]
             ("slicing", "f8"),  # its size, where the bristles slip [N]
-            ("untold", "f8"),  # work of slicing that the force has not yet told [J]
+            ("pending_slicing", "f8"),  # slicing work not yet released as force [J]
             ("owed_slip", "f8"),  # advance of the tip through which the edge has not yet been drawn [m]
             ("opened", "f8"),  # area opened by deepening, beyond what advancing opens [m2]
             ("settled", "f8"),  # level at the last response [m]
@@ -120,6 +129,20 @@ DESCENT: np.dtype[Any] = np.dtype(
     )
 )
 """Record of a cut's vertical motion, beside those of the law."""
+
+SHARED: np.dtype[Any] = np.dtype(
+    (np.record, [*((name, SLAB[name]) for name in SLAB.names or ()), ("mean", NOMINAL, (1,))])
+)
+"""Record that cuts of one tissue share: stiffness of its slab, and the mean tissue."""
+
+
+def shared_record(tissue: TissueDescription) -> StructArray:
+    """Return what cuts of a tissue share, :data:`SHARED` of shape (1,)."""
+    record, slab = np.zeros(1, SHARED), tissue.slab()
+    for name in SLAB.names or ():
+        record[name] = slab[name]
+    record["mean"] = nominal_tissue(tissue)
+    return record
 
 
 def descent_records(
@@ -209,3 +232,204 @@ def rise_with_depth(descent: Struct, slab: Struct, i: int) -> float:
     low, high = held_depth(descent, D - _ASIDE), held_depth(descent, D + _ASIDE)
     rise: float = (stiffness_to(descent, slab, i, high) - stiffness_to(descent, slab, i, low)) / (2.0 * _ASIDE)
     return rise
+
+
+@njit_inline
+def command_descent(levels: Struct, n: Integer, speed: float) -> None:
+    """Command a speed downwards [m/s]."""
+    levels.descent_speed[n] = speed
+
+
+@njit_inline
+def lower_row(row: Struct, moving: Moving, profiles: StructArray, dt: float) -> None:
+    """Advance every vertical drive by a millisecond under its commanded speed downwards, ``descent_speed``."""
+    levels = moving.lanes
+    for n in range(len(levels.level)):
+        level, speed, wanted = levels.level[n], levels.level_speed[n], -levels.descent_speed[n]
+        height, next_speed = velocity_loop_step(
+            level - LOWEST, speed, wanted, levels.gain[n], levels.acceleration[n], HIGHEST - LOWEST, TICK
+        )
+        rests = wanted == 0.0 and speed == 0.0
+        levels.level_speed[n] = speed if rests else next_speed
+        levels.next_level[n] = level if rests or next_speed == 0.0 else height + LOWEST
+
+
+@njit_inline
+def renew_row(row: Struct, moving: Moving, profiles: StructArray, dt: float) -> None:
+    """Bring the profiles of cuts that reach another grid point up to date."""
+    slab = moving.shared[0]
+    for n in range(row.taken):
+        i, j, far = row.tip_point[n], row.blade_point[n], row.da[n] > LONGEST_ADVANCE
+        if row.going[n] == 1 and (i != row.seen_tip_point[n] or j != row.seen_blade_point[n] or far):
+            profile, descent = profiles[row.cut[n]], moving.records[row.cut[n]]
+            if far:
+                renew_between(profile, descent, slab, row.tip[n], row.blade[n])
+            renew(profile, descent, slab, i)
+            renew(profile, descent, slab, i + 1)
+            renew_edge(profile, descent, j)
+            renew_edge(profile, descent, j + 1)
+
+
+@njit_inline
+def renew_runs(row: Struct, moving: Moving, profiles: StructArray, dt: float) -> None:
+    """Bring the profiles of cuts whose crack runs up to date, from the tip to the blade."""
+    for n in range(row.taken):
+        if row.going[n] == 1 and row.waits[n] == 0:
+            renew_between(profiles[row.cut[n]], moving.records[row.cut[n]], moving.shared[0], row.tip[n], row.blade[n])
+
+
+@njit_inline
+def respond_row(row: Struct, moving: Moving, profiles: StructArray, dt: float) -> None:
+    """Move each blade to its next level, let floor and tissue respond, and add up the forces."""
+    levels = moving.lanes
+    due = 0
+    for n in range(len(row.blade)):
+        row.force[n] = row.elastic[n] + row.rubbing[n]
+        levels.waiting[n] -= 1
+        due += 1 if levels.waiting[n] <= 0 else 0
+    move_to_level(row, levels)
+    if due > 0:
+        for n in range(row.taken):
+            if row.going[n] == 1 and levels.waiting[n] <= 0:
+                scatter(moving.views, n, row.cut[n])
+                respond(row, profiles[row.cut[n]], moving.records[row.cut[n]], moving.shared[0], n)
+                gather(moving.views, n, row.cut[n])
+    add_up_forces(row, levels)
+
+
+@njit_inline
+def move_to_level(row: Struct, levels: Struct) -> None:
+    """Move each blade to its next level: it rubs, and its edge presses on springs."""
+    for n in range(len(row.blade)):
+        fall = levels.level[n] - levels.next_level[n]
+        levels.level[n] = levels.next_level[n]
+        grip = math.copysign(row.friction_per_depth[n] * row.depth[n], fall) if fall != 0.0 else 0.0
+        was, spring = levels.bearing[n], levels.spring[n]
+        bearing = was + spring * fall
+        rises = bearing < 0.0  # it leaves the floor on the way
+        pressing = -0.5 * was**2 / spring if rises else 0.5 * (was + bearing) * fall
+        rubbed = grip * fall
+        levels.grip[n] = grip
+        levels.bearing[n] = 0.0 if rises else bearing
+        levels.pressed[n] += pressing
+        row.work[n] += pressing + rubbed
+        row.friction[n] += rubbed
+
+
+@njit_inline
+def add_up_forces(row: Struct, levels: Struct) -> None:
+    """Compute the vertical force; add slicing drag to the force along the cut."""
+    for n in range(len(row.blade)):
+        lag = max(row.blade[n] - row.creep[n] - row.tip[n], 0.0)
+        levels.vertical[n] = levels.bearing[n] + levels.grip[n] + 0.5 * levels.rise[n] * lag**2
+        # It reverses as friction on the faces does.
+        drag = levels.slicing[n] * row.bristle[n] * row.per_presliding_length[n] if levels.slicing[n] > 0.0 else 0.0
+        levels.drag[n] = drag
+        row.force[n] += drag
+
+
+@njit_internal
+def respond(row: Struct, profile: Struct, descent: Struct, slab: Struct, n: int) -> None:
+    """Let the floor of the cut and the tissue respond to the motion since they last did."""
+    a, x = row.tip[n], row.blade[n]
+    moved, fall = x - descent.blade, descent.settled - descent.level
+    lag, grown, cell = x - row.creep[n] - a, a - descent.tip, int(a * POINTS_PER_METRE + 0.5)
+    onwards = cell != descent.cell
+    for i in range(descent.cell + 1, cell + 1):
+        descent.floor[i] = descent.engaged
+    descent.waiting, descent.blade, descent.settled = descent.response, x, descent.level
+    descent.cell, descent.tip = cell, a
+    # A loading blade carries the tissue with it: the edge is drawn through it as far as the tip advances.  After a run
+    # the edge slips through the length that it opened as the blade moves on: slicing force depends on motion alone.
+    if lag >= 0.0:
+        descent.owed_slip += grown
+        slip = min(descent.owed_slip, max(moved, 0.0))
+        descent.owed_slip -= slip
+    else:
+        descent.owed_slip, slip = 0.0, abs(moved)
+
+    at, sliced = a + min(lag, 0.0), 0.0  # the leading end of the edge, in the tissue
+    under = int(at * POINTS_PER_METRE + 0.5)
+    if fall != 0.0 or descent.pressed != 0.0 or under != descent.under:
+        descent.under = under
+        pressing, released, spent, sliced, descent.bearing, descent.spring = press(descent, at, a, slip)
+        surplus = spent - released
+        row.work[n] += (pressing - descent.pressed) + max(surplus, 0.0)
+        row.fracture[n] += spent
+        row.loss[n] += max(-surplus, 0.0)
+        descent.pressed = pressing - released
+        sliced = max(surplus, 0.0) if fall <= 0.0 else min(max(surplus, 0.0), sliced)
+    engaged = max(descent.level, descent.floor[cell])
+    if engaged != descent.engaged:
+        gained = engage(row, profile, descent, slab, n, engaged, max(lag, 0.0))
+        row.work[n] += gained
+        sliced += max(gained, 0.0) if fall == 0.0 else 0.0
+    elif onwards or descent.rise == 0.0:
+        descent.rise = rise_with_depth(descent, slab, cell)
+    descent.pending_slicing = max(descent.pending_slicing - descent.slicing * abs(moved), 0.0) + (
+        sliced if moved != 0.0 else 0.0
+    )
+    descent.slicing = descent.pending_slicing * POINTS_PER_METRE
+
+
+@njit_internal
+def engage(row: Struct, profile: Struct, descent: Struct, slab: Struct, n: int, engaged: float, lag: float) -> float:
+    """Engage one blade down to another level ``engaged`` [m]; return the work that it takes [J]."""
+    a, x, K, toughness = row.tip[n], row.blade[n], row.K[n], row.toughness[n]
+    change = descent.engaged - engaged
+    descent.engaged = engaged
+    descent.version += 1
+    renew_between(profile, descent, slab, a, a)
+    j = grid_index(x)[0]
+    renew_edge(profile, descent, j)
+    renew_edge(profile, descent, j + 1)
+    row.K[n], row.dK[n] = stiffness_at(profile, a)
+    row.toughness[n], row.depth[n] = toughness_at(profile, a), depth_at(profile, x)
+    row.seen_tip_point[n], row.seen_blade_point[n] = -1, -1
+    row.held_force[n] *= row.toughness[n] / toughness
+    row.elastic[n] = row.K[n] * lag
+    row.force[n] += row.elastic[n] - K * lag
+    if abs(change) > _LEAST_CHANGE:
+        descent.rise = (row.K[n] - K) / change
+    else:
+        descent.rise = rise_with_depth(descent, slab, descent.cell)
+    return 0.5 * (row.K[n] - K) * lag**2  # type: ignore[no-any-return]
+
+
+@njit_inline
+def lead_to_level(row: Struct, levels: Struct, level: float) -> float:
+    """Lead the blade of a row of one to a ``level`` [m]; return its position along the cut [m]."""
+    levels.next_level[0] = level
+    return row.blade[0]  # type: ignore[no-any-return]
+
+
+@njit_inline
+def vertical_force(levels: Struct, n: Integer) -> float:
+    """Return the force of the tissue on a blade, upwards [N]."""
+    return levels.vertical[n]  # type: ignore[no-any-return]
+
+
+@njit_inline
+def stored_in_bed(descent: Struct) -> float:
+    """Return the energy with which a blade presses on the floor [J]."""
+    return descent.pressed  # type: ignore[no-any-return]
+
+
+DESCENDING = Motion(
+    place=f"{__name__}:DESCENDING",
+    record=DESCENT,
+    scratch=(
+        ("descent_speed", "f8"),  # commanded, downwards [m/s]
+        ("next_level", "f8"),  # to which the blade goes in this update [m]
+    ),
+    shared=SHARED,
+    command=command_descent,
+    drive=lower_row,
+    renew=renew_row,
+    renew_runs=renew_runs,
+    respond=respond_row,
+    force=vertical_force,
+    stored=stored_in_bed,
+    lead=lead_to_level,
+)
+"""Motion along the cut, and up and down."""

@@ -29,14 +29,12 @@ _PASSING = (  # scratch: it lives only in the row
     ("going", "i8"),  # 1 while active; finished lanes are computed but not stored
     ("noise", "f8"),  # of the cut's sensor, standard deviation [N]
     ("resolution", "f8"),  # [N]
-    ("share", "f8"),  # gain of the velocity loop, see made_up
+    ("share", "f8"),  # gain of the velocity loop, see :func:`~cutenv.cutting.drive.lag_gain`
     ("given", "f8"),  # commanded speed [m/s]
     ("command", "f8"),  # commanded speed that has reached the drive [m/s]
     ("aim", "f8"),  # commanded angle [rad]
     ("next_angle", "f8"),
     ("dx", "f8"),  # motion of the blade in this millisecond [m]
-    ("way", "f8"),  # the same in the plane, where dx is the part of it along the crack [m]
-    ("passed", "f8"),  # and the part of it along the drawn line [m]
     ("K", "f8"),  # stiffness at the tip [N/m],
     ("dK", "f8"),  # its derivative [N/m2]
     ("toughness", "f8"),  # R B there [N]
@@ -63,8 +61,6 @@ _PASSING = (  # scratch: it lives only in the row
     ("rubbing", "f8"),  # force of friction, against forward motion [N]
     ("elastic", "f8"),  # force of the tissue [N]
     ("force", "f8"),  # both, on the blade [N]
-    ("lateral", "f8"),  # of the tissue on a blade in the plane, to its right [N]
-    ("plane_force", "f8"),  # size of both in the plane [N]
     ("waits", "i8"),  # 1 if the crack does not run
     ("jump", "f8"),  # unstable growth [m]
     ("seed", "u8"),  # seed and episode: key of the sensor's noise

@@ -1,20 +1,23 @@
-"""Loops over updates of the cutting law: one cut, a prescribed path, and thousands of cuts in parallel."""
+"""Loops over updates of the cutting law, made for each motion: one cut, a path, and many cuts in parallel."""
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
-from cutenv._base.arrays import Struct, StructArray
+from cutenv._base.arrays import Array, Struct, StructArray
+from cutenv._engine.declared import compiled_for
 from cutenv._engine.intrinsics import keep_alive, without_refcount
 from cutenv._engine.jit import njit, njit_inline, njit_nogil
 from cutenv._engine.lanes import first_row
 from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
-from cutenv.cutting.dtypes import DRIVE, LAW, PROFILE, STATE, TICK
+from cutenv.cutting.dtypes import TICK
+from cutenv.cutting.lanes import gather, lane_views, pad, scatter
 from cutenv.cutting.law import stored_energy
-from cutenv.cutting.row import LANES, ONE, ROW, begin, note, plain_views, put, take, take_tissue
-from cutenv.cutting.sensor import SENSOR
+from cutenv.cutting.motion import STRAIGHT, Motion, Moving
+from cutenv.cutting.row import LANES, ROW, begin, note, plain_views, put, take, take_tissue
 from cutenv.cutting.update import cut_row, update_row
 from cutenv.tissue.specimen import LENGTH
 
@@ -27,22 +30,14 @@ class Physics(NamedTuple):
     laws: StructArray
     drives: StructArray
     sensors: StructArray
+    motions: StructArray
+    """Records of the motion, :attr:`~cutenv.cutting.motion.Motion.record`."""
+    shared: StructArray
+    """Record that all cuts share, shape (1,)."""
 
 
-CUT: np.dtype[Any] = np.dtype(
-    (
-        np.record,
-        [
-            ("states", STATE, (1,)),
-            ("profiles", PROFILE, (1,)),
-            ("laws", LAW, (1,)),
-            ("drives", DRIVE, (1,)),
-            ("sensors", SENSOR, (1,)),
-            ("rows", ONE, (1,)),  # memory of the calls
-        ],
-    )
-)
-"""One cut in one record, from Python passed in a third of the time of its parts; each is an array of shape (1,)."""
+CUT = STRAIGHT.cut
+"""One straight cut in one record."""
 
 
 class EnergyAccount(NamedTuple):
@@ -60,124 +55,167 @@ class EnergyAccount(NamedTuple):
 
 @njit_inline
 def account(state: Struct, profile: Struct) -> EnergyAccount:
-    """Return the energy account of a cut."""
+    """Return the energy account of a cut, but for what a motion stores besides."""
     stored = stored_energy(profile, state.blade - state.creep, state.tip) + state.locked
     residual = state.work - stored - state.fracture - state.friction - state.loss - state.ledger
     return EnergyAccount(state.work, stored, state.fracture, state.friction, state.loss, state.ledger, residual)
 
 
-@njit
-def account_one(cuts: StructArray) -> EnergyAccount:
-    """Return the energy account of one cut, :data:`CUT` of shape (1,)."""
-    return account(cuts[0].states[0], cuts[0].profiles[0])
+@compiled_for(njit)
+def account_one(motion: Motion) -> Callable[..., EnergyAccount]:
+    """Return the function that tells the energies of one cut."""
+    stored = motion.stored
+
+    def account_one(cuts: StructArray) -> EnergyAccount:
+        """Return the energy account of one cut, :meth:`~cutenv.cutting.motion.Motion.cut` of shape (1,)."""
+        c = cuts[0]
+        found, further = account(c.states[0], c.profiles[0]), stored(c.motions[0])
+        return EnergyAccount(
+            found.work, found.stored + further, found.fracture, found.friction, found.loss, found.ledger,
+            found.residual - further,
+        )  # fmt: skip
+
+    return account_one
 
 
-@njit
-def hold(cuts: StructArray, speed: float, angle: float, readings: StructArray) -> None:
-    """Simulate one cut under one command for ``len(readings)`` milliseconds.
+@compiled_for(njit)
+def hold(motion: Motion) -> Callable[..., None]:
+    """Return the function that simulates one cut under one command."""
+    update, scalars, command, force = update_row(motion), motion.scalars, motion.command, motion.force
 
-    Parameters
-    ----------
-    cuts : Records
-        The cut, :data:`CUT` of shape (1,), changed in place.
-    speed, angle : float
-        Command [m/s], [rad].
-    readings : Records
-        :data:`~cutenv.cutting.dtypes.READING`, filled, one for each millisecond.
-    """
-    c = cuts[0]
-    row, plain = first_row(c.rows), plain_views(c.rows, c.states, c.laws, c.drives)
-    take(row, plain, c.profiles[0], c.drives[0], c.sensors[0], 0, 0)
-    row.given[0], row.aim[0] = speed, angle
-    begin(row, plain, 1)
-    for i in range(len(readings)):
-        update_row(row, c.profiles, c.sensors, TICK, i == 0)
-        note(row, 0, readings[i], TICK)
-    put(row, plain, 0, 0)
+    def hold(
+        cuts: StructArray, speed: float, angle: float, further: float, readings: StructArray, across: Array
+    ) -> None:
+        """Simulate one cut under one command for ``len(readings)`` milliseconds.
 
+        Parameters
+        ----------
+        cuts : Records
+            The cut, :meth:`~cutenv.cutting.motion.Motion.cut` of shape (1,), changed in place.
+        speed, angle, further : float
+            Command [m/s], [rad], and that of the motion's further axis.
+        readings : Records
+            :data:`~cutenv.cutting.dtypes.READING`, filled, one for each millisecond.
+        across : array, shape (n,) or (0,)
+            Filled with the true force on the blade across the cut, upwards or to its right [N], if it is not empty.
+        """
+        c = cuts[0]
+        row, plain = first_row(c.rows), plain_views(c.rows, c.states, c.laws, c.drives)
+        motions = Moving(first_row(c.lanes), lane_views(c.lanes, c.motions, 1, scalars), c.motions, c.shared)
+        take(row, plain, c.profiles[0], c.drives[0], c.sensors[0], 0, 0)
+        gather(motions.views, 0, 0)
+        row.given[0], row.aim[0] = speed, angle
+        command(motions.lanes, 0, further)
+        begin(row, plain, 1)
+        for i in range(len(readings)):
+            update(row, motions, c.profiles, c.sensors, TICK, i == 0)
+            note(row, 0, readings[i], TICK)
+            if len(across) > 0:
+                across[i] = force(motions.lanes, 0)
+        put(row, plain, 0, 0)
+        scatter(motions.views, 0, 0)
 
-@njit
-def follow(
-    states: StructArray,
-    profiles: StructArray,
-    laws: StructArray,
-    positions: StructArray,
-    angles: StructArray,
-    dt: float,
-    readings: StructArray,
-) -> None:
-    """Move the blade exactly through ``positions`` [m] and ``angles`` [rad], shape (n,), one every ``dt`` [s].
-
-    No drive, no sensor: the force of a reading is the true one.  For derivations and checks of the law itself.
-
-    Parameters
-    ----------
-    states, profiles, laws : Records
-        One cut, shape (1,); the state is changed in place.
-    positions, angles : array, shape (n,)
-        The path, within the specimen.
-    dt : float
-        Time between them [s].
-    readings : Records
-        :data:`~cutenv.cutting.dtypes.READING`, shape (n,), filled.
-
-    Raises
-    ------
-    ValueError
-        If the path leaves the specimen.
-    """
-    drives, rows = np.zeros(1, DRIVE), np.zeros(1, ONE)
-    row = first_row(rows)
-    plain = plain_views(rows, states, laws, drives)
-    take_tissue(row, plain, profiles[0], 0, 0)
-    begin(row, plain, 1)
-    for i in range(len(positions)):
-        if not 0.0 <= positions[i] <= LENGTH:
-            raise ValueError("positions leave the specimen: give metres from the clamp, 0 to 0.15")
-        row.dx[0], row.next_angle[0] = positions[i] - row.blade[0], angles[i]
-        row.turns = 1 if angles[i] != row.angle[0] else 0
-        cut_row(row, profiles, dt)
-        row.felt[0] = row.force[0]
-        note(row, 0, readings[i], dt)
-    put(row, plain, 0, 0)
-    keep_alive(rows)
+    return hold
 
 
-@njit_nogil
-def hold_some(
-    passed: WorkQueue, core: int, cuts: Physics, commands: StructArray, ticks: int, felt: StructArray
-) -> None:
-    """Advance n cuts by ``ticks`` updates, each under one constant command; the bare physics loop, without a task.
+@compiled_for(njit)
+def follow(motion: Motion) -> Callable[..., None]:
+    """Return the function that leads one blade exactly along a path; for derivations and checks of the law itself."""
+    cut, scalars, lead, force = cut_row(motion), motion.scalars, motion.lead, motion.force
+    bounded = not motion.stops_at_ends
 
-    Parameters
-    ----------
-    passed, core : WorkQueue, int
-        Work queue and number of the thread, see :func:`cutenv._engine.parallel.parallel_for`.
-    cuts : Physics
-        The cuts, changed in place.
-    commands : array, shape (n, 2)
-        Speed [m/s] and angle [rad].
-    ticks : int
-        Number of updates, one millisecond each.
-    felt : array, shape (n,)
-        Filled with the last force measured [N].
-    """
-    cuts = without_refcount(cuts)
-    rows = np.zeros(1, ROW)
-    row, plain = first_row(rows), plain_views(rows, cuts.states, cuts.laws, cuts.drives)
-    begun, end = next_chunk(passed, core, LANES)
-    while begun < end:
-        taken = end - begun
-        for k in range(taken):
-            n = begun + k
-            take(row, plain, cuts.profiles[n], cuts.drives[n], cuts.sensors[n], k, n)
-            row.given[k], row.aim[k] = commands[n, 0], commands[n, 1]
-        begin(row, plain, taken)
-        for i in range(ticks):
-            update_row(row, cuts.profiles, cuts.sensors, TICK, i == 0)
-        for k in range(taken):
-            put(row, plain, k, begun + k)
-            felt[begun + k] = row.felt[k]
-        mark_done(passed, core, taken)
+    def follow(cuts: StructArray, path: Array, dt: float, readings: StructArray, across: Array) -> None:
+        """Move the blade of one cut exactly along a path, one row of it every ``dt`` [s]; no drive, no sensor.
+
+        Parameters
+        ----------
+        cuts : Records
+            The cut, :meth:`~cutenv.cutting.motion.Motion.cut` of shape (1,), changed in place.
+        path : array, shape (n, 3)
+            Position within the specimen [m], angle [rad], and the further axis: level [m], or turn to the left [rad]
+            below 0.5, after which the position is the way since the start, whose change leads where the blade points.
+        dt : float
+            Time between two rows [s].
+        readings : Records
+            :data:`~cutenv.cutting.dtypes.READING`, shape (n,), filled; its force is the true one.
+        across : array, shape (n,) or (0,)
+            Filled with the force on the blade across the cut, upwards or to its right [N], if it is not empty.
+
+        Raises
+        ------
+        ValueError
+            If the path leaves the specimen.
+        """
+        c = cuts[0]
+        row, plain = first_row(c.rows), plain_views(c.rows, c.states, c.laws, c.drives)
+        motions = Moving(first_row(c.lanes), lane_views(c.lanes, c.motions, 1, scalars), c.motions, c.shared)
+        take_tissue(row, plain, c.profiles[0], 0, 0)
+        gather(motions.views, 0, 0)
+        begin(row, plain, 1)
+        for i in range(len(path)):
+            if bounded and not 0.0 <= path[i, 0] <= LENGTH:
+                raise ValueError("positions leave the specimen: give metres from the clamp, 0 to 0.15")
+            row.dx[0], row.next_angle[0] = path[i, 0] - lead(row, motions.lanes, path[i, 2]), path[i, 1]
+            row.turns = 1 if path[i, 1] != row.angle[0] else 0
+            cut(row, motions, c.profiles, dt)
+            row.felt[0] = row.force[0]
+            note(row, 0, readings[i], dt)
+            if len(across) > 0:
+                across[i] = force(motions.lanes, 0)
+        put(row, plain, 0, 0)
+        scatter(motions.views, 0, 0)
+
+    return follow
+
+
+@compiled_for(njit_nogil)
+def hold_some(motion: Motion) -> Callable[..., None]:
+    """Return the function that simulates many cuts under one command each: the bare physics loop, without a task."""
+    update, scalars, command, force = update_row(motion), motion.scalars, motion.command, motion.force
+    lanes_of_row = motion.lanes(LANES)
+
+    def hold_some(
+        passed: WorkQueue, core: int, cuts: Physics, commands: StructArray, ticks: int, felt: StructArray
+    ) -> None:
+        """Advance n cuts by ``ticks`` updates, each under one constant command.
+
+        Parameters
+        ----------
+        passed, core : WorkQueue, int
+            Work queue and number of the thread, see :func:`cutenv._engine.parallel.parallel_for`.
+        cuts : Physics
+            The cuts, changed in place.
+        commands : array, shape (n, 3)
+            Speed [m/s], angle [rad], and that of the further axis.
+        ticks : int
+            Number of updates, one millisecond each.
+        felt : array, shape (n, 2)
+            Filled with the last force measured along the cut, and the true one across it [N].
+        """
+        cuts = without_refcount(cuts)
+        rows, lanes = np.zeros(1, ROW), np.zeros(1, lanes_of_row)
+        row, plain = first_row(rows), plain_views(rows, cuts.states, cuts.laws, cuts.drives)
+        motions = Moving(first_row(lanes), lane_views(lanes, cuts.motions, LANES, scalars), cuts.motions, cuts.shared)
         begun, end = next_chunk(passed, core, LANES)
-    keep_alive(rows)
+        while begun < end:
+            taken = end - begun
+            for k in range(taken):
+                n = begun + k
+                take(row, plain, cuts.profiles[n], cuts.drives[n], cuts.sensors[n], k, n)
+                gather(motions.views, k, n)
+                row.given[k], row.aim[k] = commands[n, 0], commands[n, 1]
+                command(motions.lanes, k, commands[n, 2])
+            begin(row, plain, taken)
+            pad(motions.views, taken)
+            for i in range(ticks):
+                update(row, motions, cuts.profiles, cuts.sensors, TICK, i == 0)
+            for k in range(taken):
+                put(row, plain, k, begun + k)
+                scatter(motions.views, k, begun + k)
+                felt[begun + k, 0], felt[begun + k, 1] = row.felt[k], force(motions.lanes, k)
+            mark_done(passed, core, taken)
+            begun, end = next_chunk(passed, core, LANES)
+        keep_alive(rows)
+        keep_alive(lanes)
+
+    return hold_some

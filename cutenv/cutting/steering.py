@@ -23,6 +23,7 @@ ten updates, and that faces behind the tip hold the blade as the tip does, are a
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -31,9 +32,11 @@ import numpy as np
 from cutenv._base.arrays import Struct, StructArray
 from cutenv._base.parameter import check_parameters, parameter
 from cutenv._engine.jit import njit, njit_inline, njit_internal
+from cutenv._engine.randomness import Integer
 from cutenv.cutting.dtypes import TICK
-from cutenv.cutting.law import grid_index, lerp
-from cutenv.tissue.grid import N_POINTS, SPACING
+from cutenv.cutting.law import LONGEST_ADVANCE, at_share, grid_index, lerp, stiffness_at, toughness_at, value_and_rise
+from cutenv.cutting.motion import Motion, Moving
+from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING
 from cutenv.tissue.lines import WIDTH, CutLine
 from cutenv.tissue.path_model import CRACK_CURVATURE, stiffness_on_line
 from cutenv.tissue.specimen import Specimen
@@ -268,3 +271,341 @@ def advance_tip(steering: Struct, a: float) -> float:
     steering.tip_east, steering.tip_north, steering.tip_aside = east, north, aside
     steering.settled, steering.cell = a, i
     return advance
+
+
+class PlaceInRow(NamedTuple):
+    """The fields of a place that functions read, for one cut in a row."""
+
+    ahead: float
+    across: float
+    tip_ahead: float
+    tip_across: float
+    east: float
+    north: float
+    tip_east: float
+    tip_north: float
+    settled: float
+    stretch: float
+
+
+@njit_inline
+def place_in_row(places: Struct, n: int) -> PlaceInRow:
+    """Gather the place of the cut in lane ``n``."""
+    return PlaceInRow(
+        places.ahead[n], places.across[n], places.tip_ahead[n], places.tip_across[n], places.east[n], places.north[n],
+        places.tip_east[n], places.tip_north[n], places.settled[n], places.stretch[n],
+    )  # fmt: skip
+
+
+@njit_inline
+def command_turn(places: Struct, n: Integer, rate: float) -> None:
+    """Command a rate of turn to the left [rad/s]."""
+    _aim_place(places, n, rate * TICK)
+
+
+@njit_inline
+def _aim_place(places: Struct, n: Integer, turn: float) -> None:
+    """Prepare lane ``n`` for updates in each of which the blade turns to the left by ``turn`` [rad]."""
+    places.turn[n], places.seen_line_point[n] = turn, -1
+
+
+@njit_inline
+def to_crack(place: Struct) -> tuple[float, float]:
+    """Return cosine and sine of the angle from the crack to the blade's direction."""
+    return (
+        place.ahead * place.tip_ahead + place.across * place.tip_across,
+        place.tip_ahead * place.across - place.tip_across * place.ahead,
+    )
+
+
+@njit_inline
+def turned(ahead: float, across: float, by: float) -> tuple[float, float]:
+    """Return a direction turned to the left ``by`` an angle below 0.5 rad; its length stays 1 within 1e-16 a turn."""
+    square = by * by
+    cosine = 1.0 - square * (0.5 - square * (1.0 / 24.0 - square * (1.0 / 720.0)))
+    sine = by * (1.0 - square * (1.0 / 6.0 - square * (1.0 / 120.0 - square * (1.0 / 5040.0))))
+    ahead, across = ahead * cosine - across * sine, ahead * sine + across * cosine
+    length = 1.5 - 0.5 * (ahead * ahead + across * across)
+    return ahead * length, across * length
+
+
+@njit_inline
+def renew_row(row: Struct, moving: Moving, profiles: StructArray, dt: float) -> None:
+    """Bring the profiles of cuts whose tip reaches another grid point up to date."""
+    if row.points > 0:
+        for n in range(row.taken):
+            far = row.da[n] > LONGEST_ADVANCE
+            if row.going[n] == 1 and (row.tip_point[n] != row.seen_tip_point[n] or far):
+                profile, steering = profiles[row.cut[n]], moving.records[row.cut[n]]
+                if far:
+                    renew_points(profile, steering, row.tip[n], row.x[n])
+                renew_point(profile, steering, row.tip_point[n])
+                renew_point(profile, steering, row.tip_point[n] + 1)
+
+
+@njit_inline
+def renew_runs(row: Struct, moving: Moving, profiles: StructArray, dt: float) -> None:
+    """Bring the profiles of cuts whose crack runs up to date, from the tip to the blade."""
+    for n in range(row.taken):
+        if row.going[n] == 1 and row.waits[n] == 0:
+            renew_points(profiles[row.cut[n]], moving.records[row.cut[n]], row.tip[n], row.x[n])
+
+
+@njit_inline
+def respond_row(row: Struct, moving: Moving, profiles: StructArray, dt: float) -> None:
+    """Let cracks turn, and add up the forces along each blade and to its right."""
+    places = moving.lanes
+    due = 0
+    for n in range(len(row.blade)):
+        places.waiting[n] -= 1
+        due += 1 if places.waiting[n] <= 0 else 0
+    if due > 0:
+        for n in range(row.taken):
+            if row.going[n] == 1 and places.waiting[n] <= 0:
+                turn_crack(row, places, profiles[row.cut[n]], moving.records[row.cut[n]], n)
+    for n in range(len(row.blade)):
+        cosine, sine = to_crack(place_in_row(places, n))
+        pull, push = row.elastic[n] * places.per_stretch[n], places.side_stiffness[n] * places.offset[n]
+        row.force[n] = pull * (cosine + places.coupling[n] * sine) + push * sine + row.rubbing[n]
+        places.lateral[n] = pull * (places.coupling[n] * cosine - sine) + push * cosine
+
+
+@njit_inline
+def aim_row(row: Struct, moving: Moving, profiles: StructArray, dt: float) -> None:
+    """Turn each blade, find where its motion leads, and reduce it to that along the crack, on which the law acts.
+
+    At the ends of the line, at the reach on its sides, and outside the slab, a blade stops as at an end stop.
+    """
+    places, steerings = moving.lanes, moving.records
+    further = 0
+    for n in range(len(row.blade)):
+        turn, ahead, across = places.turn[n], places.ahead[n], places.across[n]
+        next_ahead, next_across = turned(ahead, across, turn)
+        places.ahead[n] = next_ahead if turn != 0.0 else ahead
+        places.across[n] = next_across if turn != 0.0 else across
+        places.line_point[n], places.line_share[n] = grid_index(row.blade[n] + 0.5 * row.dx[n])
+        further += 1 if places.line_point[n] != places.seen_line_point[n] else 0
+    if further > 0:
+        for n in range(len(row.blade)):
+            i = places.line_point[n]
+            if i != places.seen_line_point[n]:
+                steering = steerings[row.cut[n]]
+                places.point_cosine[n], places.rise_cosine[n] = value_and_rise(steering.cosine, i)
+                places.point_sine[n], places.rise_sine[n] = value_and_rise(steering.sine, i)
+                places.point_curvature[n], places.rise_curvature[n] = value_and_rise(steering.curvature, i)
+                places.seen_line_point[n] = i
+    for n in range(len(row.blade)):
+        way, start, share = row.dx[n], row.blade[n], places.line_share[n]
+        ahead, across, was_aside, was_north = places.ahead[n], places.across[n], places.aside[n], places.north[n]
+        t_x = at_share(places.point_cosine[n], places.rise_cosine[n], share)
+        t_y = at_share(places.point_sine[n], places.rise_sine[n], share)
+        curvature = at_share(places.point_curvature[n], places.rise_curvature[n], share)
+        spread = max(1.0 - curvature * was_aside, LEAST_SPREAD)
+        passed = way * (ahead * t_x + across * t_y) / spread
+        aside = was_aside + way * (t_x * across - t_y * ahead)
+        cosine, sine = to_crack(place_in_row(places, n))
+        seen = way * ((cosine + places.coupling[n] * sine) * places.per_stretch[n])
+        north = was_north + way * across
+        beyond = max(-(start + passed), (start + passed) - LENGTH, (start - row.creep[n] + seen) - LENGTH)
+        outside = abs(north) - max(places.side[n], abs(was_north))
+        away = abs(aside) - max(places.reach[n], abs(was_aside))
+        stops = max(beyond, outside, away) > 0.0
+        row.hand[n] -= way if stops else 0.0
+        way = 0.0 if stops else way
+        passed = 0.0 if stops else passed
+        places.aside[n] = was_aside if stops else aside
+        places.east[n] += way * ahead - passed
+        places.north[n] += way * across
+        places.way[n], places.passed[n], row.dx[n] = way, passed, 0.0 if stops else seen
+
+
+@njit_inline
+def move_row(row: Struct, moving: Moving, profiles: StructArray, dt: float) -> None:
+    """Move each blade in the plane: the law has applied the component along the crack alone, which is replaced.
+
+    To the side the blade is held by the tissue ahead of the tip, and behind the tip by the faces of the cut.
+    """
+    places, steerings = moving.lanes, moving.records
+    behind = 0
+    for n in range(len(row.blade)):
+        way, passed, seen = places.way[n], places.passed[n], row.dx[n]
+        row.blade[n] += passed - seen
+        row.creep[n] += passed - seen
+        row.hand[n] += passed - way
+        row.dx[n], row.speed[n] = way, way / dt
+        row.blade_point[n], row.blade_share[n] = grid_index(row.blade[n])
+        place = place_in_row(places, n)
+        moved = places.offset[n] + way * to_crack(place)[1]
+        placed = offset_ahead(row, place, n)[1]
+        places.next_offset[n] = placed if places.guided[n] == 1 else moved
+        places.guided[n] = 1 if row.x[n] <= row.tip[n] else 0
+        behind += places.guided[n]
+    if behind > 0:
+        for n in range(row.taken):
+            if places.guided[n] == 1:
+                places.next_offset[n] = places.aside[n] - lerp(
+                    steerings[row.cut[n]].cut, row.blade_point[n], row.blade_share[n]
+                )
+    points = 0
+    for n in range(len(row.blade)):
+        offset, next_offset = places.offset[n], places.next_offset[n]
+        gained = 0.5 * places.side_stiffness[n] * ((next_offset - offset) * (next_offset + offset))
+        row.work[n] += gained
+        places.held[n] += gained
+        places.offset[n] = next_offset
+        same = row.tip_point[n] == row.seen_tip_point[n] and row.blade_point[n] == row.seen_blade_point[n]
+        points += 0 if same else 1
+    row.points = max(points, row.leaps)
+
+
+@njit_inline
+def offset_ahead(row: Struct, place: Struct, n: int) -> tuple[float, float]:
+    """Return the offset of one blade from its tip along the crack and to the left of it [m]."""
+    advance = row.tip[n] - place.settled
+    crack = advance * place.stretch
+    e_x, e_y = place.tip_ahead, place.tip_across
+    east = (row.blade[n] - row.tip[n]) + (place.east - place.tip_east) - (crack * e_x - advance)
+    north = (place.north - place.tip_north) - crack * e_y
+    return east * e_x + north * e_y, north * e_x - east * e_y
+
+
+@njit_internal
+def turn_crack(row: Struct, places: Struct, profile: Struct, steering: Struct, n: int) -> None:
+    """Let one crack turn, and its tissue respond, to the growth since they last did."""
+    places.waiting[n] = places.response[n]
+    a, grown = row.tip[n], row.tip[n] - places.settled[n]
+    pull = row.elastic[n] * places.per_stretch[n]
+    if grown == 0.0:
+        places.pull[n] = pull
+        return
+    lag, K, toughness = row.blade[n] - row.creep[n] - a, row.K[n], row.toughness[n]
+    stored = 0.5 * K * max(lag, 0.0) ** 2 + places.held[n]
+
+    i, share = grid_index(a)
+    start, aside = places.settled[n], places.tip_aside[n]
+    advance, east, north, next_aside = advanced(place_in_row(places, n), steering, a, i, share)
+    lay_cut(steering, places.cell[n], start, aside, a, next_aside, i)
+    places.tip_east[n], places.tip_north[n], places.tip_aside[n] = east, north, next_aside
+    places.settled[n], places.cell[n] = a, i
+    mean_pull = 0.5 * (places.pull[n] + pull)
+    push = places.coupling[n] * mean_pull + places.side_stiffness[n] * places.offset[n]
+    if push != 0.0 and lag > 0.0:  # a crack that is not loaded does not turn
+        most = places.crack_curvature[n] * advance
+        turn = min(max(push / math.sqrt(mean_pull**2 + push**2), -most), most)
+        places.tip_ahead[n], places.tip_across[n] = turned(places.tip_ahead[n], places.tip_across[n], turn)
+    steering.tip_ahead, steering.tip_across = places.tip_ahead[n], places.tip_across[n]
+    steering.tip_aside = places.tip_aside[n]
+    steering.version += 1
+    frame = frame_at(steering, i, share)
+    places.coupling[n], places.side_stiffness[n] = frame.coupling, frame.side_stiffness
+    places.stretch[n], places.per_stretch[n] = frame.stretch, 1.0 / frame.stretch
+    renew_point(profile, steering, i)
+    renew_point(profile, steering, i + 1)
+
+    row.K[n], row.dK[n] = stiffness_at(profile, a)
+    row.toughness[n] = toughness_at(profile, a)
+    row.seen_tip_point[n] = -1
+    row.held_force[n] *= row.toughness[n] / toughness
+    ahead, left = offset_ahead(row, place_in_row(places, n), n)
+    reduced = min((ahead + places.coupling[n] * left) * places.per_stretch[n], LENGTH - a)
+    if places.guided[n] == 0:
+        places.offset[n] = left
+    else:
+        reduced = min(reduced, 0.0)
+    row.creep[n] += lag - reduced
+    lag = row.blade[n] - row.creep[n] - a
+    held = 0.5 * places.side_stiffness[n] * places.offset[n] ** 2
+    row.elastic[n] = row.K[n] * max(lag, 0.0)
+    taken = 0.5 * row.K[n] * max(lag, 0.0) ** 2 + held - stored
+    # As growth may, the turn may borrow no more than the fracture energy of a length, nor more than was ever spent.
+    borrowed = min(row.toughness[n] * row.debt_length[n], row.fracture[n] + row.loss[n])
+    excess = min(max(taken - max(row.ledger[n] + borrowed, 0.0), 0.0), held)
+    if excess > 0.0:
+        held -= excess
+        places.side_stiffness[n] = 2.0 * held / places.offset[n] ** 2
+    places.held[n] = held
+    row.ledger[n] -= taken - excess
+    places.pull[n] = row.elastic[n] * places.per_stretch[n]
+
+
+@njit_internal
+def lay_line(profile: Struct, steering: Struct, line: Struct) -> None:
+    """Lay a line, :data:`~cutenv.tissue.drawn_lines.LINE`, into a specimen whose profile is that of a straight cut.
+
+    The stiffness of the profile becomes that of a crack on the line; blade and tip stand at its start.
+    """
+    for i in range(N_POINTS):
+        steering.x_excess[i], steering.y[i] = line.x_excess[i], line.y[i]
+        steering.cosine[i], steering.sine[i] = line.cosine[i], line.sine[i]
+        steering.curvature[i] = line.curvature[i]
+        stiffness = profile.stiffness[i]
+        steering.along[i], steering.coupled[i] = stiffness * line.along[i], stiffness * line.coupled[i]
+        steering.sideways[i] = stiffness * line.across[i]
+        steering.toughness[i] = profile.toughness[i]
+        steering.cut[i] = 0.0
+
+
+@njit_internal
+def stand_on_line(profile: Struct, steering: Struct, place: float) -> None:
+    """Put blade and tip to ``place`` [m] on the line, up to which it is cut; they point along it."""
+    i, share = grid_index(place)
+    ahead, across = lerp(steering.cosine, i, share), lerp(steering.sine, i, share)
+    steering.ahead, steering.across = ahead, across
+    steering.tip_ahead, steering.tip_across = ahead, across
+    steering.east = steering.tip_east = lerp(steering.x_excess, i, share)
+    steering.north = steering.tip_north = lerp(steering.y, i, share)
+    steering.settled, steering.cell = place, i if place > 0.0 else 0
+    begin_steering(profile, steering, place)
+
+
+@njit_inline
+def lead_turn(row: Struct, places: Struct, turn: float) -> float:
+    """Turn the blade of a row of one to the left [rad]; return the way since the start [m]."""
+    _aim_place(places, 0, turn)
+    # The law moves blade and hand along the line alike, but for the blade's own motion.
+    return row.blade[0] - row.hand[0]  # type: ignore[no-any-return]
+
+
+@njit_inline
+def lateral_force(places: Struct, n: Integer) -> float:
+    """Return the force on a blade, to its right [N]."""
+    return places.lateral[n]  # type: ignore[no-any-return]
+
+
+@njit_inline
+def stored_aside(steering: Struct) -> float:
+    """Return the energy that is held sideways [J]."""
+    return steering.held  # type: ignore[no-any-return]
+
+
+STEERED = Motion(
+    place=f"{__name__}:STEERED",
+    record=STEERING,
+    scratch=(
+        ("turn", "f8"),  # to the left in this update [rad]
+        ("way", "f8"),  # of the blade in the plane [m]; the law's dx is the part of it along the crack
+        ("passed", "f8"),  # the part of it along the drawn line [m]
+        ("plane_force", "f8"),  # size of the force in the plane [N]
+        ("next_offset", "f8"),  # h after it [m]
+        ("line_point", "i8"),  # grid index of the line in the middle of the blade's motion
+        ("line_share", "f8"),  # fraction of the way to the next point
+        ("seen_line_point", "i8"),  # grid index of the values below, gathered last
+        ("point_cosine", "f8"),
+        ("rise_cosine", "f8"),  # difference to the next point
+        ("point_sine", "f8"),
+        ("rise_sine", "f8"),
+        ("point_curvature", "f8"),
+        ("rise_curvature", "f8"),
+    ),
+    command=command_turn,
+    aim=aim_row,
+    move=move_row,
+    renew=renew_row,
+    renew_runs=renew_runs,
+    respond=respond_row,
+    force=lateral_force,
+    stored=stored_aside,
+    lead=lead_turn,
+    stops_at_ends=True,
+)
+"""Motion where the blade points, which turns to the left and right."""

@@ -10,7 +10,10 @@ run of a crack, which is computed one cut after the other.  A cut's results do n
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from cutenv._base.arrays import Struct, StructArray
+from cutenv._engine.declared import compiled_for
 from cutenv._engine.jit import njit_inline
 from cutenv.cutting.blade import leaning, sweeping
 from cutenv.cutting.drive import backlash_motion, coupling_step, dead_time_step, rate_limited, velocity_loop_step
@@ -33,43 +36,64 @@ from cutenv.cutting.law import (
     toughness_at,
     value_and_rise,
 )
+from cutenv.cutting.motion import Motion, Moving
 from cutenv.cutting.relaxation import relaxed
 from cutenv.cutting.row import DriveInRow, law_in_row
 from cutenv.cutting.sensor import feel_row
 
 
-@njit_inline
-def update_row(row: Struct, profiles: StructArray, sensors: StructArray, dt: float, first: bool) -> None:
-    """Advance every cut in a row by ``dt`` [s] under its commanded speed and angle, ``row.given`` and ``row.aim``.
+@compiled_for(njit_inline)
+def update_row(motion: Motion) -> Callable[..., None]:
+    """Return the function that advances a row of cuts by an update."""
+    drive, cut = motion.drive, cut_row(motion)
 
-    ``first`` is True for the first update since the row was loaded.
-    """
-    drive_row(row, dt)
-    cut_row(row, profiles, dt)
-    feel_row(row, sensors, first)
+    def update_row(
+        row: Struct, moving: Moving, profiles: StructArray, sensors: StructArray, dt: float, first: bool
+    ) -> None:
+        """Advance every cut in a row by ``dt`` [s] under its commanded speed and angle, ``row.given`` and ``row.aim``.
+
+        ``first`` is True for the first update since the row was loaded.
+        """
+        drive_row(row, dt)
+        drive(row, moving, profiles, dt)
+        cut(row, moving, profiles, dt)
+        feel_row(row, sensors, first)
+
+    return update_row
 
 
-@njit_inline
-def cut_row(row: Struct, profiles: StructArray, dt: float) -> None:
-    """Advance the law: each blade turns to ``row.next_angle`` and moves by ``row.dx`` in ``dt`` [s]; tissue responds.
+@compiled_for(njit_inline)
+def cut_row(motion: Motion) -> Callable[..., None]:
+    """Return the function that advances the law for a row of cuts: the cutting law, with the hooks of a motion."""
+    aim, move, renew, renew_runs, respond = motion.aim, motion.move, motion.renew, motion.renew_runs, motion.respond
 
-    ``row.turns`` is the number of blades that turn.  The force on the blade is ``row.force``: that of the tissue,
-    ``row.elastic``, and of friction on its faces, positive toward the clamp [N]; ``row.jump`` the unstable growth [m].
-    """
-    if row.turns > 0:
-        turn_row(row, profiles)
-    if row.relaxing > 0:
-        relax_row(row, dt)
-    load_row(row, dt)
-    if row.leaps > 0:
-        leap_row(row, profiles)
-    if row.points > 0:
-        look_row(row, profiles)
-    grow_row(row)
-    if row.runs > 0:
-        run_row(row, profiles)
-    for n in range(len(row.blade)):
-        row.force[n] = row.elastic[n] + row.rubbing[n]
+    def cut_row(row: Struct, moving: Moving, profiles: StructArray, dt: float) -> None:
+        """Advance the law: each blade turns to ``row.next_angle`` and moves by ``row.dx`` in ``dt`` [s].
+
+        ``row.turns`` is the number of blades that turn.  The force on the blade is ``row.force``: that of the tissue,
+        ``row.elastic``, and of friction on its faces, positive toward the clamp [N]; ``row.jump`` the unstable growth
+        [m].
+        """
+        if row.turns > 0:
+            turn_row(row, profiles)
+        if row.relaxing > 0:
+            relax_row(row, dt)
+        aim(row, moving, profiles, dt)
+        load_row(row, dt)
+        move(row, moving, profiles, dt)
+        if row.points > 0 or row.leaps > 0:
+            renew(row, moving, profiles, dt)
+        if row.leaps > 0:
+            leap_row(row, profiles)
+        if row.points > 0:
+            look_row(row, profiles)
+        grow_row(row)
+        if row.runs > 0:
+            renew_runs(row, moving, profiles, dt)
+            run_row(row, profiles)
+        respond(row, moving, profiles, dt)
+
+    return cut_row
 
 
 @njit_inline

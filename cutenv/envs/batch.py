@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -20,14 +20,13 @@ from cutenv._engine.parallel import MIN_CHUNK, parallel_for
 from cutenv._engine.randomness import check_key
 from cutenv.cutting.dtypes import READING
 from cutenv.envs.gentle_cut import GentleCutEnv, checked_episode, checked_length, listed
-from cutenv.task.assessment import succeeded_all
-from cutenv.task.beginning import GIVEN, LIVER, LONGEST, MIXED, VASCULAR, begin_some
-from cutenv.task.cuts import Cuts, step_some
-from cutenv.task.gentle_cutting import ShownDepth
+from cutenv.task.beginning import GIVEN, LIVER, LONGEST, MIXED, VASCULAR, Drawing, Keys, Start, begin_some
+from cutenv.task.declare import Cuts
+from cutenv.task.episode import ShownDepth
 from cutenv.task.info import INFO
 from cutenv.task.observation import all_within_reach
 from cutenv.task.privileged import append_privileged
-from cutenv.task.reward import ENDS
+from cutenv.task.stepper import Decision, step_some
 from cutenv.tissue.description import measured_liver
 from cutenv.tissue.nominal import nominal_tissue
 from cutenv.tissue.sampling import sampler, tissue_modes
@@ -63,35 +62,36 @@ class CutBatch:
         True where a cut has begun.
     """
 
-    end_names: ClassVar[NDArray[Any]] = np.array(ENDS, dtype=object)
-    """Names of the ends by code."""
-    step_some: ClassVar[Callable[..., None]] = step_some
-    """Kernel that steps the cuts."""
-
     def __init__(self, count: int, single: GentleCutEnv) -> None:
-        self.single = single
-        self.cuts = Cuts.empty(count)
-        self.observations = np.zeros((count, single.component_count), np.float32)
+        self.single, self.task = single, single.task
+        self.end_names: NDArray[Any] = np.array(self.task.ends, dtype=object)
+        """Names of the ends by code."""
+        self.cuts = Cuts.empty(self.task, count)
+        self.observations = np.zeros((count, len(self.task.all_components)), np.float32)
         self.seeds, self.episodes = np.zeros(count, np.uint64), np.zeros(count, np.uint64)
         self.classes = np.full(count, None, dtype=object)
         self.begun = np.zeros(count, bool)
         self._all_begun = False
         self._vascular = np.zeros(count, np.int8)
         self._none_waits = np.zeros(count, bool)
-        self._start: tuple[Cuts, StructArray, str | None] | None = None
+        self._start: tuple[Cuts, StructArray, tuple[Any, ...], str | None] | None = None
         self._tissue = single.tissue.tissue or measured_liver()
 
     def __len__(self) -> int:
         return len(self.begun)
 
     @cached_property
-    def _drawn_by(self) -> tuple[Any, ...]:
-        """Return the arguments with which :func:`~cutenv.task.beginning.begin_some` draws specimens and depths."""
-        knowledge, surface = self.single.constants.knowledge, self.single.surface
-        tissue = sampler(self._tissue), tissue_modes(self._tissue)
-        deviation = surface.surface_spread, self._tissue.thickness, surface.modes()
-        worn = self.single.constants.wear.factors()
-        return *tissue, knowledge.depth_noise, knowledge.depth_modes(), deviation, worn
+    def _drawing(self) -> Drawing:
+        """Return how specimens and depths are drawn."""
+        knowledge, surface = self.single.constants.knowledge, self.single.options.surface
+        return Drawing(
+            recipe=sampler(self._tissue),
+            modes=tissue_modes(self._tissue),
+            depth_noise=knowledge.depth_noise,
+            depth_modes=knowledge.depth_modes(),
+            surface=(surface.surface_spread, self._tissue.thickness, surface.modes()),
+            worn=self.single.constants.wear.factors(),
+        )
 
     def give_seeds(self, seeds: Sequence[int | None], which: NDArray[np.int64], chance: np.random.Generator) -> None:
         """Assign ``seeds``, one for each cut of the batch, to the cuts numbered ``which``; None keeps a cut's own.
@@ -123,28 +123,26 @@ class CutBatch:
         if options.get("episode") is not None:
             self.episodes[which] = checked_episode(options["episode"])
         if options.get("specimen") is not None:
-            start, expected, given = self._shared_start(options)
+            cut, expected, beginning, given = self._shared_start(options)
         else:
-            start, expected, given = self._start = self._start or self._shared_start(options)
+            cut, expected, beginning, given = self._start = self._start or self._shared_start(options)
         target = self.single.target_length or 0.0
         if options.get("target_length") is not None:
             target = checked_length(options["target_length"])
             self.single.check_start(target)
+        source = GIVEN if given else _SOURCES[self.single.specimen_class]
+        start = Start(cut, expected, source, target, self.single.start_before_target or 0.0)
+        self.cuts = self.cuts._replace(shared=cut.shared)
         parallel_for(
-            begin_some, len(which), self.cuts, start, expected, which, self.seeds, self.episodes,
-            GIVEN if given else _SOURCES[self.single.specimen_class], self.single.from_truth, target,
-            self.single.start_before_target or 0.0, *self._drawn_by, self.observations, self._vascular,
+            begin_some(self.task), len(which), self.cuts, start, Keys(which, self.seeds, self.episodes), self._drawing,
+            beginning, self.observations, self._vascular,
         )  # fmt: skip
-        self._begin_rest(which, given)
         drawn = self._vascular[which]
         classes = self.classes.copy()  # callers keep the arrays they were given
         classes[which] = _DRAWN[drawn] if given is None else given
         classes.setflags(write=False)
         self.classes = classes
         self.episodes[which] += np.uint64(1)
-
-    def _begin_rest(self, which: NDArray[np.int64], given: str | None) -> None:
-        """Begin what a task has besides, for the cuts numbered ``which``; ``given``: class of a given specimen."""
 
     def decide(
         self,
@@ -187,16 +185,13 @@ class CutBatch:
         commands = self.checked_actions(actions, waiting)
         infos = np.empty(count, INFO) if infos is None else infos
         rewards, ends = np.empty(count), np.empty(count, np.int64)
+        readings = _NO_READINGS if readings is None else readings
         parallel_for(
-            type(self).step_some, count, self.cuts, *self._stepped_with(), waiting, commands, self.observations,
-            rewards, ends, infos, _NO_READINGS if readings is None else readings,
+            step_some(self.task), count, self.cuts, self.single.ticks,
+            Decision(waiting, commands, self.observations, rewards, ends, infos, readings),
             fewest=max(MIN_CHUNK, _FEWEST_TICKS // self.single.ticks), meanwhile=meanwhile,
         )  # fmt: skip
         return rewards, ends
-
-    def _stepped_with(self) -> tuple[Any, ...]:
-        """Return what the kernel takes between the cuts and the mask of those that wait."""
-        return self.single.ticks, self.single.from_truth
 
     def checked_actions(self, actions: ArrayLike, waiting: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Return a copy of the actions, clipped to [-1, 1]; those of cuts that wait may be NaN.
@@ -211,7 +206,7 @@ class CutBatch:
         if not self._all_begun:
             raise gymnasium.error.ResetNeeded("in some environments no cut is going on: call reset() before step().")
         commands = np.array(actions, np.float64)
-        names = self.single.action_names
+        names = self.task.action_names
         if commands.shape != (len(self), len(names)):
             raise ValueError(
                 f"actions have shape {commands.shape}; give ({len(self)}, {len(names)}): {listed(names)} of each."
@@ -228,31 +223,34 @@ class CutBatch:
 
     def extra_terms(self) -> dict[str, NDArray[np.float64]]:
         """Return the terms of the last step's reward that the infos do not hold, by name; each of shape (count,)."""
-        return {}
+        return self.task.charges(self.cuts.wholes)
 
     def further_scores(self) -> dict[str, NDArray[np.float64]]:
         """Return scores that the task adds to those of gentle cutting, by name; each of shape (count,)."""
-        return {}
+        return self.single.options.errors(self.cuts)
 
     def further_infos(self) -> dict[str, dict[str, NDArray[np.float64]]]:
         """Return what the task adds to the info, by group and name; each of shape (count,)."""
-        return {}
+        if not (group := self.task.shown_as):
+            return {}
+        truth = self.single.options.truth(self.cuts)
+        return {"truth": truth, "reward_terms": self.extra_terms(), group: self.further_scores()}
 
     def shown_depth(self, cut: int) -> ShownDepth | None:
-        """Return the depth of a cut as a picture shows it; None where the task has no third axis."""
-        return None
+        """Return a copy of the depth of a cut as a picture shows it; None where no depth is wanted."""
+        return self.single.options.shown_depth(self.cuts, cut)
 
     def append_hidden(self, features: NDArray[np.float32], which: NDArray[np.int64]) -> NDArray[np.float32]:
         """Append the hidden state of the cuts numbered ``which``, for a critic, to features of shape (m, size)."""
-        return append_privileged(self.cuts, features, which)
+        return append_privileged(self.cuts, self.task, features, which)
 
     def succeeded(self) -> NDArray[np.bool_]:
         """Return which cuts ended in success, shape (count,)."""
-        success: NDArray[np.bool_] = succeeded_all(self.cuts.tasks, self.cuts.progresses)
+        success: NDArray[np.bool_] = self.cuts.wholes["success"] == 1
         return success
 
-    def _shared_start(self, options: dict[str, Any]) -> tuple[Cuts, StructArray, str | None]:
-        """Return the part of the start that is the same for every key, mean tissue, and class of a given specimen."""
+    def _shared_start(self, options: dict[str, Any]) -> tuple[Cuts, StructArray, tuple[Any, ...], str | None]:
+        """Return what every key shares: a cut, mean tissue, what a task's begin takes, class of a given specimen."""
         specimen = self.single.given_specimen(options.get("specimen"))
         if specimen is None and self.single.specimen_class == "uniform":
             specimen = Specimen.drawn(0, specimen_class="uniform", tissue=self._tissue)
@@ -260,6 +258,8 @@ class CutBatch:
         if specimen is not None:
             specimen = self.single.constants.wear.of(specimen)
         specimen = specimen or Specimen.mean(self._tissue)  # only its tissue matters
-        self.single.set_up(specimen, self.single.target_length or LONGEST, seed=0, episode=0, depth=specimen.depth)
-        start = self.single.cutting.snapshot()
-        return start, nominal_tissue(specimen.tissue), (specimen.specimen_class if given else None)
+        single = self.single
+        single.set_up(specimen, single.target_length or LONGEST, seed=0, episode=0, depth=specimen.depth, begun=False)
+        beginning = single.options.beginning(specimen.tissue)
+        cut = single.cutting.snapshot()
+        return cut, nominal_tissue(specimen.tissue), beginning, (specimen.specimen_class if given else None)

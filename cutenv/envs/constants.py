@@ -54,18 +54,6 @@ class Knowledge:
         return measured
 
 
-def taken_from(keywords: dict[str, Any], kind: type[T]) -> T:
-    """Return constants of a ``kind`` that a task adds, of those ``keywords`` that name its fields, which are removed.
-
-    Raises
-    ------
-    ValueError, TypeError
-        For a value out of range.
-    """
-    names = [field.name for field in dataclasses.fields(kind) if field.name in keywords]  # type: ignore[arg-type]
-    return kind(**{name: keywords.pop(name) for name in names})
-
-
 def rig_constants(rig: str | Path, *, drive: str = "rig") -> dict[str, float]:
     """Return keywords with which the simulator is like the rig of a file; SI.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -20,15 +20,15 @@ from cutenv.cutting.drive import DRIVES
 from cutenv.envs.constants import Constants, rig_constants
 from cutenv.envs.tissue_source import TissueSource
 from cutenv.plant.simulator import ANGLE_RANGE, SimulatedPlant
-from cutenv.task.beginning import SHORTEST, drawn_length
-from cutenv.task.cuts import step_one
-from cutenv.task.gentle_cutting import SimulatedCutting
+from cutenv.task.beginning import LONGEST, SHORTEST, drawn_length
+from cutenv.task.declare import Task
+from cutenv.task.episode import Episode, Goal, Options
 from cutenv.task.info import COST, GROUPS, OUT_OF_RANGE, PLACES
-from cutenv.task.observation import CLIP, COMPONENTS, within_reach
+from cutenv.task.observation import CLIP, within_reach
+from cutenv.task.stepper import step_one
 from cutenv.task.weights import greatest_action
 from cutenv.tissue.sampling import sample_all_profiles
 from cutenv.tissue.specimen import CLASSES, Specimen
-from cutenv.tissue.surface import SurfaceSpread
 
 RESET_OPTIONS = ("specimen", "target_length", "episode")
 """Options of a reset."""
@@ -172,16 +172,8 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 50}  # noqa: RUF012  as in Env
-    action_names: ClassVar[tuple[str, ...]] = ("speed", "angle")
-    """Names of the numbers of an action."""
-    component_count: ClassVar[int] = len(COMPONENTS)
-    """Number of components of an observation."""
-    step_one: ClassVar[Callable[..., tuple[float, int]]] = step_one
-    """Kernel that steps the cut."""
-    other_keywords: ClassVar[tuple[str, ...]] = ()
-    """Keywords of a task that is made of this one."""
-    surface = SurfaceSpread(surface_spread=0.0)
-    """Spread of the surface between drawn specimens; none: the depth of cut is the mean liver's."""
+    options_class: ClassVar[type[Options]] = Options
+    """Task, and the options that it adds."""
 
     def __init__(
         self,
@@ -198,8 +190,11 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         drive: str = "rig",
         rig: str | Path | None = None,
         render_mode: str | None = None,
-        **constants: float,
+        **constants: Any,
     ) -> None:
+        self.from_truth = reward_from == "truth"
+        self.options = self.options_class(constants)
+        """Options that the task adds."""
         one_of("specimen_class", specimen_class, CLASSES)
         one_of("angle_mode", angle_mode, ("free", "fixed"))
         one_of("reward_from", reward_from, ("truth", "estimate"))
@@ -215,29 +210,34 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.check_start(SHORTEST if self.target_length is None else self.target_length)
         self.render_mode = render_mode
         self.metadata = {**self.metadata, "render_fps": control_hz}
-        self.action_space = spaces.Box(-1.0, 1.0, (len(self.action_names),), np.float32)
-        self.observation_space = spaces.Box(-CLIP, CLIP, (self.component_count,), np.float32)
+        self.action_space = spaces.Box(-1.0, 1.0, (len(self.task.action_names),), np.float32)
+        self.observation_space = spaces.Box(-CLIP, CLIP, (len(self.task.all_components),), np.float32)
 
         self.specimen_class = specimen_class
         self.tissue = TissueSource(tissue)
         self.ticks = round(_UPDATES_HZ / control_hz)
         self.fixed_angle = math.radians(fixed_angle_deg) if angle_mode == "fixed" else None
-        self.from_truth = reward_from == "truth"
         measured = {} if rig is None else rig_constants(rig, drive=drive)
         self.constants = Constants.from_keywords(
-            {**measured, **constants}, drive=drive, others=[*ARGUMENTS, *self.other_keywords]
+            {**measured, **constants}, drive=drive, others=[*ARGUMENTS, *self.options_class.names]
         )
         self.greatest_action = greatest_action(self.constants.limits.top_speed)
         """Speed action to which faster ones are reduced."""
         self._check_dead_time()
+        self.options.check_length(LONGEST if self.target_length is None else self.target_length)
         self._seed: int | None = None
         self._episode = 0
         self._ended = True
         self._viewer: Any = None
         self._undrawn: list[StructArray] = []  # readings since the last picture
         self.plant: SimulatedPlant
-        self.cutting: SimulatedCutting
+        self.cutting: Episode
         self.specimen: Specimen
+
+    @property
+    def task(self) -> Task:
+        """The task, as its reward is assessed."""
+        return self.options.task if self.from_truth else self.options.task.seen
 
     def _check_dead_time(self) -> None:
         dead_time = getattr(self.constants.drive, "dead_time", 0.0)
@@ -256,7 +256,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         for name in options:
             one_of("option", name, RESET_OPTIONS)
         if self._seed is None:
-            warn_before_first_compile(type(self).step_one, sample_all_profiles)
+            warn_before_first_compile(step_one(self.task), sample_all_profiles)
         if seed is not None or self._seed is None:
             self._seed = int(self.np_random.integers(2**63)) if seed is None else seed
             self._episode = 0
@@ -270,7 +270,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         specimen = self.given_specimen(options.get("specimen"))
         if specimen is None:
             specimen = self.tissue.drawn(self._seed, episode, self.specimen_class)
-            specimen = self.surface.of(specimen, self._seed, episode)
+            specimen = self.options.surface.of(specimen, self._seed, episode)
         specimen = self.constants.wear.of(specimen)
         depth = self.constants.knowledge.measure_depth(specimen.depth, self._seed, episode)
         self.set_up(specimen, length, seed=self._seed, episode=episode, depth=depth)
@@ -283,6 +283,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     def check_start(self, length: float) -> None:
         """Raise ValueError if ``start_before_target`` is not less than a target length [m], or less than 2 mm."""
+        self.options.check_length(length)
         if self.start_before_target is None:
             return
         cure = "Distances are in metres: 10 mm is 0.01."
@@ -302,8 +303,20 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             raise TypeError(f"specimen must be a cutenv.tissue.Specimen or its JSON text, got {option!r}.")
         return option
 
-    def set_up(self, specimen: Specimen, length: float, *, seed: int, episode: int, depth: NDArray[np.float64]) -> None:
-        """Put the blade to the start of a cut of ``length`` [m], with the ``depth`` [m] known to the lab."""
+    def set_up(
+        self,
+        specimen: Specimen,
+        length: float,
+        *,
+        seed: int,
+        episode: int,
+        depth: NDArray[np.float64],
+        begun: bool = True,
+    ) -> None:
+        """Put the blade to the start of a cut of ``length`` [m], with the ``depth`` [m] known to the lab.
+
+        Without ``begun`` what the task adds is left as it is before a cut begins.
+        """
         constants, tissue = self.constants, specimen.tissue
         self.specimen = specimen
         self._undrawn.clear()
@@ -316,24 +329,20 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             episode=episode,
             angle=self.start_angle,
             depth=depth,
+            motion=self.task.motion,
         )
-        self.cutting = self.new_cutting(
-            self.plant,
-            tissue,
-            constants.weights,
-            constants.limits,
-            from_truth=self.from_truth,
+        goal = Goal(
+            tissue=tissue,
+            weights=constants.weights,
+            limits=constants.limits,
             start=0.0 if self.start_before_target is None else length - self.start_before_target,
             friction_per_depth=specimen.friction_per_depth if self.from_truth else tissue.nominal_friction_per_depth,
             target_length=length,
             deadline=self.deadline,
             ticks=self.ticks,
-            key=(seed, episode),
+            key=(seed, episode) if begun else None,
         )
-
-    def new_cutting(self, *arguments: Any, key: tuple[int, int], **keywords: Any) -> SimulatedCutting:
-        """Return a new cut of this task with the arguments of its class; ``key`` is seed and episode."""
-        return SimulatedCutting(*arguments, **keywords)
+        self.cutting = self.options.episode(self.plant, goal, from_truth=self.from_truth)
 
     @property
     def start_angle(self) -> float:
@@ -344,7 +353,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """Command target speed and angle until the next decision; see the class for everything else."""
         if self._ended:
             raise gymnasium.error.ResetNeeded("no cut is going on: call reset() before step().")
-        command, names = np.array(action, np.float64), self.action_names
+        command, names = np.array(action, np.float64), self.task.action_names
         if command.shape != (len(names),) or not within_reach(command, self.fixed_angle or math.nan):
             raise ValueError(
                 f"action = {action!r} must hold {len(names)} numbers in [-1, 1] ({', '.join(names)}), "
@@ -371,6 +380,10 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         info: dict[str, Any] = {group: dict(zip(names, numbers[place])) for group, names, place in _GROUPS}  # noqa: B905
         info["truth"]["specimen_class"] = self.specimen.specimen_class
         info["cost"], info["speed_out_of_range"] = numbers[COST], numbers[OUT_OF_RANGE] > 0
+        if group := self.task.shown_as:
+            info["truth"] |= self.cutting.truth
+            info["reward_terms"] |= self.cutting.whole_terms
+            info[group] = self.cutting.errors
         return info
 
     @property

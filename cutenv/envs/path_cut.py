@@ -2,31 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
-
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
-from cutenv._base.arrays import StructArray
-from cutenv._engine.parallel import parallel_for
-from cutenv.cutting.parameters import profile_records
-from cutenv.cutting.steering import STEERING, SteeringParameters
-from cutenv.envs.constants import taken_from
 from cutenv.envs.gentle_cut import GentleCutEnv
-from cutenv.envs.line_choice import LineChoice
-from cutenv.envs.map_batch import MapBatch
 from cutenv.envs.vector import GentleCutVectorEnv
-from cutenv.task.beginning import LONGEST
-from cutenv.task.cuts import Cuts
-from cutenv.task.observation import SPEED_SCALE, speed_action, to_action
-from cutenv.task.path_beginning import begin_path_some
-from cutenv.task.path_cuts import path_errors, step_path_one, step_path_some
-from cutenv.task.path_cutting import PathCutting, path_record, steering_record
-from cutenv.task.path_privileged import append_path_privileged
-from cutenv.task.path_terms import ALL_PATH_COMPONENTS, PATH_ENDS, PATH_MAP, TURN_SCALE, PathConstants
-from cutenv.task_quantities import PATH_COSTS
-from cutenv.tissue.grid import LENGTH, SPACING
-from cutenv.tissue.lines import CutLine
+from cutenv.task.path import PathOptions, to_path_action
+
+__all__ = ["PathCutEnv", "PathCutVectorEnv", "to_path_action"]
 
 
 class PathCutEnv(GentleCutEnv):
@@ -116,7 +96,7 @@ class PathCutEnv(GentleCutEnv):
     drawn; one that turns back, bends too far or leaves the slab less than 30 mm beyond the target is refused with the
     place.
 
-    The others are those of ``cutenv/GentleCut-v1``, of which ``reward_from`` and ``relaxing_share`` cannot be changed,
+    The others are those of ``cutenv/GentleCut-v1``, of which ``relaxing_share`` cannot be changed,
     and ``crack_curvature``, ``response_time``, ``line_limit``, ``lateral_noise``, ``lateral_resolution``,
     ``weight_off_line``, ``weight_farthest``.
 
@@ -132,123 +112,10 @@ class PathCutEnv(GentleCutEnv):
     v1: the first version; may change until the first comparison of agents is published.
     """
 
-    action_names = ("speed", "angle", "turn")
-    component_count = len(ALL_PATH_COMPONENTS)
-    step_one = step_path_one
-    other_keywords = (
-        "line", *PathConstants.__dataclass_fields__, *SteeringParameters.__dataclass_fields__,
-    )  # fmt: skip
-    cutting: PathCutting
-
-    def __init__(self, *, line: str | CutLine | ArrayLike = "mixed", **keywords: Any) -> None:
-        self.line = LineChoice(line)
-        for name, only in (("reward_from", "truth"), ("relaxing_share", 0.0)):
-            if keywords.get(name, only) != only:
-                raise ValueError(
-                    f"{name} = {keywords[name]!r}: cutenv/PathCut-v1 has only {name}={only!r}. Leave it out."
-                )
-        self.path_constants = taken_from(keywords, PathConstants)
-        self.steering_parameters = taken_from(keywords, SteeringParameters)
-        super().__init__(**keywords)
-        self.line.check(LONGEST if self.target_length is None else self.target_length)
-
-    def check_start(self, length: float) -> None:
-        """Raise ValueError if a cut of a target length [m] cannot begin where it is to, or does not fit its line."""
-        super().check_start(length)
-        self.line.check(length)
-
-    def new_cutting(self, *arguments: Any, key: tuple[int, int], **keywords: Any) -> PathCutting:
-        """Return a new cut of this task with the arguments of its class; ``key`` is seed and episode."""
-        keywords.pop("from_truth")
-        tissue = self.specimen.tissue
-        return PathCutting(
-            *arguments, drawn=self.line.lines_for(tissue), kind=self.line.kind,
-            constants=self.path_constants, steering=self.steering_parameters, key=key, **keywords,
-        )  # fmt: skip
-
-    def _info(self) -> dict[str, Any]:
-        info, cutting = super()._info(), self.cutting
-        truth = path_truth(cutting.plant.states, cutting.steerings)
-        info["truth"] |= {name: float(value[0]) for name, value in truth.items()}
-        info["reward_terms"] |= cutting.map_terms
-        info["path"] = cutting.path_errors
-        return info
-
-
-def path_truth(states: StructArray, steerings: StructArray) -> dict[str, Any]:
-    """Return the hidden state of n cuts that the path adds, each of shape (n,) [m]."""
-    grown = states["tip"] - steerings["settled"]
-    way = grown * steerings["stretch"]
-    return {
-        "blade_x_m": states["blade"] + steerings["east"],
-        "blade_y_m": steerings["north"].copy(),
-        "tip_x_m": steerings["settled"] + steerings["tip_east"] + steerings["tip_ahead"] * way,
-        "tip_y_m": steerings["tip_north"] + steerings["tip_across"] * way,
-        "aside_m": steerings["tip_aside"].copy(),
-    }
-
-
-def to_path_action(speed: float, angle: float, turn_rate: float) -> NDArray[np.float32]:
-    """Return the action, shape (3,), for a speed [m/s], an angle [rad] and a turn to the left [rad/s]; clipped."""
-    turn = speed_action(turn_rate * (SPEED_SCALE / TURN_SCALE))
-    return np.append(to_action(speed, angle), np.float32(np.clip(turn, -1.0, 1.0))).astype(np.float32)
-
-
-class PathBatch(MapBatch):
-    """``count`` cuts of ``cutenv/PathCut-v1``, bit for bit equal to those of single environments.
-
-    Attributes
-    ----------
-    steerings, paths : Records, shape (count,)
-        Places in the plane and maps of the path, :data:`~cutenv.cutting.steering.STEERING` and
-        :data:`~cutenv.task.path_terms.PATH_MAP`.
-    """
-
-    single: PathCutEnv
-    end_names: ClassVar[NDArray[Any]] = np.array(PATH_ENDS, dtype=object)
-    step_some = step_path_some
-    append = append_path_privileged
-    map_costs = PATH_COSTS
-    shown_as = "path"
-
-    def __init__(self, count: int, single: GentleCutEnv) -> None:
-        super().__init__(count, single)
-        self.steerings, self.paths = np.zeros(count, STEERING), np.zeros(count, PATH_MAP)
-        self._path_start = steering_record(self.single.steering_parameters), path_record(self.single.path_constants)
-
-    def _begin_rest(self, which: NDArray[np.int64], given: str | None) -> None:
-        single = self.single
-        tissue = single.specimen.tissue
-        lines, kind = single.line.lines_for(tissue).records, single.line.kind
-        parallel_for(
-            begin_path_some, len(which), self.cuts, self.steerings, self.paths, self._path_start, lines, kind,
-            which, self.seeds, self.episodes, self.observations,
-        )  # fmt: skip
-
-    def _shared_start(self, options: dict[str, Any]) -> tuple[Cuts, StructArray, str | None]:
-        start, expected, given = super()._shared_start(options)
-        # Those of the single cut are along its line, and its drive reaches as far as that.
-        profiles = profile_records([self.single.specimen])
-        drives = self.single.constants.drive.records(travel=LENGTH - SPACING)
-        return start._replace(profiles=profiles, drives=drives), expected, given
-
-    @property
-    def beside(self) -> tuple[StructArray, ...]:
-        """Places in the plane and paths, each of shape (count,)."""
-        return self.steerings, self.paths
-
-    def truth(self) -> dict[str, Any]:
-        """Return the hidden state that the path adds to the info, by name; each of shape (count,)."""
-        return path_truth(self.cuts.states, self.steerings)
-
-    def further_scores(self) -> dict[str, NDArray[np.float64]]:
-        """Return the path of each cut in numbers: area [mm2], mean and largest distance to the line [mm]."""
-        return path_errors(self.paths, self.cuts.states["tip"])
+    options_class = PathOptions
 
 
 class PathCutVectorEnv(GentleCutVectorEnv):
     """Many ``cutenv/PathCut-v1``, bit for bit equal to single ones with the same seeds and actions."""
 
     single_class = PathCutEnv
-    batch_class = PathBatch
-    batch: PathBatch

@@ -18,8 +18,9 @@ from cutenv._engine.jit import warn_before_first_compile
 from cutenv.envs.batch import CutBatch
 from cutenv.envs.gentle_cut import RESET_OPTIONS, GentleCutEnv
 from cutenv.task.beginning import begin_some
-from cutenv.task.cuts import Cuts, tell_of_all
+from cutenv.task.declare import Cuts
 from cutenv.task.info import GROUPS, INFO, column
+from cutenv.task.stepper import step_some, tell_of_all
 
 _NAMED = tuple(
     (group, "_" + group, [(field.name, "_" + field.name, column(field)) for field in fields])
@@ -59,8 +60,6 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
 
     single_class: ClassVar[type[GentleCutEnv]] = GentleCutEnv
     """Class of the single environment."""
-    batch_class: ClassVar[type[CutBatch]] = CutBatch
-    """Class of the batch of its cuts."""
     metadata: dict[str, Any] = {  # noqa: RUF012  as in VectorEnv
         "render_modes": [],
         "render_fps": 50,
@@ -88,8 +87,8 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         self.num_envs = int(num_envs)
         self.render_mode = None
         self.autoreset_mode = AutoresetMode(autoreset_mode)
-        warn_before_first_compile(self.batch_class.step_some, begin_some)
         self.single = self.single_class(**keywords)  # checks the keywords, and makes the start that all share
+        warn_before_first_compile(step_some(self.single.task), begin_some(self.single.task))
         self.metadata = {
             **self.metadata,
             "render_fps": self.single.metadata["render_fps"],
@@ -100,7 +99,7 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space: spaces.Space[Any] = batch_space(self.single_action_space, self.num_envs)
 
-        self.batch = self.batch_class(self.num_envs, self.single)
+        self.batch = CutBatch(self.num_envs, self.single)
         """Batch of the cuts, for callers without need of an info; do not mix its steps with these."""
         self._ended = np.zeros(self.num_envs, bool)
         self._none_waits = np.zeros(self.num_envs, bool)

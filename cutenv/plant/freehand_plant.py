@@ -95,23 +95,20 @@ class FreehandPlant(SteeredPlant):
         self.steerings["reach"], self.steerings["side"] = WIDTH, _SIDE
         self.model.begin(self._noted, float(line.angle[0]))
         self._take(self._looked_ahead(), 0)
-        begin_steering(self.cuts.profiles[0], self.steerings[0], 0.0)
+        begin_steering(self.profiles[0], self.steerings[0], 0.0)
 
-    def advance(self, speed: float, angle: float, ticks: int, turn_rate: float = 0.0) -> StructArray:
-        """Command a speed [m/s], an inclination [rad] and a turn to the left [rad/s] for ``ticks`` milliseconds.
-
-        Returns and raises as :meth:`SteeredPlant.advance <cutenv.plant.SteeredPlant.advance>`.
-        """
+    def _advance(self, speed: float, angle: float, ticks: int, further: float) -> StructArray:
+        """Advance in parts, after each of which the model follows the crack."""
         if ticks <= _CHUNK:
-            told = super().advance(speed, angle, ticks, turn_rate)
+            felt = super()._advance(speed, angle, ticks, further)
             self._follow()
-            return told
-        readings, lateral = [], []
+            return felt
+        readings, across = [], []
         for start in range(0, ticks, _CHUNK):
-            readings.append(super().advance(speed, angle, min(_CHUNK, ticks - start), turn_rate))
-            lateral.append(self.lateral_force)
+            readings.append(super()._advance(speed, angle, min(_CHUNK, ticks - start), further))
+            across.append(self._across)
             self._follow()
-        self.lateral_force = np.concatenate(lateral)
+        self._across = np.concatenate(across)
         found: StructArray = np.concatenate(readings).view(readings[0].dtype)
         return found
 
@@ -163,7 +160,7 @@ class FreehandPlant(SteeredPlant):
     def _accept(self, grown: _Grown) -> None:
         self.end = grown.end
         if len(grown.ways):
-            first = int(np.searchsorted(self._grid, float(self.cuts.states["tip"][0]), side="right")) - 1
+            first = int(np.searchsorted(self._grid, float(self.states["tip"][0]), side="right")) - 1
             self._take(grown, max(first, 0))
 
     def _grown(self, way: list[tuple[float, float, float]]) -> _Grown:

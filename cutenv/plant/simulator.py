@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from cutenv._base.arrays import StructArray
+from cutenv._base.arrays import Array, StructArray
 from cutenv._base.validation import array_in_range, in_range
 from cutenv.cutting.drive import Drive, Rig
-from cutenv.cutting.dtypes import READING, new_state
+from cutenv.cutting.dtypes import READING, TICK, new_state
+from cutenv.cutting.motion import STRAIGHT, Motion
 from cutenv.cutting.parameters import LawParameters, law_records, profile_records
 from cutenv.cutting.sensor import SensorParameters, sensor_records
-from cutenv.cutting.simulate import CUT, Physics, account_one, hold
+from cutenv.cutting.simulate import Physics, account_one, follow, hold
 from cutenv.tissue.specimen import LENGTH, N_POINTS, SPACING, Specimen
 
 ANGLE_RANGE = (math.radians(45.0), math.radians(90.0))
@@ -43,12 +45,19 @@ class SimulatedPlant:
         Angle at the start [rad].
     depth : array, shape (301,), optional
         Depth measured beforehand [m]; default the specimen's own.
+    motion : Motion, optional
+        Motion of the blade, whose records an episode of a task begins; default along the cut alone.
 
     Attributes
     ----------
     cuts : Records
-        The full state, :data:`~cutenv.cutting.simulate.CUT`, shape (1,).
+        The full state, :meth:`~cutenv.cutting.motion.Motion.cut` of shape (1,).
     """
+
+    motion: Motion = STRAIGHT
+    """Motion of the blade."""
+    further: ClassVar[tuple[str, float, str, str]] = ("further", 0.0, "m/s", "This blade has no further axis.")
+    """Command of the motion's further axis: its name, largest size, unit and cure."""
 
     def __init__(
         self,
@@ -61,33 +70,72 @@ class SimulatedPlant:
         episode: int = 0,
         angle: float = ANGLE_RANGE[1],
         depth: NDArray[np.float64] | None = None,
+        motion: Motion | None = None,
     ) -> None:
         check_angle(angle)
+        self.motion = motion or type(self).motion
         self.specimen = specimen
         self.depth = (
             specimen.depth if depth is None else array_in_range("depth", depth, 1e-4, 0.2, "m", "2 cm is 0.02.")
         )
         if self.depth.shape != (N_POINTS,):
             raise ValueError(f"depth has shape {self.depth.shape}; give {N_POINTS} values, one every {SPACING} m.")
-        self.cuts = np.zeros(1, CUT)
+        self.cuts = np.zeros(1, self.motion.cut)
         self.cuts["states"] = new_state(1, angle)
-        self.cuts["profiles"] = profile_records([specimen])
         self.cuts["laws"] = law_records([specimen], law)
-        self.cuts["drives"] = (drive or Rig()).records(travel=LENGTH - SPACING)
+        self.cuts["drives"] = (drive or Rig()).records(travel=self._begin())
         self.cuts["sensors"] = sensor_records([sensor or SensorParameters()], [seed], [episode])
-        self._readings = np.zeros(1, READING)
+        self._across: Array = np.zeros(0)
+
+    def _begin(self) -> float:
+        """Fill the profiles and the records of the motion; return the blade's travel [m]."""
+        self.cuts["profiles"] = profile_records([self.specimen])
+        return LENGTH - SPACING
 
     def advance(self, speed: float, angle: float, ticks: int) -> StructArray:
         """Command ``speed`` [m/s] and ``angle`` [rad] for ``ticks`` milliseconds; see :class:`~cutenv.plant.Plant`."""
+        return self._advance(speed, angle, ticks, 0.0)
+
+    def _advance(self, speed: float, angle: float, ticks: int, further: float) -> StructArray:
+        """Advance, with a command of the motion's further axis; checks everything that is commanded."""
         if not (-MAX_SPEED <= speed <= MAX_SPEED and _ANGLE_LOW <= angle <= _ANGLE_HIGH):
             in_range("speed", speed, -MAX_SPEED, MAX_SPEED, "m/s", "Speeds are in m/s: 2.54 cm/s is 0.0254.")
             check_angle(angle)
-        if len(self._readings) != ticks or ticks == 0:
-            if in_range("ticks", ticks, 1, 10**7, "1", "Give a whole number of milliseconds.") % 1.0:
-                raise ValueError(f"ticks = {ticks:g} is not a whole number of milliseconds.")
-            self._readings = np.zeros(int(ticks), READING)
-        hold(self.cuts, speed, angle, self._readings)
-        return self._readings
+        name, largest, unit, cure = self.further
+        in_range(name, further, -largest, largest, unit, cure)
+        if in_range("ticks", ticks, 1, 10**7, "1", "Give a whole number of milliseconds.") % 1.0:
+            raise ValueError(f"ticks = {ticks:g} is not a whole number of milliseconds.")
+        readings = np.zeros(int(ticks), READING)
+        self._across = np.zeros(0 if self.motion is STRAIGHT else int(ticks))
+        hold(self.motion)(self.cuts, speed, angle, further, readings, self._across)
+        return readings
+
+    def lead(
+        self, positions: ArrayLike, angles: ArrayLike, further: ArrayLike = 0.0, *, dt: float = TICK
+    ) -> StructArray:
+        """Lead the blade exactly along a path, without drive and sensor: for derivations and checks of the law itself.
+
+        Parameters
+        ----------
+        positions, angles, further : array_like, shape (n,) or ()
+            Path, see :func:`cutenv.cutting.simulate.follow` [m], [rad] and [m] or [rad].
+        dt : float
+            Time between two places [s].
+
+        Returns
+        -------
+        Records
+            Readings (:data:`cutenv.cutting.dtypes.READING`), shape (n,), whose force is the true one.
+
+        Raises
+        ------
+        ValueError
+            If the path leaves the specimen.
+        """
+        path = np.stack(np.broadcast_arrays(positions, angles, further), axis=-1).reshape(-1, 3).astype(np.float64)
+        readings, self._across = np.zeros(len(path), READING), np.zeros(len(path))
+        follow(self.motion)(self.cuts, path, dt, readings, self._across)
+        return readings
 
     @property
     def states(self) -> StructArray:
@@ -110,7 +158,7 @@ class SimulatedPlant:
 
         The residual is work minus all the others.
         """
-        return account_one(self.cuts)._asdict()
+        return account_one(self.motion)(self.cuts)._asdict()
 
 
 def check_angle(angle: float) -> None:

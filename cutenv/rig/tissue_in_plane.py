@@ -4,11 +4,7 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from cutenv.cutting.dtypes import READING, TICK
 from cutenv.cutting.parameters import LawParameters
-from cutenv.cutting.steered_cut import follow_turns
 from cutenv.plant import SteeredPlant
 from cutenv.plant.simulator import ANGLE_RANGE
 from cutenv.tissue.grid import LENGTH, SPACING
@@ -48,14 +44,13 @@ class TissueInPlane:
     ) -> None:
         self.plant = SteeredPlant(specimen, line, law=law, angle=_measured(angle))
         self.force = self.side_force = 0.0
-        self._readings, self._lateral = np.zeros(1, READING), np.zeros(1)
 
     def advance(self, x: float, y: float, angle: float) -> None:
         """Move the blade to a place along and across the slab [m], at an inclination [rad], in a millisecond.
 
         At the ends of the specimen, and too far from the line, it is held.
         """
-        state, steering = self.plant.cuts.states[0], self.plant.steerings[0]
+        state, steering = self.plant.states[0], self.plant.steerings[0]
         at_x, at_y = self.plant.blade
         east, north = min(max(x, 0.0), LENGTH - SPACING) - at_x, y - at_y
         along = float(east * steering.ahead + north * steering.across)
@@ -70,16 +65,15 @@ class TissueInPlane:
                 cosine, sine = math.cos(turn), math.sin(turn)
                 steering.ahead, steering.across = ahead * cosine - across * sine, ahead * sine + across * cosine
                 along = float(east * steering.ahead + north * steering.across)
-        path = np.array([[0.0, state.blade - state.hand + along, _measured(angle)]])
-        follow_turns(self.plant.cuts, self.plant.steerings, path, TICK, self._readings, self._lateral)
-        force, lateral = float(self._readings["true_force"][0]), float(self._lateral[0])
+        readings = self.plant.lead(state.blade - state.hand + along, _measured(angle))
+        force, lateral = float(readings["true_force"][0]), float(self.plant.lateral_force[0])
         ahead, across = float(steering.ahead), float(steering.across)
         self.force, self.side_force = force * ahead - lateral * across, force * across + lateral * ahead
 
     @property
     def tip(self) -> float:
         """Arc length of the line that the crack has reached [m]."""
-        return float(self.plant.cuts.states["tip"][0])
+        return float(self.plant.states["tip"][0])
 
 
 def _measured(angle: float) -> float:

@@ -14,7 +14,6 @@ import numpy as np
 
 from cutenv._base.arrays import Struct, StructArray
 from cutenv._engine.fuse import expression, fuse
-from cutenv._engine.intrinsics import as_float64_view
 from cutenv._engine.jit import njit, njit_fused, njit_inline
 from cutenv._engine.lanes import first_row
 from cutenv._engine.randomness import Integer
@@ -26,7 +25,6 @@ from cutenv.task import info, observation, reward
 from cutenv.task.info import INFO_FIELDS, column
 from cutenv.task.observation import CLIP, COMPONENTS
 from cutenv.task.reward import CUT_ENDS, ENDS, OF_MILLISECOND, REWARD
-from cutenv.task.tip_estimation import estimated_tip
 from cutenv.task_quantities import ANGLE_TOLERANCE, SHALLOWEST, TIP_TOLERANCE, lag, tip_error
 from cutenv.tissue.grid import N_POINTS, POINTS_PER_METRE
 
@@ -140,6 +138,13 @@ def _charge_end_lines() -> list[str]:
     return [*lines, f"    info.reward_terms_safety -= {' + '.join(final)}"]
 
 
+def _stored_lines() -> list[str]:
+    (term,) = (term for term in REWARD if term.name == "stored")
+    assert term.end_cost is not None
+    cost = expression(term.end_cost, reward.OF_END, {"weight": f"task.{term.name}"})
+    return [f"info.reward_terms_{term.name} = 0.0 - {cost}"]
+
+
 def _observe_lines() -> list[str]:
     lines = []
     for number, one in enumerate(COMPONENTS):
@@ -162,6 +167,7 @@ _start = _fused("_start", ("count", "k"), _start_lines())
 _add = _fused("_add", ("count", "k", *OF_MILLISECOND), [*_add_lines(), *_end_lines()])
 _charge = _fused("_charge", ("count", "k", "task", *reward.OF_STEP, "info"), _charge_lines())
 _charge_end = _fused("_charge_end", ("task", "progress", *reward.OF_END, "info"), _charge_end_lines())
+_charge_stored = _fused("_charge_stored", ("task", "stored", "toughness", "info"), _stored_lines())
 _fill = _fused("_fill", ("count", "k", *observation.QUANTITIES, "observation"), _observe_lines())
 _tell_cost = _fused("_tell_cost", ("count", "k", *info.OF_COST), _info_lines({"cost_terms", ""}, info.OF_COST))
 _tell = _fused(
@@ -347,40 +353,10 @@ def observe_rest(
     )  # fmt: skip
 
 
-@njit
-def assess_readings(
-    episodes: StructArray, readings: StructArray, action: StructArray, observation: StructArray
-) -> tuple[float, int]:
-    """Assess and observe a rig's readings since the last decision, with tip and runs estimated from the force.
-
-    Parameters
-    ----------
-    episodes : Records, shape (1,)
-        :data:`cutenv.task.cuts.EPISODE`, changed in place.
-    readings : Records
-        :data:`~cutenv.cutting.dtypes.READING`; those after an end do not count.
-    action, observation : array, shape (2,), (12,) float32
-        The step's action; the observation, filled.
-
-    Returns
-    -------
-    reward, end : float, int
-        The latter an index in :data:`~cutenv.task.reward.ENDS`.
-    """
-    e = episodes[0]
-    count, task, progress, nominal, known = first_row(e.counts), e.tasks[0], e.progresses[0], e.nominals[0], e.tips[0]
-    begin_count(count, 0, task, progress)
-    felt = angle = 0.0
-    for i in range(len(readings)):
-        reading = readings[i]
-        felt, angle, position = reading.force, reading.angle, reading.position
-        tick = round(count.time[0] / TICK) + 1
-        tip, jump = estimated_tip(known, task, nominal, tick, position, reading.speed, felt)
-        count_lane(count, 0, position, reading.speed, felt, felt, tip, jump, depth_at(nominal, position))
-        if count.end[0] != 0:
-            break
-    conclude(count, 0, task, progress, nominal, nominal, felt, angle, action, e.infos[0], observation)
-    return add_terms(as_float64_view(e.infos), e.totals), progress.end
+@njit_inline
+def charge_stored(task: Struct, energy: float, toughness: float, info: Struct) -> None:
+    """Charge a tissue that an end leaves loaded with an ``energy`` [J], at a tip whose R B is ``toughness`` [N]."""
+    _charge_stored(task, energy, toughness, info)
 
 
 @njit

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from cutenv._base.arrays import Array, Struct, StructArray
+from cutenv._engine.declared import compiled_for
 from cutenv._engine.jit import njit, njit_internal, njit_nogil
 from cutenv._engine.randomness import DEPTH_ERROR, LENGTH_DRAW, TASK, Integer, uniform_at
 from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
 from cutenv.task.assessment import COUNT_ONE, observe_rest
-from cutenv.task.cuts import Cuts
+from cutenv.task.declare import Cuts, Task
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE
+from cutenv.task.stepper import batch_of_one
 from cutenv.task_quantities import MEASURABLE_DEPTH
 from cutenv.tissue.grid import N_POINTS
 from cutenv.tissue.nominal import nominal_stiffness
@@ -42,11 +47,10 @@ def measure_depth(seed: Integer, episode: Integer, noise: float, modes: Array, d
 
 
 @njit_internal
-def begin_at(state: Struct, progress: Struct, tip: Struct, place: float) -> None:
+def begin_at(state: Struct, progress: Struct, place: float) -> None:
     """Put a blade that stands at the clamp to ``place`` [m], where the cut that is already made ends: unloaded."""
     state.blade = state.tip = state.hand = place
     progress.position = progress.furthest = progress.tip = place
-    tip.position = tip.tip = place
 
 
 @njit_internal
@@ -58,114 +62,175 @@ def expect(nominal: Struct, profile: Struct) -> None:
         profile.toughness[i] = nominal.toughness_per_depth * depth
 
 
-@njit_nogil
-def begin_some(
-    passed: WorkQueue,
-    core: int,
-    cuts: Cuts,
-    start: Cuts,
-    expected: StructArray,
-    which: StructArray,
-    seeds: StructArray,
-    episodes: StructArray,
-    source: int,
-    from_truth: bool,
-    target: float,
-    before: float,
-    recipe: StructArray,
-    modes: Array,
-    depth_noise: float,
-    depth_modes: Array,
-    surface: tuple[float, float, Array],
-    worn: Array,
-    observations: StructArray,
-    vascular: StructArray,
-) -> None:
-    """Reset the cuts with indices ``which``, each from its own key, exactly as a single environment would.
+class Start(NamedTuple):
+    """What n cuts share that begin."""
 
-    Parameters
-    ----------
-    passed, core : WorkQueue, int
-        Work queue over ``which`` and number of the thread, see :func:`cutenv._engine.parallel.parallel_for`.
-    cuts : Cuts
-        n cuts; those in ``which`` are reset.
-    start : Cuts
-        One cut at its start with everything that all share; what depends on the key is filled in here.
-    expected : Records, shape (1,)
-        Mean tissue, :data:`cutenv.tissue.nominal.NOMINAL`, from which the profiles that a rig expects are made.
-    which : array of int, shape (m,)
-        Indices of the cuts to reset.
-    seeds, episodes : array of uint64, shape (n,)
-        Random keys.
-    source : int
-        LIVER, VASCULAR, MIXED or GIVEN.
-    from_truth : bool
-        True: the assessment knows the specimen's friction. False: it uses that of the mean tissue.
-    target : float
-        Length of every cut [m]; 0: sampled.
-    before : float
-        Distance from the target to which every cut is already made [m]; 0: all begin at the clamp.
-    recipe, modes
-        See :func:`cutenv.tissue.sampling.sample_profiles`.
-    depth_noise, depth_modes
-        See :func:`measure_depth`.
-    surface : tuple
-        Spread [m], greatest depth [m] and modes of :func:`cutenv.tissue.surface.vary_surface`; spread 0: every drawn
-        specimen has the mean surface.
-    worn : array, shape (301,)
-        Fracture resistance over that of a new blade, :meth:`cutenv.tissue.blade_wear.BladeWear.factors`; a given
-        specimen has it already.
-    observations : array of float32, shape (n, 12)
-        Filled for the cuts in ``which``.
-    vascular : array of int8, shape (n,)
-        1 for a sampled specimen with vessels, 0 without.
-    """
-    counts = np.zeros(1, COUNT_ONE)
-    k, end = next_chunk(passed, core, 1)
-    while k < end:
-        n = which[k]
-        seed, episode = seeds[n], episodes[n]
-        cuts.states[n] = start.states[0]
-        cuts.laws[n] = start.laws[0]
-        cuts.drives[n] = start.drives[0]
-        cuts.sensors[n] = start.sensors[0]
-        cuts.tasks[n] = start.tasks[0]
-        cuts.progresses[n] = start.progresses[0]
-        cuts.tips[n] = start.tips[0]
-        cuts.sensors[n].seed = seed
-        cuts.sensors[n].episode = episode
-        cuts.tasks[n].target = target if target > 0.0 else drawn_length(seed, episode)
-        if before > 0.0:
-            begin_at(cuts.states[n], cuts.progresses[n], cuts.tips[n], cuts.tasks[n].target - before)
-        profile, nominal, along = cuts.profiles[n], cuts.nominals[n], cuts.specimens[n]
-        if source == GIVEN:
-            cuts.profiles[n] = start.profiles[0]
-            cuts.specimens[n] = start.specimens[0]
-        else:
-            vessels = source == VASCULAR or (source == MIXED and is_vascular(seed, episode))
-            friction, inclined = sample_profiles(
-                seed, episode, vessels, 0.0, recipe[0], modes, along.modulus, along.fracture_resistance
-            )
-            for i in range(N_POINTS):
-                along.fracture_resistance[i] *= worn[i]
-            vascular[n] = 1 if vessels else 0
-            cuts.laws[n].friction_per_depth = friction
-            cuts.laws[n].intercept_45 *= inclined
-            cuts.laws[n].slope_45 *= inclined
-            if from_truth:
-                cuts.tasks[n].friction_per_depth = friction
-            fracture_share = 1.0 - recipe[0].friction_share
-            fill_stiffness(recipe[0].slab, along.modulus, recipe[0].effective_depth, recipe[0].share, profile.stiffness)
-            for i in range(N_POINTS):
-                profile.depth[i] = recipe[0].depth[i]
-            if surface[0] > 0.0:
-                vary_surface(seed, episode, surface[0], surface[1], surface[2], profile.depth)
-            for i in range(N_POINTS):
-                profile.toughness[i] = fracture_share * along.fracture_resistance[i] * profile.depth[i]
-        measure_depth(seed, episode, depth_noise, depth_modes, profile.depth, nominal.depth)
-        expect(expected[0], nominal)
-        angle = cuts.states[n].angle
-        last_angle = (angle - ANGLE_CENTRE) / ANGLE_SCALE
-        observe_rest(counts, cuts.tasks[n], cuts.progresses[n], nominal, angle, last_angle, observations[n])
-        mark_done(passed, core, 1)
+    cuts: Cuts
+    """One cut at its start; what depends on the key is filled in."""
+    expected: StructArray
+    """Mean tissue, :data:`cutenv.tissue.nominal.NOMINAL` of shape (1,), that a rig expects."""
+    source: int
+    """LIVER, VASCULAR, MIXED or GIVEN."""
+    target: float
+    """Length of every cut [m]; 0: sampled."""
+    before: float
+    """Distance from the target to which every cut is already made [m]; 0: all begin at the clamp."""
+
+
+class Keys(NamedTuple):
+    """Random keys of n cuts, arrays of uint64, and the indices, shape (m,), of those that begin."""
+
+    which: StructArray
+    seeds: StructArray
+    episodes: StructArray
+
+
+class Drawing(NamedTuple):
+    """How specimens, surfaces and the lab's knowledge of them are drawn from a key."""
+
+    recipe: StructArray
+    """See :func:`cutenv.tissue.sampling.sample_profiles`, and for ``modes``."""
+    modes: Array
+    depth_noise: float
+    """See :func:`measure_depth`, and for ``depth_modes``."""
+    depth_modes: Array
+    surface: tuple[float, float, Array]
+    """Spread [m], greatest depth [m] and modes of :func:`cutenv.tissue.surface.vary_surface`; spread 0: every drawn
+    specimen has the mean surface."""
+    worn: Array
+    """Fracture resistance over that of a new blade, :meth:`cutenv.tissue.blade_wear.BladeWear.factors`, shape (301,); a
+    given specimen has it already."""
+
+
+@njit_internal
+def know_start(cuts: Cuts, c: Integer) -> None:
+    """Let a rig know where blade and tip stand at the start of a cut."""
+    tip, place = cuts.known[c].tip[0], cuts.progresses[c].tip
+    tip.position = tip.tip = place
+
+
+@compiled_for(njit)
+def begin_one(task: Task) -> Callable[..., None]:
+    """Return the function that begins what a task adds to a cut of gentle cutting."""
+    begin, expect, from_truth = task.begin, task.expect, task.from_truth
+
+    def begin_one(
+        cuts: StructArray, episodes: StructArray, given: tuple[Any, ...], key: tuple[Integer, Integer]
+    ) -> None:
+        """Begin one cut, records of shape (1,), from what is ``given`` and a key: seed and episode."""
+        one = batch_of_one(cuts[0], episodes[0])
+        begin(one, 0, given, key)
+        if not from_truth:
+            know_start(one, 0)
+            expect(one, 0, given, key)
+
+    return begin_one
+
+
+@compiled_for(njit)
+def expect_one(task: Task) -> Callable[..., None]:
+    """Return the function that begins what a rig knows of a cut."""
+    expect = task.expect
+
+    def expect_one(
+        cuts: StructArray, episodes: StructArray, given: tuple[Any, ...], key: tuple[Integer, Integer]
+    ) -> None:
+        """Begin what is known of one cut, records of shape (1,), at the clamp."""
+        expect(batch_of_one(cuts[0], episodes[0]), 0, given, key)
+
+    return expect_one
+
+
+@compiled_for(njit_nogil)
+def begin_some(task: Task) -> Callable[..., None]:
+    """Return the function that resets many cuts."""
+    begin_task, know, observe, from_truth = task.begin, task.expect, task.observe_start, task.from_truth
+
+    def begin_some(
+        passed: WorkQueue,
+        core: int,
+        cuts: Cuts,
+        start: Start,
+        keys: Keys,
+        drawing: Drawing,
+        given: tuple[Any, ...],
+        observations: StructArray,
+        vascular: StructArray,
+    ) -> None:
+        """Reset the cuts with indices ``keys.which``, each from its own key, exactly as a single environment would.
+
+        Parameters
+        ----------
+        passed, core : WorkQueue, int
+            Work queue over these cuts and number of the thread, see :func:`cutenv._engine.parallel.parallel_for`.
+        cuts : Cuts
+            n cuts; those in ``keys.which`` are reset.
+        start, keys, drawing : Start, Keys, Drawing
+            What all share, the keys, and how specimens are drawn.
+        given : tuple
+            What the task needs besides, see its hook ``begin``.
+        observations : array of float32, shape (n, components)
+            Filled for these cuts.
+        vascular : array of int8, shape (n,)
+            1 for a sampled specimen with vessels, 0 without.
+        """
+        counts = np.zeros(1, COUNT_ONE)
+        recipe = drawing.recipe[0]
         k, end = next_chunk(passed, core, 1)
+        while k < end:
+            n = keys.which[k]
+            seed, episode = keys.seeds[n], keys.episodes[n]
+            cuts.states[n] = start.cuts.states[0]
+            cuts.laws[n] = start.cuts.laws[0]
+            cuts.drives[n] = start.cuts.drives[0]
+            cuts.sensors[n] = start.cuts.sensors[0]
+            cuts.tasks[n] = start.cuts.tasks[0]
+            cuts.progresses[n] = start.cuts.progresses[0]
+            cuts.motions[n], cuts.wholes[n] = start.cuts.motions[0], start.cuts.wholes[0]
+            if not from_truth:
+                cuts.known[n] = start.cuts.known[0]
+            cuts.sensors[n].seed = seed
+            cuts.sensors[n].episode = episode
+            cuts.tasks[n].target = start.target if start.target > 0.0 else drawn_length(seed, episode)
+            if start.before > 0.0:
+                begin_at(cuts.states[n], cuts.progresses[n], cuts.tasks[n].target - start.before)
+            profile, nominal, along = cuts.profiles[n], cuts.nominals[n], cuts.specimens[n]
+            if start.source == GIVEN:
+                cuts.profiles[n] = start.cuts.profiles[0]
+                cuts.specimens[n] = start.cuts.specimens[0]
+            else:
+                vessels = start.source == VASCULAR or (start.source == MIXED and is_vascular(seed, episode))
+                friction, inclined = sample_profiles(
+                    seed, episode, vessels, 0.0, recipe, drawing.modes, along.modulus, along.fracture_resistance
+                )
+                for i in range(N_POINTS):
+                    along.fracture_resistance[i] *= drawing.worn[i]
+                vascular[n] = 1 if vessels else 0
+                cuts.laws[n].friction_per_depth = friction
+                cuts.laws[n].intercept_45 *= inclined
+                cuts.laws[n].slope_45 *= inclined
+                if from_truth:
+                    cuts.tasks[n].friction_per_depth = friction
+                fracture_share = 1.0 - recipe.friction_share
+                fill_stiffness(recipe.slab, along.modulus, recipe.effective_depth, recipe.share, profile.stiffness)
+                for i in range(N_POINTS):
+                    profile.depth[i] = recipe.depth[i]
+                if drawing.surface[0] > 0.0:
+                    spread, deepest, surfaces = drawing.surface
+                    vary_surface(seed, episode, spread, deepest, surfaces, profile.depth)
+                for i in range(N_POINTS):
+                    profile.toughness[i] = fracture_share * along.fracture_resistance[i] * profile.depth[i]
+            measure_depth(seed, episode, drawing.depth_noise, drawing.depth_modes, profile.depth, nominal.depth)
+            expect(start.expected[0], nominal)
+            begin_task(cuts, n, given, (seed, episode))
+            if not from_truth:
+                know_start(cuts, n)
+                know(cuts, n, given, (seed, episode))
+            angle = cuts.states[n].angle
+            last_angle = (angle - ANGLE_CENTRE) / ANGLE_SCALE
+            observe_rest(counts, cuts.tasks[n], cuts.progresses[n], nominal, angle, last_angle, observations[n])
+            observe(cuts, n, observations[n])
+            mark_done(passed, core, 1)
+            k, end = next_chunk(passed, core, 1)
+
+    return begin_some

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv._base.arrays import Array, StructArray
+from cutenv._base.arrays import StructArray
 from cutenv._engine.jit import njit
 from cutenv.cutting.law import depth_at, elastic_force, force_to_grow, stiffness_at, toughness_at
-from cutenv.task.cuts import Cuts
+from cutenv.task.declare import Cuts, Task
 from cutenv.task.observation import CLIP
 
 PRIVILEGED_FEATURES = (
@@ -30,22 +30,25 @@ LAG = 1
 _AHEAD = (0.0, 0.003, 0.006, 0.012)
 
 
-def append_privileged(cuts: Cuts, features: NDArray[np.float32], which: NDArray[np.int64]) -> NDArray[np.float32]:
-    """Append the privileged state of the cuts ``which`` to features, shape (m, size); return shape (m, size + 11).
+def privileged_names(task: Task) -> tuple[str, ...]:
+    """Return the names of the privileged features of a task."""
+    return (*PRIVILEGED_FEATURES, *task.hidden)
 
-    The columns are those of :data:`PRIVILEGED_FEATURES`, clipped as observations are.
+
+def append_privileged(
+    cuts: Cuts, task: Task, features: NDArray[np.float32], which: NDArray[np.int64]
+) -> NDArray[np.float32]:
+    """Append the privileged state of the cuts ``which`` to features, shape (m, size); return shape (m, size + k).
+
+    The columns are those of :func:`privileged_names`, clipped as observations are.
     """
     seen = np.empty((len(features), features.shape[1] + len(PRIVILEGED_FEATURES)), np.float32)
     _append_privileged(cuts.states, cuts.profiles, cuts.laws, cuts.tasks, features, which, seen)
-    return seen
-
-
-def append_further(
-    cuts: Cuts, features: NDArray[np.float32], which: NDArray[np.int64], hidden: Array
-) -> NDArray[np.float32]:
-    """Append the privileged state of gentle cutting, and what a task adds to it, ``hidden``, shape (m, k), clipped."""
-    further = np.clip(hidden, -CLIP, CLIP).astype(np.float32)
-    return np.concatenate([append_privileged(cuts, features, which), further], axis=1)
+    if task.hide is None:
+        return seen
+    hidden = np.empty((len(which), len(task.hidden)))
+    task.hide(cuts, which, hidden)
+    return np.concatenate([seen, np.clip(hidden, -CLIP, CLIP).astype(np.float32)], axis=1)
 
 
 @njit

@@ -115,7 +115,7 @@ def _entry(
     for name, plant in zip(PATHS, plants, strict=True):
 
         def note(readings: Any, name: str = name, plant: SteeredPlant = plant) -> None:
-            tick = int(plant.cuts.states["tick"][0])
+            tick = int(plant.states["tick"][0])
             if tick % 200 == 0:
                 force, aside = readings["force"][-1], plant.lateral_force[-1]
                 told = (*plant.blade, plant.heading, force, aside, *plant.tip)

@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv._base.arrays import Struct
-from cutenv.cutting.dtypes import READING, TICK, new_state
+from cutenv.cutting.dtypes import READING, TICK
 from cutenv.cutting.law import stored_energy
-from cutenv.cutting.parameters import law_records, profile_records
-from cutenv.cutting.simulate import follow
+from cutenv.plant import SimulatedPlant
 from cutenv.tissue import CutModel, Specimen, local_effective_modulus
 from cutenv.tissue.description import tables_only
 from reproduction.rows import Found, Row, at_most, check, near
@@ -82,17 +81,15 @@ def cut(speed: float, angle_deg: float) -> LawCut:
         friction_share=0.0,
         tissue=tables_only(eta90=ETA90),
     )
-    profiles, laws = profile_records([specimen]), law_records([specimen])
-    states = new_state(1, math.radians(angle_deg))
-    state = states[0]
+    plant = SimulatedPlant(specimen, angle=math.radians(angle_deg))
+    state = plant.states[0]
     n = round(TRAVEL / speed / TICK)
-    positions, angles = np.arange(1, n + 1) * speed * TICK, np.full(n, math.radians(angle_deg))
-    readings = np.zeros(n, READING)
+    positions, readings = np.arange(1, n + 1) * speed * TICK, np.zeros(n, READING)
     residual = stored = 0.0
     for start in range(0, n, _BLOCK):
         block = slice(start, start + _BLOCK)
-        follow(states, profiles, laws, positions[block], angles[block], TICK, readings[block])
-        stored = float(stored_energy(profiles[0], state.blade, state.tip))
+        readings[block] = plant.lead(positions[block], math.radians(angle_deg))
+        stored = float(stored_energy(plant.profiles[0], state.blade, state.tip))
         spent = state.fracture + state.friction + state.loss + state.ledger
         residual = max(residual, abs(state.work - stored - spent))
     return LawCut(readings=readings, state=state, stored=stored, residual=residual)

@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from cutenv._base.arrays import StructArray
-from cutenv._engine.work_queue import make_queue
+from cutenv.cutting.motion import NOTHING
 from cutenv.cutting.parameters import profile_records
-from cutenv.cutting.simulate import Physics
-from cutenv.cutting.steered_cut import hold_some_steered
-from cutenv.cutting.steering import steering_records
+from cutenv.cutting.steering import STEERED, steering_records
 from cutenv.tissue.lines import CutLine, half_ellipse, straight
 from speed.measured import Measured
 from speed.vertical_motion import (
     ANGLE,
     COUNT,
     ROUNDS,
-    TICKS,
     BareRates,
     Commands,
     cuts_of,
@@ -45,11 +39,8 @@ def steered_rates(line: CutLine, motion: Commands, count: int = COUNT, rounds: i
     profiles = profile_records(specimens[:64])  # the others are repetitions
     steerings = np.resize(steering_records(specimens[:64], [line] * len(profiles), profiles), count)
     profiles = np.resize(profiles, count)
-
-    def hold(cuts: Physics, moving: StructArray, commands: Any, felt: Any) -> None:
-        hold_some_steered(make_queue(count), 0, cuts, moving, commands, TICKS, felt)
-
-    return rates_beside_gentle(cuts_of(specimens, profiles), steerings, hold, motion, rounds)
+    cuts = cuts_of(specimens, profiles, steerings, np.zeros(1, NOTHING))
+    return rates_beside_gentle(cuts, STEERED, motion, rounds)
 
 
 def measure() -> Measured:

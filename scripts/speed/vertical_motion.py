@@ -5,17 +5,17 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cutenv._base.arrays import StructArray
 from cutenv._engine.work_queue import make_queue
-from cutenv.cutting.descending_cut import hold_some_descending
-from cutenv.cutting.descent import descent_records, layered_profiles
+from cutenv.cutting.descent import DESCENDING, descent_records, layered_profiles
 from cutenv.cutting.drive import Rig
 from cutenv.cutting.dtypes import new_state
+from cutenv.cutting.motion import NOTHING, STRAIGHT, Motion
 from cutenv.cutting.parameters import law_records
 from cutenv.cutting.sensor import SensorParameters, sensor_records
 from cutenv.cutting.simulate import Physics, hold_some
@@ -30,8 +30,6 @@ WARM_UP, _STEPS, ROUNDS = 25, 25, 40
 
 Commands = Callable[[int, np.random.Generator, int], NDArray[np.float64]]
 """Speed [m/s], angle [rad] and a third command of n cuts in a step of 20 ms, shape (n, 3), by its number."""
-Hold = Callable[[Physics, StructArray, NDArray[np.float64], NDArray[np.float64]], None]
-"""A step of 20 ms of cuts and their other records under such commands; the last argument is filled with forces."""
 
 
 def _steady(downwards: Callable[[int], float]) -> Commands:
@@ -60,35 +58,30 @@ def tissue(count: int) -> list[Specimen]:
     return [drawn[number % len(drawn)] for number in range(count)]
 
 
-def cuts_of(specimens: list[Specimen], profiles: StructArray) -> Physics:
+def cuts_of(specimens: list[Specimen], profiles: StructArray, motions: StructArray, shared: StructArray) -> Physics:
     """Return one cut for each specimen, at its start."""
     count = len(specimens)
     return Physics(
         new_state(count, ANGLE), profiles, law_records(specimens),
         np.repeat(Rig().records(travel=LENGTH - SPACING), count),
-        sensor_records([SensorParameters()] * count, [0] * count, range(count)),
+        sensor_records([SensorParameters()] * count, [0] * count, range(count)), motions, shared,
     )  # fmt: skip
 
 
-def rates_beside_gentle(
-    cuts: Physics, others: StructArray, hold: Hold, motion: Commands, rounds: int = ROUNDS
-) -> BareRates:
-    """Measure ``hold`` on copies of cuts and their other records; each round begins at the same place."""
+def rates_beside_gentle(cuts: Physics, motion: Motion, commanded: Commands, rounds: int = ROUNDS) -> BareRates:
+    """Measure copies of cuts with a motion, and without one; each round begins at the same place."""
     count = len(cuts.states)
-    steps = [motion(step, np.random.default_rng(step), count) for step in range(WARM_UP + _STEPS)]
-    along = [np.ascontiguousarray(commands[:, :2]) for commands in steps]
-    felt, sideways = np.empty(count), np.empty((count, 2))
+    steps = [commanded(step, np.random.default_rng(step), count) for step in range(WARM_UP + _STEPS)]
+    straight = cuts._replace(motions=np.zeros(count, NOTHING), shared=np.zeros(1, NOTHING))
+    felt = np.empty((count, 2))
     best = [math.inf, math.inf]
     for _ in range(rounds):
-        for k, moving in enumerate((steps, along)):
-            own, kept = Physics(*(part.copy() for part in cuts)), others.copy()
-            for number, commands in enumerate(moving):
+        for k, (begun, hold) in enumerate(((cuts, hold_some(motion)), (straight, hold_some(STRAIGHT)))):
+            own = Physics(*(part.copy() for part in begun))
+            for number, commands in enumerate(steps):
                 if number == WARM_UP:
                     start = time.thread_time()
-                if k == 0:
-                    hold(own, kept, commands, sideways)
-                else:
-                    hold_some(make_queue(count), 0, own, commands, TICKS, felt)
+                hold(make_queue(count), 0, own, commands, TICKS, felt)
             best[k] = min(best[k], time.thread_time() - start)
     return BareRates(*(count * TICKS * _STEPS / seconds for seconds in best))
 
@@ -97,11 +90,8 @@ def descending_rates(motion: Commands, count: int = COUNT, rounds: int = ROUNDS)
     """Measure ``count`` cuts through layers."""
     specimens = tissue(count)
     slab, descents = specimens[0].tissue.slab(), descent_records(specimens, _LAYERS)
-
-    def hold(cuts: Physics, moving: StructArray, commands: Any, felt: Any) -> None:
-        hold_some_descending(make_queue(count), 0, cuts, moving, slab, commands, TICKS, felt)
-
-    return rates_beside_gentle(cuts_of(specimens, layered_profiles(descents, slab)), descents, hold, motion, rounds)
+    cuts = cuts_of(specimens, layered_profiles(descents, slab), descents, slab)
+    return rates_beside_gentle(cuts, DESCENDING, motion, rounds)
 
 
 def lines_beside_gentle(

@@ -24,7 +24,8 @@ from cutenv.cutting.law import LONGEST_ADVANCE
 from cutenv.cutting.parameters import law_records, profile_records
 from cutenv.cutting.row import LANES
 from cutenv.cutting.sensor import SENSOR, SensorParameters, sensor_records
-from cutenv.cutting.simulate import CUT, Physics, follow, hold, hold_some
+from cutenv.cutting.simulate import CUT, Physics, hold_some
+from cutenv.plant import SimulatedPlant
 from cutenv.tissue.specimen import Specimen
 
 Cases = dict[str, Any]
@@ -79,7 +80,7 @@ def one_by_one(cases: Cases, pieces: int = 1) -> Cases:
             c["speeds"][n], c["angles"][n], np.split(c["readings"][n], c["speeds"].shape[1]), strict=True
         ):
             for piece in np.array_split(readings, pieces):
-                hold(cut, float(speed), float(angle), piece)
+                HOLD(cut, float(speed), float(angle), 0.0, piece, NO_FORCES)
         for name in ("states", "sensors"):
             c[name][n] = cut[name][0, 0]
     return c
@@ -100,7 +101,7 @@ def instants(cases: Cases) -> Cases:
                 now |= {"speeds": [[speed]], "angles": [[angle]], "readings": np.zeros((1, 1), READING)}
                 for name, values in now.items():
                     picked[name].append(values)
-            hold(cut, speed, angle, reading)
+            HOLD(cut, speed, angle, 0.0, reading, NO_FORCES)
     return {name: np.concatenate(values) for name, values in picked.items()}
 
 
@@ -128,12 +129,12 @@ def numbers(records: Any) -> np.ndarray:
 def in_rows(cases: Cases) -> Cases:
     """The same by rows of cuts on all cores; ``felt`` are the forces at the ends of the commands."""
     c = copied(cases)
-    felt, last = np.zeros(c["speeds"].shape), np.zeros(len(c["speeds"]))
+    felt, last = np.zeros(c["speeds"].shape), np.zeros((len(c["speeds"]), 2))
     physics = Physics(*(c[name] for name in Physics._fields))
     for k in range(COMMANDS):
-        commands = np.stack((c["speeds"][:, k], c["angles"][:, k]), axis=1)
-        parallel_for(hold_some, len(last), physics, commands, EVERY, last, fewest=1)
-        felt[:, k] = last
+        commands = np.stack((c["speeds"][:, k], c["angles"][:, k], 0.0 * c["angles"][:, k]), axis=1)
+        parallel_for(hold_some(STRAIGHT), len(last), physics, commands, EVERY, last, fewest=1)
+        felt[:, k] = last[:, 0]
     return c | {"felt": felt}
 
 
@@ -224,11 +225,9 @@ def test_following_a_path_is_the_law_that_the_other_checks_use():
     """Led instant by instant, led by one call, and in plain Python."""
     path = constant_feed(0.0254, to=0.05)
     led, plain = lead(homogeneous(), path), lead_by(changed_law(), homogeneous(), path)
-    states, readings, angles = new_state(1, UPRIGHT), np.zeros(len(path), READING), np.full(len(path), UPRIGHT)
-    profiles, laws = profile_records([homogeneous()]), law_records([homogeneous()])
-    follow(states, profiles, laws, path, angles, TICK, readings)
-    assert readings.tobytes() == led.readings.tobytes()
-    assert states.tobytes() == led.states[-1:].tobytes()
+    plant = SimulatedPlant(homogeneous())
+    assert plant.lead(path, UPRIGHT).tobytes() == led.readings.tobytes()
+    assert plant.states.tobytes() == led.states[-1:].tobytes()
     assert numbers(plain.states[1:]) == pytest.approx(numbers(led.states[1:]), abs=1e-9)
 
 

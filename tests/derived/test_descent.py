@@ -10,8 +10,8 @@ from adversarial_motions import FEED, TICKS, UPRIGHT
 from check_physics import drawn
 
 from cutenv._engine.work_queue import make_queue
-from cutenv.cutting.descending_cut import hold_some_descending
-from cutenv.cutting.simulate import Physics
+from cutenv.cutting.descent import DESCENDING
+from cutenv.cutting.simulate import Physics, hold_some
 from cutenv.plant import DescendingPlant, SimulatedPlant
 from cutenv.tissue import Layers, Specimen
 from cutenv.tissue.layers import layered_depth
@@ -87,7 +87,7 @@ def test_a_raised_blade_cuts_less_deep_and_the_floor_shows_it() -> None:
     plant = DescendingPlant(Specimen.drawn(0, specimen_class="uniform"))
     for k in range(200):
         plant.advance(0.02, UPRIGHT, 20, -0.004 if 60 <= k < 110 else 0.0)
-    cut = plant.floor[: int(plant.cuts.states[0]["tip"] / 5e-4)]
+    cut = plant.floor[: int(plant.states[0]["tip"] / 5e-4)]
     assert plant.level == pytest.approx(0.004, abs=2e-4)
     assert cut[5] == pytest.approx(cut[-5] + plant.level, abs=2e-4)
 
@@ -139,13 +139,11 @@ def test_a_bad_command_is_named(arguments: tuple[float, float, int, float], says
 
 def test_a_batch_is_its_cuts_one_by_one() -> None:
     plants = [DescendingPlant(Specimen.drawn(k), seed=k, layers=Layers(boundary=0.01)) for k in range(40)]
-    cuts = Physics(*(np.concatenate([plant.cuts[part] for plant in plants]) for part in range(5)))
-    descents = np.concatenate([plant.descents for plant in plants])
+    cuts = Physics(*map(np.concatenate, zip(*(plant.snapshot() for plant in plants), strict=True)))
     rng, felt = np.random.default_rng(0), np.zeros((40, 2))
     for _ in range(40):
         commands = rng.uniform((-0.002, 0.8, -0.003), (0.02, 1.57, 0.005), (40, 3))
-        slabs = plants[0].specimen.tissue.slab()
-        hold_some_descending(make_queue(40), 0, cuts, descents, slabs, commands, 20, felt)
+        hold_some(DESCENDING)(make_queue(40), 0, cuts, commands, 20, felt)
         for plant, (speed, angle, down), forces in zip(plants, commands, felt, strict=True):
             readings = plant.advance(speed, angle, 20, down)
             assert (readings["force"][-1], plant.vertical_force[-1]) == tuple(forces)

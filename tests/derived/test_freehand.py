@@ -120,7 +120,7 @@ def test_a_crack_that_meets_a_cut_ends_and_says_so() -> None:
 def test_beside_a_drawn_line_places_are_told_along_it() -> None:
     plant = FreehandPlant(Specimen.drawn(0), half_ellipse())
     plant.advance(0.01, UPRIGHT, 2000, -0.2)  # to the right of the line, which bends to the right itself
-    assert float(plant.cuts.states["blade"][0]) == pytest.approx(0.019, abs=2e-3)
+    assert float(plant.states["blade"][0]) == pytest.approx(0.019, abs=2e-3)
     x, y = plant.blade
     gap = np.hypot(plant.line.x - x, plant.line.y - y).min()
     assert abs(plant.distance) == pytest.approx(gap, abs=1e-4)

@@ -13,9 +13,8 @@ from adversarial_motions import FEED, UPRIGHT
 from check_physics import drawn
 
 from cutenv._engine.work_queue import make_queue
-from cutenv.cutting.simulate import Physics
-from cutenv.cutting.steered_cut import hold_some_steered
-from cutenv.cutting.steering import SteeringParameters
+from cutenv.cutting.simulate import Physics, hold_some
+from cutenv.cutting.steering import STEERED, SteeringParameters
 from cutenv.plant import SimulatedPlant, SteeredPlant
 from cutenv.tissue import Specimen, SteeredModel
 from cutenv.tissue.lines import (
@@ -58,7 +57,7 @@ def test_the_crack_lags_inside_a_bend_and_outside_when_it_turns_late() -> None:
         limit: check_steering.led(specimen, arc(0.04), turns, FEED, UPRIGHT, SteeringParameters(crack_curvature=limit))
         for limit in (1.0, 100.0)
     }
-    late, soon = (cut.steerings[0]["tip_aside"] for cut in cuts.values())
+    late, soon = (cut.plant.steerings[0]["tip_aside"] for cut in cuts.values())
     assert late < soon - 1e-3  # 1 m: hardly any bend, so that it goes on straight, to the right of the arc
 
 
@@ -88,7 +87,7 @@ def test_the_driven_blade_on_a_straight_line_is_the_simulated_plants() -> None:
 def test_places_on_a_bent_line_are_those_of_the_blades_motion() -> None:
     plant = SteeredPlant(Specimen.drawn(1), half_ellipse())
     places = check_steering.follow_line(plant, 0.01, 0.06)
-    line, s = plant.line, float(plant.cuts.states["blade"][0])
+    line, s = plant.line, float(plant.states["blade"][0])
     grid = np.arange(len(line.x)) * 5e-4
     angle = np.interp(s, grid, line.angle)
     told = np.array([
@@ -101,12 +100,11 @@ def test_places_on_a_bent_line_are_those_of_the_blades_motion() -> None:
 def test_a_batch_is_its_cuts_one_by_one() -> None:
     lines = [half_ellipse(), arc(-0.05), straight(), random_line(np.random.default_rng(3))]
     plants = [SteeredPlant(Specimen.drawn(k), lines[k % 4], seed=k) for k in range(40)]
-    cuts = Physics(*(np.concatenate([plant.cuts[part] for plant in plants]) for part in range(5)))
-    steerings = np.concatenate([plant.steerings for plant in plants])
+    cuts = Physics(*map(np.concatenate, zip(*(plant.snapshot() for plant in plants), strict=True)))
     rng, felt = np.random.default_rng(0), np.zeros((40, 2))
     for _ in range(40):
         commands = rng.uniform((-0.002, 0.8, -1.0), (0.02, 1.57, 1.0), (40, 3))
-        hold_some_steered(make_queue(40), 0, cuts, steerings, commands, 20, felt)
+        hold_some(STEERED)(make_queue(40), 0, cuts, commands, 20, felt)
         for plant, (speed, angle, turn), forces in zip(plants, commands, felt, strict=True):
             readings = plant.advance(speed, angle, 20, turn)
             assert (readings["force"][-1], plant.lateral_force[-1]) == tuple(forces)

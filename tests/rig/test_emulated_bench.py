@@ -8,10 +8,8 @@ import numpy as np
 import pytest
 
 from cutenv.commands.rig.emulate import _options, _parser
-from cutenv.cutting.dtypes import READING, TICK, new_state
-from cutenv.cutting.parameters import LawParameters, law_records, profile_records
+from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.sensor import Sensor, SensorParameters
-from cutenv.cutting.simulate import follow
 from cutenv.envs.constants import Constants
 from cutenv.envs.rig_source import emulator_arguments
 from cutenv.rig.emulator.emulated_tissue import EmulatedTissue, Laid
@@ -29,10 +27,7 @@ def laid(seed=3, episode=1, sensor=None, law=None):
 
 
 def true_forces(specimen, law=None):
-    readings = np.zeros(len(WAY), READING)
-    profiles, laws = profile_records([specimen]), law_records([specimen], law)
-    follow(new_state(1, UPRIGHT), profiles, laws, WAY, np.full(len(WAY), UPRIGHT), TICK, readings)
-    return readings["true_force"]
+    return SimulatedPlant(specimen, law=law).lead(WAY, UPRIGHT)["true_force"]
 
 
 def test_the_blade_feels_what_the_law_says_of_its_way():

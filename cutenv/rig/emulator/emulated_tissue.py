@@ -11,10 +11,12 @@ import numpy as np
 from cutenv._base.arrays import StructArray
 from cutenv._engine.jit import njit
 from cutenv._engine.lanes import first_row
-from cutenv.cutting.dtypes import DRIVE, LAW, PROFILE, STATE, TICK, new_state
+from cutenv.cutting.dtypes import TICK, new_state
+from cutenv.cutting.lanes import lane_views
+from cutenv.cutting.motion import STRAIGHT, Moving
 from cutenv.cutting.parameters import LawParameters, law_records, profile_records
-from cutenv.cutting.row import ONE, begin, plain_views, put, take_tissue
-from cutenv.cutting.sensor import SENSOR, SensorParameters, measure, sensor_records
+from cutenv.cutting.row import begin, plain_views, put, take_tissue
+from cutenv.cutting.sensor import SensorParameters, measure, sensor_records
 from cutenv.cutting.update import cut_row
 from cutenv.plant.simulator import ANGLE_RANGE
 from cutenv.rig.errors import RigError
@@ -30,18 +32,15 @@ _TISSUE: np.dtype[Any] = np.dtype(
     (
         np.record,
         [
-            ("states", STATE, (1,)),
-            ("profiles", PROFILE, (1,)),
-            ("laws", LAW, (1,)),
-            ("drives", DRIVE, (1,)),  # unused: the motor is emulated
-            ("sensors", SENSOR, (1,)),
-            ("rows", ONE, (1,)),  # memory of the calls
+            *STRAIGHT.cut.descr,  # its drive is unused: the motor is emulated
             ("free_air", "i8"),
             ("extra", "f8"),  # [N] added force
             ("true_force", "f8"),  # [N] on the blade
         ],
     )
 )
+
+_cut_row, _SCALARS = cut_row(STRAIGHT), STRAIGHT.scalars
 
 
 @njit
@@ -60,7 +59,8 @@ def feel(tissues: StructArray, position: float, angle: float, dt: float) -> floa
         begin(row, plain, 1)
         row.dx[0], row.next_angle[0] = position - row.blade[0], angle
         row.turns = 1 if angle != row.angle[0] else 0
-        cut_row(row, tissue.profiles, dt)
+        views = lane_views(tissue.lanes, tissue.motions, 1, _SCALARS)
+        _cut_row(row, Moving(first_row(tissue.lanes), views, tissue.motions, tissue.shared), tissue.profiles, dt)
         put(row, plain, 0, 0)
         force += row.force[0]
     tissue.true_force = force

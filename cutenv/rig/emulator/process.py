@@ -22,9 +22,10 @@ from typing import Any
 from cutenv._base.atomic_file import atomic_write
 from cutenv._base.validation import one_of
 from cutenv._engine.jit import warn_before_first_compile
-from cutenv.cutting.descending_cut import follow_levels
+from cutenv.cutting.descent import DESCENDING
 from cutenv.cutting.sensor import measure
-from cutenv.cutting.steered_cut import follow_turns
+from cutenv.cutting.simulate import follow
+from cutenv.cutting.steering import STEERED
 from cutenv.rig.config.imitated_rig import EMULATED, EMULATOR
 from cutenv.rig.config.imitated_rig import across as cross_axes
 from cutenv.rig.config.settings import Bus, PositionControl, RigSettings, SensorCalibration, SensorSettings
@@ -51,8 +52,8 @@ _SWITCH = 0.0005  # [s] after which a thread lets another one run: a millisecond
 
 def warm_up(*, across: Sequence[str] = (), serial: bool = False) -> None:
     """Compile, or load from disk, the kernels of a millisecond, before anybody waits for it."""
-    in_plane: list[Any] = [follow_turns] if "side" in across else []
-    warn_before_first_compile(*(follow_levels, *in_plane, measure) if across else (feel,), turn_motor)
+    in_plane: list[Any] = [follow(STEERED)] if "side" in across else []
+    warn_before_first_compile(*(follow(DESCENDING), *in_plane, measure) if across else (feel,), turn_motor)
     for line in (None, straight())[: 1 + len(in_plane)]:
         laid = Laid(specimen_class="liver", line=line)
         rig: EmulatedBench

@@ -5,11 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-import numpy as np
-
-from cutenv.cutting.descending_cut import follow_levels
-from cutenv.cutting.descending_row import HIGHEST, LOWEST
-from cutenv.cutting.dtypes import READING, TICK
+from cutenv.cutting.descent import HIGHEST, LOWEST
 from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.sensor import Sensor, SensorParameters
 from cutenv.plant import DescendingPlant
@@ -45,8 +41,6 @@ class TissueAcross(EmulatedTissue):
         self._force = self._extra = 0.0
         self.places, self.forces = dict.fromkeys(axes, 0.0), dict.fromkeys(axes, 0.0)
         self._added = dict(self.forces)
-        self._slab = np.zeros(1)
-        self._readings, self._vertical = np.zeros(1, READING), np.zeros(1)
 
     def check_places(self, places: dict[str, float]) -> None:
         """Raise RigError for a blade that is not at height 0 and in the middle, where a specimen is laid."""
@@ -66,8 +60,7 @@ class TissueAcross(EmulatedTissue):
             self._plane = TissueInPlane(specimen, laid.line, law=self._law, angle=angle)
             return
         self._descending = DescendingPlant(specimen, layers=laid.layers, law=self._law, angle=measured(angle))
-        self._slab = specimen.tissue.slab()
-        self._descending.cuts.states["blade"] = self._descending.cuts.states["tip"] = within(position)
+        self._descending.states["blade"] = self._descending.states["tip"] = within(position)
 
     def take_away(self) -> None:
         """Remove the specimen: the blade is in free air, without force."""
@@ -97,14 +90,10 @@ class TissueAcross(EmulatedTissue):
             force, found["side"] = self._plane.force, self._plane.side_force
         elif self._descending is not None:
             level = min(max(self.places.get("height", 0.0), LOWEST), HIGHEST)
-            path = np.array([[within(position), level, measured(angle)]])
-            follow_levels(
-                self._descending.cuts, self._descending.descents, self._slab, path, TICK, self._readings,
-                self._vertical,
-            )  # fmt: skip
-            force = float(self._readings["true_force"][0])
+            readings = self._descending.lead(within(position), measured(angle), level)
+            force = float(readings["true_force"][0])
             if "height" in found:
-                found["height"] = float(self._vertical[0])
+                found["height"] = float(self._descending.vertical_force[0])
         self._force = force + self._extra
         self.forces = {axis: value + self._added[axis] for axis, value in found.items()}
         return self._felt.measure(self._force)
@@ -119,4 +108,4 @@ class TissueAcross(EmulatedTissue):
         """Position of the crack tip, along its line if it has one [m]."""
         if self._plane is not None:
             return self._plane.tip
-        return math.nan if self._descending is None else float(self._descending.cuts.states["tip"][0])
+        return math.nan if self._descending is None else float(self._descending.states["tip"][0])

@@ -51,7 +51,7 @@ class DescendingBench(FreeAcross):
             specimen, layers=layers, drive=drive, sensor=sensor, law=law, descent=self._descent, seed=seed,
             episode=episode, angle=self._angle,
         )  # fmt: skip
-        self._usual = self.plant.cuts.drives[0].copy()
+        self._usual = self.plant.cuts["drives"][0, 0].copy()
         self._quick_stops = settings.blade.quick_stop, axis.quick_stop
         self._rise, self._rise_stops, self._rise_blocked = 0.0, False, False
         self._across = {name: CrossDrive(each) for name, each in settings.cross_axes.items() if name != "height"}
@@ -65,7 +65,7 @@ class DescendingBench(FreeAcross):
 
     def block(self) -> None:
         """Advance by a millisecond in which the blade cannot move along the cut."""
-        self.plant.cuts.states["hand_speed"] = self.plant.cuts.states["speed"] = 0.0
+        self.plant.states["hand_speed"] = self.plant.states["speed"] = 0.0
         self._advance(0.0, stopping=False)
 
     def shift(self, axis: str, speed: float, *, stopping: bool, blocked: bool) -> None:
@@ -77,7 +77,7 @@ class DescendingBench(FreeAcross):
 
     def _advance(self, speed: float, *, stopping: bool) -> None:
         plant, descent = self.plant, self._descent
-        drives, descents = plant.cuts.drives, plant.descents
+        drives, descents = plant.cuts["drives"][0], plant.descents
         drives["acceleration"] = self._quick_stops[0] if stopping else self._usual.acceleration
         drives["lag"] = min(TICK, self._usual.lag) if stopping else self._usual.lag
         rising_stops = self._rise_stops or self._rise_blocked

@@ -62,7 +62,7 @@ class CurvedCut:
             moved=plant.displaced(OPENING),
             blade=plant.blade,
             heading=plant.heading,
-            angle=float(plant.cuts.states["angle"][0]),
+            angle=float(plant.states["angle"][0]),
         )
 
     @classmethod

@@ -1,0 +1,136 @@
+"""Motions of a blade: what a further axis, downwards or to the side, adds to the law of a straight cut.
+
+A :class:`Motion` declares a record of each cut and the functions, its hooks, that the law calls within an update.  The
+straight cut is the motion whose hooks are empty; compiled, nothing of them is left.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cutenv._base.arrays import Struct, StructArray
+from cutenv._engine.jit import njit_inline
+from cutenv._engine.randomness import Integer
+from cutenv.cutting.dtypes import DRIVE, LAW, PROFILE, STATE
+from cutenv.cutting.lanes import LaneViews, count_scalars, lane_dtype
+from cutenv.cutting.row import ONE
+from cutenv.cutting.sensor import SENSOR
+
+NOTHING: np.dtype[Any] = np.dtype((np.record, [("nothing", "i8")]))
+"""Record of what a motion does not need."""
+
+
+class Moving(NamedTuple):
+    """Motions of the cuts in a row."""
+
+    lanes: Struct
+    """Scalars of the records and scratch, for each lane."""
+    views: LaneViews
+    records: StructArray
+    """Records of all cuts, shape (n,)."""
+    shared: StructArray
+    """Record that all cuts share, shape (1,)."""
+
+
+@njit_inline
+def no_hook(row: Struct, moving: Moving, profiles: StructArray, dt: float) -> None:
+    """Add nothing to the law."""
+
+
+@njit_inline
+def add_up_force(row: Struct, moving: Moving, profiles: StructArray, dt: float) -> None:
+    """Add up the force of the tissue and of friction on each blade."""
+    for n in range(len(row.blade)):
+        row.force[n] = row.elastic[n] + row.rubbing[n]
+
+
+@njit_inline
+def no_command(lanes: Struct, n: Integer, command: float) -> None:
+    """Ignore the command of a further axis."""
+
+
+@njit_inline
+def lead_along(row: Struct, lanes: Struct, wanted: float) -> float:
+    """Return the position [m] of the blade in a row of one, which has no further axis to be led."""
+    return row.blade[0]  # type: ignore[no-any-return]
+
+
+@njit_inline
+def no_force(lanes: Struct, n: Integer) -> float:
+    """Return no force across the cut [N]."""
+    return 0.0
+
+
+@njit_inline
+def nothing_stored(record: Struct) -> float:
+    """Return no further stored energy [J]."""
+    return 0.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Motion:
+    """Declaration of a motion of the blade, whose hooks are compiled by :func:`~cutenv._engine.jit.njit_inline`.
+
+    Unless said otherwise, a hook takes a row of cuts (:data:`~cutenv.cutting.row.ROW`), its :class:`Moving`, the cuts'
+    profiles and the duration of the update [s].
+    """
+
+    place: str
+    """Module and name of this object, "package.module:NAME"."""
+    record: np.dtype[Any] = NOTHING
+    """What is known of each cut: scalars, which a row gathers, then arrays."""
+    scratch: tuple[tuple[str, str], ...] = ()
+    """Fields that live only in a row."""
+    shared: np.dtype[Any] = NOTHING
+    """What all cuts share."""
+
+    command: Callable[..., None] = no_command
+    """Give a lane its command of the further axis; takes lanes, number of the lane, command."""
+    drive: Callable[..., None] = no_hook
+    """Advance the drive of the further axis."""
+    aim: Callable[..., None] = no_hook
+    """Reduce the motion to that along the crack, before the tissue is loaded."""
+    move: Callable[..., None] = no_hook
+    """Move the blade by what the law has not seen, after the tissue is loaded."""
+    renew: Callable[..., None] = no_hook
+    """Bring the profiles up to date where tip and blade come to another point."""
+    renew_runs: Callable[..., None] = no_hook
+    """Bring the profiles up to date where cracks are about to run."""
+    respond: Callable[..., None] = add_up_force
+    """Let the tissue respond to the motion, and add up the forces on the blade."""
+    force: Callable[..., float] = no_force
+    """Return the force on the blade across the cut [N]; takes lanes and number of the lane."""
+    stored: Callable[..., float] = nothing_stored
+    """Return the energy that is stored besides that of the law [J]; takes the record of a cut."""
+    lead: Callable[..., float] = lead_along
+    """Lead the further axis of a row of one to a wanted place; return the blade's position [m]."""
+    stops_at_ends: bool = False
+    """Whether a blade that is led beyond the specimen stops there; otherwise that is an error."""
+
+    @property
+    def scalars(self) -> Any:
+        """Number of scalars that a row gathers, as Numba compiles it once for all numbers."""
+        return np.int64(count_scalars(self.record))
+
+    def lanes(self, count: int) -> np.dtype[Any]:
+        """Return the structured dtype of ``count`` lanes."""
+        return lane_dtype(self.record, self.scratch, count)
+
+    @cached_property
+    def cut(self) -> np.dtype[Any]:
+        """Return the dtype of a cut in one record, which Python passes faster than its parts, each of shape (1,)."""
+        parts = {
+            "states": STATE, "profiles": PROFILE, "laws": LAW, "drives": DRIVE, "sensors": SENSOR,
+            "motions": self.record, "shared": self.shared,
+            "rows": ONE, "lanes": self.lanes(1),  # memory of the calls
+        }  # fmt: skip
+        return np.dtype((np.record, [(name, kind, (1,)) for name, kind in parts.items()]))
+
+
+STRAIGHT = Motion(place=f"{__name__}:STRAIGHT")
+"""Motion along the cut alone."""

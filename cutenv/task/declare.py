@@ -1,0 +1,398 @@
+"""Declaration of a task: what it adds to gentle cutting, in one object from which everything else is made.
+
+Every task is gentle cutting, declared in :mod:`cutenv.task.reward`, :mod:`cutenv.task.observation` and
+:mod:`cutenv.task.info`, of a blade with some motion.  A :class:`Task` adds an action axis, components of the
+observation, costs and an end of the whole cut, and the functions, its hooks, that the compiled steps of
+:mod:`cutenv.task.stepper` call.  Gentle cutting itself is the task that adds nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cutenv import task_quantities
+from cutenv._base.arrays import Struct, StructArray
+from cutenv._engine.declared import compiled_for
+from cutenv._engine.fuse import expression, fuse
+from cutenv._engine.jit import njit_fused, njit_inline, njit_internal
+from cutenv._engine.randomness import Integer
+from cutenv.cutting.dtypes import DRIVE, LAW, PROFILE, STATE
+from cutenv.cutting.motion import NOTHING, STRAIGHT, Motion, Moving
+from cutenv.cutting.sensor import SENSOR, WRAP
+from cutenv.task.assessment import COUNT_ONE
+from cutenv.task.episode_dtypes import PROGRESS, SPECIMEN, TASK
+from cutenv.task.info import INFO
+from cutenv.task.observation import CLIP, COMPONENTS, DEAD_ZONE, Component
+from cutenv.task.reward import ENDS, TERMS
+from cutenv.task_quantities import WholeCutTerm
+from cutenv.tissue.crack_tip import ASSESSED_TIP
+
+WHOLE: np.dtype[Any] = np.dtype((np.record, [("success", "i8")]))
+"""Assessment of the whole cut where nothing is asked of it but a success."""
+WAYS = 5
+"""Number of measurements at each reading that a task may have beyond those of a straight cut."""
+
+
+class Cuts(NamedTuple):
+    """Everything about n cuts, as structured arrays of shape (n,)."""
+
+    states: StructArray
+    profiles: StructArray
+    laws: StructArray
+    drives: StructArray
+    sensors: StructArray
+    motions: StructArray
+    """Records of the motion, :attr:`~cutenv.cutting.motion.Motion.record`."""
+    shared: StructArray
+    """Record that all cuts share, shape (1,)."""
+    tasks: StructArray
+    progresses: StructArray
+    nominals: StructArray
+    """Profiles that a rig expects."""
+    specimens: StructArray
+    known: StructArray
+    """What a rig knows of a cut, :attr:`Task.known`; unused if the reward is assessed by hidden state."""
+    wholes: StructArray
+    """Assessment of the whole cut, :attr:`Task.whole`."""
+
+    @classmethod
+    def empty(cls, task: Task, count: int) -> Cuts:
+        """Return arrays for ``count`` cuts of a task, not yet reset."""
+        kinds: list[Any] = [STATE, PROFILE, LAW, DRIVE, SENSOR, task.motion.record, task.motion.shared]
+        kinds += [TASK, PROGRESS, PROFILE, SPECIMEN, task.known, task.whole]
+        empty = cls(*(np.zeros(count, kind) for kind in kinds))
+        return empty._replace(shared=np.zeros(1, task.motion.shared))
+
+    @classmethod
+    def together(cls, cuts: Sequence[Cuts]) -> Cuts:
+        """Return several cuts, each of shape (n,), in one; what they share is that of the first."""
+        parts = zip(*cuts, strict=True)
+        return cls(*map(np.concatenate, parts))._replace(shared=cuts[0].shared)
+
+    def repeated(self, counts: Any) -> Cuts:
+        """Return copies, each cut as often as ``counts`` says, an int or an array of shape (n,)."""
+        parts = (np.repeat(part, counts, axis=0) for part in self._replace(shared=self.states))
+        return Cuts(*parts)._replace(shared=self.shared)
+
+    def straight(self) -> Cuts:
+        """Return the cuts without their motion and the whole cut's assessment; the others are the same arrays."""
+        nothing = np.zeros(len(self.states), NOTHING)
+        return self._replace(
+            motions=nothing, shared=np.zeros(1, NOTHING), known=nothing, wholes=np.zeros(len(nothing), WHOLE)
+        )
+
+
+class Stepping(NamedTuple):
+    """Row of cuts within a step."""
+
+    cuts: Cuts
+    row: Struct
+    moving: Moving
+    count: Struct
+    """Accumulators of gentle cutting, :data:`~cutenv.task.assessment.COUNT`."""
+    step: Struct
+    """Counts that the task adds, :attr:`Task.counted`."""
+
+
+@njit_inline
+def size_along(force: float, across: float) -> float:
+    """Return the force that is charged and limited [N]: that along the cut."""
+    return force
+
+
+@njit_inline
+def count_nothing(step: Struct, k: Integer, place: float, tip: float, across: float) -> None:
+    """Count nothing more in a millisecond."""
+
+
+@njit_inline
+def fetch_nothing(cuts: Cuts, i: int, first: Integer, last: Integer) -> None:
+    """Prefetch no further records."""
+
+
+@njit_inline
+def survey_nothing(whole: Struct, motion: Struct, step: Struct, k: Integer, tip: float) -> None:
+    """Survey nothing of the whole cut."""
+
+
+@njit_inline
+def always(whole: Struct, target: float) -> bool:
+    """Return True: nothing more is asked of a success."""
+    return True
+
+
+@njit_inline
+def never(whole: Struct) -> bool:
+    """Return False: there is no further end for safety."""
+    return False
+
+
+@njit_inline
+def charged_along(cuts: Cuts, c: Integer) -> tuple[float, float]:
+    """Return no other stored energy than that along the cut: -1, and 1."""
+    return -1.0, 1.0
+
+
+@njit_inline
+def observe_nothing(
+    cuts: Cuts, c: Integer, step: Struct, k: Integer, action: StructArray, observation: StructArray
+) -> None:
+    """Observe nothing more."""
+
+
+@njit_inline
+def measure_nothing(stepping: Stepping, k: Integer) -> None:
+    """Measure nothing more."""
+
+
+@njit_inline
+def expect_nothing(cuts: Cuts, c: Integer, first: bool, tick: int, position: float) -> None:
+    """Expect nothing more before the tip is estimated."""
+
+
+@njit_inline
+def learn_nothing(known: Struct, tick: int, position: float, tip: float) -> None:
+    """Learn nothing more from an estimated tip."""
+
+
+@njit_inline
+def begin_nothing(cuts: Cuts, c: Integer, given: Any, key: tuple[Integer, Integer]) -> None:
+    """Begin nothing more."""
+
+
+@njit_inline
+def observe_nothing_at_start(cuts: Cuts, c: Integer, observation: StructArray) -> None:
+    """Observe nothing more at the start."""
+
+
+@njit_inline
+def no_count(step: Struct, k: Integer, place: float) -> None:
+    """Prepare no further counts."""
+
+
+@njit_inline
+def delayed(known: Struct, sensor: Struct, tick: int, force: float) -> float:
+    """Return the force across the cut [N] that a sensor reads, as late as that along it, for the present one."""
+    known.late[tick & WRAP] = force
+    return known.late[(tick - sensor.delay) & WRAP]  # type: ignore[no-any-return]
+
+
+@njit_inline
+def in_steps(force: float, resolution: float) -> float:
+    """Return a force [N] rounded to a sensor's resolution [N], if it has one."""
+    if resolution == 0.0:
+        return force
+    return resolution * math.floor(force / resolution + 0.5)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Axis:
+    """Action axis that a task adds to speed and angle."""
+
+    name: str
+    meaning: str
+    scale: float
+    """Command of action 1, in SI units; it is 0 in the dead zone, and linear beyond."""
+    shown: str
+    """Range from -1 to 1, for readers."""
+    unit: str
+    """Unit of that range."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Task:
+    """Declaration of a task; its hooks are compiled by :func:`~cutenv._engine.jit.njit_inline`, or for kernels.
+
+    The whole cut is assessed by a record: settings, sums over the places that the tip has passed, and what
+    :func:`whole_fields` gives.
+    """
+
+    place: str
+    """Module and name of this object, "package.module:NAME"."""
+    environment: str
+    """Id of the environment."""
+    from_truth: bool = True
+    """Whether the reward is assessed by hidden state; otherwise by what a rig sees, see :attr:`seen`."""
+    motion: Motion = STRAIGHT
+    axis: Axis | None = None
+    components: tuple[Component, ...] = ()
+    """Components of the observation that follow those of gentle cutting."""
+    costs: tuple[WholeCutTerm, ...] = ()
+    """Costs of the whole cut."""
+    quantities: tuple[str, ...] = ()
+    """Quantities of their formulas: fields of the whole cut's record, and "target"."""
+    whole: np.dtype[Any] = WHOLE
+    """Record of the whole cut."""
+    counted: tuple[str, ...] = ("nothing",)
+    """Counts of a step."""
+    expected: np.dtype[Any] = NOTHING
+    """Record of the motion that a rig expects, among what it knows."""
+    measured: tuple[str, ...] = ()
+    """Measurements at each reading that the task adds, by field of a trace."""
+    end: str = ""
+    """Name of a further end for safety."""
+    end_text: str = ""
+    """When a cut ends so."""
+    shown_as: str = ""
+    """Group of the info that has the errors of the whole cut, and line of a picture that has its costs."""
+    hidden: tuple[str, ...] = ()
+    """Names of the privileged features that the task adds to those of gentle cutting."""
+
+    begin: Callable[..., None] = begin_nothing
+    """Begin a cut whose records were begun as those of gentle cutting, from what is given and a key."""
+    expect: Callable[..., None] = begin_nothing
+    """Begin what a rig knows of it."""
+    observe_start: Callable[..., None] = observe_nothing_at_start
+    """Fill the components that the task adds at the start of a cut."""
+    fetch: Callable[..., None] = fetch_nothing
+    """Prefetch records of the next row of cuts."""
+    begin_step: Callable[..., None] = no_count
+    """Prepare the counts of a step; takes them, number of the lane, and place of the blade's leading end [m]."""
+    count: Callable[..., None] = count_nothing
+    """Count a millisecond: counts, number of the lane, place of the blade, tip [m], force across the cut [N]."""
+    size: Callable[..., float] = size_along
+    """Return the force that is charged and limited, from those along and across the cut [N]."""
+    survey: Callable[..., None] = survey_nothing
+    """Bring the record of the whole cut up to date: record, motion, counts, number of the lane, tip [m]."""
+    breached: Callable[..., bool] = never
+    """Return whether the cut ends for safety, from the record of the whole cut."""
+    achieved: Callable[..., bool] = always
+    """Return whether the whole cut is within the tolerances of a success, from its record and target length [m]."""
+    left_loaded: Callable[..., tuple[float, float]] = charged_along
+    """Return the energy that an end leaves stored [J], or -1 for that along the cut, and R B at the tip [N]."""
+    left_loaded_seen: Callable[..., tuple[float, float]] = charged_along
+    """The same of a cut that is seen as on a rig."""
+    observe: Callable[..., None] = observe_nothing
+    """Fill the components that the task adds; takes cuts, number of the cut, counts, lane, action, observation."""
+    observe_seen: Callable[..., None] = observe_nothing
+    """The same of a cut that is seen as on a rig."""
+    measure: Callable[..., None] = measure_nothing
+    """Let a simulated rig measure; what it reads are the ``ways`` of what is known."""
+    expect_at: Callable[..., None] = expect_nothing
+    """Bring the profile that a rig expects up to date, before the tip is estimated."""
+    learn: Callable[..., None] = learn_nothing
+    """Let what is expected follow an estimated tip."""
+    hide: Callable[..., None] | None = None
+    """Fill the privileged features that the task adds to those of gentle cutting."""
+
+    @cached_property
+    def seen(self) -> Task:
+        """The same task, assessed by what a rig sees: tip, runs and the whole cut are estimates."""
+        return self if not self.from_truth else replace(self, place=f"{self.place}.seen", from_truth=False)
+
+    @property
+    def action_names(self) -> tuple[str, ...]:
+        """Names of the numbers of an action."""
+        return ("speed", "angle", *(() if self.axis is None else (self.axis.name,)))
+
+    @property
+    def all_components(self) -> tuple[Component, ...]:
+        """All components of the observation."""
+        return (*COMPONENTS, *self.components)
+
+    @property
+    def all_terms(self) -> tuple[str, ...]:
+        """Names of all terms of the reward."""
+        return (*TERMS, *(cost.name for cost in self.costs))
+
+    @property
+    def ends(self) -> tuple[str, ...]:
+        """Names of the ends by code; code 0: not ended."""
+        return (*ENDS, self.end) if self.end else ENDS
+
+    @cached_property
+    def known(self) -> np.dtype[Any]:
+        """What a rig knows of a cut: its tip, the expected motion, measurements; nothing where truth is known."""
+        if self.from_truth:
+            return NOTHING
+        fields = [
+            ("tip", ASSESSED_TIP, (1,)),
+            ("motion", self.expected, (1,)),
+            ("ways", "f8", (WAYS,)),
+            ("late", "f8", (WRAP + 1,)),
+        ]
+        return np.dtype((np.record, fields))
+
+    def counts(self, lanes: int) -> np.dtype[Any]:
+        """Return the structured dtype of the counts of a step, one number for each lane."""
+        return np.dtype((np.record, [(name, "f8", (lanes,)) for name in self.counted]))
+
+    @cached_property
+    def episode(self) -> np.dtype[Any]:
+        """Return the dtype of an episode in one record, beside the cut; each part is an array of shape (1,)."""
+        parts = {
+            "tasks": TASK, "progresses": PROGRESS, "nominals": PROFILE, "specimens": SPECIMEN,
+            "known": self.known, "wholes": self.whole,
+            "infos": INFO,  # of the last step
+            "counts": COUNT_ONE, "steps": self.counts(1),  # memory of the calls
+        }  # fmt: skip
+        totals = ("totals", "f8", (len(TERMS),))  # sum of the reward's terms since reset
+        return np.dtype((np.record, [*((name, kind, (1,)) for name, kind in parts.items()), totals]))
+
+    def charges(self, wholes: StructArray, prefix: str = "term") -> dict[str, Any]:
+        """Return the costs of the whole cut in the last step, or with "total" since reset, by name; each of (n,)."""
+        return {cost.name: wholes[f"{prefix}_{cost.name}"] for cost in self.costs}
+
+
+@compiled_for(njit_fused)
+def charge(task: Task) -> Any:
+    """Return the function that charges the costs of a step in the record of the whole cut, for a target length [m]."""
+    lines = ["pass"]
+    for cost in task.costs:
+        value = expression(cost.value, task.quantities, {name: f"whole.{name}" for name in task.quantities[:-1]})
+        lines += [
+            f"before = whole.total_{cost.name}",
+            f"whole.total_{cost.name} = 0.0 - whole.weight_{cost.name} * {value}",
+            f"whole.term_{cost.name} = whole.total_{cost.name} - before",
+        ]
+    return fuse("charge", ["whole", "target"], lines, [task_quantities, __name__])
+
+
+@compiled_for(njit_fused)
+def terms(task: Task) -> Any:
+    """Return the function that adds up the costs of a step in the record of the whole cut."""
+    total = " + ".join(f"whole.term_{cost.name}" for cost in task.costs) or "0.0"
+    return fuse("terms", ["whole"], [f"return {total}"], [__name__])
+
+
+@compiled_for(njit_internal)
+def command(task: Task) -> Callable[[float], float]:
+    """Return the function that turns a third action, -1 to 1, into a command: 0 in the dead zone, linear beyond."""
+    scale = 0.0 if task.axis is None else task.axis.scale
+
+    def command(action: float) -> float:
+        return scale * ((action - min(max(action, -DEAD_ZONE), DEAD_ZONE)) / (1.0 - DEAD_ZONE))
+
+    return command
+
+
+def whole_fields(costs: Sequence[WholeCutTerm]) -> list[tuple[str, str]]:
+    """Return the fields of a whole cut's record that hold a success, the costs of the step, and those since reset."""
+    return [
+        ("success", "i8"),
+        *((f"term_{cost.name}", "f8") for cost in costs),
+        *((f"total_{cost.name}", "f8") for cost in costs),
+    ]
+
+
+def observer(components: Sequence[Component], modules: Collection[str]) -> Any:
+    """Return the function that fills components, by quantities of their names, after those of gentle cutting."""
+    lines = [
+        f"observation[{number}] = min(max({one.name} / {one.scale!r}, {-CLIP}), {CLIP})"
+        for number, one in enumerate(components, start=len(COMPONENTS))
+    ]
+    return njit_fused(fuse("fill", [*(one.name for one in components), "observation"], lines, [*modules, __name__]))
+
+
+def settings_of(dtype: np.dtype[Any], constants: Any) -> StructArray:
+    """Return a record, shape (1,), with the fields of a dataclass of constants."""
+    record = np.zeros(1, dtype)
+    for name in type(constants).__dataclass_fields__:
+        record[name] = getattr(constants, name)
+    return record

@@ -1,0 +1,690 @@
+"""The task of ``cutenv/DepthCut-v1``: cut along a wanted depth, without opening the layer below.
+
+A rig sees neither tip nor floor.  The tip is estimated from the force, with the stiffness of the mean tissue at the
+depth to which the blade is engaged; the floor is that which the mean tissue would have under this blade
+(:func:`cutenv.tissue.floor.follow_floor`).  No layer below is known, and none is charged.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cutenv._base.arrays import Array, Array32, Struct, StructArray
+from cutenv._base.parameter import check_parameters, parameter, taken_from
+from cutenv._base.validation import one_of
+from cutenv._engine.elementary import log
+from cutenv._engine.intrinsics import prefetch
+from cutenv._engine.jit import njit, njit_inline, njit_internal
+from cutenv._engine.randomness import VERTICAL_NOISE, Integer, normal_at
+from cutenv.cutting.descent import (
+    DESCENDING,
+    DESCENT,
+    DescentParameters,
+    descent_records,
+    held_depth,
+    renew,
+    shared_record,
+)
+from cutenv.cutting.dtypes import TICK
+from cutenv.cutting.law import grid_index, lerp
+from cutenv.task.declare import WAYS, Axis, Cuts, Stepping, Task, delayed, in_steps, observer, settings_of, whole_fields
+from cutenv.task.episode import Episode, Goal, Options, ShownDepth
+from cutenv.task.observation import COMPONENTS, SPEED_SCALE, Component, speed_action, to_action
+from cutenv.task.wanted_depth import AT_LEVEL, WANTED_KINDS, draw_layer, draw_wanted
+from cutenv.task_quantities import (
+    DEPTH_COSTS,
+    DEPTH_TOLERANCE,
+    LAYER_LIMIT,
+    LAYER_TOLERANCE,
+    OF_MAP,
+    into_layer,
+    left_uncut,
+    too_deep,
+)
+from cutenv.tissue.crack_tip import ESTIMATED_EVERY
+from cutenv.tissue.description import TissueDescription
+from cutenv.tissue.floor import FLOOR_EVERY, follow_floor
+from cutenv.tissue.grid import N_POINTS, POINTS_PER_METRE, SPACING
+from cutenv.tissue.layers import Layers
+from cutenv.tissue.nominal import nominal_stiffness
+from cutenv.tissue.slab import cut_through
+from cutenv.tissue.specimen import Specimen
+from cutenv.tissue.surface import SurfaceSpread
+
+DESCENT_SCALE = 0.010
+"""Speed downwards of descent action 1 [m/s]."""
+LOOK_AHEAD = (0.005, 0.010, 0.020)
+"""Distances ahead of the blade at which the wanted depth is observed [m]."""
+
+DEPTH_COMPONENTS = (
+    Component(name="vertical", meaning="vertical force now, upwards", unit="N", scale=5.0),
+    Component(name="vertical_mean", meaning="its mean since the last decision", unit="N", scale=5.0),
+    Component(name="vertical_max", meaning="its maximum since the last decision", unit="N", scale=5.0),
+    Component(
+        name="blade_depth", meaning="blade's lower end below the surface, as measured beforehand", unit="m", scale=0.02
+    ),
+    Component(name="descent_speed", meaning="of the blade, downwards", unit="m/s", scale=DESCENT_SCALE),
+    Component(name="wanted", meaning="wanted depth at the blade", unit="m", scale=0.02),
+    Component(name="wanted_near", meaning="5 mm further", unit="m", scale=0.02),
+    Component(name="wanted_further", meaning="10 mm further", unit="m", scale=0.02),
+    Component(name="wanted_far", meaning="20 mm further", unit="m", scale=0.02),
+    Component(name="last_descent", meaning="last action: descent", unit="1", scale=1.0),
+)
+"""Components of the observation that follow the 12 of gentle cutting, in order."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DepthConstants:
+    """Constants of the depth: weights of its costs, limit of the layer, sensor of the vertical force."""
+
+    layer_limit: float = parameter(
+        LAYER_LIMIT, unit="m", low=0.0001, high=0.03, provenance="choice",
+        source="depth into the layer below at which a cut ends for safety", sensitivity=(0.001, 0.005),
+    )  # fmt: skip
+    vertical_noise: float = parameter(
+        0.02, unit="N", low=0.0, high=10.0, provenance="assumed", source="as along the cut", sensitivity=(0.0, 0.1),
+    )  # fmt: skip
+    vertical_resolution: float = parameter(
+        0.05, unit="N", low=0.0, high=10.0, provenance="assumed", source="as along the cut", sensitivity=(0.0, 0.1),
+    )  # fmt: skip
+    weight_too_deep: float = parameter(
+        DEPTH_COSTS[0].weight, unit="1", low=0.0, high=100.0, provenance="choice", source=DEPTH_COSTS[0].per
+    )
+    weight_uncut: float = parameter(
+        DEPTH_COSTS[1].weight, unit="1", low=0.0, high=100.0, provenance="choice", source=DEPTH_COSTS[1].per
+    )
+    weight_layer_area: float = parameter(
+        DEPTH_COSTS[2].weight, unit="1", low=0.0, high=100.0, provenance="choice", source=DEPTH_COSTS[2].per
+    )
+    weight_layer_depth: float = parameter(
+        DEPTH_COSTS[3].weight, unit="1", low=0.0, high=100.0, provenance="choice", source=DEPTH_COSTS[3].per
+    )
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+
+
+DEPTH: np.dtype[Any] = np.dtype(
+    (
+        np.record,
+        [
+            *((name, "f8") for name in DepthConstants.__dataclass_fields__),
+            ("level_wanted", "i8"),  # 1: the wanted depth is the specimen's own profile, level 0 of the blade
+            ("wanted", "f8", (N_POINTS,)),  # depth below the surface [m]
+            ("counted", "f8", (N_POINTS,)),  # depth of the floor as it is in the sums below [m]; -1: not yet
+            ("deep", "f8"),  # sums over the floor, see OF_MAP
+            ("uncut", "f8"),
+            ("layer", "f8"),
+            ("deepest", "f8"),
+            ("counts", "i8"),  # number of points in the sums
+            *whole_fields(DEPTH_COSTS),
+        ],
+    )
+)
+"""Record of a cut's wanted depth, and of its floor so far, by which its depth is assessed."""
+
+RESPONSE = round(FLOOR_EVERY / TICK)
+"""Milliseconds between two responses of the expected floor."""
+EXPECTED: np.dtype[Any] = np.dtype(
+    (np.record, [*((name, DESCENT[name]) for name in DESCENT.names or ()), ("levels", "f8", (RESPONSE + 1,))])
+)
+"""Record of the vertical motion that a rig expects, with the levels of the last readings [m]."""
+_EVERY = round(ESTIMATED_EVERY / TICK)
+_AHEAD = 3  # cells ahead of the blade that it may reach until the tip is estimated again
+_NORMALS = 4  # random numbers of a decision
+_DEPTH = [one.name for one in COMPONENTS].index("depth")
+_DEPTH_SCALE = COMPONENTS[_DEPTH].scale
+_HEIGHT, _VERTICAL = 0, 4  # places of the measurements of a rig
+
+_fill = observer(DEPTH_COMPONENTS, [__name__])
+
+
+@njit_internal
+def survey_floor(depth: Struct, descent: Struct, low: float) -> None:
+    """Bring the sums over the floor of the cut up to date from position ``low`` [m] to the tip."""
+    for i in range(min(max(int(low * POINTS_PER_METRE) - 1, 0), depth.counts), descent.cell + 1):
+        now, before, wanted = descent.surface[i] - descent.floor[i], depth.counted[i], depth.wanted[i]
+        if now == before:
+            continue
+        depth.deep += SPACING * too_deep(now, wanted)
+        depth.uncut += SPACING * left_uncut(now, wanted)
+        depth.layer += SPACING * into_layer(now, descent.boundary)
+        if before >= 0.0:
+            depth.deep -= SPACING * too_deep(before, wanted)
+            depth.uncut -= SPACING * left_uncut(before, wanted)
+            depth.layer -= SPACING * into_layer(before, descent.boundary)
+        depth.deepest = max(depth.deepest, now - descent.boundary)
+        depth.counted[i] = now
+    depth.counts = max(depth.counts, descent.cell + 1)
+
+
+@njit_inline
+def survey(depth: Struct, descent: Struct, step: Struct, k: Integer, tip: float) -> None:
+    """Bring the sums over the floor up to date, from where the edge has been in this step."""
+    survey_floor(depth, descent, step.reached[k] - descent.edge_length)
+
+
+@njit_inline
+def begin_step(step: Struct, k: Integer, place: float) -> None:
+    """Prepare a step of lane ``k`` for an edge whose leading end is at ``place`` [m]."""
+    step.reached[k], step.updates[k] = place, 0.0
+    step.vertical_sum[k], step.vertical_max[k] = 0.0, -math.inf
+
+
+@njit_inline
+def count(step: Struct, k: Integer, place: float, tip: float, vertical: float) -> None:
+    """Count a millisecond of lane ``k``: blade, tip [m], vertical force [N]."""
+    step.reached[k] = min(step.reached[k], min(place, tip))
+    step.updates[k] += 1.0
+    step.vertical_sum[k] += vertical
+    step.vertical_max[k] = max(step.vertical_max[k], vertical)
+
+
+@njit_inline
+def breached(depth: Struct) -> bool:
+    """Return True if the layer below is opened deeper than its limit."""
+    return depth.deepest > depth.layer_limit  # type: ignore[no-any-return]
+
+
+@njit_inline
+def achieved(depth: Struct, target: float) -> bool:
+    """Return True if mean error of the depth and depth into the layer below are within the tolerances of a success."""
+    mean: float = (depth.deep + depth.uncut) / target
+    return mean <= DEPTH_TOLERANCE and depth.deepest <= LAYER_TOLERANCE
+
+
+@njit_inline
+def depth_along(depths: StructArray, position: float) -> float:
+    """Return a depth [m] at ``position`` [m], from its values along the cut, shape (301,)."""
+    i, share = grid_index(position)
+    return lerp(depths, i, share)
+
+
+@njit_internal
+def wanted_at(depth: Struct, measured: StructArray, position: float) -> float:
+    """Return the wanted depth [m] at ``position`` [m] as it is shown; the specimen's own profile as it was measured."""
+    if depth.level_wanted == 1:
+        return depth_along(measured, position)
+    at = min(max(position, 0.0) * POINTS_PER_METRE, N_POINTS - 1.0)
+    i = min(int(at), N_POINTS - 2)
+    return depth.wanted[i] + (at - i) * (depth.wanted[i + 1] - depth.wanted[i])  # type: ignore[no-any-return]
+
+
+@njit_internal
+def fill(
+    depth: Struct, descent: Struct, measured: StructArray, position: float, forces: tuple[float, float, float],
+    last_descent: float, observation: StructArray,
+) -> None:  # fmt: skip
+    """Fill the components of ``observation`` that depth adds, for vertical ``forces`` now, in the mean and at most."""
+    _fill(
+        forces[0], forces[1], forces[2], depth_along(measured, position) - descent.level, -descent.level_speed,
+        wanted_at(depth, measured, position), wanted_at(depth, measured, position + LOOK_AHEAD[0]),
+        wanted_at(depth, measured, position + LOOK_AHEAD[1]), wanted_at(depth, measured, position + LOOK_AHEAD[2]),
+        last_descent, observation,
+    )  # fmt: skip
+
+
+@njit_internal
+def observe(cuts: Cuts, c: Integer, step: Struct, k: Integer, action: StructArray, observation: StructArray) -> None:
+    """Fill the components that depth adds; the sensor's noise is drawn once for each decision."""
+    depth, descent, sensor, tick = cuts.wholes[c], cuts.motions[c], cuts.sensors[c], cuts.states[c].tick
+    counter, updates = _NORMALS * tick, cuts.progresses[c].updates
+    first = normal_at(sensor.seed, sensor.episode, VERTICAL_NOISE, counter)
+    second = normal_at(sensor.seed, sensor.episode, VERTICAL_NOISE, counter + 1)
+    third = normal_at(sensor.seed, sensor.episode, VERTICAL_NOISE, counter + 2)
+    now = in_steps(descent.vertical + depth.vertical_noise * first, depth.vertical_resolution)
+    mean = step.vertical_sum[k] / updates + depth.vertical_noise * second / math.sqrt(updates)
+    largest = in_steps(step.vertical_max[k] + depth.vertical_noise * third, depth.vertical_resolution)
+    fill(
+        depth, descent, cuts.nominals[c].depth, cuts.progresses[c].position, (now, mean, largest), action[2],
+        observation,
+    )  # fmt: skip
+
+
+@njit_internal
+def observe_start(cuts: Cuts, c: Integer, observation: StructArray) -> None:
+    """Fill the components that depth adds at the start: force tared to zero."""
+    position = cuts.progresses[c].position
+    fill(cuts.wholes[c], cuts.motions[c], cuts.nominals[c].depth, position, (0.0, 0.0, 0.0), 0.0, observation)
+
+
+@njit_inline
+def fetch(cuts: Cuts, i: int, first: Integer, last: Integer) -> None:
+    """Prefetch vertical motion and depth of two cuts of the next row, ``first`` to before ``last``."""
+    for c in range(first + 2 * i, min(first + 2 * (i + 1), last)):
+        descent, depth = cuts.motions[c], cuts.wholes[c]
+        place = grid_index(cuts.states[c].tip)[0]
+        for k in (max(place - 8, 0), place):  # the edge lies behind the tip
+            prefetch(descent.belongs, k)
+            prefetch(descent.surface, k)
+            prefetch(descent.floor, k)
+            prefetch(descent.toughness, k)
+            prefetch(depth.counted, k)
+            prefetch(depth.wanted, k)
+        prefetch(descent.far, place)
+        prefetch(descent.near, place)
+
+
+@njit_internal
+def begin(cuts: Cuts, c: Integer, given: tuple[float, float, int, int], key: tuple[Integer, Integer]) -> None:
+    """Begin wanted depth, layer and place of the blade of a cut.
+
+    ``given`` are the fracture part of the resistance, the bed's stiffness over the modulus, the kind of wanted depth,
+    and 1 if the layer below is drawn.
+    """
+    profile, measured, along, state = cuts.profiles[c], cuts.nominals[c], cuts.specimens[c], cuts.states[c]
+    task, descent, depth, slab = cuts.tasks[c], cuts.motions[c], cuts.wholes[c], cuts.shared[0]
+    for i in range(N_POINTS):
+        descent.surface[i] = descent.floor[i] = profile.depth[i]
+        descent.toughness[i] = given[0] * along.fracture_resistance[i]
+    descent.modulus = cut_through(slab, along.modulus, descent.far, descent.near)
+    descent.bed = given[1] * descent.modulus
+    depth.level_wanted = 1 if given[2] == AT_LEVEL else 0
+    if given[2] == AT_LEVEL:
+        for i in range(N_POINTS):
+            depth.wanted[i] = profile.depth[i]
+    else:
+        draw_wanted(key[0], key[1], given[2], task.target, depth.wanted)
+    if given[3] == 1:
+        draw_layer(key[0], key[1], depth.wanted, descent)
+    cell = int(state.tip * POINTS_PER_METRE + 0.5)
+    for i in range(cell + 1):  # what is already cut is as deep as wanted, by the measured surface
+        descent.floor[i] = 0.0 if given[2] == AT_LEVEL else measured.depth[i] - depth.wanted[i]
+        depth.counted[i] = -1.0
+    for i in range(N_POINTS):
+        depth.counted[i] = -1.0
+    descent.cell = descent.under = cell
+    descent.tip, descent.blade = state.tip, state.blade
+    descent.level = descent.settled = descent.engaged = descent.floor[cell]
+    descent.version = 0
+    for i in range(N_POINTS):
+        descent.belongs[i] = -1
+        renew(profile, descent, slab, i)
+    survey_floor(depth, descent, 0.0)
+
+
+@njit_internal
+def expect(cuts: Cuts, c: Integer, given: tuple[float, float, int, int], key: tuple[Integer, Integer]) -> None:
+    """Begin the wanted depth and the floor that a rig expects, of a cut at the clamp; ``given``: see :func:`begin`."""
+    measured, depth, descent = cuts.nominals[c].depth, cuts.wholes[c], cuts.known[c].motion[0]
+    kind, target = given[2], cuts.tasks[c].target
+    for i in range(N_POINTS):
+        descent.surface[i] = descent.floor[i] = measured[i]
+        depth.counted[i] = -1.0
+        depth.wanted[i] = measured[i]
+    depth.level_wanted = 1 if kind == AT_LEVEL else 0
+    if kind != AT_LEVEL:
+        draw_wanted(key[0], key[1], kind, target, depth.wanted)
+    level: float = 0.0 if kind == AT_LEVEL else measured[0] - depth.wanted[0]
+    descent.level = descent.engaged = descent.floor[0] = level
+    depth.deep = depth.uncut = depth.layer = depth.deepest = 0.0
+    depth.counts = 0
+    survey_floor(depth, descent, 0.0)
+
+
+@njit
+def drawn_layer(descents: StructArray, wanted: Array, key: tuple[Integer, Integer]) -> None:
+    """Put the layer of this key below the ``wanted`` depth [m], shape (301,), into ``descents``, shape (1,)."""
+    draw_layer(key[0], key[1], wanted, descents[0])
+
+
+@njit_internal
+def measure(stepping: Stepping, k: Integer) -> None:
+    """Let a simulated rig read its height and the vertical force, with the noise of this millisecond."""
+    c = stepping.row.cut[k]
+    cuts, levels = stepping.cuts, stepping.moving.lanes
+    known, depth, sensor, tick = cuts.known[c], cuts.wholes[c], cuts.sensors[c], stepping.row.tick[k]
+    noise = depth.vertical_noise * normal_at(sensor.seed, sensor.episode, VERTICAL_NOISE, _NORMALS * tick + 3)
+    known.ways[_HEIGHT] = levels.level[k]
+    known.ways[_VERTICAL] = in_steps(
+        delayed(known, sensor, tick, levels.vertical[k]) + noise, depth.vertical_resolution
+    )
+
+
+@njit_internal
+def expect_at(cuts: Cuts, c: Integer, first: bool, tick: int, position: float) -> None:
+    """Let the profile around tip and blade be that at the depth to which the blade is engaged."""
+    known = cuts.known[c]
+    descent = known.motion[0]
+    if first:
+        for i in range(RESPONSE + 1):
+            descent.levels[i] = descent.level
+    for i in range(RESPONSE):
+        descent.levels[i] = descent.levels[i + 1]
+    descent.level = descent.levels[RESPONSE] = known.ways[_HEIGHT]
+    if first or tick % _EVERY == 0:
+        _engage(cuts.nominals[c], cuts.shared[0].mean[0], descent, position)
+
+
+@njit_internal
+def _engage(profile: Struct, mean: Struct, descent: Struct, position: float) -> None:
+    """Let the profile around tip and blade be that of the mean tissue at the depth to which the blade is engaged."""
+    last = min(int(max(position, 0.0) * POINTS_PER_METRE) + _AHEAD, N_POINTS - 1)
+    for k in range(max(min(descent.cell, last) - 1, 0), last + 1):
+        engaged = descent.level if k > descent.cell else max(descent.level, descent.floor[k])
+        depth = held_depth(descent, descent.surface[k] - engaged)
+        profile.depth[k] = depth
+        profile.stiffness[k] = nominal_stiffness(mean, k, depth)
+        profile.toughness[k] = mean.toughness_per_depth * depth
+
+
+@njit_internal
+def learn(known: Struct, tick: int, position: float, tip: float) -> None:
+    """Let the expected floor follow the blade and the estimated tip."""
+    if tick % RESPONSE == 0:
+        follow_floor(known.motion[0], position, tip)
+
+
+@njit_internal
+def observe_seen(
+    cuts: Cuts, c: Integer, step: Struct, k: Integer, action: StructArray, observation: StructArray
+) -> None:
+    """Fill the components that depth adds, and the depth of cut at level 0, from what a rig has measured."""
+    depth, known, position = cuts.wholes[c], cuts.known[c], cuts.progresses[c].position
+    descent, updates = known.motion[0], max(step.updates[k], 1.0)
+    span = min(updates, float(RESPONSE))
+    descent.level_speed = (descent.level - descent.levels[RESPONSE - int(span)]) / (span * TICK)
+    forces = known.ways[_VERTICAL], step.vertical_sum[k] / updates, step.vertical_max[k]
+    fill(depth, descent, descent.surface, position, forces, action[2], observation)
+    observation[_DEPTH] = depth_along(descent.surface, position) / _DEPTH_SCALE
+
+
+HIDDEN = (
+    "depth of cut at the tip less the wanted depth [2 mm]",
+    "that less the wanted depth 5 mm further [2 mm]",
+    "floor of the cut to the layer below [2 mm]",
+    "blade to the layer below, at the tip [2 mm]",
+    "logarithm of the layer's toughness over the tissue's [1]",
+    "logarithm of the layer's modulus over the tissue's [1]",
+    "error of the measured surface at the tip [mm]",
+    "mean error of the depth so far over that of a success [1]",
+    "largest depth into the layer below [mm]",
+)
+"""Names of the privileged features that depth adds."""
+_SHORT, _FINE = 0.002, 0.001  # scales of lengths [m]
+_FURTHER = 0.005  # [m]
+
+
+@njit
+def hide(cuts: Cuts, which: StructArray, hidden: Array) -> None:
+    """Fill the privileged features that depth adds, a row for each of the cuts ``which``."""
+    for m in range(len(which)):
+        n = which[m]
+        state, measured, task, descent, depth = (
+            cuts.states[n],
+            cuts.nominals[n],
+            cuts.tasks[n],
+            cuts.motions[n],
+            cuts.wholes[n],
+        )
+        i = min(int(state.tip * POINTS_PER_METRE + 0.5), N_POINTS - 1)
+        further = min(int((state.tip + _FURTHER) * POINTS_PER_METRE + 0.5), N_POINTS - 1)
+        floor, blade = descent.surface[i] - descent.engaged, descent.surface[i] - descent.level
+        hidden[m, 0] = (floor - depth.wanted[i]) / _SHORT
+        hidden[m, 1] = (floor - depth.wanted[further]) / _SHORT
+        hidden[m, 2] = (descent.boundary - floor) / _SHORT
+        hidden[m, 3] = (descent.boundary - blade) / _SHORT
+        hidden[m, 4] = log(descent.deep_toughness)
+        hidden[m, 5] = log(descent.deep_modulus)
+        hidden[m, 6] = (measured.depth[i] - descent.surface[i]) / _FINE
+        hidden[m, 7] = (depth.deep + depth.uncut) / (task.target * DEPTH_TOLERANCE)
+        hidden[m, 8] = depth.deepest / _FINE
+
+
+DEPTH_CUT = Task(
+    place=f"{__name__}:DEPTH_CUT",
+    environment="cutenv/DepthCut-v1",
+    motion=DESCENDING,
+    axis=Axis(name="descent", meaning="descent speed", scale=DESCENT_SCALE, shown="-10 to 10 (down)", unit="mm/s"),
+    components=DEPTH_COMPONENTS,
+    costs=DEPTH_COSTS,
+    quantities=OF_MAP,
+    whole=DEPTH,
+    counted=("reached", "updates", "vertical_sum", "vertical_max"),
+    expected=EXPECTED,
+    measured=("height", "vertical_force"),
+    end="layer",
+    end_text="the layer below is opened deeper than ``layer_limit``; an end for safety",
+    shown_as="depth",
+    hidden=HIDDEN,
+    begin=begin,
+    expect=expect,
+    observe_start=observe_start,
+    fetch=fetch,
+    begin_step=begin_step,
+    count=count,
+    survey=survey,
+    breached=breached,
+    achieved=achieved,
+    observe=observe,
+    measure=measure,
+    expect_at=expect_at,
+    learn=learn,
+    observe_seen=observe_seen,
+    hide=hide,
+)
+"""Gentle cutting along a wanted depth."""
+
+
+def depth_errors(depths: StructArray, targets: Array) -> dict[str, Any]:
+    """Return the depth of n cuts in numbers, each of shape (n,): areas [mm2], depth into the layer, mean error [mm]."""
+    areas = [np.maximum(depths[name], 0.0) for name in ("deep", "uncut", "layer")]  # rounding may leave -1e-20
+    return {
+        "too_deep_mm2": 1e6 * areas[0],
+        "uncut_mm2": 1e6 * areas[1],
+        "layer_mm2": 1e6 * areas[2],
+        "layer_mm": 1e3 * np.maximum(depths["deepest"], 0.0),
+        "mean_error_mm": 1e3 * (areas[0] + areas[1]) / targets,
+    }
+
+
+class DepthOptions(Options):
+    """Options of cutting along a wanted depth.
+
+    Parameters
+    ----------
+    keywords : dict
+        Keywords of the environment, of which these are removed: ``wanted``, ``layer``, and the fields of
+        :class:`DepthConstants`, :class:`~cutenv.cutting.descent.DescentParameters` and
+        :class:`~cutenv.tissue.surface.SurfaceSpread`.
+
+    Attributes
+    ----------
+    wanted : int
+        Kind of wanted depth, a value of :data:`~cutenv.task.wanted_depth.WANTED_KINDS`.
+    layer : bool
+        Whether there is another layer below.
+    """
+
+    names = (
+        "wanted", "layer", *DepthConstants.__dataclass_fields__, *DescentParameters.__dataclass_fields__,
+        *SurfaceSpread.__dataclass_fields__,
+    )  # fmt: skip
+
+    def __init__(self, keywords: dict[str, Any]) -> None:
+        super().__init__(keywords)
+        wanted, layer = keywords.pop("wanted", "mixed"), keywords.pop("layer", None)
+        self.wanted = WANTED_KINDS[one_of("wanted", wanted, tuple(WANTED_KINDS))]
+        one_of("layer", layer, (None, True, False))
+        self.layer = wanted != "profile" if layer is None else layer
+        if wanted == "profile":  # of the mean liver, as in cutenv/GentleCut-v1
+            keywords.setdefault("surface_spread", 0.0)
+        self.constants, self.descent = taken_from(keywords, DepthConstants), taken_from(keywords, DescentParameters)
+        self.surface = taken_from(keywords, SurfaceSpread)
+
+    task = DEPTH_CUT
+
+    def whole(self) -> StructArray:
+        """Return the record of a cut's depth before it begins, :data:`DEPTH` of shape (1,)."""
+        return settings_of(DEPTH, self.constants)
+
+    def motion(self, specimen: Specimen) -> StructArray:
+        """Return the vertical motion before a cut begins, :data:`~cutenv.cutting.descent.DESCENT` of shape (1,)."""
+        return descent_records([specimen], specimen.tissue.layers if self.layer else None, self.descent)
+
+    def shared(self, tissue: TissueDescription) -> StructArray:
+        """Return slab and mean tissue, :data:`~cutenv.cutting.descent.SHARED` of shape (1,)."""
+        return shared_record(tissue)
+
+    def expected(self, tissue: TissueDescription) -> StructArray:
+        """Return the motion of a blade in the mean tissue, :data:`EXPECTED` of shape (1,)."""
+        record = np.zeros(1, EXPECTED)
+        record["toughness"] = (1.0 - tissue.friction_share) * tissue.fracture_resistance
+        record["modulus"], record["bed"] = tissue.modulus, self.descent.bedding * tissue.modulus
+        record["thickness"], record["edge_length"] = tissue.thickness, self.descent.edge_length
+        for name in Layers.__dataclass_fields__:
+            record[name] = getattr(Layers(), name)
+        return record
+
+    def beginning(self, tissue: TissueDescription) -> tuple[float, float, int, int]:
+        """Return what :func:`begin` takes."""
+        return 1.0 - tissue.friction_share, self.descent.bedding, self.wanted, int(self.layer)
+
+    def errors(self, cuts: Cuts) -> dict[str, Any]:
+        """Return the depth of n cuts in numbers, by name with unit; each of shape (n,)."""
+        return depth_errors(cuts.wholes, cuts.tasks["target"])
+
+    def truth(self, cuts: Cuts) -> dict[str, Any]:
+        """Return level of the blade, depth of the cut at the tip, and of the layer below [m], each of shape (n,)."""
+        return depth_truth(cuts.motions)
+
+    def shown_depth(self, cuts: Cuts, number: int) -> ShownDepth:
+        """Return a copy of the depth of one of n cuts as a picture shows it."""
+        return depth_shown(cuts.motions[number].copy(), cuts.wholes[number].copy())
+
+    def episode(self, plant: Any, goal: Goal, *, from_truth: bool | None = None) -> DepthEpisode:
+        """Return a new episode along a wanted depth."""
+        return DepthEpisode(plant, goal, self, from_truth=from_truth)
+
+
+def depth_shown(descent: Struct, depth: Struct) -> ShownDepth:
+    """Return the depth of a cut as a picture shows it, from its vertical motion and its assessment."""
+    surface = descent["surface"]
+    return ShownDepth(
+        float(descent["level"]), surface, descent["floor"], surface - depth["wanted"],
+        surface - float(descent["boundary"]),
+    )  # fmt: skip
+
+
+def depth_truth(descents: StructArray) -> dict[str, Any]:
+    """Return the hidden state of n cuts that depth adds, each of shape (n,) [m]."""
+    at_tip = np.arange(len(descents)), descents["cell"]
+    return {
+        "level_m": descents["level"],
+        "floor_depth_m": descents["surface"][at_tip] - descents["floor"][at_tip],
+        "layer_m": descents["boundary"],
+    }
+
+
+class DepthEpisode(Episode):
+    """An episode along a wanted depth; its floor is the true one, or that which a rig expects."""
+
+    options: DepthOptions
+    _level_before = 0.0
+
+    def step(self, action: Array) -> tuple[Array32, float]:
+        """Command an action (3 numbers in [-1, 1]) for one decision; return observation, shape (22,), and reward."""
+        self._level_before = float(self.motion["level"][0])
+        return super().step(action)
+
+    def _advance(self, speed: float, angle: float, descent: float = 0.0) -> StructArray:
+        readings: StructArray = self.plant.advance(speed, angle, self.ticks, descent)
+        return readings
+
+    def _measured(self, count: int) -> tuple[dict[str, Array], Array]:
+        channels = {name: self.plant.beside[name].copy() for name in self.task.measured}
+        return channels, ways_of(channels)
+
+    @property
+    def channels(self) -> dict[str, Array]:
+        """Height, and vertical force at the readings since the last decision.
+
+        Of a simulated cut the force is the true one, and the height linear between two decisions.
+        """
+        if not self.simulated:
+            return super().channels
+        heights = np.linspace(self._level_before, float(self.plant.cuts["motions"]["level"][0, 0]), self.updates + 1)
+        return {"height": heights[1:], "vertical_force": self.across[: self.updates].copy()}
+
+    @property
+    def errors(self) -> dict[str, float]:
+        """The depth of the cut in numbers: areas [mm2], depth into the layer below and mean error [mm]."""
+        found = depth_errors(self.whole, np.array([self.target_length]))
+        return {name: float(value[0]) for name, value in found.items()}
+
+    @property
+    def truth(self) -> dict[str, float]:
+        """Level of the blade, depth of the cut at the tip, and of the layer below [m], by name."""
+        return {name: float(value[0]) for name, value in depth_truth(self.plant.cuts["motions"][0]).items()}
+
+    @property
+    def shown_depth(self) -> ShownDepth:
+        """Depth as a picture shows it."""
+        return depth_shown(self.motion[0], self.whole[0])
+
+    @property
+    def start_level(self) -> float:
+        """Level of the blade at which a cut on a rig starts [m]."""
+        return float(self.motion["floor"][0, 0])
+
+    def layers_below(self) -> Layers:
+        """Return the layers that ``cutenv/DepthCut-v1`` draws for this key, to be laid on an imitated rig."""
+        drawn, known = self.motion.copy(), self.goal.tissue.layers or Layers()
+        for name in ("deep_toughness", "deep_modulus"):
+            drawn[name] = getattr(known, name)
+        drawn_layer(drawn, self.whole["wanted"][0], (np.uint64(self.goal.key[0]), np.uint64(self.goal.key[1])))
+        names = ("boundary", "deep_toughness", "deep_modulus")
+        return dataclasses.replace(known, **{name: float(drawn[name][0]) for name in names})
+
+    @property
+    def floor(self) -> Array:
+        """Depth of the cut below the surface at each point [m], shape (301,); 0 where nothing is cut."""
+        cut: Array = self.motion["surface"][0] - self.motion["floor"][0]
+        return cut
+
+    @property
+    def floor_to_tip(self) -> Array:
+        """Depth of the cut at each point from the clamp to the tip [m], shape (n,)."""
+        return np.maximum(self.floor[: int(self.motion["cell"][0]) + 1], 0.0)
+
+    @property
+    def noted(self) -> dict[str, Any]:
+        """Target length and wanted depth for the metadata of a record, by key."""
+        from cutenv.measurement.depth import WANTED_DEPTH_KEY, corners  # slow to import, for a record alone
+
+        wanted = self.whole["wanted"][0]
+        return super().noted | {WANTED_DEPTH_KEY: corners(np.arange(len(wanted), dtype=np.float64) * SPACING, wanted)}
+
+    @property
+    def given_depth(self) -> dict[str, Any]:
+        """Depths that are given, by key of a record's metadata: the wanted one, and the layer below if there is one."""
+        from cutenv.measurement.depth import LAYER_DEPTH_KEY, WANTED_DEPTH_KEY
+
+        given, boundary = {WANTED_DEPTH_KEY: self.noted[WANTED_DEPTH_KEY]}, float(self.motion["boundary"][0])
+        return given | ({LAYER_DEPTH_KEY: boundary} if boundary < float(self.motion["thickness"][0]) else {})
+
+    @property
+    def noted_depth(self) -> dict[str, Any]:
+        """Notes of a simulated record on its depth, by key of its metadata: errors, given depths, floor at the end."""
+        from cutenv.scoring.truth import FLOOR_AT_END
+
+        errors = {name: round(value, 3) for name, value in self.errors.items()}
+        return errors | self.given_depth | {FLOOR_AT_END: np.round(self.floor_to_tip, 6).tolist()}
+
+
+def ways_of(channels: dict[str, Array]) -> Array:
+    """Return heights and vertical forces as the task takes them, shape (n, WAYS)."""
+    ways = np.zeros((len(channels["height"]), WAYS))
+    ways[:, _HEIGHT], ways[:, _VERTICAL] = channels["height"], channels["vertical_force"]
+    return ways
+
+
+def to_depth_action(speed: float, angle: float, descent_speed: float) -> Array32:
+    """Return the action, shape (3,), for a speed [m/s], an angle [rad] and a speed downwards [m/s]; clipped."""
+    descent = speed_action(descent_speed * (SPEED_SCALE / DESCENT_SCALE))
+    return np.append(to_action(speed, angle), np.float32(np.clip(descent, -1.0, 1.0))).astype(np.float32)

@@ -1,0 +1,501 @@
+"""One episode of a task on any plant: actions in; observation, reward terms and end out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv._base.arrays import Array, StructArray
+from cutenv._engine.jit import njit
+from cutenv.cutting.dtypes import PROFILE, READING
+from cutenv.plant.simulator import SimulatedPlant
+from cutenv.task.assessment import charge_end
+from cutenv.task.beginning import begin_at, begin_one, expect, expect_one
+from cutenv.task.declare import WAYS, Cuts, Task, command
+from cutenv.task.gentle import GENTLE_CUT
+from cutenv.task.info import COST, GROUPS, OUT_OF_RANGE, PLACES, WHOLE
+from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, commanded_speed
+from cutenv.task.reward import ENDS, STOPPED, TERMS
+from cutenv.task.stepper import assess_readings, observe_one, step_one, tell_one
+from cutenv.task.weights import Limits, RewardWeights, task_record
+from cutenv.tissue.crack_tip import believe_mean
+from cutenv.tissue.description import TissueDescription
+from cutenv.tissue.nominal import nominal_tissue
+from cutenv.tissue.specimen import Specimen
+from cutenv.tissue.surface import SurfaceSpread
+
+_GROUPS = {group: tuple(field.name for field in fields) for group, fields in GROUPS.items()}
+
+
+def nominal_profile(tissue: TissueDescription, depth: NDArray[np.float64]) -> StructArray:
+    """Return the profile that a rig expects, shape (1,): mean modulus and resistance, and the measured depth [m]."""
+    profile = np.zeros(1, PROFILE)
+    profile["depth"] = depth
+    _expect(nominal_tissue(tissue), profile)
+    return profile
+
+
+@njit
+def _expect(nominal: StructArray, profiles: StructArray) -> None:
+    expect(nominal[0], profiles[0])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Goal:
+    """What is to be cut, and how that is assessed."""
+
+    tissue: TissueDescription
+    """Tissue that a rig assumes; gives nominal stiffness and friction."""
+    friction_per_depth: float
+    """Friction of the moving blade over the depth of cut, true or nominal [N/m]."""
+    target_length: float
+    """Length to cut [m]."""
+    deadline: float = 30.0
+    """Time limit [s]."""
+    ticks: int = 20
+    """Milliseconds between decisions."""
+    start: float = 0.0
+    """Length of the cut that is already made [m]."""
+    key: tuple[int, int] | None = (0, 0)
+    """Seed and episode; None: what the task adds is left as it is before a cut begins."""
+    weights: RewardWeights = RewardWeights()  # noqa: RUF009  frozen
+    limits: Limits = Limits()  # noqa: RUF009
+
+
+class Options:
+    """Options that a task adds to those of gentle cutting, taken from the keywords of an environment; here none.
+
+    Parameters
+    ----------
+    keywords : dict
+        Keywords of the environment; those of the task are removed.
+    """
+
+    task: ClassVar[Task] = GENTLE_CUT
+    """The task."""
+    names: ClassVar[tuple[str, ...]] = ()
+    """Names of the keywords."""
+    surface = SurfaceSpread(surface_spread=0.0)
+    """Spread of the surface between drawn specimens; none: the depth of cut is the mean liver's."""
+    given: dict[str, Any]
+    """The task's keywords as they were given."""
+
+    def __init__(self, keywords: dict[str, Any]) -> None:
+        self.given = {name: keywords[name] for name in self.names if name in keywords}
+
+    def check_length(self, length: float) -> None:
+        """Raise ValueError if a cut of a target length [m] does not fit."""
+
+    def whole(self) -> StructArray | None:
+        """Return the record of the whole cut before it begins, shape (1,); None: zeros."""
+        return None
+
+    def motion(self, specimen: Specimen) -> StructArray | None:
+        """Return the record of the motion before a cut begins, shape (1,); None: zeros."""
+        return None
+
+    def shared(self, tissue: TissueDescription) -> StructArray | None:
+        """Return the record that all cuts of a tissue share, shape (1,); None: zeros."""
+        return None
+
+    def expected(self, tissue: TissueDescription) -> StructArray | None:
+        """Return the record of the motion that a rig expects, shape (1,); None: zeros."""
+        return None
+
+    def episode(self, plant: Any, goal: Goal, *, from_truth: bool | None = None) -> Episode:
+        """Return a new episode of the task, see :class:`Episode`."""
+        return Episode(plant, goal, self, from_truth=from_truth)
+
+    def errors(self, cuts: Cuts) -> dict[str, Any]:
+        """Return the errors of n whole cuts in numbers, by name with unit; each of shape (n,)."""
+        return {}
+
+    def truth(self, cuts: Cuts) -> dict[str, Any]:
+        """Return the hidden state of n cuts that the task adds to the info, by name; each of shape (n,)."""
+        return {}
+
+    def shown_depth(self, cuts: Cuts, number: int) -> ShownDepth | None:
+        """Return a copy of the depth of one of n cuts as a picture shows it; None where no depth is wanted."""
+        return None
+
+    def beginning(self, tissue: TissueDescription) -> tuple[Any, ...]:
+        """Return what the task's hook ``begin`` takes besides the cut and its key."""
+        return ()
+
+
+class Episode:
+    """An episode of a task: cut gently from the clamp to a target length.
+
+    On a simulated plant each step is one compiled call, which stops where the cut ends.  On a rig the command goes out,
+    the readings come in, and tip, runs and the whole cut are estimates.
+
+    Parameters
+    ----------
+    plant : Plant
+        The tissue and blade to control; the blade stands at the clamp.
+    goal : Goal
+        What is to be cut, and how that is assessed.
+    options : Options, optional
+        Task and its options; by default gentle cutting.
+    from_truth : bool, optional
+        On a simulated plant, whether the reward is assessed from hidden state, or from what a rig sees; None: on a rig.
+    """
+
+    def __init__(
+        self, plant: Any, goal: Goal, options: Options | None = None, *, from_truth: bool | None = None
+    ) -> None:
+        self.plant, self.goal, self.options = plant, goal, options or Options({})
+        self.simulated = from_truth is not None
+        self.task = self.options.task if from_truth else self.options.task.seen
+        self._views: tuple[NDArray[np.float64], NDArray[np.int64]] | None = None
+        self.last_action = np.zeros(len(self.task.action_names))
+        self.record = np.zeros(1, self.task.episode)
+        """Record of the episode, :attr:`~cutenv.task.declare.Task.episode` of shape (1,)."""
+        self.record["tasks"] = task_record(
+            goal.weights, goal.limits, target_length=goal.target_length, deadline=goal.deadline,
+            friction_per_depth=goal.friction_per_depth, speeds=(goal.tissue.speed_min, goal.tissue.speed_max),
+        )  # fmt: skip
+        self.record["nominals"] = nominal_profile(goal.tissue, plant.depth)
+        _fill(self.record["wholes"], self.options.whole())
+        if not self.task.from_truth:
+            believe_mean(self.record["known"]["tip"], goal.friction_per_depth)
+            _fill(self.record["known"]["motion"][0], self.options.expected(goal.tissue))
+        self._felt: StructArray | None = None
+        self._channels: dict[str, Array] = {}
+        self._end = 0
+        self._stopped = False
+        self._begin()
+
+    def _begin(self) -> None:
+        goal = self.goal
+        key = None if goal.key is None else (np.uint64(goal.key[0]), np.uint64(goal.key[1]))
+        beginning = self.options.beginning(goal.tissue)
+        if not self.simulated:
+            self._cut = np.zeros(1, self.task.motion.cut)  # of which what all cuts share is used
+            _fill(self._cut["shared"], self.options.shared(goal.tissue))
+            expect_one(self.task)(self._cut, self.record, beginning, key)
+            return
+        plant: SimulatedPlant = self.plant
+        self._cut = plant.cuts
+        _fill(plant.cuts["motions"], self.options.motion(plant.specimen))
+        _fill(plant.cuts["shared"], self.options.shared(goal.tissue))
+        self._recorded: StructArray = np.zeros((1, self.ticks), READING)
+        self._across: Array = np.zeros(self.ticks if self.task.axis is not None else 0)
+        self.record["specimens"]["modulus"] = plant.specimen.modulus
+        self.record["specimens"]["fracture_resistance"] = plant.specimen.fracture_resistance
+        if goal.start > 0.0:
+            begin_at(plant.states[0], self.progress[0], goal.start)
+        if key is not None:
+            begin_one(self.task)(plant.cuts, self.record, beginning, key)
+
+    def step(self, action: NDArray[np.float64]) -> tuple[NDArray[np.float32], float]:
+        """Command an action, numbers in [-1, 1], for one decision; return observation, shape (k,), and reward."""
+        self.last_action = action
+        if not self.simulated:
+            speed, angle, *further = action.tolist()
+            commanded = float(commanded_speed(speed)), ANGLE_CENTRE + ANGLE_SCALE * angle
+            return self._assess(self._advance(*commanded, *(float(command(self.task)(each)) for each in further)))
+        observation = np.empty((1, len(self.task.all_components)), np.float32)
+        reward, self._end = step_one(self.task)(
+            self.plant.cuts, self.record, self.ticks, action.reshape(1, -1), observation, self._recorded, self._across
+        )
+        self._felt = self._recorded[0]
+        return observation[0], reward
+
+    def _advance(self, speed: float, angle: float) -> StructArray:
+        """Command a rig for one decision; returns its readings."""
+        readings: StructArray = self.plant.advance(speed, angle, self.ticks)
+        return readings
+
+    def _measured(self, count: int) -> tuple[dict[str, Array], Array]:
+        """Return what is measured besides the readings: by field of a trace, and as a task takes it, (count, WAYS)."""
+        return {}, np.zeros((count, WAYS))
+
+    def stopped(self, readings: StructArray) -> tuple[NDArray[np.float32], float]:
+        """End a cut whose plant was stopped by the rig's safety in the step after ``readings``; a safety end.
+
+        Returns
+        -------
+        tuple of observation, shape (k,), and reward
+            Same as for :meth:`step`.
+        """
+        observation, reward = self._assess(readings)
+        if not self._end:
+            before = self.terms.copy()
+            self.progress["end"] = self._end = ENDS.index("force_limit")
+            charge_end(self.settings[0], self.progress[0], self.nominal[0], self.record["infos"][0, 0])
+            self.record["totals"] += self.terms - before
+            reward += float(self.terms.sum()) - float(before.sum())
+        self._stopped = True  # whatever end the readings show
+        return observation, reward
+
+    def _assess(self, readings: StructArray) -> tuple[NDArray[np.float32], float]:
+        return self.assess(readings, *self._measured(len(readings)))
+
+    def assess(
+        self, readings: StructArray, channels: dict[str, Array], ways: Array
+    ) -> tuple[NDArray[np.float32], float]:
+        """Assess readings of a rig, and what is measured besides; return observation and reward.
+
+        ``channels`` are by field of a trace, each of shape (n,), and ``ways``, shape (n, WAYS), as the task's hooks
+        take them.
+        """
+        self._felt, self._channels = readings, channels
+        observation = np.empty(len(self.task.all_components), np.float32)
+        reward, self._end = assess_readings(self.task)(
+            self._cut, self.record, readings, ways, self.last_action, observation
+        )
+        return observation, reward
+
+    def rest(self, angle: float) -> NDArray[np.float32]:
+        """Return the observation at the start: the blade at rest, force tared to zero."""
+        last_angle = (angle - ANGLE_CENTRE) / ANGLE_SCALE
+        self.last_action = np.array([0.0, last_angle, *np.zeros(len(self.task.action_names) - 2)])
+        observation = np.empty(len(self.task.all_components), np.float32)
+        if self.simulated:
+            tell_one(self.plant.cuts, self.record)
+        observe_one(self.task)(self._cut, self.record, angle, last_angle, observation)
+        return observation
+
+    @property
+    def readings(self) -> StructArray | None:
+        """Readings since the last decision that count; None before the first."""
+        return None if self._felt is None else self._felt[: self.updates]
+
+    @property
+    def channels(self) -> dict[str, Array]:
+        """Further measurements at these readings, by field of a trace; none where the blade keeps its height."""
+        return {name: values[: self.updates] for name, values in self._channels.items()}
+
+    @property
+    def across(self) -> Array:
+        """True force across the cut at the readings of a simulated cut since the last decision [N], shape (ticks,)."""
+        return self._across
+
+    @property
+    def noted(self) -> dict[str, Any]:
+        """Facts about the task for the metadata of a record, by key."""
+        return {"target_length_m": self.target_length}
+
+    @property
+    def ticks(self) -> int:
+        """Milliseconds between decisions."""
+        return self.goal.ticks
+
+    @property
+    def target_length(self) -> float:
+        """Length to cut [m]."""
+        return self.goal.target_length
+
+    @property
+    def deadline(self) -> float:
+        """Time limit [s]."""
+        return self.goal.deadline
+
+    @property
+    def updates(self) -> int:
+        """Milliseconds of the last decision that count: all, or those up to the end."""
+        return int(self.progress["updates"][0])
+
+    # Properties, not attributes: a deep copy must not refer to the original's arrays.
+
+    @property
+    def settings(self) -> StructArray:
+        """Limits, weights and target of the task, shape (1,)."""
+        settings: StructArray = self.record["tasks"][0]
+        return settings
+
+    @property
+    def progress(self) -> StructArray:
+        """State of the assessment, shape (1,)."""
+        progress: StructArray = self.record["progresses"][0]
+        return progress
+
+    @property
+    def nominal(self) -> StructArray:
+        """The profile that a rig expects, shape (1,)."""
+        nominal: StructArray = self.record["nominals"][0]
+        return nominal
+
+    @property
+    def whole(self) -> StructArray:
+        """Assessment of the whole cut, :attr:`~cutenv.task.declare.Task.whole`, shape (1,)."""
+        whole: StructArray = self.record["wholes"][0]
+        return whole
+
+    @property
+    def motion(self) -> StructArray:
+        """The motion of the blade, shape (1,): true and hidden, or expected where the cut is seen as on a rig."""
+        motion: StructArray = self._cut["motions"][0] if self.task.from_truth else self.record["known"]["motion"][0, 0]
+        return motion
+
+    @property
+    def terms(self) -> NDArray[np.float64]:
+        """The reward of the last step by term of gentle cutting, shape (13,): a view."""
+        return self._numbers()[0][PLACES["reward_terms"]]
+
+    def info(self) -> list[float]:
+        """Return the fields of the last step's info, :data:`cutenv.task.info.INFO_FIELDS`, whole numbers as int.
+
+        Hidden state and energies are those of a simulated cut; 0 for others.
+        """
+        floats, whole = self._numbers()
+        numbers: list[float] = floats.tolist()
+        for place in WHOLE:
+            numbers[place] = int(whole[place])
+        return numbers
+
+    def _numbers(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Return the last info's record seen as float64 and as int64; kept: making a view takes as long as a step."""
+        if self._views is None:
+            record = self.record["infos"][0]
+            self._views = record.view(np.float64), record.view(np.int64)
+        return self._views
+
+    def __getstate__(self) -> dict[str, object]:
+        return {**self.__dict__, "_views": None}  # those of a copy would refer to the original's record
+
+    def __setstate__(self, state: dict[str, object]) -> None:
+        self.__dict__.update(state)
+        if self.simulated:
+            self._cut = self.plant.cuts
+
+    @property
+    def end(self) -> str:
+        """Name of the reason why the episode ended, or an empty string."""
+        return STOPPED if self._stopped else self.task.ends[self._end]
+
+    @property
+    def success(self) -> bool:
+        """True if it is a success of gentle cutting, and the whole cut is within its tolerances."""
+        return not self._stopped and bool(self.whole["success"][0])
+
+    @property
+    def speed_out_of_range(self) -> bool:
+        """True if the blade moved outside the measured range of speed since the last decision."""
+        return self.info()[OUT_OF_RANGE] > 0
+
+    @property
+    def time(self) -> float:
+        """Time since the start [s]."""
+        return float(self.progress["time"][0])
+
+    @property
+    def tip(self) -> float:
+        """Crack tip as assessed: true, or estimated by the rig [m]."""
+        return float(self.progress["tip"][0])
+
+    @property
+    def cost(self) -> float:
+        """Cost of the last step: by how much the tip's overshoot grew, and the parts of runs beyond 4 mm [mm]."""
+        return self.info()[COST]
+
+    @property
+    def cost_terms(self) -> dict[str, float]:
+        """The cost of the last step by part [mm]."""
+        return info_group(self.info(), "cost_terms")
+
+    @property
+    def reward_terms(self) -> dict[str, float]:
+        """The reward of the last step by term; costs are negative; the sum is the reward."""
+        return dict(zip(TERMS, self.terms.tolist(), strict=True)) | self.whole_terms
+
+    @property
+    def whole_terms(self) -> dict[str, float]:
+        """The costs of the whole cut in the last step's reward."""
+        return {name: float(value[0]) for name, value in self.task.charges(self.whole).items()}
+
+    @property
+    def whole_totals(self) -> dict[str, float]:
+        """The costs of the whole cut in the reward since the start."""
+        return {name: float(value[0]) for name, value in self.task.charges(self.whole, "total").items()}
+
+    @property
+    def reward_totals(self) -> dict[str, float]:
+        """The reward since the start by term; the sum is the return."""
+        return dict(zip(TERMS, self.record["totals"][0].tolist(), strict=True)) | self.whole_totals
+
+    @property
+    def shown_totals(self) -> dict[str, float]:
+        """The reward since the start by line of a picture, with one line for all costs of the whole cut."""
+        own, line = self.whole_totals, self.task.shown_as
+        gentle = {name: total for name, total in self.reward_totals.items() if name not in own}
+        return gentle | ({line: sum(own.values())} if line else {})
+
+    @property
+    def errors(self) -> dict[str, float]:
+        """Errors of the whole cut in numbers, by name with unit; none where nothing is wanted of it."""
+        return {}
+
+    @property
+    def truth(self) -> dict[str, float]:
+        """Hidden state that the task adds to the info, by name."""
+        return {}
+
+    @property
+    def shown_depth(self) -> ShownDepth | None:
+        """Depth as a picture shows it, None where no depth is wanted."""
+        return None
+
+    @property
+    def shown_path(self) -> ShownPath | None:
+        """Path as a picture shows it, None where no line is drawn."""
+        return None
+
+    @property
+    def force_limit_per_depth(self) -> float:
+        """Force per depth of cut above which the task ends [N/m]."""
+        return float(self.settings[0]["force_limit_per_depth"])
+
+    def snapshot(self) -> Cuts:
+        """Return copies of everything about a simulated cut, each of shape (1,); hidden truth included."""
+        names = ("tasks", "progresses", "nominals", "specimens", "known", "wholes")
+        return Cuts(*self.plant.snapshot(), *(self.record[name][0].copy() for name in names))
+
+
+def info_group(numbers: list[float], group: str) -> dict[str, float]:
+    """Return one group of the fields of :meth:`Episode.info` by name."""
+    return dict(zip(_GROUPS[group], numbers[PLACES[group]], strict=True))
+
+
+def _fill(records: StructArray, record: StructArray | None) -> None:
+    """Fill records with the fields of another one of the same names, if there is one."""
+    if record is not None:
+        for name in record.dtype.names or ():
+            records[name] = record[name]
+
+
+class ShownDepth(NamedTuple):
+    """Depth of a cut for a picture, above the plane to which a blade at level 0 cuts [m]; arrays of shape (301,)."""
+
+    level: float
+    """Level of the blade's lower end."""
+    surface: Array
+    floor: Array
+    """Floor of the cut, hidden; where nothing is cut, the surface."""
+    wanted: Array
+    """Wanted floor, below the true surface."""
+    layer: Array
+    """Upper side of the layer below, hidden."""
+
+
+class ShownPath(NamedTuple):
+    """Path of a cut for a picture: places along and across the slab, to the left [m]."""
+
+    line: Array
+    """The line, every 0.5 mm, shape (301, 2)."""
+    target: int
+    """Point of the line where the cut is to end."""
+    cut: Array
+    """The cut from the clamp to its tip, hidden, shape (n, 2)."""
+    tip: Array
+    """Shape (2,), hidden."""
+    blade: Array
+    """Shape (2,)."""
+    heading: Array
+    """Direction in which the blade points, shape (2,)."""
+    aside: float
+    """Distance of the blade to the left of the line."""

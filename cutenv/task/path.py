@@ -1,0 +1,757 @@
+"""The task of ``cutenv/PathCut-v1``: cut along a drawn line, by a blade that is steered.
+
+A rig does not see the cut.  How far it has come along the line is estimated from the force along the blade, with the
+stiffness of the mean tissue; to the side it runs where a crack of that length would run in mean tissue behind this
+blade, as a record is scored (:mod:`cutenv.tissue.expected_cut`).  A crack that only turned toward the measured force
+would drift away from the blade by the errors of that force.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cutenv._base.arrays import Array, Array32, Struct, StructArray
+from cutenv._base.parameter import check_parameters, parameter, taken_from
+from cutenv._base.validation import one_of
+from cutenv._engine.intrinsics import as_float64_view, prefetch
+from cutenv._engine.jit import njit, njit_inline, njit_internal
+from cutenv._engine.randomness import LATERAL_NOISE, LINE_DRAW, TASK, Integer, normal_at, three_normals_at, uniform_at
+from cutenv.cutting.dtypes import TICK
+from cutenv.cutting.law import grid_index, lerp
+from cutenv.cutting.steering import (
+    LINE_REACH,
+    STEERED,
+    STEERING,
+    CrackFrame,
+    SteeringParameters,
+    advance_tip,
+    frame_at,
+    lay_line,
+    place_of_blade,
+    place_of_tip,
+    stand_on_line,
+    turned,
+)
+from cutenv.task.beginning import LONGEST
+from cutenv.task.declare import WAYS, Axis, Cuts, Stepping, Task, delayed, in_steps, observer, settings_of, whole_fields
+from cutenv.task.episode import Episode, Goal, Options, ShownPath
+from cutenv.task.observation import SPEED_SCALE, Component, speed_action, to_action
+from cutenv.task_quantities import (
+    FARTHEST_TOLERANCE,
+    LINE_LIMIT,
+    LINE_TOLERANCE,
+    OF_PATH,
+    PATH_COSTS,
+)
+from cutenv.tissue.crack_tip import ESTIMATED_EVERY
+from cutenv.tissue.description import TissueDescription
+from cutenv.tissue.drawn_lines import KINDS, LEAST_LENGTH, MIXED_LINES, OF_A_KIND, DrawnLines, drawn_lines, given_line
+from cutenv.tissue.grid import LENGTH, N_POINTS, POINTS_PER_METRE, SPACING
+from cutenv.tissue.lines import WIDTH, CutLine, length_within, places_within, through
+from cutenv.tissue.specimen import Specimen
+from cutenv.trace import PLACE
+
+TURN_SCALE = 1.5
+"""Rate of turn of action 1 [rad/s]: more than the sharpest bend of a line at full speed asks for."""
+LINE_AHEAD = (0.005, 0.010, 0.020)
+"""Distances ahead of the blade at which the line is observed [m]."""
+_ASIDE, _DIRECTION, _BEND = 0.005, 0.5, 25.0  # scales
+
+PATH_COMPONENTS = (
+    Component(name="lateral", meaning="force on the blade to its right, now", unit="N", scale=5.0),
+    Component(name="lateral_mean", meaning="its mean since the last decision", unit="N", scale=5.0),
+    Component(name="lateral_peak", meaning="largest size of it since the last decision", unit="N", scale=5.0),
+    Component(name="aside", meaning="line to the left of the blade, at the blade", unit="m", scale=_ASIDE),
+    Component(
+        name="direction", meaning="sine of the turn from blade to line there, to the left", unit="1", scale=_DIRECTION
+    ),
+    Component(name="bend", meaning="curvature of the line there, to the left", unit="1/m", scale=_BEND),
+    Component(
+        name="aside_near", meaning="line to the left of the blade's course, 5 mm further", unit="m", scale=_ASIDE
+    ),
+    Component(name="direction_near", meaning="direction there", unit="1", scale=_DIRECTION),
+    Component(name="bend_near", meaning="curvature there", unit="1/m", scale=_BEND),
+    Component(
+        name="aside_further", meaning="line to the left of the blade's course, 10 mm further", unit="m", scale=_ASIDE
+    ),
+    Component(name="direction_further", meaning="direction there", unit="1", scale=_DIRECTION),
+    Component(name="bend_further", meaning="curvature there", unit="1/m", scale=_BEND),
+    Component(
+        name="aside_far", meaning="line to the left of the blade's course, 20 mm further", unit="m", scale=_ASIDE
+    ),
+    Component(name="direction_far", meaning="direction there", unit="1", scale=_DIRECTION),
+    Component(name="bend_far", meaning="curvature there", unit="1/m", scale=_BEND),
+    Component(name="last_turn", meaning="last action: turn", unit="1", scale=1.0),
+)
+"""Components of the observation that follow the 12 of gentle cutting, in order."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PathConstants:
+    """Constants of the path: weights of its costs, limit of the distance, sensor of the lateral force."""
+
+    line_limit: float = parameter(
+        LINE_LIMIT, unit="m", low=0.0005, high=0.03, provenance="choice",
+        source="distance between cut and line at which a cut ends for safety", sensitivity=(0.005, 0.015),
+    )  # fmt: skip
+    lateral_noise: float = parameter(
+        0.02, unit="N", low=0.0, high=10.0, provenance="assumed", source="as along the cut", sensitivity=(0.0, 0.1),
+    )  # fmt: skip
+    lateral_resolution: float = parameter(
+        0.05, unit="N", low=0.0, high=10.0, provenance="assumed", source="as along the cut", sensitivity=(0.0, 0.1),
+    )  # fmt: skip
+    weight_off_line: float = parameter(
+        PATH_COSTS[0].weight, unit="1", low=0.0, high=100.0, provenance="choice", source=PATH_COSTS[0].per
+    )
+    weight_farthest: float = parameter(
+        PATH_COSTS[1].weight, unit="1", low=0.0, high=100.0, provenance="choice", source=PATH_COSTS[1].per
+    )
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+
+
+PATH: np.dtype[Any] = np.dtype(
+    (
+        np.record,
+        [
+            *((name, "f8") for name in PathConstants.__dataclass_fields__),
+            ("counts", "i8"),  # number of points of the line in the sums below
+            ("passed_area", "f8"),  # area between cut and line up to these points [m2],
+            ("passed_farthest", "f8"),  # largest distance [m],
+            ("passed_distance", "f8"),  # and the integral of the distance along the line [m2]
+            ("area", "f8"),  # the same with what the tip has passed since its crack last turned
+            ("farthest", "f8"),
+            ("distance", "f8"),
+            ("begun", "f8"),  # length of line that was cut at the start [m]
+            ("line", "i8"),  # index of the line
+            *whole_fields(PATH_COSTS),
+        ],
+    )
+)
+"""Record of a cut's line, and of its distance to it so far, by which its path is assessed."""
+
+GIVEN_LINE = MIXED_LINES + 1
+"""Number, after those of the kinds, of a line that is given."""
+_KINDS = len(KINDS)
+_EVERY = round(ESTIMATED_EVERY / TICK)
+_STEP = 0.0002  # [m] of line after which the expected crack turns, as in cutenv.tissue.expected_cut
+_AHEAD = 10  # points of the grid in the first distance at which the line is observed
+_STEERING, _LINES = np.int64(STEERING.itemsize // 8), 5  # numbers in a record; cache lines of its first ones
+_X, _Y, _EAST, _NORTH, _LATERAL = range(5)  # places of the measurements of a rig
+_NORMALS = 4  # random numbers of a decision
+
+_fill = observer(PATH_COMPONENTS, [__name__])
+
+
+@njit
+def line_index(seed: Integer, episode: Integer, kind: int) -> int:
+    """Return the index of a key's line among all that are drawn, of a kind or mixed; 0 for a given one."""
+    if kind == MIXED_LINES:
+        kind = min(int(_KINDS * uniform_at(seed, episode, TASK, LINE_DRAW)), _KINDS - 1)
+    if kind in (0, GIVEN_LINE):
+        return 0
+    place = min(int(OF_A_KIND * uniform_at(seed, episode, TASK, LINE_DRAW + 1)), OF_A_KIND - 1)
+    return 1 + OF_A_KIND * (kind - 1) + place
+
+
+@njit_internal
+def survey_path(path: Struct, steering: Struct, tip: float) -> None:
+    """Bring the distance to the line up to date to a ``tip`` [m]; since its last turn the crack has run straight on."""
+    for i in range(path.counts, steering.cell + 1):
+        _count(path, steering, i, steering.cut[i])
+    path.counts = max(path.counts, steering.cell + 1)
+    passed = path.passed_area, path.passed_farthest, path.passed_distance
+    last = grid_index(tip)[0]
+    if last > steering.cell:
+        grown, start = tip - steering.settled, steering.tip_aside
+        way = grown * steering.stretch
+        east = steering.tip_east + way * steering.tip_ahead - grown
+        north = steering.tip_north + way * steering.tip_across
+        j, share = grid_index(tip)
+        end = (north - lerp(steering.y, j, share)) * lerp(steering.cosine, j, share) - (
+            east - lerp(steering.x_excess, j, share)
+        ) * lerp(steering.sine, j, share)
+        for i in range(steering.cell + 1, last + 1):
+            _count(path, steering, i, start + (end - start) * ((i * SPACING - steering.settled) / grown))
+    path.area, path.farthest, path.distance = path.passed_area, path.passed_farthest, path.passed_distance
+    path.passed_area, path.passed_farthest, path.passed_distance = passed
+
+
+@njit_inline
+def _count(path: Struct, steering: Struct, i: int, aside: float) -> None:
+    """Add point ``i`` of the line, which the cut passes at a distance ``aside`` to the left [m]."""
+    size = abs(aside)
+    path.passed_area += SPACING * size * (1.0 - 0.5 * steering.curvature[i] * aside)
+    path.passed_distance += SPACING * size
+    path.passed_farthest = max(path.passed_farthest, size)
+
+
+@njit_inline
+def survey(path: Struct, steering: Struct, step: Struct, k: Integer, tip: float) -> None:
+    """Bring the distance to the line up to date to a ``tip`` [m]."""
+    survey_path(path, steering, tip)
+
+
+@njit_inline
+def begin_step(step: Struct, k: Integer, place: float) -> None:
+    """Prepare a step of lane ``k``."""
+    step.lateral_sum[k], step.lateral_peak[k] = 0.0, 0.0
+
+
+@njit_inline
+def count(step: Struct, k: Integer, place: float, tip: float, lateral: float) -> None:
+    """Count a millisecond of lane ``k``: force on the blade, to its right [N]."""
+    step.lateral_sum[k] += lateral
+    step.lateral_peak[k] = max(step.lateral_peak[k], abs(lateral))
+
+
+@njit_inline
+def size(force: float, lateral: float) -> float:
+    """Return the size of the force in the plane [N]; without a lateral force it is the one along the cut."""
+    return math.sqrt(force * force + lateral * lateral)
+
+
+@njit_inline
+def breached(path: Struct) -> bool:
+    """Return True if the cut is farther from the line than its limit."""
+    return path.farthest > path.line_limit  # type: ignore[no-any-return]
+
+
+@njit_inline
+def achieved(path: Struct, target: float) -> bool:
+    """Return True if mean and largest distance between cut and line are within the tolerances of a success."""
+    mean: float = path.distance / target
+    return mean <= LINE_TOLERANCE and path.farthest <= FARTHEST_TOLERANCE
+
+
+@njit_internal
+def left_loaded(cuts: Cuts, c: Integer) -> tuple[float, float]:
+    """Return the energy that a cut leaves stored [J], to the side too, and R B at the tip [N]."""
+    state, profile = cuts.states[c], cuts.profiles[c]
+    i, share = grid_index(state.tip)
+    reduced = max(state.blade - state.creep - state.tip, 0.0)
+    held = cuts.motions[c].held
+    if held <= 0.0:
+        return -1.0, 1.0
+    stored = 0.5 * lerp(profile.stiffness, i, share) * reduced * reduced + held
+    return stored, lerp(profile.toughness, i, share)
+
+
+@njit_internal
+def fill(
+    steering: Struct, position: float, forces: tuple[float, float, float], last_turn: float, observation: StructArray
+) -> None:
+    """Fill the components of ``observation`` that the path adds, for lateral ``forces`` now, in the mean and at most.
+
+    ``position`` is that of the blade on the line [m].
+    """
+    here = line_ahead(steering, position, 0.0)
+    near, further = line_ahead(steering, position, LINE_AHEAD[0]), line_ahead(steering, position, LINE_AHEAD[1])
+    far = line_ahead(steering, position, LINE_AHEAD[2])
+    _fill(
+        forces[0], forces[1], forces[2], here[0], here[1], here[2], near[0], near[1], near[2], further[0], further[1],
+        further[2], far[0], far[1], far[2], last_turn, observation,
+    )  # fmt: skip
+
+
+@njit_internal
+def observe(cuts: Cuts, c: Integer, step: Struct, k: Integer, action: StructArray, observation: StructArray) -> None:
+    """Fill the components that the path adds; the sensor's noise is drawn once for each decision."""
+    path, steering, sensor, state = cuts.wholes[c], cuts.motions[c], cuts.sensors[c], cuts.states[c]
+    updates = cuts.progresses[c].updates
+    first, second, third = three_normals_at(sensor.seed, sensor.episode, LATERAL_NOISE, state.tick)
+    now = in_steps(steering.lateral + path.lateral_noise * first, path.lateral_resolution)
+    mean = step.lateral_sum[k] / updates + path.lateral_noise * second / math.sqrt(updates)
+    peak = in_steps(step.lateral_peak[k] + path.lateral_noise * third, path.lateral_resolution)
+    fill(steering, state.blade, (now, mean, peak), action[2], observation)
+
+
+@njit_internal
+def observe_start(cuts: Cuts, c: Integer, observation: StructArray) -> None:
+    """Fill the components that the path adds at the start: force tared to zero."""
+    fill(cuts.motions[c], cuts.states[c].blade, (0.0, 0.0, 0.0), 0.0, observation)
+
+
+@njit_internal
+def line_ahead(steering: Struct, position: float, ahead: float) -> tuple[float, float, float]:
+    """Return how far the line is to the left of the blade's course [m], the sine of its direction, and its bend [1/m].
+
+    The place is a distance ``ahead`` [m] along the line of a blade at ``position``.
+    """
+    place = min(max(position + ahead, 0.0), LENGTH)
+    i, share = grid_index(place)
+    t_x, t_y = lerp(steering.cosine, i, share), lerp(steering.sine, i, share)
+    east = (place - position) + (lerp(steering.x_excess, i, share) - steering.east)
+    north = lerp(steering.y, i, share) - steering.north
+    aside = steering.ahead * north - steering.across * east
+    return aside, steering.ahead * t_y - steering.across * t_x, lerp(steering.curvature, i, share)
+
+
+@njit_inline
+def fetch(cuts: Cuts, i: int, first: Integer, last: Integer) -> None:
+    """Prefetch place and path of two cuts of the next row, ``first`` to before ``last``."""
+    places = as_float64_view(cuts.motions)
+    for c in range(first + 2 * i, min(first + 2 * (i + 1), last)):
+        steering = cuts.motions[c]
+        for k in range(_LINES):
+            prefetch(places, _STEERING * c + 8 * k)
+        tip, blade = grid_index(cuts.states[c].tip)[0], grid_index(cuts.states[c].blade)[0]
+        for k in (tip, blade, blade + _AHEAD, blade + 2 * _AHEAD, blade + 4 * _AHEAD):
+            at = min(k, N_POINTS - 1)
+            prefetch(steering.x_excess, at)
+            prefetch(steering.y, at)
+            prefetch(steering.cosine, at)
+            prefetch(steering.sine, at)
+            prefetch(steering.curvature, at)
+        prefetch(steering.belongs, tip)
+        prefetch(steering.cut, tip)
+        prefetch(steering.along, tip)
+        prefetch(steering.coupled, tip)
+        prefetch(steering.sideways, tip)
+        prefetch(steering.toughness, tip)
+
+
+@njit_internal
+def begin(cuts: Cuts, c: Integer, given: tuple[StructArray, int], key: tuple[Integer, Integer]) -> None:
+    """Begin a cut on its line; ``given`` are all drawn lines, or the one that is given, and the kind of line."""
+    profile, state, drive, steering, path = (
+        cuts.profiles[c], cuts.states[c], cuts.drives[c], cuts.motions[c], cuts.wholes[c],
+    )  # fmt: skip
+    path.line = line_index(key[0], key[1], given[1])
+    line = given[0][path.line]
+    lay_line(profile, steering, line)
+    stand_on_line(profile, steering, state.tip)
+    drive.travel = min(drive.travel, line.within - SPACING)
+    path.begun = state.tip
+    survey_path(path, steering, state.tip)
+
+
+@njit_internal
+def expect(cuts: Cuts, c: Integer, given: tuple[StructArray, int], key: tuple[Integer, Integer]) -> None:
+    """Lay the line into the mean tissue's profile, and begin the expected crack at the clamp; see :func:`begin`."""
+    nominal, steering, path = cuts.nominals[c], cuts.known[c].motion[0], cuts.wholes[c]
+    path.line = line_index(key[0], key[1], given[1])
+    lay_line(nominal, steering, given[0][path.line])
+    stand_on_line(nominal, steering, 0.0)
+    path.counts = 0
+    path.passed_area = path.passed_farthest = path.passed_distance = 0.0
+    survey_path(path, steering, 0.0)
+
+
+@njit_internal
+def measure(stepping: Stepping, k: Integer) -> None:
+    """Let a simulated rig read its place, where it points, and the lateral force, with this millisecond's noise."""
+    row, cuts, places = stepping.row, stepping.cuts, stepping.moving.lanes
+    c, tick = row.cut[k], row.tick[k]
+    known, path, sensor = cuts.known[c], cuts.wholes[c], cuts.sensors[c]
+    noise = path.lateral_noise * normal_at(sensor.seed, sensor.episode, LATERAL_NOISE, _NORMALS * tick + 3)
+    known.ways[_X], known.ways[_Y] = row.blade[k] + places.east[k], places.north[k]
+    known.ways[_EAST], known.ways[_NORTH] = places.ahead[k], places.across[k]
+    known.ways[_LATERAL] = in_steps(delayed(known, sensor, tick, places.lateral[k]) + noise, path.lateral_resolution)
+
+
+@njit_internal
+def expect_at(cuts: Cuts, c: Integer, first: bool, tick: int, position: float) -> None:
+    """Take place and lateral force of the blade from what is measured."""
+    known = cuts.known[c]
+    steering = known.motion[0]
+    steering.east, steering.north = known.ways[_X] - position, known.ways[_Y]
+    steering.lateral = known.ways[_LATERAL]
+
+
+@njit_internal
+def learn(known: Struct, tick: int, position: float, tip: float) -> None:
+    """Let the expected crack grow to the estimated tip."""
+    if tick % _EVERY == 0:
+        _follow_crack(known.motion[0], position, tip)
+
+
+@njit_internal
+def _follow_crack(steering: Struct, position: float, tip: float) -> None:
+    """Let the expected crack grow to ``tip`` [m] of the line, turning toward the force of a blade at ``position``."""
+    start = steering.settled
+    steps = math.ceil((tip - start) / _STEP)
+    for k in range(1, steps + 1):
+        advance = advance_tip(steering, start + (tip - start) * k / steps)
+        ahead, left, frame = _offset(steering, position)
+        pull = frame.stiffness * (ahead + frame.coupling * left)
+        push = frame.coupling * pull + frame.side_stiffness * left
+        if pull > 0.0:
+            most = steering.crack_curvature * advance
+            turn = min(max(push / math.sqrt(pull * pull + push * push), -most), most)
+            steering.tip_ahead, steering.tip_across = turned(steering.tip_ahead, steering.tip_across, turn)
+        i, share = grid_index(steering.settled)
+        steering.stretch = frame_at(steering, i, share).stretch
+
+
+@njit_internal
+def _offset(steering: Struct, position: float) -> tuple[float, float, CrackFrame]:
+    """Return the offset of the blade from the settled tip, along the crack and to its left [m]; stiffness there."""
+    east = (position - steering.settled) + (steering.east - steering.tip_east)
+    north, e_x, e_y = steering.north - steering.tip_north, steering.tip_ahead, steering.tip_across
+    i, share = grid_index(steering.settled)
+    return east * e_x + north * e_y, north * e_x - east * e_y, frame_at(steering, i, share)
+
+
+@njit_internal
+def left_loaded_seen(cuts: Cuts, c: Integer) -> tuple[float, float]:
+    """Return the energy that a cut leaves stored by what is expected [J], to the side too, and R B at the tip [N]."""
+    steering, profile, progress = cuts.known[c].motion[0], cuts.nominals[c], cuts.progresses[c]
+    position, tip = progress.position, progress.tip
+    _, left, frame = _offset(steering, position)
+    lag, (i, share) = max(position - tip, 0.0), grid_index(tip)
+    if lag <= 0.0:
+        return -1.0, 1.0
+    stored = 0.5 * lerp(profile.stiffness, i, share) * lag * lag + 0.5 * frame.side_stiffness * left * left
+    return stored, lerp(profile.toughness, i, share)
+
+
+@njit_internal
+def observe_seen(
+    cuts: Cuts, c: Integer, step: Struct, k: Integer, action: StructArray, observation: StructArray
+) -> None:
+    """Fill the components that the path adds from what a rig has measured."""
+    known, progress = cuts.known[c], cuts.progresses[c]
+    steering = known.motion[0]
+    steering.ahead, steering.across = known.ways[_EAST], known.ways[_NORTH]
+    forces = steering.lateral, step.lateral_sum[k] / max(progress.updates, 1), step.lateral_peak[k]
+    fill(steering, progress.position, forces, action[2], observation)
+
+
+HIDDEN = (
+    "tip to the left of the line [mm]",
+    "sine of the angle from the line to the crack [0.2]",
+    "curvature of the line at the tip, to the left [25/m]",
+    "blade to the left of the crack's course [2 mm]",
+    "shift of the blade to the left per way along the crack that its stiffness asks for [1]",
+    "stiffness across the crack over that along it [1]",
+    "mean distance of the cut to the line so far over that of a success [1]",
+    "largest distance of the cut to the line so far over that of a success [1]",
+)
+"""Names of the privileged features that the path adds."""
+_MILLIMETRE = 0.001  # [m]
+
+
+@njit
+def hide(cuts: Cuts, which: StructArray, hidden: Array) -> None:
+    """Fill the privileged features that the path adds, a row for each of the cuts ``which``."""
+    for m in range(len(which)):
+        n = which[m]
+        state, profile, task, steering, path = (
+            cuts.states[n],
+            cuts.profiles[n],
+            cuts.tasks[n],
+            cuts.motions[n],
+            cuts.wholes[n],
+        )
+        i, share = grid_index(state.tip)
+        t_x, t_y = lerp(steering.cosine, i, share), lerp(steering.sine, i, share)
+        along = lerp(profile.stiffness, i, share) * steering.per_stretch**2
+        hidden[m, 0] = steering.tip_aside / _MILLIMETRE
+        hidden[m, 1] = (t_x * steering.tip_across - t_y * steering.tip_ahead) / 0.2
+        hidden[m, 2] = lerp(steering.curvature, i, share) / 25.0
+        hidden[m, 3] = steering.offset / (2.0 * _MILLIMETRE)
+        hidden[m, 4] = 0.0 - steering.coupling * along / max(steering.side_stiffness, 1e-3 * along)
+        hidden[m, 5] = steering.side_stiffness / along
+        hidden[m, 6] = path.distance / (task.target * LINE_TOLERANCE)
+        hidden[m, 7] = path.farthest / FARTHEST_TOLERANCE
+
+
+PATH_CUT = Task(
+    place=f"{__name__}:PATH_CUT",
+    environment="cutenv/PathCut-v1",
+    motion=STEERED,
+    axis=Axis(name="turn", meaning="rate of turn", scale=TURN_SCALE, shown="-1.5 to 1.5 (left)", unit="rad/s"),
+    components=PATH_COMPONENTS,
+    costs=PATH_COSTS,
+    quantities=OF_PATH,
+    whole=PATH,
+    counted=("lateral_sum", "lateral_peak"),
+    expected=STEERING,
+    measured=("blade_x", "blade_y", "lateral_force"),
+    end="off_line",
+    end_text="the cut is farther than ``line_limit`` from the line; an end for safety",
+    shown_as="path",
+    hidden=HIDDEN,
+    begin=begin,
+    expect=expect,
+    observe_start=observe_start,
+    fetch=fetch,
+    begin_step=begin_step,
+    count=count,
+    size=size,
+    survey=survey,
+    breached=breached,
+    achieved=achieved,
+    left_loaded=left_loaded,
+    left_loaded_seen=left_loaded_seen,
+    observe=observe,
+    measure=measure,
+    expect_at=expect_at,
+    learn=learn,
+    observe_seen=observe_seen,
+    hide=hide,
+)
+"""Gentle cutting along a drawn line."""
+
+
+def path_errors(paths: StructArray, tips: StructArray) -> dict[str, Any]:
+    """Return the path of n cuts so far in numbers, each of shape (n,), for tips on their lines [m].
+
+    They are the area between cut and line [mm2], and mean and largest distance between them [mm].
+    """
+    cut = np.maximum(tips - paths["begun"], 1e-9)
+    return {
+        "area_mm2": 1e6 * paths["area"],
+        "mean_distance_mm": 1e3 * paths["distance"] / cut,
+        "largest_distance_mm": 1e3 * paths["farthest"],
+    }
+
+
+ROOM = LEAST_LENGTH - LONGEST
+"""Length of line that a cut needs within the slab beyond its target, for the blade that leads the tip [m]."""
+
+
+class LineChoice:
+    """Choice of the line of every cut.
+
+    Parameters
+    ----------
+    line : str, CutLine, or array_like of shape (n, 2)
+        Kind of line, "mixed", or the line.
+
+    Attributes
+    ----------
+    kind : int
+        Number of the kind, MIXED_LINES, or GIVEN_LINE.
+
+    Raises
+    ------
+    ValueError
+        If there is no such kind, or the line turns back, bends too far or leaves the slab.
+    """
+
+    def __init__(self, line: str | CutLine | ArrayLike) -> None:
+        self.kind = GIVEN_LINE
+        if isinstance(line, str):
+            self.kind = (*KINDS, "mixed").index(one_of("line", line, (*KINDS, "mixed")))
+        self._given = None if isinstance(line, str) else line if isinstance(line, CutLine) else through(line)
+        self._drawn: DrawnLines | None = None
+
+    def lines_for(self, tissue: TissueDescription) -> DrawnLines:
+        """Return the lines of which one is cut, by the tissue's model in the plane."""
+        plane = tissue.element, tissue.formulation, tissue.poisson
+        if self._given is None:
+            return drawn_lines(*plane)
+        if self._drawn is None:
+            self._drawn = given_line(self._given, *plane)
+        return self._drawn
+
+    def check(self, length: float) -> None:
+        """Raise ValueError if a cut of a target length [m] does not fit a given line."""
+        if self._given is None:
+            return
+        within = length_within(self._given)
+        if within < length + ROOM - 1e-9:
+            k = round(within * POINTS_PER_METRE)
+            x, y = self._given.x[k], self._given.y[k]
+            raise ValueError(
+                f"The line leaves the slab at ({x:.4f}, {y:.4f}) m, after {1e3 * within:.0f} mm: a cut of "
+                f"{1e3 * length:.0f} mm needs {1e3 * ROOM:.0f} mm more, for the blade that leads its tip. Give a "
+                f"target_length of at most {within - ROOM:.3f} m, or another line."
+            )
+
+
+class PathOptions(Options):
+    """Options of cutting along a drawn line.
+
+    Parameters
+    ----------
+    keywords : dict
+        Keywords of the environment, of which these are removed: ``line``, and the fields of :class:`PathConstants` and
+        :class:`~cutenv.cutting.steering.SteeringParameters`.
+
+    Attributes
+    ----------
+    line : LineChoice
+        The line to cut along.
+    """
+
+    names = ("line", *PathConstants.__dataclass_fields__, *SteeringParameters.__dataclass_fields__)
+    task = PATH_CUT
+
+    def __init__(self, keywords: dict[str, Any]) -> None:
+        super().__init__(keywords)
+        self.line = LineChoice(keywords.pop("line", "mixed"))
+        if keywords.get("relaxing_share", 0.0) != 0.0:
+            raise ValueError(
+                f"relaxing_share = {keywords['relaxing_share']!r}: {self.task.environment} has only "
+                "relaxing_share=0.0. Leave it out."
+            )
+        self.constants, self.steering = taken_from(keywords, PathConstants), taken_from(keywords, SteeringParameters)
+
+    def check_length(self, length: float) -> None:
+        """Raise ValueError if a cut of a target length [m] does not fit a given line."""
+        self.line.check(length)
+
+    def whole(self) -> StructArray:
+        """Return the record of a path before it begins, :data:`PATH` of shape (1,)."""
+        return settings_of(PATH, self.constants)
+
+    def motion(self, specimen: Specimen) -> StructArray:
+        """Return the place in the plane before a line is laid, :data:`~cutenv.cutting.steering.STEERING` of (1,)."""
+        record = np.zeros(1, STEERING)
+        record["crack_curvature"] = self.steering.crack_curvature
+        record["reach"], record["side"] = LINE_REACH, WIDTH
+        record["response"] = record["waiting"] = round(self.steering.response_time / TICK)
+        return record
+
+    def expected(self, tissue: TissueDescription) -> StructArray:
+        """Return the same of the mean tissue."""
+        return self.motion(Specimen.mean(tissue))
+
+    def beginning(self, tissue: TissueDescription) -> tuple[StructArray, int]:
+        """Return what :func:`begin` takes."""
+        return self.line.lines_for(tissue).records, self.line.kind
+
+    def errors(self, cuts: Cuts) -> dict[str, Any]:
+        """Return the path of n cuts so far in numbers, by name with unit; each of shape (n,)."""
+        return path_errors(cuts.wholes, cuts.progresses["tip"])
+
+    def truth(self, cuts: Cuts) -> dict[str, Any]:
+        """Return places of blade and tip, and distance of the tip to the left of the line [m], each of shape (n,)."""
+        return path_truth(cuts.states, cuts.motions)
+
+    def episode(self, plant: Any, goal: Goal, *, from_truth: bool | None = None) -> PathEpisode:
+        """Return a new episode along a line."""
+        return PathEpisode(plant, goal, self, from_truth=from_truth)
+
+
+def path_truth(states: StructArray, steerings: StructArray) -> dict[str, Any]:
+    """Return the hidden state of n cuts that the path adds, each of shape (n,) [m]."""
+    grown = states["tip"] - steerings["settled"]
+    way = grown * steerings["stretch"]
+    return {
+        "blade_x_m": states["blade"] + steerings["east"],
+        "blade_y_m": steerings["north"].copy(),
+        "tip_x_m": steerings["settled"] + steerings["tip_east"] + steerings["tip_ahead"] * way,
+        "tip_y_m": steerings["tip_north"] + steerings["tip_across"] * way,
+        "aside_m": steerings["tip_aside"].copy(),
+    }
+
+
+class PathEpisode(Episode):
+    """An episode along a drawn line; its cut is the true one, or that which a rig expects."""
+
+    options: PathOptions
+
+    def _advance(self, speed: float, angle: float, turn_rate: float = 0.0) -> StructArray:
+        readings: StructArray = self.plant.advance(speed, angle, self.ticks, turn_rate=turn_rate)
+        return readings
+
+    def _measured(self, count: int) -> tuple[dict[str, Array], Array]:
+        channels = {name: self.plant.beside[name].copy() for name in self.task.measured}
+        return channels, ways_of(channels, self.plant.heading.now)
+
+    @property
+    def line(self) -> CutLine:
+        """The line to cut along."""
+        return self.options.line.lines_for(self.goal.tissue).lines[int(self.whole["line"][0])]
+
+    @property
+    def errors(self) -> dict[str, float]:
+        """The path of the cut so far in numbers: area [mm2], mean and largest distance to the line [mm]."""
+        found = path_errors(self.whole, np.array([self.tip]))
+        return {name: float(value[0]) for name, value in found.items()}
+
+    @property
+    def truth(self) -> dict[str, float]:
+        """Places of blade and tip, and distance of the tip to the left of the line [m], by name."""
+        found = path_truth(self.plant.states, self.plant.cuts["motions"][0])
+        return {name: float(value[0]) for name, value in found.items()}
+
+    @property
+    def noted(self) -> dict[str, Any]:
+        """Facts about the task for the metadata of a record, by key; of a rig the line is one of them."""
+        return super().noted | ({} if self.simulated else self.noted_line)
+
+    @property
+    def cut_distance(self) -> Array:
+        """Distance of the cut to the left of the line at each of its points that the tip has passed [m], shape (n,)."""
+        steering = self.motion[0]
+        passed: Array = steering["cut"][: steering["cell"] + 1].copy()
+        return passed
+
+    @property
+    def noted_line(self) -> dict[str, Any]:
+        """The line for the metadata of a record: places within the slab [m], by its key."""
+        from cutenv.scoring.path_map import LINE_KEY
+
+        return {LINE_KEY: np.round(places_within(self.line), 6).tolist()}
+
+    @property
+    def noted_path(self) -> dict[str, Any]:
+        """Notes of a simulated record on its path, by key of its metadata: errors, line, and the cut beside it [m]."""
+        from cutenv.scoring.truth import ASIDE_AT_END
+
+        errors = {name: round(value, 3) for name, value in self.errors.items()}
+        return errors | self.noted_line | {ASIDE_AT_END: np.round(self.aside_to_tip, 6).tolist()}
+
+    @property
+    def blade_place(self) -> tuple[float, float]:
+        """Place of the blade, along and across the slab [m]."""
+        return place_of_blade(self.plant.states, self.motion)
+
+    @property
+    def tip_place(self) -> tuple[float, float]:
+        """Place of the crack tip, along and across the slab [m]; hidden."""
+        return place_of_tip(self.plant.states, self.motion)
+
+    @property
+    def shown_path(self) -> ShownPath:
+        """Path as a picture shows it."""
+        line, steering, aside = self.line, self.motion[0], self.cut_distance[:, np.newaxis]
+        drawn, passed = np.column_stack((line.x, line.y)), slice(0, len(aside))
+        left = np.column_stack((-np.sin(line.angle), np.cos(line.angle)))[passed]
+        tip = np.array(self.tip_place)
+        return ShownPath(
+            drawn, round(self.target_length / SPACING), np.concatenate((drawn[passed] + aside * left, [tip])), tip,
+            np.array(self.blade_place), np.array([steering["ahead"], steering["across"]]), float(steering["aside"]),
+        )  # fmt: skip
+
+    @property
+    def aside_to_tip(self) -> Array:
+        """Distance of the cut to the left of the line at each of its points up to the tip [m], shape (n,).
+
+        Since its last turn the crack has run straight on.
+        """
+        steering, tip, passed = self.motion[0], self.tip, self.cut_distance
+        more = np.arange(len(passed), int(tip / SPACING) + 1)
+        if len(more) == 0:
+            return passed
+        line, grid = self.line, np.arange(len(self.line.x)) * SPACING
+        x, y, angle = (float(np.interp(tip, grid, each)) for each in (line.x, line.y, line.angle))
+        east, north = self.tip_place
+        end = (north - y) * np.cos(angle) - (east - x) * np.sin(angle)
+        share = (more * SPACING - steering["settled"]) / (tip - steering["settled"])
+        return np.append(passed, steering["tip_aside"] + (end - steering["tip_aside"]) * share)
+
+
+def ways_of(channels: dict[str, Array], heading: float) -> Array:
+    """Return places, a heading [rad] and lateral forces as the task takes them, shape (n, WAYS)."""
+    ways = np.zeros((len(channels["lateral_force"]), WAYS))
+    ways[:, _X], ways[:, _Y], ways[:, _LATERAL] = (channels[name] for name in (*PLACE, "lateral_force"))
+    ways[:, _EAST], ways[:, _NORTH] = math.cos(heading), math.sin(heading)
+    return ways
+
+
+def to_path_action(speed: float, angle: float, turn_rate: float) -> Array32:
+    """Return the action, shape (3,), for a speed [m/s], an angle [rad] and a turn to the left [rad/s]; clipped."""
+    turn = speed_action(turn_rate * (SPEED_SCALE / TURN_SCALE))
+    return np.append(to_action(speed, angle), np.float32(np.clip(turn, -1.0, 1.0))).astype(np.float32)
