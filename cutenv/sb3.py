@@ -71,7 +71,7 @@ class NativeVecEnv(VecEnv):
         self._returns, self._costs, self._lengths = np.zeros(count), np.zeros(count), np.zeros(count, int)
         self._infos = np.empty(count, INFO)
         self._begun = time.monotonic()
-        self._actions = np.zeros((count, len(self.native.single.action_names)), np.float32)
+        self._actions = np.zeros((count, len(self.native.single.task.action_names)), np.float32)
         super().__init__(count, self._make_observation_space(), self.native.single_action_space)
 
     def _make_observation_space(self) -> gymnasium.Space[Any]:

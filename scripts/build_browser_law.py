@@ -65,6 +65,7 @@ def intermediate_code(task: str) -> str:
         import warnings
 
         import numba
+        from cutenv.task.cuts import EPISODE
         from numba.core import types
         from numba.np.numpy_support import from_dtype
 
@@ -76,15 +77,12 @@ def intermediate_code(task: str) -> str:
         from cutenv.cutting.dtypes import READING
         from cutenv.cutting.simulate import CUT
         from cutenv.cutting.steering import STEERING
-        from cutenv.task.cuts import EPISODE
-        from cutenv.task.depth_cuts import DEPTH_STEP_MEMORY
-        from cutenv.task.depth_terms import DEPTH
-        from cutenv.task.path_cuts import PATH_STEP_MEMORY
-        from cutenv.task.path_terms import PATH_MAP
+        from cutenv.task.depth import DEPTH, DEPTH_STEP_MEMORY
+        from cutenv.task.path import PATH, PATH_STEP_MEMORY
 
         library: Any = numba  # which has no types
         carray, pointer = library.carray, library.types.CPointer
-        kinds = CUT, EPISODE, READING, DESCENT, DEPTH, DEPTH_STEP_MEMORY, TABLES, STEERING, PATH_MAP, PATH_STEP_MEMORY
+        kinds = CUT, EPISODE, READING, DESCENT, DEPTH, DEPTH_STEP_MEMORY, TABLES, STEERING, PATH, PATH_STEP_MEMORY
         cut, episode, reading, descent, depth, levels, tables, steering, path, places = (
             pointer(from_dtype(kind)) for kind in kinds
         )

@@ -40,7 +40,7 @@ from cutenv.policy.path_scripts import PATH_SCRIPTS
 from cutenv.scoring import score
 from cutenv.scoring.path_map import LINE_KEY
 from cutenv.scoring.truth import ASIDE_AT_END, FLOOR_AT_END, TIP_AT_END
-from cutenv.task.depth_terms import DEPTH_COMPONENTS
+from cutenv.task.depth import DEPTH_COMPONENTS
 from cutenv.task.observation import COMPONENTS
 from cutenv.tissue.lines import places_within
 from cutenv.trace import Trace
@@ -111,10 +111,10 @@ def depth_cut(env: DepthCutEnv, policy: Any, seed: int) -> tuple[float, Trace]:
         observation, reward, ended, _, _ = env.step(policy(observation))
         total += float(reward)
         parts.append(env.cutting.readings.copy())
-        beside.append(env.cutting.beside)
+        beside.append(env.cutting.channels)
     cutting = env.cutting
     noted = {TIP_AT_END: cutting.tip, FLOOR_AT_END: cutting.floor_to_tip.tolist(), "end": cutting.end}
-    noted[LAYER_DEPTH_KEY] = float(cutting.descents["boundary"][0])
+    noted[LAYER_DEPTH_KEY] = float(cutting.motion["boundary"][0])
     trace = to_trace(env.plant, np.concatenate(parts), **noted, **cutting.noted)
     measured = {name: np.concatenate([each[name] for each in beside]) for name in beside[0]}
     return total, dataclasses.replace(trace, **measured)
@@ -135,7 +135,7 @@ def path_cut(env: PathCutEnv, policy: Any, seed: int) -> tuple[float, Trace]:
         observation, reward, ended, _, _ = env.step(policy(observation))
         total += float(reward)
         parts.append(cutting.readings.copy())
-        lateral.append(np.array(cutting.lateral)[0, : len(parts[-1])])
+        lateral.append(np.array(cutting.across)[: len(parts[-1])])
         times.append(float(parts[-1]["time"][-1]))
         places.append(cutting.blade_place)
     noted = {TIP_AT_END: cutting.tip, ASIDE_AT_END: cutting.aside_to_tip.tolist(), "end": cutting.end}

@@ -51,7 +51,7 @@ class Rung(FollowDepth):
         """Return the levels of the surface [m] at these points."""
         if not self._true_surface:
             return super().surfaces(point)
-        levels: Array = self._batch.descents["surface"][np.arange(len(point)), point]
+        levels: Array = self._batch.cuts.motions["surface"][np.arange(len(point)), point]
         return levels
 
 

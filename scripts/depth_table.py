@@ -44,10 +44,10 @@ def draw(path: Path) -> None:
             ended = False
             while not ended:
                 observation, _, ended, _, info = env.step(policy(observation))
-            x = np.arange(env.cutting.descents["cell"][0] + 1) * 0.5
+            x = np.arange(env.cutting.motion["cell"][0] + 1) * 0.5
             axis.plot(x, 1e3 * env.cutting.floor[: len(x)], color=colour, label=f"floor of the cut, {name}")
         along = np.arange(len(env.cutting.floor)) * 0.5
-        axis.plot(along, 1e3 * env.cutting.depths["wanted"][0], "k--", lw=1.0, label="wanted depth")
+        axis.plot(along, 1e3 * env.cutting.whole["wanted"][0], "k--", lw=1.0, label="wanted depth")
         axis.axhspan(1e3 * info["truth"]["layer_m"], 25.0, color="tab:red", alpha=0.2, label="layer below, not seen")
         axis.set(ylim=(20.0, 0.0), xlim=(0.0, 100.0), ylabel="depth below the surface [mm]", title=wanted)
         axis.axvline(80.0, color="tab:green", lw=1.0, label="target")

@@ -43,7 +43,7 @@ class KnowledgeLadder:
     def rows_of_rung(self, name: str, seeds: Sequence[int]) -> list[dict[str, Any]]:
         """Return the scores of a rung, one row for each seed."""
         count, task, policy = len(seeds), TASKS[self.task], self.rungs[name]()
-        batch: CutBatch = task.batch(count, task.single(specimen_class="mixed"))
+        batch = CutBatch(count, task.single(specimen_class="mixed"))
         batch.give_seeds(seeds, np.arange(count), np.random.default_rng())
         batch.begin(np.arange(count))
         policy.begin([np.random.default_rng(seed) for seed in seeds])

@@ -49,7 +49,7 @@ class Rung(SteerByForce):
 
     def reckon(self, seen: SeenPath) -> tuple[Array, Array]:
         """Return the distances of the tips to the left of the line [m], and the angles of the cracks to it [rad]."""
-        states, steerings = self._batch.cuts.states, self._batch.steerings
+        states, steerings = self._batch.cuts.states, self._batch.cuts.motions
         if self._tip:
             seen.estimates["tip"] = states["tip"]
         aside, crack = super().reckon(seen)
@@ -64,7 +64,7 @@ class Rung(SteerByForce):
         """Return the bends of the script, or those of the planner's rule with the same knowledge."""
         if not self._rule:
             return super().bends(seen, actions)
-        steerings = self._batch.steerings.copy()
+        steerings = self._batch.cuts.motions.copy()
         if not self._aside:
             steerings["tip_aside"] = self.reckon(seen)[0]
         bends: Array = np.zeros(len(actions))

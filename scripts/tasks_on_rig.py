@@ -21,12 +21,12 @@ from cutenv.envs.rig_path_cut import RigPathCutEnv
 from cutenv.policy import Policy
 from cutenv.policy.depth_scripts import BLADE_DEPTH, DEPTH_SCRIPTS
 from cutenv.policy.path_scripts import PATH_SCRIPTS
-from cutenv.task.depth_terms import ALL_COMPONENTS
+from cutenv.task.depth import DEPTH_CUT
 from cutenv.task.observation import COMPONENTS
-from cutenv.task.path_terms import ALL_PATH_COMPONENTS
+from cutenv.task.path import PATH_CUT
 
 _POSITION = [one.name for one in COMPONENTS].index("position")
-_ASIDE = [one.name for one in ALL_PATH_COMPONENTS].index("aside")
+_ASIDE = [one.name for one in PATH_CUT.all_components].index("aside")
 _MM = 1e3
 
 
@@ -49,11 +49,11 @@ class Compared(NamedTuple):
 
 TASKS = {
     "depth": Compared(
-        RigDepthCutEnv, lambda: DepthCutEnv(surface_spread=0.0), DEPTH_SCRIPTS, ALL_COMPONENTS,  # a rig has no spread
+        RigDepthCutEnv, lambda: DepthCutEnv(surface_spread=0.0), DEPTH_SCRIPTS, DEPTH_CUT.all_components,  # a rig has no spread
         len(COMPONENTS) + BLADE_DEPTH, "depth", "depth", "mean_error_mm", "depth error",
     ),
     "path": Compared(
-        RigPathCutEnv, PathCutEnv, PATH_SCRIPTS, ALL_PATH_COMPONENTS, _ASIDE, "distance to the line", "path",
+        RigPathCutEnv, PathCutEnv, PATH_SCRIPTS, PATH_CUT.all_components, _ASIDE, "distance to the line", "path",
         "mean_distance_mm", "cut off the line",
     ),
 }  # fmt: skip

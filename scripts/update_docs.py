@@ -88,8 +88,8 @@ from cutenv.rig.devices.serial.slow_profile import RATES, grbl_settings, slow_se
 from cutenv.rig.operation.suitability import suitability_lines
 from cutenv.rig.toml_text import template
 from cutenv.scoring import DEPTH_METRICS, INVARIANCES, METRICS, PATH_METRICS, Metric
-from cutenv.task.depth_terms import DepthConstants
-from cutenv.task.path_terms import PathConstants
+from cutenv.task.depth import DepthConstants
+from cutenv.task.path import PathConstants
 from cutenv.task.reward import CUT_ENDS, REWARD
 from cutenv.task.weights import Limits
 from cutenv.tissue import Layers, measured_liver

@@ -12,9 +12,7 @@ from cutenv.browser.stylus_steps import HandCut
 from cutenv.cutting.descent import DESCENT
 from cutenv.envs.depth_cut import DepthCutEnv
 from cutenv.play.hand_model import descent_toward, speed_over
-from cutenv.task.depth_cuts import DEPTH_STEP_MEMORY, step_depth_one
-from cutenv.task.depth_cutting import DepthCutting
-from cutenv.task.depth_terms import ALL_COMPONENTS, DEPTH, DEPTH_ENDS
+from cutenv.task.depth import DEPTH, DEPTH_CUT, DEPTH_STEP_MEMORY, DepthEpisode, step_depth_one
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, speed_action
 
 
@@ -83,9 +81,9 @@ class HandDepthCut(HandCut):
     """
 
     environment = DepthCutEnv
-    components = ALL_COMPONENTS
+    components = DEPTH_CUT.all_components
     record_kinds: ClassVar[dict[str, np.dtype[Any]]] = HandCut.record_kinds | {"descent": DESCENT, "depth": DEPTH}
-    ends = DEPTH_ENDS
+    ends = DEPTH_CUT.ends
     stylus_numbers = 3
     """Numbers of the hand in each millisecond: position [m], angle [rad], level above that at the start [m]."""
 
@@ -97,21 +95,21 @@ class HandDepthCut(HandCut):
         self._start = float(self.descents["level"][0])
 
     @property
-    def cutting(self) -> DepthCutting:
+    def cutting(self) -> DepthEpisode:
         """Task of this cut."""
         cutting = self._env.cutting
-        assert isinstance(cutting, DepthCutting)
+        assert isinstance(cutting, DepthEpisode)
         return cutting
 
     @property
     def descents(self) -> StructArray:
         """Vertical motion, :data:`~cutenv.cutting.descent.DESCENT`, shape (1,)."""
-        return self.cutting.descents
+        return self.cutting.motion
 
     @property
     def depths(self) -> StructArray:
         """Wanted depth and map of the depth, :data:`~cutenv.task.depth_terms.DEPTH`, shape (1,)."""
-        return self.cutting.depths
+        return self.cutting.whole
 
     @property
     def records(self) -> dict[str, StructArray]:

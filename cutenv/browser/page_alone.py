@@ -31,8 +31,8 @@ from cutenv.play.hand_model import PLAYED_HAND
 from cutenv.scoring import points
 from cutenv.scoring.even_samples import BANDWIDTH, RATE, SHORTEST_FORCE
 from cutenv.task.assessment import NEAR_TARGET
-from cutenv.task.depth_terms import DEPTH_TERMS, DESCENT_SCALE
-from cutenv.task.path_terms import PATH_TERMS
+from cutenv.task.depth import DEPTH_CUT, DESCENT_SCALE
+from cutenv.task.path import PATH_CUT
 from cutenv.task.reward import FORCE_ALLOWED, TERMS, TIME_AT_REST
 from cutenv.task_quantities import (
     ANGLE_TOLERANCE,
@@ -189,8 +189,8 @@ def page_data(tasks: Sequence[str] = ("gentle",)) -> dict[str, Any]:
         "level_notch": LOWERED_BY_NOTCH,
         "level_reach": LEVEL_REACH,
         "fastest_descent": DESCENT_SCALE,
-        "depth_terms": DEPTH_TERMS,
-        "path_terms": PATH_TERMS,
+        "depth_terms": tuple(cost.name for cost in DEPTH_CUT.costs),
+        "path_terms": tuple(cost.name for cost in PATH_CUT.costs),
         "depth_tolerance": DEPTH_TOLERANCE,
         "layer_tolerance": LAYER_TOLERANCE,
         "line_tolerance": LINE_TOLERANCE,

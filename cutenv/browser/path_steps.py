@@ -14,13 +14,11 @@ from cutenv.envs.path_cut import PathCutEnv
 from cutenv.play.hand_model import steered_toward
 from cutenv.scoring.path_map import LINE_KEY
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, SPEED_SCALE, speed_action
-from cutenv.task.path_cuts import PATH_STEP_MEMORY, step_path_one
-from cutenv.task.path_cutting import PathCutting
-from cutenv.task.path_terms import ALL_PATH_COMPONENTS, PATH_ENDS, PATH_MAP, TURN_SCALE
+from cutenv.task.path import PATH, PATH_CUT, PATH_STEP_MEMORY, TURN_SCALE, PathEpisode, step_path_one
 from cutenv.tissue.drawn_lines import kind_of
 
-_LATERAL = [each.name for each in ALL_PATH_COMPONENTS].index("lateral")
-_NEWTONS = ALL_PATH_COMPONENTS[_LATERAL].scale
+_LATERAL = [each.name for each in PATH_CUT.all_components].index("lateral")
+_NEWTONS = PATH_CUT.all_components[_LATERAL].scale
 
 
 @njit
@@ -92,9 +90,9 @@ class HandPathCut(HandCut):
     """
 
     environment = PathCutEnv
-    components = ALL_PATH_COMPONENTS
-    record_kinds: ClassVar[dict[str, np.dtype[Any]]] = HandCut.record_kinds | {"steering": STEERING, "path": PATH_MAP}
-    ends = PATH_ENDS
+    components = PATH_CUT.all_components
+    record_kinds: ClassVar[dict[str, np.dtype[Any]]] = HandCut.record_kinds | {"steering": STEERING, "path": PATH}
+    ends = PATH_CUT.ends
     stylus_numbers = 3
     """Numbers of the hand in each millisecond: place along [m], angle [rad], place across, to the left [m]."""
 
@@ -105,21 +103,21 @@ class HandPathCut(HandCut):
         super().__init__(line=line, **keywords)
 
     @property
-    def cutting(self) -> PathCutting:
+    def cutting(self) -> PathEpisode:
         """Task of this cut."""
         cutting = self._env.cutting
-        assert isinstance(cutting, PathCutting)
+        assert isinstance(cutting, PathEpisode)
         return cutting
 
     @property
     def steerings(self) -> StructArray:
         """Place in the plane, :data:`~cutenv.cutting.steering.STEERING`, shape (1,)."""
-        return self.cutting.steerings
+        return self.cutting.motion
 
     @property
     def paths(self) -> StructArray:
         """Map of the path, :data:`~cutenv.task.path_terms.PATH_MAP`, shape (1,)."""
-        return self.cutting.paths
+        return self.cutting.whole
 
     @property
     def records(self) -> dict[str, StructArray]:

@@ -145,7 +145,7 @@ class HandCut:
     @property
     def episodes(self) -> StructArray:
         """State of the task, :data:`~cutenv.task.cuts.EPISODE`, shape (1,)."""
-        return self._env.cutting.episode
+        return self._env.cutting.record
 
     @property
     def records(self) -> dict[str, StructArray]:

@@ -130,18 +130,14 @@ DESCENT: np.dtype[Any] = np.dtype(
 )
 """Record of a cut's vertical motion, beside those of the law."""
 
-SHARED: np.dtype[Any] = np.dtype(
-    (np.record, [*((name, SLAB[name]) for name in SLAB.names or ()), ("mean", NOMINAL, (1,))])
-)
+SHARED: np.dtype[Any] = np.dtype((np.record, [("slab", SLAB, (1,)), ("mean", NOMINAL, (1,))]))
 """Record that cuts of one tissue share: stiffness of its slab, and the mean tissue."""
 
 
 def shared_record(tissue: TissueDescription) -> StructArray:
     """Return what cuts of a tissue share, :data:`SHARED` of shape (1,)."""
-    record, slab = np.zeros(1, SHARED), tissue.slab()
-    for name in SLAB.names or ():
-        record[name] = slab[name]
-    record["mean"] = nominal_tissue(tissue)
+    record = np.zeros(1, SHARED)
+    record["slab"], record["mean"] = tissue.slab(), nominal_tissue(tissue)
     return record
 
 
@@ -257,7 +253,7 @@ def lower_row(row: Struct, moving: Moving, profiles: StructArray, dt: float) -> 
 @njit_inline
 def renew_row(row: Struct, moving: Moving, profiles: StructArray, dt: float) -> None:
     """Bring the profiles of cuts that reach another grid point up to date."""
-    slab = moving.shared[0]
+    slab = moving.shared[0].slab[0]
     for n in range(row.taken):
         i, j, far = row.tip_point[n], row.blade_point[n], row.da[n] > LONGEST_ADVANCE
         if row.going[n] == 1 and (i != row.seen_tip_point[n] or j != row.seen_blade_point[n] or far):
@@ -275,7 +271,9 @@ def renew_runs(row: Struct, moving: Moving, profiles: StructArray, dt: float) ->
     """Bring the profiles of cuts whose crack runs up to date, from the tip to the blade."""
     for n in range(row.taken):
         if row.going[n] == 1 and row.waits[n] == 0:
-            renew_between(profiles[row.cut[n]], moving.records[row.cut[n]], moving.shared[0], row.tip[n], row.blade[n])
+            renew_between(
+                profiles[row.cut[n]], moving.records[row.cut[n]], moving.shared[0].slab[0], row.tip[n], row.blade[n]
+            )
 
 
 @njit_inline
@@ -292,7 +290,7 @@ def respond_row(row: Struct, moving: Moving, profiles: StructArray, dt: float) -
         for n in range(row.taken):
             if row.going[n] == 1 and levels.waiting[n] <= 0:
                 scatter(moving.views, n, row.cut[n])
-                respond(row, profiles[row.cut[n]], moving.records[row.cut[n]], moving.shared[0], n)
+                respond(row, profiles[row.cut[n]], moving.records[row.cut[n]], moving.shared[0].slab[0], n)
                 gather(moving.views, n, row.cut[n])
     add_up_forces(row, levels)
 

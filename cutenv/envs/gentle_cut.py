@@ -311,11 +311,13 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         seed: int,
         episode: int,
         depth: NDArray[np.float64],
+        noise: int = 0,
         begun: bool = True,
     ) -> None:
         """Put the blade to the start of a cut of ``length`` [m], with the ``depth`` [m] known to the lab.
 
-        Without ``begun`` what the task adds is left as it is before a cut begins.
+        ``noise`` is added to the seed of the sensor's noise.  Without ``begun`` what the task adds is left as it is
+        before a cut begins.
         """
         constants, tissue = self.constants, specimen.tissue
         self.specimen = specimen
@@ -325,7 +327,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             drive=constants.drive,
             sensor=constants.sensor,
             law=constants.law,
-            seed=seed,
+            seed=seed + noise,
             episode=episode,
             angle=self.start_angle,
             depth=depth,

@@ -7,10 +7,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from cutenv._base.validation import one_of
-from cutenv.envs.batch import CutBatch
-from cutenv.envs.depth_cut import DepthBatch, DepthCutEnv, DepthCutVectorEnv
+from cutenv.envs.depth_cut import DepthCutEnv, DepthCutVectorEnv
 from cutenv.envs.gentle_cut import GentleCutEnv
-from cutenv.envs.path_cut import PathBatch, PathCutEnv, PathCutVectorEnv
+from cutenv.envs.path_cut import PathCutEnv, PathCutVectorEnv
 from cutenv.envs.vector import GentleCutVectorEnv
 from cutenv.policy import BASELINES, Policy
 from cutenv.policy.depth_planner import DepthPlanner
@@ -18,9 +17,9 @@ from cutenv.policy.depth_scripts import DEPTH_SCRIPTS
 from cutenv.policy.path_planner import PathPlanner
 from cutenv.policy.path_scripts import PATH_SCRIPTS
 from cutenv.policy.policy_space import PolicySpace, space_of
-from cutenv.task.depth_privileged import DEPTH_PRIVILEGED
-from cutenv.task.path_privileged import PATH_PRIVILEGED
-from cutenv.task.privileged import PRIVILEGED_FEATURES
+from cutenv.task.depth import DEPTH_CUT
+from cutenv.task.path import PATH_CUT
+from cutenv.task.privileged import PRIVILEGED_FEATURES, privileged_names
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +29,6 @@ class LearnedTask:
     id: str
     """Id of the environment."""
     single: type[GentleCutEnv]
-    batch: type[CutBatch]
     vector: type[GentleCutVectorEnv]
     privileged: tuple[str, ...]
     """Names of the hidden state that a critic is shown."""
@@ -59,13 +57,13 @@ class LearnedTask:
 
 TASKS = {
     "gentle": LearnedTask(
-        id="cutenv/GentleCut-v1", single=GentleCutEnv, batch=CutBatch, vector=GentleCutVectorEnv,
+        id="cutenv/GentleCut-v1", single=GentleCutEnv, vector=GentleCutVectorEnv,
         privileged=PRIVILEGED_FEATURES, script="return stroke", policies=BASELINES,
         shown=("return", "success", "tip_error_mm", "peak_force_N", "largest_jump_mm", "time_s"),
     ),
     "depth": LearnedTask(
-        id="cutenv/DepthCut-v1", single=DepthCutEnv, batch=DepthBatch, vector=DepthCutVectorEnv,
-        privileged=DEPTH_PRIVILEGED, script="depth by two forces",
+        id="cutenv/DepthCut-v1", single=DepthCutEnv, vector=DepthCutVectorEnv,
+        privileged=privileged_names(DEPTH_CUT), script="depth by two forces",
         options={
             "script": "depth by two forces", "base": "script", "hold": 2, "control_hz": 25, "timesteps": 12_000_000,
             "exploration": 0.05, "last_exploration": 0.02, "learning_rate": 5e-4, "epochs": 4, "batch_size": 8000,
@@ -75,8 +73,8 @@ TASKS = {
         shown=("return", "success", "mean_error_mm", "layer_mm", "peak_force_N", "time_s"), planner=DepthPlanner,
     ),
     "path": LearnedTask(
-        id="cutenv/PathCut-v1", single=PathCutEnv, batch=PathBatch, vector=PathCutVectorEnv,
-        privileged=PATH_PRIVILEGED, script="steer by force", policies=PATH_SCRIPTS,
+        id="cutenv/PathCut-v1", single=PathCutEnv, vector=PathCutVectorEnv,
+        privileged=privileged_names(PATH_CUT), script="steer by force", policies=PATH_SCRIPTS,
         options={
             "script": "steer by force", "base": "script", "hold": 2, "control_hz": 25, "timesteps": 24_000_000,
             "exploration": 0.15, "last_exploration": 0.05, "learning_rate": 7e-4, "epochs": 4, "batch_size": 8000,

@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from cutenv._base.validation import in_range, one_of
 from cutenv._engine.jit import warn_before_first_compile
-from cutenv.cutting.simulate import hold
 from cutenv.envs.constants import Constants
-from cutenv.envs.gentle_cut import check_rate, checked_episode, checked_length
+from cutenv.envs.gentle_cut import GentleCutEnv, check_rate, checked_episode, checked_length
 from cutenv.envs.rig_source import RigSource
 from cutenv.envs.rig_work import Work, action_text, blade_angle, numbers
 from cutenv.envs.tissue_source import TissueSource
@@ -32,9 +31,11 @@ from cutenv.rig.plant import RigPlant
 from cutenv.rig.safety.guard import interrupt
 from cutenv.rig.safety.stop_causes import Cause, RigStopped
 from cutenv.task.beginning import drawn_length
+from cutenv.task.declare import WAYS, Task
+from cutenv.task.episode import Episode, Goal, Options
 from cutenv.task.episode_dtypes import STOPPED
-from cutenv.task.gentle_cutting import GentleCutting
-from cutenv.task.observation import CLIP, COMPONENTS, within_reach
+from cutenv.task.observation import CLIP, within_reach
+from cutenv.task.stepper import assess_readings
 from cutenv.task.weights import greatest_action
 from cutenv.tissue.description import TissueDescription, measured_liver
 from cutenv.tissue.specimen import CLASSES, Specimen
@@ -120,12 +121,14 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """
 
     metadata: dict[str, Any] = {"render_modes": [], "render_fps": 50}  # noqa: RUF012  as in Env
-    action_names: ClassVar[tuple[str, ...]] = ("speed", "angle")
-    """Names of the numbers of an action."""
-    component_count: ClassVar[int] = len(COMPONENTS)
-    """Number of components of an observation."""
-    other_keywords: ClassVar[tuple[str, ...]] = ()
-    """Keywords of a task that is made of this one."""
+    options_class: ClassVar[type[Options]] = Options
+    """Task, and the options that it adds."""
+    option_names: ClassVar[tuple[str, ...]] = ()
+    """Names of those options that a rig does not decide."""
+    simulated: ClassVar[type[GentleCutEnv]] = GentleCutEnv
+    """Class of the simulator's environment."""
+    as_simulated: ClassVar[dict[str, Any]] = {}
+    """Keywords with which the simulator's specimens are like those of an imitated rig."""
     needs_axis: ClassVar[str] = ""
     """Name of the axis across the cut that the task needs, "height" or "side"; empty if it needs none."""
     task_name: ClassVar[str] = "cutenv/RigCut-v1"
@@ -148,9 +151,11 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         drive: str = "rig",
         operator: Operator | None = None,
         render_mode: None = None,
-        **constants: float,
+        **constants: Any,
     ) -> None:
         self._arguments = {name: value for name, value in locals().items() if name in _ARGUMENTS} | constants
+        self.options = self.options_class({n: constants.pop(n) for n in self.option_names if n in constants})
+        """Options that the task adds."""
         one_of("specimen_class", specimen_class, CLASSES)
         check_rate(control_hz)
         if render_mode is not None:
@@ -161,10 +166,10 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.specimen_class = specimen_class
         self.tissue = TissueSource(tissue)
         one_of("drive", drive, ("rig", "pd"))
-        self.constants = Constants.from_keywords(constants, drive=drive, others=[*_ARGUMENTS, *self.other_keywords])
+        self.constants = Constants.from_keywords(constants, drive=drive, others=[*_ARGUMENTS, *self.option_names])
         self.metadata = {**self.metadata, "render_fps": control_hz}
-        self.action_space = spaces.Box(-1.0, 1.0, (len(self.action_names),), np.float32)
-        self.observation_space = spaces.Box(-CLIP, CLIP, (self.component_count,), np.float32)
+        self.action_space = spaces.Box(-1.0, 1.0, (len(self.task.action_names),), np.float32)
+        self.observation_space = spaces.Box(-CLIP, CLIP, (len(self.task.all_components),), np.float32)
         self.render_mode = None
 
         self._source = RigSource(
@@ -180,9 +185,14 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._reduced = 0  # commands of this cut that were faster than the rig obeys
         self._stop: dict[str, Any] | None = None
         self._plant: RigPlant
-        self.cutting: GentleCutting
+        self.cutting: Episode
         self.specimen: Specimen | None = None
         """Specimen drawn for an emulated or fake rig; None for a real one."""
+
+    @property
+    def task(self) -> Task:
+        """The task, assessed by what a rig sees."""
+        return self.options.task.seen
 
     @property
     def session(self) -> RigSession:
@@ -250,24 +260,26 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     def _warm_up(self) -> None:
         """Compile a decision's kernels before a rig is connected: compiling would stall its watching threads."""
-        warn_before_first_compile(hold)
-        practice = Specimen.drawn(0, 0)
-        cutting = self._cutting(SimulatedPlant(practice), practice.tissue, 0.06, SpecimenKey(seed=0, episode=0))
+        warn_before_first_compile(assess_readings(self.task))
+        practice = SimulatedPlant(Specimen.drawn(0, 0))
+        tissue = practice.specimen.tissue
+        cutting = self._cutting(practice, tissue, 0.06, SpecimenKey(seed=0, episode=0))
         cutting.rest(self.start_angle)
-        cutting.step(np.zeros(2))
-        cutting.stopped(cutting.plant.advance(0.0, _UPRIGHT, self.ticks))
+        cutting.assess(practice.advance(0.0, _UPRIGHT, self.ticks), {}, np.zeros((self.ticks, WAYS)))
+        cutting.stopped(practice.advance(0.0, _UPRIGHT, self.ticks))
 
-    def _cutting(self, plant: Plant, tissue: TissueDescription, length: float, key: SpecimenKey) -> GentleCutting:
-        return GentleCutting(
-            plant,
-            tissue,
-            self.constants.weights,
-            self.constants.limits,
+    def _cutting(self, plant: Plant, tissue: TissueDescription, length: float, key: SpecimenKey) -> Episode:
+        goal = Goal(
+            tissue=tissue,
+            weights=self.constants.weights,
+            limits=self.constants.limits,
             friction_per_depth=tissue.nominal_friction_per_depth,
             target_length=length,
             deadline=self.deadline,
             ticks=self.ticks,
+            key=(key.seed, key.episode),
         )
+        return self.options.episode(plant, goal)
 
     def _specimen(self, option: Any, episode: int) -> Specimen | None:
         if not self._source.draws:
@@ -290,13 +302,13 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         with self._work.going_on():
             if self._ended or self._session is None:
                 raise gymnasium.error.ResetNeeded("no cut is going on: call reset() before step().")
-            command = numbers(action, len(self.action_names))
+            command = numbers(action, len(self.task.action_names))
             if command is None or not within_reach(command, self.fixed_angle or math.nan):
                 self._stop_for(Cause.NOT_A_NUMBER, f"the policy's action is {action_text(action)}")
                 self._finish(STOPPED)
                 raise ValueError(
-                    f"action = {action_text(action)} must hold {len(self.action_names)} numbers in [-1, 1] "
-                    f"({', '.join(self.action_names)}), none NaN or infinite."
+                    f"action = {action_text(action)} must hold {len(self.task.action_names)} numbers in [-1, 1] "
+                    f"({', '.join(self.task.action_names)}), none NaN or infinite."
                 )
             cutting = self.cutting
             if not cutting.time:

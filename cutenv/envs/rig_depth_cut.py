@@ -2,30 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
-import numpy as np
-
-from cutenv._base.validation import one_of
-from cutenv._engine.jit import warn_before_first_compile
-from cutenv.cutting.descent import DescentParameters
-from cutenv.cutting.dtypes import READING
+from cutenv.envs.depth_cut import DepthCutEnv
 from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.plant import Plant, SimulatedPlant
 from cutenv.rig.contradictions import AHEAD
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.specimen_source import SpecimenKey
-from cutenv.task.depth_readings import assess_depth_readings
-from cutenv.task.depth_terms import ALL_COMPONENTS, DepthConstants
-from cutenv.task.rig_depth_cutting import RigDepthCutting
-from cutenv.task.wanted_depth import WANTED_KINDS
+from cutenv.task.depth import DepthConstants, DepthEpisode, DepthOptions
 from cutenv.tissue.description import TissueDescription, measured_liver
 from cutenv.tissue.grid import POINTS_PER_METRE
 from cutenv.tissue.layers import Layers
 from cutenv.tissue.specimen import Specimen
 
 _DEPTH_WEIGHTS = tuple(name for name in DepthConstants.__dataclass_fields__ if name.startswith("weight_"))
-_EXPECTED = ("edge_length", "bedding")
 
 
 class RigDepthCutEnv(RigCutEnv):
@@ -63,24 +54,14 @@ class RigDepthCutEnv(RigCutEnv):
     v1: the first version; may change until the first comparison of agents is published.
     """
 
-    action_names = ("speed", "angle", "descent")
-    component_count = len(ALL_COMPONENTS)
-    other_keywords = ("wanted", "layer", *_DEPTH_WEIGHTS, *_EXPECTED)
+    options_class = DepthOptions
+    option_names = ("wanted", "layer", *_DEPTH_WEIGHTS, "edge_length", "bedding")
+    simulated = DepthCutEnv
+    as_simulated: ClassVar[dict[str, Any]] = {"surface_spread": 0.0}  # they have the mean liver's surface
     needs_axis = "height"
     task_name = "cutenv/RigDepthCut-v1"
-    cutting: RigDepthCutting
-
-    def __init__(self, *, wanted: str = "mixed", layer: bool | None = None, **keywords: Any) -> None:
-        self.wanted = WANTED_KINDS[one_of("wanted", wanted, tuple(WANTED_KINDS))]
-        one_of("layer", layer, (None, True, False))
-        self.layer = wanted != "profile" if layer is None else layer
-        own = {name: keywords.pop(name) for name in (*_DEPTH_WEIGHTS, *_EXPECTED) if name in keywords}
-        self.depth_constants = DepthConstants(**{name: own[name] for name in _DEPTH_WEIGHTS if name in own})
-        self.descent_parameters = DescentParameters(**{name: own[name] for name in _EXPECTED if name in own})
-        super().__init__(**keywords)
-        self.depth_keywords = {"wanted": wanted, "layer": layer, **own}
-        """Keywords that this task adds to those of ``cutenv/RigCut-v1``, as they were given."""
-        self._arguments |= self.depth_keywords
+    options: DepthOptions
+    cutting: DepthEpisode
 
     def _lay(self, key: SpecimenKey) -> None:
         assert key.target is not None  # a cut has one
@@ -88,7 +69,7 @@ class RigDepthCutEnv(RigCutEnv):
         if supply is not None and key.specimen is not None:
             cutting = self._cutting(plant, key.specimen.tissue, key.target, key)
             self._check_levels(cutting)
-            supply.layers = cutting.layers_below() if self.layer else Layers()
+            supply.layers = cutting.layers_below() if self.options.layer else Layers()
         super()._lay(key)
         cutting = self._cutting(plant, self.tissue.tissue or measured_liver(), key.target, key)
         self._check_levels(cutting)
@@ -98,11 +79,11 @@ class RigDepthCutEnv(RigCutEnv):
         plant.supervisor.lock()
         plant.begin()
 
-    def _check_levels(self, cutting: RigDepthCutting) -> None:
+    def _check_levels(self, cutting: DepthEpisode) -> None:
         """Raise RigError if the wanted depth is out of the reach of the height axis."""
         axis = self.settings.require_height_axis(by=self.task_name)
         last = int((cutting.target_length + AHEAD) * POINTS_PER_METRE)
-        levels = (cutting.plant.depth - cutting.depths["wanted"][0])[: last + 1]
+        levels = (cutting.plant.depth - cutting.whole["wanted"][0])[: last + 1]
         low, high = float(levels.min()), float(levels.max())
         if low < axis.lowest or high > axis.highest:
             raise RigError(
@@ -112,23 +93,17 @@ class RigDepthCutEnv(RigCutEnv):
             )
 
     def _warm_up(self) -> None:
-        warn_before_first_compile(assess_depth_readings)
-        practice = Specimen.drawn(0, 0)
-        cutting = self._cutting(SimulatedPlant(practice), practice.tissue, 0.06, SpecimenKey(seed=0, episode=0))
-        cutting.rest(self.start_angle)
-        cutting.layers_below()
-        cutting.assess(np.zeros(self.ticks, READING), np.zeros(self.ticks), np.zeros(self.ticks))
+        super()._warm_up()
+        practice = SimulatedPlant(Specimen.drawn(0, 0))
+        self._cutting(practice, practice.specimen.tissue, 0.06, SpecimenKey(seed=0, episode=0)).layers_below()
 
-    def _cutting(self, plant: Plant, tissue: TissueDescription, length: float, key: SpecimenKey) -> RigDepthCutting:
-        return RigDepthCutting(
-            plant, tissue, self.constants.weights, self.constants.limits,
-            friction_per_depth=tissue.nominal_friction_per_depth, target_length=length, deadline=self.deadline,
-            ticks=self.ticks, wanted=self.wanted, constants=self.depth_constants, descent=self.descent_parameters,
-            key=(key.seed, key.episode),
-        )  # fmt: skip
+    def _cutting(self, plant: Plant, tissue: TissueDescription, length: float, key: SpecimenKey) -> DepthEpisode:
+        cutting = super()._cutting(plant, tissue, length, key)
+        assert isinstance(cutting, DepthEpisode)
+        return cutting
 
     def _info(self) -> dict[str, Any]:
-        errors = self.cutting.depth_errors
+        errors = self.cutting.errors
         return super()._info() | {"depth": {name: errors[name] for name in _KNOWN}}
 
 

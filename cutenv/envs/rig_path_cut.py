@@ -4,30 +4,18 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-from numpy.typing import ArrayLike
-
-from cutenv._engine.jit import warn_before_first_compile
-from cutenv.cutting.dtypes import READING
-from cutenv.cutting.steering import SteeringParameters
-from cutenv.envs.line_choice import LineChoice
+from cutenv.envs.path_cut import PathCutEnv
 from cutenv.envs.rig_cut import RigCutEnv
-from cutenv.plant import Plant, SimulatedPlant
+from cutenv.plant import Plant
 from cutenv.rig.contradictions import AHEAD
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.specimen_source import SpecimenKey
 from cutenv.task.beginning import LONGEST
-from cutenv.task.path_readings import assess_path_readings
-from cutenv.task.path_terms import ALL_PATH_COMPONENTS, PathConstants
-from cutenv.task.rig_path_cutting import RigPathCutting
+from cutenv.task.path import PathEpisode, PathOptions
 from cutenv.tissue.description import TissueDescription, measured_liver
 from cutenv.tissue.grid import POINTS_PER_METRE
 from cutenv.tissue.lines import CutLine
-from cutenv.tissue.specimen import Specimen
-from cutenv.trace import PLACE
 
-_OF_PATH = ("line_limit", "weight_off_line", "weight_farthest")
-_EXPECTED = ("crack_curvature",)
 _ROOM = 1e-3  # [m] between the line and an end of the rig's travel
 
 
@@ -69,28 +57,22 @@ class RigPathCutEnv(RigCutEnv):
     v1: the first version; may change until the first comparison of agents is published.
     """
 
-    action_names = ("speed", "angle", "turn")
-    component_count = len(ALL_PATH_COMPONENTS)
-    other_keywords = ("line", *_OF_PATH, *_EXPECTED)
+    options_class = PathOptions
+    option_names = ("line", "line_limit", "weight_off_line", "weight_farthest", "crack_curvature")
+    simulated = PathCutEnv
     needs_axis = "side"
     task_name = "cutenv/RigPathCut-v1"
-    cutting: RigPathCutting
+    options: PathOptions
+    cutting: PathEpisode
 
-    def __init__(self, *, line: str | CutLine | ArrayLike = "mixed", **keywords: Any) -> None:
-        self.line = LineChoice(line)
-        own = {name: keywords.pop(name) for name in (*_OF_PATH, *_EXPECTED) if name in keywords}
-        self.path_constants = PathConstants(**{name: own[name] for name in _OF_PATH if name in own})
-        self.steering_parameters = SteeringParameters(**{name: own[name] for name in _EXPECTED if name in own})
+    def __init__(self, **keywords: Any) -> None:
         super().__init__(**keywords)
-        self.line.check(LONGEST if self.target_length is None else self.target_length)
-        self.path_keywords = {"line": line, **own}
-        """Keywords that this task adds to those of ``cutenv/RigCut-v1``, as they were given."""
-        self._arguments |= self.path_keywords
+        self.options.check_length(LONGEST if self.target_length is None else self.target_length)
 
     def _lay(self, key: SpecimenKey) -> None:
         assert key.target is not None  # a cut has one
         tissue = self.tissue.tissue or measured_liver() if key.specimen is None else key.specimen.tissue
-        self.line.check(key.target)
+        self.options.check_length(key.target)
         line = self._cutting(self.session.plant, tissue, key.target, key).line
         self._check_reach(line, key.target)
         if self._source.supply is not None:
@@ -111,21 +93,10 @@ class RigPathCutEnv(RigCutEnv):
                 "line, or an axis that reaches there."
             )
 
-    def _warm_up(self) -> None:
-        warn_before_first_compile(assess_path_readings)
-        practice = Specimen.drawn(0, 0)
-        cutting = self._cutting(SimulatedPlant(practice), practice.tissue, 0.06, SpecimenKey(seed=0, episode=0))
-        cutting.rest(self.start_angle)
-        beside = {name: np.zeros(self.ticks) for name in (*PLACE, "lateral_force")}
-        cutting.assess(np.zeros(self.ticks, READING), beside, 0.0)
-
-    def _cutting(self, plant: Plant, tissue: TissueDescription, length: float, key: SpecimenKey) -> RigPathCutting:
-        return RigPathCutting(
-            plant, tissue, self.constants.weights, self.constants.limits,
-            friction_per_depth=tissue.nominal_friction_per_depth, target_length=length, deadline=self.deadline,
-            ticks=self.ticks, drawn=self.line.lines_for(tissue), kind=self.line.kind, constants=self.path_constants,
-            steering=self.steering_parameters, key=(key.seed, key.episode),
-        )  # fmt: skip
+    def _cutting(self, plant: Plant, tissue: TissueDescription, length: float, key: SpecimenKey) -> PathEpisode:
+        cutting = super()._cutting(plant, tissue, length, key)
+        assert isinstance(cutting, PathEpisode)
+        return cutting
 
     def _info(self) -> dict[str, Any]:
-        return super()._info() | {"path": self.cutting.path_errors}
+        return super()._info() | {"path": self.cutting.errors}

@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 
 from cutenv.cutting.dtypes import READING, TICK
+from cutenv.envs.batch import CutBatch
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.envs.learned_tasks import task_of
 from cutenv.learning.finished_cut import FinishedCut
 from cutenv.policy import Policy
 from cutenv.policy.interface import as_array_policy
-from cutenv.task.gentle_cutting import SimulatedCutting
+from cutenv.task.episode import Episode
 from cutenv.task.info import GROUPS, INFO, column
 from cutenv.task.reward import TERMS
 
@@ -48,7 +49,7 @@ def batched_rollout(
     """
     task, own = task_of(arguments)
     count, environment = len(seeds), task.single(**own)
-    batch, many = task.batch(count, environment), as_array_policy(policy)
+    batch, many = CutBatch(count, environment), as_array_policy(policy)
     batch.give_seeds(seeds, np.arange(count), np.random.default_rng())
     batch.begin(np.arange(count))
     many.begin([np.random.default_rng(seed) for seed in seeds])
@@ -102,7 +103,7 @@ def batched_rollout(
     ]
 
 
-def _at_start(environment: GentleCutEnv, seed: int) -> SimulatedCutting:
+def _at_start(environment: GentleCutEnv, seed: int) -> Episode:
     """Return the cut of a seed at its start."""
     environment.reset(seed=seed)
     return environment.cutting

@@ -18,7 +18,7 @@ from cutenv.cutting.dtypes import TICK
 from cutenv.learning.added_infos import added_infos
 from cutenv.plant import ReplayPlant
 from cutenv.policy import Policy, PrivilegedPolicy
-from cutenv.task.gentle_cutting import GentleCutting
+from cutenv.task.episode import Episode
 from cutenv.task.observation import SPEED_SCALE, to_action
 from cutenv.task.weights import Limits, RewardWeights
 from cutenv.tissue.description import measured_liver
@@ -171,12 +171,12 @@ def recorded(
     return _joined(observations, actions, rewards, bool(cutting.end), infos, None, about)
 
 
-def _task(plant: ReplayPlant, target_length: float | None, deadline: float, ticks: int) -> GentleCutting:
+def _task(plant: ReplayPlant, target_length: float | None, deadline: float, ticks: int) -> Episode:
     """Make the environment's task with ``reward_from="estimate"``, on a record."""
     if target_length is None:
         raise ValueError("the record has no target_length_m, which observation and reward need. Give --target-length.")
     tissue = measured_liver()
-    return GentleCutting(
+    return Episode(
         plant,
         tissue,
         RewardWeights(),
@@ -198,12 +198,12 @@ def _times_led(told: Any) -> list[tuple[float, float]]:
         ) from None
 
 
-def felt_at_rest(cutting: GentleCutting, angle: float) -> dict[str, float]:
+def felt_at_rest(cutting: Episode, angle: float) -> dict[str, float]:
     """Return the infos of :data:`FELT` at the start: at rest at the clamp, the force tared."""
     return dict.fromkeys(FELT, 0.0) | {"angle_deg": math.degrees(angle), "depth_m": float(cutting.plant.depth[0])}
 
 
-def felt_now(cutting: GentleCutting) -> dict[str, float]:
+def felt_now(cutting: Episode) -> dict[str, float]:
     """Return the infos of :data:`FELT` after a decision."""
     readings = cutting.readings
     assert readings is not None  # a decision was made

@@ -12,7 +12,7 @@ import numpy as np
 from cutenv._base.arrays import StructArray
 from cutenv.plant.protocol import recorded_trace
 from cutenv.scoring import METRICS, Truth, score
-from cutenv.task.gentle_cutting import ShownDepth
+from cutenv.task.episode import ShownDepth
 from cutenv.tissue.grid import SPACING
 
 METRIC_PREFIX = "metric_"

@@ -169,7 +169,7 @@ def _features(episode: Columns, keywords: Mapping[str, Any], cut: Demonstration)
     names: dict[str, list[str] | None] = {
         "observation.state": [name for name in _MEASURED if name in cut.infos],
         "observation.environment_state": [each["name"] for each in observation_scaling(task.id)],
-        "action": list(task.single.action_names),
+        "action": list(task.single.options_class.task.action_names),
         "info": [name for name in cut.infos if name not in _ELSEWHERE],
     }
     kinds = {"f": "float32", "i": "int64", "b": "bool"}
@@ -276,7 +276,7 @@ def _info(
             "source": source,
             "environment": {"id": task.id, **keywords},
             "observations": observation_scaling(task.id),  # value = number x scale + offset
-            "actions": list(ACTIONS[: len(task.single.action_names)]),
+            "actions": list(ACTIONS[: len(task.single.options_class.task.action_names)]),
             "actions_are": "commands" if cut.seed is not None else "motion of the blade until the next decision",
         },
     }

@@ -60,7 +60,7 @@ class DescendingPlant(SimulatedPlant):
         descents, shared = descent_records([self.specimen], layers, descent), shared_record(self.specimen.tissue)
         descents["level"] = descents["settled"] = descents["engaged"] = level
         descents["floor"][:, 0] = level
-        self.cuts["profiles"] = layered_profiles(descents, shared)
+        self.cuts["profiles"] = layered_profiles(descents, shared["slab"][0])
         self.cuts["motions"], self.cuts["shared"] = descents, shared
         return LENGTH - SPACING
 

@@ -11,7 +11,7 @@ from cutenv.cutting.dtypes import TICK
 from cutenv.cutting.law import grid_index, lerp
 from cutenv.play.hand_model import FASTEST
 from cutenv.play.haptics import Stylus
-from cutenv.task.depth_terms import DESCENT_SCALE
+from cutenv.task.depth import DESCENT_SCALE
 from cutenv.tissue.lines import WIDTH, CutLine
 from cutenv.tissue.specimen import LENGTH, SPACING
 

@@ -7,9 +7,9 @@ import math
 from cutenv._base.arrays import Struct
 from cutenv._engine.jit import njit_internal
 from cutenv.cutting.drive import Hand
-from cutenv.task.depth_terms import DESCENT_SCALE
+from cutenv.task.depth import DESCENT_SCALE
 from cutenv.task.observation import SPEED_SCALE, speed_action
-from cutenv.task.path_terms import TURN_SCALE
+from cutenv.task.path import TURN_SCALE
 
 PLAYED_HAND = Hand(motor_lag=0.020, acceleration=2.0)
 """Hand that is quicker than a simulated person's (80 ms, 0.5 m/s2): the real person in front adds a lag."""

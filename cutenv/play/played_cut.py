@@ -25,7 +25,7 @@ from cutenv.policy.tip_estimate import CUT_ESTIMATE, TipEstimate
 from cutenv.scoring import ReferenceSet, ScoreCard, score
 from cutenv.scoring.truth import TIP_AT_END
 from cutenv.task.assessment import NEAR_TARGET
-from cutenv.task.gentle_cutting import GentleCutting
+from cutenv.task.episode import Episode
 from cutenv.task.observation import COMPONENTS, to_action
 from cutenv.task_quantities import TIP_TOLERANCE
 from cutenv.tissue.grid import depth_below
@@ -110,7 +110,7 @@ class PlayedCut:
         return self._env.plant
 
     @property
-    def cutting(self) -> GentleCutting:
+    def cutting(self) -> Episode:
         """Task of this cut."""
         return self._env.cutting
 

@@ -14,7 +14,7 @@ from cutenv.play.devices import ScriptedDevice, simple_hand
 from cutenv.play.hand_model import descent_toward
 from cutenv.play.haptics import Stylus
 from cutenv.play.played_cut import PlayedCut
-from cutenv.task.depth_cutting import DepthCutting
+from cutenv.task.depth import DepthEpisode
 from cutenv.tissue.grid import depth_below
 from cutenv.trace import Trace
 
@@ -34,16 +34,16 @@ class PlayedDepthCut(PlayedCut):
         self._levels, self._vertical = np.zeros(len(self._readings)), np.zeros(len(self._readings))
 
     @property
-    def cutting(self) -> DepthCutting:
+    def cutting(self) -> DepthEpisode:
         """Task of this cut."""
         cutting = self._env.cutting
-        assert isinstance(cutting, DepthCutting)
+        assert isinstance(cutting, DepthEpisode)
         return cutting
 
     @property
     def level(self) -> float:
         """Level of the blade's lower end [m]; 0 cuts as deep as the specimen's own profile."""
-        return float(self.cutting.descents["level"][0])
+        return float(self.cutting.motion["level"][0])
 
     @property
     def vertical_force(self) -> Array:
@@ -68,12 +68,12 @@ class PlayedDepthCut(PlayedCut):
         before = self._count
         super().tick(stylus)
         if self._count > before:
-            self._levels[before], self._vertical[before] = self.level, self.cutting.vertical[0, 0]
+            self._levels[before], self._vertical[before] = self.level, self.cutting.across[0]
 
     @property
     def map_words(self) -> str:
         """Depth of the cut so far in words."""
-        found = self.cutting.depth_errors
+        found = self.cutting.errors
         opened = found["layer_mm"]
         below = f"{opened:.1f} mm into the layer below" if opened > 0.0 else "the layer below is not opened"
         return f"Depth: {found['mean_error_mm']:.1f} mm off the wanted one in the mean; {below}."

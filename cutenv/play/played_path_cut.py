@@ -14,12 +14,11 @@ from cutenv.play.devices import ScriptedDevice, simple_hand
 from cutenv.play.hand_model import hand_over_slab, steered_toward
 from cutenv.play.haptics import Stylus
 from cutenv.play.played_cut import PlayedCut
-from cutenv.task.path_cutting import PathCutting
-from cutenv.task.path_terms import ALL_PATH_COMPONENTS
+from cutenv.task.path import PATH_CUT, PathEpisode
 from cutenv.trace import Trace
 
-_AT = [each.name for each in ALL_PATH_COMPONENTS].index("lateral")
-_LATERAL = ALL_PATH_COMPONENTS[_AT]
+_AT = [each.name for each in PATH_CUT.all_components].index("lateral")
+_LATERAL = PATH_CUT.all_components[_AT]
 
 
 class PlayedPathCut(PlayedCut):
@@ -43,10 +42,10 @@ class PlayedPathCut(PlayedCut):
         self._places, self._lateral = np.zeros((len(self._readings), 2)), np.zeros(len(self._readings))
 
     @property
-    def cutting(self) -> PathCutting:
+    def cutting(self) -> PathEpisode:
         """Task of this cut."""
         cutting = self._env.cutting
-        assert isinstance(cutting, PathCutting)
+        assert isinstance(cutting, PathEpisode)
         return cutting
 
     @property
@@ -62,13 +61,13 @@ class PlayedPathCut(PlayedCut):
     @property
     def hand_place(self) -> tuple[float, float]:
         """Place of the hand along the slab, and across it to the left [m]: in front of the blade by the spring."""
-        along, across = hand_over_slab(self.plant.states[0], self.cutting.steerings[0])
+        along, across = hand_over_slab(self.plant.states[0], self.cutting.motion[0])
         return float(along), float(across)
 
     def action(self, stylus: Stylus) -> NDArray[np.float32]:
         """Return the environment's action, which moves the hand along the blade and turns it toward the place."""
         speed, turn = steered_toward(
-            self.plant.states[0], self.cutting.steerings[0], stylus.position, stylus.across, self._hand.motor_lag,
+            self.plant.states[0], self.cutting.motion[0], stylus.position, stylus.across, self._hand.motor_lag,
             self._hand.acceleration,
         )  # fmt: skip
         return to_path_action(float(speed), stylus.angle, float(turn))
@@ -88,7 +87,7 @@ class PlayedPathCut(PlayedCut):
     @property
     def map_words(self) -> str:
         """Path of the cut so far in words."""
-        found = self.cutting.path_errors
+        found = self.cutting.errors
         mean, largest = found["mean_distance_mm"], found["largest_distance_mm"]
         area = found["area_mm2"]
         return f"Path: {mean:.1f} mm off the line in the mean, {largest:.1f} mm at most; {area:.0f} mm² between them."

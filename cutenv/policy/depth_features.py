@@ -18,7 +18,7 @@ from cutenv._engine.jit import njit, njit_internal
 from cutenv.policy.features import Features
 from cutenv.policy.signals import DEPTH_COLUMN, FORCE_MEAN_COLUMN, POSITION_COLUMN, SPEED_COLUMN
 from cutenv.policy.two_forces import feel_two_forces, nothing_felt
-from cutenv.task.depth_terms import ALL_COMPONENTS, DEPTH_COMPONENTS
+from cutenv.task.depth import DEPTH_COMPONENTS, DEPTH_CUT
 from cutenv.task.observation import CLIP, COMPONENTS, SCALES
 from cutenv.task_quantities import SHALLOWEST
 from cutenv.tissue.description import measured_liver
@@ -27,7 +27,7 @@ from cutenv.tissue.nominal import nominal_tissue
 
 _FIRST = len(COMPONENTS)
 _COLUMNS = {one.name: _FIRST + number for number, one in enumerate(DEPTH_COMPONENTS)}
-_SCALES = np.array([one.scale for one in ALL_COMPONENTS])
+_SCALES = np.array([one.scale for one in DEPTH_CUT.all_components])
 _VERTICALS = [_COLUMNS[name] for name in ("vertical", "vertical_mean", "vertical_max")]
 _VERTICAL_MEAN, _BLADE_DEPTH, _DESCENT_SPEED, _WANTED = (
     _COLUMNS[name] for name in ("vertical_mean", "blade_depth", "descent_speed", "wanted")
@@ -61,7 +61,7 @@ class DepthFeatures(Features):
     Those of gentle cutting, which come first, have the blade's depth as the depth of cut.
     """
 
-    components = len(ALL_COMPONENTS)
+    components = len(DEPTH_CUT.all_components)
     added = _OF_DEPTH
     forces = (*Features.forces, *_VERTICALS)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -13,10 +12,8 @@ from cutenv.cutting.descent import renew
 from cutenv.policy.map_planner import MapPlanner, MapSearch, ThirdPlan
 from cutenv.policy.plan import choose_action
 from cutenv.policy.planner import Search
-from cutenv.task.cuts import Cuts
-from cutenv.task.depth_cuts import step_depth_some
-from cutenv.task.depth_cutting import DepthCutting
-from cutenv.task.depth_terms import ALL_COMPONENTS, DESCENT_SCALE
+from cutenv.task.declare import Cuts
+from cutenv.task.depth import DEPTH_CUT, DESCENT_SCALE, DepthEpisode
 from cutenv.task.observation import SPEED_SCALE, speed_action
 from cutenv.tissue.grid import N_POINTS, POINTS_PER_METRE
 
@@ -36,9 +33,8 @@ def cut_as_deep(profiles: StructArray, descents: StructArray, slabs: StructArray
 
 @njit
 def choose_depth_actions(
-    plans: StructArray, depth_plans: Array, cuts: Cuts, descents: StructArray, depths: StructArray, waits: StructArray,
-    actions: Array,
-) -> None:  # fmt: skip
+    plans: StructArray, depth_plans: Array, cuts: Cuts, waits: StructArray, actions: Array
+) -> None:
     """Fill the actions, shape (n, 3), of n plans at the present states of their cuts; not of those that wait.
 
     ``depth_plans``, shape (n, 2), are the distance ahead of the tip at which the depth is followed, and the depth by
@@ -46,9 +42,9 @@ def choose_depth_actions(
     """
     for n in range(len(plans)):
         if not waits[n]:
-            state, descent = cuts.states[n], descents[n]
+            state, descent = cuts.states[n], cuts.motions[n]
             choose_action(plans[n], state, actions[n])
-            target = target_level(descent, depths[n], min(state.tip + depth_plans[n, 0], state.blade))
+            target = target_level(descent, cuts.wholes[n], min(state.tip + depth_plans[n, 0], state.blade))
             descent_speed = _GAIN * (descent.level - target + depth_plans[n, 1])
             action = speed_action(descent_speed * (SPEED_SCALE / DESCENT_SCALE))
             actions[n, 2] = np.float64(np.float32(min(max(action, -1.0), 1.0)))
@@ -64,10 +60,11 @@ def target_level(descent: Struct, depth: Struct, position: float) -> float:
 class _PlainSearch(Search):
     """Search over plans of cuts that are as deep as wanted everywhere: where the search with deepening begins."""
 
-    def __init__(self, cuttings: Sequence[DepthCutting]) -> None:
+    def __init__(self, cuttings: Sequence[DepthEpisode]) -> None:
         super().__init__(*cuttings)
         for start, cutting in zip(self._starts, cuttings, strict=True):
-            cut_as_deep(start.profiles, cutting.descents.copy(), cutting.slabs, cutting.depths["wanted"][0])
+            slab = cutting.plant.specimen.tissue.slab()
+            cut_as_deep(start.profiles, cutting.motion.copy(), slab, cutting.whole["wanted"][0])
 
 
 class DepthSearch(MapSearch):
@@ -77,33 +74,16 @@ class DepthSearch(MapSearch):
     the blade is lower than wanted [m].
     """
 
-    cutting_class = DepthCutting
+    task = DEPTH_CUT
     third = ThirdPlan((_LEAD, 0.0), (_LEAD_STEP, _PRESS_STEP), (0.0, _LEAST_PRESS), (_MOST_LEAD, _MOST_PRESS))
-    components = len(ALL_COMPONENTS)
-    step_some = step_depth_some
 
-    def __init__(self, cuttings: Sequence[DepthCutting]) -> None:
-        super().__init__(cuttings)
-        self._slabs = cuttings[0].slabs
-
-    def new_plain(self, cuttings: Sequence[DepthCutting]) -> Search:
+    def new_plain(self, cuttings: Sequence[DepthEpisode]) -> Search:
         """Return a search over plans of cuts that are as deep as wanted everywhere."""
         return _PlainSearch(cuttings)
 
-    def records_of(self, cutting: DepthCutting) -> tuple[StructArray, ...]:
-        """Return vertical motion and depth of a cut."""
-        return cutting.descents, cutting.depths
-
-    def shared(self) -> tuple[Any, ...]:
-        """Return the slab."""
-        return (self._slabs,)
-
-    def choose(
-        self, plans: StructArray, third: Array, cuts: Cuts, own: tuple[StructArray, ...], waits: StructArray,
-        actions: Array,
-    ) -> None:  # fmt: skip
+    def choose(self, plans: StructArray, third: Array, cuts: Cuts, waits: StructArray, actions: Array) -> None:
         """Fill the actions of all plans."""
-        choose_depth_actions(plans, third, cuts, own[0], own[1], waits, actions)
+        choose_depth_actions(plans, third, cuts, waits, actions)
 
 
 class DepthPlanner(MapPlanner):

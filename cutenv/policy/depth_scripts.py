@@ -14,7 +14,7 @@ from cutenv.policy.one_return_stroke import OneReturnStroke
 from cutenv.policy.signals import DEPTH_COLUMN, FORCE_MEAN_COLUMN, POSITION_COLUMN, SPEED_COLUMN, in_si
 from cutenv.policy.tip_estimate import TipEstimate
 from cutenv.policy.two_forces import TwoForces
-from cutenv.task.depth_terms import ALL_COMPONENTS, DEPTH_COMPONENTS, DESCENT_SCALE
+from cutenv.task.depth import DEPTH_COMPONENTS, DEPTH_CUT, DESCENT_SCALE
 from cutenv.task.observation import COMPONENTS, SPEED_SCALE, speed_action
 from cutenv.tissue.grid import N_POINTS, SPACING
 
@@ -77,8 +77,8 @@ class DepthScript(ArrayPolicy):
     def act(self, observations: Array32) -> Array32:
         """Return the actions, shape (n, 3), for the observations of all cuts, shape (n, 22)."""
         observations = np.asarray(observations, np.float32)
-        if observations.shape[1:] != (len(ALL_COMPONENTS),):
-            raise ValueError(f"observations have shape {observations.shape}; give (n, {len(ALL_COMPONENTS)}).")
+        if observations.shape[1:] != (len(DEPTH_CUT.all_components),):
+            raise ValueError(f"observations have shape {observations.shape}; give (n, {len(DEPTH_CUT.all_components)}).")
         shown, seen = observations[:, : len(COMPONENTS)].copy(), observations[:, len(COMPONENTS) :] * _SCALES
         along = in_si(shown)
         self._begun = np.where(np.isnan(self._begun), along[:, _TIME_LEFT], self._begun)

@@ -10,7 +10,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from cutenv._base.arrays import Array32, Indices
-from cutenv.task.gentle_cutting import GentleCutting
+from cutenv.task.episode import Episode
 
 
 class Policy(Protocol):
@@ -29,7 +29,7 @@ class Policy(Protocol):
 class PrivilegedPolicy(Protocol):
     """A policy that is given the hidden state: an oracle to compare with, never a competitor."""
 
-    def set_state(self, cutting: GentleCutting) -> None:
+    def set_state(self, cutting: Episode) -> None:
         """Take the hidden state; called after ``reset`` with the cut at its start."""
         ...
 
@@ -57,7 +57,7 @@ class ArrayPolicy(ABC):
     privileged = False
     """True: it must be given the hidden state by :meth:`set_states`, like a :class:`PrivilegedPolicy`."""
 
-    def set_states(self, cuttings: Sequence[GentleCutting]) -> None:
+    def set_states(self, cuttings: Sequence[Episode]) -> None:
         """Take the hidden states of all cuts, at their start; called after :meth:`begin` where it is privileged."""
         raise NotImplementedError(f"{type(self).__name__} takes no hidden state.")
 
@@ -73,7 +73,7 @@ class CopiedPolicy(ArrayPolicy):
         self._policy: Any = policy
         self.privileged = isinstance(policy, PrivilegedPolicy)
 
-    def set_states(self, cuttings: Sequence[GentleCutting]) -> None:
+    def set_states(self, cuttings: Sequence[Episode]) -> None:
         """Show each copy its cut."""
         for policy, cutting in zip(self.copies, cuttings, strict=True):
             policy.set_state(cutting)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -16,10 +16,10 @@ from cutenv._engine.parallel import parallel_for
 from cutenv.cutting.dtypes import READING
 from cutenv.policy.interface import ArrayPolicy
 from cutenv.policy.planner import Search
-from cutenv.task.cuts import Cuts
-from cutenv.task.gentle_cutting import GentleCutting
+from cutenv.task.declare import Cuts, Task
+from cutenv.task.episode import Episode
 from cutenv.task.info import INFO
-from cutenv.task.map_assessed import MapAssessed
+from cutenv.task.stepper import Decision, step_some
 
 _NO_READINGS = np.zeros((0, 0), READING)
 
@@ -38,29 +38,22 @@ class MapSearch:
 
     Parameters
     ----------
-    cuttings : sequence of MapAssessed
+    cuttings : sequence of Episode
         Cuts at their start, of one rate and deadline; they are copied and not changed.
     """
 
-    cutting_class: ClassVar[type[MapAssessed]]
-    """Class of the cuts."""
+    task: ClassVar[Task]
+    """Task of the cuts."""
     third: ClassVar[ThirdPlan]
     """Plan of the third action."""
-    components: ClassVar[int]
-    """Number of components of an observation."""
-    step_some: ClassVar[Callable[..., None]]
-    """Compiled step of many cuts."""
 
     def __init__(self, cuttings: Sequence[Any]) -> None:
         for cutting in cuttings:
-            if not isinstance(cutting, self.cutting_class):
-                raise TypeError(
-                    f"plans need a {self.cutting_class.__name__} to simulate, got {type(cutting).__name__}."
-                )
+            if not getattr(cutting, "simulated", False) or cutting.options.task is not self.task:
+                raise TypeError(f"plans need a simulated episode of {self.task.environment}, got {cutting!r}.")
         self.plain = self.new_plain(cuttings)
-        self._starts = Cuts(*(np.concatenate(parts) for parts in zip(*(c.snapshot() for c in cuttings), strict=True)))
-        own = zip(*(self.records_of(cutting) for cutting in cuttings), strict=True)
-        self._own = tuple(np.concatenate(parts) for parts in own)
+        nothing = np.zeros(1, self.task.known)
+        self._starts = Cuts.together([cutting.snapshot()._replace(known=nothing) for cutting in cuttings])
         self._targets = [cutting.target_length for cutting in cuttings]
         self._ticks = cuttings[0].ticks
         self._decisions = math.ceil(1e3 * cuttings[0].deadline / self._ticks)
@@ -70,38 +63,26 @@ class MapSearch:
         return Search(*cuttings)
 
     @abstractmethod
-    def records_of(self, cutting: Any) -> tuple[StructArray, ...]:
-        """Return the records that the task adds to those of a cut, each of shape (1,)."""
-
-    def shared(self) -> tuple[Any, ...]:
-        """Return the records that all cuts share, each of shape (1,)."""
-        return ()
-
-    @abstractmethod
     def choose(
-        self, plans: StructArray, third: Array, cuts: Cuts, own: tuple[StructArray, ...], waits: NDArray[np.bool_],
-        actions: Array,
-    ) -> None:  # fmt: skip
+        self, plans: StructArray, third: Array, cuts: Cuts, waits: NDArray[np.bool_], actions: Array
+    ) -> None:
         """Fill the actions, shape (n, 3), of n plans at the present states of their cuts; not of those that wait."""
 
     def roll_out(self, plans: StructArray, third: Array, each: int, *, recorded: bool = False) -> tuple[Array, Array32]:
         """Simulate ``each`` plans for every cut; return their returns, and the actions, (n, decisions, 3), if asked."""
         count = len(plans)
-        cuts = Cuts(*(np.repeat(part, each, axis=0) for part in self._starts))
-        own = tuple(np.repeat(part, each) for part in self._own)
+        cuts = self._starts.repeated(each)
         plans["stopping"] = plans["leader"] = 0
         actions, returns, waits = np.zeros((count, 3)), np.zeros(count), np.zeros(count, bool)
-        observations, infos = np.zeros((count, self.components), np.float32), np.zeros(count, INFO)
+        observations, infos = np.zeros((count, len(self.task.all_components)), np.float32), np.zeros(count, INFO)
         rewards, ends = np.zeros(count), np.zeros(count, np.int64)
         kept = np.zeros((count, self._decisions, 3), np.float32) if recorded else np.zeros((0, 0, 3), np.float32)
+        decided = Decision(waits, actions, observations, rewards, ends, infos, _NO_READINGS)
         for decision in range(self._decisions):
-            self.choose(plans, third, cuts, own, waits, actions)
+            self.choose(plans, third, cuts, waits, actions)
             if recorded:
                 kept[:, decision] = actions
-            parallel_for(
-                type(self).step_some, count, cuts, (*own, *self.shared()), self._ticks, waits, actions, observations,
-                rewards, ends, infos, _NO_READINGS,
-            )  # fmt: skip
+            parallel_for(step_some(self.task), count, cuts, self._ticks, decided)
             returns += rewards
             waits |= ends != 0
             if waits.all():
@@ -170,7 +151,7 @@ class MapPlanner(ArrayPolicy):
         """Forget the plans, which were for other cuts."""
         self._actions = None
 
-    def set_state(self, cutting: GentleCutting) -> None:
+    def set_state(self, cutting: Episode) -> None:
         """Plan the cut that is about to begin."""
         self.set_states([cutting])
 

@@ -16,12 +16,12 @@ from cutenv.policy.crack_course import BACK, follow_course, no_course
 from cutenv.policy.features import Features
 from cutenv.policy.signals import POSITION_COLUMN, SPEED_COLUMN
 from cutenv.task.observation import CLIP, COMPONENTS, SPEED_SCALE, speed_action
-from cutenv.task.path_terms import ALL_PATH_COMPONENTS, PATH_COMPONENTS, TURN_SCALE
+from cutenv.task.path import PATH_COMPONENTS, PATH_CUT, TURN_SCALE
 from cutenv.tissue.grid import POINTS_PER_METRE
 
 _FIRST = len(COMPONENTS)
 _COLUMNS = {one.name: _FIRST + number for number, one in enumerate(PATH_COMPONENTS)}
-_SCALES = np.array([one.scale for one in ALL_PATH_COMPONENTS])
+_SCALES = np.array([one.scale for one in PATH_CUT.all_components])
 _LATERALS = [_COLUMNS[name] for name in ("lateral", "lateral_mean", "lateral_peak")]
 _LATERAL_MEAN, _ASIDE, _DIRECTION, _BEND, _BEND_FURTHER = (
     _COLUMNS[name] for name in ("lateral_mean", "aside", "direction", "bend", "bend_further")
@@ -35,7 +35,7 @@ _RETURN, _GAIN, _LARGEST = 0.004, 1.5, 0.5  # of the turn by which the tip would
 class PathFeatures(Features):
     """Features of one cut or many of ``cutenv/PathCut-v1``: what the path adds to the observation, and what follows."""
 
-    components = len(ALL_PATH_COMPONENTS)
+    components = len(PATH_CUT.all_components)
     added = _OF_PATH
     forces = (*Features.forces, *_LATERALS)
 

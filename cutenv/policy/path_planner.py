@@ -7,14 +7,12 @@ import numpy as np
 from cutenv._base.arrays import Array, Struct, StructArray
 from cutenv._engine.jit import njit, njit_internal
 from cutenv.cutting.law import grid_index, lerp
-from cutenv.cutting.steered_row import to_crack
+from cutenv.cutting.steering import to_crack
 from cutenv.policy.map_planner import MapPlanner, MapSearch, ThirdPlan
 from cutenv.policy.plan import choose_action
-from cutenv.task.cuts import Cuts
+from cutenv.task.declare import Cuts
 from cutenv.task.observation import SPEED_SCALE, speed_action
-from cutenv.task.path_cuts import step_path_some
-from cutenv.task.path_cutting import PathCutting
-from cutenv.task.path_terms import ALL_PATH_COMPONENTS, TURN_SCALE
+from cutenv.task.path import PATH_CUT, TURN_SCALE
 
 _BACK, _AHEAD, _SHIFT, _TURN = range(4)
 # Places in the third part of a plan, lengths [m]: within which the tip comes back to the line; ahead of the tip, at
@@ -28,9 +26,8 @@ _SLOWEST = 0.002  # [m/s], for the rate of turn of a blade at rest
 
 @njit
 def choose_path_actions(
-    plans: StructArray, third: Array, cuts: Cuts, steerings: StructArray, paths: StructArray, waits: StructArray,
-    actions: Array,
-) -> None:  # fmt: skip
+    plans: StructArray, third: Array, cuts: Cuts, waits: StructArray, actions: Array
+) -> None:
     """Fill the actions, shape (n, 3), of n plans at the present states of their cuts; not of those that wait.
 
     ``third``, shape (n, 4), are the lengths of the steering.
@@ -39,7 +36,7 @@ def choose_path_actions(
         if not waits[n]:
             choose_action(plans[n], cuts.states[n], actions[n])
             speed = cuts.states[n].speed
-            bend = wanted_bend(cuts.states[n], steerings[n], third[n])
+            bend = wanted_bend(cuts.states[n], cuts.motions[n], third[n])
             turn = bend * (max(speed, _SLOWEST) if speed >= 0.0 else speed)
             action = speed_action(turn * (SPEED_SCALE / TURN_SCALE))
             actions[n, 2] = np.float64(np.float32(min(max(action, -1.0), 1.0)))
@@ -64,21 +61,12 @@ def wanted_bend(state: Struct, steering: Struct, lengths: Array) -> float:
 class PathSearch(MapSearch):
     """Search over plans of cuts along a line; the third part of a plan are the lengths of the steering."""
 
-    cutting_class = PathCutting
+    task = PATH_CUT
     third = ThirdPlan(_FIRST, _STEPS, _LEAST, _MOST)
-    components = len(ALL_PATH_COMPONENTS)
-    step_some = step_path_some
 
-    def records_of(self, cutting: PathCutting) -> tuple[StructArray, ...]:
-        """Return place in the plane and path of a cut."""
-        return cutting.steerings, cutting.paths
-
-    def choose(
-        self, plans: StructArray, third: Array, cuts: Cuts, own: tuple[StructArray, ...], waits: StructArray,
-        actions: Array,
-    ) -> None:  # fmt: skip
+    def choose(self, plans: StructArray, third: Array, cuts: Cuts, waits: StructArray, actions: Array) -> None:
         """Fill the actions of all plans."""
-        choose_path_actions(plans, third, cuts, own[0], own[1], waits, actions)
+        choose_path_actions(plans, third, cuts, waits, actions)
 
 
 class PathPlanner(MapPlanner):

@@ -16,7 +16,7 @@ from cutenv.policy.one_return_stroke import OneReturnStroke
 from cutenv.policy.signals import POSITION_COLUMN, SPEED_COLUMN, in_si
 from cutenv.policy.tip_estimate import TipEstimate
 from cutenv.task.observation import COMPONENTS, DEAD_ZONE, SPEED_SCALE, speed_action
-from cutenv.task.path_terms import ALL_PATH_COMPONENTS, LINE_AHEAD, PATH_COMPONENTS, TURN_SCALE
+from cutenv.task.path import LINE_AHEAD, PATH_COMPONENTS, PATH_CUT, TURN_SCALE
 
 _SCALES = np.array([one.scale for one in PATH_COMPONENTS])
 _COLUMNS = {one.name: number for number, one in enumerate(PATH_COMPONENTS)}
@@ -82,8 +82,8 @@ class PathScript(ArrayPolicy):
     def act(self, observations: Array32) -> Array32:
         """Return the actions, shape (n, 3), for the observations of all cuts, shape (n, 28)."""
         observations = np.asarray(observations, np.float32)
-        if observations.shape[1:] != (len(ALL_PATH_COMPONENTS),):
-            raise ValueError(f"observations have shape {observations.shape}; give (n, {len(ALL_PATH_COMPONENTS)}).")
+        if observations.shape[1:] != (len(PATH_CUT.all_components),):
+            raise ValueError(f"observations have shape {observations.shape}; give (n, {len(PATH_CUT.all_components)}).")
         shown = observations[:, : len(COMPONENTS)]
         along = in_si(shown)
         seen = SeenPath(along, observations[:, len(COMPONENTS) :] * _SCALES, self._estimate.estimates(along))

@@ -13,11 +13,15 @@ from cutenv._engine.jit import njit, njit_internal, njit_nogil
 from cutenv._engine.lanes import first_row
 from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
 from cutenv.cutting.dtypes import READING
+from cutenv.cutting.lanes import lane_views
+from cutenv.cutting.motion import STRAIGHT, Moving
 from cutenv.cutting.row import LANES, ROW, plain_views
 from cutenv.task.assessment import COUNT
-from cutenv.task.cuts import Cuts, flat_views, step_row
+from cutenv.task.declare import Cuts, Stepping
+from cutenv.task.gentle import GENTLE_CUT
 from cutenv.task.info import INFO
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, COMPONENTS, speed_action
+from cutenv.task.stepper import Decision, flat_views, step_row
 
 N_COMPONENTS = len(COMPONENTS)
 KNOTS = 28
@@ -55,6 +59,10 @@ def planned_command(plan: Struct, position: float) -> tuple[float, float]:
     return speed, angle
 
 
+_step_row, _SCALARS = step_row(GENTLE_CUT), STRAIGHT.scalars
+_LANES, _COUNTS = STRAIGHT.lanes(LANES), GENTLE_CUT.counts(LANES)
+
+
 @njit_nogil
 def roll_out_some(
     passed: WorkQueue,
@@ -77,7 +85,7 @@ def roll_out_some(
         Work queue, of ``together`` plans each, and number of the thread, see
         :func:`cutenv._engine.parallel.parallel_for`.
     cuts : Cuts
-        n cuts at their start, changed in place.
+        n straight cuts at their start, changed in place.
     plans : Records
         :data:`PLAN`, shape (n,).
     together : int
@@ -93,9 +101,11 @@ def roll_out_some(
     action, observations, rewards = np.zeros((count, 2)), np.zeros((count, N_COMPONENTS), np.float32), np.zeros(count)
     ends, waits, infos = np.zeros(count, np.int64), np.zeros(count, np.bool_), np.zeros(count, INFO)
     readings = np.zeros((0, 0), READING)
-    rows, counts = np.zeros(1, ROW), np.zeros(1, COUNT)
-    row, lanes = first_row(rows), first_row(counts)
+    rows, counts, lanes, steps = np.zeros(1, ROW), np.zeros(1, COUNT), np.zeros(1, _LANES), np.zeros(1, _COUNTS)
     plain = plain_views(rows, cuts.states, cuts.laws, cuts.drives)
+    moving = Moving(first_row(lanes), lane_views(lanes, cuts.motions, LANES, _SCALARS), cuts.motions, cuts.shared)
+    stepping = Stepping(cuts, first_row(rows), moving, first_row(counts), first_row(steps))
+    decided = Decision(waits, action, observations, rewards, ends, infos, readings)
     fetched = flat_views(cuts, plain, infos)
     group, none = next_chunk(passed, core, 1)
     while group < none:
@@ -115,10 +125,7 @@ def roll_out_some(
             begun = first
             while begun < last:
                 end = _row_from(waits, begun, last)
-                step_row(
-                    cuts, row, lanes, plain, begun, end, ticks, True, waits, action, observations, rewards, ends,
-                    infos, readings, fetched, (0, 0),
-                )  # fmt: skip
+                _step_row(stepping, plain, (begun, end), ticks, decided, fetched, (0, 0))
                 begun = end
             for n in range(first, last):
                 returns[n] += rewards[n]
@@ -131,6 +138,8 @@ def roll_out_some(
         group, none = next_chunk(passed, core, 1)
     keep_alive(rows)
     keep_alive(counts)
+    keep_alive(lanes)
+    keep_alive(steps)
 
 
 @njit_internal

@@ -17,9 +17,8 @@ from cutenv.policy.plan import KNOTS, PLAN, STRETCH, UPRIGHT, roll_out_some
 from cutenv.policy.scripted import INCLINED, Script
 from cutenv.policy.signals import DISTANCE_COLUMN, POSITION_COLUMN, to_actions
 from cutenv.policy.unloading import StopAndUnload
-from cutenv.task.cuts import Cuts
-from cutenv.task.gentle_cutting import GentleCutting, SimulatedCutting
-from cutenv.task.weights import Limits, RewardWeights
+from cutenv.task.declare import Cuts
+from cutenv.task.episode import Episode, Goal
 from cutenv.tissue.description import TissueDescription, measured_liver
 from cutenv.tissue.specimen import Specimen
 
@@ -35,16 +34,16 @@ class Search:
 
     Parameters
     ----------
-    *cuttings : GentleCutting
+    *cuttings : Episode
         Cuts at their start, of one rate and deadline; they are copied and not changed.
     """
 
-    def __init__(self, *cuttings: GentleCutting) -> None:
+    def __init__(self, *cuttings: Episode) -> None:
         self._starts = []
         for cutting in cuttings:
-            if not isinstance(cutting, SimulatedCutting):
-                raise TypeError(f"plans need a SimulatedCutting to simulate, got {type(cutting).__name__}.")
-            self._starts.append(cutting.snapshot())
+            if not getattr(cutting, "simulated", False):
+                raise TypeError(f"plans need a simulated episode, got {cutting!r}.")
+            self._starts.append(cutting.snapshot().straight())
         self._targets = [cutting.target_length for cutting in cuttings]
         self._ticks = cuttings[0].ticks
         self._decisions = math.ceil(1e3 * cuttings[0].deadline / self._ticks)
@@ -67,7 +66,7 @@ class Search:
         every = np.concatenate(plans)
         every["stopping"] = 0
         counts = [len(own) for own in plans]
-        cuts = Cuts(*(np.repeat(np.concatenate(records), counts) for records in zip(*starts, strict=True)))
+        cuts = Cuts.together(starts).repeated(counts)
         returns = np.zeros(len(every))
         actions = np.zeros((len(every), self._decisions, 2) if recorded else (0, 0, 2))
         together = 3 * len(plans[0]) if every["leader"].any() else _TOGETHER  # leaders of three cuts fill a row
@@ -173,11 +172,11 @@ class PlannerWithTruth(ArrayPolicy):
         for n in cuts:
             self._actions[n] = None
 
-    def set_state(self, cutting: GentleCutting) -> None:
+    def set_state(self, cutting: Episode) -> None:
         """Plan the cut that is about to begin."""
         self.set_states([cutting])
 
-    def set_states(self, cuttings: Sequence[GentleCutting]) -> None:
+    def set_states(self, cuttings: Sequence[Episode]) -> None:
         """Plan the cuts that are about to begin, on all cores."""
         search = Search(*cuttings)
         plans = [plan for plan, _ in search.best(self._rngs, rounds=self._rounds)]
@@ -241,16 +240,14 @@ class PlannerNominal(Script):
         return self._plans[length]
 
 
-def _mean_cut(tissue: TissueDescription, target: float) -> SimulatedCutting:
+def _mean_cut(tissue: TissueDescription, target: float) -> Episode:
     specimen = Specimen.mean(tissue)
     plant = SimulatedPlant(specimen, sensor=SensorParameters(force_noise=0.0))
-    return SimulatedCutting(
-        plant,
-        tissue,
-        RewardWeights(),
-        Limits(),
+    goal = Goal(
+        tissue=tissue,
         friction_per_depth=specimen.friction_per_depth,
         target_length=target,
         deadline=_DEADLINE,
         ticks=_TICKS,
     )
+    return Episode(plant, goal, from_truth=True)

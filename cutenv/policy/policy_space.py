@@ -13,9 +13,9 @@ from cutenv.policy.features import Features
 from cutenv.policy.interface import ArrayPolicy, Policy, as_array_policy
 from cutenv.policy.path_features import PathFeatures
 from cutenv.policy.path_scripts import PATH_SCRIPTS
-from cutenv.task.depth_terms import ALL_COMPONENTS
+from cutenv.task.depth import DEPTH_CUT
 from cutenv.task.observation import COMPONENTS, Component
-from cutenv.task.path_terms import ALL_PATH_COMPONENTS
+from cutenv.task.path import PATH_CUT
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,11 +41,11 @@ class PolicySpace:
 GENTLE_SPACE = PolicySpace(components=COMPONENTS, actions=("speed", "angle"), features=Features, scripts=SCRIPTS)
 """Space of ``cutenv/GentleCut-v1``, and of every environment with the same observations and actions."""
 DEPTH_SPACE = PolicySpace(
-    components=ALL_COMPONENTS, actions=("speed", "angle", "descent"), features=DepthFeatures, scripts=DEPTH_SCRIPTS
+    components=DEPTH_CUT.all_components, actions=("speed", "angle", "descent"), features=DepthFeatures, scripts=DEPTH_SCRIPTS
 )  # fmt: skip
 """Space of ``cutenv/DepthCut-v1``."""
 PATH_SPACE = PolicySpace(
-    components=ALL_PATH_COMPONENTS, actions=("speed", "angle", "turn"), features=PathFeatures, scripts=PATH_SCRIPTS
+    components=PATH_CUT.all_components, actions=("speed", "angle", "turn"), features=PathFeatures, scripts=PATH_SCRIPTS
 )
 """Space of ``cutenv/PathCut-v1``."""
 _OTHERS = {"cutenv/DepthCut-v1": DEPTH_SPACE, "cutenv/PathCut-v1": PATH_SPACE}

@@ -12,7 +12,7 @@ from cutenv.tissue.grid import SPACING
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from cutenv.task.gentle_cutting import ShownDepth
+    from cutenv.task.episode import ShownDepth
 
 _TISSUE, _FLOOR, _LAYER, _TARGET = "#f2d3c9", "#0072b2", "#d55e00", "#009e73"
 _BELOW = 3.0  # of the layer that is shown [mm]

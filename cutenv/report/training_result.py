@@ -13,9 +13,9 @@ from cutenv._base.arrays import StructArray
 from cutenv._base.validation import array_in_range, in_range, one_of
 from cutenv.cutting.dtypes import READING
 from cutenv.report.training_figures import Bar
-from cutenv.task.depth_terms import ALL_TERMS
-from cutenv.task.gentle_cutting import ShownDepth
-from cutenv.task.path_terms import PATH_TERMS
+from cutenv.task.depth import DEPTH_CUT
+from cutenv.task.episode import ShownDepth
+from cutenv.task.path import PATH_CUT
 
 Rows = Sequence[Mapping[str, Any]]
 
@@ -220,7 +220,7 @@ class TrainingResult:
             in_range(f"success of {policy!r}", self.score(policy, "success")["mean"], 0.0, 1.0, "1", _SHARE)
         for policy in self.compared():
             for term in self.terms():
-                one_of("summary: term of the reward", term, (*ALL_TERMS, *PATH_TERMS))
+                one_of("summary: term of the reward", term, (*DEPTH_CUT.all_terms, *tuple(cost.name for cost in PATH_CUT.costs)))
                 self.score(policy, f"reward_{term}")
 
     def _check_differences(self) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +14,6 @@ from cutenv._base.validation import in_range
 from cutenv.cutting.dtypes import TICK
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.envs.rig_cut import RigCutEnv
-from cutenv.envs.rig_depth_cut import RigDepthCutEnv
-from cutenv.envs.rig_path_cut import RigPathCutEnv
 from cutenv.plant.protocol import to_trace
 from cutenv.policy import Policy, PrivilegedPolicy
 from cutenv.recording import save
@@ -24,8 +21,6 @@ from cutenv.rig.errors import RigError
 from cutenv.rig.operation.suitability import simulator_keywords
 from cutenv.rig.safety.stop_causes import BY_PEOPLE, Cause
 from cutenv.sim_to_real import FEWEST_SPECIMENS, Agreement, ClockKept, ComparedCut
-from cutenv.sim_to_real.estimated_depth_cut import EstimatedDepthCutEnv
-from cutenv.sim_to_real.estimated_path_cut import EstimatedPathCutEnv
 from cutenv.task.episode_dtypes import STOPPED
 
 DRAWS = 5
@@ -84,19 +79,13 @@ def simulator_like(rig: RigCutEnv, **arguments: Any) -> GentleCutEnv:
     """
     fixed = rig.fixed_angle is not None
     control = rig.settings.position_control
-    kind: Any = partial(GentleCutEnv, reward_from="estimate")
-    if isinstance(rig, RigDepthCutEnv):
-        # An imitated rig's slices have the mean liver's surface.
-        kind = partial(EstimatedDepthCutEnv, surface_spread=0.0, **rig.depth_keywords)
-    if isinstance(rig, RigPathCutEnv):
-        kind = partial(EstimatedPathCutEnv, **rig.path_keywords)
-    simulator: GentleCutEnv = kind(
+    return rig.simulated(
+        reward_from="estimate",
         drive="rig" if control is None else "pd",
         angle_mode="fixed" if fixed else "free",
         fixed_angle_deg=float(np.degrees(rig.start_angle)) if fixed else 90.0,
-        **{**simulator_keywords(rig.settings), **arguments},
+        **{**rig.as_simulated, **rig.options.given, **simulator_keywords(rig.settings), **arguments},
     )
-    return simulator
 
 
 def cut_once(env: GentleCutEnv | RigCutEnv, policy: Policy, *, seed: int, episode: int, noise: int = 0) -> ComparedCut:
@@ -125,7 +114,7 @@ def cut_once(env: GentleCutEnv | RigCutEnv, policy: Policy, *, seed: int, episod
     observation, _ = env.reset(seed=seed, options={"episode": episode})
     if noise and isinstance(env, GentleCutEnv):
         length, depth = env.cutting.target_length, env.plant.depth
-        env.set_up(env.specimen, length, seed=seed + noise * _NOISE_KEY, episode=episode, depth=depth)
+        env.set_up(env.specimen, length, seed=seed, episode=episode, depth=depth, noise=noise * _NOISE_KEY)
         observation = env.cutting.rest(env.start_angle)
     policy.reset(np.random.default_rng([seed, episode]))
     cutting, plant = env.cutting, env.cutting.plant
@@ -135,7 +124,7 @@ def cut_once(env: GentleCutEnv | RigCutEnv, policy: Policy, *, seed: int, episod
         value += reward
         assert cutting.readings is not None  # at least one step was made
         parts.append(cutting.readings.copy())
-        beside.append(cutting.beside)
+        beside.append(cutting.channels)
     if sum(map(len, parts)) < 2:
         raise RigError("the blade was stopped before it had moved: there is no cut.")
     about = {**cutting.noted, "specimen_seed": seed, "specimen_episode": episode}

@@ -131,7 +131,7 @@ DEPTH: np.dtype[Any] = np.dtype(
 RESPONSE = round(FLOOR_EVERY / TICK)
 """Milliseconds between two responses of the expected floor."""
 EXPECTED: np.dtype[Any] = np.dtype(
-    (np.record, [*((name, DESCENT[name]) for name in DESCENT.names or ()), ("levels", "f8", (RESPONSE + 1,))])
+    (np.record, [("levels", "f8", (RESPONSE + 1,)), *((name, DESCENT[name]) for name in DESCENT.names or ())])
 )
 """Record of the vertical motion that a rig expects, with the levels of the last readings [m]."""
 _EVERY = round(ESTIMATED_EVERY / TICK)
@@ -278,7 +278,7 @@ def begin(cuts: Cuts, c: Integer, given: tuple[float, float, int, int], key: tup
     and 1 if the layer below is drawn.
     """
     profile, measured, along, state = cuts.profiles[c], cuts.nominals[c], cuts.specimens[c], cuts.states[c]
-    task, descent, depth, slab = cuts.tasks[c], cuts.motions[c], cuts.wholes[c], cuts.shared[0]
+    task, descent, depth, slab = cuts.tasks[c], cuts.motions[c], cuts.wholes[c], cuts.shared[0].slab[0]
     for i in range(N_POINTS):
         descent.surface[i] = descent.floor[i] = profile.depth[i]
         descent.toughness[i] = given[0] * along.fracture_resistance[i]
@@ -604,7 +604,7 @@ class DepthEpisode(Episode):
     def channels(self) -> dict[str, Array]:
         """Height, and vertical force at the readings since the last decision.
 
-        Of a simulated cut the force is the true one, and the height linear between two decisions.
+        Of a simulated cut the height is linear between two decisions, and the force true unless a rig sees the cut.
         """
         if not self.simulated:
             return super().channels

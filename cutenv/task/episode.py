@@ -272,7 +272,10 @@ class Episode:
 
     @property
     def across(self) -> Array:
-        """True force across the cut at the readings of a simulated cut since the last decision [N], shape (ticks,)."""
+        """Force across the cut at the readings of a simulated cut since the last decision [N], shape (ticks,).
+
+        It is the true one, or as measured where a rig sees the cut.
+        """
         return self._across
 
     @property

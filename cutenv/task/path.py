@@ -650,6 +650,7 @@ class PathEpisode(Episode):
     """An episode along a drawn line; its cut is the true one, or that which a rig expects."""
 
     options: PathOptions
+    _before = (0.0, 0.0)
 
     def _advance(self, speed: float, angle: float, turn_rate: float = 0.0) -> StructArray:
         readings: StructArray = self.plant.advance(speed, angle, self.ticks, turn_rate=turn_rate)
@@ -658,6 +659,24 @@ class PathEpisode(Episode):
     def _measured(self, count: int) -> tuple[dict[str, Array], Array]:
         channels = {name: self.plant.beside[name].copy() for name in self.task.measured}
         return channels, ways_of(channels, self.plant.heading.now)
+
+    def step(self, action: Array) -> tuple[Array32, float]:
+        """Command an action (3 numbers in [-1, 1]) for one decision; return observation, shape (28,), and reward."""
+        if self.simulated:
+            self._before = self.blade_place
+        return super().step(action)
+
+    @property
+    def channels(self) -> dict[str, Array]:
+        """Places of the blade, and lateral force at the readings since the last decision.
+
+        Of a simulated cut the way is straight between two decisions, and the force true unless a rig sees the cut.
+        """
+        if not self.simulated:
+            return super().channels
+        ends = zip(PLACE, self._before, self.blade_place, strict=True)
+        found = {name: np.linspace(start, end, self.updates + 1)[1:] for name, start, end in ends}
+        return found | {"lateral_force": self.across[: self.updates].copy()}
 
     @property
     def line(self) -> CutLine:
@@ -706,7 +725,7 @@ class PathEpisode(Episode):
     @property
     def blade_place(self) -> tuple[float, float]:
         """Place of the blade, along and across the slab [m]."""
-        return place_of_blade(self.plant.states, self.motion)
+        return place_of_blade(self.plant.states, self.plant.cuts["motions"][0])
 
     @property
     def tip_place(self) -> tuple[float, float]:

@@ -69,7 +69,7 @@ def batch_of_one(cut: Struct, episode: Struct) -> Cuts:
 def step_one(task: Task) -> Callable[..., tuple[float, int]]:
     """Return the function that steps one cut by one decision."""
     begin_one, advance, finish, total = begin_lane(task), advance_row(task), conclude_lane(task), terms(task)
-    scalars, force = task.motion.scalars, task.motion.force
+    scalars, force, from_truth, last = task.motion.scalars, task.motion.force, task.from_truth, WAYS - 1
 
     def step_one(
         cuts: StructArray,
@@ -91,7 +91,7 @@ def step_one(task: Task) -> Callable[..., tuple[float, int]]:
         action, observations, readings : array, shape (1, m), (1, components) float32, Records of shape (1, ticks)
             Action within [-1, 1]; observation and readings: filled.
         across : array, shape (ticks,) or (0,)
-            Filled with the true force across the cut [N], if it is not empty.
+            Filled with the force across the cut [N], true or as it is measured, if it is not empty.
         """
         c, e = cuts[0], episodes[0]
         one = batch_of_one(c, e)
@@ -104,6 +104,8 @@ def step_one(task: Task) -> Callable[..., tuple[float, int]]:
             advance(stepping, readings, i)
             if len(across) > 0:
                 across[i] = force(moving.lanes, 0)
+                if not from_truth:
+                    across[i] = e.known[0].ways[last]
             if stepping.count.end[0] != 0:
                 break
         put(row, plain, 0, 0)

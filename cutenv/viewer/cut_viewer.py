@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from cutenv._base.arrays import StructArray
 from cutenv.plant.simulator import SimulatedPlant
-from cutenv.task.gentle_cutting import GentleCutting
+from cutenv.task.episode import Episode
 from cutenv.viewer import chart, palette, plan_view, readout, views
 from cutenv.viewer.canvas import Canvas
 from cutenv.viewer.drawn_slab import Slab, drawn_slab_of
@@ -43,19 +43,19 @@ class CutViewer:
         self.layout = Layout()
         self._canvas = Canvas(self.layout.width, self.layout.height, palette.PAPER)
         self._window = Window(self.layout.width, self.layout.height, fps) if window else None
-        self._cutting: GentleCutting | None = None
+        self._cutting: Episode | None = None
         self._slab: Slab
         self._trace: ForceTrace
         self._standing: Canvas
 
     def draw(
-        self, plant: SimulatedPlant, cutting: GentleCutting, readings: StructArray | None = None
+        self, plant: SimulatedPlant, cutting: Episode, readings: StructArray | None = None
     ) -> NDArray[np.uint8]:
         """Draw the present moment.
 
         Parameters
         ----------
-        plant, cutting : SimulatedPlant, GentleCutting
+        plant, cutting : SimulatedPlant, Episode
             The cut.
         readings : Records, optional
             Every reading since the last picture, shape (n,), whose force is drawn; default those of the last step.

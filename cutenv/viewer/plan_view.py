@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cutenv._base.arrays import Array
-from cutenv.task.gentle_cutting import ShownPath
+from cutenv.task.episode import ShownPath
 from cutenv.task_quantities import TIP_TOLERANCE
 from cutenv.viewer import palette
 from cutenv.viewer.canvas import Canvas

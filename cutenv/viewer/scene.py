@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array, StructArray
 from cutenv.plant.simulator import SimulatedPlant
-from cutenv.task.gentle_cutting import GentleCutting, ShownDepth, ShownPath
+from cutenv.task.episode import Episode, ShownDepth, ShownPath
 from cutenv.task.reward import FORCE_ALLOWED
 from cutenv.task_quantities import ANGLE_TOLERANCE, TIP_TOLERANCE
 from cutenv.tissue.grid import depth_below
@@ -59,7 +59,7 @@ class Moment:
     force_allowed_per_depth = FORCE_ALLOWED
 
     @classmethod
-    def of(cls, plant: SimulatedPlant, cutting: GentleCutting) -> Moment:
+    def of(cls, plant: SimulatedPlant, cutting: Episode) -> Moment:
         """Return the state of a simulated plant and the task that runs on it."""
         state, shown = plant.states[0], cutting.shown_depth
         return cls(

@@ -19,7 +19,7 @@ from cutenv.browser import write_page_alone
 from cutenv.browser.depth_steps import HandDepthCut
 from cutenv.play.devices import LOWERED_BY_NOTCH, simple_hand
 from cutenv.recording import load
-from cutenv.task.depth_terms import DESCENT_SCALE
+from cutenv.task.depth import DESCENT_SCALE
 from cutenv.tissue.grid import depth_below
 
 Browser = chromium.Browser | firefox.Browser
@@ -87,7 +87,7 @@ def test_a_led_cut_is_pythons_and_ends_with_a_card_of_its_depth(page: Browser, t
     told = page.value(CUT % json.dumps(stylus))
     assert (told["end"], told["success"]) == (cut.end, cut.success)
     assert told["gained"] == pytest.approx(sum(cut.cutting.reward_totals.values()), abs=1e-12)
-    assert told["errors"] == cut.cutting.depth_errors
+    assert told["errors"] == cut.cutting.errors
     path = tmp_path / "cut.csv"
     path.write_text(told["csv"], encoding="utf-8")
     (trace,) = load(path)
@@ -100,7 +100,7 @@ def test_a_led_cut_is_pythons_and_ends_with_a_card_of_its_depth(page: Browser, t
     wait(page, "cutenvPage.page.phase === 'ended'")
     assert page.value("document.getElementById('verdict').textContent") == "Finished: success"
     card = page.value("document.getElementById('results').textContent")
-    assert f"depth off the wanted one, in the mean{cut.cutting.depth_errors['mean_error_mm']:.1f} mm" in card
+    assert f"depth off the wanted one, in the mean{cut.cutting.errors['mean_error_mm']:.1f} mm" in card
     assert "layer below openedno" in card
     assert "cut too deep" in card
 

@@ -87,7 +87,7 @@ def test_a_led_cut_is_pythons_and_ends_with_a_card_of_its_path(
     told = page.value(CUT % (json.dumps(stylus), 1))
     assert (told["end"], told["success"]) == (cut.end, cut.success)
     assert told["gained"] == pytest.approx(sum(cut.cutting.reward_totals.values()), abs=1e-12)
-    errors = cut.cutting.path_errors
+    errors = cut.cutting.errors
     assert told["errors"] == pytest.approx(errors, abs=1e-12)
     path = tmp_path / "cut.csv"
     path.write_text(told["csv"], encoding="utf-8")

@@ -21,10 +21,11 @@ from cutenv._engine.randomness import generator
 from cutenv.cutting.drive import Hand, Rig
 from cutenv.cutting.dtypes import DRIVE, LAW, PROFILE, READING, STATE, TICK, new_state
 from cutenv.cutting.law import LONGEST_ADVANCE
+from cutenv.cutting.motion import NOTHING, STRAIGHT
 from cutenv.cutting.parameters import law_records, profile_records
 from cutenv.cutting.row import LANES
 from cutenv.cutting.sensor import SENSOR, SensorParameters, sensor_records
-from cutenv.cutting.simulate import CUT, Physics, hold_some
+from cutenv.cutting.simulate import CUT, Physics, hold, hold_some
 from cutenv.plant import SimulatedPlant
 from cutenv.tissue.specimen import Specimen
 
@@ -36,7 +37,10 @@ DTYPES = {
     "drives": DRIVE,
     "sensors": SENSOR,
     "readings": READING,
+    "motions": NOTHING,
+    "shared": NOTHING,
 }
+HOLD, NO_FORCES = hold(STRAIGHT), np.zeros(0)
 CUTS, COMMANDS, TICKS = 24, 60, 2400
 EVERY = TICKS // COMMANDS
 
@@ -56,6 +60,8 @@ def driven_cuts() -> Cases:
         "speeds": rng.uniform(-0.008, 0.0254, (CUTS, COMMANDS)) + 0.0,
         "angles": UPRIGHT * rng.uniform(0.5, 1.0, (CUTS, COMMANDS)),
         "readings": np.zeros((CUTS, TICKS), READING),
+        "motions": np.zeros(CUTS, NOTHING),
+        "shared": np.zeros(CUTS, NOTHING),
     }
 
 

@@ -15,8 +15,9 @@ from numba import carray, types
 from cutenv.cutting.dtypes import READING
 from cutenv.cutting.simulate import CUT
 from cutenv.envs.gentle_cut import GentleCutEnv
-from cutenv.task.cuts import EPISODE, step_one
+from cutenv.task.gentle import GENTLE_CUT
 from cutenv.task.observation import COMPONENTS
+from cutenv.task.stepper import step_one
 
 COMPONENT_COUNT = len(COMPONENTS)
 LIBRARY = {
@@ -51,23 +52,26 @@ def needs(callback: Any) -> set[str]:
     return found
 
 
+STEP_ONE = step_one(GENTLE_CUT)
+
+
 @pytest.fixture(scope="module")
 def callback() -> Any:
     """The reward of a step on raw memory: the cut, its episode, milliseconds, action, and what is filled."""
-    records = [types.CPointer(numba.from_dtype(kind)) for kind in (CUT, EPISODE, READING)]
+    records = [types.CPointer(numba.from_dtype(kind)) for kind in (CUT, GENTLE_CUT.episode, READING)]
     cut, episode, readings = records
     numbers, singles = types.CPointer(types.float64), types.CPointer(types.float32)
 
     @numba.cfunc(types.float64(cut, episode, types.int64, numbers, singles, readings), error_model="numpy")
     def step(cut: Any, episode: Any, ticks: int, action: Any, observation: Any, readings: Any) -> float:
-        reward, _ = step_one(
+        reward, _ = STEP_ONE(
             carray(cut, (1,)),
             carray(episode, (1,)),
             ticks,
-            True,
             carray(action, (1, 2)),
             carray(observation, (1, COMPONENT_COUNT)),
             carray(readings, (1, ticks)),
+            carray(action, (0,)),
         )
         return reward  # type: ignore[no-any-return]
 
@@ -83,7 +87,7 @@ def test_the_callback_steps_a_cut_on_raw_memory_bit_for_bit(callback):
     env = GentleCutEnv()
     env.reset(seed=3)
     cutting, action = env.cutting, np.array([[0.7, -0.5]])
-    c_cut, c_episode = cutting.plant.cuts.copy(), cutting.episode.copy()
+    c_cut, c_episode = cutting.plant.cuts.copy(), cutting.record.copy()
     c_observation, c_readings = np.zeros((1, COMPONENT_COUNT), np.float32), np.zeros((1, env.ticks), READING)
     places = (ctypes.c_void_p,) * 3
     call = ctypes.CFUNCTYPE(ctypes.c_double, *places[:2], ctypes.c_int64, *places)(callback.address)

@@ -13,7 +13,7 @@ from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.policy import Policy, ProbeAndCreep, StopAndUnload
 from cutenv.policy.interface import ArrayPolicy, as_array_policy
 from cutenv.policy.signals import choose, in_si, to_actions
-from cutenv.task.cuts import Cuts
+from cutenv.task.declare import Cuts
 from cutenv.task.observation import COMPONENTS
 from cutenv.tissue.specimen import SPACING
 

@@ -14,7 +14,7 @@ from cutenv.envs.learned_tasks import task_of
 from cutenv.learning.evaluation import Contestant, evaluate
 from cutenv.policy.depth_planner import DepthPlanner
 from cutenv.policy.depth_scripts import DEPTH_SCRIPTS, FollowDepth, HoldDepth
-from cutenv.task.depth_terms import DEPTH_TERMS
+from cutenv.task.depth import DEPTH_CUT
 from cutenv.task.observation import COMPONENTS
 from cutenv.task.wanted_depth import DEEP, LEAST_BELOW, LEAST_CHANGE, MOST_BELOW, SHALLOW
 
@@ -68,9 +68,9 @@ def test_at_level_0_it_is_gentle_cut_to_the_last_bit():
 
 def test_the_map_is_the_floor_of_the_cut():
     env, _, info = cut(FollowDepth(), 6)
-    descent = env.cutting.descents[0]
+    descent = env.cutting.motion[0]
     passed = slice(0, descent["cell"] + 1)
-    error = (env.cutting.floor - env.cutting.depths["wanted"][0])[passed]
+    error = (env.cutting.floor - env.cutting.whole["wanted"][0])[passed]
     assert info["depth"]["too_deep_mm2"] == pytest.approx(0.5e3 * np.maximum(error, 0.0).sum(), abs=1e-9)
     assert info["depth"]["uncut_mm2"] == pytest.approx(0.5e3 * np.maximum(-error, 0.0).sum(), abs=1e-9)
     beyond = np.maximum(env.cutting.floor - descent["boundary"], 0.0)[passed]
@@ -82,7 +82,7 @@ def test_no_slice_has_the_surface_of_another_and_what_is_known_of_it_is_its_meas
     batch = DepthBatch(200, DepthCutEnv())
     batch.give_seeds(range(200), np.arange(200), np.random.default_rng(0))
     batch.begin(np.arange(200))
-    surface, measured = batch.descents["surface"][:, 100:], batch.cuts.nominals["depth"][:, 100:]  # from 50 mm on
+    surface, measured = batch.cuts.motions["surface"][:, 100:], batch.cuts.nominals["depth"][:, 100:]  # from 50 mm on
     assert np.std(surface, axis=0).mean() == pytest.approx(2.0e-3, rel=0.15)
     assert np.std(measured - surface) == pytest.approx(0.5e-3, rel=0.1)
     assert abs(np.mean(measured - surface)) < 0.1e-3
@@ -107,7 +107,7 @@ def test_wanted_depths_are_as_told():
         for seed in range(20):
             env = DepthCutEnv(wanted=kind)
             _, info = env.reset(seed=seed)
-            wanted = env.cutting.depths["wanted"][0]
+            wanted = env.cutting.whole["wanted"][0]
             assert SHALLOW - 1e-12 <= wanted.min()
             assert wanted.max() <= DEEP + 1e-12
             below = info["truth"]["layer_m"] - wanted.max()
@@ -222,14 +222,14 @@ def test_scripts_cut_alone_as_in_a_batch(name):
 
 def test_rows_have_the_depth_in_numbers():
     (row,) = evaluate({"it": Contestant(FollowDepth())}, [3], {"task": "depth"}, processes=1)
-    assert {"mean_error_mm", "too_deep_mm2", "layer_mm", *(f"reward_{name}" for name in DEPTH_TERMS)} <= set(row)
+    assert {"mean_error_mm", "too_deep_mm2", "layer_mm", *(f"reward_{name}" for name in tuple(cost.name for cost in DEPTH_CUT.costs))} <= set(row)
 
 
 def test_a_cut_that_is_begun_is_as_deep_as_wanted():
     env = DepthCutEnv(start_before_target=0.02)
     _, info = env.reset(seed=9)
-    begun = env.cutting.descents["cell"][0]
-    error = (env.cutting.floor - env.cutting.depths["wanted"][0])[: begun + 1]
+    begun = env.cutting.motion["cell"][0]
+    error = (env.cutting.floor - env.cutting.whole["wanted"][0])[: begun + 1]
     assert begun > 50
     assert np.abs(error).max() < 3e-3  # the surface was measured with an error of 0.5 mm
     assert info["depth"]["mean_error_mm"] > 0.0

@@ -10,7 +10,7 @@ import pytest
 from whole_cut import FASTEST, UPRIGHT, cut, legs, make
 
 from cutenv.policy import ConstantFeed
-from cutenv.task.gentle_cutting import GentleCutting
+from cutenv.task.episode import Episode
 from cutenv.task.observation import in_units
 from cutenv.trace import Reading
 
@@ -35,10 +35,10 @@ class Blindfold:
         return readings
 
 
-def as_on_a_rig(env: Any, value: float) -> GentleCutting:
+def as_on_a_rig(env: Any, value: float) -> Episode:
     """The same cut assessed by what a rig measures alone."""
     tissue = env.specimen.tissue
-    cutting = GentleCutting(
+    cutting = Episode(
         Blindfold(env.plant, value),
         tissue,
         env.constants.weights,

@@ -13,16 +13,16 @@ import cutenv  # noqa: F401
 from cutenv.envs import gentle_cut, vector
 from cutenv.envs.depth_cut import DepthBatch, DepthCutEnv
 from cutenv.envs.path_cut import PathBatch, PathCutEnv
-from cutenv.task.depth_terms import ALL_TERMS, DEPTH_COMPONENTS
+from cutenv.task.depth import DEPTH_COMPONENTS, DEPTH_CUT
 from cutenv.task.observation import COMPONENTS
-from cutenv.task.path_terms import ALL_PATH_TERMS, PATH_COMPONENTS
+from cutenv.task.path import PATH_COMPONENTS, PATH_CUT
 from cutenv.task_quantities import DEPTH_COSTS, PATH_COSTS
 from cutenv.tissue.lines import half_ellipse
 
 TASKS = {"path": (PathCutEnv, PathBatch), "depth": (DepthCutEnv, DepthBatch)}
 DECLARED = {
-    "path": (PATH_COMPONENTS, PATH_COSTS, ALL_PATH_TERMS),
-    "depth": (DEPTH_COMPONENTS, DEPTH_COSTS, ALL_TERMS),
+    "path": (PATH_COMPONENTS, PATH_COSTS, PATH_CUT.all_terms),
+    "depth": (DEPTH_COMPONENTS, DEPTH_COSTS, DEPTH_CUT.all_terms),
 }
 both = pytest.mark.parametrize("task", TASKS)
 
@@ -101,7 +101,7 @@ def test_return_is_the_sum_of_the_terms_since_reset(task):
 def test_bad_actions_are_refused(task, action):
     environment, batch_class = TASKS[task]
     env = environment()
-    names = ", ".join(env.action_names)
+    names = ", ".join(env.task.action_names)
     env.reset(seed=0)
     with pytest.raises(ValueError, match=names):
         env.step(np.array(action, np.float32))

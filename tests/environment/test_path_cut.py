@@ -14,7 +14,7 @@ from cutenv.learning.evaluation import Contestant, evaluate
 from cutenv.policy.path_planner import PathPlanner
 from cutenv.policy.path_scripts import PATH_SCRIPTS, BladeOnLine, SteerByForce, StraightOn
 from cutenv.task.observation import COMPONENTS
-from cutenv.task.path_terms import PATH_COMPONENTS
+from cutenv.task.path import PATH_COMPONENTS
 from cutenv.tissue.drawn_lines import KINDS, STORED, drawn_lines, first_of_pair, kind_of
 from cutenv.tissue.lines import arc, length_within
 from cutenv.tissue.path_model import stiffness_on_line
@@ -75,7 +75,7 @@ def test_the_line_ahead_is_where_it_is_drawn():
     env.reset(seed=4)
     for k in range(150):
         seen, _, _, _, info = env.step(to_path_action(0.012, UPRIGHT, 0.4 * math.sin(0.1 * k)))
-    heading = math.atan2(env.cutting.steerings["across"][0], env.cutting.steerings["ahead"][0])
+    heading = math.atan2(env.cutting.motion["across"][0], env.cutting.motion["ahead"][0])
     assert abs(heading) > 0.02
     s, line = info["truth"]["blade_m"], env.cutting.line
     points = np.arange(301) * 0.5e-3
@@ -111,8 +111,8 @@ def test_a_cut_between_turns_of_the_crack_is_in_the_map_at_once():
         _, _, _, _, info = env.step(to_path_action(0.012, UPRIGHT, 0.0))
         assert info["path"]["largest_distance_mm"] >= largest - 1e-3
         largest = info["path"]["largest_distance_mm"]
-    steering = env.cutting.steerings[0]
-    assert env.cutting.paths["area"][0] > env.cutting.paths["passed_area"][0]
+    steering = env.cutting.motion[0]
+    assert env.cutting.whole["area"][0] > env.cutting.whole["passed_area"][0]
     assert int(env.cutting.plant.states["tip"][0] * 2000) > steering["cell"]
 
 
@@ -145,11 +145,11 @@ def test_every_kind_is_drawn_and_the_seed_draws_the_line():
     for seed in range(40):
         env = PathCutEnv()
         env.reset(seed=seed)
-        found[seed] = kind_of(int(env.cutting.paths["line"][0]))
+        found[seed] = kind_of(int(env.cutting.whole["line"][0]))
     assert set(found.values()) == set(KINDS)
     again = PathCutEnv()
     again.reset(seed=7)
-    assert kind_of(int(again.cutting.paths["line"][0])) == found[7]
+    assert kind_of(int(again.cutting.whole["line"][0])) == found[7]
 
 
 def test_the_picture_has_the_cut_where_it_is():
@@ -253,7 +253,7 @@ def test_force_to_the_side_counts_against_the_limit():
         along = whole = 0.0
         for k in range(150):
             _, _, ended, _, info = env.step(to_path_action(0.01, UPRIGHT, 1.5 if 40 < k < 80 else 0.0))
-            forces, lateral = env.cutting.readings["true_force"], env.cutting.lateral[0][: env.cutting.updates]
+            forces, lateral = env.cutting.readings["true_force"], env.cutting.across[: env.cutting.updates]
             along, whole = max(along, np.abs(forces).max()), max(whole, np.hypot(forces, lateral).max())
             if ended:
                 break

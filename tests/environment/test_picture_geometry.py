@@ -357,8 +357,8 @@ def test_wanted_floor_and_layer_of_a_cut_are_where_the_task_has_them() -> None:
     moment = Moment.of(env.plant, env.cutting)
     assert moment.conditions == ("depth",)
     scene, at = moment.quantities(), 0.03
-    surface = float(np.interp(at, np.arange(301) * 5e-4, env.cutting.descents["surface"][0]))
-    wanted = float(np.interp(at, np.arange(301) * 5e-4, env.cutting.depths["wanted"][0]))
+    surface = float(np.interp(at, np.arange(301) * 5e-4, env.cutting.motion["surface"][0]))
+    wanted = float(np.interp(at, np.arange(301) * 5e-4, env.cutting.whole["wanted"][0]))
     assert scene["wanted_at"](at) == pytest.approx(surface - wanted)
-    assert scene["layer_at"](at) == pytest.approx(surface - env.cutting.descents["boundary"][0])
+    assert scene["layer_at"](at) == pytest.approx(surface - env.cutting.motion["boundary"][0])
     assert scene["limited_at"](at) == pytest.approx(wanted)

@@ -10,12 +10,12 @@ pytest.importorskip("stable_baselines3", reason="the learner is an extra: pip in
 from cutenv.envs.depth_cut import DepthCutEnv
 from cutenv.policy.depth_features import DepthFeatures
 from cutenv.sb3 import FeatureVecEnv, NativeVecEnv
-from cutenv.task.depth_privileged import DEPTH_PRIVILEGED
-from cutenv.task.privileged import PRIVILEGED_FEATURES
+from cutenv.task.depth import DEPTH_CUT
+from cutenv.task.privileged import PRIVILEGED_FEATURES, privileged_names
 
 SEEDS = (3, 8)
 KEYWORDS = {"specimen_class": "mixed", "control_hz": 10, "deadline_s": 4.0}
-HIDDEN = len(DEPTH_PRIVILEGED)
+HIDDEN = len(privileged_names(DEPTH_CUT))
 AT_TIP, _, TO_LAYER, BLADE_TO_LAYER, TOUGHNESS, MODULUS, SURFACE, SO_FAR, OPENED = range(
     len(PRIVILEGED_FEATURES), HIDDEN
 )
@@ -55,7 +55,7 @@ def test_the_hidden_state_is_that_of_the_cut():
     for chosen in actions(20):
         seen = environments.step(chosen)[0]
     hidden, batch = seen[:, -HIDDEN:], environments.native.batch
-    descents, depths, rows = batch.descents, batch.depths, np.arange(len(SEEDS))
+    descents, depths, rows = batch.cuts.motions, batch.cuts.wholes, np.arange(len(SEEDS))
     cell = np.round(batch.cuts.states["tip"] / 0.5e-3).astype(int)
     surface = descents["surface"][rows, cell]
     floor = surface - np.maximum(descents["level"], descents["floor"][rows, cell])

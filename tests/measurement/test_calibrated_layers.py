@@ -75,7 +75,7 @@ def test_the_task_draws_where_the_layer_is_and_takes_what_was_measured(tissue, t
     places = []
     for episode in range(3):
         env.reset(seed=1, options={"episode": episode})
-        record = env.cutting.descents[0]
+        record = env.cutting.motion[0]
         assert record["deep_toughness"] == tissue.layers.deep_toughness
         assert record["deep_modulus"] == tissue.layers.deep_modulus
         places.append(float(record["boundary"]))
@@ -84,7 +84,7 @@ def test_the_task_draws_where_the_layer_is_and_takes_what_was_measured(tissue, t
     drawn = []
     for episode in range(3):
         plain.reset(seed=1, options={"episode": episode})
-        drawn.append(float(plain.cutting.descents["deep_toughness"][0]))
+        drawn.append(float(plain.cutting.motion["deep_toughness"][0]))
     assert len(set(drawn)) == 3
 
 

@@ -18,7 +18,7 @@ from cutenv.play.haptics import Stylus
 from cutenv.play.play_session import Session
 from cutenv.play.played_depth_cut import PlayedDepthCut
 from cutenv.recording import load
-from cutenv.task.depth_terms import DESCENT_SCALE
+from cutenv.task.depth import DESCENT_SCALE
 from cutenv.viewer.scene import Moment
 
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
@@ -49,7 +49,7 @@ def test_a_hand_that_keeps_its_level_at_the_specimens_own_depth_is_that_of_gentl
 
 def test_a_hand_that_follows_the_dashed_depth_cuts_as_deep_as_wanted() -> None:
     followed, held = played(levels=True), played(levels=False)
-    assert followed.cutting.depth_errors["mean_error_mm"] < 1.0
+    assert followed.cutting.errors["mean_error_mm"] < 1.0
     ended = Moment.of(held.plant, held.cutting)
     assert ended.verdict == "stopped: the layer below was opened too deep"
     there = dataclasses.replace(ended, end="finished", tip=ended.target, angle=np.pi / 2)

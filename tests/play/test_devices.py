@@ -8,7 +8,7 @@ import pytest
 
 from cutenv.play.devices import NOTCH, STICK_DEAD_ZONE, GamepadDevice, Motion, MouseDevice, ScriptedDevice, simple_hand
 from cutenv.play.hand_model import FASTEST
-from cutenv.task.depth_terms import DESCENT_SCALE
+from cutenv.task.depth import DESCENT_SCALE
 
 UPRIGHT, INCLINED = math.pi / 2, math.pi / 4
 

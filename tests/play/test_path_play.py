@@ -22,7 +22,7 @@ from cutenv.play.played_cut import PlayedCut
 from cutenv.play.played_path_cut import PlayedPathCut
 from cutenv.recording import load_one
 from cutenv.scoring.path_map import LINE_KEY
-from cutenv.task.path_terms import TURN_SCALE
+from cutenv.task.path import TURN_SCALE
 from cutenv.tissue.grid import SPACING
 from cutenv.viewer.scene import Moment
 
@@ -58,7 +58,7 @@ def test_on_the_straight_line_the_hand_is_that_of_gentle_cutting_to_the_last_bit
 def test_a_hand_that_goes_along_a_line_cuts_within_millimetres_of_it(line: str) -> None:
     cut = PlayedPathCut(line=line, seed=4, target_length=0.06)
     assert whole(cut).end != "off_line"
-    found = cut.cutting.path_errors
+    found = cut.cutting.errors
     assert 0.05 < found["mean_distance_mm"] < 1.5
     assert found["largest_distance_mm"] < 3.0
     assert np.ptp(cut.cutting.line.y[:120]) > 0.005, "straight on would not have done"
@@ -114,7 +114,7 @@ def test_the_record_holds_places_lateral_force_and_the_line(tmp_path: Path) -> N
     assert np.allclose(line[10], (cut.cutting.line.x[50], cut.cutting.line.y[50]), atol=1e-6)
     assert np.allclose(np.hypot(*np.diff(line, axis=0).T), 5 * SPACING, rtol=1e-3)
     (words,) = session.sight().verdict
-    told = cut.cutting.path_errors
+    told = cut.cutting.errors
     assert words == (
         f"Path: {told['mean_distance_mm']:.1f} mm off the line in the mean, {told['largest_distance_mm']:.1f} mm at "
         f"most; {told['area_mm2']:.0f} mm² between them."

@@ -9,12 +9,12 @@ from cutenv.envs.depth_cut import DepthCutEnv
 from cutenv.policy import Features
 from cutenv.policy.depth_features import DepthFeatures
 from cutenv.policy.depth_scripts import FollowDepth
-from cutenv.task.depth_terms import ALL_COMPONENTS
+from cutenv.task.depth import DEPTH_CUT
 from cutenv.task.observation import CLIP, COMPONENTS
 
-N, ALL = len(COMPONENTS), len(ALL_COMPONENTS)
+N, ALL = len(COMPONENTS), len(DEPTH_CUT.all_components)
 LOWER = 10  # number of the first feature of the depth, after what is observed
-NAMES = [one.name for one in ALL_COMPONENTS]
+NAMES = [one.name for one in DEPTH_CUT.all_components]
 BLADE_DEPTH, WANTED, DEPTH = (NAMES.index(name) for name in ("blade_depth", "wanted", "depth"))
 
 

@@ -11,9 +11,9 @@ from cutenv.policy.crack_course import CrackCourse
 from cutenv.policy.path_features import PathFeatures
 from cutenv.policy.path_scripts import SteerByForce
 from cutenv.task.observation import CLIP, COMPONENTS
-from cutenv.task.path_terms import ALL_PATH_COMPONENTS
+from cutenv.task.path import PATH_CUT
 
-N, ALL = len(COMPONENTS), len(ALL_PATH_COMPONENTS)
+N, ALL = len(COMPONENTS), len(PATH_CUT.all_components)
 CRACK, ASIDE = 0, 1  # numbers of features of the path after what is observed
 
 

@@ -24,7 +24,7 @@ class Watching(Rung):
 
     def reckon(self, seen):
         aside, crack = super().reckon(seen)
-        states, steerings = self._batch.cuts.states, self._batch.steerings
+        states, steerings = self._batch.cuts.states, self._batch.cuts.motions
         for n in range(len(states)):
             point = round(states["tip"][n] / 0.0005)
             line = math.atan2(steerings["sine"][n, point], steerings["cosine"][n, point])

@@ -12,7 +12,7 @@ from whole_cut import CRUISE, FASTEST, INCLINED, Cut, cut, go_on, make
 from cutenv.policy import SCRIPTS, ConstantFeed, PlannerNominal, PlannerWithTruth
 from cutenv.policy import planner as planning
 from cutenv.policy.planner import Search
-from cutenv.task.gentle_cutting import GentleCutting
+from cutenv.task.episode import Episode
 from cutenv.task.observation import in_units
 from cutenv.tissue import Specimen, measured_liver
 
@@ -129,10 +129,10 @@ def test_without_a_look_at_the_cut_it_says_what_is_missing():
 
 
 def test_a_cut_that_is_not_simulated_cannot_be_looked_into():
-    cutting = object.__new__(GentleCutting)
+    cutting = object.__new__(Episode)
     planner = PlannerWithTruth()
     planner.reset(np.random.default_rng(0))
-    with pytest.raises(TypeError, match="need a SimulatedCutting to simulate, got GentleCutting"):
+    with pytest.raises(TypeError, match="need a Episode to simulate, got Episode"):
         planner.set_state(cutting)
 
 

@@ -12,14 +12,14 @@ import made_up_result as made_up
 
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.report import glossary
-from cutenv.task.depth_terms import ALL_TERMS
-from cutenv.task.path_terms import PATH_TERMS
+from cutenv.task.depth import DEPTH_CUT
+from cutenv.task.path import PATH_CUT
 
 MEANINGS = dict(glossary.MEANINGS)
 
 
 def test_every_term_of_the_reward_has_a_title_of_its_own():
-    assert tuple(glossary.TERM_MEANINGS) == (*ALL_TERMS, *PATH_TERMS)
+    assert tuple(glossary.TERM_MEANINGS) == (*DEPTH_CUT.all_terms, *tuple(cost.name for cost in PATH_CUT.costs))
     assert all(glossary.TERM_MEANINGS.values())
     assert len(set(glossary.TERM_MEANINGS.values())) == len(glossary.TERM_MEANINGS)
 

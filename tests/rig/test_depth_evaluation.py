@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from cutenv.sim_to_real.estimated_depth_cut import EstimatedDepthCutEnv
 
 from cutenv.envs import RigCutEnv, RigDepthCutEnv
 from cutenv.envs.depth_cut import DepthCutEnv
 from cutenv.policy.depth_scripts import FollowDepth
 from cutenv.scoring import DEPTH_METRICS
 from cutenv.sim_to_real.curves import height_rmse, position_rmse
-from cutenv.sim_to_real.estimated_depth_cut import EstimatedDepthCutEnv
 from cutenv.sim_to_real.measures import DEPTH_MEASURES, MEASURES, measures_of
 from cutenv.sim_to_real.paired_experiment import cut_once, simulator_like
 
@@ -38,7 +38,7 @@ def cuts(rig, simulator):
 
 def test_the_simulator_of_a_rig_with_height_cuts_along_the_depth_that_the_rig_wants(rig, simulator, cuts):
     assert isinstance(simulator, EstimatedDepthCutEnv)
-    np.testing.assert_array_equal(simulator.cutting.depths["wanted"], rig.cutting.depths["wanted"])
+    np.testing.assert_array_equal(simulator.cutting.whole["wanted"], rig.cutting.whole["wanted"])
     on_rig, drawn = cuts
     for cut in drawn:
         for name in ("wanted_depth_m", "target_length_m"):

@@ -12,6 +12,7 @@ from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.sensor import Sensor, SensorParameters
 from cutenv.envs.constants import Constants
 from cutenv.envs.rig_source import emulator_arguments
+from cutenv.plant import SimulatedPlant
 from cutenv.rig.emulator.emulated_tissue import EmulatedTissue, Laid
 from cutenv.rig.errors import RigError
 from cutenv.tissue.specimen import Specimen

@@ -65,7 +65,7 @@ def test_it_shows_the_simulators_wanted_depth_and_lays_its_layer(env):
         assert ours[12:] == pytest.approx(theirs[12:], abs=2e-3)  # height and level agree to some hundredths of a mm
         laid = env.the_fake().bench.plant.descents
         for name in ("boundary", "deep_toughness", "deep_modulus"):
-            assert float(laid[name][0]) == float(simulated.cutting.descents[name][0])
+            assert float(laid[name][0]) == float(simulated.cutting.motion[name][0])
 
 
 @pytest.mark.parametrize("name", ["follow the depth", "depth by force"])

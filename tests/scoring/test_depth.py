@@ -43,7 +43,7 @@ def without(trace, *keys, **more):
 
 def test_metrics_of_the_depth_are_those_of_the_task(depth_cut):
     _, trace, cutting = depth_cut
-    card, errors = score(trace), cutting.depth_errors
+    card, errors = score(trace), cutting.errors
     assert card["mean_depth_error"] == pytest.approx(1e-3 * errors["mean_error_mm"], rel=1e-12)
     assert card["too_deep_area"] == pytest.approx(1e-6 * errors["too_deep_mm2"], rel=1e-9, abs=1e-15)
     assert card["uncut_area"] == pytest.approx(1e-6 * errors["uncut_mm2"], rel=1e-12)

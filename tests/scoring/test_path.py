@@ -46,7 +46,7 @@ def without(trace, *keys):
 
 def test_metrics_of_the_path_are_those_of_the_task(path_cut):
     _, trace, cutting = path_cut
-    card, errors = score(trace), cutting.path_errors
+    card, errors = score(trace), cutting.errors
     assert errors["largest_distance_mm"] > 0.5  # it can be seen
     assert card["largest_line_distance"] == pytest.approx(1e-3 * errors["largest_distance_mm"], rel=1e-6)
     mean = 1e-3 * errors["mean_distance_mm"] * cutting.tip / cutting.target_length
@@ -172,7 +172,7 @@ def test_a_tracked_blade_without_positions_is_scored_along_the_line(path_cut, tm
     assert command.main([str(tmp_path / "deep.csv"), str(tmp_path / "flat.csv"), *given]) == 0
     kept = {name: json.loads((tmp_path / f"{name}_score.json").read_text()) for name in ("deep", "flat")}
     mean = kept["deep"]["metrics"]["mean_line_distance"]["value"]
-    assert mean == pytest.approx(1e-3 * cutting.path_errors["mean_distance_mm"], abs=0.15e-3)
+    assert mean == pytest.approx(1e-3 * cutting.errors["mean_distance_mm"], abs=0.15e-3)
     assert EXPECTED_CUT in kept["deep"]["notes"]
     assert kept["flat"]["metrics"]["mean_line_distance"]["unavailable"] == "depth was not recorded"
     assert EXPECTED_CUT not in kept["flat"]["notes"], "without depth nobody knows the tip, and so not the cut"
