@@ -340,6 +340,12 @@ def commands(seed: int, count: int) -> Iterator[tuple[float, float, int, float]]
         yield speed, angle, int(rng.choice([1, 3, 20, 50, 137, 300])), rng.uniform(-1.0, 1.0)
 
 
+def specimens(quick: bool) -> Iterator[tuple[int, Specimen, int]]:
+    """Yield seeds, specimens and numbers of commands for plants."""
+    for seed, name in enumerate(["uniform", "liver", "vascular"] * (1 if quick else 5)):
+        yield seed, Specimen.drawn(seed, 0, specimen_class=name), 20 if quick else 60
+
+
 def plant_digest(plant: Any, seed: int, count: int, third: float = 0.0, beside: str = "") -> str:
     """Return the digest of a plant's readings and energies under a sequence of commands."""
     content = Content()
@@ -351,25 +357,31 @@ def plant_digest(plant: Any, seed: int, count: int, third: float = 0.0, beside: 
     return content.digest()
 
 
-def plant_digests(quick: bool) -> Digests:
-    """Yield digests of the plants whose bits are the same everywhere."""
-    for seed, name in enumerate(["uniform", "liver", "vascular"] * (1 if quick else 5)):
-        specimen, count = Specimen.drawn(seed, 0, specimen_class=name), 20 if quick else 60
-        yield f"simulated/{seed}", plant_digest(SimulatedPlant(specimen, seed=seed), seed, count)
-        descending = DescendingPlant(specimen, seed=seed, level=0.005)
-        yield f"descending/{seed}", plant_digest(descending, seed, count, 0.004, "vertical_force")
-        line = (arc(0.06), s_shape(0.05))[seed % 2]
-        yield (
-            f"steered/{seed}",
-            plant_digest(SteeredPlant(specimen, line, seed=seed), seed, count, 0.3, "lateral_force"),
-        )
+def simulated_digests(quick: bool) -> Digests:
+    """Yield digests of straight cuts at their own depth."""
+    for seed, specimen, count in specimens(quick):
+        yield f"{seed}", plant_digest(SimulatedPlant(specimen, seed=seed), seed, count)
+
+
+def descending_digests(quick: bool) -> Digests:
+    """Yield digests of cuts by a blade that moves up and down."""
+    for seed, specimen, count in specimens(quick):
+        plant = DescendingPlant(specimen, seed=seed, level=0.005)
+        yield f"{seed}", plant_digest(plant, seed, count, 0.004, "vertical_force")
+
+
+def steered_digests(quick: bool) -> Digests:
+    """Yield digests of cuts along lines."""
+    for seed, specimen, count in specimens(quick):
+        plant = SteeredPlant(specimen, (arc(0.06), s_shape(0.05))[seed % 2], seed=seed)
+        yield f"{seed}", plant_digest(plant, seed, count, 0.3, "lateral_force")
 
 
 def freehand_digests(quick: bool) -> Digests:
-    """Yield digests of the plant whose model is solved as the cut opens."""
-    for seed in range(1 if quick else 3):
-        plant = FreehandPlant(Specimen.drawn(seed, 0), seed=seed)
-        yield f"{seed}", plant_digest(plant, seed, 12 if quick else 40, 0.3, "lateral_force")
+    """Yield digests of cuts whose model is solved as they open."""
+    for seed, specimen, count in specimens(quick):
+        plant = FreehandPlant(specimen, seed=seed)
+        yield f"{seed}", plant_digest(plant, seed, count, 0.3, "lateral_force")
 
 
 def rig_digests(quick: bool) -> Digests:
@@ -383,31 +395,34 @@ def rig_digests(quick: bool) -> Digests:
         env.close()
 
 
-def browser_digests(quick: bool) -> Digests:
-    """Yield digests of cuts by hand as the page makes them, and of its programs."""
+def browser_digests(name: str, quick: bool) -> Digests:
+    """Yield digests of a task's cuts by hand as the page makes them."""
+    from cutenv.browser.page_alone import HAND_CUTS
+
+    milliseconds = np.arange(4000 if quick else 12_000)
+    place = np.minimum(1.2e-5 * milliseconds, 0.1) - 0.004 * (milliseconds % 3000 > 2500)
+    angle = 1.2 + 0.3 * (milliseconds // 700 % 2)
+    third = 1e-6 * (milliseconds % 1000) - 5e-4
+    for seed, specimen_class in enumerate(("liver", "vascular", "uniform")[: 1 if quick else 3]):
+        cut = HAND_CUTS[name](specimen_class=specimen_class, seed=seed)
+        readings = cut.follow(np.stack([place, angle, third], axis=1)[:, : cut.stylus_numbers])
+        yield f"readings/{seed}", digest(readings, cut.beside, cut.end, cut.success)
+        trace = cut.trace(readings, **cut.noted)
+        yield f"record/{seed}", digest({each: getattr(trace, each) for each in trace.known}, trace.metadata)
+
+
+def program_digests(quick: bool) -> Digests:
+    """Yield digests of the programs that the page carries, and of the names that they export."""
     import wasmtime
 
     from cutenv._base import resources
-    from cutenv.browser.page_alone import HAND_CUTS, LAW_PROGRAMS
+    from cutenv.browser.page_alone import LAW_PROGRAMS
 
-    milliseconds = np.arange(4000 if quick else 12_000)
-    for task, kind in HAND_CUTS.items():
-        for seed, name in enumerate(("liver", "vascular", "uniform")[: 1 if quick else 3]):
-            cut = kind(specimen_class=name, seed=seed)
-            place = np.minimum(1.2e-5 * milliseconds, 0.1) - 0.004 * (milliseconds % 3000 > 2500)
-            angle = 1.2 + 0.3 * (milliseconds // 700 % 2)
-            aside = 1e-6 * (milliseconds % 1000) - 5e-4
-            readings = cut.follow(np.stack([place, angle, aside], axis=1)[:, : cut.stylus_numbers])
-            yield f"{task}/readings/{seed}", digest(readings, cut.beside, cut.end, cut.success)
-            trace = cut.trace(readings, **cut.noted)
-            columns = {each: getattr(trace, each) for each in trace.known}
-            yield f"{task}/record/{seed}", digest(columns, trace.metadata)
-        program = resources.path(LAW_PROGRAMS[task]).read_bytes()
-        yield f"{task}/program", digest(program)
-        yield (
-            f"{task}/exports",
-            digest(sorted(each.name for each in wasmtime.Module(wasmtime.Engine(), program).exports)),
-        )
+    for name in TASKS:
+        program = resources.path(LAW_PROGRAMS[name]).read_bytes()
+        yield f"{name}/bytes", digest(program)
+        exports = wasmtime.Module(wasmtime.Engine(), program).exports
+        yield f"{name}/exports", digest(sorted(each.name for each in exports))
 
 
 def learner_digests(quick: bool) -> Digests:
@@ -473,40 +488,37 @@ def estimated_digests(quick: bool) -> Digests:
         with_rig.close()
 
 
-class Group(NamedTuple):
-    """Function that computes digests, quick ones if it is asked to; and whether all machines compute the same."""
-
-    compute: Callable[[bool], Digests]
-    portable: bool
-
-
-def _of_tasks(compute: Callable[[Task, bool], Digests], part: str, portable: bool) -> dict[str, Group]:
-    return {f"{name}/{part}": Group(partial(compute, task), portable) for name, task in TASKS.items()}
-
-
-GROUPS = {
-    **_of_tasks(random_digests, "random", True),
-    **_of_tasks(variant_digests, "variant", True),
-    **_of_tasks(reset_digests, "reset", True),
-    **_of_tasks(script_digests, "script", False),
-    **_of_tasks(feature_digests, "policy", False),
-    "plant": Group(plant_digests, True),
-    "freehand": Group(freehand_digests, False),
-    "rig": Group(rig_digests, False),
-    "browser": Group(browser_digests, True),
-    "learner": Group(learner_digests, False),
-    "planner": Group(planner_digests, False),
-    "score": Group(score_digests, False),
-    "announced/estimated": Group(estimated_digests, False),
+_OF_TASK = {
+    "random": random_digests, "variant": variant_digests, "reset": reset_digests, "script": script_digests,
+    "policy": feature_digests,
+}  # fmt: skip
+GROUPS: dict[str, Callable[[bool], Digests]] = {
+    **{f"{name}/{part}": partial(compute, task) for name, task in TASKS.items() for part, compute in _OF_TASK.items()},
+    **{f"browser/{name}": partial(browser_digests, name) for name in TASKS},
+    "browser/programs": program_digests,
+    "plant/simulated": simulated_digests,
+    "plant/descending": descending_digests,
+    "plant/steered": steered_digests,
+    "plant/freehand": freehand_digests,
+    "rig": rig_digests,
+    "learner": learner_digests,
+    "planner": planner_digests,
+    "score": score_digests,
+    "announced/estimated": estimated_digests,
 }
-"""Groups of digests; the name of a digest begins with that of its group."""
+"""Functions that compute digests, quick ones if asked to, by group; a digest's name begins with that of its group."""
+PORTABLE = (
+    *(f"{name}/{part}" for name in ("gentle", "depth") for part in ("random", "variant", "reset")),
+    "browser/gentle", "browser/depth", "plant/simulated", "plant/descending",
+)  # fmt: skip
+"""Groups that NumPy and BLAS for another processor do not change; the stiffness beside a line comes from BLAS."""
 
 
 def computed(name: str, *, quick: bool) -> dict[str, str]:
     """Return the digests of a group by their names, and the error by the group's name if it cannot be computed."""
     found: dict[str, str] = {}
     try:
-        for part, value in GROUPS[name].compute(quick):
+        for part, value in GROUPS[name](quick):
             found[f"{name}/{part}"] = value
     except Exception as error:  # a name that was changed must not hide the other groups
         traceback.print_exc()
@@ -554,7 +566,7 @@ def main() -> int:
     kept = read() if FILE.is_file() else {}
     moved = 0
     for name in chosen_groups(arguments.only):
-        where = "portable" if GROUPS[name].portable else "here"
+        where = "portable" if name in PORTABLE else "here"
         begun = time.process_time()
         found = computed(name, quick=arguments.quick)
         print(f"{name}: {len(found)} digests, {time.process_time() - begun:.1f} s of CPU", flush=True)
@@ -567,7 +579,7 @@ def main() -> int:
             others[where] |= found
             continue
         for line in differences(found, before):
-            print(line if GROUPS[name].portable else f"{line} (another processor may move it)", flush=True)
+            print(line if name in PORTABLE else f"{line} (another processor may move it)", flush=True)
             moved += 1
     if arguments.write:
         FILE.write_text(json.dumps(kept, indent=1, sort_keys=True) + "\n", encoding="utf-8")
