@@ -154,7 +154,7 @@ class HeldRandomActions(ArrayPolicy):
     """Seeded random actions, mostly forward, each held for some decisions."""
 
     def __init__(self, actions: int) -> None:
-        self._low, self._high = np.array([-0.4, -1.0, -0.6][:actions]), np.array([1.0, 1.0, 0.6][:actions])
+        self._low, self._high = np.array([-0.4, -1.0, -0.35][:actions]), np.array([1.0, 1.0, 0.35][:actions])
 
     def begin(self, rngs: Sequence[np.random.Generator]) -> None:
         """Draw the actions of ``len(rngs)`` cuts."""
