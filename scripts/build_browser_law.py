@@ -65,75 +65,36 @@ def intermediate_code(task: str) -> str:
         import warnings
 
         import numba
-        from cutenv.task.cuts import EPISODE
         from numba.core import types
         from numba.np.numpy_support import from_dtype
 
-        from cutenv.browser.depth_steps import follow_deep_stylus
-        from cutenv.browser.page_alone import TABLES
-        from cutenv.browser.path_steps import follow_steered_stylus
-        from cutenv.browser.stylus_steps import follow_stylus
-        from cutenv.cutting.descent import DESCENT
+        from cutenv.browser.page_alone import HAND_CUTS, SHARED
+        from cutenv.browser.stylus_steps import follow_hand
         from cutenv.cutting.dtypes import READING
-        from cutenv.cutting.simulate import CUT
-        from cutenv.cutting.steering import STEERING
-        from cutenv.task.depth import DEPTH, DEPTH_STEP_MEMORY
-        from cutenv.task.path import PATH, PATH_STEP_MEMORY
 
         library: Any = numba  # which has no types
         carray, pointer = library.carray, library.types.CPointer
-        kinds = CUT, EPISODE, READING, DESCENT, DEPTH, DEPTH_STEP_MEMORY, TABLES, STEERING, PATH, PATH_STEP_MEMORY
-        cut, episode, reading, descent, depth, levels, tables, steering, path, places = (
-            pointer(from_dtype(kind)) for kind in kinds
-        )
+        led = HAND_CUTS[task].led
+        follow_led, numbers, components = follow_hand(led), len(led.task.action_names), len(led.task.all_components)
+        channels = len(HAND_CUTS[task].channel_fields)
+        kinds = led.task.motion.cut, SHARED[task], led.task.episode, READING
+        cut, share, episode, reading = (pointer(from_dtype(kind)) for kind in kinds)
         number, single, real, whole = pointer(types.float64), pointer(types.float32), types.float64, types.int32
 
-        def follow(
-            cuts: Any, episodes: Any, stylus: Any, count: Any, lag: Any, acceleration: Any, actions: Any,
-            observations: Any, readings: Any, outcome: Any,
+        def entry(
+            cuts: Any, shared: Any, episodes: Any, stylus: Any, count: Any, lag: Any, acceleration: Any, start: Any,
+            action: Any, observation: Any, across: Any, readings: Any, noted: Any, outcome: Any,
         ) -> Any:  # fmt: skip
-            return follow_stylus(
-                carray(cuts, (1,)), carray(episodes, (1,)), carray(stylus, (count, 2)), lag, acceleration,
-                carray(actions, (1, 2)), carray(observations, (1, 12)), carray(readings, (count, 1)),
-                carray(outcome, (2,)),
+            return follow_led(
+                carray(cuts, (1,)), carray(shared, (1,)), carray(episodes, (1,)), carray(stylus, (count, numbers)),
+                (lag, acceleration), start,
+                (carray(action, (1, numbers)), carray(observation, (1, components)), carray(across, (1,))),
+                (carray(readings, (count, 1)), carray(noted, (channels, count))), carray(outcome, (2,)),
             )  # fmt: skip
 
-        def follow_deep(
-            cuts: Any, episodes: Any, descents: Any, depths: Any, slabs: Any, stylus: Any, count: Any, lag: Any,
-            acceleration: Any, start: Any, memory: Any, actions: Any, observations: Any, readings: Any, beside: Any,
-            outcome: Any,
-        ) -> Any:  # fmt: skip
-            return follow_deep_stylus(
-                carray(cuts, (1,)), carray(episodes, (1,)), carray(descents, (1,)), carray(depths, (1,)),
-                carray(slabs, (1,)), carray(stylus, (count, 3)), lag, acceleration, start,
-                carray(memory, (1,)), carray(actions, (1, 3)), carray(observations, (1, 22)),
-                carray(readings, (count, 1)), carray(beside, (2, count)), carray(outcome, (2,)),
-            )  # fmt: skip
-
-        def follow_steered(
-            cuts: Any, episodes: Any, steerings: Any, paths: Any, stylus: Any, count: Any, lag: Any, acceleration: Any,
-            memory: Any, actions: Any, observations: Any, readings: Any, beside: Any, outcome: Any,
-        ) -> Any:  # fmt: skip
-            return follow_steered_stylus(
-                carray(cuts, (1,)), carray(episodes, (1,)), carray(steerings, (1,)), carray(paths, (1,)),
-                carray(stylus, (count, 3)), lag, acceleration, carray(memory, (1,)),
-                carray(actions, (1, 3)), carray(observations, (1, 28)), carray(readings, (count, 1)),
-                carray(beside, (3, count)), carray(outcome, (2,)),
-            )  # fmt: skip
-
-        entry, arguments = {
-            "gentle": (follow, (cut, episode, number, whole, real, real, number, single, reading, number)),
-            "depth": (
-                follow_deep,
-                (cut, episode, descent, depth, tables, number, whole, real, real, real, levels, number, single,
-                 reading, number, number),
-            ),
-            "path": (
-                follow_steered,
-                (cut, episode, steering, path, number, whole, real, real, places, number, single, reading, number,
-                 number),
-            ),
-        }[task]  # fmt: skip
+        arguments = (
+            cut, share, episode, number, whole, real, real, real, number, single, number, reading, number, number,
+        )  # fmt: skip
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", numba.NumbaWarning)  # of what cannot be cached
             made: Any = library.cfunc(whole(*arguments), nopython=True, error_model="numpy")(entry)

@@ -18,10 +18,8 @@ import wasmtime
 from tqdm import tqdm
 
 from cutenv._base import resources
-from cutenv.browser.depth_steps import HandDepthCut
-from cutenv.browser.page_alone import HAND_CUTS, LAW_PROGRAMS, partial_depth_tables
-from cutenv.browser.path_steps import HandPathCut
-from cutenv.browser.stylus_steps import HandCut
+from cutenv.browser.page_alone import HAND_CUTS, LAW_PROGRAMS, shared_part
+from cutenv.browser.stylus_steps import HandCut, HandDepthCut, HandPathCut
 from cutenv.cutting.dtypes import READING
 from cutenv.tissue.grid import depth_below
 
@@ -47,14 +45,12 @@ class CompiledCut:
         self._hand = cut.hand
         begin: Any = self._exports["__heap_base"]
         self._next: int = begin.value(self._store)
-        self._tables: list[int] = []
-        self._start: list[float] = []
-        if isinstance(cut, HandDepthCut):
-            self._tables = [self._put(partial_depth_tables(cut.cutting.slabs).tobytes())]
-            self._start = [float(cut.descents["level"][0])]
-        self._beside = len(cut.beside_fields)
-        memory = [] if cut.memory is None else [cut.memory.itemsize]
-        memory += [8 * cut.stylus_numbers, 4 * len(cut.components), 16]  # action, observation, outcome
+        self._shared = self._put(shared_part(task, cut.cutting.plant.specimen.tissue.slab()).tobytes())
+        self._start = float(cut.cutting.motion["level"][0]) if isinstance(cut, HandDepthCut) else 0.0
+        self._channels = len(cut.channel_fields)
+        led = cut.led.task
+        # of action, observation, force across the cut, outcome
+        memory = [8 * len(led.action_names), 4 * len(led.all_components), 8, 16]
         self.records = [(self._put(each.tobytes()), each) for each in cut.records.values()]
         *self._memory, self._outcome = (self._put(bytes(size)) for size in memory)
 
@@ -68,16 +64,16 @@ class CompiledCut:
         return place
 
     def follow(self, stylus: Any) -> tuple[bytes, bytes]:
-        """Advance by a millisecond for each row of ``stylus``; return readings, and what is beside them."""
+        """Advance by a millisecond for each row of ``stylus``; return readings, and further channels."""
         places, readings = self._put(stylus.tobytes()), self._put(bytes(READING.itemsize * len(stylus)))
-        beside = [self._put(bytes(8 * self._beside * len(stylus)))] if self._beside else []
+        channels = self._put(bytes(8 * self._channels * len(stylus)))
+        cut, episode = (place for place, _ in self.records)
         done = self._exports["follow"](
-            self._store, *(place for place, _ in self.records), *self._tables, places, len(stylus),
-            self._hand.motor_lag, self._hand.acceleration, *self._start, *self._memory, readings, *beside,
-            self._outcome,
+            self._store, cut, self._shared, episode, places, len(stylus), self._hand.motor_lag,
+            self._hand.acceleration, self._start, *self._memory, readings, channels, self._outcome,
         )  # fmt: skip
-        told = b"".join(self.bytes_at(beside[0] + 8 * row * len(stylus), 8 * done) for row in range(self._beside))
-        return self.bytes_at(readings, READING.itemsize * done), told
+        noted = b"".join(self.bytes_at(channels + 8 * row * len(stylus), 8 * done) for row in range(self._channels))
+        return self.bytes_at(readings, READING.itemsize * done), noted
 
     def bytes_at(self, place: int, size: int) -> bytes:
         """Return ``size`` bytes of its memory."""
@@ -95,7 +91,7 @@ def wandering(cut: HandCut, seed: int, count: int = MILLISECONDS) -> Any:
     """Return a seeded hand that goes forward and back, pauses and tilts; also up and down, or beside a line.
 
     Position [m], angle [rad], and level of the blade above that at the start, or place across [m]; shape (n,
-    ``cut.stylus_numbers``).
+    numbers of an action).
     """
     random = np.random.default_rng(seed)
     steps = random.uniform(-0.6, 1.0, count // 200 + 1) * (random.random(count // 200 + 1) < 0.9)
@@ -106,16 +102,16 @@ def wandering(cut: HandCut, seed: int, count: int = MILLISECONDS) -> Any:
         line = cut.cutting.line
         aside = depth_below(line.y, places) + 0.25 * aside
         places = depth_below(line.x, places)
-    return np.stack([places, angles, aside][: cut.stylus_numbers], axis=-1)
+    return np.stack([places, angles, aside][: len(cut.led.task.action_names)], axis=-1)
 
 
 def same(cut: HandCut, stylus: Any, program: bytes | None = None) -> bool:
     """Return whether a cut and its copy in WebAssembly agree in every byte after the same movements."""
     compiled = CompiledCut(cut, program)
-    readings, beside = compiled.follow(stylus)
+    readings, channels = compiled.follow(stylus)
     known = cut.follow(stylus).tobytes()
     state = all(compiled.bytes_at(place, record.nbytes) == record.tobytes() for place, record in compiled.records)
-    return readings == known and beside == cut.beside.tobytes() and state
+    return readings == known and channels == cut.channels.tobytes() and state
 
 
 def main() -> int:

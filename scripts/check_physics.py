@@ -124,10 +124,10 @@ _follow, _account = follow(STRAIGHT), account_one(STRAIGHT)
 
 
 @njit
-def _lead(cuts: Any, path: Array, readings: Any, shares: Array) -> None:
+def _lead(cuts: Any, shared: Any, path: Array, readings: Any, shares: Array) -> None:
     """Move a blade; fill ``shares`` with the residual over the work, or over 1 mJ, after each update."""
     for i in range(len(path)):
-        _follow(cuts, path[i : i + 1], TICK, readings, shares[:0])
+        _follow(cuts, shared, path[i : i + 1], TICK, readings, shares[:0])
         energy = _account(cuts)
         shares[i] = abs(energy.residual) / max(energy.work, LEAST_WORK)
 
@@ -136,7 +136,8 @@ def worst_residual(specimen: Specimen, motion: str, episode: int) -> float:
     """Return the largest residual of the energy account during a motion, over the work or 1 mJ [1]."""
     positions, angles = MOTIONS[motion](generator(SEED, episode))
     path, shares = np.stack(np.broadcast_arrays(positions, angles, 0.0), axis=-1), np.zeros(len(positions))
-    _lead(SimulatedPlant(specimen, angle=path[0, 1]).cuts, path, np.zeros(1, READING), shares)
+    plant = SimulatedPlant(specimen, angle=path[0, 1])
+    _lead(plant.cuts, plant.shared, path, np.zeros(1, READING), shares)
     return float(shares.max())  # NaN if any is
 
 

@@ -405,8 +405,8 @@ def browser_digests(name: str, quick: bool) -> Digests:
     third = 1e-6 * (milliseconds % 1000) - 5e-4
     for seed, specimen_class in enumerate(("liver", "vascular", "uniform")[: 1 if quick else 3]):
         cut = HAND_CUTS[name](specimen_class=specimen_class, seed=seed)
-        readings = cut.follow(np.stack([place, angle, third], axis=1)[:, : cut.stylus_numbers])
-        yield f"readings/{seed}", digest(readings, cut.beside, cut.end, cut.success)
+        readings = cut.follow(np.stack([place, angle, third], axis=1)[:, : len(cut.led.task.action_names)])
+        yield f"readings/{seed}", digest(readings, cut.channels, cut.end, cut.success)
         trace = cut.trace(readings, **cut.noted)
         yield f"record/{seed}", digest({each: getattr(trace, each) for each in trace.known}, trace.metadata)
 

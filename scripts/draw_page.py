@@ -19,7 +19,7 @@ from measure_page import led
 from PIL import Image  # comes with matplotlib
 
 from cutenv.browser import write_page_alone
-from cutenv.browser.path_steps import HandPathCut
+from cutenv.browser.stylus_steps import HandPathCut
 
 WIDTH = 1100  # px, of the window
 SEED = 4  # of specimen and hand

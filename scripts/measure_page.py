@@ -26,9 +26,8 @@ from benchmark.table import markdown_table
 from tqdm import tqdm
 
 from cutenv.browser import HandCut, write_page_alone
-from cutenv.browser.depth_steps import HandDepthCut
 from cutenv.browser.page_alone import HAND_CUTS, OFFERED, specimen_data
-from cutenv.browser.path_steps import HandPathCut
+from cutenv.browser.stylus_steps import HandDepthCut, HandPathCut
 from cutenv.scoring import Truth, score
 from cutenv.scoring.metric import METRICS, PATH_METRICS
 from cutenv.scoring.points import task_points

@@ -93,14 +93,15 @@ def lead(
     ``start`` is the state to begin with; by default blade and tip stand at the clamp, at the first angle.
     """
     angles = _along(positions, angles)
-    cuts = SimulatedPlant(specimen, law=parameters).cuts
+    plant = SimulatedPlant(specimen, law=parameters)
+    cuts = plant.cuts
     states = new_state(len(positions) + 1, angles[0])
     if start is not None:
         states[0] = start
     cuts["states"][0] = states[:1]
     readings = np.zeros(len(positions), READING)
     path = np.stack((np.asarray(positions, dtype=float), angles, 0.0 * angles), axis=-1)
-    _lead(cuts, states, path, dt, readings)
+    _lead(cuts, plant.shared, states, path, dt, readings)
     return LedCut(cuts["profiles"][0, 0], cuts["laws"][0, 0], states, readings)
 
 
@@ -108,9 +109,9 @@ _follow = follow(STRAIGHT)
 
 
 @numba.njit
-def _lead(cuts, states, path, dt, readings):
+def _lead(cuts, shared, states, path, dt, readings):
     for i in range(len(path)):
-        _follow(cuts, path[i : i + 1], dt, readings[i : i + 1], path[:0, 0])
+        _follow(cuts, shared, path[i : i + 1], dt, readings[i : i + 1], path[:0, 0])
         states[i + 1] = cuts[0].states[0]
 
 

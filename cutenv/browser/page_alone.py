@@ -21,10 +21,9 @@ from cutenv._base.atomic_file import atomic_write
 from cutenv._base.document import render
 from cutenv._base.languages import LANGUAGES, texts_by_key
 from cutenv._base.validation import in_range, one_of
-from cutenv.browser.depth_steps import HandDepthCut
-from cutenv.browser.path_steps import HandPathCut
-from cutenv.browser.stylus_steps import HandCut
+from cutenv.browser.stylus_steps import HandCut, HandDepthCut, HandPathCut
 from cutenv.cutting.dtypes import READING
+from cutenv.cutting.motion import NOTHING
 from cutenv.measurement.strokes import STANDSTILL_SPEED
 from cutenv.play.devices import INCLINED, LEAD, LEVEL_REACH, LOWERED_BY_NOTCH, NOTCH, TRAVEL
 from cutenv.play.hand_model import PLAYED_HAND
@@ -58,8 +57,13 @@ from cutenv.viewer.scene_parts import WORDS, scene_data
 
 LAW_PROGRAMS = {"gentle": "browser/law.wasm", "depth": "browser/depth_law.wasm", "path": "browser/path_law.wasm"}
 """The compiled tasks, below ``assets``."""
-TABLES: np.dtype[Any] = np.dtype((np.record, [(name, SLAB[name]) for name in ("ratio", "share")]))
-"""Part of a slab that the law needs while a blade descends: its table of partial depth."""
+_TABLES: np.dtype[Any] = np.dtype((np.record, [(name, SLAB[name]) for name in ("ratio", "share")]))
+SHARED: dict[str, np.dtype[Any]] = {
+    "gentle": NOTHING,
+    "depth": np.dtype((np.record, [("slab", _TABLES, (1,))])),
+    "path": NOTHING,
+}
+"""Part of what all cuts of a task share that its law needs: while a blade descends, the table of partial depth."""
 HAND_CUTS: dict[str, type[HandCut]] = {"gentle": HandCut, "depth": HandDepthCut, "path": HandPathCut}
 """Cut of each task, in Python."""
 OFFERED = ("liver", "uniform", "vascular")
@@ -171,7 +175,8 @@ def page_data(tasks: Sequence[str] = ("gentle",)) -> dict[str, Any]:
     """Return what a page of ``tasks`` needs to know, whatever the specimen: layouts, hand, limits, texts; SI units."""
     kinds = {"reading": READING}
     for task in tasks:
-        kinds |= HAND_CUTS[task].record_kinds
+        led = HAND_CUTS[task].led.task
+        kinds |= {f"{task}_cut": led.motion.cut, f"{task}_episode": led.episode}
     return {
         "version": cutenv.__version__,
         "tasks": {task: _task_data(task) for task in tasks},
@@ -213,14 +218,14 @@ def page_texts(language: str) -> dict[str, str]:
 def _task_data(task: str) -> dict[str, Any]:
     """Return how a task's law is called: numbers of the hand in a millisecond, records, and sizes of memory [bytes]."""
     kind = HAND_CUTS[task]
-    memory = [] if kind.memory is None else [kind.memory.itemsize]
+    led = kind.led.task
+    numbers = len(led.action_names)
     return {
-        "numbers": kind.stylus_numbers,
-        "records": tuple(kind.record_kinds),
-        "memory": [*memory, 8 * kind.stylus_numbers, 4 * len(kind.components)],  # of action and observation
-        "beside": kind.beside_fields,
-        "ends": kind.ends,
-        "tables": _base64(partial_depth_tables(measured_liver().slab()).tobytes()) if task == "depth" else None,
+        "numbers": numbers,
+        "memory": [8 * numbers, 4 * len(led.all_components), 8],  # of action, observation and force across the cut
+        "channels": kind.channel_fields,
+        "ends": led.ends,
+        "shared": _base64(shared_part(task, measured_liver().slab()).tobytes()),
     }
 
 
@@ -280,12 +285,12 @@ def scoring_data() -> dict[str, Any]:
     }
 
 
-def partial_depth_tables(slabs: StructArray) -> StructArray:
-    """Return the :data:`TABLES` of a slab, both of shape (1,)."""
-    tables: StructArray = np.zeros(1, TABLES)
-    for name in TABLES.names or ():
-        tables[name] = slabs[name]
-    return tables
+def shared_part(task: str, slab: StructArray) -> StructArray:
+    """Return the part of what all cuts share that a task's law needs, :data:`SHARED`, from a slab of shape (1,)."""
+    part: StructArray = np.zeros(1, SHARED[task])
+    for name in _TABLES.names or () if task == "depth" else ():
+        part["slab"][name] = slab[name]
+    return part
 
 
 def layout(kind: np.dtype[Any]) -> dict[str, Any]:

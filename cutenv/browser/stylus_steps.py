@@ -1,69 +1,147 @@
-"""Milliseconds of a cut that a hand leads: one function, compiled for Python and for the browser."""
+"""Milliseconds of a cut that a hand leads: one function for each task, compiled for Python and for the browser."""
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
-from cutenv._base.arrays import Array, StructArray
-from cutenv._engine.jit import njit
+from cutenv._base.arrays import Array, Struct, StructArray
+from cutenv._engine.declared import compiled_for
+from cutenv._engine.jit import njit, njit_inline
 from cutenv.cutting.drive import Hand
 from cutenv.cutting.dtypes import READING, TICK
-from cutenv.cutting.simulate import CUT
+from cutenv.envs.depth_cut import DepthCutEnv
 from cutenv.envs.gentle_cut import GentleCutEnv
+from cutenv.envs.path_cut import PathCutEnv
 from cutenv.plant.protocol import recorded_trace
-from cutenv.play.hand_model import PLAYED_HAND, speed_over
-from cutenv.task.assessment import succeeded
-from cutenv.task.cuts import EPISODE, step_one
-from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, COMPONENTS, Component, speed_action
-from cutenv.task.reward import ENDS
+from cutenv.play.hand_model import PLAYED_HAND, descent_toward, speed_over, steered_toward
+from cutenv.scoring.path_map import LINE_KEY
+from cutenv.task.declare import Task
+from cutenv.task.depth import DEPTH_CUT
+from cutenv.task.gentle import GENTLE_CUT
+from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, SPEED_SCALE, speed_action
+from cutenv.task.path import PATH_CUT, TURN_SCALE
+from cutenv.task.stepper import step_one
+from cutenv.tissue.drawn_lines import kind_of
 from cutenv.trace import Trace
 
+_LATERAL = [each.name for each in PATH_CUT.all_components].index("lateral")
+_NEWTONS = PATH_CUT.all_components[_LATERAL].scale
 
-@njit
-def follow_stylus(
-    cuts: StructArray,
-    episodes: StructArray,
-    stylus: Array,
-    lag: float,
-    acceleration: float,
-    actions: Array,
-    observations: StructArray,
-    readings: StructArray,
-    outcome: Array,
-) -> int:
-    """Advance one cut by a millisecond for each place of a person's hand, until it ends; return their number.
 
-    Parameters
-    ----------
-    cuts, episodes : Records, shape (1,)
-        :data:`~cutenv.cutting.simulate.CUT` and :data:`~cutenv.task.cuts.EPISODE`, changed in place.
-    stylus : array, shape (n, 2)
-        Wanted position of the hand [m] and angle of the blade [rad].
-    lag, acceleration : float
-        Of the hand [s], [m/s2].
-    actions, observations : array, shape (1, 2), (1, 12) float32
-        Memory of the calls.
-    readings : Records, shape (n, 1)
-        :data:`~cutenv.cutting.dtypes.READING`, filled up to the end.
-    outcome : array, shape (2,)
-        Filled: index of the end in :data:`~cutenv.task.reward.ENDS`, 0 while the cut goes on; 1 for a success.
-    """
-    done = end = 0
-    for i in range(len(stylus)):
-        speed = speed_over(stylus[i, 0] - cuts[0].states[0].hand, lag, acceleration)
-        # An action is of single precision, as an agent's.
-        for k, action in enumerate((speed_action(speed), (stylus[i, 1] - ANGLE_CENTRE) / ANGLE_SCALE)):
-            actions[0, k] = min(max(float(np.float32(action)), -1.0), 1.0)
-        done = i + 1
-        end = step_one(cuts, episodes, 1, True, actions, observations, readings[i:done])[1]
-        if end != 0:
-            break
-    outcome[0] = end
-    outcome[1] = 1.0 if end != 0 and succeeded(episodes[0].tasks[0], episodes[0].progresses[0]) else 0.0
-    return done
+@njit_inline
+def lead_along(cut: Struct, start: float, stylus: Array, hand: tuple[float, float], actions: Array) -> None:
+    """Fill an action with that of a hand along the cut."""
+    actions[0] = speed_action(speed_over(stylus[0] - cut.states[0].hand, hand[0], hand[1]))
+
+
+@njit_inline
+def lead_deep(cut: Struct, start: float, stylus: Array, hand: tuple[float, float], actions: Array) -> None:
+    """Fill an action with that of a hand along the cut, which brings the blade to a level above the ``start`` [m]."""
+    lead_along(cut, start, stylus, hand, actions)
+    actions[2] = descent_toward(cut.motions[0].level, start + stylus[2])
+
+
+@njit_inline
+def lead_in_plane(cut: Struct, start: float, stylus: Array, hand: tuple[float, float], actions: Array) -> None:
+    """Fill an action with that of a hand over the slab."""
+    speed, turn = steered_toward(cut.states[0], cut.motions[0], stylus[0], stylus[2], hand[0], hand[1])
+    actions[0], actions[2] = speed_action(speed), speed_action(turn * (SPEED_SCALE / TURN_SCALE))
+
+
+@njit_inline
+def note_nothing(cut: Struct, across: float, observation: StructArray, channels: Array, i: int) -> None:
+    """Note nothing beyond the readings."""
+
+
+@njit_inline
+def note_level(cut: Struct, across: float, observation: StructArray, channels: Array, i: int) -> None:
+    """Note level of the blade [m] and vertical force [N]."""
+    channels[0, i], channels[1, i] = cut.motions[0].level, across
+
+
+@njit_inline
+def note_place(cut: Struct, across: float, observation: StructArray, channels: Array, i: int) -> None:
+    """Note place of the blade [m] and lateral force as measured [N]."""
+    channels[0, i], channels[1, i] = cut.states[0].blade + cut.motions[0].east, cut.motions[0].north
+    channels[2, i] = _NEWTONS * float(observation[_LATERAL])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LedTask:
+    """A task that a hand leads."""
+
+    place: str
+    """Module and name of this object, "package.module:NAME"."""
+    task: Task
+    lead: Callable[..., None]
+    """Fill speed and third action: takes the cut, start, numbers of the hand, its lag and acceleration, an action."""
+    note: Callable[..., None] = note_nothing
+    """Note further channels of a record at a reading."""
+
+
+LED_ALONG = LedTask(place=f"{__name__}:LED_ALONG", task=GENTLE_CUT, lead=lead_along)
+LED_DEEP = LedTask(place=f"{__name__}:LED_DEEP", task=DEPTH_CUT, lead=lead_deep, note=note_level)
+LED_IN_PLANE = LedTask(place=f"{__name__}:LED_IN_PLANE", task=PATH_CUT, lead=lead_in_plane, note=note_place)
+
+
+@compiled_for(njit)
+def follow_hand(led: LedTask) -> Callable[..., int]:
+    """Return the function that advances a cut under a hand."""
+    step, lead, note, numbers = step_one(led.task), led.lead, led.note, len(led.task.action_names)
+
+    def follow_hand(
+        cuts: StructArray,
+        shared: StructArray,
+        episodes: StructArray,
+        stylus: Array,
+        hand: tuple[float, float],
+        start: float,
+        memory: tuple[Array, StructArray, Array],
+        filled: tuple[StructArray, Array],
+        outcome: Array,
+    ) -> int:
+        """Advance one cut by a millisecond for each place of a person's hand, until it ends; return their number.
+
+        Parameters
+        ----------
+        cuts, shared, episodes : Records, shape (1,)
+            See :func:`cutenv.task.stepper.step_one`.
+        stylus : array, shape (n, k)
+            Wanted position of the hand [m], angle of the blade [rad], level above ``start`` or place across [m].
+        hand : tuple of float
+            Its lag [s] and acceleration [m/s2].
+        start : float
+            Level of the blade at the start [m].
+        memory : tuple of array, shape (1, k), (1, components) float32, (1,)
+            Memory of the calls: action, observation, force across the cut.
+        filled : tuple of Records and array, shape (n, 1), (m, n)
+            :data:`~cutenv.cutting.dtypes.READING`, and further channels of a record, filled up to the end.
+        outcome : array, shape (2,)
+            Filled: index of the end in :attr:`~cutenv.task.declare.Task.ends`, 0 before it; 1 for a success.
+        """
+        actions, observations, across = memory
+        readings, channels = filled
+        done = end = 0
+        for i in range(len(stylus)):
+            lead(cuts[0], start, stylus[i], hand, actions[0])
+            actions[0, 1] = (stylus[i, 1] - ANGLE_CENTRE) / ANGLE_SCALE
+            for k in range(numbers):  # an action is of single precision, as an agent's
+                actions[0, k] = min(max(float(np.float32(actions[0, k])), -1.0), 1.0)
+            done = i + 1
+            end = step(cuts, shared, episodes, 1, actions, observations, readings[i:done], across)[1]
+            note(cuts[0], across[0], observations[0], channels, i)
+            if end != 0:
+                break
+        outcome[0] = end
+        outcome[1] = 1.0 if end != 0 and episodes[0].wholes[0].success == 1 else 0.0
+        return done
+
+    return follow_hand
 
 
 class HandCut:
@@ -96,18 +174,10 @@ class HandCut:
 
     environment: type[GentleCutEnv] = GentleCutEnv
     """Environment whose episode it is."""
-    components: tuple[Component, ...] = COMPONENTS
-    """Components of its observation."""
-    record_kinds: ClassVar[dict[str, np.dtype[Any]]] = {"cut": CUT, "episode": EPISODE}
-    """Records of its whole state, in the order in which its law takes them."""
-    ends: tuple[str, ...] = ENDS
-    """Names of its ends by code."""
-    stylus_numbers = 2
-    """Numbers of the hand in each millisecond: position [m] and angle [rad]."""
-    memory: np.dtype[Any] | None = None
-    """Record that its law needs within a millisecond."""
-    beside_fields: tuple[str, ...] = ()
-    """Fields of a trace that its law fills beside the readings."""
+    led: ClassVar[LedTask] = LED_ALONG
+    """Its task, and how the hand leads it."""
+    channel_fields: ClassVar[tuple[str, ...]] = ()
+    """Fields of a trace that its law fills besides the readings."""
 
     def __init__(
         self,
@@ -132,24 +202,31 @@ class HandCut:
         self._env.reset(seed=seed, options={"episode": episode})
         self.hand = hand
         self.end, self.success = "", False
-        self._memory: StructArray = np.zeros(1, self.memory)  # a number if there is none
-        self._action = np.zeros((1, self.stylus_numbers))
-        self._observation = np.zeros((1, len(self.components)), np.float32)
-        self._beside: list[Array] = []
+        task = self.led.task
+        self._start = 0.0
+        self._memory = (
+            np.zeros((1, len(task.action_names))), np.zeros((1, len(task.all_components)), np.float32), np.zeros(1),
+        )  # fmt: skip
+        self._channels: list[Array] = []
+
+    @property
+    def cutting(self) -> Any:
+        """Episode of this cut."""
+        return self._env.cutting
 
     @property
     def cuts(self) -> StructArray:
-        """State of tissue, blade, drive and sensor, :data:`~cutenv.cutting.simulate.CUT`, shape (1,)."""
+        """State of tissue, blade, drive and sensor, :attr:`~cutenv.cutting.motion.Motion.cut`, shape (1,)."""
         return self._env.plant.cuts
 
     @property
     def episodes(self) -> StructArray:
-        """State of the task, :data:`~cutenv.task.cuts.EPISODE`, shape (1,)."""
+        """State of the task, :attr:`~cutenv.task.declare.Task.episode`, shape (1,)."""
         return self._env.cutting.record
 
     @property
     def records(self) -> dict[str, StructArray]:
-        """Records of its whole state by the names of :attr:`record_kinds`, each of shape (1,)."""
+        """Records of its whole state by name, in the order in which its law takes them, each of shape (1,)."""
         return {"cut": self.cuts, "episode": self.episodes}
 
     @property
@@ -158,9 +235,9 @@ class HandCut:
         return {}
 
     @property
-    def beside(self) -> Array:
-        """Fields of the trace beside the readings, :attr:`beside_fields`, at every reading so far, shape (k, n)."""
-        return np.concatenate([np.zeros((len(self.beside_fields), 0)), *self._beside], axis=1)
+    def channels(self) -> Array:
+        """Fields of the trace besides the readings, :attr:`channel_fields`, at every reading so far, shape (k, n)."""
+        return np.concatenate([np.zeros((len(self.channel_fields), 0)), *self._channels], axis=1)
 
     @property
     def target_length(self) -> float:
@@ -185,22 +262,18 @@ class HandCut:
         stylus : array_like, shape (n, 2)
             Wanted position of the hand, from the clamp [m], and angle of the blade [rad].
         """
-        places = np.ascontiguousarray(stylus, dtype=np.float64).reshape(-1, self.stylus_numbers)
+        places = np.ascontiguousarray(stylus, dtype=np.float64).reshape(-1, len(self.led.task.action_names))
         readings, outcome = np.zeros((len(places), 1), READING), np.zeros(2)
         if self.end:
             return readings[:0, 0]
-        beside = np.zeros((len(self.beside_fields), len(places)))
-        done = self._follow(places, readings, beside, outcome)
-        self._beside.append(beside[:, :done])
-        self.end, self.success = self.ends[int(outcome[0])], bool(outcome[1])
-        return readings[:done, 0]
-
-    def _follow(self, places: Array, readings: StructArray, beside: Array, outcome: Array) -> int:
-        done: int = follow_stylus(
-            self.cuts, self.episodes, places, self.hand.motor_lag, self.hand.acceleration, self._action,
-            self._observation, readings, outcome,
+        channels = np.zeros((len(self.channel_fields), len(places)))
+        done: int = follow_hand(self.led)(
+            self.cuts, self.cutting.shared, self.episodes, places, (self.hand.motor_lag, self.hand.acceleration),
+            self._start, self._memory, (readings, channels), outcome,
         )  # fmt: skip
-        return done
+        self._channels.append(channels[:, :done])
+        self.end, self.success = self.led.task.ends[int(outcome[0])], bool(outcome[1])
+        return readings[:done, 0]
 
     def trace(self, readings: StructArray, **metadata: object) -> Trace:
         """Return all readings of this cut, shape (n,), as a rig would have recorded them.
@@ -211,5 +284,58 @@ class HandCut:
             If there are fewer than two.
         """
         trace = recorded_trace(readings, self.measured_depth, **metadata)
-        beside = zip(self.beside_fields, self.beside.copy(), strict=True)
-        return dataclasses.replace(trace, **dict(beside))
+        channels = zip(self.channel_fields, self.channels.copy(), strict=True)
+        return dataclasses.replace(trace, **dict(channels))
+
+
+class HandDepthCut(HandCut):
+    """Cut by a person's hand along a wanted depth; its third number is the level above that at the start [m]."""
+
+    environment = DepthCutEnv
+    led = LED_DEEP
+    channel_fields = ("height", "vertical_force")
+
+    def __init__(self, **keywords: Any) -> None:
+        super().__init__(**keywords)
+        self._start = float(self.cutting.motion["level"][0])
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """Wanted depth and layer below, by key of a record's metadata."""
+        facts: dict[str, Any] = self.cutting.given_depth
+        return facts
+
+    @property
+    def noted(self) -> dict[str, Any]:
+        """Notes of a record on this cut, by key of its metadata: environment, errors, wanted depth, layer, floor."""
+        return {"environment": DEPTH_CUT.environment, **self.cutting.noted_depth}
+
+
+class HandPathCut(HandCut):
+    """Cut by a person's hand along a drawn line; its third number is the place across, to the left [m].
+
+    Parameters
+    ----------
+    line : str
+        Kind of line, as of :class:`~cutenv.envs.path_cut.PathCutEnv`.
+    **keywords
+        Those of :class:`HandCut`.
+    """
+
+    environment = PathCutEnv
+    led = LED_IN_PLANE
+    channel_fields = ("blade_x", "blade_y", "lateral_force")
+
+    def __init__(self, *, line: str = "mixed", **keywords: Any) -> None:
+        super().__init__(line=line, **keywords)
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """Line to cut along, by key of a record's metadata."""
+        return {LINE_KEY: self.cutting.noted_path[LINE_KEY]}
+
+    @property
+    def noted(self) -> dict[str, Any]:
+        """Notes of a record on this cut, by key of its metadata: environment, kind of line, errors, line, cut."""
+        line = kind_of(int(self.cutting.whole["line"][0]))
+        return {"environment": PATH_CUT.environment, "line": line, **self.cutting.noted_path}

@@ -25,6 +25,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -134,6 +135,7 @@ SHARED: np.dtype[Any] = np.dtype((np.record, [("slab", SLAB, (1,)), ("mean", NOM
 """Record that cuts of one tissue share: stiffness of its slab, and the mean tissue."""
 
 
+@lru_cache(maxsize=8)
 def shared_record(tissue: TissueDescription) -> StructArray:
     """Return what cuts of a tissue share, :data:`SHARED` of shape (1,)."""
     record = np.zeros(1, SHARED)

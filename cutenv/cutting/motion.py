@@ -126,7 +126,7 @@ class Motion:
         """Return the dtype of a cut in one record, which Python passes faster than its parts, each of shape (1,)."""
         parts = {
             "states": STATE, "profiles": PROFILE, "laws": LAW, "drives": DRIVE, "sensors": SENSOR,
-            "motions": self.record, "shared": self.shared,
+            "motions": self.record,
             "rows": ONE, "lanes": self.lanes(1),  # memory of the calls
         }  # fmt: skip
         return np.dtype((np.record, [(name, kind, (1,)) for name, kind in parts.items()]))

@@ -67,7 +67,7 @@ def account_one(motion: Motion) -> Callable[..., EnergyAccount]:
     stored = motion.stored
 
     def account_one(cuts: StructArray) -> EnergyAccount:
-        """Return the energy account of one cut, :meth:`~cutenv.cutting.motion.Motion.cut` of shape (1,)."""
+        """Return the energy account of one cut, :attr:`~cutenv.cutting.motion.Motion.cut` of shape (1,)."""
         c = cuts[0]
         found, further = account(c.states[0], c.profiles[0]), stored(c.motions[0])
         return EnergyAccount(
@@ -84,14 +84,20 @@ def hold(motion: Motion) -> Callable[..., None]:
     update, scalars, command, force = update_row(motion), motion.scalars, motion.command, motion.force
 
     def hold(
-        cuts: StructArray, speed: float, angle: float, further: float, readings: StructArray, across: Array
+        cuts: StructArray,
+        shared: StructArray,
+        speed: float,
+        angle: float,
+        further: float,
+        readings: StructArray,
+        across: Array,
     ) -> None:
         """Simulate one cut under one command for ``len(readings)`` milliseconds.
 
         Parameters
         ----------
-        cuts : Records
-            The cut, :meth:`~cutenv.cutting.motion.Motion.cut` of shape (1,), changed in place.
+        cuts, shared : Records, shape (1,)
+            The cut, :attr:`~cutenv.cutting.motion.Motion.cut`, changed in place; what all cuts of its motion share.
         speed, angle, further : float
             Command [m/s], [rad], and that of the motion's further axis.
         readings : Records
@@ -101,7 +107,7 @@ def hold(motion: Motion) -> Callable[..., None]:
         """
         c = cuts[0]
         row, plain = first_row(c.rows), plain_views(c.rows, c.states, c.laws, c.drives)
-        motions = Moving(first_row(c.lanes), lane_views(c.lanes, c.motions, 1, scalars), c.motions, c.shared)
+        motions = Moving(first_row(c.lanes), lane_views(c.lanes, c.motions, 1, scalars), c.motions, shared)
         take(row, plain, c.profiles[0], c.drives[0], c.sensors[0], 0, 0)
         gather(motions.views, 0, 0)
         row.given[0], row.aim[0] = speed, angle
@@ -124,13 +130,15 @@ def follow(motion: Motion) -> Callable[..., None]:
     cut, scalars, lead, force = cut_row(motion), motion.scalars, motion.lead, motion.force
     bounded = not motion.stops_at_ends
 
-    def follow(cuts: StructArray, path: Array, dt: float, readings: StructArray, across: Array) -> None:
+    def follow(
+        cuts: StructArray, shared: StructArray, path: Array, dt: float, readings: StructArray, across: Array
+    ) -> None:
         """Move the blade of one cut exactly along a path, one row of it every ``dt`` [s]; no drive, no sensor.
 
         Parameters
         ----------
-        cuts : Records
-            The cut, :meth:`~cutenv.cutting.motion.Motion.cut` of shape (1,), changed in place.
+        cuts, shared : Records, shape (1,)
+            The cut, :attr:`~cutenv.cutting.motion.Motion.cut`, changed in place; what all cuts of its motion share.
         path : array, shape (n, 3)
             Position within the specimen [m], angle [rad], and the further axis: level [m], or turn to the left [rad]
             below 0.5, after which the position is the way since the start, whose change leads where the blade points.
@@ -148,7 +156,7 @@ def follow(motion: Motion) -> Callable[..., None]:
         """
         c = cuts[0]
         row, plain = first_row(c.rows), plain_views(c.rows, c.states, c.laws, c.drives)
-        motions = Moving(first_row(c.lanes), lane_views(c.lanes, c.motions, 1, scalars), c.motions, c.shared)
+        motions = Moving(first_row(c.lanes), lane_views(c.lanes, c.motions, 1, scalars), c.motions, shared)
         take_tissue(row, plain, c.profiles[0], 0, 0)
         gather(motions.views, 0, 0)
         begin(row, plain, 1)

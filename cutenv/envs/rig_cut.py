@@ -266,7 +266,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         cutting = self._cutting(practice, tissue, 0.06, SpecimenKey(seed=0, episode=0))
         cutting.rest(self.start_angle)
         cutting.assess(practice.advance(0.0, _UPRIGHT, self.ticks), {}, np.zeros((self.ticks, WAYS)))
-        cutting.stopped(practice.advance(0.0, _UPRIGHT, self.ticks))
+        cutting.charge_stop()
 
     def _cutting(self, plant: Plant, tissue: TissueDescription, length: float, key: SpecimenKey) -> Episode:
         goal = Goal(

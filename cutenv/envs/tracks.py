@@ -90,7 +90,8 @@ class GentleCutRawEnv(GentleCutEnv):
     def _shown(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
         if not self.hidden_state:
             return observation
-        return append_privileged(self.cutting.snapshot(), observation[None], np.zeros(1, np.int64)).reshape(-1)
+        cuts, which = self.cutting.snapshot(), np.zeros(1, np.int64)
+        return append_privileged(cuts, self.task, observation[None], which).reshape(-1)
 
 
 class GentleCutRawVectorEnv(GentleCutVectorEnv):
@@ -105,5 +106,5 @@ class GentleCutRawVectorEnv(GentleCutVectorEnv):
             return observations
         shown = np.zeros((self.num_envs, len(COMPONENTS) + len(PRIVILEGED_FEATURES)), np.float32)
         begun = np.flatnonzero(self.batch.begun)
-        shown[begun] = append_privileged(self.cuts, observations[begun], begun)
+        shown[begun] = append_privileged(self.cuts, self.batch.task, observations[begun], begun)
         return shown

@@ -61,7 +61,7 @@ class DescendingPlant(SimulatedPlant):
         descents["level"] = descents["settled"] = descents["engaged"] = level
         descents["floor"][:, 0] = level
         self.cuts["profiles"] = layered_profiles(descents, shared["slab"][0])
-        self.cuts["motions"], self.cuts["shared"] = descents, shared
+        self.cuts["motions"], self.shared = descents, shared
         return LENGTH - SPACING
 
     @property

@@ -51,7 +51,9 @@ class SimulatedPlant:
     Attributes
     ----------
     cuts : Records
-        The full state, :meth:`~cutenv.cutting.motion.Motion.cut` of shape (1,).
+        The full state, :attr:`~cutenv.cutting.motion.Motion.cut` of shape (1,).
+    shared : Records
+        What all cuts of its motion and tissue share, shape (1,).
     """
 
     motion: Motion = STRAIGHT
@@ -81,6 +83,7 @@ class SimulatedPlant:
         if self.depth.shape != (N_POINTS,):
             raise ValueError(f"depth has shape {self.depth.shape}; give {N_POINTS} values, one every {SPACING} m.")
         self.cuts = np.zeros(1, self.motion.cut)
+        self.shared: StructArray = np.zeros(1, self.motion.shared)
         self.cuts["states"] = new_state(1, angle)
         self.cuts["laws"] = law_records([specimen], law)
         self.cuts["drives"] = (drive or Rig()).records(travel=self._begin())
@@ -107,7 +110,7 @@ class SimulatedPlant:
             raise ValueError(f"ticks = {ticks:g} is not a whole number of milliseconds.")
         readings = np.zeros(int(ticks), READING)
         self._across = np.zeros(0 if self.motion is STRAIGHT else int(ticks))
-        hold(self.motion)(self.cuts, speed, angle, further, readings, self._across)
+        hold(self.motion)(self.cuts, self.shared, speed, angle, further, readings, self._across)
         return readings
 
     def lead(
@@ -134,7 +137,7 @@ class SimulatedPlant:
         """
         path = np.stack(np.broadcast_arrays(positions, angles, further), axis=-1).reshape(-1, 3).astype(np.float64)
         readings, self._across = np.zeros(len(path), READING), np.zeros(len(path))
-        follow(self.motion)(self.cuts, path, dt, readings, self._across)
+        follow(self.motion)(self.cuts, self.shared, path, dt, readings, self._across)
         return readings
 
     @property
@@ -151,7 +154,7 @@ class SimulatedPlant:
 
     def snapshot(self) -> Physics:
         """Return copies of the hidden state and of everything that determines its future, each of shape (1,)."""
-        return Physics(*(self.cuts[name][0].copy() for name in Physics._fields))
+        return Physics(*(self.cuts[name][0].copy() for name in Physics._fields[:-1]), self.shared)
 
     def energy(self) -> dict[str, float]:
         """Return the energies since the start [J]: work, stored, fracture, friction, loss, ledger, and residual.

@@ -78,7 +78,9 @@ class DepthScript(ArrayPolicy):
         """Return the actions, shape (n, 3), for the observations of all cuts, shape (n, 22)."""
         observations = np.asarray(observations, np.float32)
         if observations.shape[1:] != (len(DEPTH_CUT.all_components),):
-            raise ValueError(f"observations have shape {observations.shape}; give (n, {len(DEPTH_CUT.all_components)}).")
+            raise ValueError(
+                f"observations have shape {observations.shape}; give (n, {len(_SCALES) + len(COMPONENTS)})."
+            )
         shown, seen = observations[:, : len(COMPONENTS)].copy(), observations[:, len(COMPONENTS) :] * _SCALES
         along = in_si(shown)
         self._begun = np.where(np.isnan(self._begun), along[:, _TIME_LEFT], self._begun)

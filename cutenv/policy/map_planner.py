@@ -63,9 +63,7 @@ class MapSearch:
         return Search(*cuttings)
 
     @abstractmethod
-    def choose(
-        self, plans: StructArray, third: Array, cuts: Cuts, waits: NDArray[np.bool_], actions: Array
-    ) -> None:
+    def choose(self, plans: StructArray, third: Array, cuts: Cuts, waits: NDArray[np.bool_], actions: Array) -> None:
         """Fill the actions, shape (n, 3), of n plans at the present states of their cuts; not of those that wait."""
 
     def roll_out(self, plans: StructArray, third: Array, each: int, *, recorded: bool = False) -> tuple[Array, Array32]:

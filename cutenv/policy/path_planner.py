@@ -25,9 +25,7 @@ _SLOWEST = 0.002  # [m/s], for the rate of turn of a blade at rest
 
 
 @njit
-def choose_path_actions(
-    plans: StructArray, third: Array, cuts: Cuts, waits: StructArray, actions: Array
-) -> None:
+def choose_path_actions(plans: StructArray, third: Array, cuts: Cuts, waits: StructArray, actions: Array) -> None:
     """Fill the actions, shape (n, 3), of n plans at the present states of their cuts; not of those that wait.
 
     ``third``, shape (n, 4), are the lengths of the steering.

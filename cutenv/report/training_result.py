@@ -220,7 +220,11 @@ class TrainingResult:
             in_range(f"success of {policy!r}", self.score(policy, "success")["mean"], 0.0, 1.0, "1", _SHARE)
         for policy in self.compared():
             for term in self.terms():
-                one_of("summary: term of the reward", term, (*DEPTH_CUT.all_terms, *tuple(cost.name for cost in PATH_CUT.costs)))
+                one_of(
+                    "summary: term of the reward",
+                    term,
+                    (*DEPTH_CUT.all_terms, *tuple(cost.name for cost in PATH_CUT.costs)),
+                )
                 self.score(policy, f"reward_{term}")
 
     def _check_differences(self) -> None:

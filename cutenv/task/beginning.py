@@ -115,10 +115,14 @@ def begin_one(task: Task) -> Callable[..., None]:
     begin, expect, from_truth = task.begin, task.expect, task.from_truth
 
     def begin_one(
-        cuts: StructArray, episodes: StructArray, given: tuple[Any, ...], key: tuple[Integer, Integer]
+        cuts: StructArray,
+        shared: StructArray,
+        episodes: StructArray,
+        given: tuple[Any, ...],
+        key: tuple[Integer, Integer],
     ) -> None:
         """Begin one cut, records of shape (1,), from what is ``given`` and a key: seed and episode."""
-        one = batch_of_one(cuts[0], episodes[0])
+        one = batch_of_one(cuts[0], shared, episodes[0])
         begin(one, 0, given, key)
         if not from_truth:
             know_start(one, 0)
@@ -133,10 +137,14 @@ def expect_one(task: Task) -> Callable[..., None]:
     expect = task.expect
 
     def expect_one(
-        cuts: StructArray, episodes: StructArray, given: tuple[Any, ...], key: tuple[Integer, Integer]
+        cuts: StructArray,
+        shared: StructArray,
+        episodes: StructArray,
+        given: tuple[Any, ...],
+        key: tuple[Integer, Integer],
     ) -> None:
         """Begin what is known of one cut, records of shape (1,), at the clamp."""
-        expect(batch_of_one(cuts[0], episodes[0]), 0, given, key)
+        expect(batch_of_one(cuts[0], shared, episodes[0]), 0, given, key)
 
     return expect_one
 
@@ -229,7 +237,10 @@ def begin_some(task: Task) -> Callable[..., None]:
             angle = cuts.states[n].angle
             last_angle = (angle - ANGLE_CENTRE) / ANGLE_SCALE
             observe_rest(counts, cuts.tasks[n], cuts.progresses[n], nominal, angle, last_angle, observations[n])
-            observe(cuts, n, observations[n])
+            if from_truth:
+                observe(cuts, n, cuts.motions[n], observations[n])
+            else:
+                observe(cuts, n, cuts.known[n].motion[0], observations[n])
             mark_done(passed, core, 1)
             k, end = next_chunk(passed, core, 1)
 

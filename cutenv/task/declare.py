@@ -167,7 +167,7 @@ def begin_nothing(cuts: Cuts, c: Integer, given: Any, key: tuple[Integer, Intege
 
 
 @njit_inline
-def observe_nothing_at_start(cuts: Cuts, c: Integer, observation: StructArray) -> None:
+def observe_nothing_at_start(cuts: Cuts, c: Integer, motion: Struct, observation: StructArray) -> None:
     """Observe nothing more at the start."""
 
 
@@ -249,7 +249,7 @@ class Task:
     expect: Callable[..., None] = begin_nothing
     """Begin what a rig knows of it."""
     observe_start: Callable[..., None] = observe_nothing_at_start
-    """Fill the components that the task adds at the start of a cut."""
+    """Fill the components that the task adds at the start; takes cuts, number of the cut, its motion, observation."""
     fetch: Callable[..., None] = fetch_nothing
     """Prefetch records of the next row of cuts."""
     begin_step: Callable[..., None] = no_count

@@ -247,10 +247,10 @@ def observe(cuts: Cuts, c: Integer, step: Struct, k: Integer, action: StructArra
 
 
 @njit_internal
-def observe_start(cuts: Cuts, c: Integer, observation: StructArray) -> None:
+def observe_start(cuts: Cuts, c: Integer, descent: Struct, observation: StructArray) -> None:
     """Fill the components that depth adds at the start: force tared to zero."""
     position = cuts.progresses[c].position
-    fill(cuts.wholes[c], cuts.motions[c], cuts.nominals[c].depth, position, (0.0, 0.0, 0.0), 0.0, observation)
+    fill(cuts.wholes[c], descent, cuts.nominals[c].depth, position, (0.0, 0.0, 0.0), 0.0, observation)
 
 
 @njit_inline

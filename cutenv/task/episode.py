@@ -97,9 +97,9 @@ class Options:
         """Return the record of the motion before a cut begins, shape (1,); None: zeros."""
         return None
 
-    def shared(self, tissue: TissueDescription) -> StructArray | None:
-        """Return the record that all cuts of a tissue share, shape (1,); None: zeros."""
-        return None
+    def shared(self, tissue: TissueDescription) -> StructArray:
+        """Return the record that all cuts of a tissue share, shape (1,)."""
+        return np.zeros(1, self.task.motion.shared)
 
     def expected(self, tissue: TissueDescription) -> StructArray | None:
         """Return the record of the motion that a rig expects, shape (1,); None: zeros."""
@@ -163,6 +163,8 @@ class Episode:
         if not self.task.from_truth:
             believe_mean(self.record["known"]["tip"], goal.friction_per_depth)
             _fill(self.record["known"]["motion"][0], self.options.expected(goal.tissue))
+        self.shared = self.options.shared(goal.tissue)
+        """What all cuts of the task and tissue share, shape (1,)."""
         self._felt: StructArray | None = None
         self._channels: dict[str, Array] = {}
         self._end = 0
@@ -174,14 +176,13 @@ class Episode:
         key = None if goal.key is None else (np.uint64(goal.key[0]), np.uint64(goal.key[1]))
         beginning = self.options.beginning(goal.tissue)
         if not self.simulated:
-            self._cut = np.zeros(1, self.task.motion.cut)  # of which what all cuts share is used
-            _fill(self._cut["shared"], self.options.shared(goal.tissue))
-            expect_one(self.task)(self._cut, self.record, beginning, key)
+            self._cut = np.zeros(1, self.task.motion.cut)
+            expect_one(self.task)(self._cut, self.shared, self.record, beginning, key)
             return
         plant: SimulatedPlant = self.plant
         self._cut = plant.cuts
         _fill(plant.cuts["motions"], self.options.motion(plant.specimen))
-        _fill(plant.cuts["shared"], self.options.shared(goal.tissue))
+        plant.shared = self.shared
         self._recorded: StructArray = np.zeros((1, self.ticks), READING)
         self._across: Array = np.zeros(self.ticks if self.task.axis is not None else 0)
         self.record["specimens"]["modulus"] = plant.specimen.modulus
@@ -189,7 +190,7 @@ class Episode:
         if goal.start > 0.0:
             begin_at(plant.states[0], self.progress[0], goal.start)
         if key is not None:
-            begin_one(self.task)(plant.cuts, self.record, beginning, key)
+            begin_one(self.task)(plant.cuts, self.shared, self.record, beginning, key)
 
     def step(self, action: NDArray[np.float64]) -> tuple[NDArray[np.float32], float]:
         """Command an action, numbers in [-1, 1], for one decision; return observation, shape (k,), and reward."""
@@ -200,7 +201,14 @@ class Episode:
             return self._assess(self._advance(*commanded, *(float(command(self.task)(each)) for each in further)))
         observation = np.empty((1, len(self.task.all_components)), np.float32)
         reward, self._end = step_one(self.task)(
-            self.plant.cuts, self.record, self.ticks, action.reshape(1, -1), observation, self._recorded, self._across
+            self.plant.cuts,
+            self.shared,
+            self.record,
+            self.ticks,
+            action.reshape(1, -1),
+            observation,
+            self._recorded,
+            self._across,
         )
         self._felt = self._recorded[0]
         return observation[0], reward
@@ -223,14 +231,17 @@ class Episode:
             Same as for :meth:`step`.
         """
         observation, reward = self._assess(readings)
+        return observation, reward + self.charge_stop()
+
+    def charge_stop(self) -> float:
+        """End a cut that was stopped by the rig's safety; return what that adds to the reward."""
+        before = self.terms.copy()
         if not self._end:
-            before = self.terms.copy()
             self.progress["end"] = self._end = ENDS.index("force_limit")
             charge_end(self.settings[0], self.progress[0], self.nominal[0], self.record["infos"][0, 0])
             self.record["totals"] += self.terms - before
-            reward += float(self.terms.sum()) - float(before.sum())
         self._stopped = True  # whatever end the readings show
-        return observation, reward
+        return float(self.terms.sum()) - float(before.sum())
 
     def _assess(self, readings: StructArray) -> tuple[NDArray[np.float32], float]:
         return self.assess(readings, *self._measured(len(readings)))
@@ -246,7 +257,7 @@ class Episode:
         self._felt, self._channels = readings, channels
         observation = np.empty(len(self.task.all_components), np.float32)
         reward, self._end = assess_readings(self.task)(
-            self._cut, self.record, readings, ways, self.last_action, observation
+            self._cut, self.shared, self.record, readings, ways, self.last_action, observation
         )
         return observation, reward
 
@@ -257,7 +268,7 @@ class Episode:
         observation = np.empty(len(self.task.all_components), np.float32)
         if self.simulated:
             tell_one(self.plant.cuts, self.record)
-        observe_one(self.task)(self._cut, self.record, angle, last_angle, observation)
+        observe_one(self.task)(self._cut, self.shared, self.record, angle, last_angle, observation)
         return observation
 
     @property

@@ -273,9 +273,9 @@ def observe(cuts: Cuts, c: Integer, step: Struct, k: Integer, action: StructArra
 
 
 @njit_internal
-def observe_start(cuts: Cuts, c: Integer, observation: StructArray) -> None:
+def observe_start(cuts: Cuts, c: Integer, steering: Struct, observation: StructArray) -> None:
     """Fill the components that the path adds at the start: force tared to zero."""
-    fill(cuts.motions[c], cuts.states[c].blade, (0.0, 0.0, 0.0), 0.0, observation)
+    fill(steering, cuts.progresses[c].position, (0.0, 0.0, 0.0), 0.0, observation)
 
 
 @njit_internal

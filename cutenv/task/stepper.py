@@ -57,10 +57,10 @@ _FURTHER_END = len(ENDS)  # code of the end that a task adds
 
 
 @njit_inline
-def batch_of_one(cut: Struct, episode: Struct) -> Cuts:
+def batch_of_one(cut: Struct, shared: StructArray, episode: Struct) -> Cuts:
     """Return one cut and its episode as a batch of one."""
     return Cuts(
-        cut.states, cut.profiles, cut.laws, cut.drives, cut.sensors, cut.motions, cut.shared, episode.tasks,
+        cut.states, cut.profiles, cut.laws, cut.drives, cut.sensors, cut.motions, shared, episode.tasks,
         episode.progresses, episode.nominals, episode.specimens, episode.known, episode.wholes,
     )  # fmt: skip
 
@@ -73,6 +73,7 @@ def step_one(task: Task) -> Callable[..., tuple[float, int]]:
 
     def step_one(
         cuts: StructArray,
+        shared: StructArray,
         episodes: StructArray,
         ticks: int,
         action: StructArray,
@@ -84,8 +85,9 @@ def step_one(task: Task) -> Callable[..., tuple[float, int]]:
 
         Parameters
         ----------
-        cuts, episodes : Records, shape (1,)
-            :attr:`~cutenv.cutting.motion.Motion.cut` and :attr:`~cutenv.task.declare.Task.episode`, changed in place.
+        cuts, shared, episodes : Records, shape (1,)
+            :attr:`~cutenv.cutting.motion.Motion.cut`, what all cuts share, and
+            :attr:`~cutenv.task.declare.Task.episode`; but for what is shared, changed in place.
         ticks : int
             Milliseconds until the next decision.
         action, observations, readings : array, shape (1, m), (1, components) float32, Records of shape (1, ticks)
@@ -94,9 +96,9 @@ def step_one(task: Task) -> Callable[..., tuple[float, int]]:
             Filled with the force across the cut [N], true or as it is measured, if it is not empty.
         """
         c, e = cuts[0], episodes[0]
-        one = batch_of_one(c, e)
+        one = batch_of_one(c, shared, e)
         row, plain = first_row(c.rows), plain_views(c.rows, c.states, c.laws, c.drives)
-        moving = Moving(first_row(c.lanes), lane_views(c.lanes, c.motions, 1, scalars), c.motions, c.shared)
+        moving = Moving(first_row(c.lanes), lane_views(c.lanes, c.motions, 1, scalars), c.motions, shared)
         stepping = Stepping(one, row, moving, first_row(e.counts), first_row(e.steps))
         begin_one(stepping, plain, action, 0, 0)
         begin(row, plain, 1)
@@ -399,6 +401,7 @@ def assess_readings(task: Task) -> Callable[..., tuple[float, int]]:
 
     def assess_readings(
         cuts: StructArray,
+        shared: StructArray,
         episodes: StructArray,
         readings: StructArray,
         ways: Array,
@@ -409,8 +412,8 @@ def assess_readings(task: Task) -> Callable[..., tuple[float, int]]:
 
         Parameters
         ----------
-        cuts, episodes : Records, shape (1,)
-            :attr:`~cutenv.cutting.motion.Motion.cut`, of which what all cuts share is used alone, and
+        cuts, shared, episodes : Records, shape (1,)
+            :attr:`~cutenv.cutting.motion.Motion.cut`, as memory alone, what all cuts share, and
             :attr:`~cutenv.task.declare.Task.episode`, changed in place.
         readings : Records, shape (n,)
             :data:`~cutenv.cutting.dtypes.READING`; those after an end do not count.
@@ -425,7 +428,7 @@ def assess_readings(task: Task) -> Callable[..., tuple[float, int]]:
             The latter an index in :attr:`~cutenv.task.declare.Task.ends`.
         """
         c, e = cuts[0], episodes[0]
-        seen = Seeing(batch_of_one(c, e), first_row(c.rows), first_row(e.counts), first_row(e.steps))
+        seen = Seeing(batch_of_one(c, shared, e), first_row(c.rows), first_row(e.counts), first_row(e.steps))
         progress, known = e.progresses[0], e.known[0]
         seen.row.cut[0] = 0
         begin_count(seen.count, 0, e.tasks[0], progress)
@@ -448,15 +451,24 @@ def assess_readings(task: Task) -> Callable[..., tuple[float, int]]:
 @compiled_for(njit)
 def observe_one(task: Task) -> Callable[..., None]:
     """Return the function that observes one cut at its start."""
-    observe = task.observe_start
+    observe, from_truth = task.observe_start, task.from_truth
 
     def observe_one(
-        cuts: StructArray, episodes: StructArray, angle: float, last_angle: float, observation: StructArray
+        cuts: StructArray,
+        shared: StructArray,
+        episodes: StructArray,
+        angle: float,
+        last_angle: float,
+        observation: StructArray,
     ) -> None:
         """Fill the observation of one cut at its start, before any step: angle of the blade [rad], and as an action."""
         c, e = cuts[0], episodes[0]
         observe_rest(e.counts, e.tasks[0], e.progresses[0], e.nominals[0], angle, last_angle, observation)
-        observe(batch_of_one(c, e), 0, observation)
+        one = batch_of_one(c, shared, e)
+        if from_truth:
+            observe(one, 0, c.motions[0], observation)
+        else:
+            observe(one, 0, e.known[0].motion[0], observation)
 
     return observe_one
 

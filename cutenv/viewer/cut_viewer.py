@@ -48,9 +48,7 @@ class CutViewer:
         self._trace: ForceTrace
         self._standing: Canvas
 
-    def draw(
-        self, plant: SimulatedPlant, cutting: Episode, readings: StructArray | None = None
-    ) -> NDArray[np.uint8]:
+    def draw(self, plant: SimulatedPlant, cutting: Episode, readings: StructArray | None = None) -> NDArray[np.uint8]:
         """Draw the present moment.
 
         Parameters

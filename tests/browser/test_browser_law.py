@@ -11,10 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cutenv.browser.depth_steps import HandDepthCut
 from cutenv.browser.page_alone import HAND_CUTS
-from cutenv.browser.path_steps import HandPathCut
-from cutenv.browser.stylus_steps import HandCut
+from cutenv.browser.stylus_steps import HandCut, HandDepthCut, HandPathCut
 from cutenv.play import PlayedCut, Stylus
 from cutenv.play.played_depth_cut import PlayedDepthCut
 from cutenv.play.played_path_cut import PlayedPathCut
@@ -44,9 +42,9 @@ def test_a_cut_in_webassembly_is_pythons_to_the_last_bit(task: str, seed: int) -
     cut = kind(specimen_class=check_browser_law.CLASSES[seed % 4], seed=seed, episode=seed // 4)
     assert check_browser_law.same(cut, check_browser_law.wandering(cut, seed))
     if isinstance(cut, HandPathCut):
-        assert np.ptp(cut.beside[1]) > 5e-4, "the blade goes straight on: the test compares too little"
+        assert np.ptp(cut.channels[1]) > 5e-4, "the blade goes straight on: the test compares too little"
     if isinstance(cut, HandDepthCut):
-        assert np.ptp(cut.beside[0]) > 0.003, "the blade stays at its level: the test compares too little"
+        assert np.ptp(cut.channels[0]) > 0.003, "the blade stays at its level: the test compares too little"
         return
     assert cut.cuts["states"]["uncontrolled"][0, 0] > 0.0, "nothing was cut: the test compares too little"
 

@@ -16,7 +16,7 @@ import pytest
 pytest.importorskip("jinja2", reason="pages are an extra: pip install 'cutenv[view]'")
 
 from cutenv.browser import write_page_alone
-from cutenv.browser.depth_steps import HandDepthCut
+from cutenv.browser.stylus_steps import HandDepthCut
 from cutenv.play.devices import LOWERED_BY_NOTCH, simple_hand
 from cutenv.recording import load
 from cutenv.task.depth import DESCENT_SCALE

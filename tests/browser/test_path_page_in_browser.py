@@ -18,7 +18,7 @@ pytest.importorskip("jinja2", reason="pages are an extra: pip install 'cutenv[vi
 
 from cutenv.browser import write_page_alone
 from cutenv.browser.page_alone import page_alone
-from cutenv.browser.path_steps import HandPathCut
+from cutenv.browser.stylus_steps import HandPathCut
 from cutenv.commands import score, single_page
 from cutenv.play.devices import LEAD, simple_hand
 from cutenv.recording import load

@@ -20,8 +20,7 @@ pytest.importorskip("httpx2", reason="asks the server in its tests: pip install 
 from class_room import Room, cut_once, hand
 
 from cutenv.browser import HandCut
-from cutenv.browser.depth_steps import HandDepthCut
-from cutenv.browser.path_steps import HandPathCut
+from cutenv.browser.stylus_steps import HandDepthCut, HandPathCut
 from cutenv.classroom import Lesson
 from cutenv.classroom.request_guard import LARGEST_BODY, Trials
 from cutenv.play.course import named_course
@@ -102,7 +101,7 @@ def test_a_cut_along_a_wanted_depth_is_repeated_scored_and_kept(tmp_path: Path) 
     (path,) = (room.lesson.folder / "P01").glob("*.csv")
     trace = load_one(path)
     assert trace.height is not None
-    assert trace.height.tobytes() == made.beside[0].tobytes()
+    assert trace.height.tobytes() == made.channels[0].tobytes()
     assert {name: trace.metadata[name] for name in made.noted} == made.noted
     other = client.post("/cuts").json()
     flat = client.post(f"/cuts/{other['id']}", content=hand(1001).tobytes(), **sent)
@@ -132,7 +131,7 @@ def test_a_cut_along_a_line_is_repeated_scored_and_kept(tmp_path: Path) -> None:
     (path,) = (room.lesson.folder / "P01").glob("*.csv")
     trace = load_one(path)
     assert trace.blade_y is not None
-    assert trace.blade_y.tobytes() == made.beside[1].tobytes()
+    assert trace.blade_y.tobytes() == made.channels[1].tobytes()
     assert {name: trace.metadata[name] for name in made.noted} == made.noted
     room.store.close()
 

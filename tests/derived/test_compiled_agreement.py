@@ -40,7 +40,7 @@ DTYPES = {
     "motions": NOTHING,
     "shared": NOTHING,
 }
-HOLD, NO_FORCES = hold(STRAIGHT), np.zeros(0)
+HOLD, NOT_SHARED, NO_FORCES = hold(STRAIGHT), np.zeros(1, NOTHING), np.zeros(0)
 CUTS, COMMANDS, TICKS = 24, 60, 2400
 EVERY = TICKS // COMMANDS
 
@@ -72,7 +72,7 @@ def copied(cases: Cases) -> Cases:
 def single(cases: Cases, n: int) -> Any:
     """Cut ``n`` of the cases as one record."""
     cut = np.zeros(1, CUT)
-    for name in Physics._fields:
+    for name in Physics._fields[:-1]:
         cut[name] = cases[name][n]
     return cut
 
@@ -86,7 +86,7 @@ def one_by_one(cases: Cases, pieces: int = 1) -> Cases:
             c["speeds"][n], c["angles"][n], np.split(c["readings"][n], c["speeds"].shape[1]), strict=True
         ):
             for piece in np.array_split(readings, pieces):
-                HOLD(cut, float(speed), float(angle), 0.0, piece, NO_FORCES)
+                HOLD(cut, NOT_SHARED, float(speed), float(angle), 0.0, piece, NO_FORCES)
         for name in ("states", "sensors"):
             c[name][n] = cut[name][0, 0]
     return c
@@ -103,11 +103,11 @@ def instants(cases: Cases) -> Cases:
         for tick in range(TICKS):
             speed, angle = (float(cases[name][n, tick // EVERY]) for name in ("speeds", "angles"))
             if tick in chosen:
-                now = {name: cut[name][0].copy() for name in Physics._fields}
+                now = {name: cut[name][0].copy() for name in Physics._fields[:-1]} | {"shared": NOT_SHARED}
                 now |= {"speeds": [[speed]], "angles": [[angle]], "readings": np.zeros((1, 1), READING)}
                 for name, values in now.items():
                     picked[name].append(values)
-            HOLD(cut, speed, angle, 0.0, reading, NO_FORCES)
+            HOLD(cut, NOT_SHARED, speed, angle, 0.0, reading, NO_FORCES)
     return {name: np.concatenate(values) for name, values in picked.items()}
 
 

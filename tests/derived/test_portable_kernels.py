@@ -66,6 +66,7 @@ def callback() -> Any:
     def step(cut: Any, episode: Any, ticks: int, action: Any, observation: Any, readings: Any) -> float:
         reward, _ = STEP_ONE(
             carray(cut, (1,)),
+            carray(cut, (1,))[0].motions,
             carray(episode, (1,)),
             ticks,
             carray(action, (1, 2)),

@@ -222,7 +222,12 @@ def test_scripts_cut_alone_as_in_a_batch(name):
 
 def test_rows_have_the_depth_in_numbers():
     (row,) = evaluate({"it": Contestant(FollowDepth())}, [3], {"task": "depth"}, processes=1)
-    assert {"mean_error_mm", "too_deep_mm2", "layer_mm", *(f"reward_{name}" for name in tuple(cost.name for cost in DEPTH_CUT.costs))} <= set(row)
+    assert {
+        "mean_error_mm",
+        "too_deep_mm2",
+        "layer_mm",
+        *(f"reward_{name}" for name in tuple(cost.name for cost in DEPTH_CUT.costs)),
+    } <= set(row)
 
 
 def test_a_cut_that_is_begun_is_as_deep_as_wanted():

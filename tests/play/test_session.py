@@ -260,7 +260,9 @@ def test_a_played_cut_is_an_episode_of_the_environment() -> None:
     env.reset(seed=6)
     assert env.specimen == played.cut.plant.specimen
     assert np.array_equal(env.plant.depth, played.cut.plant.depth)
-    assert np.array_equal(env.cutting.settings["force_limit_per_depth"], played.cut.cutting.settings["force_limit_per_depth"])
+    assert np.array_equal(
+        env.cutting.settings["force_limit_per_depth"], played.cut.cutting.settings["force_limit_per_depth"]
+    )
 
 
 @pytest.mark.parametrize(

@@ -8,26 +8,25 @@ const MOST_MILLISECONDS = 250; // made up for after a stall
 
 class Law {
   constructor(program, told, task) {
-    const { numbers, records, memory, tables, beside, ends } = told.tasks[task];
-    Object.assign(this, { told, beside, ends });
-    this.layout = told.layout;
+    const { numbers, memory, shared, channels, ends } = told.tasks[task];
+    Object.assign(this, { told, channels, ends });
+    this.layout = { reading: told.layout.reading, cut: told.layout[`${task}_cut`], episode: told.layout[`${task}_episode`] };
     this.memory = program.memory;
     this.follow = program.follow;
     this.next = program.__heap_base.value;
-    this.records = records;
-    for (const name of records) this[name] = this.room(this.layout[name].size);
-    const kept = tables ? bytesOf(tables) : null;
-    this.tables = kept ? [this.room(kept.length)] : [];
+    for (const name of ["cut", "episode"]) this[name] = this.room(this.layout[name].size);
+    const kept = bytesOf(shared);
+    this.shared = this.room(kept.length);
     this.columns = numbers;
     this.stylus = this.room(8 * numbers * MOST_MILLISECONDS);
     this.calls = memory.map(size => this.room(size));
     this.readings = this.room(this.layout.reading.size * MOST_MILLISECONDS);
-    this.besides = beside.length ? [this.room(8 * beside.length * MOST_MILLISECONDS)] : [];
+    this.noted = this.room(8 * channels.length * MOST_MILLISECONDS);
     this.outcome = this.room(16);
     const missing = this.next - this.memory.buffer.byteLength;
     if (missing > 0) this.memory.grow(Math.ceil(missing / 65536));
     this.view = new DataView(this.memory.buffer);
-    if (kept) new Uint8Array(this.memory.buffer).set(kept, this.tables[0]);
+    new Uint8Array(this.memory.buffer).set(kept, this.shared);
   }
 
   static async load(encoded, told, task) {
@@ -44,22 +43,22 @@ class Law {
   // Put the blade to the start of a specimen's cut.
   begin(specimen) {
     const memory = new Uint8Array(this.memory.buffer);
-    for (const name of this.records) memory.set(bytesOf(specimen.records[name]), this[name]);
-    this.start = this.tables.length ? [this.number("descent", "level")] : [];
+    for (const name of ["cut", "episode"]) memory.set(bytesOf(specimen.records[name]), this[name]);
+    this.start = "motions.level" in this.layout.cut.offsets ? this.number("cut", "motions.level") : 0;
   }
 
   // Advance by a millisecond for each row of numbers of the stylus; return the readings up to the end of the cut, and
-  // the columns beside them: of a blade that also moves up and down, or is steered.
+  // further channels of a record: of a blade that also moves up and down, or is steered.
   advance(stylus) {
     stylus.forEach((row, i) => row.forEach((value, k) => {
       this.view.setFloat64(this.stylus + 8 * (this.columns * i + k), value, true);
     }));
     const { motor_lag: lag, acceleration } = this.told.hand, count = stylus.length;
-    const done = this.follow(...this.records.map(name => this[name]), ...this.tables, this.stylus, count, lag,
-      acceleration, ...this.start, ...this.calls, this.readings, ...this.besides, this.outcome);
+    const done = this.follow(this.cut, this.shared, this.episode, this.stylus, count, lag, acceleration, this.start,
+      ...this.calls, this.readings, this.noted, this.outcome);
     const { size } = this.layout.reading, row = (start, bytes) => new Float64Array(this.memory.buffer.slice(start, start + bytes));
-    const beside = this.beside.map((_, k) => row(this.besides[0] + 8 * k * count, 8 * done));
-    return { readings: row(this.readings, size * done), beside };
+    const channels = this.channels.map((_, k) => row(this.noted + 8 * k * count, 8 * done));
+    return { readings: row(this.readings, size * done), channels };
   }
 
   number(record, field) {

@@ -3,14 +3,14 @@
 class CutPath {
   constructor(law, specimen, points) {
     Object.assign(this, { law, given: specimen.facts, spacing: law.told.spacing });
-    const of = name => law.numbers("steering", name, points), across = of("y");
+    const of = name => law.numbers("cut", `motions.${name}`, points), across = of("y");
     this.places = Array.from(of("x_excess"), (excess, i) => [i * this.spacing + excess, across[i]]);
     const cosines = of("cosine");
     this.angles = Array.from(of("sine"), (sine, i) => Math.atan2(sine, cosines[i]));
   }
 
-  number(name) { return this.law.number("steering", name); }
-  of(name) { return Math.max(this.law.number("path", name), 0); } // rounding may leave -1e-20
+  number(name) { return this.law.number("cut", `motions.${name}`); }
+  of(name) { return Math.max(this.law.number("episode", `wholes.${name}`), 0); } // rounding may leave -1e-20
 
   get blade() { return [this.law.number("cut", "states.blade") + this.number("east"), this.number("north")]; }
   get heading() { return [this.number("ahead"), this.number("across")]; }
@@ -28,10 +28,10 @@ class CutPath {
     return [settled + this.number("tip_east") + way * this.number("tip_ahead"), this.number("tip_north") + way * this.number("tip_across")];
   }
 
-  // Distance of the cut to the left of each point of the line up to the tip, as PathCutting.aside_to_tip.
+  // Distance of the cut to the left of each point of the line up to the tip, as PathEpisode.aside_to_tip.
   get cut() {
     const tip = this.law.number("cut", "states.tip"), last = Math.min(Math.floor(tip / this.spacing), this.places.length - 2);
-    const passed = [...this.law.numbers("steering", "cut", this.law.whole("steering", "cell") + 1)];
+    const passed = [...this.law.numbers("cut", "motions.cut", this.law.whole("cut", "motions.cell") + 1)];
     if (last < passed.length) return passed;
     const share = tip / this.spacing - last, settled = this.number("settled"), from = this.number("tip_aside");
     const between = value => value(last) + share * (value(last + 1) - value(last));
@@ -59,7 +59,7 @@ class CutPath {
   // Mean distance over the target length, by which a success is judged.
   mean(target) { return this.of("distance") / target; }
 
-  // What the record notes, as cutenv.task.path_cutting.noted_path.
+  // What the record notes, as cutenv.task.path.PathEpisode.noted_path.
   noted() {
     const errors = Object.entries(this.errors).map(([name, value]) => [name, Math.round(1e3 * value) / 1e3]);
     const aside = this.cut.map(value => Math.round(1e6 * value) / 1e6);
@@ -67,6 +67,6 @@ class CutPath {
   }
 
   get costs() {
-    return this.law.told.path_terms.reduce((sum, name) => sum + this.law.number("path", `total_${name}`), 0);
+    return this.law.told.path_terms.reduce((sum, name) => sum + this.law.number("episode", `wholes.total_${name}`), 0);
   }
 }

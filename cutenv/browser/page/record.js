@@ -8,7 +8,7 @@ class HandCut {
     this.law = law;
     this.specimen = specimen;
     law.begin(specimen);
-    this.columns = Object.fromEntries([...READING, ...law.beside].map(name => [name, []]));
+    this.columns = Object.fromEntries([...READING, ...law.channels].map(name => [name, []]));
     this.parts = [];
     this.inputs = [];
     this.target = law.number("episode", "tasks.target");
@@ -28,12 +28,12 @@ class HandCut {
   advance(stylus) {
     if (this.end) return;
     this.begun ??= new Date();
-    const { readings, beside } = this.law.advance(stylus), width = READING.length;
+    const { readings, channels } = this.law.advance(stylus), width = READING.length;
     this.parts.push(readings);
     for (let i = 0; i < readings.length / width; i++) {
       READING.forEach((name, k) => this.columns[name].push(readings[width * i + k]));
       this.inputs.push(stylus[i]);
-      beside.forEach((values, k) => this.columns[this.law.beside[k]].push(values[i]));
+      channels.forEach((values, k) => this.columns[this.law.channels[k]].push(values[i]));
     }
     this.end = this.law.end;
     this.success = this.law.success;
@@ -117,10 +117,10 @@ class HandCut {
       stalled_s: Math.round(1e3 * this.stalled) / 1e3, target_length_m: this.target,
       tip_end_m: Math.round(1e6 * this.last("tip")) / 1e6, ...this.map?.noted(this.target),
     };
-    const { time, force, position, speed, angle } = this.columns, { beside } = this.law;
+    const { time, force, position, speed, angle } = this.columns, { channels } = this.law;
     const rows = time.map((_, i) => [time[i], force[i], position[i], speed[i], angle[i],
-      this.depthAt(this.measuredDepth, position[i]), ...beside.map(name => this.columns[name][i])].map(digits).join(","));
-    const further = beside.map(name => `,${name}_${name.endsWith("force") ? "N" : "m"}`).join("");
+      this.depthAt(this.measuredDepth, position[i]), ...channels.map(name => this.columns[name][i])].map(digits).join(","));
+    const further = channels.map(name => `,${name}_${name.endsWith("force") ? "N" : "m"}`).join("");
     return ["# cutenv-record/1", `# rows: ${rows.length}`, `# metadata: ${JSON.stringify(told)}`,
       `time_s,force_N,position_m,speed_m_s,angle_rad,depth_m${further}`, ...rows, ""].join("\n");
   }

@@ -60,7 +60,7 @@ def feel(tissues: StructArray, position: float, angle: float, dt: float) -> floa
         row.dx[0], row.next_angle[0] = position - row.blade[0], angle
         row.turns = 1 if angle != row.angle[0] else 0
         views = lane_views(tissue.lanes, tissue.motions, 1, _SCALARS)
-        _cut_row(row, Moving(first_row(tissue.lanes), views, tissue.motions, tissue.shared), tissue.profiles, dt)
+        _cut_row(row, Moving(first_row(tissue.lanes), views, tissue.motions, tissue.motions), tissue.profiles, dt)
         put(row, plain, 0, 0)
         force += row.force[0]
     tissue.true_force = force
