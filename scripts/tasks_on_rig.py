@@ -49,7 +49,8 @@ class Compared(NamedTuple):
 
 TASKS = {
     "depth": Compared(
-        RigDepthCutEnv, lambda: DepthCutEnv(surface_spread=0.0), DEPTH_SCRIPTS, DEPTH_CUT.all_components,  # a rig has no spread
+        RigDepthCutEnv, lambda: DepthCutEnv(surface_spread=0.0),  # a rig has no spread
+        DEPTH_SCRIPTS, DEPTH_CUT.all_components,
         len(COMPONENTS) + BLADE_DEPTH, "depth", "depth", "mean_error_mm", "depth error",
     ),
     "path": Compared(

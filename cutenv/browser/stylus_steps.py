@@ -202,11 +202,9 @@ class HandCut:
         self._env.reset(seed=seed, options={"episode": episode})
         self.hand = hand
         self.end, self.success = "", False
-        task = self.led.task
+        numbers, components = len(self.led.task.action_names), len(self.led.task.all_components)
         self._start = 0.0
-        self._memory = (
-            np.zeros((1, len(task.action_names))), np.zeros((1, len(task.all_components)), np.float32), np.zeros(1),
-        )  # fmt: skip
+        self._memory = np.zeros((1, numbers)), np.zeros((1, components), np.float32), np.zeros(1)
         self._channels: list[Array] = []
 
     @property

@@ -243,13 +243,14 @@ class Lesson:
     def _repeated(self, handed_out: HandedOutCut, movements: bytes, digest: str) -> tuple[HandCut, Any]:
         task = self._task(handed_out.code, handed_out)
         kind = HAND_CUTS[task.task]
-        size = 8 * kind.stylus_numbers
+        numbers = len(kind.led.task.action_names)
+        size = 8 * numbers
         if len(movements) % size or not FEWEST_MOVEMENTS <= len(movements) // size <= LONGEST_CUT:
             raise RefusedCut(
                 f"{len(movements)} bytes are no cut: {FEWEST_MOVEMENTS} to {LONGEST_CUT} milliseconds of {size} bytes "
                 "are."
             )
-        stylus = np.frombuffer(movements, "<f8").reshape(-1, kind.stylus_numbers)
+        stylus = np.frombuffer(movements, "<f8").reshape(-1, numbers)
         if not np.isfinite(stylus).all() or np.abs(stylus).max() > 10.0:
             raise RefusedCut("a movement of the hand is no number, or farther than any hand reaches.")
         cut = kind(

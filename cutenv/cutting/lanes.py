@@ -35,7 +35,7 @@ class LaneViews(NamedTuple):
 
     lanes: StructArray
     records: StructArray
-    count: Integer
+    width: Integer
     """Number of lanes."""
     scalars: Integer
     size: Integer
@@ -53,19 +53,19 @@ def lane_views(lanes: StructArray, records: StructArray, count: Integer, scalars
 def gather(views: LaneViews, n: Integer, cut: Integer) -> None:
     """Load the scalars of cut number ``cut`` into lane ``n``."""
     for k in range(views.scalars):
-        views.lanes[k * views.count + n] = views.records[cut * views.size + k]
+        views.lanes[k * views.width + n] = views.records[cut * views.size + k]
 
 
 @njit_inline
 def pad(views: LaneViews, taken: Integer) -> None:
     """Fill the lanes after the first ``taken`` ones with the scalars of the first."""
-    for n in range(taken, views.count):
+    for n in range(taken, views.width):
         for k in range(views.scalars):
-            views.lanes[k * views.count + n] = views.lanes[k * views.count]
+            views.lanes[k * views.width + n] = views.lanes[k * views.width]
 
 
 @njit_inline
 def scatter(views: LaneViews, n: Integer, cut: Integer) -> None:
     """Store the scalars in lane ``n`` back to their cut."""
     for k in range(views.scalars):
-        views.records[cut * views.size + k] = views.lanes[k * views.count + n]
+        views.records[cut * views.size + k] = views.lanes[k * views.width + n]

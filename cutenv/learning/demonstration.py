@@ -18,9 +18,8 @@ from cutenv.cutting.dtypes import TICK
 from cutenv.learning.added_infos import added_infos
 from cutenv.plant import ReplayPlant
 from cutenv.policy import Policy, PrivilegedPolicy
-from cutenv.task.episode import Episode
+from cutenv.task.episode import Episode, Goal
 from cutenv.task.observation import SPEED_SCALE, to_action
-from cutenv.task.weights import Limits, RewardWeights
 from cutenv.tissue.description import measured_liver
 from cutenv.tissue.grid import depth_below
 from cutenv.trace import Trace
@@ -176,16 +175,14 @@ def _task(plant: ReplayPlant, target_length: float | None, deadline: float, tick
     if target_length is None:
         raise ValueError("the record has no target_length_m, which observation and reward need. Give --target-length.")
     tissue = measured_liver()
-    return Episode(
-        plant,
-        tissue,
-        RewardWeights(),
-        Limits(),
+    goal = Goal(
+        tissue=tissue,
         friction_per_depth=tissue.nominal_friction_per_depth,
         target_length=float(target_length),
         deadline=deadline,
         ticks=ticks,
     )
+    return Episode(plant, goal)
 
 
 def _times_led(told: Any) -> list[tuple[float, float]]:

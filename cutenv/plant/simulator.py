@@ -154,14 +154,16 @@ class SimulatedPlant:
 
     def snapshot(self) -> Physics:
         """Return copies of the hidden state and of everything that determines its future, each of shape (1,)."""
-        return Physics(*(self.cuts[name][0].copy() for name in Physics._fields[:-1]), self.shared)
+        parts = {name: self.cuts[name][0].copy() for name in Physics._fields if name != "shared"}
+        return Physics(**parts, shared=self.shared)
 
     def energy(self) -> dict[str, float]:
         """Return the energies since the start [J]: work, stored, fracture, friction, loss, ledger, and residual.
 
         The residual is work minus all the others.
         """
-        return account_one(self.motion)(self.cuts)._asdict()
+        energies: dict[str, float] = account_one(self.motion)(self.cuts)._asdict()
+        return energies
 
 
 def check_angle(angle: float) -> None:

@@ -41,11 +41,11 @@ class PolicySpace:
 GENTLE_SPACE = PolicySpace(components=COMPONENTS, actions=("speed", "angle"), features=Features, scripts=SCRIPTS)
 """Space of ``cutenv/GentleCut-v1``, and of every environment with the same observations and actions."""
 DEPTH_SPACE = PolicySpace(
-    components=DEPTH_CUT.all_components, actions=("speed", "angle", "descent"), features=DepthFeatures, scripts=DEPTH_SCRIPTS
+    components=DEPTH_CUT.all_components, actions=DEPTH_CUT.action_names, features=DepthFeatures, scripts=DEPTH_SCRIPTS
 )  # fmt: skip
 """Space of ``cutenv/DepthCut-v1``."""
 PATH_SPACE = PolicySpace(
-    components=PATH_CUT.all_components, actions=("speed", "angle", "turn"), features=PathFeatures, scripts=PATH_SCRIPTS
+    components=PATH_CUT.all_components, actions=PATH_CUT.action_names, features=PathFeatures, scripts=PATH_SCRIPTS
 )
 """Space of ``cutenv/PathCut-v1``."""
 _OTHERS = {"cutenv/DepthCut-v1": DEPTH_SPACE, "cutenv/PathCut-v1": PATH_SPACE}

@@ -223,7 +223,7 @@ class TrainingResult:
                 one_of(
                     "summary: term of the reward",
                     term,
-                    (*DEPTH_CUT.all_terms, *tuple(cost.name for cost in PATH_CUT.costs)),
+                    (*DEPTH_CUT.all_terms, *PATH_CUT.all_terms),
                 )
                 self.score(policy, f"reward_{term}")
 

@@ -634,10 +634,12 @@ class DepthEpisode(Episode):
 
     def layers_below(self) -> Layers:
         """Return the layers that ``cutenv/DepthCut-v1`` draws for this key, to be laid on an imitated rig."""
+        assert self.goal.key is not None  # a cut has one
+        key = np.uint64(self.goal.key[0]), np.uint64(self.goal.key[1])
         drawn, known = self.motion.copy(), self.goal.tissue.layers or Layers()
         for name in ("deep_toughness", "deep_modulus"):
             drawn[name] = getattr(known, name)
-        drawn_layer(drawn, self.whole["wanted"][0], (np.uint64(self.goal.key[0]), np.uint64(self.goal.key[1])))
+        drawn_layer(drawn, self.whole["wanted"][0], key)
         names = ("boundary", "deep_toughness", "deep_modulus")
         return dataclasses.replace(known, **{name: float(drawn[name][0]) for name in names})
 

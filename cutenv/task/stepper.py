@@ -7,7 +7,7 @@ decision is over.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -252,7 +252,7 @@ def advance_row(task: Task) -> Callable[..., int]:
     """Return the function that advances and counts a millisecond of a row of cuts."""
     update, count, size, force = update_row(task.motion), task.count, task.size, task.motion.force
     from_truth, measure = task.from_truth, task.measure
-    see = None if from_truth else count_seen(task)
+    see: Any = None if from_truth else count_seen(task)
 
     def advance_row(stepping: Stepping, readings: StructArray, i: int) -> int:
         """Advance and count millisecond ``i`` of a row; return how many of its cuts end with it."""

@@ -226,7 +226,7 @@ def test_rows_have_the_depth_in_numbers():
         "mean_error_mm",
         "too_deep_mm2",
         "layer_mm",
-        *(f"reward_{name}" for name in tuple(cost.name for cost in DEPTH_CUT.costs)),
+        *(f"reward_{cost.name}" for cost in DEPTH_CUT.costs),
     } <= set(row)
 
 
