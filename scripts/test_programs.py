@@ -1,0 +1,125 @@
+#!/usr/bin/env python3
+"""Programs of the machine that some tests need: what there is, and how to get the others. Needs nothing but Python.
+
+usage: python3 scripts/test_programs.py            # list them
+       python3 scripts/test_programs.py install    # install what Debian and npm have, where this is root; print groups
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+NPM = ROOT / ".npm"
+"""Folder into which npm's packages are installed; git ignores it."""
+PATIENCE_S = 900
+"""Longest time that an installer may take [s]."""
+
+
+def npm_file(name: str) -> Path | None:
+    """Return a file of an npm package, where NODE_PATH, the machine or :data:`NPM` has it; None if none does."""
+    told = [Path(folder) for folder in os.environ.get("NODE_PATH", "").split(os.pathsep) if folder]
+    folders = [*told, Path("/usr/local/lib/node_modules"), NPM / "node_modules"]
+    return next((folder / name for folder in folders if (folder / name).is_file()), None)
+
+
+def scorm_again() -> Path | None:
+    """Return the runtime of SCORM by others."""
+    return npm_file("scorm-again/dist/scorm12.min.js")
+
+
+def postgresql() -> str | None:
+    """Return the folder of PostgreSQL's programs."""
+    installed = sorted(Path("/usr/lib/postgresql").glob("*/bin/initdb")) if os.environ.get("PATH") else []
+    initdb = str(installed[-1]) if installed else shutil.which("initdb")
+    return None if initdb is None else str(Path(initdb).parent)
+
+
+@dataclass(frozen=True)
+class Group:
+    """Tests that need one program."""
+
+    found: Callable[[], object]
+    """Return the program, or None."""
+    cure: str
+    """Command that brings it."""
+    debian: tuple[str, ...] = ()
+    npm: tuple[str, ...] = ()
+
+
+GROUPS = {
+    "chromium": Group(lambda: shutil.which("chromium"), "apt-get install chromium", debian=("chromium",)),
+    "firefox": Group(
+        lambda: shutil.which("firefox-esr") or shutil.which("firefox"),
+        "apt-get install firefox-esr",
+        debian=("firefox-esr",),
+    ),
+    "postgresql": Group(postgresql, "apt-get install postgresql", debian=("postgresql",)),
+    "gio": Group(lambda: shutil.which("gio"), "apt-get install libglib2.0-bin", debian=("libglib2.0-bin",)),
+    "scorm-again": Group(scorm_again, "npm install --prefix .npm scorm-again@3.0.6", npm=("scorm-again@3.0.6",)),
+}
+"""Programs by name."""
+
+
+def missing() -> list[str]:
+    """Return the names of the groups that this machine cannot run."""
+    return [name for name, group in GROUPS.items() if group.found() is None]
+
+
+def reason(name: str) -> str:
+    """Return why the tests of a group are left out, and how to get it."""
+    return f"needs {name}: {GROUPS[name].cure}"
+
+
+def install() -> None:
+    """Install what is missing, where this is root and the installers answer; what fails stays missing."""
+    debian = [package for name in missing() for package in GROUPS[name].debian]
+    if debian and hasattr(os, "geteuid") and os.geteuid() == 0 and shutil.which("apt-get"):
+        quiet = {**os.environ, "DEBIAN_FRONTEND": "noninteractive"}
+        apt = ["apt-get", "-q", "-y", "-o", "Acquire::Retries=2", "-o", "DPkg::Lock::Timeout=120"]
+        if _ran([*apt, "update"], quiet):
+            _ran([*apt, "install", "--no-install-recommends", *debian], quiet)
+    npm = [package for name in missing() for package in GROUPS[name].npm]
+    if npm and shutil.which("npm"):
+        _ran(["npm", "install", "--prefix", str(NPM), "--no-audit", "--no-fund", "--ignore-scripts", *npm])
+
+
+def _ran(command: list[str], environment: dict[str, str] | None = None) -> bool:
+    """Run an installer, whose words are shown only if it fails; return whether it succeeded."""
+    try:
+        done = subprocess.run(
+            command, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+            text=True, errors="replace", timeout=PATIENCE_S,
+        )  # fmt: skip
+    except (OSError, subprocess.TimeoutExpired) as error:
+        print(f"{command[0]} failed: {error}", file=sys.stderr)
+        return False
+    if done.returncode:
+        print("\n".join(done.stdout.splitlines()[-8:]), file=sys.stderr)
+    return done.returncode == 0
+
+
+def main(arguments: list[str]) -> int:
+    """List the groups, or install what is missing and print those that are there, for ``--installed``."""
+    if arguments == ["install"]:
+        install()
+        for name in missing():
+            print(f"left out: tests that need {name}; {GROUPS[name].cure}", file=sys.stderr)
+        print(",".join(name for name in GROUPS if name not in missing()))
+        return 0
+    if arguments:
+        print(__doc__)
+        return 2
+    for name, group in GROUPS.items():
+        print(f"{name}: {'there' if group.found() is not None else f'missing; {group.cure}'}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
