@@ -160,7 +160,7 @@ def test_of_100_000_damaged_frames_none_gives_a_wrong_force(name: str) -> None:
 
 
 def test_noise_alone_is_no_reading_and_ends_in_an_error_with_the_cure(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("cutenv.rig.devices.serial.framed_sensor._FIRST_READING", 0.3)
+    monkeypatch.setattr("cutenv.rig.devices.streamed_sensor.FIRST_READING", 0.3)
     with serving(EmulatedBota()) as device:
         device.damage = lambda frame: random.Random(device.sent).randbytes(len(frame))
         with pytest.raises(RigError, match="does not read: no reading came within"):
