@@ -46,7 +46,7 @@ class TissueInPlane:
     def __init__(
         self, specimen: Specimen, line: CutLine, *, law: LawParameters | None = None, angle: float = math.pi / 2
     ) -> None:
-        self.plant = SteeredPlant(specimen, line, law=law, angle=_measured(angle))
+        self.plant = SteeredPlant(specimen, line, law=law, angle=measured(angle))
         self.force = self.side_force = 0.0
         self._readings, self._lateral = np.zeros(1, READING), np.zeros(1)
 
@@ -57,7 +57,7 @@ class TissueInPlane:
         """
         state, steering = self.plant.cuts.states[0], self.plant.steerings[0]
         at_x, at_y = self.plant.blade
-        east, north = min(max(x, 0.0), LENGTH - SPACING) - at_x, y - at_y
+        east, north = within(x) - at_x, y - at_y
         along = float(east * steering.ahead + north * steering.across)
         if (way := math.hypot(east, north)) > _LEAST:
             along = math.copysign(way, along)
@@ -70,7 +70,7 @@ class TissueInPlane:
                 cosine, sine = math.cos(turn), math.sin(turn)
                 steering.ahead, steering.across = ahead * cosine - across * sine, ahead * sine + across * cosine
                 along = float(east * steering.ahead + north * steering.across)
-        path = np.array([[0.0, state.blade - state.hand + along, _measured(angle)]])
+        path = np.array([[0.0, state.blade - state.hand + along, measured(angle)]])
         follow_turns(self.plant.cuts, self.plant.steerings, path, TICK, self._readings, self._lateral)
         force, lateral = float(self._readings["true_force"][0]), float(self._lateral[0])
         ahead, across = float(steering.ahead), float(steering.across)
@@ -82,6 +82,11 @@ class TissueInPlane:
         return float(self.plant.cuts.states["tip"][0])
 
 
-def _measured(angle: float) -> float:
+def within(position: float) -> float:
+    """Limit a position [m] to the part of the carriage's travel in which there is tissue."""
+    return min(max(position, 0.0), LENGTH - SPACING)
+
+
+def measured(angle: float) -> float:
     """Limit an angle [rad] to the range for which the law was measured."""
     return min(max(angle, ANGLE_RANGE[0]), ANGLE_RANGE[1])

@@ -35,7 +35,7 @@ from cutenv.rig.hardware import rig_plant
 from cutenv.rig.operation.conformance import Listening
 from cutenv.rig.operation.suitability import decisions, fits, stopping_ways, suitability_lines
 from cutenv.rig.operation.weighing import GRAVITY, Weighing, weigh
-from cutenv.rig.safety.force_monitor import ForceMonitor
+from cutenv.rig.safety.force_monitor import ForceMonitor, ForceReadings
 from cutenv.rig.safety.stop_causes import Cause
 from cutenv.rig.toml_file import read_rig_file
 from cutenv.rig.toml_text import template, to_toml
@@ -302,7 +302,7 @@ def test_a_script_decides_as_fast_as_the_rig_allows_and_a_trained_policy_keeps_i
 
 def monitored(rate: float, true_rate: float, *, rate_error: float, axes: str = "x") -> set[Cause]:
     limits = slow_settings("/dev/x").limits
-    monitor = ForceMonitor(limits, rate, axes=axes, rate_error=rate_error)
+    monitor = ForceMonitor(limits, ForceReadings(rate, rate_error, axes))
     found = set()
     for number in range(round(10.0 * true_rate)):
         counts = (number * 7919 % 1009, 0, 0, 0, 0, 0)
@@ -326,7 +326,7 @@ def test_axes_that_a_sensor_does_not_have_are_not_watched_for_life() -> None:
 def test_a_rise_is_that_of_its_window_whatever_the_rate(rate: float) -> None:
     limits = SafetyLimits(force_rise=100.0, force=50.0, force_norm=50.0)
     for slope, stops in ((80.0, False), (130.0, True)):
-        monitor = ForceMonitor(limits, rate, axes="x")
+        monitor = ForceMonitor(limits, ForceReadings(rate, axes="x"))
         breaches = [
             monitor.check(ForceSample(k / rate, (slope * k / rate, 0.0, 0.0), (k, 0, 0, 0, 0, 0), 0, k, 0))
             for k in range(max(round(0.1 * rate), 4))

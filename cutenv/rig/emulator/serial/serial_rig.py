@@ -16,6 +16,7 @@ from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.plant.simulator import check_angle
 from cutenv.rig.config.axes import Axis
+from cutenv.rig.config.laid import Laid
 from cutenv.rig.devices.serial.board_lines import (
     BoardFlag,
     BoardState,
@@ -27,7 +28,7 @@ from cutenv.rig.devices.serial.board_lines import (
 from cutenv.rig.devices.serial.slow_profile import COUNTS_PER_NEWTON, DELAYS, SCREW, SCREW_STEPS
 from cutenv.rig.devices.serial.stepper_settings import StepRates
 from cutenv.rig.emulator.emulated_bench import EmulatedBench
-from cutenv.rig.emulator.emulated_tissue import EmulatedTissue, Laid
+from cutenv.rig.emulator.emulated_tissue import EmulatedTissue
 from cutenv.rig.emulator.faults import InjectedFault
 from cutenv.rig.emulator.serial.firmware import CONVERTERS, HIGH_PIN, LOW_PIN, Firmware
 from cutenv.rig.emulator.serial.line import EmulatedLine
