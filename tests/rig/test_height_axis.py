@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from made_ready import SETTLE, ready_rig, release
 from made_to_descend import height_settings, ready_to_descend
+from scripted_operator import ScriptedOperator
 
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.samples import DriveState
 from cutenv.rig.errors import RigError
 from cutenv.rig.fake.air_plant import AirPlant
 from cutenv.rig.fake.fake_rig import FakeRig, Faults
-from cutenv.rig.operation.operator import ScriptedOperator
 from cutenv.rig.operation.preflight import moving_checks, prepare, relieve, return_inside, still_checks
 from cutenv.rig.safety.stop_causes import Cause, RigStopped, detection_times
 from cutenv.trace import COMPONENTS_OF_FORCE

@@ -7,6 +7,7 @@ import functools
 from datetime import date, timedelta
 
 import pytest
+from scripted_operator import ScriptedOperator
 
 from cutenv.rig.config.imitated_rig import fake_settings
 from cutenv.rig.config.laid import Laid
@@ -16,7 +17,7 @@ from cutenv.rig.devices.samples import DriveState
 from cutenv.rig.errors import RigError
 from cutenv.rig.fake.fake_rig import FakeRig, fake_rig
 from cutenv.rig.fake.specimen_plant import SpecimenPlant
-from cutenv.rig.operation.operator import AutomaticOperator, ScriptedOperator
+from cutenv.rig.operation.operator import AutomaticOperator
 from cutenv.rig.operation.preflight import SETTLE, prepare
 from cutenv.rig.safety.stop_causes import Cause, RigStopped
 from cutenv.tissue.specimen import Specimen

@@ -10,6 +10,7 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
+from scripted_operator import ScriptedOperator
 
 from cutenv.cli import main
 from cutenv.envs.depth_cut import to_depth_action
@@ -18,7 +19,6 @@ from cutenv.policy.depth_scripts import DEPTH_SCRIPTS
 from cutenv.recording import load_one
 from cutenv.rig.config.imitated_rig import fake_settings
 from cutenv.rig.errors import RigError
-from cutenv.rig.operation.operator import ScriptedOperator
 from cutenv.rig.toml_text import to_toml
 
 UPRIGHT = math.pi / 2

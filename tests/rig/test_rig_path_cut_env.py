@@ -9,13 +9,13 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
+from scripted_operator import ScriptedOperator
 
 from cutenv.envs.path_cut import to_path_action
 from cutenv.envs.rig_path_cut import RigPathCutEnv
 from cutenv.policy.path_scripts import PATH_SCRIPTS
 from cutenv.recording import load_one
 from cutenv.rig.errors import RigError
-from cutenv.rig.operation.operator import ScriptedOperator
 from cutenv.tissue.lines import arc
 
 UPRIGHT = math.pi / 2

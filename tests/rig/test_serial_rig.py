@@ -28,9 +28,8 @@ from cutenv.rig.devices.driver_registry import mounted
 from cutenv.rig.devices.serial.board_lines import board_line
 from cutenv.rig.devices.serial.slow_profile import RATES, slow_settings
 from cutenv.rig.emulator.process import RunningEmulator
-from cutenv.rig.emulator.serial.grbl_rig import EmulatedGrblRig
 from cutenv.rig.emulator.serial.serial_faults import GRBL_FAULTS, SERIAL_FAULTS
-from cutenv.rig.emulator.serial.serial_rig import EmulatedSerialRig, SerialOptions
+from cutenv.rig.emulator.serial.serial_rig import EmulatedGrblRig, EmulatedSerialRig, SerialOptions
 from cutenv.rig.hardware import rig_plant
 from cutenv.rig.operation.conformance import Listening
 from cutenv.rig.operation.suitability import decisions, fits, stopping_ways, suitability_lines

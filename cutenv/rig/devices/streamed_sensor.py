@@ -119,12 +119,6 @@ class StreamedSensor(ABC):
         RigError
             If it is not open, or readings stop, report an error, or vary by more than 0.1 N; the zero is unchanged.
         """
-        self._zero = self._mean_of(samples)
-        x, y, z, *_ = self._loads(self._zero)
-        return x, y, z
-
-    def _mean_of(self, samples: float) -> Zero:
-        """Return the mean of the next readings, less no zero [counts]; raises like :meth:`tare`."""
         mean = ReadingMean(samples)
         if self._listener is None:
             raise RigError(f"The {self.name} is not open.")
@@ -133,9 +127,11 @@ class StreamedSensor(ABC):
         with self._taring:
             self._mean = mean
             try:
-                return mean.awaited(self.rate, max(self._scales[:3]), self._meaning)
+                self._zero = mean.awaited(self.rate, max(self._scales[:3]), self._meaning)
             finally:
                 self._mean = None
+        x, y, z, *_ = self._loads(self._zero)
+        return x, y, z
 
     def _loads(self, counts: Zero) -> Zero:
         """Return forces [N] and torques [N m] of counts, less no zero."""

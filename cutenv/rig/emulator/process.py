@@ -37,8 +37,7 @@ from cutenv.rig.emulator.control import ControlServer, EmulatorControl
 from cutenv.rig.emulator.emulated_bench import STALL, EmulatedBench
 from cutenv.rig.emulator.emulated_tissue import feel
 from cutenv.rig.emulator.motor import position_control, turn_motor
-from cutenv.rig.emulator.serial.grbl_rig import EmulatedGrblRig
-from cutenv.rig.emulator.serial.serial_rig import EmulatedSerialRig, SerialOptions
+from cutenv.rig.emulator.serial.serial_rig import EmulatedGrblRig, EmulatedSerialRig, SerialOptions
 from cutenv.rig.errors import RigError
 from cutenv.rig.toml_text import to_toml
 from cutenv.tissue.grid import N_POINTS, SPACING

@@ -10,8 +10,7 @@ from cutenv.cutting.sensor import Sensor
 from cutenv.plant.simulator import ANGLE_RANGE
 from cutenv.rig.config.identified import drive_of
 from cutenv.rig.config.settings import RigSettings
-from cutenv.rig.fake.cross_drive import CrossDrive
-from cutenv.rig.fake.specimen_plant import FreeAcross
+from cutenv.rig.fake.specimen_plant import CrossDrive, FreeAcross
 
 _MIDDLE = 0.5  # [1] share of the way between the ends of travel at which the blade starts
 _FAR = 100.0  # [m] to the model's own end stops

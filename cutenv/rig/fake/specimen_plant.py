@@ -13,11 +13,11 @@ from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.plant import DescendingPlant, ReplayPlant, SimulatedPlant
 from cutenv.plant.simulator import ANGLE_RANGE
-from cutenv.rig.config.axes import HeightAxis
+from cutenv.rig.config.axes import CrossAxis, HeightAxis
 from cutenv.rig.config.identified import drive_of
 from cutenv.rig.config.laid import Laid
 from cutenv.rig.config.settings import RigSettings
-from cutenv.rig.fake.cross_drive import CrossDrive
+from cutenv.rig.safety.following_monitor import NOMINAL_LAG
 from cutenv.trace import Trace
 
 _FELT = [(READING.names or ()).index(name) for name in ("position", "speed", "force")]
@@ -55,6 +55,34 @@ class DrivenPlant(Protocol):
     def cross_force(self, axis: str) -> float:
         """Return the force of the tissue on the blade, upwards, or to the right [N]."""
         ...
+
+
+class CrossDrive:
+    """Height, or place to the side, of a blade in air, a millisecond at a time.
+
+    Attributes
+    ----------
+    place, speed : float
+        Place of the blade [m] and its speed [m/s], upwards or to the left.
+    """
+
+    def __init__(self, axis: CrossAxis, *, place: float = 0.0) -> None:
+        self.place, self.speed = place, 0.0
+        self._acceleration, self._quick_stop = axis.acceleration, axis.quick_stop
+        self._gain = -math.expm1(-TICK / NOMINAL_LAG)
+
+    def step(self, speed: float, *, stopping: bool, blocked: bool) -> None:
+        """Advance by a millisecond under a commanded speed [m/s]; a quick stop brakes at its own rate."""
+        if blocked:
+            self.speed = 0.0
+            return
+        reach = (self._quick_stop if stopping else self._acceleration) * TICK
+        change = -self.speed if stopping else (speed - self.speed) * self._gain
+        before = self.speed
+        self.speed += min(max(change, -reach), reach)
+        if speed == 0.0 and abs(self.speed) < 1e-5:
+            self.speed = 0.0
+        self.place += 0.5 * (before + self.speed) * TICK
 
 
 class FreeAcross:

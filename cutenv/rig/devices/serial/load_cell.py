@@ -96,10 +96,6 @@ class LoadCell(StreamedSensor):
     def _meaning(self, status: int) -> str:
         return "a force at the end of the converter's range" if status == 1 else f"status {status}"
 
-    def mean_counts(self, samples: int) -> float:
-        """Return the mean of the next ``samples`` readings, less no zero [counts]; raises like :meth:`tare`."""
-        return self._mean_of(samples)[self._number]
-
     def about(self) -> dict[str, float | str]:
         """Return what the board says of its converter, and the counts of readings."""
         return {
