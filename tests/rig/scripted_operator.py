@@ -8,7 +8,7 @@ from collections.abc import Sequence
 class ScriptedOperator:
     """Operator with answers given beforehand.
 
-    Each of ``answers`` is a part of the question's text, and True, False or the typed text; in the order of the questions.
+    Each of ``answers`` is a part of a question's text, and True, False or the typed text, in the order asked.
     """
 
     def __init__(self, answers: Sequence[tuple[str, bool | str]] = ()) -> None:

@@ -29,8 +29,6 @@ class AirPlant(FreeAcross):
         Force sensor; that of the simulator by default.
     start : float, optional
         Position of the blade at the start [m]; by default the middle of its travel.
-    height : float
-        Height of the blade at the start [m], if the rig has a height axis.
     """
 
     def __init__(
@@ -40,13 +38,9 @@ class AirPlant(FreeAcross):
         drive: Drive | None = None,
         sensor: Sensor | None = None,
         start: float | None = None,
-        height: float = 0.0,
     ) -> None:
         self._drive = drive or drive_of(settings)
-        self._across = {
-            name: CrossDrive(axis, place=height if name == "height" else 0.0)
-            for name, axis in settings.cross_axes.items()
-        }
+        self._across = {name: CrossDrive(axis) for name, axis in settings.cross_axes.items()}
         self._records = self._drive.records(2.0 * _FAR)
         self._states = np.zeros(1, STATE)
         middle = _MIDDLE * (settings.limits.low + settings.limits.high)

@@ -66,8 +66,8 @@ class CrossDrive:
         Place of the blade [m] and its speed [m/s], upwards or to the left.
     """
 
-    def __init__(self, axis: CrossAxis, *, place: float = 0.0) -> None:
-        self.place, self.speed = place, 0.0
+    def __init__(self, axis: CrossAxis) -> None:
+        self.place = self.speed = 0.0
         self._acceleration, self._quick_stop = axis.acceleration, axis.quick_stop
         self._gain = -math.expm1(-TICK / NOMINAL_LAG)
 
