@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 import rig_faults
 import rig_trials
+from waiting import until
 
 from cutenv import cli
 from cutenv.commands.rig.run import paced
@@ -38,8 +39,6 @@ from cutenv.rig.safety.force_monitor import ForceMonitor, ForceReadings
 from cutenv.rig.safety.stop_causes import Cause
 from cutenv.rig.toml_file import read_rig_file
 from cutenv.rig.toml_text import template, to_toml
-
-PATIENCE = 3.0  # [s]
 
 
 @pytest.fixture
@@ -73,14 +72,6 @@ def blade(rig: EmulatedSerialRig) -> Iterator[tuple[Any, Listening]]:
     driver.open(listening)
     yield driver, listening
     driver.close()
-
-
-def until(true: Callable[[], Any]) -> Any:
-    deadline = time.monotonic() + PATIENCE
-    while not (found := true()):
-        assert time.monotonic() < deadline
-        time.sleep(0.005)
-    return found
 
 
 def test_axis_and_load_cell_share_one_port_and_both_report(rig: EmulatedSerialRig) -> None:
