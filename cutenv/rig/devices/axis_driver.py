@@ -41,7 +41,7 @@ class AxisDriver(ABC):
     device: ClassVar[str]
     """Word for the device in messages."""
     silence: ClassVar[str]
-    """What :meth:`withhold_heartbeat` does, for the log."""
+    """Words in the log for what :meth:`withhold_heartbeat` does."""
     report_limit: ClassVar[float]
     """Time for a report to arrive [s]."""
 

@@ -22,10 +22,10 @@ from cutenv.rig.devices.netft.packets import (
     parse_request,
 )
 from cutenv.rig.devices.sample_clock import SEQUENCES
+from cutenv.rig.devices.streamed_sensor import Counts
 
 Address: TypeAlias = tuple[str, int]
 Loads: TypeAlias = tuple[float, float, float, float, float, float]
-Counts: TypeAlias = tuple[int, int, int, int, int, int]
 
 _POLL = 0.1  # [s] after which the thread checks whether it has to end
 _CLIENTS = 8  # at most; the oldest is dropped
