@@ -22,6 +22,7 @@ from cutenv.recording.appending import AppendingRecord, RecordingFailed
 from cutenv.recording.cut_listener import CutListener
 from cutenv.recording.provenance import Provenance
 from cutenv.rig.config.imitated_rig import EMULATED, EMULATOR, FAKE, RIG_NAMES, across, fake_settings
+from cutenv.rig.config.laid import Laid
 from cutenv.rig.config.settings import PositionControl, RigSettings, SensorCalibration
 from cutenv.rig.connection import operator_of, settings_of
 from cutenv.rig.contradictions import refuse_contradictions
@@ -55,28 +56,20 @@ class FakeSpecimens:
 
     def mount(self, key: SpecimenKey) -> NDArray[np.float64] | None:
         """Lay a specimen; return None, because the caller has drawn it and knows its depth."""
-        from cutenv.rig.fake.descending_bench import DescendingBench
         from cutenv.rig.fake.specimen_plant import SpecimenPlant
         from cutenv.rig.fake.steered_bench import SteeredBench
 
-        specimen, constants = key.specimen, self._constants
-        if specimen is None:
+        constants, drive = self._constants, self._constants.drive
+        if key.specimen is None:
             raise RigError("a fake rig cuts drawn specimens only.")
-        drive = constants.drive if constants.drive != Rig() else None  # None: the rig's own
-        laid: Any = SpecimenPlant
-        if self.line is not None:
-            laid = functools.partial(SteeredBench, line=self.line)
-        elif self._rig.settings.height is not None:
-            laid = functools.partial(DescendingBench, layers=self.layers)
+        laid = Laid(specimen=key.specimen, seed=key.seed, episode=key.episode, layers=self.layers, line=self.line)
         self._rig.mount(
-            lambda settings: laid(
-                specimen,
-                settings,
-                drive=drive,
+            functools.partial(
+                SpecimenPlant if laid.line is None else SteeredBench,
+                laid,
+                drive=drive if drive != Rig() else None,  # None: the rig's own
                 sensor=constants.sensor,
                 law=constants.law,
-                seed=key.seed,
-                episode=key.episode,
             )
         )
         return None

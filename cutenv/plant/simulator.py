@@ -135,7 +135,10 @@ class SimulatedPlant:
         ValueError
             If the path leaves the specimen.
         """
-        path = np.stack(np.broadcast_arrays(positions, angles, further), axis=-1).reshape(-1, 3).astype(np.float64)
+        shape = np.broadcast_shapes(np.shape(positions), np.shape(angles), np.shape(further))
+        path = np.empty((*shape, 3))
+        path[..., 0], path[..., 1], path[..., 2] = positions, angles, further
+        path = path.reshape(-1, 3)
         readings, self._across = np.zeros(len(path), READING), np.zeros(len(path))
         follow(self.motion)(self.cuts, self.shared, path, dt, readings, self._across)
         return readings

@@ -21,10 +21,6 @@ def rig_plant(settings: RigSettings, clock: Clock | None = None) -> RigPlant:
     clock, shared = clock or SystemClock(), dict[Any, Any]()
 
     def made(role: str) -> Any:
-        if getattr(settings, role) is None:
-            return None
         return mounted(Mounting(role=role, rig=settings, clock=clock, shared=shared))
 
-    return RigPlant(
-        settings, clock, made("blade"), made("sensor"), angle=made("angle"), height=made("height"), side=made("side")
-    )
+    return RigPlant(settings, clock, [made(role) for role in settings.axes], made("sensor"))

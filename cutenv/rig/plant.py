@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
@@ -22,6 +22,7 @@ from cutenv.rig.errors import RigError
 from cutenv.rig.heading import Heading
 from cutenv.rig.reading_grid import ReadingGrid
 from cutenv.rig.safety.following_monitor import NOMINAL_LAG
+from cutenv.rig.safety.force_monitor import ForceReadings
 from cutenv.rig.safety.quick_stops import AGAIN
 from cutenv.rig.safety.stop_causes import WATCH, Cause, StopReport
 from cutenv.rig.safety.supervisor import Supervisor
@@ -50,16 +51,11 @@ class RigPlant(Travel):
         Settings of the rig.
     clock : Clock
         Clock of the rig.
-    blade : MotionDriver
-        Driver that moves the blade.
+    axes : sequence of MotionDriver
+        Drivers of the blade, first, and of angle, height and side where it has them; without one of the angle it is set
+        by hand, and angle commands are ignored.
     sensor : ForceDriver
         Driver of the force sensor.
-    angle : MotionDriver, optional
-        Driver that turns the blade; None if the angle is set by hand, and angle commands are ignored.
-    height, side : MotionDriver, optional
-        Drivers that raise and lower the blade, and move it to the side; None if it has none.
-    depth : array of shape (301,), optional
-        Depth of cut as measured beforehand, one value every 0.5 mm [m].
     follows : bool
         True if the blade follows commands; False for a replayed cut only.
 
@@ -85,29 +81,18 @@ class RigPlant(Travel):
         self,
         settings: RigSettings,
         clock: Clock,
-        blade: MotionDriver,
+        axes: Sequence[MotionDriver],
         sensor: ForceDriver,
         *,
-        angle: MotionDriver | None = None,
-        height: MotionDriver | None = None,
-        side: MotionDriver | None = None,
-        depth: NDArray[np.float64] | None = None,
         follows: bool = True,
     ) -> None:
         self.settings, self.clock = settings, clock
-        self._angle, self._sensor = angle, sensor
-        self._axes = [axis for axis in (blade, angle, height, side) if axis is not None]
+        self._axes, self._sensor = tuple(axes), sensor
+        self._angle = next((axis for axis in axes if axis.name == "angle"), None)
         self._gain = settings.calibration.gain
-        self.supervisor = Supervisor(
-            settings,
-            clock,
-            self._axes,
-            rate=sensor.rate,
-            rate_error=sensor.rate_error,
-            force_axes=sensor.axes,
-            follows=follows,
-        )
-        self.depth = np.zeros(N_POINTS) if depth is None else depth
+        readings = ForceReadings(sensor.rate, sensor.rate_error, sensor.axes)
+        self.supervisor = Supervisor(settings, clock, self._axes, readings, follows=follows)
+        self.depth = np.zeros(N_POINTS)
         self.keep: Callable[[StructArray], None] = lambda readings: None
         self.witness: Observer | None = None
         self.timing = Timing()
@@ -124,7 +109,7 @@ class RigPlant(Travel):
 
     @property
     def depth(self) -> NDArray[np.float64]:
-        """Depth of cut as measured beforehand, shape (301,) [m]."""
+        """Depth of cut as measured beforehand, one value every 0.5 mm, shape (301,) [m]; 0 until it is set."""
         return self._depth
 
     @depth.setter

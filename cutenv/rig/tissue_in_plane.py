@@ -42,7 +42,7 @@ class TissueInPlane:
     def __init__(
         self, specimen: Specimen, line: CutLine, *, law: LawParameters | None = None, angle: float = math.pi / 2
     ) -> None:
-        self.plant = SteeredPlant(specimen, line, law=law, angle=_measured(angle))
+        self.plant = SteeredPlant(specimen, line, law=law, angle=measured(angle))
         self.force = self.side_force = 0.0
 
     def advance(self, x: float, y: float, angle: float) -> None:
@@ -52,7 +52,7 @@ class TissueInPlane:
         """
         state, steering = self.plant.states[0], self.plant.steerings[0]
         at_x, at_y = self.plant.blade
-        east, north = min(max(x, 0.0), LENGTH - SPACING) - at_x, y - at_y
+        east, north = within(x) - at_x, y - at_y
         along = float(east * steering.ahead + north * steering.across)
         if (way := math.hypot(east, north)) > _LEAST:
             along = math.copysign(way, along)
@@ -65,7 +65,7 @@ class TissueInPlane:
                 cosine, sine = math.cos(turn), math.sin(turn)
                 steering.ahead, steering.across = ahead * cosine - across * sine, ahead * sine + across * cosine
                 along = float(east * steering.ahead + north * steering.across)
-        readings = self.plant.lead(state.blade - state.hand + along, _measured(angle))
+        readings = self.plant.lead(state.blade - state.hand + along, measured(angle))
         force, lateral = float(readings["true_force"][0]), float(self.plant.lateral_force[0])
         ahead, across = float(steering.ahead), float(steering.across)
         self.force, self.side_force = force * ahead - lateral * across, force * across + lateral * ahead
@@ -76,6 +76,11 @@ class TissueInPlane:
         return float(self.plant.states["tip"][0])
 
 
-def _measured(angle: float) -> float:
+def within(position: float) -> float:
+    """Limit a position [m] to the part of the carriage's travel in which there is tissue."""
+    return min(max(position, 0.0), LENGTH - SPACING)
+
+
+def measured(angle: float) -> float:
     """Limit an angle [rad] to the range for which the law was measured."""
     return min(max(angle, ANGLE_RANGE[0]), ANGLE_RANGE[1])

@@ -149,7 +149,7 @@ class HandMovedRig:
         self.node = Node(self.motor, self.network.from_drive, self._happened)
         self.network.to_drive = lambda frame: self.node.receive(frame, self.clock.now())
         self.driver = CanopenAxis(self.network, self.settings.blade, self.clock)
-        self.plant = RigPlant(self.settings, self.clock, self.driver, HandMovedSensor(self.clock))
+        self.plant = RigPlant(self.settings, self.clock, [self.driver], HandMovedSensor(self.clock))
         self.supervisor = self.plant.supervisor
         self.enabled: list[float] = []
         self._was = self.node.state

@@ -9,8 +9,7 @@ from made_ready import release
 
 from cutenv.rig.config.imitated_rig import HEIGHT, fake_settings
 from cutenv.rig.config.settings import RigSettings
-from cutenv.rig.fake.descending_bench import DescendingBench
-from cutenv.rig.fake.fake_rig import FakeRig
+from cutenv.rig.fake.fake_rig import FakeRig, fake_rig
 from cutenv.tissue.specimen import Specimen
 
 
@@ -21,10 +20,7 @@ def height_settings(**axis: Any) -> RigSettings:
 
 def descending_rig(seed: int = 3, **axis: Any) -> FakeRig:
     """A fake rig at the clamp, at height 0; not yet open."""
-    specimen = Specimen.drawn(seed, 0, specimen_class="liver")
-    return FakeRig(
-        lambda settings: DescendingBench(specimen, settings, seed=seed), height_settings(**axis), depth=specimen.depth
-    )
+    return fake_rig(Specimen.drawn(seed, 0, specimen_class="liver"), height_settings(**axis), seed=seed)
 
 
 def ready_to_descend(seed: int = 3, **axis: Any) -> FakeRig:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import struct
-import time
 
 import can
 import canopen
@@ -198,12 +197,3 @@ class Ear:
 
     def broken(self, axis: str, why: str, time: float) -> None:
         self.breaks.append((axis, why))
-
-
-def until(come, limit: float = 5.0) -> None:
-    """Wait for what other threads bring."""
-    end = time.monotonic() + limit
-    while not come():
-        if time.monotonic() > end:
-            raise AssertionError("it has not come")
-        time.sleep(0.002)

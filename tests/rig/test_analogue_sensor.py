@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import threading
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ import nidaqmx
 import numpy as np
 import pytest
 from nidaqmx.errors import DaqNotFoundError
+from waiting import until
 
 from cutenv._base import resources
 from cutenv.rig.config.imitated_rig import fake_settings
@@ -68,13 +68,6 @@ def sensor_at(port: int, **options: Any) -> AnalogueSensor:
     own = AnalogueOptions(calibration=SHIPPED_CALIBRATION, board="emulated", port=port, **options)
     rig = fake_settings(sensor=SensorSettings(driver="analogue", options=own))
     return AnalogueSensor(Mounting(role="sensor", rig=rig, clock=SystemClock()))
-
-
-def wait_for(condition: Any) -> None:
-    end = time.monotonic() + 5.0
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.005)
 
 
 def test_the_shipped_sensor_has_the_thesis_resolution():
@@ -147,7 +140,7 @@ def test_readings_of_a_board_in_another_thread_are_loads_without_cross_talk(boar
     try:
         board.loads = LOADS  # type: ignore[attr-defined]
         begun = len(heard.samples) + 50
-        wait_for(lambda: len(heard.samples) > begun + 300)
+        until(lambda: len(heard.samples) > begun + 300)
         late = heard.samples[begun:]
         force = np.array([sample.force for sample in late]).mean(axis=0)
         torque = np.array([sample.torque for sample in late]).mean(axis=0)
@@ -167,7 +160,7 @@ def test_a_tare_is_the_mean_load_and_is_taken_off(board: BoardServer):
     try:
         assert sensor.tare(200) == pytest.approx(LOADS[:3], abs=0.03)
         begun = len(heard.samples)
-        wait_for(lambda: len(heard.samples) > begun + 200)
+        until(lambda: len(heard.samples) > begun + 200)
         assert np.array([sample.force for sample in heard.samples[begun:]]).mean(axis=0) == pytest.approx(0, abs=0.03)
     finally:
         sensor.close()
@@ -178,7 +171,7 @@ def test_a_channel_at_the_end_of_the_converter_is_a_status_and_no_tare(board: Bo
     sensor.open(heard)
     try:
         board.faults.saturated = True
-        wait_for(lambda: heard.samples[-1].status == CHANNEL_AT_END)
+        until(lambda: heard.samples[-1].status == CHANNEL_AT_END)
         with pytest.raises(RigError, match="a channel at the end of the converter's range"):
             sensor.tare(50)
     finally:
@@ -189,7 +182,7 @@ def test_a_board_that_ends_is_told_and_gives_no_more_readings(board: BoardServer
     sensor, heard = sensor_at(board.port), Heard()
     sensor.open(heard)
     board.close()
-    wait_for(lambda: heard.said)
+    until(lambda: heard.said)
     assert "has stopped" in heard.said[0]
     sensor.close()
 

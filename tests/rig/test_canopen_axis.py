@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import pytest
 from canopen_bench import Bench, kept_benches
-from made_up_drive import until
+from waiting import until
 
 from cutenv.rig.config.axes import Axis
 from cutenv.rig.devices.samples import DriveState

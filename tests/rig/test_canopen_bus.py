@@ -11,7 +11,8 @@ from collections.abc import Iterator
 
 import can
 import pytest
-from made_up_drive import Ear, MadeUpDrive, until
+from made_up_drive import Ear, MadeUpDrive
+from waiting import until
 
 from cutenv.rig.config.axes import Axis
 from cutenv.rig.config.settings import Bus

@@ -7,7 +7,8 @@ import time
 from collections.abc import Iterator
 
 import pytest
-from made_up_drive import Ear, MadeUpDrive, until
+from made_up_drive import Ear, MadeUpDrive
+from waiting import until
 
 from cutenv.rig.config.axes import Axis
 from cutenv.rig.config.settings import Bus

@@ -8,7 +8,8 @@ from collections.abc import Iterator
 
 import pytest
 from canopen_bench import Bench, kept_benches
-from made_up_drive import FAULT, QUICK_STOP, SWITCHED_ON, until
+from made_up_drive import FAULT, QUICK_STOP, SWITCHED_ON
+from waiting import until
 
 from cutenv.rig.devices.canopen.axis import CanopenAxis
 from cutenv.rig.devices.samples import DriveState

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from datetime import date, timedelta
 from pathlib import Path
@@ -16,6 +17,7 @@ from hypothesis import settings as hypothesis_settings
 from made_up_settings import FREE, USUAL, with_surprises, with_value
 
 from cutenv.envs.rig_cut import RigCutEnv
+from cutenv.rig.config.laid import Laid
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.contradictions import contradictions
 from cutenv.rig.emulator.process import start
@@ -138,7 +140,7 @@ def cut_on_a_fake(settings: RigSettings) -> None:
 
     class Supply:
         def mount(self, key: SpecimenKey) -> None:
-            rig.mount(lambda settings: SpecimenPlant(specimen, settings))
+            rig.mount(functools.partial(SpecimenPlant, Laid(specimen=specimen)))
 
     with RigSession(rig.plant, AutomaticOperator(settings), Supply(), today=date(2026, 3, 1)) as session:
         session.next_cut(SpecimenKey(seed=3, episode=0), settings.fixed_angle)

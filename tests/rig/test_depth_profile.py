@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scripted_operator import ScriptedOperator
 
 from cutenv.rig.config.depth_profile import measured_depth
 from cutenv.rig.config.settings import RigSettings, SafetyLimits
 from cutenv.rig.errors import RigError
-from cutenv.rig.operation.operator import ScriptedOperator
 from cutenv.rig.operation.specimen_source import SpecimenKey, SpecimensByHand
 
 

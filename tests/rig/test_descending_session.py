@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scripted_operator import ScriptedOperator
 
 from cutenv.envs.constants import Constants
 from cutenv.envs.rig_source import RigSource
 from cutenv.recording import load_one
 from cutenv.rig.devices.samples import DriveState
 from cutenv.rig.errors import RigError
-from cutenv.rig.operation.operator import ScriptedOperator
 from cutenv.rig.operation.specimen_source import SpecimenKey
 from cutenv.rig.safety.stop_causes import Cause, RigStopped
 from cutenv.rig.toml_text import to_toml

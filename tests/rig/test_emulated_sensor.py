@@ -9,12 +9,13 @@ import urllib.error
 import urllib.request
 from collections.abc import Iterator
 
+import numpy as np
 import pytest
 from sensor_stream import LOADS, Feed, wait_for
 
 from cutenv.rig.devices.clock import FakeClock
 from cutenv.rig.devices.netft.packets import SensorPacket, SensorStatus, parse_packet
-from cutenv.rig.emulator.sensor_server import SensorServer
+from cutenv.rig.emulator.sensor_server import SensorPage, SensorServer
 
 START = bytes.fromhex("1234 0002 00000000")
 STOP = bytes.fromhex("1234 0000 00000000")
@@ -266,7 +267,8 @@ def test_latency_delays_in_order_and_is_caught_up_when_it_falls():
 
 def test_the_same_seed_loses_the_same_records():
     def received(seed: int) -> list[int]:
-        with SensorServer(seed=seed) as server:
+        with SensorServer() as server:
+            server.generator = np.random.default_rng(seed)
             server.faults.loss = 0.5
             wire = Wire(server)
             wire.start()
@@ -298,4 +300,4 @@ def test_its_page_is_the_only_one(server):
 
 def test_counts_that_no_record_can_hold_are_refused():
     with pytest.raises(ValueError, match="counts_per_newton = 2e"):
-        SensorServer(counts_per_newton=20_000_000)
+        SensorPage(counts_per_newton=20_000_000)

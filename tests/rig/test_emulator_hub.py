@@ -5,13 +5,13 @@ from __future__ import annotations
 import random
 import socket
 import threading
-import time
 from collections.abc import Iterator
 
 import can
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from waiting import until
 
 from cutenv.rig.emulator.hub import BadMessage, Frame, Hub, frame_text, parsed_send
 
@@ -40,13 +40,6 @@ def ears() -> Iterator[Ears]:
     yield made
     made.hub.close()
     assert "CAN hub" not in [thread.name for thread in threading.enumerate()]
-
-
-def until(true) -> None:
-    deadline = time.monotonic() + PATIENCE
-    while not true():
-        assert time.monotonic() < deadline
-        time.sleep(0.002)
 
 
 def test_the_handshake_is_socketcands_byte_for_byte(ears):

@@ -17,6 +17,7 @@ from collections.abc import Iterator
 import can
 import canopen
 import pytest
+from waiting import until
 
 from cutenv.rig.emulator.control import EmulatorControl
 from cutenv.rig.emulator.process import RunningEmulator, start
@@ -29,14 +30,6 @@ PATIENCE = 10.0  # [s], far beyond what is needed
 def emulator() -> Iterator[RunningEmulator]:
     with start(seed=3, real_time=False) as running:
         yield running
-
-
-def until(true, patience=PATIENCE):
-    deadline = time.monotonic() + patience
-    while not (found := true()):
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
-    return found
 
 
 def ended(pid: int) -> bool:

@@ -190,8 +190,8 @@ def test_a_supervisor_that_looks_away_fails_the_check(name):
 def test_every_cause_is_brought_about_by_some_fault():
     brought = set().union(*(causes for _, causes in FAULTS.values()))
     tested_below = {Cause.TRAVEL, Cause.ANGLE}
-    of_height = {Cause.HEIGHT, Cause.VERTICAL_FORCE, Cause.NOT_RAISED}  # tests/rig/test_height_axis.py
-    of_side = {Cause.SIDE}  # tests/rig/test_side_axis.py
+    of_height = {Cause.HEIGHT, Cause.VERTICAL_FORCE, Cause.NOT_RAISED}  # tests/rig/test_cross_axes.py
+    of_side = {Cause.SIDE}  # tests/rig/test_cross_axes.py
     assert brought | tested_below | of_height | of_side == set(Cause)
 
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import random
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from framed_device import LOADS, EmulatedBota, EmulatedRobotiq, serving
+from waiting import until
 
 from cutenv import cli
 from cutenv.commands.rig.init import SENSORS
@@ -57,14 +57,6 @@ def sensor(request: pytest.FixtureRequest) -> Iterator[tuple[Any, Any, Listening
         driver.open(listening)
         yield device, driver, listening
         driver.close()
-
-
-def until(true: Callable[[], Any]) -> Any:
-    deadline = time.monotonic() + 5.0
-    while not (found := true()):
-        assert time.monotonic() < deadline
-        time.sleep(0.005)
-    return found
 
 
 def test_readings_are_the_six_loads_and_none_is_lost(sensor: tuple[Any, Any, Listening]) -> None:
@@ -160,7 +152,7 @@ def test_of_100_000_damaged_frames_none_gives_a_wrong_force(name: str) -> None:
 
 
 def test_noise_alone_is_no_reading_and_ends_in_an_error_with_the_cure(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("cutenv.rig.devices.serial.framed_sensor._FIRST_READING", 0.3)
+    monkeypatch.setattr("cutenv.rig.devices.streamed_sensor.FIRST_READING", 0.3)
     with serving(EmulatedBota()) as device:
         device.damage = lambda frame: random.Random(device.sent).randbytes(len(frame))
         with pytest.raises(RigError, match="does not read: no reading came within"):

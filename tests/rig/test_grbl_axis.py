@@ -5,11 +5,12 @@ from __future__ import annotations
 import dataclasses
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from datetime import date
 from typing import Any
 
 import pytest
+from waiting import until
 
 from cutenv.rig.config.settings import RigSettings, SensorCalibration
 from cutenv.rig.contradictions import refuse_contradictions
@@ -28,7 +29,6 @@ from cutenv.rig.operation.preflight import prepare
 from cutenv.rig.safety.stop_causes import Cause
 from cutenv.rig.toml_text import template
 
-PATIENCE = 3.0  # [s]
 SPEED = 0.004  # [m/s]
 
 
@@ -54,14 +54,6 @@ def axis(machine: EmulatedGrbl) -> Iterator[tuple[GrblAxis, Listening]]:
     driver.set_zero()
     yield driver, listening
     driver.close()
-
-
-def until(true: Callable[[], Any]) -> Any:
-    deadline = time.monotonic() + PATIENCE
-    while not (found := true()):
-        assert time.monotonic() < deadline
-        time.sleep(0.005)
-    return found
 
 
 def moving(driver: GrblAxis, machine: EmulatedGrbl) -> None:

@@ -9,7 +9,8 @@ import time
 from typing import Any
 
 import pytest
-from made_up_drive import Ear, MadeUpDrive, until
+from made_up_drive import Ear, MadeUpDrive
+from waiting import until
 
 from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.recording import load_one

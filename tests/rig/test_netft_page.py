@@ -9,7 +9,7 @@ import time
 import pytest
 
 from cutenv.rig.devices.netft.settings_page import LARGEST, parse_page, read_page
-from cutenv.rig.emulator.sensor_server import SensorServer
+from cutenv.rig.emulator.sensor_server import SensorPage, SensorServer
 from cutenv.rig.errors import RigError
 
 PAGE = (
@@ -129,7 +129,9 @@ def test_a_page_is_fetched_from_where_it_is(web):
 
 
 def test_the_emulated_sensor_shows_a_page_that_is_read():
-    with SensorServer(counts_per_newton=2000, counts_per_newton_metre=30_000, rate=500.0) as server:
+    with SensorServer(
+        configuration=SensorPage(counts_per_newton=2000, counts_per_newton_metre=30_000, rate=500.0)
+    ) as server:
         found = read_page(server.page)
     assert (found.newtons_per_count, found.newton_metres_per_count, found.rate) == (1 / 2000, 1 / 30_000, 500.0)
 

@@ -17,7 +17,7 @@ from cutenv.rig.devices.drivers import ForceDriver
 from cutenv.rig.devices.netft.netft_sensor import NetftSensor
 from cutenv.rig.devices.netft.packets import SensorPacket, SensorStatus, packet_bytes
 from cutenv.rig.devices.reading_stream import STEADY_FORCE
-from cutenv.rig.emulator.sensor_server import SensorServer
+from cutenv.rig.emulator.sensor_server import SensorPage, SensorServer
 from cutenv.rig.errors import RigError
 
 COUNTS = (1_500_000, -2_250_000, 3_000_000, 100_000, -200_000, 300_000)
@@ -45,7 +45,8 @@ def test_it_is_a_force_driver(server):
 
 
 def test_readings_come_in_newtons_with_counts_status_and_sequence():
-    with SensorServer(counts_per_newton=2000, rate=500.0) as server, streaming(server) as (sensor, kept):
+    shown = SensorPage(counts_per_newton=2000, rate=500.0)
+    with SensorServer(configuration=shown) as server, streaming(server) as (sensor, kept):
         sample = kept.samples[0]
         assert sample.sequence == 1
         assert sample.force == pytest.approx(LOADS[:3])
@@ -109,8 +110,9 @@ def test_a_way_that_swaps_never_turns_the_order(server):
         assert sensor.counters.reordered > 20
 
 
-def test_the_sequence_wraps_around_without_a_loss():
-    with SensorServer(first_sequence=2**32 - 50) as server, streaming(server) as (sensor, kept):
+def test_the_sequence_wraps_around_without_a_loss(server):
+    server.first_sequence = 2**32 - 50
+    with streaming(server) as (sensor, kept):
         feed = Feed(server)
         wait_for(lambda: len(kept.samples) > 200)
         feed.close()
@@ -120,8 +122,9 @@ def test_the_sequence_wraps_around_without_a_loss():
 
 
 @pytest.mark.parametrize("restarted", [1, 3_000_000_000])
-def test_a_restarted_sensor_is_reported_and_taken_as_a_new_beginning(restarted):
-    with SensorServer(first_sequence=100_000) as server, streaming(server) as (_, kept):
+def test_a_restarted_sensor_is_reported_and_taken_as_a_new_beginning(server, restarted):
+    server.first_sequence = 100_000
+    with streaming(server) as (_, kept):
         before, last = len(kept.samples), kept.samples[-1].sequence
         send(server, restarted, restarted + 1, restarted + 2)
         wait_for(lambda: len(kept.samples) == before + 2)

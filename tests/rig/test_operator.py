@@ -11,10 +11,11 @@ import time
 from collections.abc import Callable, Iterator
 
 import pytest
+from scripted_operator import ScriptedOperator
 
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.errors import RigError
-from cutenv.rig.operation.operator import AutomaticOperator, Operator, ScriptedOperator, TerminalOperator
+from cutenv.rig.operation.operator import AutomaticOperator, Operator, TerminalOperator
 
 
 class Person:

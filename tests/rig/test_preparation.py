@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from datetime import date, timedelta
 
 import pytest
+from scripted_operator import ScriptedOperator
 
 from cutenv.rig.config.imitated_rig import fake_settings
+from cutenv.rig.config.laid import Laid
 from cutenv.rig.config.settings import SensorCalibration, SensorSettings
 from cutenv.rig.devices.clock import FakeClock
 from cutenv.rig.devices.samples import DriveState
 from cutenv.rig.errors import RigError
 from cutenv.rig.fake.fake_rig import FakeRig, fake_rig
 from cutenv.rig.fake.specimen_plant import SpecimenPlant
-from cutenv.rig.operation.operator import AutomaticOperator, ScriptedOperator
+from cutenv.rig.operation.operator import AutomaticOperator
 from cutenv.rig.operation.preflight import SETTLE, prepare
 from cutenv.rig.safety.stop_causes import Cause, RigStopped
 from cutenv.tissue.specimen import Specimen
@@ -140,7 +143,7 @@ def test_what_is_lowered_stays_lowered():
 def test_a_stop_before_the_first_cut_holds_no_readings_and_is_told_at_once():
     """There is no beginning yet that they could be counted from: not that of the clock, days ago."""
     specimen = Specimen.drawn(3, 0)
-    rig = FakeRig(lambda settings: SpecimenPlant(specimen, settings), fake_settings(), clock=FakeClock(1e6))
+    rig = FakeRig(functools.partial(SpecimenPlant, Laid(specimen=specimen)), fake_settings(), clock=FakeClock(1e6))
     rig.plant.open()
     rig.clock.sleep_until(rig.clock.now() + SETTLE)
     prepare(rig.plant, AutomaticOperator(rig.settings), today=TODAY)

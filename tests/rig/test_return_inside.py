@@ -6,11 +6,12 @@ from datetime import date
 
 import pytest
 from hand_moved_rig import HandMovedRig
+from scripted_operator import ScriptedOperator
 
 from cutenv.rig.devices.latch import Phase
 from cutenv.rig.devices.samples import DriveState
 from cutenv.rig.errors import RigError
-from cutenv.rig.operation.operator import AutomaticOperator, ScriptedOperator
+from cutenv.rig.operation.operator import AutomaticOperator
 from cutenv.rig.operation.preflight import prepare, return_inside
 from cutenv.rig.safety.motion_history import CREEP
 from cutenv.rig.safety.stop_causes import Cause, RigStopped

@@ -7,12 +7,12 @@ import json
 
 import numpy as np
 import pytest
+from scripted_operator import ScriptedOperator
 
 from cutenv.cli import main
 from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.policy import BASELINES
 from cutenv.recording import load_one
-from cutenv.rig.operation.operator import ScriptedOperator
 from cutenv.rig.safety.stop_causes import Cause
 from cutenv.sim_to_real import Agreement
 from cutenv.sim_to_real.paired_experiment import (

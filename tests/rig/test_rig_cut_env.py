@@ -9,6 +9,7 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
+from scripted_operator import ScriptedOperator
 
 from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.policy import BASELINES
@@ -18,7 +19,6 @@ from cutenv.rig.config.imitated_rig import fake_settings
 from cutenv.rig.devices.samples import DriveState
 from cutenv.rig.errors import RigError
 from cutenv.rig.fake.fake_rig import Faults
-from cutenv.rig.operation.operator import ScriptedOperator
 from cutenv.rig.safety.stop_causes import Cause
 from cutenv.rig.toml_text import to_toml
 from cutenv.scoring import score

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 import rig_faults
 import rig_trials
+from waiting import until
 
 from cutenv import cli
 from cutenv.commands.rig.run import paced
@@ -28,19 +29,16 @@ from cutenv.rig.devices.driver_registry import mounted
 from cutenv.rig.devices.serial.board_lines import board_line
 from cutenv.rig.devices.serial.slow_profile import RATES, slow_settings
 from cutenv.rig.emulator.process import RunningEmulator
-from cutenv.rig.emulator.serial.grbl_rig import EmulatedGrblRig
 from cutenv.rig.emulator.serial.serial_faults import GRBL_FAULTS, SERIAL_FAULTS
-from cutenv.rig.emulator.serial.serial_rig import EmulatedSerialRig, SerialOptions
+from cutenv.rig.emulator.serial.serial_rig import EmulatedGrblRig, EmulatedSerialRig, SerialOptions
 from cutenv.rig.hardware import rig_plant
 from cutenv.rig.operation.conformance import Listening
 from cutenv.rig.operation.suitability import decisions, fits, stopping_ways, suitability_lines
 from cutenv.rig.operation.weighing import GRAVITY, Weighing, weigh
-from cutenv.rig.safety.force_monitor import ForceMonitor
+from cutenv.rig.safety.force_monitor import ForceMonitor, ForceReadings
 from cutenv.rig.safety.stop_causes import Cause
 from cutenv.rig.toml_file import read_rig_file
 from cutenv.rig.toml_text import template, to_toml
-
-PATIENCE = 3.0  # [s]
 
 
 @pytest.fixture
@@ -74,14 +72,6 @@ def blade(rig: EmulatedSerialRig) -> Iterator[tuple[Any, Listening]]:
     driver.open(listening)
     yield driver, listening
     driver.close()
-
-
-def until(true: Callable[[], Any]) -> Any:
-    deadline = time.monotonic() + PATIENCE
-    while not (found := true()):
-        assert time.monotonic() < deadline
-        time.sleep(0.005)
-    return found
 
 
 def test_axis_and_load_cell_share_one_port_and_both_report(rig: EmulatedSerialRig) -> None:
@@ -302,7 +292,7 @@ def test_a_script_decides_as_fast_as_the_rig_allows_and_a_trained_policy_keeps_i
 
 def monitored(rate: float, true_rate: float, *, rate_error: float, axes: str = "x") -> set[Cause]:
     limits = slow_settings("/dev/x").limits
-    monitor = ForceMonitor(limits, rate, axes=axes, rate_error=rate_error)
+    monitor = ForceMonitor(limits, ForceReadings(rate, rate_error, axes))
     found = set()
     for number in range(round(10.0 * true_rate)):
         counts = (number * 7919 % 1009, 0, 0, 0, 0, 0)
@@ -326,7 +316,7 @@ def test_axes_that_a_sensor_does_not_have_are_not_watched_for_life() -> None:
 def test_a_rise_is_that_of_its_window_whatever_the_rate(rate: float) -> None:
     limits = SafetyLimits(force_rise=100.0, force=50.0, force_norm=50.0)
     for slope, stops in ((80.0, False), (130.0, True)):
-        monitor = ForceMonitor(limits, rate, axes="x")
+        monitor = ForceMonitor(limits, ForceReadings(rate, axes="x"))
         breaches = [
             monitor.check(ForceSample(k / rate, (slope * k / rate, 0.0, 0.0), (k, 0, 0, 0, 0, 0), 0, k, 0))
             for k in range(max(round(0.1 * rate), 4))

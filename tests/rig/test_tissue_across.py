@@ -13,12 +13,12 @@ from hand_moved_drive import INCREMENT
 from cutenv.commands.rig.emulate import _options, _parser
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.rig.config.imitated_rig import across
+from cutenv.rig.config.laid import Laid
 from cutenv.rig.devices.canopen.objects import HOMED
 from cutenv.rig.emulator.assembly import EmulatedRig, Options
 from cutenv.rig.emulator.control import answered
-from cutenv.rig.emulator.emulated_tissue import EmulatedTissue, Laid
+from cutenv.rig.emulator.emulated_tissue import ARM, EmulatedTissue
 from cutenv.rig.emulator.hub import Frame
-from cutenv.rig.emulator.tissue_across import ARM, TissueAcross
 from cutenv.rig.errors import RigError
 from cutenv.rig.tissue_in_plane import TissueInPlane
 from cutenv.tissue import Specimen
@@ -29,8 +29,8 @@ UPRIGHT = math.pi / 2
 WAY = np.linspace(0.0, 0.03, 1501)[1:]
 
 
-def layered(sensor: SensorParameters | None = None) -> TissueAcross:
-    return TissueAcross(("height",), sensor)
+def layered(sensor: SensorParameters | None = None) -> EmulatedTissue:
+    return EmulatedTissue(sensor, axes=("height",))
 
 
 def laid(of: Callable[[SensorParameters], EmulatedTissue], **more) -> EmulatedTissue:
@@ -66,10 +66,12 @@ def test_a_lower_blade_cuts_deeper_and_a_rising_one_is_held_down():
 
 
 def test_a_specimen_is_laid_only_with_the_blade_at_height_0():
-    bench = layered()
+    bench, what = layered(), Laid()
+    bench.places["height"] = 0.005
     with pytest.raises(RigError, match=r"the height axis stands at 5\.0 mm: move it to 0 \(within 2 mm\)"):
-        bench.check_places({"height": 0.005})
-    bench.check_places({"height": -0.0019})
+        bench.mount(what.drawn(), what, position=0.0, angle=UPRIGHT)
+    bench.places["height"] = -0.0019
+    bench.mount(what.drawn(), what, position=0.0, angle=UPRIGHT)
 
 
 def test_the_option_adds_a_third_node_with_its_own_dictionary_that_says_it_is_homed():

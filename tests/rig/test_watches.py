@@ -14,7 +14,7 @@ from cutenv.rig.config.imitated_rig import fake_settings
 from cutenv.rig.config.settings import Identified, SafetyLimits
 from cutenv.rig.devices.samples import DriveState, ForceSample, MotionSample
 from cutenv.rig.safety.following_monitor import FollowingMonitor
-from cutenv.rig.safety.force_monitor import ForceMonitor
+from cutenv.rig.safety.force_monitor import ForceMonitor, ForceReadings
 from cutenv.rig.safety.motion_monitor import MotionMonitor
 from cutenv.rig.safety.sample_rate_monitor import SURPLUS, SampleRateMonitor
 from cutenv.rig.safety.stop_causes import STILL, Cause
@@ -31,7 +31,7 @@ def reading(n: int, force=(0.0, 0.0, 0.0), *, time=None, status=0, lost=0, count
 
 
 def causes(samples: list[ForceSample]) -> list[Cause | None]:
-    watch = ForceMonitor(LIMITS, 1000.0)
+    watch = ForceMonitor(LIMITS, ForceReadings(1000.0))
     return [breach and breach.cause for breach in map(watch.check, samples)]
 
 
@@ -203,7 +203,7 @@ def test_limits_on_the_command_line_may_only_be_lower():
 
 def noisy(count: int, *, frozen: int | None, at: int = 0, moving=lambda n: True, identified=None) -> int | None:
     """Reading after ``at`` in which a force that stands from there on is found; torques and other forces flicker."""
-    watch = ForceMonitor(LIMITS, 1000.0, identified)
+    watch = ForceMonitor(LIMITS, ForceReadings(1000.0), identified)
     for n in range(1, count):
         counts = [3 * n % 7, 5 * n % 11, 2 * n % 5, n, n, n]
         if frozen is not None and n >= at:

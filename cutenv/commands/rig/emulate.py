@@ -19,8 +19,8 @@ from cutenv.commands.options import add_specimen_class, command_parser, reports_
 from cutenv.rig.config.axes import Axis
 
 if TYPE_CHECKING:
+    from cutenv.rig.config.laid import Laid
     from cutenv.rig.emulator.assembly import Options
-    from cutenv.rig.emulator.emulated_tissue import Laid
     from cutenv.rig.emulator.serial.serial_rig import SerialOptions
 
 _ROTOR_INERTIA_PER_MASS = (Axis().lead / (2.0 * math.pi * Axis().gear)) ** 2  # [m2]
@@ -77,7 +77,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _laid(arguments: argparse.Namespace) -> Laid | None:
-    from cutenv.rig.emulator.emulated_tissue import Laid
+    from cutenv.rig.config.laid import Laid
     from cutenv.tissue.description import load_description
 
     if arguments.free_air:

@@ -15,18 +15,18 @@ from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.plant.simulator import ANGLE_RANGE, check_angle
 from cutenv.rig.config.axes import Axis, CrossAxis
+from cutenv.rig.config.laid import Laid
 from cutenv.rig.config.settings import SafetyLimits
 from cutenv.rig.devices.analogue.sensor_calibration_file import AnalogueCalibration
 from cutenv.rig.emulator.board_server import BoardServer
 from cutenv.rig.emulator.emulated_axis import EmulatedAxis
 from cutenv.rig.emulator.emulated_bench import EmulatedBench
-from cutenv.rig.emulator.emulated_tissue import EmulatedTissue, Laid
+from cutenv.rig.emulator.emulated_tissue import ARM, EmulatedTissue
 from cutenv.rig.emulator.faults import FAULTS
 from cutenv.rig.emulator.hub import Frame, Hub
 from cutenv.rig.emulator.motor import Mechanics, hinge
 from cutenv.rig.emulator.node import Node
 from cutenv.rig.emulator.sensor_server import SensorServer
-from cutenv.rig.emulator.tissue_across import ARM, TissueAcross
 
 BLADE = Axis(low=-0.002, high=0.149)
 """Axis of the emulated rig's carriage."""
@@ -159,11 +159,7 @@ class EmulatedRig(EmulatedBench):
         felt = self.options.sensor
         if self.options.analogue is not None:
             felt = replace(felt, force_resolution=0.0)  # the converter's
-        self._across: TissueAcross | None = None
-        bench = EmulatedTissue(felt, self.options.law)
-        if self.options.cross_axes:
-            bench = self._across = TissueAcross(self.options.cross_axes, felt, self.options.law)
-        super().__init__(bench, self.options.force_limit)
+        super().__init__(EmulatedTissue(felt, self.options.law, self.options.cross_axes), self.options.force_limit)
         self.axes: dict[str, EmulatedAxis] = {
             "blade": EmulatedAxis(
                 "blade", self.options.blade_axis, self.options.blade_mechanics, position=0.0, margin=0.003
@@ -249,9 +245,10 @@ class EmulatedRig(EmulatedBench):
     def _noted(self) -> dict[str, Any]:
         return {f"{name}_m": place for name, place in self.places.items()}
 
-    def _before_mount(self) -> None:
-        if self._across is not None:
-            self._across.check_places(self.places)
+    def mount(self, laid: Laid) -> None:
+        """Lay a fresh specimen; see :meth:`EmulatedTissue.mount`."""
+        self.bench.places = self.places
+        super().mount(laid)
 
     def step(self, due: float) -> None:
         """Advance by one millisecond, that of time ``due`` [s]."""
@@ -268,20 +265,19 @@ class EmulatedRig(EmulatedBench):
                 self.axes["angle"].turn(0.0)
             before = abs(self.bench.true_force)
             speed = abs(float(blade.motor["carriage_speed"]))
-            if self._across is not None:
-                for name in self.cross_axes:
-                    axis, felt = self.axes[name], self._across.forces[name]
-                    axis.turn(felt if name == "height" else -felt)
-                    speed = max(speed, abs(float(axis.motor["carriage_speed"])))
-                self._across.places = self.places
+            for name in self.cross_axes:
+                axis, felt = self.axes[name], self.bench.forces[name]
+                axis.turn(felt if name == "height" else -felt)
+                speed = max(speed, abs(float(axis.motor["carriage_speed"])))
+            self.bench.places = self.places
             reading = self.bench.advance(float(blade.motor["carriage"]), self.angle)
         self._watch(due, before, abs(self.bench.true_force), speed)
         if self.options.range != "task":
             self._flag(due, speed)
         self._ticks += 1
         fy, fz, tx, ty, tz = self._noise_rows[self._ticks % len(self._noise_rows)]
-        if self._across is not None:
-            forces = self._across.forces
+        if self.cross_axes:
+            forces = self.bench.forces
             fy, fz, ty = fy + forces.get("side", 0.0), fz + forces.get("height", 0.0), ty - ARM * reading
         self.sensor.send((reading, fy, fz, tx, ty, tz))
 

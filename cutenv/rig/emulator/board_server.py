@@ -14,13 +14,14 @@ import numpy as np
 from cutenv._base.arrays import Array
 from cutenv.rig.devices.analogue.boards import SCAN
 from cutenv.rig.devices.analogue.sensor_calibration_file import AnalogueCalibration
-from cutenv.rig.devices.clock import Clock, SystemClock
+from cutenv.rig.devices.clock import SystemClock
 from cutenv.rig.emulator.sensor_server import Loads, SensorFaults
 
 NOISE = 0.4
 """Standard deviation of each channel's noise, in counts; assumed."""
 _DIGITAL = ("status", "loss", "reorder")  # faults of a sensor that sends packets
 _NOISES = 4096
+_RATE = 1000.0  # [Hz] of the readings; the caller of send has to keep it
 _SEQUENCES = 1 << 32
 
 
@@ -45,12 +46,6 @@ class BoardServer:
         Address to listen on.
     port : int
         TCP port; 0 takes a free one.
-    rate : float
-        Rate of the readings [Hz]; the caller of :meth:`send` has to keep it.
-    seed : int
-        Seed of the channels' noise.
-    clock : Clock, optional
-        Clock for the latency; the machine's by default.
 
     Attributes
     ----------
@@ -70,17 +65,14 @@ class BoardServer:
         *,
         host: str = "127.0.0.1",
         port: int = 0,
-        rate: float = 1000.0,
-        seed: int = 0,
-        clock: Clock | None = None,
     ) -> None:
         self.faults = AnalogueFaults()
         self.unsent = 0
         self.calibration = calibration
-        self._header = json.dumps({"bits": calibration.bits, "range_V": calibration.range, "rate_Hz": rate}) + "\n"
+        self._header = json.dumps({"bits": calibration.bits, "range_V": calibration.range, "rate_Hz": _RATE}) + "\n"
         self._volts_per_load = np.linalg.inv(calibration.matrix)
-        self._noise = NOISE * calibration.count * np.random.default_rng(seed).standard_normal((_NOISES, 6))
-        self._clock: Clock = SystemClock() if clock is None else clock
+        self._noise = NOISE * calibration.count * np.random.default_rng(0).standard_normal((_NOISES, 6))
+        self._clock = SystemClock()
         self._lock = threading.Lock()
         self._client: socket.socket | None = None
         self._number = 0

@@ -11,7 +11,8 @@ from typing import Any, ClassVar
 
 from cutenv._base.validation import one_of
 from cutenv.cutting.dtypes import TICK
-from cutenv.rig.emulator.emulated_tissue import EmulatedTissue, Laid
+from cutenv.rig.config.laid import Laid
+from cutenv.rig.emulator.emulated_tissue import EmulatedTissue
 from cutenv.rig.emulator.faults import InjectedFault
 from cutenv.rig.errors import RigError
 
@@ -109,12 +110,7 @@ class EmulatedBench(ABC):
         """Lay a fresh specimen; see :meth:`EmulatedTissue.mount`."""
         specimen = laid.drawn()
         with self.lock:
-            self._before_mount()
             self.bench.mount(specimen, laid, position=self.position, angle=self.angle)
-
-    def _before_mount(self) -> None:
-        """Raise an error if no specimen can be laid now; by default one can."""
-        return
 
     def inject(self, name: str, given: dict[str, Any]) -> dict[str, Any]:
         """Start a fault now; return its parameters.

@@ -1,96 +1,29 @@
-"""Tissue on the emulated rig: the cutting law under the motor's blade, measured by the simulator's force sensor."""
+"""Tissue on an emulated rig: the laws of cutting under the blade that its motors move, and the force sensor."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Iterable
 
-import numpy as np
-
-from cutenv._base.arrays import StructArray
-from cutenv._engine.jit import njit
-from cutenv._engine.lanes import first_row
-from cutenv.cutting.dtypes import TICK, new_state
-from cutenv.cutting.lanes import lane_views
-from cutenv.cutting.motion import STRAIGHT, Moving
-from cutenv.cutting.parameters import LawParameters, law_records, profile_records
-from cutenv.cutting.row import begin, plain_views, put, take_tissue
-from cutenv.cutting.sensor import SensorParameters, measure, sensor_records
-from cutenv.cutting.update import cut_row
-from cutenv.plant.simulator import ANGLE_RANGE
+from cutenv.cutting.descent import HIGHEST, LOWEST
+from cutenv.cutting.parameters import LawParameters
+from cutenv.cutting.sensor import Sensor, SensorParameters
+from cutenv.plant import DescendingPlant, SimulatedPlant
+from cutenv.rig.config.laid import Laid
 from cutenv.rig.errors import RigError
-from cutenv.tissue.description import TissueDescription
-from cutenv.tissue.layers import Layers
-from cutenv.tissue.lines import CutLine
-from cutenv.tissue.specimen import LENGTH, SPACING, Specimen
+from cutenv.rig.tissue_in_plane import TissueInPlane, measured, within
+from cutenv.tissue.specimen import Specimen
 
 CLAMP_TOLERANCE = 0.002
 """Greatest distance of the blade from the clamp at which a specimen can be laid [m]."""
-
-_TISSUE: np.dtype[Any] = np.dtype(
-    (
-        np.record,
-        [
-            *STRAIGHT.cut.descr,  # its drive is unused: the motor is emulated
-            ("free_air", "i8"),
-            ("extra", "f8"),  # [N] added force
-            ("true_force", "f8"),  # [N] on the blade
-        ],
-    )
-)
-
-_cut_row, _SCALARS = cut_row(STRAIGHT), STRAIGHT.scalars
-
-
-@njit
-def feel(tissues: StructArray, position: float, angle: float, dt: float) -> float:
-    """Move the blade to ``position`` [m] and ``angle`` [rad] in ``dt`` [s]; return the sensor's reading [N]."""
-    tissue = tissues[0]
-    state, row = tissue.states[0], first_row(tissue.rows)
-    force = tissue.extra
-    if tissue.free_air:
-        state.speed = (position - state.blade) / dt
-        state.blade = position
-        state.tick += 1
-    else:
-        plain = plain_views(tissue.rows, tissue.states, tissue.laws, tissue.drives)
-        take_tissue(row, plain, tissue.profiles[0], 0, 0)
-        begin(row, plain, 1)
-        row.dx[0], row.next_angle[0] = position - row.blade[0], angle
-        row.turns = 1 if angle != row.angle[0] else 0
-        views = lane_views(tissue.lanes, tissue.motions, 1, _SCALARS)
-        _cut_row(row, Moving(first_row(tissue.lanes), views, tissue.motions, tissue.motions), tissue.profiles, dt)
-        put(row, plain, 0, 0)
-        force += row.force[0]
-    tissue.true_force = force
-    return measure(tissue.rows, tissue.sensors, force, state.tick - 1)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Laid:
-    """Specimen on the bench, by its key or as an object."""
-
-    seed: int = 0
-    episode: int = 0
-    specimen_class: str = "liver"
-    tissue: TissueDescription | None = None
-    specimen: Specimen | None = None
-    """Specimen that is given instead of drawn; seed and episode then only select the sensor's noise."""
-    layers: Layers | None = None
-    """Layers over its depth, for a rig with a height axis; default one tissue throughout."""
-    line: CutLine | None = None
-    """Line along which its profiles lie, for a rig with an axis to the side; default the axis of the slab."""
-
-    def drawn(self) -> Specimen:
-        """Return the specimen; raises ValueError if seed, episode or class is invalid."""
-        if self.specimen is not None:
-            return self.specimen
-        return Specimen.drawn(self.seed, self.episode, specimen_class=self.specimen_class, tissue=self.tissue)
+ARM = 0.1
+"""Distance from the blade's lower end up to the sensor, of an imitated rig with an axis across the cut [m]."""
 
 
 class EmulatedTissue:
     """Specimen, blade and force sensor, a millisecond at a time.
+
+    A specimen along a line feels the blade in the plane, another one in height, where the rig has the axis.
 
     Parameters
     ----------
@@ -98,18 +31,35 @@ class EmulatedTissue:
         Force sensor; as in the simulator by default.
     law : LawParameters, optional
         Cutting law; as in the simulator by default.
+    axes : iterable of str
+        Axes across the cut, "height" and "side".
+
+    Attributes
+    ----------
+    places : dict
+        Height of the blade's lower end, and place to the left, in the next millisecond [m], by axis.
+    forces : dict
+        Force of the tissue on the blade, upwards, and to the right, in the last one [N], with what a fault adds.
     """
 
-    def __init__(self, sensor: SensorParameters | None = None, law: LawParameters | None = None) -> None:
+    def __init__(
+        self, sensor: SensorParameters | None = None, law: LawParameters | None = None, axes: Iterable[str] = ()
+    ) -> None:
         self._sensor, self._law = sensor or SensorParameters(), law
-        self._records = np.zeros(1, _TISSUE)
+        self.places = dict.fromkeys(axes, 0.0)
+        self.forces, self._added = dict(self.places), dict(self.places)
+        self._extra = self._force = 0.0
+        self._felt = Sensor(self._sensor)
+        self.take_away()
+
+    def take_away(self) -> None:
+        """Remove the specimen: the blade is in free air, without force."""
         self.laid: Laid | None = None
-        self._records["states"] = new_state(1, math.pi / 2)
-        self._records["sensors"] = sensor_records([self._sensor], [0], [0])
-        self._records["free_air"] = 1
+        self._plant: SimulatedPlant | None = None
+        self._plane: TissueInPlane | None = None
 
     def mount(self, specimen: Specimen, laid: Laid, *, position: float, angle: float) -> None:
-        """Clamp a fresh specimen with its crack at the blade, which must be at the clamp.
+        """Clamp a fresh specimen with its crack at the blade, which must be at the clamp, at height 0, in the middle.
 
         Parameters
         ----------
@@ -118,62 +68,78 @@ class EmulatedTissue:
         laid : Laid
             Key of the specimen; seed and episode select the sensor's noise, as in the simulator.
         position, angle : float
-            Position [m] and angle [rad] of the blade.
+            Position [m] and angle [rad] of the blade; :attr:`places` are those of the other axes.
 
         Raises
         ------
         RigError
-            If the blade is not at the clamp.
+            If the blade is somewhere else.
         """
+        for name, place in self.places.items():
+            if abs(place) > CLAMP_TOLERANCE:
+                raise RigError(
+                    f"the {name} axis stands at {1e3 * place:.1f} mm: move it to 0 (within {1e3 * CLAMP_TOLERANCE:g} "
+                    "mm) before a specimen is laid."
+                )
         if abs(position) > CLAMP_TOLERANCE:
             raise RigError(
                 f"the blade stands at {1e3 * position:.1f} mm: drive it to the clamp (within "
                 f"{1e3 * CLAMP_TOLERANCE:g} mm) "
                 "before a specimen is laid."
             )
-        records = np.zeros(1, _TISSUE)
-        records["states"] = new_state(1, measured(angle))
-        records["states"]["blade"] = records["states"]["tip"] = within(position)
-        records["profiles"] = profile_records([specimen])
-        records["laws"] = law_records([specimen], self._law)
-        records["sensors"] = sensor_records([self._sensor], [laid.seed], [laid.episode])
-        records["extra"] = self._records["extra"]
-        self._records = records
+        self.take_away()
         self.laid = laid
-
-    def take_away(self) -> None:
-        """Remove the specimen: the blade is in free air, without force."""
-        self._records["free_air"] = 1
-        self.laid = None
+        self._felt = Sensor(self._sensor, seed=laid.seed, episode=laid.episode)
+        if laid.line is not None:
+            self._plane = TissueInPlane(specimen, laid.line, law=self._law, angle=angle)
+        elif "height" in self.places:
+            self._plant = DescendingPlant(specimen, layers=laid.layers, law=self._law, angle=measured(angle))
+        else:
+            self._plant = SimulatedPlant(specimen, law=self._law, angle=measured(angle))
+        if self._plant is not None:
+            self._plant.states["blade"] = self._plant.states["tip"] = within(position)
 
     def add_force(self, force: float) -> None:
-        """Add ``force`` [N] to the tissue's; 0 removes it."""
-        self._records["extra"] = force
+        """Add ``force`` [N] to the tissue's along the cut; 0 removes it."""
+        self._extra = force
 
     def add_across(self, axis: str, force: float) -> None:
-        """Raise ValueError: without an axis across the cut there is no force along it."""
-        raise ValueError(f"this rig has no {axis} axis. Start the emulator with --{axis}.")
+        """Add a ``force`` [N], upwards, or to the right, to the tissue's; 0 removes it.
+
+        Raises
+        ------
+        ValueError
+            If the rig has no such axis: there is no force along it.
+        """
+        if axis not in self._added:
+            raise ValueError(f"this rig has no {axis} axis. Start the emulator with --{axis}.")
+        self._added[axis] = force
 
     def advance(self, position: float, angle: float) -> float:
-        """Move to ``position`` [m] and ``angle`` [rad] in one millisecond; return the sensor's reading [N]."""
-        return feel(self._records, within(position), measured(angle), TICK)
+        """Move the blade to ``position`` [m], ``angle`` [rad] and :attr:`places`; return the reading along the cut [N].
+
+        It takes a millisecond. Outside the specimen, and of what a law describes, the blade is held at its border.
+        """
+        self.forces, self._force = dict(self._added), self._extra
+        if self._plane is not None:
+            self._plane.advance(position, self.places["side"], angle)
+            self._force += self._plane.force
+            self.forces["side"] += self._plane.side_force
+        elif (plant := self._plant) is not None:
+            level = min(max(self.places.get("height", 0.0), LOWEST), HIGHEST)
+            self._force += float(plant.lead(within(position), measured(angle), level)["true_force"][0])
+            if isinstance(plant, DescendingPlant):
+                self.forces["height"] += float(plant.vertical_force[0])
+        return self._felt.measure(self._force)
 
     @property
     def true_force(self) -> float:
         """Force of the tissue on the blade, back toward the clamp [N]."""
-        return float(self._records[0].true_force)
+        return self._force
 
     @property
     def tip(self) -> float:
-        """Position of the crack tip [m]."""
-        return float(self._records[0].states[0].tip)
-
-
-def within(position: float) -> float:
-    """Limit a position [m] to the part of the carriage's travel in which there is tissue."""
-    return min(max(position, 0.0), LENGTH - SPACING)
-
-
-def measured(angle: float) -> float:
-    """Limit an angle [rad] to the range for which the law was measured."""
-    return min(max(angle, ANGLE_RANGE[0]), ANGLE_RANGE[1])
+        """Position of the crack tip, along its line if it has one [m]."""
+        if self._plane is not None:
+            return self._plane.tip
+        return math.nan if self._plant is None else float(self._plant.states["tip"][0])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from cutenv._base.validation import in_range, one_of
@@ -75,61 +76,59 @@ class InjectedFault:
         return checked
 
 
-def _of_node(attribute: str, summary: str) -> InjectedFault:
+Act = Callable[[Any, Parameters, Any], None]
+"""Change of a rig, from its parameters and a value."""
+
+
+def switched(
+    act: Act, summary: str, on: Any = True, off: Any = False, *, of_axis: bool = False, **parameters: Range
+) -> InjectedFault:
+    """Make a fault that acts with ``on``, or the parameter of that name, and at its end with ``off``."""
+
+    def begin(rig: Any, given: Parameters) -> None:
+        act(rig, given, type(off)(given[on] if isinstance(on, str) else on))
+
     return InjectedFault(
-        summary=summary,
-        of_axis=True,
-        begin=lambda rig, p: setattr(rig.nodes[p["axis"]], attribute, True),
-        end=lambda rig, p: setattr(rig.nodes[p["axis"]], attribute, False),
+        summary=summary, of_axis=of_axis, parameters=parameters, begin=begin, end=lambda rig, p: act(rig, p, off)
     )
 
 
-def _of_motor(entry: str, summary: str, value: float | str, healthy: float, **parameters: Range) -> InjectedFault:
-    """Make a fault that is one number of the motor's record: ``value``, or the parameter of that name."""
-
-    def begin(rig: FaultyRig, given: Parameters) -> None:
-        rig.axes[given["axis"]].motor[entry] = given[value] if isinstance(value, str) else value
-
-    def end(rig: FaultyRig, given: Parameters) -> None:
-        rig.axes[given["axis"]].motor[entry] = healthy
-
-    return InjectedFault(summary=summary, of_axis=True, parameters=parameters, begin=begin, end=end)
+def attribute(name: str, of: str = "") -> Act:
+    """Set an attribute of a part of the rig, such as "sensor.faults"; "": of the rig itself."""
+    return lambda rig, p, value: setattr(attrgetter(of)(rig) if of else rig, name, value)
 
 
-def _of_sensor(attribute: str, summary: str, value: Any, healthy: Any, **parameters: Range) -> InjectedFault:
-    """Make a fault of the sensor: ``value``, or the parameter of that name."""
-
-    def begin(rig: FaultyRig, given: Parameters) -> None:
-        wanted = given[value] if isinstance(value, str) else value
-        setattr(rig.sensor.faults, attribute, type(healthy)(wanted))
-
-    def end(rig: FaultyRig, given: Parameters) -> None:
-        setattr(rig.sensor.faults, attribute, healthy)
-
-    return InjectedFault(summary=summary, parameters=parameters, begin=begin, end=end)
+def force_fault(summary: str, act: Act, force: float) -> InjectedFault:
+    """Make a fault that is an added force [N]."""
+    return switched(act, summary, "force_N", 0.0, force_N=Range(force, -190.0, 190.0, "N"))
 
 
-def _fail(rig: FaultyRig, given: Parameters) -> None:
-    rig.nodes[given["axis"]].failure = int(given["code"])
+OVER_FORCE = force_fault("a force is added to the tissue's", lambda rig, p, force: rig.bench.add_force(force), 25.0)
+"""Fault of every rig: a force along the cut."""
 
 
-def _mend(rig: FaultyRig, given: Parameters) -> None:
-    rig.nodes[given["axis"]].failure = 0
+def _of_node(name: str, summary: str) -> InjectedFault:
+    return switched(lambda rig, p, value: setattr(rig.nodes[p["axis"]], name, value), summary, of_axis=True)
 
 
-def _power(on: bool) -> Callable[[FaultyRig, Parameters], None]:
-    return lambda rig, given: rig.nodes[given["axis"]].power(on, rig.now())
+def _of_motor(entry: str, summary: str, on: float | str, off: float, **parameters: Range) -> InjectedFault:
+    def act(rig: FaultyRig, given: Parameters, value: float) -> None:
+        rig.axes[given["axis"]].motor[entry] = value
+
+    return switched(act, summary, on, off, of_axis=True, **parameters)
+
+
+def _of_sensor(name: str, summary: str, on: Any = True, off: Any = False, **parameters: Range) -> InjectedFault:
+    return switched(attribute(name, "sensor.faults"), summary, on, off, of_axis=False, **parameters)
 
 
 FAULTS: dict[str, InjectedFault] = {
     "heartbeat_lost": _of_node("heartbeat_lost", "the drive sends no heartbeats; all else goes on"),
     "bus_off": _of_node("bus_off", "the drive neither sends nor receives frames; its motor goes on"),
     "doubled_frames": _of_node("doubles", "every frame to and from the drive comes twice"),
-    "stuck_encoder": InjectedFault(
-        summary="position and velocity stand still while the motor turns",
-        of_axis=True,
-        begin=lambda rig, p: rig.axes[p["axis"]].stick(True),
-        end=lambda rig, p: rig.axes[p["axis"]].stick(False),
+    "stuck_encoder": switched(
+        lambda rig, p, stuck: rig.axes[p["axis"]].stick(stuck),
+        "position and velocity stand still while the motor turns", of_axis=True,
     ),
     "following_error": _of_motor("blocked", "the motor is blocked, and the encoder behind its demand", 1, 0),
     "cannot_be_raised": _of_motor("blocked", "the axis moves down or back, but not up or on", 2, 0),
@@ -148,9 +147,10 @@ FAULTS: dict[str, InjectedFault] = {
         "runaway", "the drive takes a speed of its own instead of the target; it still obeys a stop",
         "speed", float("nan"), speed=Range(0.05, -0.2, 0.2, "m/s or rad/s"),
     ),
-    "drive_fault": InjectedFault(
-        summary="the drive finds something wrong and takes its torque away at once (0x2310: over-current)",
-        of_axis=True, begin=_fail, end=_mend, parameters={"code": Range(Emergency.OVER_CURRENT, 1, 0xFFFF, "1")},
+    "drive_fault": switched(
+        lambda rig, p, code: setattr(rig.nodes[p["axis"]], "failure", code),
+        "the drive finds something wrong and takes its torque away at once (0x2310: over-current)", "code", 0,
+        of_axis=True, code=Range(Emergency.OVER_CURRENT, 1, 0xFFFF, "1"),
     ),
     "second_master": InjectedFault(
         summary="another master enables the drive and commands a speed, every millisecond",
@@ -158,34 +158,25 @@ FAULTS: dict[str, InjectedFault] = {
         begin=lambda rig, p: rig.intruders.update({p["axis"]: p["speed"]}),
         end=lambda rig, p: rig.intruders.clear(),
     ),
-    "power_loss": InjectedFault(
-        summary="the drive is silent and the motor coasts; at the end it restarts",
-        of_axis=True, begin=_power(False), end=_power(True),
+    "power_loss": switched(
+        lambda rig, p, lost: rig.nodes[p["axis"]].power(not lost, rig.now()),
+        "the drive is silent and the motor coasts; at the end it restarts", of_axis=True,
     ),
-    "over_force": InjectedFault(
-        summary="a force is added to the tissue's",
-        begin=lambda rig, p: rig.bench.add_force(p["force_N"]),
-        end=lambda rig, p: rig.bench.add_force(0.0),
-        parameters={"force_N": Range(25.0, -190.0, 190.0, "N")},
+    "over_force": OVER_FORCE,
+    "over_lift": force_fault(
+        "a force is added to the vertical one, on a rig with a height axis",
+        lambda rig, p, force: rig.bench.add_across("height", force), -14.0,
     ),
-    "over_lift": InjectedFault(
-        summary="a force is added to the vertical one, on a rig with a height axis",
-        begin=lambda rig, p: rig.bench.add_across("height", p["force_N"]),
-        end=lambda rig, p: rig.bench.add_across("height", 0.0),
-        parameters={"force_N": Range(-14.0, -190.0, 190.0, "N")},
+    "side_push": force_fault(
+        "a force to the right is added to that across the cut, on a rig with an axis to the side",
+        lambda rig, p, force: rig.bench.add_across("side", force), 25.0,
     ),
-    "side_push": InjectedFault(
-        summary="a force to the right is added to that across the cut, on a rig with an axis to the side",
-        begin=lambda rig, p: rig.bench.add_across("side", p["force_N"]),
-        end=lambda rig, p: rig.bench.add_across("side", 0.0),
-        parameters={"force_N": Range(25.0, -190.0, 190.0, "N")},
-    ),
-    "sensor_freeze": _of_sensor("frozen", "the counts stay as they are", True, False),
+    "sensor_freeze": _of_sensor("frozen", "the counts stay as they are"),
     "axis_freeze": _of_sensor(
         "frozen_axis", "one force stays as it is (0: x, 1: y, 2: z); the others and the torques go on", "number", -1,
         number=Range(0, 0, 2, "1"),
     ),
-    "sensor_silent": _of_sensor("silent", "the sensor sends nothing", True, False),
+    "sensor_silent": _of_sensor("silent", "the sensor sends nothing"),
     "bad_status": _of_sensor(
         "status", "readings carry a status that is not healthy", "status", 0,
         status=Range(0x80010000, 1, 0xFFFFFFFF, "1"),
@@ -193,9 +184,9 @@ FAULTS: dict[str, InjectedFault] = {
     "packet_loss": _of_sensor(
         "loss", "a share of the readings is lost", "share", 0.0, share=Range(0.5, 0.0, 1.0, "1")
     ),
-    "reordering": _of_sensor("reorder", "readings overtake each other", True, False),
+    "reordering": _of_sensor("reorder", "readings overtake each other"),
     "latency": _of_sensor("latency", "readings come late", "delay_s", 0.0, delay_s=Range(0.05, 0.0, 2.0, "s")),
-    "saturation": _of_sensor("saturated", "forces stand at the end of the sensor's range", True, False),
+    "saturation": _of_sensor("saturated", "forces stand at the end of the sensor's range"),
 }  # fmt: skip
 """Every fault, by name."""
 

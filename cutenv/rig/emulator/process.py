@@ -23,11 +23,13 @@ from cutenv._base.atomic_file import atomic_write
 from cutenv._base.validation import one_of
 from cutenv._engine.jit import warn_before_first_compile
 from cutenv.cutting.descent import DESCENDING
+from cutenv.cutting.motion import STRAIGHT
 from cutenv.cutting.sensor import measure
 from cutenv.cutting.simulate import follow
 from cutenv.cutting.steering import STEERED
 from cutenv.rig.config.imitated_rig import EMULATED, EMULATOR
 from cutenv.rig.config.imitated_rig import across as cross_axes
+from cutenv.rig.config.laid import Laid
 from cutenv.rig.config.settings import Bus, PositionControl, RigSettings, SensorCalibration, SensorSettings
 from cutenv.rig.devices.analogue.analogue_sensor import AnalogueOptions
 from cutenv.rig.devices.real_time import prefer
@@ -35,10 +37,8 @@ from cutenv.rig.devices.serial.slow_profile import grbl_settings, slow_settings
 from cutenv.rig.emulator.assembly import RANGES, EmulatedRig, Options
 from cutenv.rig.emulator.control import ControlServer, EmulatorControl
 from cutenv.rig.emulator.emulated_bench import STALL, EmulatedBench
-from cutenv.rig.emulator.emulated_tissue import Laid, feel
 from cutenv.rig.emulator.motor import position_control, turn_motor
-from cutenv.rig.emulator.serial.grbl_rig import EmulatedGrblRig
-from cutenv.rig.emulator.serial.serial_rig import EmulatedSerialRig, SerialOptions
+from cutenv.rig.emulator.serial.serial_rig import EmulatedGrblRig, EmulatedSerialRig, SerialOptions
 from cutenv.rig.errors import RigError
 from cutenv.rig.toml_text import to_toml
 from cutenv.tissue.grid import N_POINTS, SPACING
@@ -53,7 +53,8 @@ _SWITCH = 0.0005  # [s] after which a thread lets another one run: a millisecond
 def warm_up(*, across: Sequence[str] = (), serial: bool = False) -> None:
     """Compile, or load from disk, the kernels of a millisecond, before anybody waits for it."""
     in_plane: list[Any] = [follow(STEERED)] if "side" in across else []
-    warn_before_first_compile(*(follow(DESCENDING), *in_plane, measure) if across else (feel,), turn_motor)
+    upright = DESCENDING if "height" in across else STRAIGHT
+    warn_before_first_compile(follow(upright), *in_plane, measure, turn_motor)
     for line in (None, straight())[: 1 + len(in_plane)]:
         laid = Laid(specimen_class="liver", line=line)
         rig: EmulatedBench
@@ -340,7 +341,6 @@ class RunningEmulator:
 def start(
     *,
     seed: int = 0,
-    episode: int = 0,
     specimen_class: str = "liver",
     free_air: bool = False,
     angle_deg: float | None = None,
@@ -348,13 +348,12 @@ def start(
     kind: str = EMULATOR,
     real_time: bool = True,
     arguments: Sequence[str] = (),
-    timeout: float = STARTS_WITHIN,
 ) -> RunningEmulator:
     """Start an emulated rig: ``with start(seed=3) as emulator: ...``.
 
     Parameters
     ----------
-    seed, episode, specimen_class
+    seed, specimen_class
         Key of the specimen at the start; ``free_air``: none.
     angle_deg : float, optional
         Angle at which the blade is fixed [degrees]; None: a second axis turns it.
@@ -367,15 +366,13 @@ def start(
         Take priority over other processes, if the system allows.
     arguments : sequence of str
         Further options of ``cutenv rig emulate``.
-    timeout : float
-        Time until it is ready [s].
 
     Raises
     ------
     RigError
         If it is not ready in time, or ends before that.
     """
-    given = ["--seed", str(seed), "--episode", str(episode), "--specimen-class", specimen_class]
+    given = ["--seed", str(seed), "--specimen-class", specimen_class]
     given += ["--free-air"] if free_air else []
     given += ["--real-time"] if real_time else []
     given += [f"--{axis}" for axis in across]
@@ -388,5 +385,4 @@ def start(
         angle_mode="free" if angle_deg is None else "fixed",
         angle=math.pi / 2 if angle_deg is None else math.radians(angle_deg),
         across=across,
-        timeout=timeout,
     )

@@ -22,15 +22,16 @@ from cutenv.rig.devices.netft.packets import (
     parse_request,
 )
 from cutenv.rig.devices.sample_clock import SEQUENCES
+from cutenv.rig.devices.streamed_sensor import Counts
 
 Address: TypeAlias = tuple[str, int]
 Loads: TypeAlias = tuple[float, float, float, float, float, float]
-Counts: TypeAlias = tuple[int, int, int, int, int, int]
 
 _POLL = 0.1  # [s] after which the thread checks whether it has to end
 _CLIENTS = 8  # at most; the oldest is dropped
 _HELD = 0.25  # share of the records that the next one overtakes, during reordering
 _LARGEST = 2**31 - 1
+_FORCE_RANGE, _TORQUE_RANGE = 200.0, 10.0  # [N], [N m]: beyond, readings are clipped and the status reports it
 
 _PAGE = """<?xml version="1.0" encoding="UTF-8"?>
 <netft>
@@ -82,6 +83,29 @@ class SensorFaults:
     silent: bool = False
 
 
+@dataclass(frozen=True, kw_only=True)
+class SensorPage:
+    """Configuration that a sensor shows on its page.
+
+    Attributes
+    ----------
+    counts_per_newton, counts_per_newton_metre : int
+        Scales.
+    rate : float
+        Rate of the records [Hz]; the caller of :meth:`SensorServer.send` has to keep it.
+    """
+
+    counts_per_newton: int = 1_000_000
+    counts_per_newton_metre: int = 1_000_000
+    rate: float = 1000.0
+
+    def __post_init__(self) -> None:
+        cure = "Choose fewer counts: a count has 32 bits."
+        in_range("counts_per_newton", self.counts_per_newton, 1, _LARGEST / _FORCE_RANGE, "1/N", cure)
+        most = _LARGEST / _TORQUE_RANGE
+        in_range("counts_per_newton_metre", self.counts_per_newton_metre, 1, most, "1/(N m)", cure)
+
+
 class SensorServer:
     """Emulated Net F/T on this computer: obeys start (with count), stop, reset of the latch, and bias.
 
@@ -93,21 +117,17 @@ class SensorServer:
         Address to listen on; by default reachable from this computer only.
     port, page_port : int
         Ports for UDP and HTTP; 0 takes free ones.
-    counts_per_newton, counts_per_newton_metre : int
-        Scales shown on its page.
-    force_range, torque_range : float
-        Greatest load [N], [N m]: beyond it, readings are clipped and the status reports it.
-    rate : float
-        Rate of the records [Hz] shown on its page; the caller of :meth:`send` has to keep it.
-    first_sequence : int
-        First sequence number of a stream.
-    seed : int
-        Seed of loss and reordering.
+    configuration : SensorPage, optional
+        Scales and rate.
     clock : Clock, optional
         Clock for the latency; the machine's by default.
 
     Attributes
     ----------
+    first_sequence : int
+        First sequence number of a stream, 1 by default.
+    generator : numpy.random.Generator
+        Source of chance for loss and reordering.
     faults : SensorFaults
         Faults, which may be changed at any time.
     garbage : int
@@ -121,27 +141,19 @@ class SensorServer:
         host: str = "127.0.0.1",
         port: int = 0,
         page_port: int = 0,
-        counts_per_newton: int = 1_000_000,
-        counts_per_newton_metre: int = 1_000_000,
         *,
-        force_range: float = 200.0,
-        torque_range: float = 10.0,
-        rate: float = 1000.0,
-        first_sequence: int = 1,
-        seed: int = 0,
+        configuration: SensorPage | None = None,
         clock: Clock | None = None,
     ) -> None:
-        cure = "Choose fewer counts, or a smaller range: a count has 32 bits."
-        in_range("counts_per_newton", counts_per_newton, 1, _LARGEST / force_range, "1/N", cure)
-        in_range("counts_per_newton_metre", counts_per_newton_metre, 1, _LARGEST / torque_range, "1/(N m)", cure)
+        self.configuration = shows = configuration or SensorPage()
         self.faults = SensorFaults()
         self.garbage = 0
         self.unsent = 0
-        self._scales = (counts_per_newton,) * 3 + (counts_per_newton_metre,) * 3
-        self._most = (int(force_range * counts_per_newton),) * 3 + (int(torque_range * counts_per_newton_metre),) * 3
-        self._rate = rate
-        self._first_sequence = first_sequence
-        self._generator = np.random.default_rng(seed)
+        self._scales = (shows.counts_per_newton,) * 3 + (shows.counts_per_newton_metre,) * 3
+        ends = (_FORCE_RANGE,) * 3 + (_TORQUE_RANGE,) * 3
+        self._most = tuple(int(end * scale) for end, scale in zip(ends, self._scales, strict=True))
+        self.first_sequence = 1
+        self.generator = np.random.default_rng(0)
         self._clock: Clock = SystemClock() if clock is None else clock
         self._lock = threading.Lock()
         self._streams: dict[Address, _Stream] = {}
@@ -185,7 +197,7 @@ class SensorServer:
             for address, stream in list(self._streams.items()):
                 record = SensorPacket(stream.sequence, self._sampled, status, counts)
                 stream.sequence = (stream.sequence + 1) % SEQUENCES
-                if not (faults.silent or (faults.loss > 0.0 and self._generator.random() < faults.loss)):
+                if not (faults.silent or (faults.loss > 0.0 and self.generator.random() < faults.loss)):
                     self._way(stream, packet_bytes(record))
                 self._deliver(address, stream)
                 stream.left -= 1
@@ -201,7 +213,10 @@ class SensorServer:
     def page_text(self) -> str:
         """Return the configuration page as XML."""
         return _PAGE.format(
-            status=self.faults.status, force=self._scales[0], torque=self._scales[3], rate=round(self._rate)
+            status=self.faults.status,
+            force=self._scales[0],
+            torque=self._scales[3],
+            rate=round(self.configuration.rate),
         )
 
     def close(self) -> None:
@@ -245,7 +260,7 @@ class SensorServer:
         if stream.overtaken is not None:
             stream.on_way.extend([(now, packet), (now, stream.overtaken)])
             stream.overtaken = None
-        elif self.faults.reorder and self._generator.random() < _HELD:
+        elif self.faults.reorder and self.generator.random() < _HELD:
             stream.overtaken = packet
         else:
             stream.on_way.append((now, packet))
@@ -286,7 +301,7 @@ class SensorServer:
                 self._streams.pop(address, None)
                 while len(self._streams) >= _CLIENTS:
                     del self._streams[next(iter(self._streams))]
-                self._streams[address] = _Stream(self._first_sequence, count if count else -1)
+                self._streams[address] = _Stream(self.first_sequence, count if count else -1)
             case RdtCommand.STOP:
                 self._streams.pop(address, None)
             case RdtCommand.RESET_LATCH:

@@ -6,12 +6,11 @@ import numpy as np
 
 from cutenv.cutting.drive import Drive, advance_in_air, delayed_command, lag_gain
 from cutenv.cutting.dtypes import STATE, TICK
-from cutenv.cutting.sensor import Sensor, SensorParameters
+from cutenv.cutting.sensor import Sensor
 from cutenv.plant.simulator import ANGLE_RANGE
 from cutenv.rig.config.identified import drive_of
 from cutenv.rig.config.settings import RigSettings
-from cutenv.rig.fake.cross_drive import CrossDrive
-from cutenv.rig.fake.specimen_plant import FreeAcross
+from cutenv.rig.fake.specimen_plant import CrossDrive, FreeAcross
 
 _MIDDLE = 0.5  # [1] share of the way between the ends of travel at which the blade starts
 _FAR = 100.0  # [m] to the model's own end stops
@@ -26,14 +25,10 @@ class AirPlant(FreeAcross):
         Settings with the travel, and the angle at the start.
     drive : Rig, optional
         Drive of the blade; by default the one that the settings describe.
-    sensor : SensorParameters, optional
-        Parameters of the force sensor.
+    sensor : Sensor, optional
+        Force sensor; that of the simulator by default.
     start : float, optional
         Position of the blade at the start [m]; by default the middle of its travel.
-    height : float
-        Height of the blade at the start [m], if the rig has a height axis.
-    seed, episode : int
-        Key of the sensor's noise.
     """
 
     def __init__(
@@ -41,17 +36,11 @@ class AirPlant(FreeAcross):
         settings: RigSettings,
         *,
         drive: Drive | None = None,
-        sensor: SensorParameters | None = None,
+        sensor: Sensor | None = None,
         start: float | None = None,
-        height: float = 0.0,
-        seed: int = 0,
-        episode: int = 0,
     ) -> None:
         self._drive = drive or drive_of(settings)
-        self._across = {
-            name: CrossDrive(axis, place=height if name == "height" else 0.0)
-            for name, axis in settings.cross_axes.items()
-        }
+        self._across = {name: CrossDrive(axis) for name, axis in settings.cross_axes.items()}
         self._records = self._drive.records(2.0 * _FAR)
         self._states = np.zeros(1, STATE)
         middle = _MIDDLE * (settings.limits.low + settings.limits.high)
@@ -60,7 +49,7 @@ class AirPlant(FreeAcross):
         self._quick_stop = settings.blade.quick_stop
         self._angle, hinge = settings.fixed_angle, settings.angle
         self._reach = ANGLE_RANGE if hinge is None else (hinge.low, hinge.high)
-        self._sensor = Sensor(sensor, seed=seed, episode=episode)
+        self._sensor = sensor or Sensor()
         self._force = 0.0
         self._feel()
 

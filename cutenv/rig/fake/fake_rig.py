@@ -6,6 +6,7 @@ that the rig has to survive can be caused at any instant.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections import deque
 from collections.abc import Callable
@@ -14,12 +15,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv.cutting.drive import Rig
 from cutenv.cutting.dtypes import TICK
-from cutenv.cutting.sensor import SensorParameters
 from cutenv.plant import ReplayPlant
 from cutenv.rig.config.axes import Axis
 from cutenv.rig.config.imitated_rig import fake_settings
+from cutenv.rig.config.laid import Laid
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.clock import FakeClock, Repeating
 from cutenv.rig.devices.drivers import ForceListener, MotionListener
@@ -254,10 +254,10 @@ class FakeRig:
         self.angle = FakeDrive("angle", self) if self.settings.angle is not None else None
         self.across = {name: FakeDrive(name, self) for name in self.settings.cross_axes}
         self.sensor = FakeSensor(self)
-        self.plant = RigPlant(
-            self.settings, self.clock, self.blade, self.sensor, angle=self.angle, depth=depth, follows=follows,
-            **self.across,
-        )  # fmt: skip
+        axes = [axis for axis in (self.blade, self.angle, *self.across.values()) if axis is not None]
+        self.plant = RigPlant(self.settings, self.clock, axes, self.sensor, follows=follows)
+        if depth is not None:
+            self.plant.depth = depth
         self.heard: Callable[[float, str, float], None] = lambda time, axis, speed: None
         self._listeners: dict[str, MotionListener | None] = {}
         self._sequence = 0
@@ -421,16 +421,10 @@ class FakeRig:
                 listener.alive(axis, now)
 
 
-def fake_rig(
-    specimen: Specimen, settings: RigSettings | None = None, *, drive: Rig | None = None,
-    sensor: SensorParameters | None = None, seed: int = 0, episode: int = 0,
-) -> FakeRig:  # fmt: skip
+def fake_rig(specimen: Specimen, settings: RigSettings | None = None, *, seed: int = 0) -> FakeRig:
     """Make a fake rig with a specimen on its bench, cut by the simulator's drive and measured by its sensor."""
-    return FakeRig(
-        lambda settings: SpecimenPlant(specimen, settings, drive=drive, sensor=sensor, seed=seed, episode=episode),
-        settings,
-        depth=specimen.depth,
-    )
+    laid = Laid(specimen=specimen, seed=seed)
+    return FakeRig(functools.partial(SpecimenPlant, laid), settings, depth=specimen.depth)
 
 
 def replayed_rig(trace: Trace, settings: RigSettings | None = None) -> FakeRig:

@@ -5,18 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Protocol
+from typing import Any, Protocol
 
 from cutenv.cutting.drive import Drive
 from cutenv.cutting.dtypes import READING, TICK
 from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.sensor import SensorParameters
-from cutenv.plant import ReplayPlant, SimulatedPlant
+from cutenv.plant import DescendingPlant, ReplayPlant, SimulatedPlant
 from cutenv.plant.simulator import ANGLE_RANGE
+from cutenv.rig.config.axes import CrossAxis, HeightAxis
 from cutenv.rig.config.identified import drive_of
+from cutenv.rig.config.laid import Laid
 from cutenv.rig.config.settings import RigSettings
-from cutenv.rig.fake.cross_drive import CrossDrive
-from cutenv.tissue.specimen import Specimen
+from cutenv.rig.safety.following_monitor import NOMINAL_LAG
 from cutenv.trace import Trace
 
 _FELT = [(READING.names or ()).index(name) for name in ("position", "speed", "force")]
@@ -56,6 +57,34 @@ class DrivenPlant(Protocol):
         ...
 
 
+class CrossDrive:
+    """Height, or place to the side, of a blade in air, a millisecond at a time.
+
+    Attributes
+    ----------
+    place, speed : float
+        Place of the blade [m] and its speed [m/s], upwards or to the left.
+    """
+
+    def __init__(self, axis: CrossAxis) -> None:
+        self.place = self.speed = 0.0
+        self._acceleration, self._quick_stop = axis.acceleration, axis.quick_stop
+        self._gain = -math.expm1(-TICK / NOMINAL_LAG)
+
+    def step(self, speed: float, *, stopping: bool, blocked: bool) -> None:
+        """Advance by a millisecond under a commanded speed [m/s]; a quick stop brakes at its own rate."""
+        if blocked:
+            self.speed = 0.0
+            return
+        reach = (self._quick_stop if stopping else self._acceleration) * TICK
+        change = -self.speed if stopping else (speed - self.speed) * self._gain
+        before = self.speed
+        self.speed += min(max(change, -reach), reach)
+        if speed == 0.0 and abs(self.speed) < 1e-5:
+            self.speed = 0.0
+        self.place += 0.5 * (before + self.speed) * TICK
+
+
 class FreeAcross:
     """Part of a bench on which the blade feels nothing of the axes across the cut: it moves freely there."""
 
@@ -75,19 +104,43 @@ class FreeAcross:
 
 
 class SpecimenPlant(FreeAcross):
-    """Specimen under the cutting law, with the simulator's own drive and sensor."""
+    """Specimen under the cutting law, with the simulator's own drive and sensor.
+
+    On a rig with a height axis the law is that with vertical motion, and the specimen may be in layers.
+
+    Parameters
+    ----------
+    laid : Laid
+        Specimen, with the blade at the clamp and at height 0; its key selects the sensor's noise.
+    settings : RigSettings
+        Settings of the rig.
+    drive, sensor, law
+        As for :class:`cutenv.plant.SimulatedPlant`.
+
+    Attributes
+    ----------
+    plant : SimulatedPlant or DescendingPlant
+        The simulated specimen.
+    """
 
     def __init__(
-        self, specimen: Specimen, settings: RigSettings, *, drive: Drive | None = None,
-        sensor: SensorParameters | None = None, law: LawParameters | None = None, seed: int = 0, episode: int = 0,
+        self, laid: Laid, settings: RigSettings, *, drive: Drive | None = None, sensor: SensorParameters | None = None,
+        law: LawParameters | None = None,
     ) -> None:  # fmt: skip
-        drive = drive or drive_of(settings)
-        self._across = {name: CrossDrive(axis) for name, axis in settings.cross_axes.items()}
-        self.plant = SimulatedPlant(
-            specimen, drive=drive, sensor=sensor, law=law, seed=seed, episode=episode, angle=settings.fixed_angle
-        )
         self._angle = settings.fixed_angle
-        self._usual, self._quick_stop = self.plant.cuts["drives"].ravel()[0].copy(), settings.blade.quick_stop
+        constants: dict[str, Any] = {
+            "drive": drive or drive_of(settings), "sensor": sensor, "law": law, "seed": laid.seed,
+            "episode": laid.episode, "angle": self._angle,
+        }  # fmt: skip
+        self.plant: SimulatedPlant
+        if settings.height is None:
+            self.plant = SimulatedPlant(laid.drawn(), **constants)
+        else:
+            self.plant = descending = DescendingPlant(laid.drawn(), layers=laid.layers, **constants)
+            self._rise = _Rise(descending, settings.height)
+        self._drives, self._states = self.plant.cuts["drives"][0], self.plant.states
+        self._usual, self._quick_stop = self._drives[0].copy(), settings.blade.quick_stop
+        self._across = {name: CrossDrive(axis) for name, axis in settings.cross_axes.items() if name != "height"}
         self._stopping: bool | None = None
         self._position = self._speed = self._force = 0.0
         self._advance(0.0)
@@ -97,30 +150,75 @@ class SpecimenPlant(FreeAcross):
         self._angle += turn * TICK
         if stopping != self._stopping:
             self._stopping = stopping
-            self.plant.cuts["drives"]["acceleration"] = self._quick_stop if stopping else self._usual.acceleration
-            self.plant.cuts["drives"]["lag"] = min(TICK, self._usual.lag) if stopping else self._usual.lag
+            self._drives["acceleration"] = self._quick_stop if stopping else self._usual.acceleration
+            self._drives["lag"] = min(TICK, self._usual.lag) if stopping else self._usual.lag
         self._advance(0.0 if stopping else speed)
 
     def _advance(self, speed: float) -> None:
         """Advance by a millisecond, at the nearest angle for which the law was measured."""
         angle = min(max(self._angle, ANGLE_RANGE[0]), ANGLE_RANGE[1])
-        (reading,) = self.plant.advance(speed, angle, 1).tolist()  # numbers: records are slow to read one by one
+        across = (self._rise.falling(),) if isinstance(self.plant, DescendingPlant) else ()
+        (reading,) = self.plant.advance(speed, angle, 1, *across).tolist()  # records are slow to read one by one
         self._position, self._speed, self._force = (reading[k] for k in _FELT)
 
     def block(self) -> None:
-        """Advance by a millisecond in which nothing can move."""
-        self.plant.cuts["states"]["hand_speed"] = self.plant.cuts["states"]["speed"] = 0.0
+        """Advance by a millisecond in which the blade cannot move along the cut."""
+        self._states["hand_speed"] = self._states["speed"] = 0.0
         self._advance(0.0)
+
+    def shift(self, axis: str, speed: float, *, stopping: bool, blocked: bool) -> None:
+        """Command the motion of the next millisecond [m/s]; the height's is felt by the tissue."""
+        if axis != "height":
+            return super().shift(axis, speed, stopping=stopping, blocked=blocked)
+        self._rise.command = speed, stopping, blocked
+        return None
 
     @property
     def motion(self) -> tuple[float, float, float]:
         """Position [m], speed [m/s] and angle [rad]."""
         return self._position, self._speed, self._angle
 
+    def beside(self, axis: str) -> tuple[float, float]:
+        """Return place [m] and speed [m/s] of an axis across the cut."""
+        return super().beside(axis) if axis != "height" else self._rise.motion
+
+    def cross_force(self, axis: str) -> float:
+        """Return the force of the tissue on the blade, upwards [N]; it feels nothing of an axis to the side."""
+        return self._rise.force if axis == "height" else 0.0
+
     @property
     def force(self) -> float:
-        """Force as measured by the sensor [N]."""
+        """Force along the cut as measured by the sensor [N]."""
         return self._force
+
+
+class _Rise:
+    """Height axis on a plant with vertical motion."""
+
+    def __init__(self, plant: DescendingPlant, axis: HeightAxis) -> None:
+        self._plant, self._quick_stop = plant, axis.quick_stop
+        self._usual = plant.descents[0].copy()
+        self.command = 0.0, False, False  # speed upwards [m/s], a quick stop, a blocked blade
+
+    def falling(self) -> float:
+        """Set the drive for the next millisecond; return the speed downwards that is commanded [m/s]."""
+        speed, stopping, blocked = self.command
+        descents, stops = self._plant.descents, stopping or blocked
+        descents["acceleration"] = self._quick_stop if stops else self._usual["acceleration"]
+        descents["gain"] = 1.0 if stops else self._usual["gain"]
+        if blocked:
+            descents["level_speed"] = 0.0
+        return 0.0 if stops else -speed
+
+    @property
+    def motion(self) -> tuple[float, float]:
+        """Height [m] and speed upwards [m/s]."""
+        return self._plant.level, float(self._plant.descents["level_speed"][0])
+
+    @property
+    def force(self) -> float:
+        """Force of the tissue on the blade, upwards [N]."""
+        return float(self._plant.vertical_force[-1])
 
 
 class RecordedPlant(FreeAcross):

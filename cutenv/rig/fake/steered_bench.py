@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
+from cutenv.cutting.drive import Drive
 from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.sensor import Sensor, SensorParameters
+from cutenv.rig.config.laid import Laid
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.fake.air_plant import AirPlant
 from cutenv.rig.tissue_in_plane import TissueInPlane
-from cutenv.tissue.lines import CutLine
-from cutenv.tissue.specimen import Specimen
+from cutenv.tissue.lines import straight
 
 _ACROSS = 2**32  # added to the seed of the noise of the force to the side
 
@@ -20,16 +19,12 @@ class SteeredBench(AirPlant):
 
     Parameters
     ----------
-    specimen : Specimen
-        Specimen, with the blade at the clamp, in the middle.
+    laid : Laid
+        Specimen along its line, with the blade at the clamp, in the middle; its key selects the sensor's noise.
     settings : RigSettings
         Settings of a rig with an axis to the side.
-    line : CutLine
-        Line along which the specimen's profiles lie.
-    law, seed, episode
-        Constants of the law; key of the sensor's noise.
-    **drives
-        Drive and sensor, as for :class:`AirPlant`.
+    drive, sensor, law
+        As for :class:`cutenv.plant.SimulatedPlant`.
 
     Attributes
     ----------
@@ -38,14 +33,15 @@ class SteeredBench(AirPlant):
     """
 
     def __init__(
-        self, specimen: Specimen, settings: RigSettings, *, line: CutLine, law: LawParameters | None = None,
-        sensor: SensorParameters | None = None, seed: int = 0, episode: int = 0, **drives: Any,
+        self, laid: Laid, settings: RigSettings, *, drive: Drive | None = None, sensor: SensorParameters | None = None,
+        law: LawParameters | None = None,
     ) -> None:  # fmt: skip
         settings.require_side_axis(by="SteeredBench")
-        self.tissue = TissueInPlane(specimen, line, law=law, angle=settings.fixed_angle)
-        self._to_side = Sensor(sensor, seed=(seed + _ACROSS) % 2**64, episode=episode)
+        self.tissue = TissueInPlane(laid.drawn(), laid.line or straight(), law=law, angle=settings.fixed_angle)
+        self._to_side = Sensor(sensor, seed=(laid.seed + _ACROSS) % 2**64, episode=laid.episode)
         self._side_force = 0.0
-        super().__init__(settings, sensor=sensor, seed=seed, episode=episode, start=0.0, **drives)
+        along = Sensor(sensor, seed=laid.seed, episode=laid.episode)
+        super().__init__(settings, drive=drive, sensor=along, start=0.0)
 
     def _feel(self) -> None:
         x, _, angle = self.motion

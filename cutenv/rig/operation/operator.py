@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Protocol, TextIO
 
 from cutenv._base.validation import in_range
@@ -149,47 +149,3 @@ class AutomaticOperator:
         """Store the request and return True."""
         self.asked.append(what)
         return True
-
-
-class ScriptedOperator:
-    """Operator with answers given beforehand, for tests.
-
-    Parameters
-    ----------
-    answers : sequence of (question, answer)
-        Pairs in the order of the questions: part of the question's text, and True, False or the typed text.
-
-    Attributes
-    ----------
-    told : list of str
-        Messages so far.
-    unasked : list of (question, answer)
-        Pairs not used yet.
-    """
-
-    def __init__(self, answers: Sequence[tuple[str, bool | str]] = ()) -> None:
-        self.told: list[str] = []
-        self.unasked = list(answers)
-
-    def tell(self, message: str) -> None:
-        """Store the message."""
-        self.told.append(message)
-
-    def confirm(self, question: str, *, expected: str | None = None) -> bool:
-        """Answer as scripted; raise LookupError if this is not the next question of the script."""
-        answer = self._next(question)
-        if isinstance(answer, bool):
-            return answer
-        return answer == expected if expected is not None else answer.lower() in _YES
-
-    def ask_ready(self, what: str) -> bool:
-        """Answer as scripted; raise LookupError if this is not the next question of the script."""
-        answer = self._next(what)
-        return answer if isinstance(answer, bool) else not answer
-
-    def _next(self, question: str) -> bool | str:
-        if not self.unasked:
-            raise LookupError(f"no question was expected, but this was asked: {question!r}.")
-        if self.unasked[0][0] not in question:
-            raise LookupError(f"a question with {self.unasked[0][0]!r} was expected, but this was asked: {question!r}.")
-        return self.unasked.pop(0)[1]

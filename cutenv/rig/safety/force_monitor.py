@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from typing import NamedTuple
 
 from cutenv.rig.config.axes import HeightAxis
 from cutenv.rig.config.settings import Identified, SafetyLimits
@@ -17,6 +18,24 @@ _LOSS_OVER = 0.100  # [s] window for the share of lost readings
 _HARDER = 0.5  # [N] beyond the least vertical force since the blade is raised to be relieved, at which it is stopped
 
 
+class ForceReadings(NamedTuple):
+    """Readings that a force sensor sends.
+
+    Attributes
+    ----------
+    rate : float
+        Rate of the readings [Hz].
+    rate_error : float
+        Greatest relative error of the rate [1].
+    axes : str
+        Axes that the sensor measures; the others stand at 0.
+    """
+
+    rate: float
+    rate_error: float = LEAK
+    axes: str = "xyz"
+
+
 class ForceMonitor:
     """Monitor that checks every force reading against the limits.
 
@@ -24,16 +43,12 @@ class ForceMonitor:
     ----------
     limits : Limits
         Limits of force, rise, losses and delay.
-    rate : float
-        Rate of the readings [Hz].
+    readings : ForceReadings
+        Readings that the sensor sends.
     identified : Identified, optional
         Identified properties of the rig: the time that each force axis stays at one count through its own noise.
     height : HeightAxis, optional
         Height axis of the rig, with the limit of the vertical force.
-    axes : str
-        Axes that the sensor measures; the others stand at 0.
-    rate_error : float
-        Greatest relative error of the rate [1].
 
     Attributes
     ----------
@@ -44,16 +59,14 @@ class ForceMonitor:
     def __init__(
         self,
         limits: SafetyLimits,
-        rate: float,
+        readings: ForceReadings,
         identified: Identified | None = None,
         height: HeightAxis | None = None,
-        axes: str = "xyz",
-        rate_error: float = LEAK,
     ) -> None:
-        self._limits, self._rate, self._height = limits, rate, height
-        self._leak = max(rate_error, LEAK)
-        self._live = ["xyz".index(axis) for axis in axes]
-        self._over = max(RISE_OVER, 1.0 / rate)  # [s] a slow sensor's window is one period
+        self._limits, self._rate, self._height = limits, readings.rate, height
+        self._leak = max(readings.rate_error, LEAK)
+        self._live = ["xyz".index(axis) for axis in readings.axes]
+        self._over = max(RISE_OVER, 1.0 / readings.rate)  # [s] a slow sensor's window is one period
         known = identified or Identified()
         still = (known.force_still_x, known.force_still_y, known.force_still_z)
         self._identified = tuple(each is not None for each in still)

@@ -115,3 +115,16 @@ class LinearMonitor:
     def _astray(self, off: float, command: float) -> Breach:
         """Return the breach of an axis that is ``off`` [m] from where its commands should have brought it."""
         return Breach(Cause.FOLLOWING, f"{1e3 * off:+.2f} mm from where the blade should be")
+
+
+class HeightMonitor(LinearMonitor):
+    """Monitor of the height axis; commands are upwards, and a blade that cannot be raised is a fault."""
+
+    def _stuck(self, command: float) -> Breach:
+        if command > 0.0:
+            return Breach(Cause.NOT_RAISED, f"commanded upwards at {1e3 * command:.1f} mm/s, but the encoder stands")
+        return Breach(Cause.STUCK, f"commanded downwards at {-1e3 * command:.1f} mm/s, but the encoder stands")
+
+    def _astray(self, off: float, command: float) -> Breach:
+        cause = Cause.NOT_RAISED if command > 0.0 > off else Cause.FOLLOWING
+        return Breach(cause, f"the blade is {1e3 * off:+.2f} mm above where it should be")

@@ -9,8 +9,7 @@ from functools import partial
 from cutenv.rig.config.settings import Reach, RigSettings
 from cutenv.rig.devices.samples import DriveState, MotionSample
 from cutenv.rig.safety.following_monitor import NOMINAL_LAG, FollowingMonitor
-from cutenv.rig.safety.height_monitor import HeightMonitor
-from cutenv.rig.safety.linear_monitor import LinearMonitor
+from cutenv.rig.safety.linear_monitor import HeightMonitor, LinearMonitor
 from cutenv.rig.safety.sample_rate_monitor import SURPLUS, SampleRateMonitor
 from cutenv.rig.safety.stop_causes import Breach, Cause
 

@@ -16,7 +16,7 @@ from cutenv.rig.devices.drivers import MotionDriver
 from cutenv.rig.devices.latch import Event, Latch, Phase
 from cutenv.rig.devices.samples import DriveState, ForceSample, MotionSample
 from cutenv.rig.errors import RigError
-from cutenv.rig.safety.force_monitor import ForceMonitor
+from cutenv.rig.safety.force_monitor import ForceMonitor, ForceReadings
 from cutenv.rig.safety.motion_history import CREEP
 from cutenv.rig.safety.motion_monitor import MotionMonitor
 from cutenv.rig.safety.quick_stops import QuickStops
@@ -46,12 +46,8 @@ class Supervisor:
         Clock of the rig.
     axes : sequence of MotionDriver
         Driver of the blade, and of angle, height and side where it has them.
-    rate : float
-        Rate of the force readings [Hz].
-    rate_error : float
-        Greatest relative error of that rate [1].
-    force_axes : str
-        Axes of force that the sensor measures.
+    readings : ForceReadings
+        Readings of the force sensor.
     follows : bool
         True if the blade follows commands. False for a replayed cut, for which following errors are not checked.
     """
@@ -61,10 +57,8 @@ class Supervisor:
         settings: RigSettings,
         clock: Clock,
         axes: Sequence[MotionDriver],
+        readings: ForceReadings,
         *,
-        rate: float = 1000.0,
-        rate_error: float = 0.001,
-        force_axes: str = "xyz",
         follows: bool = True,
     ) -> None:
         self.settings, self.limits = settings, settings.limits
@@ -78,7 +72,7 @@ class Supervisor:
         self.limited = 0
         """Number of commands that were reduced to a limit since :meth:`release`."""
         self._lock = threading.Lock()
-        self._forces = ForceMonitor(self.limits, rate, settings.identified, settings.height, force_axes, rate_error)
+        self._forces = ForceMonitor(self.limits, readings, settings.identified, settings.height)
         self._motions = MotionMonitor(settings, follows=follows)
         self._alive: dict[str, float] = {}
         self._follows = follows

@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from cutenv._base.arrays import Array
 from cutenv._base.parameter import check_parameters
 from cutenv._base.validation import in_range, one_of
 from cutenv.rig.config.setting import setting
@@ -18,16 +19,15 @@ from cutenv.rig.devices.analogue.sensor_calibration_file import (
     SHIPPED_CALIBRATION,
     AnalogueCalibration,
 )
-from cutenv.rig.devices.clock import Clock
 from cutenv.rig.devices.driver_registry import Mounting, rig_driver
-from cutenv.rig.devices.drivers import ForceListener
-from cutenv.rig.devices.reading_stream import ReadingMean, ReadingStream, Zero
-from cutenv.rig.devices.samples import ForceSample
+from cutenv.rig.devices.reading_stream import Zero
+from cutenv.rig.devices.sample_clock import LEAK
+from cutenv.rig.devices.streamed_sensor import StreamedSensor
 from cutenv.rig.errors import RigError
 
 CHANNEL_AT_END = 1
 """Status of a reading with a channel at an end of the converter's range: its load is unknown."""
-_NO_ZERO: Zero = (0.0,) * 6
+_OPENS_WITHIN = 3.0  # [s] for a board to convert the first reading
 _HERE = ("127.0.0.1", "localhost", "::1")
 
 
@@ -79,7 +79,7 @@ def _check(rig: RigSettings, role: str) -> None:
 
 
 @rig_driver(options=AnalogueOptions, check=_check, emulated=_emulated)
-class AnalogueSensor:
+class AnalogueSensor(StreamedSensor):
     """Six-axis sensor with analogue outputs, such as a JR3, on a board of National Instruments.
 
     Every reading goes through the calibration matrix, so that the six loads are free of cross-talk. A channel at an end
@@ -98,72 +98,39 @@ class AnalogueSensor:
         Matrix and converter.
     """
 
+    name = "analogue sensor"
+
     def __init__(self, mounting: Mounting, board: AnalogueBoard | None = None) -> None:
         options: AnalogueOptions = mounting.options
-        self.rate: float = mounting.settings.rate
-        self.rate_error, self.axes = 0.001, "xyz"
         self.calibration = AnalogueCalibration.read(options.calibration)
-        self._options, self._clock = options, mounting.clock
+        self._options = options
         self._board = board or _board_of(options)
-        self._thread: threading.Thread | None = None
-        self._closing = threading.Event()
-        self._first = threading.Event()
-        self._taring = threading.Lock()
-        self._mean: ReadingMean | None = None
-        self._zero = np.zeros(6)  # [counts]
-        self._received = self._lost = self._saturated = 0
-        self._broken = ""
+        super().__init__(mounting.clock, mounting.settings.rate, rate_error=LEAK)
 
-    def open(self, listener: ForceListener) -> None:
-        """Start sampling, and wait for the first reading.
-
-        Raises
-        ------
-        RigError
-            If it is open already, the board is missing, or no reading comes.
-        """
-        if self._thread is not None:
-            raise RigError("The analogue sensor is open already: close it first.")
-        self._zero = np.zeros(6)
-        self._received = self._lost = self._saturated = 0
-        self._broken = ""
-        self._closing, self._first = threading.Event(), threading.Event()
+    def _connect(self) -> None:
         self._board.open(self.calibration, self.rate)
-        self._thread = threading.Thread(
-            target=self._receive, args=(listener, self._closing, self._clock), name="force sensor", daemon=True
-        )
-        self._thread.start()
-        if not self._first.wait(3.0) or self._broken:
-            why = self._broken or "no reading came"
-            self.close()
-            raise RigError(f"The analogue sensor does not read: {why}")
+        self._start(self._receive)
+        if not self._comes(_OPENS_WITHIN) or self._broken:
+            raise RigError(f"The analogue sensor does not read: {self._broken or 'no reading came'}")
 
-    def tare(self, samples: int = 200) -> tuple[float, float, float]:
-        """Take the mean of the next ``samples`` readings as zero, of torques too, while nothing touches the blade.
+    def _disconnect(self) -> None:
+        self._closing.set()
+        self._board.close()
+        self._stop()
 
-        Returns
-        -------
-        tuple of 3 float
-            Force subtracted from now on [N], relative to the sensor's own zero.
+    def _begin_again(self) -> None:
+        super()._begin_again()
+        self._saturated = 0
 
-        Raises
-        ------
-        RigError
-            If it is not open, or readings stop, report an error, or vary by more than 0.1 N; the zero is unchanged.
-        """
-        if self._thread is None:
-            raise RigError("The analogue sensor is not open.")
-        mean = ReadingMean(samples)
-        coarsest = float(self.calibration.resolution[:3].max())
-        with self._taring:
-            self._mean = mean
-            try:
-                zero = mean.awaited(self.rate, coarsest, _meaning)
-            finally:
-                self._mean = None
-        self._zero = np.array(zero)
-        x, y, z = self.calibration.loads(self._zero)[:3].tolist()
-        return x, y, z
+    @property
+    def _scales(self) -> Zero:
+        return _six(self.calibration.resolution)
+
+    def _loads(self, counts: Zero) -> Zero:
+        return _six(self.calibration.loads(np.array(counts)))
+
+    def _meaning(self, status: int) -> str:
+        return "a channel at the end of the converter's range" if status == CHANNEL_AT_END else f"status {status}"
 
     def about(self) -> dict[str, float | str]:
         """Return the calibration's name, what a count is worth, the range, and the counts of readings."""
@@ -181,46 +148,25 @@ class AnalogueSensor:
         told |= {"received_readings": self._received, "lost_readings": self._lost}
         return told | {"saturated_readings": self._saturated}
 
-    def close(self) -> None:
-        """Stop sampling; never raises, and may be called twice."""
-        thread, self._thread = self._thread, None
-        self._closing.set()
-        self._board.close()
-        if thread is not None and thread is not threading.current_thread():
-            thread.join(timeout=1.0)
-
-    def _receive(self, listener: ForceListener, closing: threading.Event, clock: Clock) -> None:
-        stream = ReadingStream(self.rate)
+    def _receive(self, closing: threading.Event) -> None:
         while not closing.is_set():
             try:
                 parts = self._board.read(self._options.block)
             except Exception as error:  # whatever a board's library raises: the lack of readings stops the blade
                 if not closing.is_set():
-                    self._broken = str(error)
-                    self._first.set()
-                    listener.garbled(str(error), clock.now())
+                    self.garbled(str(error), self._clock.now())
+                    self._note(str(error))
                 return
-            now = clock.now()
+            now = self._clock.now()
             for part in parts:
-                self._pass_on(part, now, stream, listener)
-            self._first.set()
+                self._pass_on(part, now)
 
-    def _pass_on(self, part: Scans, now: float, stream: ReadingStream, listener: ForceListener) -> None:
-        loads = self.calibration.loads(part.counts - self._zero).tolist()
+    def _pass_on(self, part: Scans, now: float) -> None:
+        loads = self.calibration.loads(part.counts - np.array(self._zero)).tolist()
         ended = self.calibration.saturated(part.counts).tolist()
         for k, (counts, load) in enumerate(zip(part.counts.astype(int).tolist(), loads, strict=True)):
-            lost = stream.place(part.number + k, now)
-            if lost < 0:
-                listener.garbled(f"reading {part.number + k} does not follow {stream.last}", now)
-                continue
-            self._received += 1
-            self._lost += lost
-            self._saturated += ended[k]
-            status = CHANNEL_AT_END if ended[k] else 0
-            sample = ForceSample(now, tuple(load[:3]), tuple(counts), status, part.number + k, lost, tuple(load[3:]))
-            if (mean := self._mean) is not None:
-                mean.add(sample)
-            listener.force(sample)
+            if self._take(part.number + k, now, tuple(counts), CHANNEL_AT_END if ended[k] else 0, tuple(load)):
+                self._saturated += ended[k]
 
 
 def _board_of(options: AnalogueOptions) -> AnalogueBoard:
@@ -229,5 +175,6 @@ def _board_of(options: AnalogueOptions) -> AnalogueBoard:
     return NidaqmxBoard(options.device, options.channels, differential=options.wires == "differential")
 
 
-def _meaning(status: int) -> str:
-    return "a channel at the end of the converter's range" if status == CHANNEL_AT_END else f"status {status}"
+def _six(values: Array) -> Zero:
+    fx, fy, fz, tx, ty, tz = values.tolist()
+    return fx, fy, fz, tx, ty, tz

@@ -9,28 +9,21 @@ from typing import NamedTuple
 
 from cutenv.rig.config.settings import SensorSettings
 from cutenv.rig.devices.clock import Clock
-from cutenv.rig.devices.drivers import ForceListener
 from cutenv.rig.devices.netft.packets import (
     PacketError,
     RdtCommand,
-    SensorPacket,
     parse_packet,
     request_bytes,
     status_meaning,
 )
 from cutenv.rig.devices.netft.settings_page import PATH, Page, read_page
-from cutenv.rig.devices.reading_stream import ReadingMean, ReadingStream, Zero
+from cutenv.rig.devices.reading_stream import Zero
 from cutenv.rig.devices.sample_clock import LEAK, SampleClock
-from cutenv.rig.devices.samples import ForceSample
+from cutenv.rig.devices.streamed_sensor import FIRST_READING, StreamedSensor
 from cutenv.rig.errors import RigError
 
-FIRST_READING = 2.0
-"""Time within which the first reading must arrive [s]."""
 _POLL = 0.1  # [s] after which the thread checks whether it has to end
 _ASK_AGAIN = 0.5  # parts of a tare
-
-Force = tuple[float, float, float]
-_NO_ZERO: Zero = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class Counters(NamedTuple):
@@ -57,11 +50,8 @@ class Counters(NamedTuple):
     foreign: int = 0
 
 
-class NetftSensor:
-    """A Net F/T or Ethernet Axia as a :class:`cutenv.rig.devices.drivers.ForceDriver`.
-
-    Readings come from the thread "force sensor"; times are those of their arrival. A sensor that falls silent is not
-    started again: it may have been switched off and on, which loses its zero. Close, open and tare it.
+class NetftSensor(StreamedSensor):
+    """A Net F/T or Ethernet Axia.
 
     Parameters
     ----------
@@ -85,56 +75,34 @@ class NetftSensor:
         :class:`cutenv.rig.devices.sample_clock.SampleClock`.
     """
 
+    name, join_limit = "force sensor", 10 * _POLL
+
     def __init__(self, settings: SensorSettings, clock: Clock) -> None:
-        self.rate = settings.rate
-        self.axes, self.rate_error = "xyz", LEAK
         self.page: Page | None = None
         self.lateness = 0.0
-        self._settings, self._clock = settings, clock
+        self._settings = settings
         self._socket: socket.socket | None = None
-        self._thread: threading.Thread | None = None
         self._address = (settings.address, settings.port)
-        self._closing = threading.Event()
-        self._taring = threading.Lock()
-        self._scale = self._torque_scale = 0.0  # [N], [N m] of a count
-        self._zero = _NO_ZERO  # in counts
-        self._mean: ReadingMean | None = None  # while a tare is taken
-        self._received = self._lost = self._reordered = self._garbled = self._foreign = 0
+        super().__init__(clock, settings.rate, rate_error=LEAK)
 
     @property
     def counters(self) -> Counters:
         """Counts of packets so far."""
         return Counters(self._received, self._lost, self._reordered, self._garbled, self._foreign)
 
-    def open(self, listener: ForceListener) -> None:
-        """Read scales from the sensor's page, start streaming, and wait for the first reading.
-
-        Raises
-        ------
-        RigError
-            If it is open already, its page cannot be read, or no reading comes within ``FIRST_READING``.
-        """
-        if self._socket is not None:
-            raise RigError("The force sensor is open already: close it first.")
+    def _connect(self) -> None:
         host, port = self._settings.address, self._settings.port
         self.page = read_page(self._settings.page or f"http://{host}{PATH}")
         self.rate = self.page.rate or self._settings.rate
-        self._scale, self._torque_scale = self.page.newtons_per_count, self.page.newton_metres_per_count
-        self._zero = _NO_ZERO
-        self._received = self._lost = self._reordered = self._garbled = self._foreign = 0
+        self._begin_again()
         try:
-            if self._begin(listener):
+            if self._streams():
                 return
         except OSError as error:
-            self.close()
             raise RigError(
                 f"The force sensor at {host}:{port} cannot be reached: {error}. Check sensor.address."
             ) from None
-        except BaseException:
-            self.close()
-            raise
         counters = self.counters
-        self.close()
         raise RigError(
             f"No reading came from the force sensor at {host}:{port} within {FIRST_READING:g} s ({counters.garbled}"
             f" packets were no readings, {counters.foreign} came from elsewhere), though its page answers. Check that"
@@ -142,25 +110,20 @@ class NetftSensor:
             " that no other program streams: the sensor serves one."
         )
 
-    def tare(self, samples: int = 200) -> Force:
-        """Take the mean of the next ``samples`` readings as zero, of torques too, while nothing touches the blade.
+    def _begin_again(self) -> None:
+        super()._begin_again()
+        self._arrivals = SampleClock(self.rate)
+        self._reordered = self._garbled = self._foreign = 0
 
-        Returns
-        -------
-        tuple of 3 float
-            Force subtracted from now on [N], relative to the sensor's own zero: two tares show its drift.
-
-        Raises
-        ------
-        RigError
-            If the sensor is not open, or its readings stop, report an error, or vary by more than 0.1 N;
-            the zero is then unchanged.
-        """
+    @property
+    def _scales(self) -> Zero:
         # Never use the sensor's own bias (0x42): it is not confirmed, affects every other program, is lost without
         # notice at the next restart, and hides the drift from the recorded counts.
-        mean = self._mean_of(samples)
-        self._zero = mean
-        return self._newtons(mean)
+        assert self.page is not None
+        return (self.page.newtons_per_count,) * 3 + (self.page.newton_metres_per_count,) * 3
+
+    def _meaning(self, status: int) -> str:
+        return status_meaning(status)
 
     def about(self) -> dict[str, float | str]:
         """Return the data that the open sensor reports about itself, and the counts of packets."""
@@ -170,32 +133,25 @@ class NetftSensor:
             told["counts_per_Nm"] = 1.0 / self.page.newton_metres_per_count
         return told | {f"{name}_packets": count for name, count in self.counters._asdict().items()}
 
-    def close(self) -> None:
-        """Stop streaming; never raises, and may be called twice."""
-        opened, thread, self._socket, self._thread = self._socket, self._thread, None, None
+    def _disconnect(self) -> None:
+        self._stop()
+        opened, self._socket = self._socket, None
         if opened is None:
             return
-        self._closing.set()
         with contextlib.suppress(OSError):  # the network is gone: nothing streams then
             opened.sendto(request_bytes(RdtCommand.STOP), self._address)
-        if thread is not None and thread is not threading.current_thread():
-            thread.join(timeout=10 * _POLL)
         opened.close()
 
-    def _begin(self, listener: ForceListener) -> bool:
+    def _streams(self) -> bool:
         """Request a stream until the first reading arrives; return whether one did."""
-        first, closing = threading.Event(), threading.Event()
-        self._address, self._closing = (socket.gethostbyname(self._settings.address), self._settings.port), closing
+        self._address = (socket.gethostbyname(self._settings.address), self._settings.port)
         opened = self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         opened.settimeout(_POLL)
         opened.bind((self._own_address(), 0))  # a port of our own; packets from elsewhere are dropped
-        self._thread = threading.Thread(
-            target=self._receive, args=(opened, closing, listener, first), name="force sensor", daemon=True
-        )
-        self._thread.start()
+        self._start(lambda closing: self._receive(opened, closing))
         for _ in range(round(FIRST_READING / _ASK_AGAIN)):
             opened.sendto(request_bytes(RdtCommand.START), self._address)
-            if first.wait(_ASK_AGAIN):
+            if self._comes(_ASK_AGAIN):
                 return True
         return False
 
@@ -205,27 +161,8 @@ class NetftSensor:
             probe.connect(self._address)  # sends nothing
             return str(probe.getsockname()[0])
 
-    def _newtons(self, counts: Zero) -> Force:
-        return counts[0] * self._scale, counts[1] * self._scale, counts[2] * self._scale
-
-    def _mean_of(self, samples: int) -> Zero:
-        mean, thread = ReadingMean(samples), self._thread
-        if thread is None:
-            raise RigError("The force sensor is not open.")
-        if thread is threading.current_thread():
-            raise RigError("A tare waits for readings, and cannot be taken while one is being passed on.")
-        with self._taring:
-            self._mean = mean
-            try:
-                return mean.awaited(self.rate, self._scale, status_meaning)
-            finally:
-                self._mean = None
-
-    def _receive(
-        self, opened: socket.socket, closing: threading.Event, listener: ForceListener, first: threading.Event
-    ) -> None:
+    def _receive(self, opened: socket.socket, closing: threading.Event) -> None:
         sensor, clock = self._address, self._clock
-        stream, sample_clock = ReadingStream(self.rate), SampleClock(self.rate)
         while not closing.is_set():
             try:
                 packet, sender = opened.recvfrom(2048)
@@ -237,37 +174,27 @@ class NetftSensor:
                 continue
             except OSError as error:
                 if not closing.is_set():
-                    listener.garbled(f"the network broke down: {error}", clock.now())
+                    self.garbled(f"the network broke down: {error}", clock.now())
                 return
             now = clock.now()
             if sender != sensor:
                 self._foreign += 1
-                listener.garbled(f"a packet of {len(packet)} bytes from {sender[0]}:{sender[1]}", now)
+                self.garbled(f"a packet of {len(packet)} bytes from {sender[0]}:{sender[1]}", now)
                 continue
             try:
                 record = parse_packet(packet)
             except PacketError as error:
                 self._garbled += 1
-                listener.garbled(str(error), now)
+                self.garbled(str(error), now)
                 continue
-            lost = stream.place(record.sequence, now)
-            if lost == ReadingStream.OLD:
-                self._reordered += 1
-                continue
-            if lost == ReadingStream.STRANGE:
-                self._garbled += 1
-                listener.garbled(f"sequence {record.sequence} does not follow {stream.last}: a restart?", now)
-                continue
-            self._received += 1
-            self._lost += lost
-            self.lateness = sample_clock.sensed(record.sequence, now)[1]
-            if (mean := self._mean) is not None:
-                mean.add(record)
-            listener.force(self._sample(record, now, lost))
-            first.set()
+            self._take(record.sequence, now, record.counts, record.status)
 
-    def _sample(self, record: SensorPacket, now: float, lost: int) -> ForceSample:
-        counts, zero, scale, turning = record.counts, self._zero, self._scale, self._torque_scale
-        force = (counts[0] - zero[0]) * scale, (counts[1] - zero[1]) * scale, (counts[2] - zero[2]) * scale
-        torque = (counts[3] - zero[3]) * turning, (counts[4] - zero[4]) * turning, (counts[5] - zero[5]) * turning
-        return ForceSample(now, force, counts, record.status, record.sequence, lost, torque)
+    def _follows(self, number: int, now: float) -> None:
+        self.lateness = self._arrivals.sensed(number, now)[1]
+
+    def _misplaced(self, number: int, now: float, *, late: bool) -> None:
+        if late:
+            self._reordered += 1
+            return
+        self._garbled += 1
+        self.garbled(f"sequence {number} does not follow {self._stream.last}: a restart?", now)

@@ -6,21 +6,19 @@ import contextlib
 import threading
 from typing import Any, Protocol
 
+from cutenv.rig.devices import streamed_sensor
 from cutenv.rig.devices.clock import Clock
 from cutenv.rig.devices.driver_registry import Mounting
-from cutenv.rig.devices.drivers import ForceListener
-from cutenv.rig.devices.reading_stream import ReadingMean, ReadingStream, Zero
+from cutenv.rig.devices.reading_stream import Zero
 from cutenv.rig.devices.sample_clock import SEQUENCES
-from cutenv.rig.devices.samples import ForceSample
 from cutenv.rig.devices.serial.frame_reader import FrameError, FrameFormat, FrameReader, SensorFrame
 from cutenv.rig.devices.serial.ports import open_port, write_line
+from cutenv.rig.devices.streamed_sensor import StreamedSensor
 from cutenv.rig.errors import RigError
 
-_FIRST_READING = 2.0  # [s] within which the first one must arrive
 _READ = 0.1  # [s] after which the reader checks whether it has to end
 _WRITE = 0.2  # [s] for the port to take a request
 _STAMPS = 2**32  # times of a sensor are counted modulo this [us]
-_NO_ZERO: Zero = (0.0,) * 6
 
 
 class FramedProtocol(Protocol):
@@ -115,10 +113,8 @@ class SensorLine:
             self._line.close()
 
 
-class FramedSensor:
-    """Force sensor that streams frames, as a :class:`cutenv.rig.devices.drivers.ForceDriver`.
-
-    Six components; counts are the sensor's. A sensor that falls silent is not started again: close, open and tare it.
+class FramedSensor(StreamedSensor):
+    """Force sensor of six components that streams frames; counts are the sensor's.
 
     Parameters
     ----------
@@ -131,70 +127,20 @@ class FramedSensor:
     """
 
     def __init__(self, mounting: Mounting, protocol: FramedProtocol, *, rate_error: float) -> None:
-        self.rate: float = mounting.settings.rate
-        self.axes, self.rate_error = "xyz", rate_error
+        self.name = protocol.name
         self._port: str = mounting.options.port
-        self._clock, self._protocol = mounting.clock, protocol
+        self._protocol = protocol
         self._line: SensorLine | None = None
-        self._thread: threading.Thread | None = None
-        self._closing = threading.Event()
-        self._changed = threading.Condition()
-        self._taring = threading.Lock()
-        self._mean: ReadingMean | None = None
         self._told: dict[str, float | str] = {}
-        self._begin_again()
+        super().__init__(mounting.clock, mounting.settings.rate, rate_error=rate_error)
 
-    def open(self, listener: ForceListener) -> None:
-        """Connect, start the stream, and wait for the first reading.
-
-        Raises
-        ------
-        RigError
-            If it is open already, the port is missing, no such sensor answers, or no reading comes.
-        """
-        if self._line is not None:
-            raise RigError(f"The {self._protocol.name} is open already: close it first.")
-        self._begin_again()
+    def _connect(self) -> None:
         line = self._line = SensorLine(self._port, self._protocol.baud, self._clock)
-        try:
-            self._told = self._protocol.begin(line, self.rate)
-            self._closing = threading.Event()
-            self._thread = threading.Thread(
-                target=self._receive, args=(line, self._closing, listener), name="force sensor", daemon=True
-            )
-            self._thread.start()
-            self._clock.wait_for(lambda: self._received > 0 or bool(self._broken), _FIRST_READING, self._changed)
-            if not self._received:
-                why = self._broken or f"no reading came within {_FIRST_READING:g} s"
-                raise RigError(f"The {self._protocol.name} at {self._port} does not read: {why}.")
-        except BaseException:
-            self.close()
-            raise
-
-    def tare(self, samples: int = 200) -> tuple[float, float, float]:
-        """Take the mean of the next ``samples`` readings as zero, of torques too, while nothing touches the blade.
-
-        Returns
-        -------
-        tuple of 3 float
-            Force subtracted from now on [N], relative to the sensor's own zero.
-
-        Raises
-        ------
-        RigError
-            If it is not open, or readings stop, report an error, or vary by more than 0.1 N; the zero is unchanged.
-        """
-        if self._line is None:
-            raise RigError(f"The {self._protocol.name} is not open.")
-        mean = ReadingMean(samples)
-        with self._taring:
-            self._mean = mean
-            try:
-                self._zero = mean.awaited(self.rate, self._protocol.newtons, self._protocol.meaning)
-            finally:
-                self._mean = None
-        x, y, z = (count * self._protocol.newtons for count in self._zero[:3])
-        return x, y, z
+        self._told = self._protocol.begin(line, self.rate)
+        self._start(lambda closing: self._receive(line, closing))
+        if not self._comes(streamed_sensor.FIRST_READING):
+            why = self._broken or f"no reading came within {streamed_sensor.FIRST_READING:g} s"
+            raise RigError(f"The {self.name} at {self._port} does not read: {why}.")
 
     def about(self) -> dict[str, float | str]:
         """Return what the sensor says about itself, and the counts of readings and faults."""
@@ -202,70 +148,53 @@ class FramedSensor:
         told |= {"received_readings": self._received, "lost_readings": self._lost}
         return told | {"damaged_frames": self._damaged}
 
-    def close(self) -> None:
-        """Stop the stream and close the port; never raises, and may be called twice."""
-        line, thread, self._line, self._thread = self._line, self._thread, None, None
+    def _disconnect(self) -> None:
+        self._stop()
+        line, self._line = self._line, None
         if line is None:
             return
-        self._closing.set()
-        if thread is not None and thread is not threading.current_thread():
-            thread.join(timeout=1.0)
         with contextlib.suppress(RigError):  # the cable is out: nothing streams then
             self._protocol.end(line)
         line.close()
 
     def _begin_again(self) -> None:
-        self._zero = _NO_ZERO  # [counts]
-        self._received = self._lost = self._damaged = 0
+        super()._begin_again()
+        self._damaged = 0
         self._number, self._stamp = 0, -1
-        self._broken = ""
-        self._stream = ReadingStream(self.rate)
 
-    def _receive(self, line: SensorLine, closing: threading.Event, listener: ForceListener) -> None:
+    @property
+    def _scales(self) -> Zero:
+        return (self._protocol.newtons,) * 3 + (self._protocol.newton_metres,) * 3
+
+    def _meaning(self, status: int) -> str:
+        return self._protocol.meaning(status)
+
+    def _receive(self, line: SensorLine, closing: threading.Event) -> None:
         reader = FrameReader(self._protocol.form)
         while not closing.is_set():
             try:
                 read = line.more()
             except RigError as error:
                 if not closing.is_set():
-                    listener.garbled(str(error), self._clock.now())
+                    self.garbled(str(error), self._clock.now())
                     self._note(str(error))
                 return
             now = self._clock.now()
             for found in reader.take(read):
                 if isinstance(found, FrameError):
                     self._damaged += 1
-                    listener.garbled(str(found), now)
+                    self.garbled(str(found), now)
                 else:
-                    self._pass_on(*found, now, listener)
+                    self._pass_on(*found, now)
 
-    def _pass_on(self, frame: SensorFrame, missed: int, now: float, listener: ForceListener) -> None:
-        lost = self._lost_before(frame, missed, now)
-        if lost < 0:
-            listener.garbled(f"a reading at {frame.stamp} us of the sensor's time does not follow the last", now)
-            return
-        self._received += 1
-        self._lost += lost
-        counts, zero, scale, turning = frame.counts, self._zero, self._protocol.newtons, self._protocol.newton_metres
-        force = (counts[0] - zero[0]) * scale, (counts[1] - zero[1]) * scale, (counts[2] - zero[2]) * scale
-        torque = (counts[3] - zero[3]) * turning, (counts[4] - zero[4]) * turning, (counts[5] - zero[5]) * turning
-        sample = ForceSample(now, force, counts, frame.status, self._number, lost, torque)
-        if (mean := self._mean) is not None:
-            mean.add(sample)
-        listener.force(sample)
-        if self._received == 1:
-            self._note()
-
-    def _lost_before(self, frame: SensorFrame, missed: int, now: float) -> int:
-        """Return how many readings were lost before this one, and number it; less than 0: it does not follow."""
+    def _pass_on(self, frame: SensorFrame, missed: int, now: float) -> None:
+        """Pass on a frame, with a number by the sensor's time, or by how many were missed."""
         steps = 1 + missed if self._received else 1
         if frame.stamp >= 0 and self._stamp >= 0:
             steps = round((frame.stamp - self._stamp) % _STAMPS * 1e-6 * self.rate)
         self._stamp = frame.stamp
         self._number = (self._number + steps) % SEQUENCES
-        return self._stream.place(self._number, now)
+        self._take(self._number, now, frame.counts, frame.status)
 
-    def _note(self, broken: str = "") -> None:
-        with self._changed:
-            self._broken = broken
-            self._changed.notify_all()
+    def _misplaced(self, number: int, now: float, *, late: bool) -> None:
+        self.garbled(f"a reading at {self._stamp} us of the sensor's time does not follow the last", now)

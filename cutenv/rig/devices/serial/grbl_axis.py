@@ -11,13 +11,11 @@ import logging
 import math
 import threading
 from collections.abc import Callable
+from functools import partial
 
-from cutenv._base.validation import in_range
-from cutenv.rig.config.axes import Axis
-from cutenv.rig.devices.clock import Clock, Repeating
+from cutenv.rig.devices.axis_driver import AxisDriver
+from cutenv.rig.devices.clock import Repeating
 from cutenv.rig.devices.driver_registry import Mounting, rig_driver
-from cutenv.rig.devices.drivers import MotionListener
-from cutenv.rig.devices.latch import Event, Latch
 from cutenv.rig.devices.samples import DriveState, MotionSample
 from cutenv.rig.devices.serial.grbl_connection import GrblConnection
 from cutenv.rig.devices.serial.grbl_lines import (
@@ -30,6 +28,7 @@ from cutenv.rig.devices.serial.grbl_lines import (
     grbl_setting,
     grbl_status,
     grbl_zero,
+    jog_line,
 )
 from cutenv.rig.devices.serial.grbl_options import (
     PIECE,
@@ -39,25 +38,25 @@ from cutenv.rig.devices.serial.grbl_options import (
     check_grbl,
     lines_to_send,
 )
-from cutenv.rig.devices.serial.jog_feed import JogFeed
 from cutenv.rig.devices.serial.stepper_settings import on_pseudo_terminal
 from cutenv.rig.errors import RigError
 
 _log = logging.getLogger(__name__)
 
 _STOPPING = 0.020  # [s] between reports while it stops
-_BOOT, _REPORTS, _STATE = 4.0, 1.0, 1.5  # [s]
+_BOOT, _STATE = 4.0, 1.5  # [s]
 _DEAF = 0.1  # [s] beyond its ramp, after which a machine that does not slow down is reset
 _MINUTE = 6e4  # mm/min of a m/s
 _MOVING = ("Idle", "Jog")
 
 
 @rig_driver(options=GrblOptions, check=check_grbl, emulated=on_pseudo_terminal, patience=SENT_AHEAD + PIECE)
-class GrblAxis:
+class GrblAxis(AxisDriver):
     """Axis of a machine with GRBL 1.1 as it is: jogs, jog cancel, soft reset, status reports.
 
     Its position counts from where a person has set zero since the machine has power: ``cutenv rig zero``. The motor's
-    power is the machine's own affair: "without power" means here that no jogs are sent.
+    power is the machine's own affair: "without power" means here that no jogs are sent. It has no watch of its own: one
+    that has to stop by itself and does not slow down soon is reset, which stops it without a ramp and loses its zero.
 
     Parameters
     ----------
@@ -65,15 +64,12 @@ class GrblAxis:
         Place on the rig.
     """
 
+    device, silence, report_limit = "machine", "no more jogs are sent", 1.0
+
     def __init__(self, mounting: Mounting) -> None:
-        self.name = mounting.role
-        self.latch = Latch()  # until a supervisor replaces it by the shared one
-        self._settings: Axis = mounting.settings
+        super().__init__(mounting.role, mounting.settings, mounting.clock)
         self._options: GrblOptions = mounting.options
         self._number = GRBL_AXES.index(self._options.letter)
-        self._clock: Clock = mounting.clock
-        self._changed = threading.Condition()
-        self._listener: MotionListener | None = None
         self._machine: GrblConnection | None = None
         self._jogs = JogFeed(self._options.letter, self._number, self._write_quietly, lambda: self.latch.closed)
         self._turns: list[Repeating] = []
@@ -82,7 +78,6 @@ class GrblAxis:
     def _reset(self) -> None:
         self._status: GrblStatus | None = None
         self._heard = 0.0
-        self._reports = 0
         self._told: dict[int, float] = {}
         self._zero: float | None = None  # [mm] machine position of the clamp; None: nobody has set it
         self._state = DriveState.DISABLED
@@ -94,40 +89,18 @@ class GrblAxis:
 
     # Life cycle
 
-    def open(self, listener: MotionListener) -> None:
-        """Connect, check that GRBL answers and has the file's speed and acceleration; nothing moves.
-
-        Raises
-        ------
-        RigError
-            If it is open already, the port is missing or taken, or GRBL is not set as the file says.
-        """
-        if self._listener is not None:
-            raise RigError(f"{self.name}: it is open already; close it first.")
+    def _connect(self) -> None:
         self._reset()
-        self._listener = listener
-        try:
-            self._machine = GrblConnection(
-                self._options.port, self._options.baud, self._clock, heard=self._handle, broke=self._break
-            )
-        except RigError:
-            self._listener = None
-            raise
-        try:
-            self._identify()
-            self._compare()
-        except BaseException:
-            self._leave()
-            raise
+        self._machine = GrblConnection(
+            self._options.port, self._options.baud, self._clock, heard=self._handle, broke=self.lost
+        )
+        self._identify()
+        self._compare()
         self._turns = [
             self._clock.every(_STOPPING, self._ask_status, "cutenv GRBL status"),
             self._clock.every(PIECE, self._feed, "cutenv GRBL jogs"),
         ]
-        try:
-            self._await(lambda: self._reports > 1, "report its state", _REPORTS)
-        except BaseException:
-            self._leave()
-            raise
+        self._fresh()
 
     def _identify(self) -> None:
         ends = self._clock.now() + _BOOT
@@ -158,23 +131,15 @@ class GrblAxis:
     def _read_offsets(self) -> None:
         self._zero = grbl_zero(self._ask("$#"), self._number)
 
-    def close(self) -> None:
-        """Stop, and leave the port; never raises, and may be called twice."""
-        if self._listener is None:
-            return
-        try:
-            if not self._lost:
-                self._write(JOG_CANCEL)
-                self._rested()
-        except Exception as error:  # a lost machine or any other error: leave it anyway
-            _log.warning("%s: not closed in order: %s", self.name, error, exc_info=not isinstance(error, RigError))
-        finally:
-            self._leave()
+    def _rest(self) -> None:
+        if self._lost is None:
+            self._write(JOG_CANCEL)
+            self._rested()
 
-    def _leave(self) -> None:
+    def _disconnect(self) -> None:
         while self._turns:
             self._turns.pop().stop()
-        self._listener, machine, self._machine = None, self._machine, None
+        machine, self._machine = self._machine, None
         if machine is not None:
             machine.close()
 
@@ -214,17 +179,9 @@ class GrblAxis:
 
     # Commands
 
-    def enable(self) -> None:
-        """Allow jogs, at rest. Clears no fault: see :meth:`clear`.
-
-        Raises
-        ------
-        RigError
-            If it was stopped, is in alarm, or has no zero.
-        """
-        self._fresh()
+    def _switch_on(self) -> None:
         if self.latch.closed or self._state not in (DriveState.DISABLED, DriveState.ENABLED):
-            raise RigError(f'{self.name}: the machine is in "{self._state.value}"; clear it first.')
+            raise RigError(f"{self.name}: {self._condition()}; clear it first.")
         if self._zero is None:
             raise RigError(
                 f"{self.name}: the machine does not know where the blade stands. Put the blade at the clamp by hand, "
@@ -233,43 +190,16 @@ class GrblAxis:
         self._jogs.begin()
         self._state = DriveState.ENABLED
 
-    def command(self, speed: float) -> None:
-        """Take a target speed [m/s], from which the next jogs are made; does not wait.
+    def _send_speed(self, target: float) -> None:
+        self._energise(partial(self._jogs.aim, 1e3 * target * self._settings.direction))  # the next jogs are made of it
 
-        Raises
-        ------
-        TypeError, ValueError
-            If the speed is not a number, or beyond the axis's top speed.
-        RigError
-            If the axis is not enabled, was stopped, or the line is broken.
-        """
-        top = self._settings.speed
-        speed = in_range(f"{self.name} speed", speed, -top, top, "m/s", "The top speed is in the rig's file.")
-        if self.latch.closed or self._state is not DriveState.ENABLED:
-            raise RigError(f"{self.name}: {self._lost or f'not enabled, the machine is in {self._state.value}'}.")
-        self._jogs.aim(1e3 * speed * self._settings.direction)
-
-    def quick_stop(self, *, for_good: bool = False) -> None:
-        """Cancel every jog, at once, from any thread: GRBL slows down as always.
-
-        Raises
-        ------
-        RigError
-            If the port does not take it, or the axis was never opened.
-        """
-        self.latch.happens(Event.STOP)
+    def _send_stop(self, *, for_good: bool = False) -> None:
         self._jogs.end()
         with self._changed:
             self._fastest = 0.0 if self._status is None else self._status.feed
         self._write(JOG_CANCEL)  # repeated until it is seen to obey: a jog that it has not read yet is cancelled too
 
-    def withhold_heartbeat(self, why: str) -> None:
-        """Send no more jogs, and reset a machine that does not slow down soon: it has no watch of its own.
-
-        A reset stops it at once, without a ramp, and loses its zero.
-        """
-        self.latch.happens(Event.STOP)
-        _log.warning("%s: %s: no more jogs are sent", self.name, why)
+    def _fall_silent(self) -> None:
         self._jogs.end()
         self._reset_at = self._clock.now() + self._settings.speed / self._settings.acceleration + _DEAF
 
@@ -326,11 +256,6 @@ class GrblAxis:
             self._write_quietly(STATUS)
 
     # Lines
-
-    @property
-    def _lost(self) -> str:
-        """Reason why the line is lost, or ""."""
-        return "" if self._machine is None else self._machine.lost or ""
 
     def _write(self, data: bytes) -> None:
         if (machine := self._machine) is None:
@@ -392,21 +317,13 @@ class GrblAxis:
             self._listener.motion(self.name, sample)
             self._listener.alive(self.name, now)
 
-    def _break(self, why: str, now: float) -> None:
-        with self._changed:
-            self._state = DriveState.FAULT
-            self._changed.notify_all()
-        if self._listener is not None:
-            self._listener.broken(self.name, why, now)
+    def lost(self, why: str, time: float) -> None:
+        """Take the news that the line is lost."""
+        self._state = DriveState.FAULT
+        super().lost(why, time)
 
-    # Waiting
-
-    def _await(self, come: Callable[[], bool], what: str, limit: float) -> None:
-        self._clock.wait_for(lambda: bool(self._lost) or come(), limit, self._changed)
-        if self._lost:
-            raise RigError(f"{self.name}: {self._lost}.")
-        if not come():
-            raise RigError(f"{self.name}: the machine does not {what} within {limit:.1f} s.")
+    def _condition(self) -> str:
+        return f'the machine is in "{self._state.value}"'
 
     def _rested(self) -> None:
         begun = self._clock.now()
@@ -416,9 +333,78 @@ class GrblAxis:
             _STATE,
         )
 
-    def _fresh(self) -> None:
-        """Wait for a report younger than now."""
-        seen = self._reports
-        if self._machine is None:
-            raise RigError(f"{self.name}: not open.")
-        self._await(lambda: self._reports > seen + 1, "report its state", _REPORTS)
+
+class JogFeed:
+    """Feed of jogs along one axis.
+
+    Parameters
+    ----------
+    letter : str
+        Axis of the machine.
+    number : int
+        Its place in a status report.
+    write : callable
+        Sends bytes.
+    stopped : callable
+        Returns True once nothing may move any more.
+
+    Attributes
+    ----------
+    cancelled : bool
+        True from a cancel until the machine is seen to stand.
+    """
+
+    def __init__(self, letter: str, number: int, write: Callable[[bytes], None], stopped: Callable[[], bool]) -> None:
+        self._letter, self._number, self._write, self._stopped = letter, number, write, stopped
+        self._lock = threading.Lock()
+        self._target = 0.0  # [mm/s]
+        self._sent = self._base = 0.0  # [mm] of jogs since the axis stood, and where that was
+        self._jogging = self.cancelled = False
+        self._asked = 0.0  # [s] time of the cancel
+
+    @property
+    def backward(self) -> bool:
+        """True if the jogs under way go back."""
+        return self._sent < 0.0
+
+    def aim(self, target: float) -> None:
+        """Take a target speed [mm/s], from which the next jogs are made."""
+        with self._lock:
+            self._target = target
+
+    def begin(self) -> None:
+        """Begin at rest, with no jogs under way."""
+        with self._lock:
+            self._target, self._jogging, self.cancelled = 0.0, False, False
+
+    def end(self) -> None:
+        """Make no more jogs, from any thread, without waiting."""
+        self._target, self.cancelled = 0.0, True
+
+    def turn(self, now: float, status: GrblStatus, heard: float) -> None:
+        """Send the jogs that are due at ``now`` [s]; cancel those under way where the target is 0 or the other way.
+
+        ``status`` is the last report, which came at ``heard`` [s].
+        """
+        with self._lock:
+            if self.cancelled:  # by ourselves: go on once it stands
+                if status.state == "Idle" and heard > self._asked:
+                    self.cancelled = self._jogging = False
+                return
+            target = self._target
+            if self._jogging and (target == 0.0 or target * self._sent < 0.0):
+                self.cancelled, self._asked = True, now
+                self._write(JOG_CANCEL + STATUS)
+                return
+            if target == 0.0:
+                return
+            if not self._jogging:
+                self._jogging, self._sent, self._base = True, 0.0, status.position[self._number]
+            moved = status.position[self._number] - self._base
+            moved += math.copysign(status.feed / 60.0, target) * (now - heard)
+            if abs(self._sent) - abs(moved) > abs(target) * (SENT_AHEAD - PIECE):
+                return
+            self._sent += target * PIECE
+            self._write(jog_line(self._letter, target * PIECE, 60.0 * abs(target)))
+            if self._stopped():  # between the lines above: the cancel has to be the last
+                self._write(JOG_CANCEL)

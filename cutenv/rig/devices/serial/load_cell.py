@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-import threading
 from dataclasses import dataclass
 
 from cutenv._base.parameter import check_parameters
 from cutenv._base.validation import in_range
 from cutenv.rig.config.setting import setting
 from cutenv.rig.config.settings import RigSettings, SensorSettings
-from cutenv.rig.devices.clock import Clock
 from cutenv.rig.devices.driver_registry import Mounting, rig_driver
-from cutenv.rig.devices.drivers import ForceListener
-from cutenv.rig.devices.reading_stream import ReadingMean, ReadingStream
-from cutenv.rig.devices.samples import ForceSample
+from cutenv.rig.devices.reading_stream import Zero
 from cutenv.rig.devices.serial.board import SerialBoard
 from cutenv.rig.devices.serial.board_lines import ForceReport, Report
 from cutenv.rig.devices.serial.stepper_settings import on_pseudo_terminal
+from cutenv.rig.devices.streamed_sensor import FIRST_READING, StreamedSensor
 from cutenv.rig.errors import RigError
 
 _RATE_ERROR = 0.15  # [1] assumed: the HX711 has a clock of its own, which its data sheet does not bound
-_FIRST_READING = 2.0  # [s] within which the first one must arrive
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,7 +53,7 @@ def _check(rig: RigSettings, role: str) -> None:
 
 
 @rig_driver(options=LoadCellOptions, check=_check, emulated=on_pseudo_terminal)
-class LoadCell:
+class LoadCell(StreamedSensor):
     """Load cell on an HX711, ADS1220 or NAU7802, on a board with the sketch of assets/firmware.
 
     It measures the force along the cut alone; the other components read 0.
@@ -68,86 +64,37 @@ class LoadCell:
         Place on the rig; the board is shared with a stepper at the same port.
     """
 
+    name = "load cell"
+
     def __init__(self, mounting: Mounting) -> None:
         settings: SensorSettings = mounting.settings
         options: LoadCellOptions = mounting.options
-        self.rate = settings.rate
-        self.axes, self.rate_error = settings.cut_axis, _RATE_ERROR
         self._number = "xyz".index(settings.cut_axis)
-        self._clock: Clock = mounting.clock
         self._newtons = 1.0 / options.counts_per_N
         self._board = mounting.share(
             ("board", options.port), lambda: SerialBoard(options.port, options.baud, mounting.clock)
         )
-        self._listener: ForceListener | None = None
-        self._changed = threading.Condition()
-        self._taring = threading.Lock()
-        self._stream = ReadingStream(self.rate)
-        self._mean: ReadingMean | None = None
-        self._zero = 0.0  # [counts]
-        self._received = self._lost = 0
-        self._broken: str | None = None
         self._converter = ""
+        super().__init__(mounting.clock, settings.rate, rate_error=_RATE_ERROR, axes=settings.cut_axis)
 
-    def open(self, listener: ForceListener) -> None:
-        """Connect, ask the board for its converter and rate, and wait for the first reading.
+    def _connect(self) -> None:
+        identity = self._board.join(self)
+        self._converter, self.rate = identity.converter, float(identity.rate)
+        if not self._comes(FIRST_READING):
+            raise RigError(
+                f"No reading came from the load cell at {self._board.port} within {FIRST_READING:g} s, though the "
+                f"board answers. Are the wires between board and {self._converter} right, and has it power?"
+            )
 
-        Raises
-        ------
-        RigError
-            If it is open already, the board is missing, or no reading comes.
-        """
-        if self._listener is not None:
-            raise RigError("The load cell is open already: close it first.")
-        self._listener = listener
-        self._stream, self._zero, self._broken = ReadingStream(self.rate), 0.0, None
-        self._received = self._lost = 0
-        try:
-            identity = self._board.join(self)
-            self._converter, self.rate = identity.converter, float(identity.rate)
-            self._clock.wait_for(lambda: self._received > 0 or self._broken is not None, _FIRST_READING, self._changed)
-            if not self._received:
-                raise RigError(
-                    f"No reading came from the load cell at {self._board.port} within {_FIRST_READING:g} s, though the "
-                    f"board answers. Are the wires between board and {self._converter} right, and has it power?"
-                )
-        except BaseException:
-            self.close()
-            raise
+    def _disconnect(self) -> None:
+        self._board.leave(self)
 
-    def close(self) -> None:
-        """Stop listening; never raises, and may be called twice."""
-        if self._listener is not None:
-            self._listener = None
-            self._board.leave(self)
+    @property
+    def _scales(self) -> Zero:
+        return (self._newtons,) * 3 + (0.0,) * 3
 
-    def tare(self, samples: int = 200) -> tuple[float, float, float]:
-        """Take the mean of the next ``samples`` readings as zero, while nothing touches the blade.
-
-        Returns
-        -------
-        tuple of 3 float
-            Force subtracted from now on [N], relative to the converter's own zero.
-
-        Raises
-        ------
-        RigError
-            If it is not open, or readings stop, report an error, or vary by more than 0.1 N; the zero is unchanged.
-        """
-        self._zero = self.mean_counts(samples)
-        return self._vector(self._zero * self._newtons)
-
-    def mean_counts(self, samples: int) -> float:
-        """Return the mean of the next ``samples`` readings, less no zero [counts]; raises like :meth:`tare`."""
-        mean = ReadingMean(samples)
-        if self._listener is None:
-            raise RigError("The load cell is not open.")
-        with self._taring:
-            self._mean = mean
-            try:
-                return mean.awaited(self.rate, self._newtons, _meaning)[self._number]
-            finally:
-                self._mean = None
+    def _meaning(self, status: int) -> str:
+        return "a force at the end of the converter's range" if status == 1 else f"status {status}"
 
     def about(self) -> dict[str, float | str]:
         """Return what the board says of its converter, and the counts of readings."""
@@ -164,47 +111,18 @@ class LoadCell:
 
     def told(self, report: Report, time: float) -> None:
         """Take a reading; other reports are not for a sensor."""
-        listener = self._listener
-        if not isinstance(report, ForceReport) or listener is None:
-            return
-        lost = self._stream.place(report.sequence, time)
-        if lost == ReadingStream.OLD:
-            return
-        if lost == ReadingStream.STRANGE:
-            return listener.garbled(f"reading {report.sequence} does not follow {self._stream.last}: a restart?", time)
-        self._received += 1
-        self._lost += lost
-        counts = [0, 0, 0, 0, 0, 0]
-        counts[self._number] = report.counts
-        six = (counts[0], counts[1], counts[2], 0, 0, 0)
-        force = self._vector((report.counts - self._zero) * self._newtons)
-        sample = ForceSample(time, force, six, report.status, report.sequence, lost)
-        if (mean := self._mean) is not None:
-            mean.add(sample)
-        listener.force(sample)
-        if self._received == 1:
-            with self._changed:
-                self._changed.notify_all()
+        if isinstance(report, ForceReport):
+            counts = [0, 0, 0]
+            counts[self._number] = report.counts
+            self._take(report.sequence, time, (counts[0], counts[1], counts[2], 0, 0, 0), report.status)
 
-    def garbled(self, why: str, time: float) -> None:
-        """Pass on the news of a damaged line."""
-        if self._listener is not None:
-            self._listener.garbled(why, time)
+    def _misplaced(self, number: int, now: float, *, late: bool) -> None:
+        if not late:
+            self.garbled(f"reading {number} does not follow {self._stream.last}: a restart?", now)
 
     def lost(self, why: str, time: float) -> None:
         """Note that the board is gone: the lack of readings is noticed, and an axis on it reports it."""
-        with self._changed:
-            self._broken = why
-            self._changed.notify_all()
-
-    def _vector(self, force: float) -> tuple[float, float, float]:
-        vector = [0.0, 0.0, 0.0]
-        vector[self._number] = force
-        return vector[0], vector[1], vector[2]
-
-
-def _meaning(status: int) -> str:
-    return "a force at the end of the converter's range" if status == 1 else f"status {status}"
+        self._note(why)
 
 
 def sensor_delay(rig: RigSettings) -> float:

@@ -6,25 +6,8 @@ from collections.abc import Callable
 from operator import attrgetter
 from typing import Any
 
-from cutenv.rig.emulator.faults import InjectedFault, Parameters, Range
+from cutenv.rig.emulator.faults import OVER_FORCE, Act, InjectedFault, Parameters, Range, attribute, switched
 from cutenv.rig.emulator.serial.firmware import HIGH_PIN, STOP_PIN
-
-
-def _of(part: str, attribute: str, summary: str, value: Any, healthy: Any, **parameters: Range) -> InjectedFault:
-    """Make a fault of a part of the rig, "" for itself: ``value``, or the parameter of that name."""
-
-    def part_of(rig: Any) -> Any:
-        return attrgetter(part)(rig) if part else rig
-
-    def begin(rig: Any, given: Parameters) -> None:
-        setattr(part_of(rig), attribute, given[value] if isinstance(value, str) else value)
-
-    return InjectedFault(
-        summary=summary,
-        parameters=parameters,
-        begin=begin,
-        end=lambda rig, p: setattr(part_of(rig), attribute, healthy),
-    )
 
 
 def _once(summary: str, begin: Callable[[Any], None]) -> InjectedFault:
@@ -37,51 +20,40 @@ def _of_line(line: str, sender: str, *, share: float, delay: float) -> dict[str,
 
     ``share`` of the lines and ``delay`` [s] are those of a fault that is given without.
     """
+
+    def on(name: str) -> Act:
+        return attribute(name, line)
+
+    def plugged(rig: Any, given: Parameters, out: bool) -> None:
+        found = attrgetter(line)(rig)
+        found.unplug() if out else found.plug()
+
     return {
-        "cable_out": InjectedFault(
-            summary=f"the cable of the {sender} is pulled out; at the end it is put in again, and the port has another "
-            "number",
-            begin=lambda rig, p: attrgetter(line)(rig).unplug(),
-            end=lambda rig, p: attrgetter(line)(rig).plug(),
+        "cable_out": switched(
+            plugged,
+            f"the cable of the {sender} is pulled out; at the end it is put in again, and the port has another number",
         ),
-        f"{sender}_deaf": _of(line, "deaf", f"nothing that the computer sends gets to the {sender}", True, False),
-        f"{sender}_mute": _of(line, "mute", f"nothing that the {sender} sends comes here; it hears all", True, False),
-        "damaged_lines": _of(
-            line, "damaged_share", "a bit is changed in a share of the lines", "share", 0.0,
+        f"{sender}_deaf": switched(on("deaf"), f"nothing that the computer sends gets to the {sender}"),
+        f"{sender}_mute": switched(on("mute"), f"nothing that the {sender} sends comes here; it hears all"),
+        "damaged_lines": switched(
+            on("damaged_share"), "a bit is changed in a share of the lines", "share", 0.0,
             share=Range(share, 0.0, 1.0, "1"),
         ),
-        "lost_lines": _of(
-            line, "lost_share", "a share of the lines is lost", "share", 0.0, share=Range(share, 0.0, 1.0, "1")
+        "lost_lines": switched(
+            on("lost_share"), "a share of the lines is lost", "share", 0.0, share=Range(share, 0.0, 1.0, "1")
         ),
-        "noise": _of(line, "noise", "random bytes come, as with another baud rate", True, False),
-        "doubled_lines": _of(line, "doubled", "each line comes twice", True, False),
-        "latency": _of(line, "delay", "lines come late", "delay_s", 0.0, delay_s=Range(delay, 0.0, 2.0, "s")),
+        "noise": switched(on("noise"), "random bytes come, as with another baud rate"),
+        "doubled_lines": switched(on("doubled"), "each line comes twice"),
+        "latency": switched(on("delay"), "lines come late", "delay_s", 0.0, delay_s=Range(delay, 0.0, 2.0, "s")),
     }  # fmt: skip
 
 
-def _of_pin(pin: int, summary: str) -> InjectedFault:
-    return InjectedFault(
-        summary=summary,
-        begin=lambda rig, p: rig.board.open_pin(pin),
-        end=lambda rig, p: rig.board.open_pin(pin, False),
-    )
-
-
 _OF_CELL: dict[str, InjectedFault] = {
-    "cell_silent": InjectedFault(
-        summary="the converter makes no readings",
-        begin=lambda rig, p: rig.convert(silent=True),
-        end=lambda rig, p: rig.convert(silent=False),
-    ),
-    "cell_frozen": _of("", "frozen", "the converter repeats its last counts", True, False),
-    "cell_saturated": _of("", "saturated", "the converter stands at the end of its range", True, False),
-    "cell_wire_off": _of("", "wire_off", "a wire of the load cell is off: the counts jump about", True, False),
-    "over_force": InjectedFault(
-        summary="a force is added to the tissue's",
-        begin=lambda rig, p: rig.bench.add_force(p["force_N"]),
-        end=lambda rig, p: rig.bench.add_force(0.0),
-        parameters={"force_N": Range(25.0, -190.0, 190.0, "N")},
-    ),
+    "cell_silent": switched(lambda rig, p, silent: rig.convert(silent=silent), "the converter makes no readings"),
+    "cell_frozen": switched(attribute("frozen"), "the converter repeats its last counts"),
+    "cell_saturated": switched(attribute("saturated"), "the converter stands at the end of its range"),
+    "cell_wire_off": switched(attribute("wire_off"), "a wire of the load cell is off: the counts jump about"),
+    "over_force": OVER_FORCE,
 }
 _BOARD = _of_line("line", "board", share=0.5, delay=0.15)
 _MACHINE = _of_line("machine.line", "grbl", share=0.8, delay=0.5)  # less is not noticed, as its page says
@@ -91,12 +63,13 @@ SERIAL_FAULTS: dict[str, InjectedFault] = {
     "board_restart": _once(
         "the board restarts: it loses its set-up, its zero and the motor's power", lambda rig: rig.restart()
     ),
-    "stop_button": _of_pin(STOP_PIN, "the stop button's contact to the board opens"),
-    "limit_switch": _of_pin(HIGH_PIN, "the far limit switch opens"),
-    "blocked": InjectedFault(
-        summary="the motor stands though it gets pulses: it loses steps, or its supply is off",
-        begin=lambda rig, p: rig.board.block(True),
-        end=lambda rig, p: rig.board.block(False),
+    "stop_button": switched(
+        lambda rig, p, opened: rig.board.open_pin(STOP_PIN, opened), "the stop button's contact to the board opens"
+    ),
+    "limit_switch": switched(lambda rig, p, opened: rig.board.open_pin(HIGH_PIN, opened), "the far limit switch opens"),
+    "blocked": switched(
+        lambda rig, p, blocked: rig.board.block(blocked),
+        "the motor stands though it gets pulses: it loses steps, or its supply is off",
     ),
     **_OF_CELL,
 }
@@ -109,10 +82,10 @@ GRBL_FAULTS: dict[str, InjectedFault] = {
     ),
     "grbl_alarm": _once("a limit switch opens: GRBL stops at once, with an alarm", lambda rig: rig.machine.alarm(1)),
     "feed_hold": _once("somebody presses the machine's feed hold", lambda rig: rig.machine.feed_hold()),
-    "cancel_ignored": _of(
-        "machine", "deaf_to_cancel", "jog cancel is not obeyed: it makes the jogs that it has", True, False
+    "cancel_ignored": switched(
+        attribute("deaf_to_cancel", "machine"), "jog cancel is not obeyed: it makes the jogs that it has"
     ),
-    "blocked": _of("machine", "blocked", "the motor stands though it gets pulses", True, False),
+    "blocked": switched(attribute("blocked", "machine"), "the motor stands though it gets pulses"),
     "board_cable_out": _BOARD["cable_out"],
     "board_restart": _once("the load cell's board restarts", lambda rig: rig.restart()),
     "board_mute": _BOARD["board_mute"],

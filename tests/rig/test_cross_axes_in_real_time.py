@@ -1,12 +1,15 @@
-"""A whole session on an emulated rig with a height axis, in real time: prepared, cut up and down, ended."""
+"""Cuts on emulated rigs with an axis across the cut, in real time: prepared, cut, led back or ended."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
 
+import numpy as np
 import pytest
 
+from cutenv.envs.path_cut import to_path_action
+from cutenv.envs.rig_path_cut import RigPathCutEnv
 from cutenv.envs.rig_source import EmulatedSpecimens
 from cutenv.rig.emulator.process import start
 from cutenv.rig.errors import RigError
@@ -52,10 +55,35 @@ def cut_up_and_down() -> None:
             assert inspection.told["height"]["position_mm"] == pytest.approx(1e3 * plant.level, abs=0.1)
 
 
-def test_a_cut_up_and_down_on_the_emulator():
+def cut_along_a_bend() -> None:
+    env = RigPathCutEnv(rig="emulator", target_length=0.06, line="arc", records=None)
+    try:
+        env.reset(seed=3)
+        assert "side encoder" in [check.name for check in env.session.checks]
+        for _ in range(100):
+            *_, ended, _, info = env.step(to_path_action(0.012, math.pi / 2, 0.3))
+            if ended:
+                raise RigError(str(info))
+        heading, plant = env.session.plant.heading.now, env.session.plant
+        assert heading == pytest.approx(env.cutting.line.angle[0] + 0.6)
+        beside, truth = plant.beside, env._source.emulator.control.truth()
+        assert (beside["blade_x"][-1], beside["blade_y"][-1]) == pytest.approx(
+            (truth["position_m"], truth["side_m"]), abs=5e-4
+        )
+        assert np.hypot(beside["blade_x"][-1], beside["blade_y"][-1]) > 0.02
+        assert env.cutting.tip == pytest.approx(truth["tip_m"], abs=4e-3)
+        env.reset(seed=4)  # back, the way that it came
+        truth = env._source.emulator.control.truth()
+        assert math.hypot(truth["position_m"], truth["side_m"]) < 3e-4
+    finally:
+        env.close()
+
+
+@pytest.mark.parametrize("session", [cut_up_and_down, cut_along_a_bend])
+def test_a_cut_on_the_emulator(session):
     for attempts_left in reversed(range(ATTEMPTS)):
         try:
-            return cut_up_and_down()
+            return session()
         except (RigStopped, RigError):
             if not attempts_left:
                 raise
