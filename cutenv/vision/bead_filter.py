@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from cutenv.vision.bead_motion import groups_of
 from cutenv.vision.fluoroscopy import CArmView
 from cutenv.vision.projection import project, projection_slope
 
@@ -27,6 +28,10 @@ class BeadFilter:
 
     Attributes
     ----------
+    groups : ndarray of int, shape (n, k)
+        Beads that move like each, see `groups_of`.
+    predicted : ndarray, shape (n, 3)
+        Places that the model predicts for this frame [m].
     offset : ndarray, shape (n, 3)
         Place less that predicted [m].
     refused : ndarray of bool, shape (n,)
@@ -35,16 +40,25 @@ class BeadFilter:
 
     rest: NDArray[np.float64]
     variance: NDArray[np.float64]
+    groups: NDArray[np.int64] = field(init=False)
+    predicted: NDArray[np.float64] = field(init=False)
     offset: NDArray[np.float64] = field(init=False)
     refused: NDArray[np.bool_] = field(init=False)
 
     def __post_init__(self) -> None:
+        self.groups = groups_of(self.rest)
         self.offset = np.zeros_like(self.rest)
-        self.begin()
+        self.begin(self.rest)
 
-    def begin(self) -> None:
-        """Begin a frame: no view has shown anything yet."""
+    @property
+    def place(self) -> NDArray[np.float64]:
+        """Places as they are known now [m], shape (n, 3)."""
+        return self.predicted + self.offset
+
+    def begin(self, predicted: NDArray[np.float64]) -> None:
+        """Begin a frame, for which the model predicts these places: no view has shown anything yet."""
         n = len(self.rest)
+        self.predicted = predicted
         self._before = self.offset.copy(), self.variance.copy()
         self._ray = np.zeros((n, 3))  # of the view that has shown the bead in this frame
         self._shown = np.zeros(n, bool)
@@ -68,7 +82,6 @@ class BeadFilter:
 
     def update(
         self,
-        predicted: NDArray[np.float64],
         view: CArmView,
         measured: NDArray[np.float64],
         error: NDArray[np.float64],
@@ -83,7 +96,7 @@ class BeadFilter:
         assert matrix is not None  # a calibration's views have one
         there = np.asarray(np.isfinite(measured).all(axis=1))
         rows = np.flatnonzero(there)
-        place = (predicted + self.offset)[rows]
+        place = self.place[rows]
         slope = projection_slope(matrix, place)
         left = measured[rows] - project(matrix, place)
         variance, error = self.variance[rows], error[rows]
@@ -122,7 +135,7 @@ class BeadFilter:
         """Take back what this frame has shown of some beads."""
         self.offset[rows], self.variance[rows] = self._before[0][rows], self._before[1][rows]
 
-    def follow(self, seen: NDArray[np.bool_], groups: NDArray[np.int64]) -> None:
+    def follow(self, seen: NDArray[np.bool_]) -> None:
         """Move what views (``seen``, of shape (views, n)) did not show as the neighbours moved in this frame.
 
         A bead that one view shows is known across its rays; along them it goes as its neighbours do.
@@ -130,7 +143,7 @@ class BeadFilter:
         whole = np.asarray(seen.all(axis=0))
         step = self.offset - self._before[0]
         for one in np.flatnonzero(~whole):
-            near = groups[one][whole[groups[one]]]
+            near = self.groups[one][whole[self.groups[one]]]
             if len(near) < 2:
                 continue
             theirs = np.median(step[near], axis=0)

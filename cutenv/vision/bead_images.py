@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -124,13 +124,14 @@ def _fit_heap(
     used = (np.hypot(x[:, None] - expected[:, 0], y[:, None] - expected[:, 1]) <= reach).any(axis=1)
     x, y, values = x[used], y[used], image[low[1] : high[1], low[0] : high[0]].ravel()[used]
     background = np.stack([np.ones_like(x), (x - x.mean()) / reach, (y - y.mean()) / reach], axis=1)
+    window = _Window(x, y, values, background)
     # Columns, rows, heights, then the background; the first three with what is known beforehand.
     p = np.concatenate([expected.T.ravel(), np.full(n, look.height), [np.quantile(values, 0.2), 0.0, 0.0]])
     usual = p.copy()
     noise = 0.2 * look.height  # first guess, replaced by what is left over
     prior = np.zeros(len(p))
     cost, damping = np.inf, 1e-3
-    left, slope = _heap(p, values, x, y, background, n, look.sigma)
+    left, slope = _heap(p, window, look.sigma)
     for _ in range(_ROUNDS):
         prior[: 2 * n] = (noise / _SHIFT) ** 2
         prior[2 * n : 3 * n] = (noise / (_CONTRAST * look.height)) ** 2
@@ -138,7 +139,7 @@ def _fit_heap(
         side = slope.T @ left + prior * (usual - p)
         step = np.linalg.solve(normal + np.diag(prior + damping * np.diag(normal) + 1e-9), side)
         tried = p + step
-        tried_left, tried_slope = _heap(tried, values, x, y, background, n, look.sigma)
+        tried_left, tried_slope = _heap(tried, window, look.sigma)
         tried_cost = float(tried_left @ tried_left + prior @ (tried - usual) ** 2)
         if tried_cost <= cost:
             p, left, slope, cost, damping = tried, tried_left, tried_slope, tried_cost, damping / 5.0
@@ -158,15 +159,19 @@ def _fit_heap(
     return p[: 2 * n].reshape(2, n).T, whole[rows[:, :, None], rows[:, None, :]]
 
 
-def _heap(
-    p: NDArray[np.float64],
-    values: NDArray[np.float64],
-    x: NDArray[np.float64],
-    y: NDArray[np.float64],
-    background: NDArray[np.float64],
-    n: int,
-    sigma: float,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+class _Window(NamedTuple):
+    """Pixels that are fitted: columns, rows, values, each of shape (m,), and the background's shapes (m, 3)."""
+
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    values: NDArray[np.float64]
+    background: NDArray[np.float64]
+
+
+def _heap(p: NDArray[np.float64], window: _Window, sigma: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return what the parameters of n beads and their background leave over, and its slope by these."""
+    x, y, values, background = window
+    n = (len(p) - background.shape[1]) // 3
     u, v = x[:, None] - p[:n], y[:, None] - p[n : 2 * n]
     bell = np.exp(-0.5 * (u**2 + v**2) / sigma**2)
     high = bell * p[2 * n : 3 * n]

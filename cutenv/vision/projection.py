@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -48,22 +49,12 @@ def cone_beam_projection(
     return np.hstack([turn, -(turn @ s)[:, None]])
 
 
-def arm_projection(
-    angle: float,
-    *,
-    isocentre: ArrayLike,
-    source_to_isocentre: float,
-    source_to_detector: float,
-    pixel: float,
-    principal_point: tuple[float, float],
-) -> NDArray[np.float64]:
-    """Return the projection matrix of a C-arm that turns about the direction of the cut, shape (3, 4).
+@dataclass(frozen=True, kw_only=True)
+class CArm:
+    """C-arm that turns about the direction of the cut.
 
     Parameters
     ----------
-    angle : float
-        0: seen from above, the source below; π/2: seen from +x, the source at -x [rad]. The image's columns run
-        along y.
     isocentre : array_like, shape (3,)
         Point about which the arm turns, in the specimen's frame [m].
     source_to_isocentre, source_to_detector : float
@@ -73,13 +64,25 @@ def arm_projection(
     principal_point : tuple of float
         Where the ray through the isocentre meets the detector [square px].
     """
-    centre = np.asarray(isocentre, float)
-    ray = np.array([np.sin(angle), 0.0, np.cos(angle)])  # from source to detector
-    across = np.array([0.0, 1.0, 0.0])
-    down = np.cross(ray, across)
-    source = centre - source_to_isocentre * ray
-    first = source + source_to_detector * ray - pixel * (principal_point[0] * across + principal_point[1] * down)
-    return cone_beam_projection(source, first, across, down, pixel)
+
+    isocentre: tuple[float, float, float]
+    source_to_isocentre: float
+    source_to_detector: float
+    pixel: float
+    principal_point: tuple[float, float]
+
+    def projection(self, angle: float) -> NDArray[np.float64]:
+        """Return the projection matrix of the view at an angle [rad], shape (3, 4).
+
+        0: seen from above, the source below; π/2: seen from +x, the source at -x. The image's columns run along y.
+        """
+        ray = np.array([np.sin(angle), 0.0, np.cos(angle)])  # from source to detector
+        across = np.array([0.0, 1.0, 0.0])
+        down = np.cross(ray, across)
+        source = np.asarray(self.isocentre, float) - self.source_to_isocentre * ray
+        column, row = self.principal_point
+        first = source + self.source_to_detector * ray - self.pixel * (column * across + row * down)
+        return cone_beam_projection(source, first, across, down, self.pixel)
 
 
 def project(projection: NDArray[np.float64], points: ArrayLike) -> NDArray[np.float64]:
