@@ -110,7 +110,7 @@ def calibrate(
     model = model or CutModel()
     cuts, refused = measure_cuts(traces, model, progress=progress)
     cuts, layers = in_layers(cuts, traces, model, boundary=boundary, capsule_thickness=capsule_thickness)
-    return tissue_of(cuts, model, name=name, resamples=resamples, seed=seed, refused=refused, layers=layers)
+    return with_findings(tissue_of(cuts, model, name=name, resamples=resamples, seed=seed), refused, layers)
 
 
 def measure_cuts(
@@ -192,8 +192,6 @@ def tissue_of(
     name: str = "calibrated tissue",
     resamples: int = RESAMPLES,
     seed: int = 0,
-    refused: Sequence[RefusedRecord] = (),
-    layers: LayerFit | None = None,
 ) -> TissueDescription:
     """Combine measured cuts into a tissue description; see :func:`calibrate`."""
     check_resamples(resamples)
@@ -233,13 +231,27 @@ def tissue_of(
         calibration=TissueCalibration(
             cuts=len(cuts),
             specimens=len(by_specimen(list(cuts))),
-            evidence=(*evidence, *(() if layers is None else layers.evidence)),
-            notes=(*_notes(cuts, refused, model, found), *(() if layers is None else layers.notes)),
+            evidence=tuple(evidence),
+            notes=tuple(_notes(cuts, model, found)),
         ),
-        layers=None if layers is None else layers.layers,
         **numbers,
     )
     return as_material(tissue)
+
+
+def with_findings(
+    tissue: TissueDescription, refused: Sequence[RefusedRecord], layers: LayerFit | None = None
+) -> TissueDescription:
+    """Return a calibrated tissue with the layers that were found, and with notes on the records that were left out."""
+    facts = tissue.calibration
+    assert facts is not None, "made by tissue_of"
+    left_out = [f"left out: {each.name}: {each.reason}" for each in refused]
+    facts = dataclasses.replace(
+        facts,
+        evidence=(*facts.evidence, *(() if layers is None else layers.evidence)),
+        notes=(*left_out, *facts.notes),
+    )
+    return dataclasses.replace(tissue, calibration=facts, layers=None if layers is None else layers.layers)
 
 
 def check_resamples(resamples: int) -> None:
@@ -356,10 +368,8 @@ def _check_angle(cut: MeasuredCut) -> None:
         )
 
 
-def _notes(
-    cuts: Sequence[MeasuredCut], refused: Sequence[RefusedRecord], model: CutModel, found: dict[str, float]
-) -> list[str]:
-    notes = [f"left out: {each.name}: {each.reason}" for each in refused]
+def _notes(cuts: Sequence[MeasuredCut], model: CutModel, found: dict[str, float]) -> list[str]:
+    notes: list[str] = []
     silent = sum(not len(cut.moduli) for cut in cuts)
     if silent:
         notes.append(

@@ -180,7 +180,7 @@ def estimate_fracture_resistance(
         stiffness = _ramp_stiffness(ramp, ratio(speed, ramp.angle), position, depth)
     if friction_per_depth is None:
         flags.append(f"friction assumed to be {100 * friction_share:g} % of the resistance")
-    corrected, tip, phi = _open_loop(trace, position, depth, stiffness, friction_per_depth, friction_share)
+    corrected, tip, phi = _open_loop(trace, depth, stiffness, friction_per_depth, friction_share)
     return FractureEstimate(
         apparent=apparent,
         corrected=corrected,
@@ -259,7 +259,6 @@ def _mean_liver_stiffness(depth: DepthProfile, farthest: float) -> _Stiffness:
 
 def _open_loop(
     trace: Trace,
-    position: Array,
     depth: DepthProfile,
     stiffness: _Stiffness,
     friction_per_depth: float | None,
@@ -269,6 +268,7 @@ def _open_loop(
 
     Friction that is a share of R is between none and all of the work: a root between bounds, however K varies.
     """
+    (position,) = trace.require("position", by="estimate_fracture_resistance")
     advance = [s for s in strokes(trace) if s.forward]
     stop = max(advance, key=lambda stroke: position[stroke.stop - 1]).stop
     moving = slice(int(np.searchsorted(trace.time, trace.time[stop - 1] - _FINAL)), stop)

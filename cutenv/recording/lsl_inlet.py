@@ -103,9 +103,8 @@ def record_stream(
     *,
     seconds: float | None = None,
     told: Callable[[Reading], None] = lambda newest: None,
-    stopped: Callable[[], bool] = lambda: False,
 ) -> int:
-    """Record a stream until a time has passed, it falls silent, or ``stopped()``; return the number of readings.
+    """Record a stream until a time has passed or it falls silent; return the number of readings.
 
     Rows are on the disk as they come, and an interrupted record can be read. Its time starts at the first sample. The
     metadata ``stream_end`` is "asked", or "silent" if no sample has come for :data:`SILENCE`.
@@ -122,8 +121,6 @@ def record_stream(
         Duration [s].
     told : callable
         Is given the newest reading after every chunk.
-    stopped : callable
-        Is asked after every chunk.
 
     Raises
     ------
@@ -135,7 +132,7 @@ def record_stream(
     record: AppendingRecord | None = None
     start, heard, count, end = 0.0, time.monotonic(), 0, "asked"
     try:
-        while not stopped():
+        while True:
             samples = inlet.pull(_CHUNK)
             if not len(samples):
                 if time.monotonic() - heard > SILENCE:

@@ -24,7 +24,7 @@ from cutenv.task_quantities import SHALLOWEST, SMALLEST_RUN
 from cutenv.tissue import CutModel, TissueDescription, measured_liver
 from cutenv.tissue.crack_tip import ASSESSED_TIP, ESTIMATED_EVERY, MeanTissue, assess_tips, believe_mean
 from cutenv.tissue.expected_cut import expected_cut
-from cutenv.tissue.floor import FLOOR_EVERY, expected_floor
+from cutenv.tissue.floor import FLOOR_EVERY, BladePath, expected_floor
 from cutenv.tissue.grid import N_POINTS, SPACING
 from cutenv.tissue.lines import CutLine
 from cutenv.tissue.slab import THICKNESS, effective_depth
@@ -126,11 +126,10 @@ class ScoredCut:
         if self.trace.height is None:
             return self.profile.at(grid[: int(tip[-1] / SPACING + 0.5) + 1])
         instants = even_instants(self.time, 1.0 / FLOOR_EVERY)
-        position, height, tips = (
-            np.interp(instants, self.time, each) for each in (np.maximum(self.position, 0.0), self.trace.height, tip)
-        )
+        motion = (np.maximum(self.position, 0.0), self.trace.height, tip)
+        path = BladePath(*(np.interp(instants, self.time, each) for each in motion))
         surface = DepthProfile.recorded(self.trace, by="score").at(grid)
-        return expected_floor(self.tissue, surface, position, height, tips)[0]
+        return expected_floor(self.tissue, surface, path)[0]
 
     @cached_property
     def depth_map(self) -> DepthMap:

@@ -157,8 +157,7 @@ def compare_displacements(
     model: CutModel,
     *,
     thickness: float | None = None,
-    borders: ArrayLike = (),
-    moduli: ArrayLike = (1.0,),
+    zones: tuple[ArrayLike, ArrayLike] = ((), (1.0,)),
 ) -> FieldComparison:
     """Compare the displacements of beads with those of the model, ramp by ramp: the thesis's Table 7.1 for any tracks.
 
@@ -166,8 +165,8 @@ def compare_displacements(
     ----------
     tracks, trace, model, thickness
         See :func:`measure_filmed_cut`.
-    borders, moduli : array_like
-        Zones of moduli along the cut, see `cutenv.tissue.zoned_model` and `zones_as_measured`; by default one.
+    zones : tuple of array_like
+        Borders and moduli of zones along the cut, as `zones_as_measured` returns them; by default one zone.
 
     Returns
     -------
@@ -178,4 +177,4 @@ def compare_displacements(
     ValueError
         See :func:`measure_filmed_cut`.
     """
-    return compare_field(measure_filmed_cut(tracks, trace, model, thickness=thickness), borders, moduli)
+    return compare_field(measure_filmed_cut(tracks, trace, model, thickness=thickness), *zones)
