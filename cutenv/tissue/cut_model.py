@@ -21,7 +21,7 @@ from cutenv.tissue.model_arguments import (
     unit_force,
     whole_elements,
 )
-from cutenv.tissue.tip_interpolation import TipInterpolation
+from cutenv.tissue.tip_response import TipInterpolation
 
 _MIRROR_TOLERANCE = 1e-12
 

@@ -30,7 +30,7 @@ class SteeredModel:
     A cut that follows the edges of the mesh has the stiffness of :class:`~cutenv.tissue.CutModel`, and along the line
     of ``line`` that of :class:`~cutenv.tissue.PathModel`, on the same mesh.  The slab is factorised once; each node
     that a crack passes takes some solves and a dense system of the unknowns that the cuts have touched, see
-    `cutenv.tissue.split_stiffness`.
+    `cutenv.tissue.split_stiffness.AugmentedSystem`.
 
     Parameters
     ----------
