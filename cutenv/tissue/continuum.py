@@ -8,9 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv._base.validation import in_range, one_of
-from cutenv.tissue.elasticity import FORMULATIONS, LARGEST_POISSON, POISSON_CURE, strain_energy_density
+from cutenv.tissue.elasticity import (
+    FORMULATIONS,
+    LARGEST_POISSON,
+    POISSON_CURE,
+    mixed_strain_energy_density,
+    strain_energy_density,
+)
 from cutenv.tissue.mesh import ELEMENT_KINDS, CutMesh, ElementKind, read_only
-from cutenv.tissue.mixed import mixed_strain_energy_density
 from cutenv.tissue.tip_response import TipResponse, stiffness_matrix, tip_responses
 
 

@@ -49,7 +49,7 @@ class CutModel:
     ----------
     element : {"quad8", "quad4", "quad8_mixed", "hex20"}
         8-node serendipity quadrilateral, 4-node quadrilateral, the first with the pressure as a further unknown
-        on its corners (Taylor-Hood, see `cutenv.tissue.mixed`), 20-node serendipity brick.
+        on its corners (Taylor-Hood, see `cutenv.tissue.elasticity`), 20-node serendipity brick.
     formulation : {"plane_stress", "plane_strain", "solid"}
         ``"solid"`` goes with ``"hex20"``, ``"plane_strain"`` with ``"quad8_mixed"``, the plane ones with the others.
     poisson : float

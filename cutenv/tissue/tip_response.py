@@ -28,9 +28,8 @@ from scipy.linalg import cholesky, solve_triangular
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import SuperLU, splu
 
-from cutenv.tissue.elasticity import elastic_form, solid_stiffness
+from cutenv.tissue.elasticity import elastic_form, mixed_stiffness, solid_stiffness
 from cutenv.tissue.mesh import ALONG, CutMesh
-from cutenv.tissue.mixed import mixed_stiffness
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
