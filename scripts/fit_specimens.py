@@ -31,8 +31,7 @@ from cutenv.plant import Leg, SimulatedPlant, run, to_trace
 from cutenv.tissue import Specimen, draw_liver, measured_liver
 from cutenv.tissue.derivation import DerivedConstant, write_derived
 from cutenv.tissue.description import FITTED, TissueDescription
-from cutenv.tissue.fracture_resistance import measured_fracture_resistance
-from cutenv.tissue.tables import table
+from cutenv.tissue.tables import measured_fracture_resistance, table
 from cutenv.tissue.variance_components import (
     CUTS_PER_LIVER,
     depth_standard_error,
