@@ -13,8 +13,8 @@ from scipy.optimize import least_squares
 
 from cutenv._base.arrays import Array
 from cutenv._base.validation import array_in_range, in_range
+from cutenv.tissue.grid import bulge
 from cutenv.tissue.specimen import LENGTH
-from cutenv.tissue.thickness import bulge
 from cutenv.trace import Trace
 
 DEPTH_SD_KEY = "depth_sd_m"

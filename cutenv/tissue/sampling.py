@@ -29,9 +29,8 @@ from cutenv._engine.randomness import (
 )
 from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.field import field_modes, lognormal_sigma
-from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING
+from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING, bulge
 from cutenv.tissue.slab import SLAB, partial_depth
-from cutenv.tissue.thickness import bulge
 
 INCLUSION_FACTOR = (1.5, 2.5)
 """Toughness of an inclusion over that of its surroundings (assumed)."""
