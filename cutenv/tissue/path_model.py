@@ -1,4 +1,4 @@
-"""Finite-element model of a slab with a cut along a drawn line, whose mesh follows it; and the cut expected beside one."""
+"""Finite-element model of a slab with a cut along a drawn line, whose mesh follows it; the cut expected beside it."""
 
 from __future__ import annotations
 

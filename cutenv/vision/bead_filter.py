@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv.vision.bead_motion import groups_of
+from cutenv.vision.bead_images import groups_of
 from cutenv.vision.fluoroscopy import CArmView
 from cutenv.vision.projection import project, projection_slope
 

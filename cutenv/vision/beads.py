@@ -11,8 +11,7 @@ from scipy.spatial import cKDTree
 
 from cutenv._base.validation import in_range
 from cutenv.vision.bead_filter import BeadFilter
-from cutenv.vision.bead_images import BeadLook, attenuation
-from cutenv.vision.bead_motion import measure_with_neighbours, shared_shifts
+from cutenv.vision.bead_images import BeadLook, attenuation, measure_with_neighbours, shared_shifts
 from cutenv.vision.bead_tracks import BeadTracks
 from cutenv.vision.fluoroscopy import CArmCalibration, CArmView
 from cutenv.vision.projection import project, projection_slope

@@ -12,8 +12,7 @@ from scipy.spatial import cKDTree
 
 from cutenv.vision.bead_correspondence import linked, pairs_by_epipolar, places_from_sweep
 from cutenv.vision.bead_filter import BeadFilter
-from cutenv.vision.bead_images import BeadLook, measure_beads
-from cutenv.vision.bead_motion import groups_of, shared_shifts
+from cutenv.vision.bead_images import BeadLook, groups_of, measure_beads, shared_shifts
 from cutenv.vision.bead_tracks import BeadTracks
 from cutenv.vision.beads import find_beads, track_beads
 from cutenv.vision.fluoroscopy import deinterlaced
