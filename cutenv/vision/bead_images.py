@@ -1,4 +1,4 @@
-"""Images of beads whose places are nearly known: each alone, several behind each other, and groups that jump together."""
+"""Images of beads whose places are nearly known: each alone, behind each other, and groups that jump together."""
 
 from __future__ import annotations
 
