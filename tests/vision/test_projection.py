@@ -5,8 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cutenv.vision.magnification import THESIS_MAGNIFICATION, fit_magnification
-from cutenv.vision.projection import CArm, epipolar_distance, fit_projection, project, triangulate
+from cutenv.vision.projection import (
+    THESIS_MAGNIFICATION,
+    CArm,
+    epipolar_distance,
+    fit_magnification,
+    fit_projection,
+    project,
+    triangulate,
+)
 
 NOISE = 0.1
 
