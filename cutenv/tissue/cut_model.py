@@ -11,16 +11,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cutenv._base.validation import array_in_range, in_range
-from cutenv.tissue.continuum import Continuum
-from cutenv.tissue.mesh import ACROSS, ALONG, CutMesh, checked_divisions, read_only
-from cutenv.tissue.model_arguments import (
+from cutenv.tissue.continuum import (
     METRES,
     POSITIVE_MODULUS,
+    Continuum,
     checked_points,
     checked_relative_modulus,
     unit_force,
     whole_elements,
 )
+from cutenv.tissue.mesh import ACROSS, ALONG, CutMesh, checked_divisions, read_only
 from cutenv.tissue.tip_response import TipInterpolation
 
 _MIRROR_TOLERANCE = 1e-12

@@ -15,14 +15,13 @@ from scipy.sparse import csr_array
 
 from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range, one_of
-from cutenv.tissue.continuum import Continuum
+from cutenv.tissue.continuum import METRES, Continuum, checked_relative_modulus
 from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.elasticity import lame_parameters
 from cutenv.tissue.element_matrices import local_compliance, square_compliance
 from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING
 from cutenv.tissue.lines import SIDE_MARGIN, WIDTH, CutLine, length_within, straight
 from cutenv.tissue.mesh import ACROSS, ALONG, CutMesh, checked_divisions, read_only
-from cutenv.tissue.model_arguments import METRES, checked_relative_modulus
 from cutenv.tissue.specimen import Specimen
 from cutenv.tissue.tip_response import factorise, stiffness_matrix
 

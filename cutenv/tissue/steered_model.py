@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike
 
 from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range, one_of
+from cutenv.tissue.continuum import METRES, checked_relative_modulus
 from cutenv.tissue.elasticity import lame_parameters
 from cutenv.tissue.grid import LENGTH
 from cutenv.tissue.lines import WIDTH, CutLine
 from cutenv.tissue.mesh import checked_divisions
-from cutenv.tissue.model_arguments import METRES, checked_relative_modulus
 from cutenv.tissue.split_mesh import SAME_PLACE, Crack, MeshPlace, SplitMesh, halfway, slab_corners
 from cutenv.tissue.split_stiffness import DoubledMesh, SplitStiffness
 
