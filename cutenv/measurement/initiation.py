@@ -16,12 +16,11 @@ from typing import NamedTuple
 import numpy as np
 
 from cutenv._base.arrays import Array
-from cutenv.measurement.depth import DepthProfile
+from cutenv.measurement.depth import DepthProfile, stiffness_ratio
 from cutenv.measurement.fracture import estimate_fracture_resistance
 from cutenv.measurement.loading_ratio import LoadingRatio, loading_ratio_of
 from cutenv.measurement.modulus import elastic_record, telling
 from cutenv.measurement.segments import Segment, loading_segments, smoothing_readings_of
-from cutenv.measurement.stiffness import stiffness_ratio
 from cutenv.measurement.zero import zeroed
 from cutenv.task_quantities import MEASURABLE_DEPTH
 from cutenv.tissue.cut_model import CutModel
