@@ -21,8 +21,7 @@ import numpy as np
 from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range
 from cutenv.measurement.depth import DepthProfile
-from cutenv.measurement.return_stroke import ReturnStroke, fit_return_stroke
-from cutenv.measurement.strokes import strokes
+from cutenv.measurement.strokes import ReturnStroke, fit_return_stroke, strokes
 from cutenv.measurement.zero import zeroed
 from cutenv.task_quantities import MEASURABLE_DEPTH
 from cutenv.tissue.description import TissueDescription, measured_liver

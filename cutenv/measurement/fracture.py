@@ -13,9 +13,8 @@ from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range
 from cutenv.measurement.depth import DepthProfile, depth_sd, stiffness_ratio, unit_stiffness
 from cutenv.measurement.loading_ratio import LoadingRatio, loading_ratio_of
-from cutenv.measurement.return_stroke import ReturnStroke, fit_return_stroke
 from cutenv.measurement.segments import Segment, loading_segments
-from cutenv.measurement.strokes import STANDSTILL_SPEED, Stroke, strokes
+from cutenv.measurement.strokes import STANDSTILL_SPEED, ReturnStroke, Stroke, fit_return_stroke, strokes
 from cutenv.measurement.zero import SensorZero, zeroed
 from cutenv.task_quantities import MEASURABLE_DEPTH
 from cutenv.tissue.cut_model import CutModel

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cutenv.measurement.measured_cut import MeasuredCut
-from cutenv.measurement.return_stroke import fit_return_stroke
+from cutenv.measurement.strokes import fit_return_stroke
 from cutenv.measurement.zero import NOTABLE
 
 _OFFSET = 0.1  # [N]; the note gives its effect on friction's share
