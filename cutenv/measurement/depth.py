@@ -1,4 +1,4 @@
-"""Depth of cut over position, along the line, and its integral."""
+"""Depth of cut over position, along the line, its integral, and the stiffness of a cut of that depth at its tip."""
 
 from __future__ import annotations
 

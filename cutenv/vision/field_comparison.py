@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from cutenv._base.arrays import Array
 from cutenv.tissue.cut_model import CutModel
 from cutenv.trace import Trace
-from cutenv.vision.bead_rises import BeadRises
-from cutenv.vision.bead_tracks import BeadTracks
+from cutenv.vision.bead_tracks import BeadRises, BeadTracks
 from cutenv.vision.filmed_measurement import FilmedMeasurement, measure_filmed_cut
 
 NEAR = 0.02

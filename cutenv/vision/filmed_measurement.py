@@ -15,8 +15,7 @@ from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.slab import effective_depth
 from cutenv.tissue.zoned_model import zoned_model
 from cutenv.trace import Trace
-from cutenv.vision.bead_rises import BeadRises, RampLoad, bead_rises
-from cutenv.vision.bead_tracks import BeadTracks
+from cutenv.vision.bead_tracks import BeadRises, BeadTracks, RampLoad, bead_rises
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
