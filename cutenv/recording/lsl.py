@@ -22,13 +22,13 @@ from typing import Any
 import numpy as np
 
 from cutenv._base.arrays import Array, StructArray
+from cutenv._base.imports import optional_import
 from cutenv._base.validation import one_of
 from cutenv.recording.appending import AppendingRecord
 from cutenv.recording.column_map import ColumnMap
 from cutenv.recording.columns import unit_of
 from cutenv.recording.mapped_columns import MappedReadings
 from cutenv.recording.number_table import STAMP, NumberTable
-from cutenv.recording.optional_import import optional_import
 from cutenv.recording.record_errors import RecordError
 from cutenv.trace import Reading
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv.recording.optional_import import optional_import
+from cutenv._base.imports import optional_import
 from cutenv.recording.schema import SCHEMA, as_mapping, as_names, check_schema, from_json, shortened, to_json
 from cutenv.recording.table import CUT_COLUMN, CutTable, parsed_headers, row_from_0, table_of
 from cutenv.trace import Trace

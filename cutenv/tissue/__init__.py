@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from cutenv._base.when_used import import_when_used
+from cutenv._base.imports import import_when_used
 from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.description import TissueDescription, load_description, measured_liver
 from cutenv.tissue.effective_modulus import local_effective_modulus, quasi_static_modulus
