@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from cutenv._base.arrays import Array
 from cutenv._base.validation import array_in_range, in_range, one_of
 from cutenv.tissue.elasticity import (
     FORMULATIONS,
@@ -60,7 +61,7 @@ class Continuum:
         return kind if self.integration == "full" else kind.reduced()
 
     def unit_response(
-        self, mesh: CutMesh, relative_modulus: NDArray[np.float64] | None, *, slipping: bool, thickness: float
+        self, mesh: CutMesh, relative_modulus: Array | None, *, slipping: bool, thickness: float
     ) -> TipResponse:
         """Return the response to a unit blade force at unit modulus and unit thickness, see `tip_responses`.
 
@@ -71,9 +72,7 @@ class Continuum:
         own = thickness if mesh.dim == 3 else 1.0
         return TipResponse(stiffness=read_only(response.stiffness / own), fields=read_only(response.fields * own))
 
-    def strain_energy_density(
-        self, mesh: CutMesh, displacement: NDArray[np.float64], modulus: float, relative: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def strain_energy_density(self, mesh: CutMesh, displacement: Array, modulus: float, relative: Array) -> Array:
         """Return the mean strain energy per volume of each element [J/m3], shape (n_elements,)."""
         u = displacement.ravel()
         if mesh.kind.has_pressure:
@@ -128,7 +127,7 @@ def unit_force(force: float, modulus: float, thickness: float) -> float:
     return f / (e * in_range("thickness", thickness, 1e-6, 1.0, "m", METRES))
 
 
-def checked_points(points: ArrayLike, nodes: NDArray[np.float64]) -> NDArray[np.float64]:
+def checked_points(points: ArrayLike, nodes: Array) -> Array:
     """Return points as an array of shape (n, dim); raise if they have another shape, or one is outside the mesh."""
     places = np.array(points, dtype=np.float64)
     dim = nodes.shape[1]
@@ -142,7 +141,7 @@ def checked_points(points: ArrayLike, nodes: NDArray[np.float64]) -> NDArray[np.
     return places
 
 
-def checked_relative_modulus(modulus: ArrayLike, n_elements: int) -> NDArray[np.float64]:
+def checked_relative_modulus(modulus: ArrayLike, n_elements: int) -> Array:
     """Return the relative modulus of each element, read-only; raise for another shape or a value out of range."""
     cure = "It is each element's modulus over the common one: divide by that."
     checked = array_in_range("relative_modulus", modulus, 1e-6, 1e6, "1", cure)

@@ -26,7 +26,6 @@ from __future__ import annotations
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import block_array, csr_array, kron
 from scipy.sparse.linalg import spsolve
 from skfem import Basis, BilinearForm
@@ -35,6 +34,7 @@ from skfem.models.elasticity import lame_parameters as solid_lame_parameters
 from skfem.models.elasticity import linear_elasticity
 from skfem.models.elasticity import plane_stress as plane_stress_lame_parameters
 
+from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range, one_of
 
 FORMULATIONS = ("plane_stress", "plane_strain", "solid")
@@ -70,7 +70,7 @@ def lame_parameters(formulation: str, poisson: float) -> tuple[float, float]:
     return float(lam), float(mu)
 
 
-def elastic_form(formulation: str, poisson: float, modulus: NDArray[np.float64]) -> BilinearForm:
+def elastic_form(formulation: str, poisson: float, modulus: Array) -> BilinearForm:
     """Return the weak form of elasticity with an element-wise modulus.
 
     Parameters
@@ -91,7 +91,7 @@ def elastic_form(formulation: str, poisson: float, modulus: NDArray[np.float64])
     return cast(BilinearForm, linear_elasticity(lam * per_element, mu * per_element))
 
 
-def solid_stiffness(basis: Basis, poisson: float, modulus: NDArray[np.float64]) -> csr_array[np.float64]:
+def solid_stiffness(basis: Basis, poisson: float, modulus: Array) -> csr_array[np.float64]:
     """Assemble the stiffness of a solid from products of derivatives of its scalar shape functions.
 
     The same matrix as from :func:`elastic_form`, to rounding; for bricks of 60 vector functions fifty times as fast,
@@ -128,9 +128,7 @@ def solid_stiffness(basis: Basis, poisson: float, modulus: NDArray[np.float64]) 
     return csr_array(stiffness)
 
 
-def strain_energy_density(
-    basis: Basis, displacement: NDArray[np.float64], formulation: str, poisson: float
-) -> NDArray[np.float64]:
+def strain_energy_density(basis: Basis, displacement: Array, formulation: str, poisson: float) -> Array:
     """Return the mean strain energy per volume of each element at unit modulus, shape (n_elements,) [1].
 
     Parameters
@@ -148,13 +146,11 @@ def strain_energy_density(
     strain = 0.5 * (gradient + gradient.swapaxes(0, 1))
     dilation = np.einsum("ii...", strain)
     density = 0.5 * lam * dilation**2 + mu * np.einsum("ij...,ij...", strain, strain)
-    mean: NDArray[np.float64] = (density * basis.dx).sum(axis=1) / basis.dx.sum(axis=1)
+    mean: Array = (density * basis.dx).sum(axis=1) / basis.dx.sum(axis=1)
     return mean
 
 
-def mixed_stiffness(
-    basis: Basis, pressure: Basis, poisson: float, modulus: NDArray[np.float64]
-) -> csr_array[np.float64]:
+def mixed_stiffness(basis: Basis, pressure: Basis, poisson: float, modulus: Array) -> csr_array[np.float64]:
     """Assemble the symmetric indefinite matrix of displacements, then pressures, at unit thickness.
 
     Parameters
@@ -180,8 +176,8 @@ def mixed_stiffness(
 
 
 def mixed_strain_energy_density(
-    basis: Basis, pressure: Basis, displacement: NDArray[np.float64], poisson: float, modulus: NDArray[np.float64]
-) -> NDArray[np.float64]:
+    basis: Basis, pressure: Basis, displacement: Array, poisson: float, modulus: Array
+) -> Array:
     """Return the mean strain energy per volume of each element, shape (n_elements,) [1], pressure included.
 
     The arguments are those of :func:`mixed_stiffness`, and the displacement of shape (n_unknowns,) [m].
@@ -195,11 +191,11 @@ def mixed_strain_energy_density(
     if poisson < 0.5:
         p = np.asarray(pressure.interpolate(spsolve(volume.tocsc(), coupling @ displacement)))
         density += 1.5 * (1 - 2 * poisson) * p**2 / per_element
-    mean: NDArray[np.float64] = (density * basis.dx).sum(axis=1) / basis.dx.sum(axis=1)
+    mean: Array = (density * basis.dx).sum(axis=1) / basis.dx.sum(axis=1)
     return mean
 
 
-def _blocks(basis: Basis, pressure: Basis, poisson: float, modulus: NDArray[np.float64]) -> tuple[Any, Any, Any]:
+def _blocks(basis: Basis, pressure: Basis, poisson: float, modulus: Array) -> tuple[Any, Any, Any]:
     nu = in_range("poisson", poisson, 0.0, 0.5, "1", "0.5 is incompressible.")
     per_element: Any = modulus[:, np.newaxis]  # against scikit-fem's (n_elements, n_quadrature_points)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import overload
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range
@@ -35,7 +35,7 @@ _SHARPNESS = 6.0  # n below: sharpness of the transition from rise to crown; inf
 _FALL = 0.01  # length of the fall at the free end [m]: not even the blade reaches it
 
 
-def bulge(y: ArrayLike, *, edge: float, crown: float, rise_length: float, length: float) -> NDArray[np.float64]:
+def bulge(y: ArrayLike, *, edge: float, crown: float, rise_length: float, length: float) -> Array:
     """Return the depth of cut B [m] at distances ``y`` [m] from the clamp, any shape.
 
     A straight rise from the edge, saturating at the crown, and a short fall toward the free end::

@@ -8,12 +8,12 @@ from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import PchipInterpolator
 from scipy.linalg import cholesky, solve_triangular
 from scipy.sparse import csr_array
 
-from cutenv._base.arrays import Array
+from cutenv._base.arrays import Array, Indices
 from cutenv._base.validation import in_range, one_of
 from cutenv.tissue.continuum import METRES, Continuum, checked_relative_modulus
 from cutenv.tissue.description import TissueDescription
@@ -48,7 +48,7 @@ class PathMesh(CutMesh):
         return CutMesh(kind=self.kind, divisions=self.divisions, size=self.size)
 
     @cached_property
-    def corners(self) -> NDArray[np.float64]:
+    def corners(self) -> Array:
         """Positions of the element corners [m], shape (n_corners, 2)."""
         moved = self._straight.corners.copy()
         share = 1.0 - np.abs(moved[:, ACROSS]) / (0.5 * self.size[ACROSS])
@@ -59,7 +59,7 @@ class PathMesh(CutMesh):
         return read_only(moved)
 
     @cached_property
-    def half_steps(self) -> NDArray[np.int64]:
+    def half_steps(self) -> Indices:
         """Positions of all nodes in the straight mesh, counted in half elements, shape (n_nodes, 2)."""
         return self._straight.half_steps
 

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cutenv._base import resources
+from cutenv._base.arrays import Array
 from cutenv._base.validation import one_of
 
 _KEYS = ("title", "source", "note", "erratum", "resolution", "printed_mean", "printed_population_sd")
@@ -46,14 +46,14 @@ class ThesisTable:
     number: str
     title: str
     provenance: str
-    columns: dict[str, NDArray[np.float64]]
+    columns: dict[str, Array]
     resolution: dict[str, float]
     notes: tuple[str, ...] = ()
     errata: tuple[str, ...] = ()
     printed_mean: dict[str, Printed]
     printed_population_sd: dict[str, Printed]
 
-    def __getitem__(self, column: str) -> NDArray[np.float64]:
+    def __getitem__(self, column: str) -> Array:
         """Return one column, shape (rows,); an unknown name is a ``ValueError`` that lists the known ones."""
         return self.columns[one_of(f"column of Table {self.number}", column, self.columns)]
 

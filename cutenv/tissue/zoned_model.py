@@ -6,8 +6,9 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from cutenv._base.arrays import Array
 from cutenv._base.validation import array_in_range
 from cutenv.tissue.cut_model import CutModel
 
@@ -19,7 +20,7 @@ def zoned_model(
     borders: ArrayLike,
     moduli: ArrayLike,
     *,
-    depth: Callable[[NDArray[np.float64]], ArrayLike] | None = None,
+    depth: Callable[[Array], ArrayLike] | None = None,
 ) -> CutModel:
     """Return a model with zones along the cut.
 
@@ -64,8 +65,8 @@ def _row_moduli(
     model: CutModel,
     borders: ArrayLike,
     moduli: ArrayLike,
-    depth: Callable[[NDArray[np.float64]], ArrayLike] | None,
-) -> NDArray[np.float64]:
+    depth: Callable[[Array], ArrayLike] | None,
+) -> Array:
     """Return the modulus of each row of elements, shape (n_rows,); with a ``depth`` times depth over thickness."""
     inner = np.atleast_1d(np.asarray(borders, dtype=np.float64))
     values = np.atleast_1d(array_in_range("moduli", moduli, 1e-6, 1e6, "1", "They are moduli of zones, or in pascals."))

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from cutenv._base.arrays import Array, Indices
 from cutenv.vision.bead_images import groups_of
 from cutenv.vision.fluoroscopy import CArmView
 from cutenv.vision.projection import project, projection_slope
@@ -38,11 +39,11 @@ class BeadFilter:
         Beads of which a view has refused the image in this frame.
     """
 
-    rest: NDArray[np.float64]
-    variance: NDArray[np.float64]
-    groups: NDArray[np.int64] = field(init=False)
-    predicted: NDArray[np.float64] = field(init=False)
-    offset: NDArray[np.float64] = field(init=False)
+    rest: Array
+    variance: Array
+    groups: Indices = field(init=False)
+    predicted: Array = field(init=False)
+    offset: Array = field(init=False)
     refused: NDArray[np.bool_] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -51,11 +52,11 @@ class BeadFilter:
         self.begin(self.rest)
 
     @property
-    def place(self) -> NDArray[np.float64]:
+    def place(self) -> Array:
         """Places as they are known now [m], shape (n, 3)."""
         return self.predicted + self.offset
 
-    def begin(self, predicted: NDArray[np.float64]) -> None:
+    def begin(self, predicted: Array) -> None:
         """Begin a frame, for which the model predicts these places: no view has shown anything yet."""
         n = len(self.rest)
         self.predicted = predicted
@@ -65,7 +66,7 @@ class BeadFilter:
         self._jumped = np.zeros(n, bool)
         self.refused = np.zeros(n, bool)
 
-    def jump(self, rows: NDArray[np.bool_], slope: NDArray[np.float64], shift: NDArray[np.float64]) -> None:
+    def jump(self, rows: NDArray[np.bool_], slope: Array, shift: Array) -> None:
         """Move some beads as their images have moved together.
 
         Slope, of shape (n, 2 views, 3) [px/m], and shift, (n, 2 views) [px], are those of ``rows``. Where the views
@@ -83,8 +84,8 @@ class BeadFilter:
     def update(
         self,
         view: CArmView,
-        measured: NDArray[np.float64],
-        error: NDArray[np.float64],
+        measured: Array,
+        error: Array,
         crowded: NDArray[np.bool_],
     ) -> NDArray[np.bool_]:
         """Take in what one view shows, in undistorted pixels; return which beads it showed.
@@ -131,7 +132,7 @@ class BeadFilter:
         self._ray[own] = across / np.linalg.norm(across, axis=1, keepdims=True)
         return there
 
-    def undo(self, rows: NDArray[np.bool_] | NDArray[np.int64]) -> None:
+    def undo(self, rows: NDArray[np.bool_] | Indices) -> None:
         """Take back what this frame has shown of some beads."""
         self.offset[rows], self.variance[rows] = self._before[0][rows], self._before[1][rows]
 
@@ -157,8 +158,6 @@ class BeadFilter:
             self.variance[one] += scatter * along
 
 
-def _square(
-    left: NDArray[np.float64], slope: NDArray[np.float64], variance: NDArray[np.float64], error: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _square(left: Array, slope: Array, variance: Array, error: Array) -> Array:
     spread = slope @ variance @ slope.transpose(0, 2, 1) + error
     return np.asarray(np.einsum("ni,nij,nj->n", left, np.linalg.inv(spread), left))

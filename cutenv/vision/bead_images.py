@@ -12,6 +12,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from cutenv._base.arrays import Array, Indices
 from cutenv.vision.spots import fit_spots
 
 _TOUCHING = 2.2  # diameters: beads nearer than that are fitted together, for each is in the window of the other
@@ -46,14 +47,12 @@ class BeadLook:
     noise: float
 
 
-def attenuation(grey: NDArray[np.float64]) -> NDArray[np.float64]:
+def attenuation(grey: Array) -> Array:
     """Return minus the logarithm of an image, where what lies behind each other adds up; black counts as 0.5."""
     return np.asarray(-np.log(np.maximum(grey, 0.5)))
 
 
-def measure_beads(
-    image: NDArray[np.float64], expected: NDArray[np.float64], look: BeadLook
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def measure_beads(image: Array, expected: Array, look: BeadLook) -> tuple[Array, Array]:
     """Measure the places of beads near where they are expected.
 
     Parameters
@@ -98,20 +97,18 @@ def measure_beads(
     return place, covariance
 
 
-def _usual(height: NDArray[np.float64], scatter: NDArray[np.float64], look: BeadLook) -> NDArray[np.bool_]:
+def _usual(height: Array, scatter: Array, look: BeadLook) -> NDArray[np.bool_]:
     """Return which heights are those of one bead, with room for the noise."""
     room = 0.4 * look.height + 1.5 * scatter
     return np.asarray(np.abs(height - look.height) < room)
 
 
-def _unlike(scatter: Any, look: BeadLook) -> NDArray[np.float64]:
+def _unlike(scatter: Any, look: BeadLook) -> Array:
     """Return by how much more a fit is uncertain that leaves over more than noise, such as a blade's edge."""
     return np.asarray(np.maximum(1.0, (scatter / (_ROUGH * look.noise)) ** 2))
 
 
-def _fit_heap(
-    image: NDArray[np.float64], expected: NDArray[np.float64], look: BeadLook
-) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+def _fit_heap(image: Array, expected: Array, look: BeadLook) -> tuple[Array, Array] | None:
     """Fit beads that hide behind each other together, each with the usual width; None where the image is another.
 
     The covariance of each contains what the others and the background leave open; of two in one place it is large.
@@ -163,13 +160,13 @@ def _fit_heap(
 class _Window(NamedTuple):
     """Pixels that are fitted: columns, rows, values, each of shape (m,), and the background's shapes (m, 3)."""
 
-    x: NDArray[np.float64]
-    y: NDArray[np.float64]
-    values: NDArray[np.float64]
-    background: NDArray[np.float64]
+    x: Array
+    y: Array
+    values: Array
+    background: Array
 
 
-def _heap(p: NDArray[np.float64], window: _Window, sigma: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _heap(p: Array, window: _Window, sigma: float) -> tuple[Array, Array]:
     """Return what the parameters of n beads and their background leave over, and its slope by these."""
     x, y, values, background = window
     n = (len(p) - background.shape[1]) // 3
@@ -192,19 +189,19 @@ _LOOKS = 3  # at lost beads: those found are neighbours of others
 _WORTH = 0.3  # px: a look nearer than that to the first shows the same
 
 
-def groups_of(rest: NDArray[np.float64]) -> NDArray[np.int64]:
+def groups_of(rest: Array) -> Indices:
     """Return for each bead its group: itself and those nearest to it at rest, shape (n, at most 8)."""
     near = cKDTree(rest).query(rest, k=min(_GROUP, len(rest)))[1]
     return np.asarray(near, np.int64).reshape(len(rest), -1)
 
 
 def shared_shifts(
-    image: NDArray[np.float64],
-    expected: NDArray[np.float64],
-    rest: NDArray[np.float64],
-    groups: NDArray[np.int64],
+    image: Array,
+    expected: Array,
+    rest: Array,
+    groups: Indices,
     look: BeadLook,
-) -> NDArray[np.float64]:
+) -> Array:
     """Find by how much groups of beads are away together from where they are expected.
 
     Parameters
@@ -262,9 +259,7 @@ def shared_shifts(
     return np.where(moved[:, None], found, 0.0)
 
 
-def _linear(
-    places: NDArray[np.float64], values: NDArray[np.float64], wanted: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _linear(places: Array, values: Array, wanted: Array) -> Array:
     """Return values at wanted places along the first two axes by a linear fit; slopes that nothing tells are 0."""
     mean, middle = values.mean(axis=0), places[:, :2].mean(axis=0)
     x = places[:, :2] - middle
@@ -272,7 +267,7 @@ def _linear(
     return np.asarray(mean + (wanted[:, :2] - middle) @ slope)
 
 
-def roundness(image: NDArray[np.float64], look: BeadLook) -> NDArray[np.float64]:
+def roundness(image: Array, look: BeadLook) -> Array:
     """Return how much each pixel looks like the centre of a bead: 1 for a usual one, about 0 on a blade's edge.
 
     It is the lesser of the two curvatures of the smoothed image; along an edge there is none.
@@ -284,9 +279,7 @@ def roundness(image: NDArray[np.float64], look: BeadLook) -> NDArray[np.float64]
     return np.asarray((0.5 * (xx + yy) - np.hypot(0.5 * (xx - yy), xy)) / usual)
 
 
-def measure_with_neighbours(
-    image: NDArray[np.float64], expected: NDArray[np.float64], groups: NDArray[np.int64], look: BeadLook
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def measure_with_neighbours(image: Array, expected: Array, groups: Indices, look: BeadLook) -> tuple[Array, Array]:
     """Measure beads, and those not seen once more where they are as far off as their neighbours.
 
     Parameters

@@ -50,10 +50,10 @@ class BeadTracks:
         If shapes disagree, a number is not finite, or a bead has two places at one time.
     """
 
-    bead: NDArray[np.int64]
-    time: NDArray[np.float64]
-    place: NDArray[np.float64]
-    covariance: NDArray[np.float64]
+    bead: Indices
+    time: Array
+    place: Array
+    covariance: Array
     metadata: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

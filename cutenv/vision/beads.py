@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
+from cutenv._base.arrays import Array, Indices
 from cutenv._base.validation import in_range
 from cutenv.vision.bead_filter import BeadFilter
 from cutenv.vision.bead_images import BeadLook, attenuation, measure_with_neighbours, shared_shifts
@@ -17,7 +18,7 @@ from cutenv.vision.fluoroscopy import CArmCalibration, CArmView
 from cutenv.vision.projection import project, projection_slope
 from cutenv.vision.spots import Spots, locate_spots
 
-Displacement = Callable[[NDArray[np.float64], float], NDArray[np.float64]]
+Displacement = Callable[[Array, float], Array]
 """Displacement that a model predicts [m], shape (n, 3), of resting places (n, 3) [m] at a time [s]."""
 _SWAP = 0.75  # diameters: two beads nearer than that in every view are one bead measured twice
 _MODEL_ERROR = 0.3  # of what the model moves a bead from frame to frame, that it may be wrong by
@@ -136,7 +137,7 @@ def track_beads(
     looks: list[BeadLook] = []
     hidden = np.zeros((len(calibration.views), len(known)))
     left_out: dict[str, str] = {}
-    rows: list[tuple[NDArray[np.int64], float, NDArray[np.float64], NDArray[np.float64]]] = []
+    rows: list[tuple[Indices, float, Array, Array]] = []
     reasons = (
         "its image may be another bead's",
         "no view shows it",
@@ -195,7 +196,7 @@ def track_beads(
     return _tracks(rows, metadata)
 
 
-def _at_rest(rest: ArrayLike, rest_covariance: ArrayLike) -> tuple[NDArray[np.int64], BeadFilter]:
+def _at_rest(rest: ArrayLike, rest_covariance: ArrayLike) -> tuple[Indices, BeadFilter]:
     """Return the numbers of the beads that have a place, and their filter."""
     place, covariance = np.asarray(rest, float), np.asarray(rest_covariance, float)
     if place.ndim != 2 or place.shape[1] != 3 or covariance.shape != (len(place), 3, 3):
@@ -206,7 +207,7 @@ def _at_rest(rest: ArrayLike, rest_covariance: ArrayLike) -> tuple[NDArray[np.in
     return known.astype(np.int64), BeadFilter(rest=place[known], variance=covariance[known])
 
 
-def _checked_times(time: ArrayLike, calibration: CArmCalibration) -> NDArray[np.float64]:
+def _checked_times(time: ArrayLike, calibration: CArmCalibration) -> Array:
     times = np.asarray(time, float)
     if times.ndim != 1 or len(times) < 2 or not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():
         raise ValueError("time needs two finite times or more, ascending.")
@@ -223,7 +224,7 @@ def _checked_times(time: ArrayLike, calibration: CArmCalibration) -> NDArray[np.
 def _measured(
     state: BeadFilter,
     calibration: CArmCalibration,
-    greys: Sequence[NDArray[np.float64]],
+    greys: Sequence[Array],
     looks: Sequence[BeadLook],
 ) -> NDArray[np.bool_]:
     """Take in all views; return which beads each one showed, shape (views, n)."""
@@ -253,7 +254,7 @@ def _measured(
     return seen
 
 
-def _seen(view: CArmView, places: NDArray[np.float64]) -> NDArray[np.float64]:
+def _seen(view: CArmView, places: Array) -> Array:
     assert view.projection is not None  # a calibration's views have one
     # A place that no pixel shows is out of every image.
     return np.nan_to_num(view.seen(project(view.projection, places)), nan=-1e6)
@@ -262,7 +263,7 @@ def _seen(view: CArmView, places: NDArray[np.float64]) -> NDArray[np.float64]:
 def _jump(
     state: BeadFilter,
     views: Sequence[CArmView],
-    images: Sequence[NDArray[np.float64]],
+    images: Sequence[Array],
     looks: Sequence[BeadLook],
 ) -> None:
     """Move the beads as their groups have jumped since the last frame."""

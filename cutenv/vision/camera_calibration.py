@@ -12,9 +12,8 @@ from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from cutenv._base.arrays import Array
+from cutenv._base.arrays import Array, Indices
 from cutenv._base.validation import in_range, one_of
 from cutenv.vision.cameras import CalibratedCameras, Camera, GreyImage, Pose, angle_between
 
@@ -27,7 +26,7 @@ _FEWEST_POINTS = 12  # of a ChArUco board, parts of which may be hidden
 class BoardPoints(NamedTuple):
     """Points of a board in an image: their numbers on the board, shape (n,), and their places, shape (n, 2) [px]."""
 
-    number: NDArray[np.int64]
+    number: Indices
     pixels: Array
 
 

@@ -13,9 +13,8 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from cutenv._base.arrays import Array
+from cutenv._base.arrays import Array, Indices
 from cutenv.vision.blade_mark import MarkedBlade, Neighbourhood, find_mark
 from cutenv.vision.cameras import GreyImage
 from cutenv.vision.edge_lines import (
@@ -86,7 +85,7 @@ class _Patch(NamedTuple):
     half: int
     axes: _BladeAxes
 
-    def edges(self, columns: NDArray[np.int64], sign: float = 1.0) -> EdgePatch:
+    def edges(self, columns: Indices, sign: float = 1.0) -> EdgePatch:
         """Return some columns, in which an edge runs across the blade, brighter below (``sign`` 1) or above it."""
         values = self.values[:, columns]
         slopes = sign * smooth_slopes(values, EDGE_SIGMA / _STEP) / _STEP
@@ -247,7 +246,7 @@ def _sides(patch: _Patch, blade: MarkedBlade, surface: Line, *, reach: float) ->
     return found[0], found[1]
 
 
-def _inner(patch: _Patch, width: float) -> NDArray[np.int64]:
+def _inner(patch: _Patch, width: float) -> Indices:
     """Return the columns well inside a width amid the patch [px]."""
     t = np.arange(-patch.half, patch.half + 1)
     return np.flatnonzero(np.abs(t) <= 0.5 * width - 2.5)

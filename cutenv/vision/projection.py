@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 
+from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range, one_of
 
 _LEAST_POINTS = 8  # for the eleven numbers of a projection, with something left over
@@ -17,7 +18,7 @@ _ROUNDS = 8  # of the triangulation
 
 def cone_beam_projection(
     source: ArrayLike, detector: ArrayLike, across: ArrayLike, down: ArrayLike, pixel: float
-) -> NDArray[np.float64]:
+) -> Array:
     """Return the projection matrix of an X-ray view, shape (3, 4): from metres to square pixels.
 
     Parameters
@@ -71,7 +72,7 @@ class CArm:
     pixel: float
     principal_point: tuple[float, float]
 
-    def projection(self, angle: float) -> NDArray[np.float64]:
+    def projection(self, angle: float) -> Array:
         """Return the projection matrix of the view at an angle [rad], shape (3, 4).
 
         0: seen from above, the source below; π/2: seen from +x, the source at -x. The image's columns run along y.
@@ -85,21 +86,21 @@ class CArm:
         return cone_beam_projection(source, first, across, down, self.pixel)
 
 
-def project(projection: NDArray[np.float64], points: ArrayLike) -> NDArray[np.float64]:
+def project(projection: Array, points: ArrayLike) -> Array:
     """Return the images of points in space, shape (n, 2) [square px]."""
     x = np.asarray(points, float).reshape(-1, 3)
     h = x @ projection[:, :3].T + projection[:, 3]
     return np.asarray(h[:, :2] / h[:, 2:])
 
 
-def projection_slope(projection: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+def projection_slope(projection: Array, points: Array) -> Array:
     """Return the derivative of images by places, shape (n, 2, 3) [px/m]."""
     h = points @ projection[:, :3].T + projection[:, 3]
     image = h[:, :2] / h[:, 2:]
     return np.asarray((projection[None, :2, :3] - image[:, :, None] * projection[None, 2:, :3]) / h[:, 2, None, None])
 
 
-def fit_projection(points: ArrayLike, images: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def fit_projection(points: ArrayLike, images: ArrayLike) -> tuple[Array, Array]:
     """Find the projection matrix of a view from known points, by linear and then least-squares fit.
 
     Parameters
@@ -136,7 +137,7 @@ def fit_projection(points: ArrayLike, images: ArrayLike) -> tuple[NDArray[np.flo
     found *= np.sign(found[2] @ _homogeneous(x)[0]) / np.linalg.norm(found[2, :3])
     scale = np.abs(found) + 1e-9 * np.abs(found).max()
 
-    def left(p: NDArray[np.float64]) -> NDArray[np.float64]:
+    def left(p: Array) -> Array:
         return np.asarray((y - project(p.reshape(3, 4) * scale, x)).ravel())
 
     solved = least_squares(left, (found / scale).ravel(), method="lm", max_nfev=400)
@@ -144,11 +145,11 @@ def fit_projection(points: ArrayLike, images: ArrayLike) -> tuple[NDArray[np.flo
     return projection, y - project(projection, x)
 
 
-def _homogeneous(points: NDArray[np.float64]) -> NDArray[np.float64]:
+def _homogeneous(points: Array) -> Array:
     return np.hstack([points, np.ones((len(points), 1))])
 
 
-def _unit(points: NDArray[np.float64]) -> NDArray[np.float64]:
+def _unit(points: Array) -> Array:
     """Return the matrix that moves points to mean 0 and size 1 (Hartley's normalisation)."""
     n = points.shape[1]
     scale = 1.0 / max(float(points.std()), 1e-12)
@@ -158,9 +159,7 @@ def _unit(points: NDArray[np.float64]) -> NDArray[np.float64]:
     return matrix
 
 
-def triangulate(
-    projections: Sequence[NDArray[np.float64]], images: ArrayLike, covariances: ArrayLike
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def triangulate(projections: Sequence[Array], images: ArrayLike, covariances: ArrayLike) -> tuple[Array, Array, Array]:
     """Find points in space from their images in several views, by weighted least squares.
 
     Parameters
@@ -218,9 +217,7 @@ def triangulate(
     return place, covariance, misfit
 
 
-def epipolar_distance(
-    first: NDArray[np.float64], second: NDArray[np.float64], in_first: ArrayLike, in_second: ArrayLike
-) -> NDArray[np.float64]:
+def epipolar_distance(first: Array, second: Array, in_first: ArrayLike, in_second: ArrayLike) -> Array:
     """Return how far pairs of images are from belonging to one point [px], shape of the pairs (Sampson's distance).
 
     Parameters
@@ -308,7 +305,7 @@ THESIS_MAGNIFICATION = {
 
 def fit_magnification(
     distance: ArrayLike, length_per_pixel: ArrayLike, model: str = "cone_beam"
-) -> tuple[Magnification, NDArray[np.float64]]:
+) -> tuple[Magnification, Array]:
     """Fit a magnification to images of a ruler or a grid at several distances.
 
     Parameters
