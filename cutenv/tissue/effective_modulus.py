@@ -226,11 +226,7 @@ def quasi_static_modulus() -> float:
 
 @overload
 def local_effective_modulus(
-    speed: float,
-    angle: float,
-    formulation: Formulation = ...,
-    poisson: float = ...,
-    depth_normalised: bool = ...,
+    speed: float, angle: float, formulation: Formulation = ..., poisson: float = ..., depth_normalised: bool = ...
 ) -> float: ...
 
 

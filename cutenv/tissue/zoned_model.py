@@ -16,11 +16,7 @@ _PARTS = 50  # parts of a row over which its thickness is averaged
 
 
 def zoned_model(
-    model: CutModel,
-    borders: ArrayLike,
-    moduli: ArrayLike,
-    *,
-    depth: Callable[[Array], ArrayLike] | None = None,
+    model: CutModel, borders: ArrayLike, moduli: ArrayLike, *, depth: Callable[[Array], ArrayLike] | None = None
 ) -> CutModel:
     """Return a model with zones along the cut.
 
@@ -62,10 +58,7 @@ def zoned_model(
 
 
 def _row_moduli(
-    model: CutModel,
-    borders: ArrayLike,
-    moduli: ArrayLike,
-    depth: Callable[[Array], ArrayLike] | None,
+    model: CutModel, borders: ArrayLike, moduli: ArrayLike, depth: Callable[[Array], ArrayLike] | None
 ) -> Array:
     """Return the modulus of each row of elements, shape (n_rows,); with a ``depth`` times depth over thickness."""
     inner = np.atleast_1d(np.asarray(borders, dtype=np.float64))

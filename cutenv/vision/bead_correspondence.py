@@ -20,11 +20,7 @@ _TURN, _MOVE = 0.01, 0.003  # standard deviations of a pose before the adjustmen
 
 
 def places_from_sweep(
-    projections: Sequence[Array],
-    images: Sequence[Array],
-    region: ArrayLike,
-    *,
-    tolerance: float = 1.0,
+    projections: Sequence[Array], images: Sequence[Array], region: ArrayLike, *, tolerance: float = 1.0
 ) -> tuple[Array, Array]:
     """Find places of resting beads from views of a C-arm that turns (the thesis's rotation of 90 degrees).
 
@@ -111,12 +107,7 @@ def _rays(projection: Array, pixels: Array, low: Array, high: Array) -> tuple[Ar
 
 
 def pairs_by_epipolar(
-    first: Array,
-    second: Array,
-    in_first: ArrayLike,
-    in_second: ArrayLike,
-    *,
-    tolerance: float = 0.5,
+    first: Array, second: Array, in_first: ArrayLike, in_second: ArrayLike, *, tolerance: float = 0.5
 ) -> tuple[Indices, Indices]:
     """Pair tracks of two views without a sweep, by epipolar lines over the whole motion.
 

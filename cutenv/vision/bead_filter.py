@@ -81,13 +81,7 @@ class BeadFilter:
         unsure = (_OF_A_JUMP * np.hypot.reduce(moved, axis=1)) ** 2
         self.variance[rows] += unsure[:, None, None] * np.eye(3)
 
-    def update(
-        self,
-        view: CArmView,
-        measured: Array,
-        error: Array,
-        crowded: NDArray[np.bool_],
-    ) -> NDArray[np.bool_]:
+    def update(self, view: CArmView, measured: Array, error: Array, crowded: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Take in what one view shows, in undistorted pixels; return which beads it showed.
 
         An image far from the prediction is a jump of the bead, or another bead. It is refused where another bead is

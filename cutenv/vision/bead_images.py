@@ -195,13 +195,7 @@ def groups_of(rest: Array) -> Indices:
     return np.asarray(near, np.int64).reshape(len(rest), -1)
 
 
-def shared_shifts(
-    image: Array,
-    expected: Array,
-    rest: Array,
-    groups: Indices,
-    look: BeadLook,
-) -> Array:
+def shared_shifts(image: Array, expected: Array, rest: Array, groups: Indices, look: BeadLook) -> Array:
     """Find by how much groups of beads are away together from where they are expected.
 
     Parameters

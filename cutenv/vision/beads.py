@@ -222,10 +222,7 @@ def _checked_times(time: ArrayLike, calibration: CArmCalibration) -> Array:
 
 
 def _measured(
-    state: BeadFilter,
-    calibration: CArmCalibration,
-    greys: Sequence[Array],
-    looks: Sequence[BeadLook],
+    state: BeadFilter, calibration: CArmCalibration, greys: Sequence[Array], looks: Sequence[BeadLook]
 ) -> NDArray[np.bool_]:
     """Take in all views; return which beads each one showed, shape (views, n)."""
     views = calibration.views
@@ -260,12 +257,7 @@ def _seen(view: CArmView, places: Array) -> Array:
     return np.nan_to_num(view.seen(project(view.projection, places)), nan=-1e6)
 
 
-def _jump(
-    state: BeadFilter,
-    views: Sequence[CArmView],
-    images: Sequence[Array],
-    looks: Sequence[BeadLook],
-) -> None:
+def _jump(state: BeadFilter, views: Sequence[CArmView], images: Sequence[Array], looks: Sequence[BeadLook]) -> None:
     """Move the beads as their groups have jumped since the last frame."""
     shifts, slopes = [], []
     for view, image, look in zip(views, images, looks, strict=True):
