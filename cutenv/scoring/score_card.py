@@ -7,15 +7,15 @@ import dataclasses
 import html
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import TypeVar
 
 from cutenv.measurement import DepthProfile
 from cutenv.measurement.depth import LAYER_DEPTH_KEY, WANTED_DEPTH_KEY, wanted_depth
-from cutenv.scoring.depth_map import DepthMap
+from cutenv.scoring.cut_map import LINE_KEY, DepthMap, PathMap
 from cutenv.scoring.metric import DEPTH_METRICS, METRICS, PATH_METRICS, Metric, metric_named
 from cutenv.scoring.metric_weights import ForceOnlyWeights, weights_by_metric
-from cutenv.scoring.path_map import LINE_KEY, PathMap
 from cutenv.scoring.points import ScorePoints, outcome_of, task_points
 from cutenv.scoring.reference import ReferenceSet
 from cutenv.scoring.score_notes import doubted_depth, score_notes
@@ -27,6 +27,8 @@ from cutenv.tissue import TissueDescription, measured_liver
 from cutenv.tissue.expected_cut import along_line
 from cutenv.tissue.lines import CutLine, through
 from cutenv.trace import Trace
+
+T = TypeVar("T")
 
 SCORE_SCHEMA = "cutenv-score/2"
 _ROUNDED_OFF = 1e-9  # rounding residue of a computed zero
@@ -296,24 +298,14 @@ def score(
         reference="" if reference is None else f"{reference.name} ({len(reference)} cuts: {reference.about})",
         faults=faults,
         notes=(*score_notes(cut, points, outcome), *doubted_depth(cut)),
-        depth_map=_depth_map(cut),
-        path_map=_path_map(cut),
+        depth_map=_available(lambda: cut.depth_map) if cut.tells_depth and not cut.twofold else None,
+        path_map=_available(lambda: cut.path_map) if cut.line is not None and not cut.twofold else None,
     )
 
 
-def _depth_map(cut: ScoredCut) -> DepthMap | None:
-    if not cut.tells_depth or cut.twofold:
-        return None
+def _available(compute: Callable[[], T]) -> T | None:
     with contextlib.suppress(Unavailable):
-        return cut.depth_map
-    return None
-
-
-def _path_map(cut: ScoredCut) -> PathMap | None:
-    if cut.line is None or cut.twofold:
-        return None
-    with contextlib.suppress(Unavailable):
-        return cut.path_map
+        return compute()
     return None
 
 

@@ -21,7 +21,7 @@ from cutenv.play.play_session import Session
 from cutenv.play.played_cut import PlayedCut
 from cutenv.play.played_path_cut import PlayedPathCut
 from cutenv.recording import load_one
-from cutenv.scoring.path_map import LINE_KEY
+from cutenv.scoring.cut_map import LINE_KEY
 from cutenv.task.path import TURN_SCALE
 from cutenv.tissue.grid import SPACING
 from cutenv.viewer.scene import Moment

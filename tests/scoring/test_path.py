@@ -18,7 +18,7 @@ from cutenv.policy.path_scripts import PATH_SCRIPTS
 from cutenv.recording import load, save
 from cutenv.recording.line_file import read_line
 from cutenv.scoring import PATH_METRICS, score
-from cutenv.scoring.path_map import LINE_KEY, PathMap
+from cutenv.scoring.cut_map import LINE_KEY, PathMap
 from cutenv.scoring.points import MAP_POINTS
 from cutenv.scoring.score_notes import EXPECTED_CUT
 from cutenv.scoring.truth import ASIDE_AT_END, TIP_AT_END
