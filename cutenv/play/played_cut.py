@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array, Struct, StructArray
 from cutenv._base.validation import in_range
-from cutenv.cutting.drive import Hand
 from cutenv.cutting.dtypes import READING, TICK
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.plant.protocol import to_trace
@@ -32,6 +31,8 @@ from cutenv.tissue.grid import depth_below
 from cutenv.trace import Trace
 
 UPDATES_HZ = round(1.0 / TICK)
+DEADLINE = 30.0
+"""Time for a cut [s]."""
 FEWEST_READINGS = 100
 """Least number of readings that makes an abandoned cut a record: a tenth of a second."""
 _ESTIMATED_EVERY = 20  # ms: as often as an agent decides
@@ -51,10 +52,6 @@ class PlayedCut:
         Key of specimen, target and noise.
     target_length : float, optional
         Length of the cut [m]; drawn from 0.060 to 0.100 by default.
-    deadline : float
-        Time for the cut [s].
-    hand : Hand
-        Coupling between the person and the blade.
     handle : Handle, optional
         Handle for the picture, which follows the cut.
     **task
@@ -76,8 +73,6 @@ class PlayedCut:
         seed: int = 0,
         episode: int = 0,
         target_length: float | None = None,
-        deadline: float = 30.0,
-        hand: Hand = PLAYED_HAND,
         handle: Handle | None = None,
         **task: Any,
     ) -> None:
@@ -86,23 +81,23 @@ class PlayedCut:
         self._env = self.environment(
             specimen_class=specimen_class,
             target_length=target_length,
-            deadline_s=deadline,
+            deadline_s=DEADLINE,
             control_hz=UPDATES_HZ,
-            **self._drive(hand),
+            **self._drive(),
             **task,
         )
-        self._hand, self._handle = hand, handle
+        self._handle = handle
         self._first, self._info = self._env.reset(seed=seed, options={"episode": episode})
-        self._readings: StructArray = np.zeros(round(deadline * UPDATES_HZ) + 1, READING)
+        self._readings: StructArray = np.zeros(round(DEADLINE * UPDATES_HZ) + 1, READING)
         self._count = 0
         self._tip_estimate = TipEstimate()
         self._estimate: Struct = np.zeros(1, CUT_ESTIMATE)[0]
         self.end = ""
         """Cause of the end, one of the environment's ends; empty while the cut goes on."""
 
-    def _drive(self, hand: Hand) -> dict[str, Any]:
+    def _drive(self) -> dict[str, Any]:
         """Return the environment's arguments of what moves the blade."""
-        return {"drive": "hand", **dataclasses.asdict(hand)}
+        return {"drive": "hand", **dataclasses.asdict(PLAYED_HAND)}
 
     @property
     def plant(self) -> SimulatedPlant:
@@ -175,7 +170,7 @@ class PlayedCut:
 
     def action(self, stylus: Stylus) -> NDArray[np.float32]:
         """Return the environment's action for what the person wants."""
-        return to_action(speed_toward(stylus.position, self.plant.states[0], self._hand), stylus.angle)
+        return to_action(speed_toward(stylus.position, self.plant.states[0]), stylus.angle)
 
     def felt(self, felt: FeltForce, stylus: Stylus) -> float:
         """Return the force for the person's hand [N], by the device's coupling to the blade."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cutenv._base.arrays import Array
 from cutenv.envs.path_cut import PathCutEnv, to_path_action
 from cutenv.play.devices import ScriptedDevice, simple_hand
-from cutenv.play.hand_model import hand_over_slab, steered_toward
+from cutenv.play.hand_model import PLAYED_HAND, hand_over_slab, steered_toward
 from cutenv.play.haptics import Stylus
 from cutenv.play.played_cut import PlayedCut
 from cutenv.task.path import PATH_CUT, PathEpisode
@@ -67,8 +67,8 @@ class PlayedPathCut(PlayedCut):
     def action(self, stylus: Stylus) -> NDArray[np.float32]:
         """Return the environment's action, which moves the hand along the blade and turns it toward the place."""
         speed, turn = steered_toward(
-            self.plant.states[0], self.cutting.motion[0], stylus.position, stylus.across, self._hand.motor_lag,
-            self._hand.acceleration,
+            self.plant.states[0], self.cutting.motion[0], stylus.position, stylus.across, PLAYED_HAND.motor_lag,
+            PLAYED_HAND.acceleration,
         )  # fmt: skip
         return to_path_action(float(speed), stylus.angle, float(turn))
 
