@@ -15,7 +15,7 @@ from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.plant.protocol import to_trace
 from cutenv.plant.simulator import SimulatedPlant
 from cutenv.play.devices import ScriptedDevice, simple_hand
-from cutenv.play.finishing import missing_to_finish
+from cutenv.play.finishing import NearTarget, missing_to_finish
 from cutenv.play.hand_model import PLAYED_HAND, speed_toward
 from cutenv.play.handle_body import Handle, HandlePose
 from cutenv.play.haptics import FeltForce, Stylus
@@ -204,7 +204,7 @@ class PlayedCut:
             return (f"the tip is {short * 1e3:.1f} mm short: cut on",)
         reading, estimate = self._readings[self._count - 1], self._estimate
         depth = depth_below(self.plant.depth, float(reading["position"]))
-        return missing_to_finish(
+        near = NearTarget(
             force=float(reading["force"]),
             elastic=float(estimate["elastic"]),
             friction=float(self._tip_estimate.memory[0]["friction_per_depth"]) * depth,
@@ -213,8 +213,8 @@ class PlayedCut:
             angle=float(reading["angle"]),
             rested=float(progress["quiet"]),
             withdrawn=float(progress["loaded_at"]) - float(reading["position"]),
-            force_shown=force_shown,
         )
+        return missing_to_finish(near, force_shown=force_shown)
 
     def trace(self, **metadata: object) -> Trace:
         """Return the trace that a rig would have recorded.

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from cutenv._base.unit_table import Unit, shown_unit
 from cutenv.report.page import estimate_text, number, spoken
+from cutenv.report.study_table import aligned
 from cutenv.scoring import METRICS
 from cutenv.scoring.study import Crossover, Estimate, NotEstimable, Study, crossovers
 
@@ -55,9 +56,9 @@ def crossover_lines(study: Study) -> list[str]:
         return []
     first, second = crossed.conditions
     head = f"{'metric':28s} {f'{first} minus {second}':26s} {'second half minus first':26s} orders apart"
-    lines = [f"{row.name:28s} " + " ".join(f"{cell:26s}" for cell in row.cells) for row in crossed.rows]
+    lines = [aligned([row.name, *row.cells], (28, 26, 26, 26)).rstrip() for row in crossed.rows]
     said = f"Feedback {first} against {second}, within people. {crossed.orders}".rstrip()
-    return ["", said, head, *(line.rstrip() for line in lines)]
+    return ["", said, head, *lines]
 
 
 def _orders(each: Crossover) -> str:

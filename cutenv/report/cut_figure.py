@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from cutenv.report.training_result import CutPicture
+
 
 _TISSUE, _RUN, _FORCE, _TARGET, _ANGLE = "#f2d3c9", "#d55e00", "#0072b2", "#009e73", "#8a3ffc"
 _TOLERANCE_MM = 3.0
@@ -24,29 +26,15 @@ _POINTS = 3000  # points of a line: more than a figure has pixels; 30 s at 1 kHz
 _WIDE = 9.0  # [in] width as a file
 
 
-def draw_cut(
-    path: Path,
-    readings: StructArray,
-    depth: Array,
-    *,
-    target_length: float,
-    force_limit_per_depth: float,
-    title: str,
-) -> None:
+def draw_cut(path: Path, cut: CutPicture, title: str) -> None:
     """Write a picture of one cut above its force trace.
 
     Parameters
     ----------
     path : Path
         Path of the picture; its suffix gives the format (.png).
-    readings : Records
-        The whole cut at 1 kHz, :data:`cutenv.cutting.dtypes.READING`, shape (n,); hidden tip included.
-    depth : array, shape (301,)
-        Depth of cut along the line [m].
-    target_length : float
-        Target length [m].
-    force_limit_per_depth : float
-        Force limit over depth of cut [N/m].
+    cut : CutPicture
+        The cut.
     title : str
         Text above the picture.
 
@@ -55,47 +43,41 @@ def draw_cut(
     ImportError
         If matplotlib is not installed; the message gives the command that installs it.
     """
-    figure = cut_figure(
-        readings, depth, target_length=target_length, force_limit_per_depth=force_limit_per_depth, title=title
-    )
+    figure = cut_figure(cut, title=title)
     with atomic_write(path) as part:
         figure.savefig(part, dpi=130)
 
 
-def cut_figure(
-    readings: StructArray,
-    depth: Array,
-    *,
-    target_length: float,
-    force_limit_per_depth: float,
-    title: str = "",
-    width: float = _WIDE,
-    beside: Sequence[StructArray] = (),
-) -> Figure:
-    """Draw one cut above its force trace, speed and angle; parameters as :func:`draw_cut`, and two more.
+def cut_figure(cut: CutPicture, *, title: str = "", width: float = _WIDE, others: Sequence[CutPicture] = ()) -> Figure:
+    """Draw one cut above its force trace, speed and angle.
 
     Parameters
     ----------
+    cut : CutPicture
+        The cut.
+    title : str
+        Text above the figure.
     width : float
         Width [in]; a figure for a phone has its legend in fewer columns.
-    beside : sequence of Records
-        Readings of the cuts to compare with: the axes cover them too, so that all have the same scales.
+    others : sequence of CutPicture
+        Cuts to compare with: the axes cover them too, so that all have the same scales.
     """
+    readings, depth = cut.readings, cut.depth
     phone = width < PHONE_WIDTH
     figure = new_figure(width, 6.4 if phone else 6.5)
     side, trace, motion = figure.subplots(3, 1, sharex=True, height_ratios=(1.5, 2.2, 1.0))
     _draw_side(side, readings, depth)
     side.fill_between([], [], [], color=_TARGET, alpha=0.15, label="target \u00b1 3 mm")
-    _draw_force(trace, readings, depth, force_limit_per_depth)
+    _draw_force(trace, readings, depth, cut.force_limit_per_depth)
     _draw_motion(motion, readings)
     whose = "" if phone else ": blade (force, speed, angle), crack tip (cut)"
     motion.set_xlabel(f"distance from the clamp [mm]{whose}")
-    target_mm = 1e3 * target_length
+    target_mm = 1e3 * cut.target_length
     for axes in (side, trace, motion):
         axes.axvspan(target_mm - _TOLERANCE_MM, target_mm + _TOLERANCE_MM, color=_TARGET, alpha=0.15, linewidth=0)
         axes.axvline(target_mm, color=_TARGET, linewidth=1.2)
     side.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2 if phone else 6, fontsize=8, frameon=False)
-    _set_scales(trace, motion, (readings, *beside), target_mm)
+    _set_scales(trace, motion, [each.readings for each in (cut, *others)], target_mm)
     if title:
         figure.suptitle(label(title), fontsize=11)
     return figure

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 import textwrap
 from collections.abc import Sequence
@@ -10,9 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from cutenv._base.atomic_file import atomic_write
 from cutenv._base.unit_table import shown_unit
-from cutenv.report.page import estimate_text, number, significant, spoken
+from cutenv.report.page import estimate_text, number, significant, spoken, write_table
 from cutenv.scoring.score_card import DISCLAIMER
 from cutenv.scoring.study import (
     Estimate,
@@ -49,13 +47,8 @@ def table_lines(study: Study) -> list[str]:
         f"{'ICC of one cut':21s} {'ICC of the mean':21s} {'cuts for 0.8':>12s}",
     ]
     for found in study.findings:
-        reliability = found.reliability
-        told = (
-            reliability.reason * (not unknown)
-            if isinstance(reliability, NotEstimable)
-            else f"{correlation_text(reliability.single):21s} {correlation_text(reliability.mean):21s} "
-            f"{cuts_needed(reliability):>12s}"
-        )
+        *correlations, cuts = statistic_cells(found.reliability)
+        told = f"{aligned(correlations, (21, 21))} {cuts:>12s}" if correlations else cuts * (not unknown)
         mean, between, within = spread(found)
         name = f"{spoken(found.metric):24s} {in_print(found)[1]:6s}"
         lines.append(f"{name} {mean:>9s} {between:>11s} {within:>10s}  {told}".rstrip())
@@ -67,12 +60,12 @@ def table_lines(study: Study) -> list[str]:
         if nothing := shared_reason([found.separation for found in study.findings]):
             lines[-1] = f"no difference of {first} and {second}: {nothing}"
         for found in study.findings * (not nothing):
-            lines.append(f"{spoken(found.metric):24s} {_both(found.separation, 'superiority', 'difference')}")
+            lines.append(f"{spoken(found.metric):24s} {aligned(statistic_cells(found.separation))}")
     if len(study.sessions) > 1:
         words.append(_WORDS[2])
         lines += ["", f"{'metric':24s} {'sessions, agreement':21s} sessions, consistency"]
         for found in study.findings:
-            lines.append(f"{spoken(found.metric):24s} {_both(found.retest, 'agreement', 'consistency')}")
+            lines.append(f"{spoken(found.metric):24s} {aligned(statistic_cells(found.retest))}")
     lines += ["", *(line for text in words for line in textwrap.wrap(text, 110, subsequent_indent="  "))]
     notes = [f"no reliability: {unknown.removeprefix('series: ')}"] * bool(unknown)
     return [*lines, "", *(f"note: {note}" for note in (*notes, *study.notes, DISCLAIMER))]
@@ -94,16 +87,13 @@ def write_cards(path: Path, study: Study) -> None:
     names = list(study.cuts[0].card.metrics)
     units = {name: study.cuts[0].card.unit(name) for name in names}
     heads = [name if unit == "1" else f"{name}_{_suffix(unit)}" for name, unit in units.items()]
-    with atomic_write(path) as part, part.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["record", study.who, "group", "session", "number", "force_unit", "tip_source", *heads])
-        for place, cut in numbered(study.cuts):
-            card = cut.card
-            values = [card.metrics[name].value for name in names]
-            writer.writerow(
-                [card.name, cut.operator, cut.group, cut.session, place, card.force_unit, card.tip_source]
-                + ["" if value is None else f"{value:.6g}" for value in values]
-            )
+    rows: list[list[object]] = [["record", study.who, "group", "session", "number", "force_unit", "tip_source", *heads]]
+    for place, cut in numbered(study.cuts):
+        card = cut.card
+        values = [card.metrics[name].value for name in names]
+        head = [card.name, cut.operator, cut.group, cut.session, place, card.force_unit, card.tip_source]
+        rows.append([*head, *("" if value is None else f"{value:.6g}" for value in values)])
+    write_table(path, rows)
 
 
 def _suffix(unit: str) -> str:
@@ -149,12 +139,24 @@ def cuts_needed(told: OneWay) -> str:
     return f"more than {_LONGEST}" if cuts > _LONGEST else str(max(1, math.ceil(cuts)))
 
 
-def _both(told: Separation | Intraclass | NotEstimable, first: str, second: str) -> str:
-    """Return two estimates beside each other, or the reason why there are none."""
-    if isinstance(told, NotEstimable):
-        return told.reason
-    shown = correlation_text if isinstance(told, Intraclass) else interval_text
-    return f"{shown(getattr(told, first)):21s} {shown(getattr(told, second))}"
+def statistic_cells(found: OneWay | Separation | Intraclass | NotEstimable) -> list[str]:
+    """Return the estimates of a statistic as text, or the reason why there are none.
+
+    Of reliability the correlation of one cut, of the mean, and the cuts needed for 0.8; of a separation superiority and
+    difference; of sessions agreement and consistency.
+    """
+    if isinstance(found, NotEstimable):
+        return [found.reason]
+    if isinstance(found, Separation):
+        return [interval_text(found.superiority), interval_text(found.difference)]
+    if isinstance(found, Intraclass):
+        return [correlation_text(found.agreement), correlation_text(found.consistency)]
+    return [correlation_text(found.single), correlation_text(found.mean), cuts_needed(found)]
+
+
+def aligned(cells: Sequence[str], widths: Sequence[int] = (21, 0)) -> str:
+    """Return cells as columns of these widths, for the terminal."""
+    return " ".join(f"{cell:{width}s}" for cell, width in zip(cells, widths, strict=False))
 
 
 def correlation(value: float) -> str:

@@ -3,7 +3,6 @@
 from cutenv.scoring import force, map_metrics, motion, outcome  # noqa: F401  they enter their metrics
 from cutenv.scoring.cut_map import DepthMap, PathMap
 from cutenv.scoring.metric import DEPTH_METRICS, INVARIANCES, METRICS, PATH_METRICS, Metric
-from cutenv.scoring.metric_weights import ForceOnlyWeights
 from cutenv.scoring.points import ScorePoints
 from cutenv.scoring.reference import ReferenceSet
 from cutenv.scoring.score_card import ScoreCard, Scored, score
@@ -18,7 +17,6 @@ __all__ = [
     "METRICS",
     "PATH_METRICS",
     "DepthMap",
-    "ForceOnlyWeights",
     "Metric",
     "PathMap",
     "ReferenceSet",

@@ -11,7 +11,7 @@ import numpy as np
 from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range, one_of
 from cutenv.scoring.metric import METRICS, Direction
-from cutenv.scoring.metric_weights import ForceOnlyWeights, weights_by_metric
+from cutenv.scoring.metric_weights import FORCE_WEIGHTS
 from cutenv.scoring.score_card import ScoreCard
 from cutenv.scoring.study.estimate import FEWEST_COMPARED, FEWEST_PEOPLE
 from cutenv.scoring.study.learning import FEWEST_IN_CURVE, Cusum, LearningCurve, cusum, learning_curve
@@ -348,7 +348,7 @@ def direction_of(metric: str) -> Direction:
 def leading_metrics(cuts: Sequence[StudiedCut]) -> tuple[str, ...]:
     """Return the metrics that are studied beside the overall score if none are named."""
     moved = any(cut.card.metrics["idle_time"].value is not None for cut in cuts)
-    return STUDIED if moved else tuple(weights_by_metric(ForceOnlyWeights()))
+    return STUDIED if moved else tuple(FORCE_WEIGHTS)
 
 
 def numbered(cuts: Sequence[StudiedCut]) -> list[tuple[int, StudiedCut]]:
