@@ -65,6 +65,8 @@ class PlayedCut:
 
     environment: type[GentleCutEnv] = GentleCutEnv
     """Environment whose episode it is."""
+    channels: tuple[str, ...] = ()
+    """Channels of the record that a cut straight on has not, as fields of a trace."""
 
     def __init__(
         self,
@@ -89,6 +91,7 @@ class PlayedCut:
         self._handle = handle
         self._first, self._info = self._env.reset(seed=seed, options={"episode": episode})
         self._readings: StructArray = np.zeros(round(DEADLINE * UPDATES_HZ) + 1, READING)
+        self._further = np.zeros((len(self._readings), len(self.channels)))
         self._count = 0
         self._tip_estimate = TipEstimate()
         self._estimate: Struct = np.zeros(1, CUT_ESTIMATE)[0]
@@ -156,6 +159,7 @@ class PlayedCut:
         if self._count % _ESTIMATED_EVERY == 0:
             gentle = self._observation[: len(COMPONENTS)]
             self._estimate = self._tip_estimate.estimates(in_si(gentle)[None])[0]
+        self._further[self._count] = self._sampled()
         self._count += 1
         if ended:
             self.end = self._info["end"]
@@ -167,6 +171,17 @@ class PlayedCut:
                 force=float(reading["true_force"]),
                 depth=float(depth_below(self.plant.depth, state["blade"])),
             )
+
+    def _sampled(self) -> tuple[float, ...]:
+        """Return :attr:`channels` now."""
+        return ()
+
+    def _noted(self) -> dict[str, Any]:
+        """Return what the record notes of another task."""
+        return {}
+
+    def _channel(self, name: str) -> Array:
+        return self._further[: self._count, self.channels.index(name)]
 
     def action(self, stylus: Stylus) -> NDArray[np.float32]:
         """Return the environment's action for what the person wants."""
@@ -225,7 +240,9 @@ class PlayedCut:
             If there are fewer than two readings.
         """
         noted = {"target_length_m": self.target_length, TIP_AT_END: round(float(self.readings["tip"][-1]), 6)}
-        return to_trace(self.plant, self.readings, **noted, **metadata)
+        trace = to_trace(self.plant, self.readings, **noted, **self._noted(), **metadata)
+        further: dict[str, Any] = {name: self._channel(name).copy() for name in self.channels}
+        return dataclasses.replace(trace, **further)
 
     def card(self, trace: Trace) -> ScoreCard:
         """Return the score of its record, as from ``cutenv score``: where the tip ended is noted in the record."""
