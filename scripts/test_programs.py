@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Programs of the machine that some tests need: what there is, and how to get the others. Needs nothing but Python.
+"""Programs and files that some tests need: what there is, and how to get the others. Needs nothing but Python.
 
 usage: python3 scripts/test_programs.py            # list them
        python3 scripts/test_programs.py install    # install what Debian and npm have, where this is root; print groups
@@ -18,6 +18,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 NPM = ROOT / ".npm"
 """Folder into which npm's packages are installed; git ignores it."""
+RECORDS = ROOT.parent / "shared" / "data" / "scalpel_excision_forces.csv"
+"""Recorded cuts of others."""
 PATIENCE_S = 900
 """Longest time that an installer may take [s]."""
 
@@ -43,7 +45,7 @@ def postgresql() -> str | None:
 
 @dataclass(frozen=True)
 class Group:
-    """Tests that need one program."""
+    """Tests that need one program or file."""
 
     found: Callable[[], object]
     """Return the program, or None."""
@@ -62,9 +64,12 @@ GROUPS = {
     ),
     "postgresql": Group(postgresql, "apt-get install postgresql", debian=("postgresql",)),
     "gio": Group(lambda: shutil.which("gio"), "apt-get install libglib2.0-bin", debian=("libglib2.0-bin",)),
-    "scorm-again": Group(scorm_again, "npm install --prefix .npm scorm-again@3.0.6", npm=("scorm-again@3.0.6",)),
+    "scorm-again": Group(scorm_again, "npm install --prefix .npm scorm-again@3.4.3", npm=("scorm-again@3.4.3",)),
+    "records": Group(
+        lambda: RECORDS if RECORDS.is_file() else None, "the recorded cuts are not part of the repository: ask for them"
+    ),
 }
-"""Programs by name."""
+"""Programs and files by name."""
 
 
 def missing() -> list[str]:

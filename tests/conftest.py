@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -37,22 +38,48 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--allowed-skips", metavar="FILE", type=Path, help="fail on a skip that FILE does not list")
+    parser.addoption("--installed", metavar="NAME,...", default="", help="programs for want of which nothing may skip")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Skip a test that needs a program which is not there; scripts/test_programs.py lists them."""
+    for name in (name for mark in item.iter_markers("needs") for name in mark.args):
+        import test_programs  # from scripts/, which a copy of this file elsewhere does not have
+
+        if test_programs.GROUPS[name].found() is None:
+            pytest.skip(test_programs.reason(name))
 
 
 def unlisted_skips(config: pytest.Config) -> list[str]:
-    """Every skipped test or file that --allowed-skips does not name; a name covers its parametrised cases."""
+    """Every skip without leave.
+
+    A skip has leave if --allowed-skips names the test, which covers its parametrised cases, or if the test is marked to
+    need a program that is not there; not one of --installed.
+    """
     listing = config.getoption("--allowed-skips")
     reporter = config.pluginmanager.get_plugin("terminalreporter")
     if listing is None or reporter is None:
         return []
     lines = [line.partition("#")[0].strip() for line in listing.read_text(encoding="utf-8").splitlines()]
     allowed = tuple(line for line in lines if line)
-    skipped = {report.nodeid for report in reporter.stats.get("skipped", [])}
+    installed = tuple(f"needs {name}:" for name in config.getoption("--installed").split(",") if name)
     return sorted(
         nodeid
-        for nodeid in skipped
-        if not any(nodeid == name or nodeid.startswith((f"{name}[", f"{name}::")) for name in allowed)
+        for nodeid, reason in skips(reporter).items()
+        if reason.startswith(installed)
+        or not (reason.startswith("needs ") or any(nodeid == name or nodeid.startswith(f"{name}[") for name in allowed))
     )
+
+
+def skips(reporter: pytest.TerminalReporter) -> dict[str, str]:
+    """Reason of each skip, by the test."""
+    found = {}
+    for report in reporter.stats.get("skipped", []):
+        where = report.longrepr
+        reason = where[2] if isinstance(where, tuple) else str(where)
+        found[report.nodeid] = reason.removeprefix("Skipped: ")
+    return found
 
 
 @pytest.hookimpl(trylast=True)
@@ -62,5 +89,9 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+    groups = Counter(reason for reason in skips(terminalreporter).values() if reason.startswith("needs "))
+    for reason, count in sorted(groups.items()):
+        name, _, cure = reason.removeprefix("needs ").partition(": ")
+        terminalreporter.write_line(f"left out: {count} tests that need {name}; to run them: {cure}")
     for nodeid in unlisted_skips(config):
         terminalreporter.write_line(f"SKIPPED WITHOUT LEAVE {nodeid}", red=True)

@@ -11,13 +11,14 @@ import pytest
 Browser = chromium.Browser | firefox.Browser
 
 
-@pytest.fixture(scope="session", params=["Chromium", "Firefox"])
+BROWSERS = [pytest.param(name, marks=pytest.mark.needs(name.lower())) for name in ("Chromium", "Firefox")]
+
+
+@pytest.fixture(scope="session", params=BROWSERS)
 def browser(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
     """One browser of each kind for every test of the page."""
     if request.param == "Firefox":
         pytest.importorskip("websockets", reason="talks to Firefox in the tests: pip install 'cutenv[dev]'")
     driver = {"Chromium": chromium, "Firefox": firefox}[request.param]
-    if driver.PROGRAM is None:
-        pytest.skip(f"needs a browser: Debian's {driver.__name__}")
     with driver.browser(tmp_path_factory.mktemp("profile")) as opened:
         yield opened

@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import http.server
 import json
-import os
 import re
 import shutil
 import threading
@@ -19,6 +18,7 @@ from xml.etree import ElementTree
 import chromium
 import firefox
 import pytest
+import test_programs
 
 pytest.importorskip("jinja2", reason="pages are an extra: pip install 'cutenv[view]'")
 
@@ -79,13 +79,6 @@ window.API = {
   LMSGetDiagnostic: code => code,
 };
 """
-
-
-def scorm_again() -> Path | None:
-    """The kept runtime of npm, where NODE_PATH or the machine has it."""
-    folders = [*os.environ.get("NODE_PATH", "").split(os.pathsep), "/usr/local/lib/node_modules"]
-    found = (Path(folder) / "scorm-again" / "dist" / "scorm12.min.js" for folder in folders if folder)
-    return next((path for path in found if path.is_file()), None)
 
 
 class Course:
@@ -234,9 +227,9 @@ def test_without_a_platform_it_says_so_and_cuts(course: Course) -> None:
     assert course.score() > 0.0
 
 
-@pytest.mark.skipif(scorm_again() is None, reason="a runtime of npm: npm install scorm-again, and NODE_PATH to it")
+@pytest.mark.needs("scorm-again")
 def test_a_kept_runtime_takes_it(course: Course) -> None:
-    path = scorm_again()
+    path = test_programs.scorm_again()
     assert path is not None
     shutil.copy(path, course.folder / "runtime.js")
     course.enter("</script><script src='runtime.js'></script><script>window.API = new Scorm12API({});", count=2)

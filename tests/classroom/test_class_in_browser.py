@@ -24,7 +24,7 @@ from cutenv.classroom import ClassStore
 from cutenv.cli import main
 from cutenv.recording import load_one
 
-pytestmark = pytest.mark.skipif(chromium.PROGRAM is None, reason="needs a browser: Debian's chromium")
+pytestmark = pytest.mark.needs("chromium")
 
 CUT = """(async () => {
   const { page, stylus, start } = cutenvPage;

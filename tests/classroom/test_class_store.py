@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import test_programs
 
 pytest.importorskip("sqlalchemy", reason="the server is an extra: pip install 'cutenv[serve]'")
 
@@ -21,14 +22,12 @@ from cutenv.classroom import ClassStore
 from cutenv.classroom.class_backup import restore_backup, write_backup
 from cutenv.classroom.class_store import TEACHER, CutEnd
 
-PROGRAMS = next(iter(sorted(Path("/usr/lib/postgresql").glob("*/bin"))), None) or shutil.which("initdb")
+PROGRAMS = test_programs.postgresql()
 
 
 @pytest.fixture(scope="module")
 def postgresql() -> Iterator[str]:
     """Address of a PostgreSQL of our own, which listens on a socket in a folder alone."""
-    if PROGRAMS is None:
-        pytest.skip("needs a PostgreSQL: Debian's postgresql")
     pytest.importorskip("psycopg", reason="speaks to PostgreSQL in the tests: pip install 'cutenv[dev]'")
     folder = Path(tempfile.mkdtemp(prefix="pg"))  # the path of a socket is at most 107 characters long
     somebody: dict[str, Any] = {}
@@ -52,7 +51,7 @@ def postgresql() -> Iterator[str]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-@pytest.fixture(params=["sqlite", "postgresql"])
+@pytest.fixture(params=["sqlite", pytest.param("postgresql", marks=pytest.mark.needs("postgresql"))])
 def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
     return f"sqlite:///{tmp_path / 'class.db'}" if request.param == "sqlite" else request.getfixturevalue("postgresql")
 

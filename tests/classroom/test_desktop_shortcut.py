@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import shlex
-import shutil
 import signal
 import subprocess
 import sys
@@ -96,7 +95,7 @@ def awaited(path: Path) -> str:
     return path.read_text().strip()
 
 
-@pytest.mark.skipif(shutil.which("gio") is None, reason="needs GLib's launcher: Debian's libglib2.0-bin")
+@pytest.mark.needs("gio")
 def test_a_desktop_file_runs_the_command_as_it_is_on_linux(tmp_path: Path) -> None:
     echo = (sys.executable, "-c", "import os, sys; print(os.getcwd(), sys.argv[2:], file=open(sys.argv[1], 'w'))")
     said = tmp_path / "said"
@@ -105,7 +104,7 @@ def test_a_desktop_file_runs_the_command_as_it_is_on_linux(tmp_path: Path) -> No
     assert awaited(said) == f"{tmp_path} {list(ODD)}"
 
 
-@pytest.mark.skipif(shutil.which("gio") is None, reason="needs GLib's launcher: Debian's libglib2.0-bin")
+@pytest.mark.needs("gio")
 @pytest.mark.skipif(sys.platform != "linux", reason="makes the shortcut of Linux")
 def test_a_double_click_serves_the_class_and_opens_the_teachers_page_signed_in(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

@@ -9,7 +9,7 @@ import chromium
 import pytest
 
 pytest.importorskip("mkdocs", reason="the site needs an extra: pip install 'cutenv[docs]'")
-pytestmark = pytest.mark.skipif(chromium.PROGRAM is None, reason="no chromium: apt-get install chromium")
+pytestmark = pytest.mark.needs("chromium")
 
 PAGES = (
     "index.html",

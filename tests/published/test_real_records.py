@@ -14,9 +14,7 @@ from cutenv.measurement.segments import STRAIGHT
 from cutenv.tissue.cut_model import CutModel
 from cutenv.trace import Trace
 
-recorded = pytest.mark.skipif(
-    not real_records.DATA.is_file(), reason="the recorded cuts lie beside the repository, and are not there"
-)
+recorded = pytest.mark.needs("records")
 
 
 @pytest.fixture(scope="module")

@@ -12,9 +12,7 @@ import score_real_records
 
 from cutenv.scoring.study import NotEstimable, OneWay, Study, one_way_reliability
 
-recorded = pytest.mark.skipif(
-    not score_real_records.DATA.is_file(), reason="the recorded cuts lie beside the repository, and are not there"
-)
+recorded = pytest.mark.needs("records")
 
 
 @pytest.fixture(scope="module")

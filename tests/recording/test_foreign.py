@@ -291,7 +291,7 @@ def test_anything_is_read_or_refused(tmp_path_factory: pytest.TempPathFactory, c
             read(tmp_path_factory.getbasetemp(), content, mapping)
 
 
-@pytest.mark.skipif(not REAL.is_file(), reason="the recorded cuts lie beside the repository, and are not there")
+@pytest.mark.needs("records")
 class TestRealRecords:
     """207 hand-held cuts (Straizys et al. 2023): other people's file, read by its columns."""
 

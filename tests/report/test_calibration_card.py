@@ -196,7 +196,7 @@ def test_a_tissue_that_was_not_calibrated_has_no_card() -> None:
 # In a browser.
 
 
-@pytest.mark.skipif(chromium.PROGRAM is None, reason="no chromium: apt-get install chromium")
+@pytest.mark.needs("chromium")
 def test_a_browser_shows_the_pages_fetches_nothing_and_runs_no_name(
     browser: chromium.Browser, written: Path, hostile: Path
 ) -> None:

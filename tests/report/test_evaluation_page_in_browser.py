@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 
-import chromium
 import numpy as np
 import pytest
 from chromium import Browser
@@ -20,7 +19,7 @@ from cutenv.sim_to_real import ClockKept
 from cutenv.sim_to_real.evaluation_page import evaluation_headline, write_evaluation
 from cutenv.sim_to_real.evaluation_result import UNPAIRED, Evaluation
 
-pytestmark = pytest.mark.skipif(chromium.PROGRAM is None, reason="no chromium: apt-get install chromium")
+pytestmark = pytest.mark.needs("chromium")
 
 
 def evaluation(**of_rig: object) -> Evaluation:

@@ -6,7 +6,6 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
-import chromium
 import pytest
 from chromium import LEAST_CONTRAST, Browser
 
@@ -16,7 +15,7 @@ from made_up_result import result
 
 from cutenv.report import write_training_page
 
-pytestmark = pytest.mark.skipif(chromium.PROGRAM is None, reason="no chromium: apt-get install chromium")
+pytestmark = pytest.mark.needs("chromium")
 
 DESK, PHONE = 1400, 390
 SCREENS = pytest.mark.parametrize(

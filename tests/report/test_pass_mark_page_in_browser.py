@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import chromium
 import numpy as np
 import pytest
 from chromium import Browser
@@ -20,7 +19,7 @@ from cutenv.scoring import score
 from cutenv.scoring.score_card import DISCLAIMER
 from cutenv.scoring.study import StandardSetting, StudiedCut
 
-pytestmark = pytest.mark.skipif(chromium.PROGRAM is None, reason="no chromium: apt-get install chromium")
+pytestmark = pytest.mark.needs("chromium")
 
 
 @pytest.fixture(scope="module")

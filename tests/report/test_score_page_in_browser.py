@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 
-import chromium
 import pytest
 from chromium import Browser
 
@@ -18,7 +17,7 @@ from cutenv.report.score_page import ScoredRecord, write_score_page, write_summa
 from cutenv.scoring import ReferenceSet, score
 from cutenv.scoring.score_card import DISCLAIMER
 
-pytestmark = pytest.mark.skipif(chromium.PROGRAM is None, reason="no chromium: apt-get install chromium")
+pytestmark = pytest.mark.needs("chromium")
 
 HOSTILE = "<script>document.title='taken'</script>"
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-import chromium
 import pytest
 from chromium import Browser
 
@@ -27,7 +26,7 @@ from cutenv.report.trainee_sheet import write_class_list, write_trainee_sheet
 from cutenv.scoring.score_card import DISCLAIMER
 from cutenv.scoring.study import Study
 
-pytestmark = pytest.mark.skipif(chromium.PROGRAM is None, reason="no chromium: apt-get install chromium")
+pytestmark = pytest.mark.needs("chromium")
 
 
 @pytest.fixture(scope="module")

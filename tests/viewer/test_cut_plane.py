@@ -127,7 +127,7 @@ def test_a_layer_that_is_no_depth_is_refused_by_name() -> None:
         ShownCut.of(wrong)
 
 
-@pytest.mark.skipif(chromium.PROGRAM is None, reason="needs a browser: Debian's chromium")
+@pytest.mark.needs("chromium")
 def test_the_near_half_is_taken_off_and_put_back(tmp_path: Path) -> None:
     path = tmp_path / "view.html"
     path.write_text(page(), encoding="utf-8")

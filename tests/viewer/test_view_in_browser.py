@@ -22,7 +22,7 @@ from cutenv.viewer.solid.scalpel import pose
 from cutenv.viewer.solid.slab_solid import SlabSolid
 from cutenv.viewer.solid.view_page import view_page
 
-pytestmark = pytest.mark.skipif(chromium.PROGRAM is None, reason="no chromium: apt-get install chromium")
+pytestmark = pytest.mark.needs("chromium")
 
 DESK, PHONE = 1000, 390
 SCREENS = pytest.mark.parametrize(("width", "dark"), [(DESK, False), (DESK, True), (PHONE, False), (PHONE, True)])
