@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cutenv._base.arrays import Array, StructArray
-from cutenv._base.atomic_file import atomic_write
-from cutenv.report.figure import PHONE_WIDTH, label, new_figure
+from cutenv.report.figure import PHONE_WIDTH, new_figure, write_figure
 from cutenv.tissue.specimen import SPACING
 
 if TYPE_CHECKING:
@@ -43,20 +42,16 @@ def draw_cut(path: Path, cut: CutPicture, title: str) -> None:
     ImportError
         If matplotlib is not installed; the message gives the command that installs it.
     """
-    figure = cut_figure(cut, title=title)
-    with atomic_write(path) as part:
-        figure.savefig(part, dpi=130)
+    write_figure(path, cut_figure(cut), title)
 
 
-def cut_figure(cut: CutPicture, *, title: str = "", width: float = _WIDE, others: Sequence[CutPicture] = ()) -> Figure:
+def cut_figure(cut: CutPicture, *, width: float = _WIDE, others: Sequence[CutPicture] = ()) -> Figure:
     """Draw one cut above its force trace, speed and angle.
 
     Parameters
     ----------
     cut : CutPicture
         The cut.
-    title : str
-        Text above the figure.
     width : float
         Width [in]; a figure for a phone has its legend in fewer columns.
     others : sequence of CutPicture
@@ -78,8 +73,6 @@ def cut_figure(cut: CutPicture, *, title: str = "", width: float = _WIDE, others
         axes.axvline(target_mm, color=_TARGET, linewidth=1.2)
     side.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2 if phone else 6, fontsize=8, frameon=False)
     _set_scales(trace, motion, [each.readings for each in (cut, *others)], target_mm)
-    if title:
-        figure.suptitle(label(title), fontsize=11)
     return figure
 
 

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv._base.atomic_file import atomic_write
-from cutenv.report.figure import label, new_figure
+from cutenv.report.figure import new_figure, write_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -54,10 +53,7 @@ def draw_identification(
     rows[0][0].plot([], [], ".", color=_COLOURS[0], label="measured")
     rows[0][0].plot([], [], color="black", linewidth=0.7, label="model")
     rows[0][0].legend(fontsize=8, frameon=False, loc="upper left")
-    if title:
-        figure.suptitle(label(title), fontsize=11)
-    with atomic_write(path) as part:
-        figure.savefig(part, dpi=130)
+    write_figure(path, figure, title)
 
 
 def _draw(above: Axes, below: Axes, answers: Sequence[StepResponse]) -> None:

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cutenv._base.atomic_file import atomic_write
 from cutenv.measurement import QualityIssue
 from cutenv.report.cut_figure import thinned
-from cutenv.report.figure import label, new_figure
+from cutenv.report.figure import new_figure, write_figure
 from cutenv.trace import Trace
 
 if TYPE_CHECKING:
@@ -72,12 +71,10 @@ def draw_record(path: Path, picture: RecordPicture, title: str = "") -> None:
     ImportError
         If matplotlib is not installed; the message gives the command that installs it.
     """
-    figure = record_figure(picture, title)
-    with atomic_write(path) as part:
-        figure.savefig(part, dpi=130)
+    write_figure(path, record_figure(picture), title)
 
 
-def record_figure(picture: RecordPicture, title: str = "") -> Figure:
+def record_figure(picture: RecordPicture) -> Figure:
     """Draw the figure of :func:`draw_record`: force over time, and position below it if known."""
     record, quiet, cuts, flaws = picture.record, picture.quiet, picture.cuts, picture.flaws
     parts = list(cuts) or [slice(0, len(record))]
@@ -103,8 +100,6 @@ def record_figure(picture: RecordPicture, title: str = "") -> Figure:
     margin = 0.01 * record.duration
     rows[-1].set_xlim(record.time[0] - margin, record.time[-1] + margin)
     _legend(force)
-    if title:
-        figure.suptitle(label(title), fontsize=11)
     return figure
 
 

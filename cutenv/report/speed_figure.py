@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from cutenv._base.atomic_file import atomic_write
 from cutenv.measurement.constant_speed import SpeedTracking
-from cutenv.report.figure import label, new_figure, plain_axes
+from cutenv.report.figure import new_figure, plain_axes, write_figure
 
 _DESIRED, _ACTUAL, _FORCE = "#000000", "#0072b2", "#d55e00"
 _SIZE = (9.0, 7.5)  # [in]
@@ -45,7 +44,4 @@ def draw_speed(path: Path, found: SpeedTracking, *, title: str = "") -> None:
     force.set_xlabel("time [s]")
     for axes in (speeds, off, force):
         plain_axes(axes)
-    if title:
-        figure.suptitle(label(title), fontsize=11)
-    with atomic_write(path) as part:
-        figure.savefig(part, dpi=130)
+    write_figure(path, figure, title)
