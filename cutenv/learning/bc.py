@@ -28,8 +28,7 @@ from cutenv.learning.imitation_arguments import BCArguments
 from cutenv.learning.minari_datasets import cloning_data, opened
 from cutenv.learning.progress import validate
 from cutenv.learning.result_tables import read_rows, write_csv
-from cutenv.learning.run_folder import export, record_run
-from cutenv.learning.run_provenance import write_facts
+from cutenv.learning.run_folder import export, record_run, write_facts
 from cutenv.learning.training_report import compare
 from cutenv.policy import Network
 from cutenv.policy.features import feature_count

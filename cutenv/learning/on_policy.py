@@ -19,8 +19,7 @@ from cutenv.learning.evaluation import contestant, evaluate
 from cutenv.learning.progress import CheckpointExtras, Progress, save_model
 from cutenv.learning.randomised_rigs import RandomisedRigs
 from cutenv.learning.result_tables import read_rows
-from cutenv.learning.run_folder import export, record_run
-from cutenv.learning.run_provenance import write_facts
+from cutenv.learning.run_folder import export, record_run, write_facts
 from cutenv.learning.training_report import compare
 from cutenv.policy import Network, RecurrentNetwork
 from cutenv.sb3 import FeatureVecEnv

@@ -1,4 +1,4 @@
-"""Figure of one cut above its force trace."""
+"""Figures of one cut: from the side above its force trace, and its floor along a wanted depth."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cutenv._base.arrays import Array, StructArray
-from cutenv.report.figure import PHONE_WIDTH, new_figure, write_figure
+from cutenv.report.figure import PHONE_WIDTH, new_figure, plain_axes, write_figure
 from cutenv.tissue.specimen import SPACING
 
 if TYPE_CHECKING:
@@ -17,9 +17,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from cutenv.report.training_result import CutPicture
+    from cutenv.task.episode import ShownDepth
 
 
 _TISSUE, _RUN, _FORCE, _TARGET, _ANGLE = "#f2d3c9", "#d55e00", "#0072b2", "#009e73", "#8a3ffc"
+_FLOOR, _LAYER = "#0072b2", "#d55e00"
+_BELOW = 3.0  # of the layer below that is shown [mm]
 _TOLERANCE_MM = 3.0
 _POINTS = 3000  # points of a line: more than a figure has pixels; 30 s at 1 kHz would be megabytes of vector drawing
 _WIDE = 9.0  # [in] width as a file
@@ -74,6 +77,45 @@ def cut_figure(cut: CutPicture, *, width: float = _WIDE, others: Sequence[CutPic
     side.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2 if phone else 6, fontsize=8, frameon=False)
     _set_scales(trace, motion, [each.readings for each in (cut, *others)], target_mm)
     return figure
+
+
+def floor_figure(shown: ShownDepth, tip: float, target_length: float, width: float) -> Figure:
+    """Draw one cut from the side, its depth to a scale of its own.
+
+    Parameters
+    ----------
+    shown : ShownDepth
+        Depth of the cut at its end.
+    tip, target_length : float
+        Crack tip at the end, and target length [m].
+    width : float
+        Width [in].
+    """
+    figure = new_figure(width, 3.6)
+    axes = figure.subplots()
+    along = 1e3 * np.arange(len(shown.floor)) * SPACING
+    surface, floor, wanted, layer = (
+        1e3 * levels for levels in (shown.surface, shown.floor, shown.wanted, shown.layer)
+    )  # fmt: skip
+    lowest = float(min(layer.min(), floor.min())) - _BELOW
+    axes.fill_between(along, layer, surface, color=_TISSUE, linewidth=0, label="tissue")
+    axes.fill_between(along, lowest, layer, color=_LAYER, alpha=0.35, linewidth=0, label="layer below, not seen")
+    axes.plot(along, surface, color="0.4", linewidth=1.0, label="surface")
+    axes.plot(along, wanted, color="black", linestyle="--", linewidth=1.0, label="wanted floor")
+    cut = along <= 1e3 * tip
+    axes.plot(along[cut], floor[cut], color=_FLOOR, linewidth=2.0, label="floor of the cut")
+    axes.axvline(1e3 * target_length, color=_TARGET, linewidth=1.2, label="target")
+    axes.set(xlim=(0.0, 1e3 * target_length + 15.0), ylim=(lowest, float(surface.max()) + 1.0))
+    axes.set(xlabel="distance from the clamp [mm]", ylabel="height [mm]")
+    plain_axes(axes)
+    figure.legend(loc="outside upper center", ncols=2 if width < PHONE_WIDTH else 6, fontsize=8, frameon=False)
+    return figure
+
+
+def mean_depth_error_mm(shown: ShownDepth, tip: float) -> float:
+    """Return the mean error of the depth along a cut, up to its tip [m], in millimetres."""
+    cut = np.arange(len(shown.floor)) * SPACING <= tip
+    return float(1e3 * np.abs(shown.floor - shown.wanted)[cut].mean())
 
 
 def thinned(x: Array, y: Array, points: int = _POINTS) -> tuple[Array, Array]:

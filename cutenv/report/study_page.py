@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from cutenv.report.crossover_table import crossover_rows
 from cutenv.report.page import spoken, write_page
 from cutenv.report.study_figures import groups_figure, learning_figure, reliability_figure
 from cutenv.report.study_table import (
     amount,
     correlation_text,
     count,
+    crossover_rows,
     digits_of,
     in_print,
     shared_reason,
