@@ -18,7 +18,7 @@ import numpy as np
 from knowledge_ladder import START, KnowledgeLadder
 
 from cutenv._base.arrays import Array, Indices
-from cutenv.envs.depth_cut import DepthBatch
+from cutenv.envs.batch import CutBatch
 from cutenv.policy import OneReturnStroke, StopAndUnload
 from cutenv.policy.depth_scripts import DepthByTwoForces, FollowDepth
 
@@ -36,7 +36,7 @@ class Rung(FollowDepth):
             super().__init__(OneReturnStroke(**along))
         self._true_tip, self._true_surface = tip, surface
 
-    def watch(self, batch: DepthBatch) -> None:
+    def watch(self, batch: CutBatch) -> None:
         """Let the script see the hidden state of a batch."""
         self._batch = batch
         if self._told is not None:

@@ -19,7 +19,7 @@ from knowledge_ladder import START, KnowledgeLadder
 
 from cutenv._base.arrays import Array, Array32
 from cutenv._engine.jit import njit
-from cutenv.envs.path_cut import PathBatch
+from cutenv.envs.batch import CutBatch
 from cutenv.policy import OneReturnStroke, StopAndUnload
 from cutenv.policy.path_planner import wanted_bend
 from cutenv.policy.path_scripts import SeenPath, SteerByForce, course_back
@@ -41,7 +41,7 @@ class Rung(SteerByForce):
         super().__init__(OneReturnStroke(unloading=unloading, **({"approach": 0.0} if stop else {})))
         self._tip, self._aside, self._crack, self._rule = tip, aside, crack, rule
 
-    def watch(self, batch: PathBatch) -> None:
+    def watch(self, batch: CutBatch) -> None:
         """Let the script see the hidden state of a batch."""
         self._batch = batch
         if self._told is not None:

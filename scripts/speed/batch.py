@@ -15,10 +15,13 @@ from cutenv._engine.lanes import first_row
 from cutenv._engine.parallel import cores, parallel_for
 from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
 from cutenv.cutting.dtypes import TICK
+from cutenv.cutting.lanes import lane_views
+from cutenv.cutting.motion import STRAIGHT, Moving
 from cutenv.cutting.row import ONE, begin, plain_views, put, take
 from cutenv.cutting.simulate import Physics, hold_some
 from cutenv.cutting.update import update_row
 from cutenv.envs.vector import GentleCutVectorEnv
+from cutenv.task.declare import Cuts
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, commanded_speed
 from speed.gymnasium_vectors import ASYNC, NATIVE, SYNC, Other, step_rate
 from speed.limits import limits
@@ -50,24 +53,34 @@ class Rates(NamedTuple):
     """Number of environments reset per second."""
 
 
+_update_row, _hold_some = update_row(STRAIGHT), hold_some(STRAIGHT)
+_LANE, _SCALARS = STRAIGHT.lanes(1), STRAIGHT.scalars
+
+
 @njit_nogil
 def hold_in_single_file(
     passed: WorkQueue, core: int, cuts: Physics, commands: StructArray, ticks: int, felt: StructArray
 ) -> None:
     """Advance cuts like :func:`~cutenv.cutting.simulate.hold_some`, but one after the other, in a row of one lane."""
-    rows = np.zeros(1, ONE)
+    rows, lanes = np.zeros(1, ONE), np.zeros(1, _LANE)
     row, plain = first_row(rows), plain_views(rows, cuts.states, cuts.laws, cuts.drives)
+    moving = Moving(first_row(lanes), lane_views(lanes, cuts.motions, 1, _SCALARS), cuts.motions, cuts.shared)
     n, end = next_chunk(passed, core, 1)
     while n < end:
         take(row, plain, cuts.profiles[n], cuts.drives[n], cuts.sensors[n], 0, n)
         row.given[0], row.aim[0] = commands[n, 0], commands[n, 1]
         begin(row, plain, 1)
         for i in range(ticks):
-            update_row(row, cuts.profiles, cuts.sensors, TICK, i == 0)
+            _update_row(row, moving, cuts.profiles, cuts.sensors, TICK, i == 0)
         put(row, plain, 0, n)
-        felt[n] = row.felt[0]
+        felt[n, 0] = row.felt[0]
         mark_done(passed, core, 1)
         n, end = next_chunk(passed, core, 1)
+
+
+def bare(cuts: Cuts) -> Physics:
+    """Return copies of what the law needs of cuts along the cut alone."""
+    return Physics(*(part.copy() for part in cuts[: len(Physics._fields)]))
 
 
 def rates(count: int, rounds: int | None = None) -> Rates:
@@ -79,8 +92,8 @@ def rates(count: int, rounds: int | None = None) -> Rates:
         rounds = 30 if count < SOME else 7 if count <= MANY else 2
     env = GentleCutVectorEnv(count)
     actions = np.tile(np.array(_ACTION, np.float32), (count, 1))
-    command = commanded_speed(_ACTION[0]), ANGLE_CENTRE + ANGLE_SCALE * _ACTION[1]
-    commands, felt = np.tile(command, (count, 1)), np.empty(count)
+    command = commanded_speed(_ACTION[0]), ANGLE_CENTRE + ANGLE_SCALE * _ACTION[1], 0.0
+    commands, felt = np.tile(command, (count, 1)), np.empty((count, 2))
     best = [np.inf, np.inf, np.inf, np.inf]
     for _ in range(rounds + 1):  # the first one warms up
         start = time.perf_counter()
@@ -88,10 +101,10 @@ def rates(count: int, rounds: int | None = None) -> Rates:
         best[3] = min(best[3], time.perf_counter() - start)
         for _ in range(_WARM_UP):
             env.step(actions)
-        rows, files = (Physics(*(part.copy() for part in env.cuts[:5])) for _ in range(2))
+        rows, files = (bare(env.cuts) for _ in range(2))
         ways = (
             lambda: env.step(actions),
-            lambda: parallel_for(hold_some, count, rows, commands, env.single.ticks, felt),  # noqa: B023
+            lambda: parallel_for(_hold_some, count, rows, commands, env.single.ticks, felt),  # noqa: B023
             lambda: parallel_for(hold_in_single_file, count, files, commands, env.single.ticks, felt),  # noqa: B023
         )
         for k, way in enumerate(ways):

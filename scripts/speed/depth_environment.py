@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from cutenv.envs.depth_cut import DepthBatch, DepthCutEnv
+from cutenv.envs.batch import CutBatch
+from cutenv.envs.depth_cut import DepthCutEnv
 from speed.measured import Measured
 from speed.third_action import COUNT, ROUNDS, STEPS, RatesBeside, ThirdActions, measured_beside, rates_beside
 
@@ -17,7 +18,7 @@ MOTIONS: dict[str, ThirdActions] = {
 
 def depth_rates(motion: ThirdActions, count: int = COUNT, steps: int = STEPS, rounds: int = ROUNDS) -> RatesBeside:
     """Measure ``count`` cuts."""
-    return rates_beside(DepthBatch(count, DepthCutEnv()), motion, steps, rounds)
+    return rates_beside(CutBatch(count, DepthCutEnv()), motion, steps, rounds)
 
 
 def measure() -> Measured:

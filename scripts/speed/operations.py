@@ -17,6 +17,7 @@ import numpy as np
 
 from cutenv.cutting import simulate
 from cutenv.cutting.dtypes import TICK
+from cutenv.cutting.motion import STRAIGHT
 from cutenv.cutting.row import ONE, begin, plain_views, take
 from cutenv.cutting.update import update_row
 from cutenv.plant import SimulatedPlant
@@ -84,14 +85,15 @@ def operations_per_update(speed: float = 0.01, angle: float = math.radians(45.0)
     row = _in_counting(rows[0])
     tissue: Any = [_in_counting(c.profiles[0])]
     sensor: Any = [_in_counting(c.sensors[0])]
+    update, nothing = update_row(STRAIGHT), SimpleNamespace(lanes=None)
     _counted.clear()
     for i in range(_UPDATES):
-        update_row(row, tissue, sensor, TICK, i == 0)
+        update(row, nothing, tissue, sensor, TICK, i == 0)
     return {kind: count / _UPDATES for kind, count in _counted.items()}
 
 
 if __name__ == "__main__":
-    if hasattr(simulate.hold, "py_func"):
+    if hasattr(simulate.hold(STRAIGHT), "py_func"):
         sys.exit("set NUMBA_DISABLE_JIT=1: compiled code cannot be counted")
     for _kind, _number in sorted(operations_per_update().items()):
         print(f"{_kind}: {_number:.1f}")

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from cutenv.envs.path_cut import PathBatch, PathCutEnv
+from cutenv.envs.batch import CutBatch
+from cutenv.envs.path_cut import PathCutEnv
 from speed.measured import Measured
 from speed.third_action import COUNT, ROUNDS, STEPS, RatesBeside, ThirdActions, measured_beside, rates_beside
 
@@ -16,7 +17,7 @@ MOTIONS: dict[str, ThirdActions] = {
 
 def path_rates(motion: ThirdActions, count: int = COUNT, steps: int = STEPS, rounds: int = ROUNDS) -> RatesBeside:
     """Measure ``count`` cuts along lines of all kinds."""
-    return rates_beside(PathBatch(count, PathCutEnv()), motion, steps, rounds)
+    return rates_beside(CutBatch(count, PathCutEnv()), motion, steps, rounds)
 
 
 def measure() -> Measured:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cutenv._base.arrays import StructArray
 from cutenv._engine.work_queue import make_queue
-from cutenv.cutting.descent import DESCENDING, descent_records, layered_profiles
+from cutenv.cutting.descent import DESCENDING, descent_records, layered_profiles, shared_record
 from cutenv.cutting.drive import Rig
 from cutenv.cutting.dtypes import new_state
 from cutenv.cutting.motion import NOTHING, STRAIGHT, Motion
@@ -89,8 +89,9 @@ def rates_beside_gentle(cuts: Physics, motion: Motion, commanded: Commands, roun
 def descending_rates(motion: Commands, count: int = COUNT, rounds: int = ROUNDS) -> BareRates:
     """Measure ``count`` cuts through layers."""
     specimens = tissue(count)
-    slab, descents = specimens[0].tissue.slab(), descent_records(specimens, _LAYERS)
-    cuts = cuts_of(specimens, layered_profiles(descents, slab), descents, slab)
+    tissue_of_all, descents = specimens[0].tissue, descent_records(specimens, _LAYERS)
+    profiles = layered_profiles(descents, tissue_of_all.slab())
+    cuts = cuts_of(specimens, profiles, descents, shared_record(tissue_of_all))
     return rates_beside_gentle(cuts, DESCENDING, motion, rounds)
 
 

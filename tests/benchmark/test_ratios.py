@@ -16,13 +16,14 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.vector import VectorEnv
-from speed.batch import hold_in_single_file
+from speed.batch import bare, hold_in_single_file
 from speed.factorisation import factorising_per_tip
 from speed.vertical_motion import MOTIONS, BareRates, descending_rates
 
 import cutenv  # noqa: F401  registers the environment
 from cutenv._engine.work_queue import make_queue
-from cutenv.cutting.simulate import Physics, hold_some
+from cutenv.cutting.motion import STRAIGHT
+from cutenv.cutting.simulate import hold_some
 from cutenv.plant import SimulatedPlant
 from cutenv.recording import AppendingRecord
 from cutenv.tissue import CutModel, Specimen
@@ -101,11 +102,11 @@ def test_a_batch_that_is_a_loop_is_noticed(ratio):
 
 def in_rows_and_in_single_file() -> tuple[Way, Way]:
     """20 updates of 256 cuts on one core, in rows and one cut after the other."""
-    parts = batch("cutenv/GentleCut-v1", 256).unwrapped.cuts[:5]  # type: ignore[attr-defined]
-    rows, files = (Physics(*(part.copy() for part in parts)) for _ in range(2))
-    commands, felt = np.tile((0.005, 1.0), (256, 1)), np.empty(256)
+    cuts = batch("cutenv/GentleCut-v1", 256).unwrapped.cuts  # type: ignore[attr-defined]
+    rows, files = bare(cuts), bare(cuts)
+    commands, felt = np.tile((0.005, 1.0, 0.0), (256, 1)), np.empty((256, 2))
     return (
-        lambda: hold_some(make_queue(256), 0, rows, commands, 20, felt),
+        lambda: hold_some(STRAIGHT)(make_queue(256), 0, rows, commands, 20, felt),
         lambda: hold_in_single_file(make_queue(256), 0, files, commands, 20, felt),
     )
 

@@ -65,7 +65,7 @@ def test_a_tougher_layer_costs_more(layers: Layers) -> None:
     specimen = Specimen.drawn(0, specimen_class="uniform")
     levels = np.full(TICKS, -0.002)
     soft, tough = (check_descent.led(specimen, 2.0 * FEED, levels, UPRIGHT, each) for each in (None, layers))
-    assert tough.energies()["fracture"] > 1.1 * soft.energies()["fracture"]
+    assert tough.plant.energy()["fracture"] > 1.1 * soft.plant.energy()["fracture"]
 
 
 def test_a_drawn_edge_cuts_deeper_than_a_pressed_one() -> None:
@@ -76,7 +76,7 @@ def test_a_drawn_edge_cuts_deeper_than_a_pressed_one() -> None:
     rest = np.full(2500, lead[-1])
     drawn_back = lead[-1] - np.minimum(np.maximum(np.arange(2500) - 500, 0) * 5e-6, 0.008)
     opened = [
-        check_descent.led(specimen, np.concatenate((lead, way)), press, UPRIGHT).descents[0]["opened"]
+        check_descent.led(specimen, np.concatenate((lead, way)), press, UPRIGHT).plant.descents[0]["opened"]
         for way in (rest, drawn_back)
     ]
     assert opened[0] == 0.0

@@ -17,8 +17,8 @@ from numba.core import event as numba_event
 from numba.core.compiler_lock import global_compiler_lock
 
 import cutenv._engine.jit
-import cutenv.task.map_steps
-from cutenv._engine.jit import Uninterrupted, WithoutCollection, kernel_folder, source_digest, sources
+import cutenv.task.stepper
+from cutenv._engine.jit import Uninterrupted, WithoutCollection, kernel_folder, source_digest
 
 LAW = """
 from package._engine.jit import {door}
@@ -160,9 +160,11 @@ def test_a_module_that_a_kernel_does_not_import_leaves_it_compiled(package):
 
 @pytest.mark.parametrize("task", ["depth", "path"])
 def test_a_loop_that_is_made_for_a_task_is_compiled_anew_when_the_task_changes(task):
-    module = importlib.import_module(f"cutenv.task.{task}_cuts")
-    found = sources(getattr(module, f"step_{task}_some").__module__)
-    assert {Path(module.__file__), Path(cutenv.task.map_steps.__file__)} <= found
+    module = importlib.import_module(f"cutenv.task.{task}")
+    step = cutenv.task.stepper.step_some(getattr(module, f"{task.upper()}_CUT"))
+    kept = str(step._cache.cache_path)
+    for name in (module.__name__, cutenv.task.stepper.__name__):
+        assert source_digest(name) in kept
 
 
 def test_folders_of_earlier_sources_are_removed_and_nothing_else(package, monkeypatch):

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import cutenv  # noqa: F401
-from cutenv.envs.depth_cut import DepthBatch, DepthCutEnv, to_depth_action
+from cutenv.envs.batch import CutBatch
+from cutenv.envs.depth_cut import DepthCutEnv, to_depth_action
 from cutenv.envs.learned_tasks import task_of
 from cutenv.learning.evaluation import Contestant, evaluate
 from cutenv.policy.depth_planner import DepthPlanner
@@ -79,7 +80,7 @@ def test_the_map_is_the_floor_of_the_cut():
 
 def test_no_slice_has_the_surface_of_another_and_what_is_known_of_it_is_its_measurement():
     """A learner that knew the mean surface by heart would else know each surface better than it was measured."""
-    batch = DepthBatch(200, DepthCutEnv())
+    batch = CutBatch(200, DepthCutEnv())
     batch.give_seeds(range(200), np.arange(200), np.random.default_rng(0))
     batch.begin(np.arange(200))
     surface, measured = batch.cuts.motions["surface"][:, 100:], batch.cuts.nominals["depth"][:, 100:]  # from 50 mm on
@@ -246,7 +247,7 @@ def test_a_cut_that_is_begun_is_as_deep_as_wanted():
         ({"wanted": "deep"}, "wanted"),
         ({"layer": 3}, "layer"),
         ({"drive": "foot"}, "drive must be one of 'rig', 'pd', 'hand', got 'foot'"),
-        ({"reward_from": "estimate"}, "reward_from"),
+        ({"reward_from": "guess"}, "reward_from"),
         ({"layer_limit": -1.0}, "layer_limit"),
         ({"surface_spread": 2.0}, "surface_spread"),
         ({"weight_uncat": 1.0}, "weight_uncut"),

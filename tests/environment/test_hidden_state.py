@@ -10,7 +10,7 @@ import pytest
 from whole_cut import FASTEST, UPRIGHT, cut, legs, make
 
 from cutenv.policy import ConstantFeed
-from cutenv.task.episode import Episode
+from cutenv.task.episode import Episode, Goal
 from cutenv.task.observation import in_units
 from cutenv.trace import Reading
 
@@ -38,16 +38,16 @@ class Blindfold:
 def as_on_a_rig(env: Any, value: float) -> Episode:
     """The same cut assessed by what a rig measures alone."""
     tissue = env.specimen.tissue
-    cutting = Episode(
-        Blindfold(env.plant, value),
-        tissue,
-        env.constants.weights,
-        env.constants.limits,
+    goal = Goal(
+        tissue=tissue,
         friction_per_depth=tissue.friction_share * tissue.fracture_resistance,
         target_length=env.cutting.target_length,
         deadline=env.deadline,
         ticks=env.ticks,
+        weights=env.constants.weights,
+        limits=env.constants.limits,
     )
+    cutting = Episode(Blindfold(env.plant, value), goal)
     cutting.rest(env.start_angle)
     return cutting
 

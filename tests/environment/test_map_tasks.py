@@ -11,15 +11,16 @@ from gymnasium.utils.env_checker import check_env
 
 import cutenv  # noqa: F401
 from cutenv.envs import gentle_cut, vector
-from cutenv.envs.depth_cut import DepthBatch, DepthCutEnv
-from cutenv.envs.path_cut import PathBatch, PathCutEnv
+from cutenv.envs.batch import CutBatch
+from cutenv.envs.depth_cut import DepthCutEnv
+from cutenv.envs.path_cut import PathCutEnv
 from cutenv.task.depth import DEPTH_COMPONENTS, DEPTH_CUT
 from cutenv.task.observation import COMPONENTS
 from cutenv.task.path import PATH_COMPONENTS, PATH_CUT
 from cutenv.task_quantities import DEPTH_COSTS, PATH_COSTS
 from cutenv.tissue.lines import half_ellipse
 
-TASKS = {"path": (PathCutEnv, PathBatch), "depth": (DepthCutEnv, DepthBatch)}
+TASKS = {"path": PathCutEnv, "depth": DepthCutEnv}
 DECLARED = {
     "path": (PATH_COMPONENTS, PATH_COSTS, PATH_CUT.all_terms),
     "depth": (DEPTH_COMPONENTS, DEPTH_COSTS, DEPTH_CUT.all_terms),
@@ -38,7 +39,7 @@ both = pytest.mark.parametrize("task", TASKS)
     ],
 )
 def test_a_batch_is_bit_for_bit_single_cuts(task, keywords):
-    name = TASKS[task][0].__name__.replace("Env", "-v1")
+    name = TASKS[task].__name__.replace("Env", "-v1")
     many = gymnasium.make_vec(f"cutenv/{name}", num_envs=3, **keywords)
     singles = [gymnasium.make(f"cutenv/{name}", **keywords) for _ in range(3)]
     shown, _ = many.reset(seed=10)
@@ -69,24 +70,24 @@ def test_a_batch_is_bit_for_bit_single_cuts(task, keywords):
 
 @both
 def test_gymnasium_accepts_it(task):
-    check_env(TASKS[task][0](), skip_render_check=True)
+    check_env(TASKS[task](), skip_render_check=True)
 
 
 @both
 def test_the_docstring_has_the_declared_tables(task):
-    environment, (components, costs, _) = TASKS[task][0], DECLARED[task]
+    environment, (components, costs, _) = TASKS[task], DECLARED[task]
     doc = " ".join((environment.__doc__ or "").split())
     for number, one in enumerate(components, start=len(COMPONENTS)):
         assert f"{number} {one.name} {one.meaning} {one.unit} {round(one.scale, 4):g} 0" in doc
     for cost in costs:
         assert f"{cost.name} {cost.weight:g} {cost.text}" in doc
-    for keyword in environment.other_keywords:
+    for keyword in environment.options_class.names:
         assert f"``{keyword}``" in doc or f" {keyword} " in doc, keyword
 
 
 @both
 def test_return_is_the_sum_of_the_terms_since_reset(task):
-    env, rng, total, ended = TASKS[task][0](), np.random.default_rng(0), 0.0, False
+    env, rng, total, ended = TASKS[task](), np.random.default_rng(0), 0.0, False
     env.reset(seed=5)
     while not ended:
         action = np.array([0.6, 0.0, rng.uniform(-0.3, 0.3)], np.float32)
@@ -99,13 +100,12 @@ def test_return_is_the_sum_of_the_terms_since_reset(task):
 @both
 @pytest.mark.parametrize("action", [[0.0, 0.0], [0.0, 0.0, math.nan], [[0.0, 0.0, 0.0]]])
 def test_bad_actions_are_refused(task, action):
-    environment, batch_class = TASKS[task]
-    env = environment()
+    env = TASKS[task]()
     names = ", ".join(env.task.action_names)
     env.reset(seed=0)
     with pytest.raises(ValueError, match=names):
         env.step(np.array(action, np.float32))
-    batch = batch_class(1, env)
+    batch = CutBatch(1, env)
     batch.give_seeds([0], np.arange(1), np.random.default_rng())
     batch.begin(np.arange(1))
     with pytest.raises(ValueError, match="speed, angle"):
@@ -115,9 +115,14 @@ def test_bad_actions_are_refused(task, action):
 @both
 def test_notice_of_compiling_looks_for_the_kernels_of_the_task(task, monkeypatch):
     """It would else be printed at every start by those who use this task alone."""
-    asked = []
+    asked: list[tuple[str, str]] = []
+    declared = f"cutenv.task.{task}"
     for module in (gentle_cut, vector):
-        monkeypatch.setattr(module, "warn_before_first_compile", lambda *kernels: asked.append(kernels[0].__name__))
-    TASKS[task][0]().reset(seed=0)
-    gymnasium.make_vec(f"cutenv/{TASKS[task][0].__name__.replace('Env', '-v1')}", num_envs=1)
-    assert asked == [f"step_{task}_one", f"step_{task}_some"]
+        monkeypatch.setattr(
+            module,
+            "warn_before_first_compile",
+            lambda *kernels: asked.append((kernels[0].__name__, kernels[0].__module__)),
+        )
+    TASKS[task]().reset(seed=0)
+    gymnasium.make_vec(f"cutenv/{TASKS[task].__name__.replace('Env', '-v1')}", num_envs=1)
+    assert asked == [("step_one", declared), ("step_some", declared)]

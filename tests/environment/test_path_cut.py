@@ -300,7 +300,7 @@ def test_scripts_cut_alone_as_in_a_batch(name):
         ),
         ({"line": arc(0.04)}, r"leaves the slab at \(0.0\d*, 0.0\d*\) m, after 5\d mm.*target_length of at most 0.02"),
         ({"line": arc(0.04), "target_length": 0.03}, "a cut of 30 mm needs 30 mm more"),
-        ({"reward_from": "estimate"}, "reward_from"),
+        ({"reward_from": "guess"}, "reward_from"),
         ({"relaxing_share": 0.3}, "relaxing_share = 0.3"),
         ({"line_limit": -1.0}, "line_limit"),
         ({"crack_curvature": 1e9}, "crack_curvature"),

@@ -132,7 +132,7 @@ def test_a_cut_that_is_not_simulated_cannot_be_looked_into():
     cutting = object.__new__(Episode)
     planner = PlannerWithTruth()
     planner.reset(np.random.default_rng(0))
-    with pytest.raises(TypeError, match="need a Episode to simulate, got Episode"):
+    with pytest.raises(TypeError, match="plans need a simulated episode, got <"):
         planner.set_state(cutting)
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cutenv.envs.depth_cut import DepthBatch, DepthCutEnv
+from cutenv.envs.batch import CutBatch
+from cutenv.envs.depth_cut import DepthCutEnv
 from cutenv.learning.evaluation import Contestant, evaluate
 from cutenv.policy import OneReturnStroke
 from cutenv.policy.depth_features import DepthFeatures
@@ -18,7 +19,7 @@ CUTS = 60
 @pytest.fixture(scope="module")
 def seen():
     """Lags of the tip [m] while the blade advances at 15 to 40 mm; logarithms of friction; true and estimated."""
-    batch = DepthBatch(CUTS, DepthCutEnv(specimen_class="mixed", control_hz=25, wanted="constant"))
+    batch = CutBatch(CUTS, DepthCutEnv(specimen_class="mixed", control_hz=25, wanted="constant"))
     every = np.arange(CUTS)
     batch.give_seeds((4000 + every).tolist(), every, np.random.default_rng(0))
     batch.begin(every)

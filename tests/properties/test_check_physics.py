@@ -7,6 +7,7 @@ from typing import Any
 import check_physics
 import pytest
 
+from cutenv.plant import SimulatedPlant
 from cutenv.tissue import CutModel, Specimen
 from cutenv.tissue.specimen import N_POINTS, SPACING
 
@@ -25,28 +26,29 @@ def local_product(specimen: Specimen) -> Any:
     return specimen.modulus * CutModel().stiffness([i * SPACING for i in range(N_POINTS)]) * specimen.depth
 
 
-def forgetting(states: Any, *others: Any) -> None:
+def forgetting(plant: SimulatedPlant, *path: Any) -> Any:
     """Lead a blade, then lose the force at which growth stopped."""
-    FOLLOW(states, *others)
-    states["held_force"] = 0.0
+    readings = LEAD(plant, *path)
+    plant.states["held_force"] = 0.0
+    return readings
 
 
-def unaccounted(*arguments: Any) -> Any:
-    """A fresh state with a loss that no work has paid."""
-    states = NEW_STATE(*arguments)
-    states["loss"] = 1e-12
-    return states
+def unaccounted(*arguments: Any, **keywords: Any) -> SimulatedPlant:
+    """A fresh plant with a loss that no work has paid."""
+    plant = SimulatedPlant(*arguments, **keywords)
+    plant.states["loss"] = 1e-12
+    return plant
 
 
-FOLLOW, NEW_STATE = check_physics.follow, check_physics.new_state
+LEAD = SimulatedPlant.lead
 
 
 @pytest.mark.parametrize(
     ("part", "broken", "name", "by"),
     [
         ("stiffness", Specimen, "stiffness", local_product),
-        ("reloading", check_physics, "follow", forgetting),
-        ("account", check_physics, "new_state", unaccounted),
+        ("reloading", SimulatedPlant, "lead", forgetting),
+        ("account", check_physics, "SimulatedPlant", unaccounted),
     ],
 )
 def test_broken_physics_ends_in_status_1(

@@ -86,8 +86,11 @@ def test_a_speed_counted_per_update_fails_the_units():
 
 def test_a_run_that_waits_for_the_next_update_fails_the_peak_force():
     """In updates eight times as long, at which the law itself still passes."""
-    run = "    if row.runs > 0:\n        run_row(row, profiles)\n"
-    first = "    if row.turns > 0:\n        turn_row(row, profiles)\n"
+    run = (
+        "        if row.runs > 0:\n            renew_runs(row, moving, profiles, dt)\n"
+        "            run_row(row, profiles)\n"
+    )
+    first = "        if row.turns > 0:\n            turn_row(row, profiles)\n"
     waiting = changed_law((run, ""), (first, run + first))
     path = [constant_feed(0.0254, to=0.05, dt=dt) for dt in (8 * COARSE, FINE)]
     check_peak_force(*(lead_by(changed_law(), homogeneous(), positions) for positions in path))
