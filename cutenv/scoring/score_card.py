@@ -14,8 +14,7 @@ from typing import TypeVar
 from cutenv.measurement import DepthProfile
 from cutenv.measurement.depth import LAYER_DEPTH_KEY, WANTED_DEPTH_KEY, wanted_depth
 from cutenv.scoring.cut_map import LINE_KEY, DepthMap, PathMap
-from cutenv.scoring.metric import DEPTH_METRICS, METRICS, PATH_METRICS, Metric, metric_named
-from cutenv.scoring.metric_weights import FORCE_WEIGHTS
+from cutenv.scoring.metric import DEPTH_METRICS, FORCE_WEIGHTS, METRICS, PATH_METRICS, Metric, metric_named
 from cutenv.scoring.points import ScorePoints, outcome_of, task_points
 from cutenv.scoring.reference import ReferenceSet
 from cutenv.scoring.score_notes import doubted_depth, score_notes

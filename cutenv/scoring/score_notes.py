@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cutenv.measurement.depth import depth_sd
-from cutenv.scoring.metric_weights import FORCE_WEIGHTS
+from cutenv.scoring.metric import FORCE_WEIGHTS
 from cutenv.scoring.points import ScorePoints
 from cutenv.scoring.scored_cut import ScoredCut
 from cutenv.scoring.truth import ASIDE_AT_END, FLOOR_AT_END

@@ -12,7 +12,7 @@ import pytest
 from scored_cuts import CUTS, TARGET, changed, cut
 
 from cutenv.scoring import METRICS, ReferenceSet, ScoreCard, Truth, score
-from cutenv.scoring.metric_weights import FORCE_WEIGHTS
+from cutenv.scoring.metric import FORCE_WEIGHTS
 from cutenv.scoring.points import (
     ACCURACY_POINTS,
     MISSED,

@@ -12,7 +12,7 @@ from scored_cuts import TARGET, changed, check_card, cut, force_alone
 
 from cutenv.recording import load
 from cutenv.scoring import METRICS, ReferenceSet, ScoreCard, Truth, score
-from cutenv.scoring.metric_weights import FORCE_WEIGHTS
+from cutenv.scoring.metric import FORCE_WEIGHTS
 from cutenv.trace import Trace
 
 GOOD = "upright, and back"

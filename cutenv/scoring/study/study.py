@@ -10,8 +10,7 @@ import numpy as np
 
 from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range, one_of
-from cutenv.scoring.metric import METRICS, Direction
-from cutenv.scoring.metric_weights import FORCE_WEIGHTS
+from cutenv.scoring.metric import FORCE_WEIGHTS, METRICS, Direction
 from cutenv.scoring.score_card import ScoreCard
 from cutenv.scoring.study.estimate import FEWEST_COMPARED, FEWEST_PEOPLE
 from cutenv.scoring.study.learning import FEWEST_IN_CURVE, Cusum, LearningCurve, cusum, learning_curve
