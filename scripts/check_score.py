@@ -38,7 +38,7 @@ from cutenv.policy.interface import PrivilegedPolicy
 from cutenv.policy.path_planner import PathPlanner
 from cutenv.policy.path_scripts import PATH_SCRIPTS
 from cutenv.scoring import score
-from cutenv.scoring.path_map import LINE_KEY
+from cutenv.scoring.cut_map import LINE_KEY
 from cutenv.scoring.truth import ASIDE_AT_END, FLOOR_AT_END, TIP_AT_END
 from cutenv.task.depth import DEPTH_COMPONENTS
 from cutenv.task.observation import COMPONENTS

@@ -83,7 +83,7 @@ from cutenv.envs.constants import Knowledge
 from cutenv.learning.result_tables import rows_of
 from cutenv.learning.statistics import mean_with_interval
 from cutenv.policy import CONSTANT_FEEDS, ORACLE, SCRIPTS, ConstantFeed
-from cutenv.report import draw_cut
+from cutenv.report import CutPicture, draw_cut
 from cutenv.rig.devices.serial.slow_profile import RATES, grbl_settings, slow_settings
 from cutenv.rig.operation.suitability import suitability_lines
 from cutenv.rig.toml_text import template
@@ -552,14 +552,15 @@ def draw_picture(path: Path) -> None:
         observation, _, ended, _, _ = env.step(policy(observation))
         parts.append(env.unwrapped.cutting.readings.copy())  # type: ignore[attr-defined]
     specimen = env.unwrapped.specimen  # type: ignore[attr-defined]
-    draw_cut(
-        path,
-        np.concatenate(parts),
-        specimen.depth,
+    cut = CutPicture(
+        policy="constant feed",
+        caption="",
+        readings=np.concatenate(parts),
+        depth=specimen.depth,
         target_length=0.08,
         force_limit_per_depth=1000.0,
-        title="1.27 cm/s and 75 degrees through a slice of liver, then stop and unload",
     )
+    draw_cut(path, cut, "1.27 cm/s and 75 degrees through a slice of liver, then stop and unload")
 
 
 def main() -> None:

@@ -19,7 +19,7 @@ from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.envs.path_cut import PathCutEnv
 from cutenv.plant.protocol import recorded_trace
 from cutenv.play.hand_model import PLAYED_HAND, descent_toward, speed_over, steered_toward
-from cutenv.scoring.path_map import LINE_KEY
+from cutenv.scoring.cut_map import LINE_KEY
 from cutenv.task.declare import Task
 from cutenv.task.depth import DEPTH_CUT
 from cutenv.task.gentle import GENTLE_CUT

@@ -26,7 +26,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from cutenv._base.atomic_file import atomic_write
+from cutenv.report.page import write_table
 
 STUDY_KIND, PASS_MARK_KIND = "study", "pass-mark"
 _PROGRAM = """
@@ -158,12 +158,11 @@ class Analyses:
         )
         made.folder.mkdir(parents=True)
         grouped = any(row.group for row in rows)
-        with atomic_write(made.folder / _TABLE) as part, part.open("w", newline="", encoding="utf-8") as file:
-            table = csv.writer(file, lineterminator="\n")
-            table.writerow(("record", "operator", "order", *(["group"] * grouped)))
-            for order, row in enumerate(rows, 1):
-                group = [row.group or "none"] if grouped else []
-                table.writerow((Path(row.record).name, row.code, order, *group))
+        cells = [
+            (Path(row.record).name, row.code, order, *([row.group or "none"] * grouped))
+            for order, row in enumerate(rows, 1)
+        ]
+        write_table(made.folder / _TABLE, [("record", "operator", "order", *(["group"] * grouped)), *cells])
         arguments = [kind, *(str(self._records / row.record) for row in rows), f"--name={title}", "--skip-bad"]
         arguments += ["--operators", str(made.folder / _TABLE), "--out", str(made.folder / f"{kind}.html"), *options]
         if kind == STUDY_KIND:

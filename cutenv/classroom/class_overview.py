@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from cutenv.classroom.class_store import SAVED, HandedOutCut, MarkInForce, Place
 from cutenv.classroom.lesson import Lesson
@@ -14,7 +13,7 @@ from cutenv.scoring.study import proficiency
 def overview(lesson: Lesson, language: str) -> dict[str, Any]:
     """Return what the list of the class shows, in a language: people, a curve for each class, and the pass mark."""
     mark, places = lesson.pass_mark, lesson.store.places()
-    rows = [_person(lesson, language, mark, places.get(each[0], Place()), *each) for each in people_of(lesson)]
+    rows = [_shown(lesson, language, mark, places.get(each.code, Place()), each) for each in people_of(lesson)]
     classes = sorted({row["place"].class_name for row in rows})
     curves = {
         name: score_curve(
@@ -28,31 +27,29 @@ def overview(lesson: Lesson, language: str) -> dict[str, Any]:
     }
 
 
-def people_of(lesson: Lesson) -> list[tuple[str, bool, list[HandedOutCut]]]:
-    """Return everybody's code, whether they consented, and their cuts."""
+class Person(NamedTuple):
+    """Code of a person, True if they consented, and their cuts."""
+
+    code: str
+    consented: bool
+    cuts: list[HandedOutCut]
+
+
+def people_of(lesson: Lesson) -> list[Person]:
+    """Return everybody with their cuts."""
     by_code: dict[str, list[HandedOutCut]] = {}
     for cut in lesson.store.cuts():
         by_code.setdefault(cut.code, []).append(cut)
-    return [(code, consented, by_code.get(code, [])) for code, consented in lesson.store.codes()]
+    return [Person(code, consented, by_code.get(code, [])) for code, consented in lesson.store.codes()]
 
 
-def _person(
-    lesson: Lesson,
-    language: str,
-    mark: MarkInForce | None,
-    place: Place,
-    code: str,
-    consented: bool,
-    cuts: Sequence[HandedOutCut],
-) -> dict[str, Any]:
-    progress = lesson.progress(code)
-    confirmed = [cut.score for cut in cuts if cut.state == SAVED]
+def _shown(lesson: Lesson, language: str, mark: MarkInForce | None, place: Place, person: Person) -> dict[str, Any]:
+    progress = lesson.progress(person.code)
+    confirmed = [cut.score for cut in person.cuts if cut.state == SAVED]
     scored = [score for score in confirmed if score is not None]
     found = proficiency(scored, mark.mark, better="higher") if mark is not None and scored else None
     return {
-        "code": code,
-        "consented": consented,
-        "cuts": cuts,
+        **person._asdict(),
         "place": place,
         "scores": confirmed,
         "passes": found,

@@ -7,6 +7,7 @@ import re
 import secrets
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any, NamedTuple
 
@@ -61,6 +62,36 @@ class HandedOutCut(NamedTuple):
     outcome: str
     score: int | None
     reason: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class CutEnd:
+    """End of a cut.
+
+    Attributes
+    ----------
+    state : str
+        :data:`SAVED` or :data:`FOREIGN` with the name of its record, or :data:`REFUSED`.
+    record, outcome : str
+        Name of the record, and outcome in a few words.
+    score : float, optional
+        Overall score.
+    reason : str
+        Reason for which it was refused, or has no score.
+    """
+
+    state: str
+    record: str = ""
+    outcome: str = ""
+    score: float | None = None
+    reason: str = ""
+
+    @property
+    def columns(self) -> dict[str, Any]:
+        """Values of the table's columns."""
+        whole = None if self.score is None else whole_score(self.score)
+        kept = {"record": self.record, "outcome": self.outcome[:200], "score": whole, "reason": self.reason[:500]}
+        return {"state": self.state, **kept}
 
 
 class ClassStore:
@@ -264,45 +295,23 @@ class ClassStore:
             return cut
         raise LookupError(f"no cut {number!r} was handed out to this person.")
 
-    def finish(
-        self,
-        number: str,
-        state: str,
-        *,
-        record: str = "",
-        outcome: str = "",
-        score: float | None = None,
-        reason: str = "",
-        keep: Callable[[], None] = lambda: None,
-    ) -> bool:
-        """Note how a cut ended: :data:`SAVED` with the name of its record, or :data:`REFUSED` with the reason.
+    def finish(self, number: str, end: CutEnd, *, keep: Callable[[], None] = lambda: None) -> bool:
+        """Note how a cut ended.
 
         Return False, and change nothing, if it had ended before, perhaps on another server.  ``keep`` is called
         otherwise, while no other server can note an end: it puts the record in its place.
         """
-        values = {
-            "state": state,
-            "record": record,
-            "outcome": outcome[:200],
-            "score": None if score is None else whole_score(score),
-            "reason": reason[:500],
-        }
         goes_on = (CUTS.c.id == number) & CUTS.c.state.in_((PREPARED, GOING_ON, UNFINISHED))
         with self._transaction() as connection:
-            ended = connection.execute(update(CUTS).where(goes_on).values(**values)).rowcount > 0
+            ended = connection.execute(update(CUTS).where(goes_on).values(**end.columns)).rowcount > 0
             if ended:
                 keep()
             return ended
 
-    def add_foreign(
-        self, code: str, record: str, *, outcome: str = "", score: float | None = None, reason: str = ""
-    ) -> str:
-        """Note a cut that another program recorded, with the ``reason`` if it has no score; return its number."""
+    def add_foreign(self, code: str, end: CutEnd) -> str:
+        """Note a cut that another program recorded; return its number."""
         number = secrets.token_hex(16)
-        values = dict(
-            id=number, code=code, specimen_class="", seed=0, handed_out=_now(), state=FOREIGN, record=record,
-            outcome=outcome[:200], score=None if score is None else whole_score(score), reason=reason[:500],
-        )  # fmt: skip
+        values = dict(id=number, code=code, specimen_class="", seed=0, handed_out=_now(), **end.columns)
         with self._transaction() as connection:
             connection.execute(insert(CUTS).values(**values))
         return number

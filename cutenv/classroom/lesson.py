@@ -33,6 +33,7 @@ from cutenv.classroom.class_store import (
     SAVED,
     UNFINISHED,
     ClassStore,
+    CutEnd,
     HandedOutCut,
     MarkInForce,
     Place,
@@ -167,7 +168,7 @@ class Lesson:
             try:
                 cut, readings = self._repeated(handed_out, movements, digest)
             except RefusedCut as error:
-                self.store.finish(number, REFUSED, reason=str(error))
+                self.store.finish(number, CutEnd(state=REFUSED, reason=str(error)))
                 raise
             progress = self.progress(code)
             end = cut.end or GIVEN_UP
@@ -223,7 +224,8 @@ class Lesson:
         self, cut: HandedOutCut, card: ScoreCard, end: str, *, keep: Callable[[], None] = lambda: None
     ) -> None:
         record, outcome = f"{_record_name(cut)}.csv", card.outcome or end
-        if not self.store.finish(cut.id, SAVED, record=record, outcome=outcome, score=card.overall_score, keep=keep):
+        ended = CutEnd(state=SAVED, record=record, outcome=outcome, score=card.overall_score)
+        if not self.store.finish(cut.id, ended, keep=keep):
             raise RefusedCut("this cut is finished already.")
 
     def recover(self) -> int:
@@ -334,9 +336,11 @@ class Lesson:
             place = self.folder / code
             place.mkdir(exist_ok=True)
             save(kept, place / f"{name}.csv")
-            return self.store.add_foreign(
-                code, f"{name}.csv", outcome=card.outcome, score=card.overall_score, reason=card.no_score
-            )
+            end = CutEnd(
+                state=FOREIGN, record=f"{name}.csv", outcome=card.outcome, score=card.overall_score,
+                reason=card.no_score,
+            )  # fmt: skip
+            return self.store.add_foreign(code, end)
 
     def history(self, code: str) -> list[dict[str, Any]]:
         """Return a person's cuts as the person may see them: without result where the task shows no feedback."""

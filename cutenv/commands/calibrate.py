@@ -12,13 +12,13 @@ from operator import attrgetter
 from pathlib import Path
 
 from cutenv._base.atomic_file import atomic_write
-from cutenv._base.validation import in_range
 from cutenv.commands.inputs import read_records
 from cutenv.commands.options import (
     add_layer_depth,
     add_record_options,
     command_parser,
     layer_depth_given,
+    length_given,
     made_folder,
     reports_errors,
     watched,
@@ -29,7 +29,6 @@ from cutenv.measurement.measured_cut import MeasuredCut
 from cutenv.measurement.wear import blade_wear
 from cutenv.measurement.within_specimens import compare_settings
 from cutenv.recording import Provenance, TissueHandling
-from cutenv.recording.columns import parse_length
 from cutenv.tissue import CutModel, TissueDescription
 from cutenv.trace import Trace
 
@@ -42,7 +41,8 @@ def main(argv: Sequence[str]) -> int:
     check_resamples(arguments.resamples)
     if arguments.within_specimens and find_spec("statsmodels") is None:
         raise ModuleNotFoundError("comparing within specimens needs statsmodels", name="statsmodels")
-    boundary, capsule = layer_depth_given(arguments), capsule_given(arguments)
+    boundary = layer_depth_given(arguments)
+    capsule = length_given(arguments, "capsule_thickness", (1e-5, 0.005), "Write 0.2mm.")
     model = CutModel(element=arguments.element, formulation=arguments.formulation, poisson=arguments.poisson)
     records = read_records(arguments)
     for note in [*records.notes, *differences_in_handling(records.traces)]:
@@ -106,20 +106,6 @@ def settings_table(cuts: Sequence[MeasuredCut]) -> str:
         if found.without_reference:
             lines.append(f"  note: no reference cut on {', '.join(found.without_reference)}")
     return "\n".join(lines)
-
-
-def capsule_given(arguments: argparse.Namespace) -> float | None:
-    """Return ``--capsule-thickness`` in metres, None if it is not given.
-
-    Raises
-    ------
-    ValueError
-        If it is not a length with a unit, or out of range.
-    """
-    if arguments.capsule_thickness is None:
-        return None
-    thickness = parse_length("--capsule-thickness", arguments.capsule_thickness)
-    return in_range("--capsule-thickness", thickness, 1e-5, 0.005, "m", "Write 0.2mm.")
 
 
 def differences_in_handling(traces: Sequence[Trace]) -> list[str]:

@@ -71,30 +71,36 @@ def main(argv: Sequence[str]) -> int:
     policy = gentle_policy(arguments.policy)
     name = Path(arguments.policy).name
     print(f"{count} specimens of class {arguments.specimen_class} on which nothing was trained or chosen\n")
-    agent = demo_cuts(policy, policy.environment_arguments, arguments.specimen_class, seed, count, length, name)
+    specimens = DemoSpecimens(arguments.specimen_class, seed, count, length)
+    agent = demo_cuts(policy, policy.environment_arguments, specimens, name)
     # Fixed or free, the script gets the angle that the agent has; it decides as often as it was tuned for.
     angles = {key: policy.environment_arguments[key] for key in _ANGLES if key in policy.environment_arguments}
-    script = demo_cuts(BASELINES[SCRIPT](), angles, arguments.specimen_class, seed, count, length, SCRIPT)
+    script = demo_cuts(BASELINES[SCRIPT](), angles, specimens, SCRIPT)
     _print_table({name: agent, SCRIPT: script})
     print(f"\nSo few cuts decide nothing; 200 specimens do: cutenv evaluate {arguments.policy} '{SCRIPT}'")
     _write(agent[0], script[0], name, arguments)
     return 0
 
 
+@dataclass(frozen=True)
+class DemoSpecimens:
+    """Specimens to cut: the first episodes of a seed, and the target length [m], drawn by default."""
+
+    specimen_class: str
+    seed: int
+    count: int
+    target_length: float | None = None
+
+
 def demo_cuts(
-    policy: Policy,
-    environment_arguments: Mapping[str, Any],
-    specimen_class: str,
-    seed: int,
-    count: int,
-    target_length: float | None = None,
-    title: str = "cutting",
+    policy: Policy, environment_arguments: Mapping[str, Any], specimens: DemoSpecimens, title: str = "cutting"
 ) -> list[DemoCut]:
-    """Cut ``count`` specimens, the episodes of ``seed`` from 0 on, each to its end; ``title`` stands beside the bar."""
+    """Cut the specimens, each to its end; ``title`` is the text of the progress bar."""
     from cutenv.envs.gentle_cut import GentleCutEnv
 
-    env = GentleCutEnv(specimen_class=specimen_class, target_length=target_length, **environment_arguments)
-    return [_cut(env, policy, seed, episode) for episode in watched(range(count), title, "cut")]
+    specimen_class, length = specimens.specimen_class, specimens.target_length
+    env = GentleCutEnv(specimen_class=specimen_class, target_length=length, **environment_arguments)
+    return [_cut(env, policy, specimens.seed, episode) for episode in watched(range(specimens.count), title, "cut")]
 
 
 def _cut(env: Any, policy: Policy, seed: int, episode: int) -> DemoCut:
@@ -150,16 +156,17 @@ def _print_row(name: str, own: Sequence[DemoCut]) -> None:
 
 def _write(agent: DemoCut, script: DemoCut, name: str, arguments: argparse.Namespace) -> None:
     """Write the agent's cut of the first specimen: a picture, and the page in 3-D."""
-    from cutenv.report.cut_figure import draw_cut
+    from cutenv.report import CutPicture, draw_cut
 
-    draw_cut(
-        arguments.out,
-        agent.readings,
-        agent.plant.depth,
+    cut = CutPicture(
+        policy=name,
+        caption=f"{name}, specimen 1: return {agent.reward:.2f} ({SCRIPT}: {script.reward:.2f})",
+        readings=agent.readings,
+        depth=agent.plant.depth,
         target_length=agent.target_length,
         force_limit_per_depth=agent.force_limit_per_depth,
-        title=f"{name}, specimen 1: return {agent.reward:.2f} ({SCRIPT}: {script.reward:.2f})",
     )
+    draw_cut(arguments.out, cut, cut.caption)
     print(f"\npicture: {arguments.out}")
     if arguments.page is not None:
         from cutenv.plant import to_trace

@@ -9,12 +9,20 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cutenv.commands.options import add_cut, add_record_options, command_parser, made_folder, reports_errors
+from cutenv.commands.options import (
+    add_cut,
+    add_record_options,
+    command_parser,
+    length_given,
+    made_folder,
+    reports_errors,
+)
 
 if TYPE_CHECKING:  # what computes is slow to import, and --help does not need it
     from cutenv.tissue import CutModel
 
 _ELEMENT = 0.01  # size of the thesis's elements [m]
+_CURE = "Write 80mm or 8cm."
 
 
 @reports_errors("field")
@@ -25,7 +33,8 @@ def main(argv: Sequence[str]) -> int:
     from cutenv.report.field_page import FieldResult, write_field_page
     from cutenv.vision import BeadTracks
 
-    model, thickness, truth = _model(arguments), _length(arguments, "thickness", 1e-4, 0.5), _truth(arguments.truth)
+    model, truth = _model(arguments), _truth(arguments.truth)
+    thickness = length_given(arguments, "thickness", (1e-4, 0.5), _CURE)
     if arguments.zones is not None and arguments.zones < 1:
         raise ValueError(f"--zones {arguments.zones}: give 1 or more.")
     if arguments.out is not None:
@@ -49,20 +58,10 @@ def _model(arguments: argparse.Namespace) -> CutModel:
     """Return the model of a slab of the given size, in elements of about 1 cm."""
     from cutenv.tissue import CutModel
 
-    width, length = (_length(arguments, name, 0.02, 1.0) or 0.0 for name in ("width", "length"))
-    offset = _length(arguments, "offset", -0.5, 0.5) or 0.0
+    width, length = (length_given(arguments, name, (0.02, 1.0), _CURE) or 0.0 for name in ("width", "length"))
+    offset = length_given(arguments, "offset", (-0.5, 0.5), _CURE) or 0.0
     divisions = (2 * max(1, round(width / (2 * _ELEMENT))), max(2, round(length / _ELEMENT)))
     return CutModel(width=width, length=length, divisions=divisions, offset=offset)
-
-
-def _length(arguments: argparse.Namespace, name: str, low: float, high: float) -> float | None:
-    from cutenv._base.validation import in_range
-    from cutenv.recording.columns import parse_length
-
-    text = getattr(arguments, name)
-    if text is None:
-        return None
-    return in_range(f"--{name}", parse_length(f"--{name}", text), low, high, "m", "Write 80mm or 8cm.")
 
 
 def _truth(given: float | None) -> float | None:

@@ -187,12 +187,12 @@ def _pattern(text: str | None) -> re.Pattern[str] | None:
 
 def _draw(folder: Path, imported: Imported) -> None:
     """Draw a picture of each record of a file."""
-    from cutenv.report import draw_record  # an extra, and slow to import
+    from cutenv.report import RecordPicture, draw_record  # an extra, and slow to import
 
     for k in range(len(imported.records)):
         place = "" if len(imported.records) == 1 else f"_{k + 1}"
         title = f"{imported.path.name}{place.replace('_', ', record ')}"
-        draw_record(folder / f"{imported.path.stem}{place}.png", **imported.picture(k), title=title)
+        draw_record(folder / f"{imported.path.stem}{place}.png", RecordPicture(**imported.picture(k)), title)
 
 
 def _named(trace: Trace, path: Path, number: int | None, pattern: re.Pattern[str] | None) -> Trace:

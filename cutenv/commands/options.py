@@ -84,13 +84,22 @@ def target_length(arguments: argparse.Namespace) -> float | None:
     ValueError
         If it is not a length with a unit, or no specimen is so long.
     """
+    return length_given(arguments, "target_length", (0.005, 0.15), "Write 80mm or 8cm.")
+
+
+def length_given(arguments: argparse.Namespace, name: str, limits: tuple[float, float], cure: str) -> float | None:
+    """Return the length that an option gives [m], None if it is not given.
+
+    Raises
+    ------
+    ValueError
+        If it is not a length with a unit, or outside the limits [m]; the message ends with the ``cure``.
+    """
     from cutenv._base.validation import in_range
     from cutenv.recording.columns import parse_length
 
-    if arguments.target_length is None:
-        return None
-    length = parse_length("--target-length", arguments.target_length)
-    return in_range("--target-length", length, 0.005, 0.15, "m", "Write 80mm or 8cm.")
+    text, option = getattr(arguments, name), "--" + name.replace("_", "-")
+    return None if text is None else in_range(option, parse_length(option, text), *limits, "m", cure)
 
 
 def add_depth_options(parser: argparse.ArgumentParser) -> None:
@@ -184,13 +193,7 @@ def layer_depth_given(arguments: argparse.Namespace) -> float | None:
     ValueError
         If it is not a length with a unit, or out of range.
     """
-    from cutenv._base.validation import in_range
-    from cutenv.recording.columns import parse_length
-
-    if arguments.layer_depth is None:
-        return None
-    depth = parse_length("--layer-depth", arguments.layer_depth)
-    return in_range("--layer-depth", depth, 0.0005, 0.1, "m", "Write 12mm.")
+    return length_given(arguments, "layer_depth", (0.0005, 0.1), "Write 12mm.")
 
 
 def add_specimen_class(parser: argparse.ArgumentParser, default: str) -> None:

@@ -40,7 +40,7 @@ def main(argv: Sequence[str]) -> int:
     from cutenv.play.inverse3 import INVERSE3_URL
     from cutenv.play.listened_session import ListenedSession
     from cutenv.play.named_devices import named_device
-    from cutenv.play.play_session import COUNTDOWN, Session
+    from cutenv.play.play_session import COUNTDOWN, Session, SessionPlan
     from cutenv.play.play_window import PlayWindow
     from cutenv.play.polled_handle import HandleAxes
     from cutenv.recording.lsl import LslOutlet
@@ -69,17 +69,19 @@ def main(argv: Sequence[str]) -> int:
     with named_device(arguments.device, target=target, url=url, axes=axes, shares=agent is not None) as device:
         session = Session(
             device,
-            task=arguments.task if agent is None else "shared",
-            line=arguments.line,
-            agent=agent,
-            specimen_class=arguments.specimen_class or _DEFAULT_CLASS,
-            target_length=length if arguments.device != _EMULATED else target,
-            seed=secrets.randbelow(2**31) if arguments.seed is None else arguments.seed,
+            SessionPlan(
+                task=arguments.task if agent is None else "shared",
+                line=arguments.line,
+                agent=agent,
+                specimen_class=arguments.specimen_class or _DEFAULT_CLASS,
+                target_length=length if arguments.device != _EMULATED else target,
+                seed=secrets.randbelow(2**31) if arguments.seed is None else arguments.seed,
+                practice=arguments.practice,
+                countdown=0.0 if arguments.scripted else COUNTDOWN,
+                cuts=1 if by_itself and arguments.cuts is None else arguments.cuts,
+            ),
             folder=arguments.out,
             operator=arguments.operator,
-            practice=arguments.practice,
-            countdown=0.0 if arguments.scripted else COUNTDOWN,
-            cuts=1 if by_itself and arguments.cuts is None else arguments.cuts,
             handle=True,
             course=course,
         )

@@ -24,6 +24,10 @@ MAX_ENVIRONMENTS = 1000
 """Number of training seeds that belong to one run: that with seed k has those from 1000 k on."""
 
 
+QUICK: Mapping[str, Any] = {"validations": 4, "validation_specimens": 50, "specimens": 30}
+"""Values that ``--quick`` sets for every learner."""
+
+
 class BadArguments(ValueError):
     """Options that contradict each other, are out of range or do not fit a data set; the message names the cure."""
 
@@ -246,37 +250,18 @@ class LearnerArguments:
 
 
 @dataclass(frozen=True, kw_only=True)
-class PPOArguments(LearnerArguments):
-    """Options of PPO."""
-
-    tasks: ClassVar[tuple[str, ...]] = tuple(TASKS)
-    quick: ClassVar[Mapping[str, Any]] = {
-        "demonstrations": 100_000,
-        "timesteps": 400_000,
-        "validations": 4,
-        "validation_specimens": 50,
-        "specimens": 30,
-    }
+class TrialArguments(LearnerArguments):
+    """Options of the learners that learn by trial; their defaults are those of PPO."""
 
     timesteps: int = option(4_000_000, "number of decisions to train for", (1, 10**12), resumable=True)
-    history: int = option(0, "number of past decisions among the features", (0, 100))
-    environments: int = option(1000, "number of environments that run side by side", (1, MAX_ENVIRONMENTS))
-    rollout: int = option(64, "number of decisions of each environment between updates", (2, 10**6))
+    history: int = 0
+    environments: int = 1000
     batch_size: int = option(16_000, "number of decisions in a gradient step", (2, 10**9))  # divided by their deviation
-    epochs: int = option(10, "number of passes over a rollout", (1, 10**6))
     learning_rate: float = option(2.5e-4, "learning rate at the start; falls linearly to a twentieth", (1e-9, 1.0))
     gamma: float = option(1.0, "discount per decision", (0.0, 1.0))
-    gae_lambda: float = option(0.95, "lambda of the generalised advantage estimate", (0.0, 1.0))
     averaging: float = option(
         0.15, "share of the actor that its running average takes over at every update", (1e-6, 1.0)
     )
-    base: str = option(
-        "none",
-        "what the actor's action is added to; none: nothing, it acts alone; script: the action of --script, which it "
-        "learns to correct (residual policy learning), without imitating it first",
-        ("none", "script"),
-    )
-    hold: int = option(1, "number of decisions for which what is added to the script's action is held", (1, 100))
     critic: str = option("truth", "input of the critic; truth: features and hidden state", ("truth", "features"))
     critic_first: float = option(
         0.1, "share of training, after demonstrations, in which only the critic learns", (0.0, 1.0)
@@ -284,6 +269,25 @@ class PPOArguments(LearnerArguments):
     exploration: float = option(
         0.08, "standard deviation of the actions at the start", (1e-6, 10.0)
     )  # not 0: its log is kept
+
+
+@dataclass(frozen=True, kw_only=True)
+class PPOArguments(TrialArguments):
+    """Options of PPO."""
+
+    tasks: ClassVar[tuple[str, ...]] = tuple(TASKS)
+    quick: ClassVar[Mapping[str, Any]] = {"demonstrations": 100_000, "timesteps": 400_000, **QUICK}
+
+    rollout: int = option(64, "number of decisions of each environment between updates", (2, 10**6))
+    epochs: int = option(10, "number of passes over a rollout", (1, 10**6))
+    gae_lambda: float = option(0.95, "lambda of the generalised advantage estimate", (0.0, 1.0))
+    base: str = option(
+        "none",
+        "what the actor's action is added to; none: nothing, it acts alone; script: the action of --script, which it "
+        "learns to correct (residual policy learning), without imitating it first",
+        ("none", "script"),
+    )
+    hold: int = option(1, "number of decisions for which what is added to the script's action is held", (1, 100))
     last_exploration: float = option(0.04, "standard deviation of the actions at the end of training", (1e-6, 10.0))
 
     def __post_init__(self) -> None:
@@ -313,22 +317,15 @@ class RecurrentPPOArguments(PPOArguments):
     """Options of recurrent PPO."""
 
     tasks: ClassVar[tuple[str, ...]] = ("gentle",)
-    timesteps: int = option(4_000_000, "number of decisions to train for", (1, 10**12), resumable=True)
-    environments: int = option(64, "number of environments that run side by side", (1, MAX_ENVIRONMENTS))
-    rollout: int = option(128, "number of decisions of each environment between updates", (2, 10**6))
-    batch_size: int = option(1024, "number of decisions in a gradient step", (2, 10**9))  # divided by their deviation
-    epochs: int = option(4, "number of passes over a rollout", (1, 10**6))
-    learning_rate: float = option(3e-4, "learning rate at the start; falls linearly to a twentieth", (1e-9, 1.0))
-    averaging: float = option(
-        0.03, "share of the actor that its running average takes over at every update", (1e-6, 1.0)
-    )
-    exploration: float = option(
-        0.15, "standard deviation of the actions at the start", (1e-6, 10.0)
-    )  # not 0: its log is kept
-    last_exploration: float = option(0.05, "standard deviation of the actions at the end of training", (1e-6, 10.0))
-    critic_first: float = option(
-        0.15, "share of training, after demonstrations, in which only the critic learns", (0.0, 1.0)
-    )
+    environments: int = 64
+    rollout: int = 128
+    batch_size: int = 1024
+    epochs: int = 4
+    learning_rate: float = 3e-4
+    averaging: float = 0.03
+    exploration: float = 0.15
+    last_exploration: float = 0.05
+    critic_first: float = 0.15
     cloning_epochs: int = option(15, "number of passes over the demonstrations", (1, 10**6))
 
     def __post_init__(self) -> None:

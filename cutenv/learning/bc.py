@@ -28,8 +28,7 @@ from cutenv.learning.imitation_arguments import BCArguments
 from cutenv.learning.minari_datasets import cloning_data, opened
 from cutenv.learning.progress import validate
 from cutenv.learning.result_tables import read_rows, write_csv
-from cutenv.learning.run_folder import export, record_run
-from cutenv.learning.run_provenance import write_facts
+from cutenv.learning.run_folder import export, record_run, write_facts
 from cutenv.learning.training_report import compare
 from cutenv.policy import Network
 from cutenv.policy.features import feature_count
@@ -161,9 +160,9 @@ def source_of(dataset: MinariDataset) -> str:
     return str(metadata.get("cutenv", {}).get("source", metadata.get("algorithm_name", "unknown")))
 
 
-def train(arguments: BCArguments, run: Path, facts: dict[str, Any], resume: bool) -> None:
+def train(request: RunRequest[BCArguments], facts: dict[str, Any]) -> None:
     """Fit the clone; write ``policy/``, ``learning_curve.csv`` and, meanwhile, ``checkpoint.safetensors``."""
-    begun = time.monotonic()
+    begun, arguments = time.monotonic(), request.arguments
     clone = Clone(arguments)
     data, facts["taught_by"] = training_data(arguments)
     cloning = Cloning(
@@ -175,25 +174,18 @@ def train(arguments: BCArguments, run: Path, facts: dict[str, Any], resume: bool
         learning_rate=arguments.learning_rate,
         seed=arguments.seed,
     )
-    fit(clone, cloning, arguments, run, facts, begun, resume)
+    fit(clone, cloning, request, facts, begun)
 
 
-def fit(
-    clone: Fitted,
-    cloning: Fitting,
-    arguments: BCArguments,
-    run: Path,
-    facts: dict[str, Any],
-    begun: float,
-    resume: bool,
-) -> None:
-    """Fit epoch by epoch, from a checkpoint if ``resume``, and export the epoch that does best on validation specimens.
+def fit(clone: Fitted, cloning: Fitting, request: RunRequest[Any], facts: dict[str, Any], begun: float) -> None:
+    """Fit epoch by epoch, from a checkpoint if resumed; export the epoch that does best on validation specimens.
 
     ``begun`` is the time at which the work began (``time.monotonic``); for the rest see :func:`train`.
     """
+    arguments, run = request.arguments, request.run
     torch.set_num_threads(1)  # as for PPO
     curve: list[dict[str, float]] = []
-    if resume:
+    if request.resume:
         seconds = load_checkpoint(run / "checkpoint.safetensors", clone, cloning)
         done = cloning.epoch * arguments.demonstrations
         curve = [point for point in read_rows(run / "learning_curve.csv") if point["decisions"] <= done]
@@ -244,7 +236,7 @@ def run_learner(
     request: RunRequest[Any],
     resume_command: str,
     name: str = NAME,
-    train: Callable[[Any, Path, dict[str, Any], bool], None] = train,
+    train: Callable[[RunRequest[Any], dict[str, Any]], None] = train,
 ) -> None:
     """Fit, evaluate and report into the folder of the run; see :func:`cutenv.learning.on_policy.run_learner`.
 
@@ -253,7 +245,7 @@ def run_learner(
     arguments, run = request.arguments, request.run
     facts = record_run(arguments, run, name)
     try:
-        train(arguments, run, facts, request.resume)
+        train(request, facts)
         curve = read_rows(run / "learning_curve.csv")
         print(f"the agent's actions differ from those of {arguments.teacher} by {curve[-1]['error']:.3f}")
         facts["training_minutes"] = round(curve[-1]["seconds"] / 60.0, 1)

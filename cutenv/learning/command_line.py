@@ -12,7 +12,7 @@ from typing import Any, Generic, TypeVar
 
 from cutenv.learning.arguments import BadArguments, LearnerArguments, for_rig
 from cutenv.learning.checkpoint import NAMES, checkpoint_of
-from cutenv.learning.options import add_options, flag_of, parse
+from cutenv.learning.options import add_options, declared, flag_of, parse
 
 Chosen = TypeVar("Chosen", bound=LearnerArguments)
 
@@ -83,7 +83,7 @@ def resumed(kind: type[Chosen], run: Path, chosen: Mapping[str, Any]) -> Chosen:
         raise BadArguments(
             f"{run} was made by another learner, or by another version; resume it with the one that made it."
         )
-    free = [field.name for field in dataclasses.fields(kind) if field.metadata["resumable"]]
+    free = [field.name for field in dataclasses.fields(kind) if declared(kind, field.name)["resumable"]]
     for name, value in chosen.items():
         if name not in free and value != kept.get(name):
             raise BadArguments(

@@ -81,6 +81,41 @@ class Demonstration:
     about: dict[str, Any]
 
 
+class _Steps:
+    """Decisions of a cut so far, with the observation and the infos before the first."""
+
+    def __init__(self, observation: np.ndarray, info: dict[str, float]) -> None:
+        self._observations, self._infos = [observation], [info]
+        self.actions: list[np.ndarray] = []
+        self._rewards: list[float] = []
+
+    def add(self, action: np.ndarray, reward: float, observation: np.ndarray, info: dict[str, float]) -> None:
+        """Add a decision, and what came of it."""
+        self.actions.append(action)
+        self._rewards.append(reward)
+        self._observations.append(observation)
+        self._infos.append(info)
+
+    def mark_led(self, times: list[tuple[float, float]], seconds: float) -> None:
+        """Note the decisions, each of so many ``seconds``, in which a person led at these times."""
+        for k, info in enumerate(self._infos):
+            begins, ends = (k - 1) * seconds, k * seconds
+            info["is_intervention"] = float(k > 0 and any(since < ends and until > begins for since, until in times))
+
+    def joined(self, *, terminated: bool, about: dict[str, Any], seed: int | None = None) -> Demonstration:
+        """Return the cut."""
+        infos = self._infos
+        return Demonstration(
+            observations=np.stack(self._observations),
+            actions=np.stack(self.actions),
+            rewards=np.array(self._rewards),
+            terminated=terminated,
+            infos={name: np.array([info[name] for info in infos], dtype=np.float64) for name in infos[0]},
+            seed=seed,
+            about=about,
+        )
+
+
 def simulated(env: gymnasium.Env[Any, Any], policy: Policy, seed: int) -> Demonstration:
     """Let a policy cut the specimen of ``seed``; under shared control, the actions are those carried out."""
     observation, info = env.reset(seed=seed)
@@ -89,21 +124,18 @@ def simulated(env: gymnasium.Env[Any, Any], policy: Policy, seed: int) -> Demons
     if isinstance(policy, PrivilegedPolicy):
         policy.set_state(cutting)
     tip = {"tip_m": info["truth"]["tip_m"], "true_force_N": 0.0}
-    observations, actions, rewards = [observation], [], []
     start = felt_at_rest(cutting, env.unwrapped.start_angle)  # type: ignore[attr-defined]
     task = "" if env.spec is None else env.spec.id
-    infos = [start | tip | added_infos(task, observation, info) | _intervened(info)]
+    steps = _Steps(observation, start | tip | added_infos(task, observation, info) | _intervened(info))
     ended = False
     while not ended:
         action = policy(observation)
         observation, reward, ended, _, info = env.step(action)
-        observations.append(observation)
-        actions.append(info.get("action", action))
-        rewards.append(float(reward))
         tip = {"tip_m": info["truth"]["tip_m"], "true_force_N": cutting.readings["true_force"][-1]}
-        infos.append(felt_now(cutting) | tip | added_infos(task, observation, info) | _intervened(info))
+        seen = felt_now(cutting) | tip | added_infos(task, observation, info) | _intervened(info)
+        steps.add(info.get("action", action), float(reward), observation, seen)
     target = info["truth"]["target_length_m"]
-    return _joined(observations, actions, rewards, True, infos, seed, {"target_length_m": target})
+    return steps.joined(terminated=True, seed=seed, about={"target_length_m": target})
 
 
 def _intervened(info: dict[str, Any]) -> dict[str, float]:
@@ -141,33 +173,24 @@ def recorded(
         )
     cutting = _task(plant, trace.metadata.get("target_length_m", target_length), deadline, ticks)
     start = float(readings["angle"][0])
-    observations = [cutting.rest(start)]
-    actions: list[np.ndarray] = []
-    rewards: list[float] = []
-    infos = [felt_at_rest(cutting, start) | {"tip_estimate_m": 0.0}]
+    steps = _Steps(cutting.rest(start), felt_at_rest(cutting, start) | {"tip_estimate_m": 0.0})
     beyond = 0
     while not cutting.end and plant.left >= ticks:
-        done = len(actions) * ticks
+        done = len(steps.actions) * ticks
         last = readings[done + ticks - 1]
         speed = float(last["position"] - readings["position"][max(done - 1, 0)]) / (ticks * TICK)
         beyond += abs(speed) > SPEED_SCALE
         speed = 0.0 if abs(speed) < _REST else speed
         action = to_action(min(max(speed, -SPEED_SCALE), SPEED_SCALE), float(last["angle"]))
         observation, reward = cutting.step(action.astype(np.float64))
-        observations.append(observation)
-        actions.append(action)
-        rewards.append(reward)
-        infos.append(felt_now(cutting) | {"tip_estimate_m": cutting.tip})
-    if not actions:
+        steps.add(action, reward, observation, felt_now(cutting) | {"tip_estimate_m": cutting.tip})
+    if not steps.actions:
         raise ValueError(f"the record lasts {trace.duration:g} s, less than a decision. Give more decisions a second.")
     if "person_led_s" in trace.metadata:
-        times = _times_led(trace.metadata["person_led_s"])
-        for k, info in enumerate(infos):
-            begins, ends = (k - 1) * ticks * TICK, k * ticks * TICK
-            info["is_intervention"] = float(k > 0 and any(since < ends and until > begins for since, until in times))
+        steps.mark_led(_times_led(trace.metadata["person_led_s"]), ticks * TICK)
     about = {key: value for key, value in trace.metadata.items() if isinstance(value, (str, int, float, bool))}
-    about |= {"target_length_m": cutting.target_length, "faster_than_reach": beyond / len(actions)}
-    return _joined(observations, actions, rewards, bool(cutting.end), infos, None, about)
+    about |= {"target_length_m": cutting.target_length, "faster_than_reach": beyond / len(steps.actions)}
+    return steps.joined(terminated=bool(cutting.end), about=about)
 
 
 def _task(plant: ReplayPlant, target_length: float | None, deadline: float, ticks: int) -> Episode:
@@ -218,23 +241,3 @@ def felt_now(cutting: Episode) -> dict[str, float]:
         bool(cutting.end) and cutting.success,
     )
     return dict(zip(FELT, map(float, values), strict=True))
-
-
-def _joined(
-    observations: list[np.ndarray],
-    actions: list[np.ndarray],
-    rewards: list[float],
-    terminated: bool,
-    infos: list[dict[str, float]],
-    seed: int | None,
-    about: dict[str, Any],
-) -> Demonstration:
-    return Demonstration(
-        observations=np.stack(observations),
-        actions=np.stack(actions),
-        rewards=np.array(rewards),
-        terminated=terminated,
-        infos={name: np.array([info[name] for info in infos], dtype=np.float64) for name in infos[0]},
-        seed=seed,
-        about=about,
-    )

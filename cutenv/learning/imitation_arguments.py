@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from cutenv.learning.arguments import BadArguments, LearnerArguments
+from cutenv.learning.arguments import QUICK, BadArguments, LearnerArguments
 from cutenv.learning.options import flag_of, option
 from cutenv.policy import SCRIPTS
 
@@ -15,13 +15,7 @@ from cutenv.policy import SCRIPTS
 class BCArguments(LearnerArguments):
     """Options of behaviour cloning."""
 
-    quick: ClassVar[Mapping[str, Any]] = {
-        "demonstrations": 50_000,
-        "epochs": 20,
-        "validations": 4,
-        "validation_specimens": 50,
-        "specimens": 30,
-    }
+    quick: ClassVar[Mapping[str, Any]] = {"demonstrations": 50_000, "epochs": 20, **QUICK}
 
     dataset: str = option(
         "", "id of a Minari data set to imitate, not a script; it sets decision rate and angle mode", metavar="ID"
@@ -75,8 +69,8 @@ class IQLArguments(BCArguments):
     quick: ClassVar[Mapping[str, Any]] = {**BCArguments.quick, "epochs": 10}
 
     other_script: str = option("probe and creep", "script that makes half of the demonstrations", tuple(SCRIPTS))
-    epochs: int = option(40, "number of passes over the demonstrations", (1, 10**6))
-    learning_rate: float = option(1e-3, "learning rate at the start; falls along half a cosine to zero", (1e-9, 1.0))
+    epochs: int = 40
+    learning_rate: float = 1e-3
     gamma: float = option(1.0, "discount per decision", (0.0, 1.0))
     tau: float = option(0.005, "share of the critic that its target takes over at every gradient step", (1e-9, 1.0))
     expectile: float = option(0.7, "expectile of the actions' values that counts as a state's value", (0.5, 0.999))

@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -164,12 +163,12 @@ def transition_data(arguments: IQLArguments) -> tuple[Transitions, dict[str, Any
     return both, {**facts, "decisions": arguments.demonstrations}
 
 
-def train(arguments: IQLArguments, run: Path, facts: dict[str, Any], resume: bool) -> None:
+def train(request: RunRequest[IQLArguments], facts: dict[str, Any]) -> None:
     """Fit the agent; write the files that :func:`cutenv.learning.bc.train` writes."""
-    begun = time.monotonic()
+    begun, arguments = time.monotonic(), request.arguments
     data, facts["taught_by"] = transition_data(arguments)
     agent = Agent(arguments, data.observations.shape[1])
-    bc.fit(agent, ImplicitQLearning(agent, data, arguments), arguments, run, facts, begun, resume)
+    bc.fit(agent, ImplicitQLearning(agent, data, arguments), request, facts, begun)
 
 
 def run_learner(request: RunRequest[IQLArguments], resume_command: str) -> None:

@@ -7,51 +7,31 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from cutenv.learning.arguments import (
-    MAX_ENVIRONMENTS,
-    BadArguments,
-    LearnerArguments,
-    PPOArguments,
-    actor_critic_inputs,
-)
+from cutenv.learning.arguments import QUICK, BadArguments, TrialArguments, actor_critic_inputs
 from cutenv.learning.options import option
 
 _ENTROPY_WEIGHT = re.compile(r"(auto_)?\d*\.?\d+(e-?\d+)?")
 
 
 @dataclass(frozen=True, kw_only=True)
-class OffPolicyArguments(LearnerArguments):
+class OffPolicyArguments(TrialArguments):
     """Options that SAC, TQC and CrossQ share."""
 
-    quick: ClassVar[Mapping[str, Any]] = {
-        "timesteps": 30_000,
-        "demonstrations": 50_000,
-        "validations": 4,
-        "validation_specimens": 50,
-        "specimens": 30,
-    }
+    quick: ClassVar[Mapping[str, Any]] = {"timesteps": 30_000, "demonstrations": 50_000, **QUICK}
 
-    timesteps: int = option(100_000, "number of decisions to train for", (1, 10**12), resumable=True)
-    history: int = option(0, "number of past decisions among the features", (0, 100))
-    environments: int = option(100, "number of environments that run side by side", (1, MAX_ENVIRONMENTS))
+    timesteps: int = 100_000
+    environments: int = 100
+    batch_size: int = 256
+    learning_rate: float = 3e-4
+    averaging: float = 0.05
+    critic_first: float = 0.5
     train_freq: int = option(10, "number of decisions of each environment between updates", (1, 10**6))
     gradient_steps: int = option(100, "number of gradient steps of an update", (1, 10**6))
-    batch_size: int = option(256, "number of decisions in a gradient step", (2, 10**9))
     buffer_size: int = option(1_000_000, "number of decisions that are kept, demonstrations included", (1, 10**9))
-    learning_rate: float = option(3e-4, "learning rate at the start; falls linearly to a twentieth", (1e-9, 1.0))
-    gamma: float = option(1.0, "discount per decision", (0.0, 1.0))
     n_steps: int = option(10, "number of decisions whose rewards are summed before the critic's value", (1, 1000))
     critic_hidden: int = option(128, "number of units in each layer of the critics", (1, 4096))
     ent_coef: str = option("auto_0.001", "weight of the entropy: a number, or auto_ and the number to begin with")
     target_entropy: float = option(-4.0, "entropy of the two actions that an automatic weight keeps", (-100.0, 2.0))
-    exploration: float = option(0.08, "standard deviation of the actions at the start", (1e-6, 10.0))
-    averaging: float = option(
-        0.05, "share of the actor that its running average takes over at every update", (1e-6, 1.0)
-    )
-    critic: str = option("truth", "input of the critic; truth: features and hidden state", ("truth", "features"))
-    critic_first: float = option(
-        0.5, "share of training, after demonstrations, in which only the critic learns", (0.0, 1.0)
-    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -88,7 +68,3 @@ class CrossQArguments(OffPolicyArguments):
     """Options of CrossQ."""
 
     policy_delay: int = option(3, "number of gradient steps of the critic for one of the actor", (1, 10**6))
-
-
-TrialArguments = PPOArguments | OffPolicyArguments
-"""Options of a learner that learns by trial."""

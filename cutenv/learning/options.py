@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
 T = TypeVar("T")
@@ -20,7 +20,7 @@ def option(
     metavar: str | None = None,
     resumable: bool = False,
 ) -> Any:
-    """Declare a dataclass field that is an option of the command line.
+    """Declare a dataclass field that is an option of the command line; a subclass may give it a plain other default.
 
     Parameters
     ----------
@@ -44,10 +44,17 @@ def flag_of(name: str) -> str:
     return "--" + name.replace("_", "-")
 
 
+def declared(kind: type[Any], name: str) -> Mapping[str, Any]:
+    """Return what :func:`option` declared of a field, in this dataclass or in the one whose default it changes."""
+    fields = (vars(each).get("__dataclass_fields__", {}) for each in kind.__mro__)
+    found: Mapping[str, Any] = next(own[name].metadata for own in fields if name in own and own[name].metadata)
+    return found
+
+
 def check_ranges(options: Any, refused: Callable[[str], BaseException]) -> None:
     """Raise what ``refused`` makes of a message if a number is out of its range (call it in ``__post_init__``)."""
     for field in dataclasses.fields(options):
-        value, allowed = getattr(options, field.name), field.metadata["allowed"]
+        value, allowed = getattr(options, field.name), declared(type(options), field.name)["allowed"]
         if allowed is not None and not isinstance(value, str) and not allowed[0] <= value <= allowed[1]:  # or is NaN
             raise refused(f"{flag_of(field.name)} {value} is outside {allowed[0]} to {allowed[1]}")
 
@@ -55,14 +62,15 @@ def check_ranges(options: Any, refused: Callable[[str], BaseException]) -> None:
 def add_options(parser: argparse.ArgumentParser, kind: type[Any]) -> None:
     """Add the fields of a dataclass to a parser; an option that is not given is absent from the result."""
     for field in dataclasses.fields(kind):
-        flag, meaning, metavar = flag_of(field.name), field.metadata["help"], field.metadata["metavar"]
+        about = declared(kind, field.name)
+        flag, meaning, metavar = flag_of(field.name), about["help"], about["metavar"]
         if isinstance(field.default, bool):
             parser.add_argument(flag, action="store_true", default=argparse.SUPPRESS, help=meaning)
         elif isinstance(field.default, tuple):
             parser.add_argument(flag, nargs="+", metavar=metavar or "FILE", default=argparse.SUPPRESS, help=meaning)
         else:
             convert = _KINDS[str(field.type)]
-            choices = field.metadata["allowed"] if convert is str else None
+            choices = about["allowed"] if convert is str else None
             default = f" (default {field.default})" if field.default != "" else ""
             shown = metavar or (None if choices else {str: "TEXT", int: "N", float: "X"}[convert])
             parser.add_argument(

@@ -20,8 +20,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from tqdm import tqdm
 
 from cutenv._base.atomic_file import atomic_write
-from cutenv.learning.arguments import LearnerArguments, PPOArguments
-from cutenv.learning.off_policy_arguments import TrialArguments
+from cutenv.learning.arguments import LearnerArguments, PPOArguments, TrialArguments
 from cutenv.learning.result_tables import write_csv
 
 

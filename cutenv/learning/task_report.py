@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from cutenv.envs.learned_tasks import task_of
 from cutenv.learning.evaluation import Contestant, contestant, evaluate
@@ -55,7 +55,7 @@ def compare_task(run: Path, facts: Mapping[str, Any], *, processes: int | None =
     write_csv(run / "comparison.csv", further)
     paired = differences([*rows, *further], agent)
     write_csv(run / "differences.csv", paired)
-    write_run_page(run, facts, rows, paired, {**learned, **scripts}, shared)
+    write_run_page(run, facts, ComparedCuts(rows, paired), {**learned, **scripts}, shared)
 
     print(f"\n{task_headline(agent, paired, task.scripts)}")
     print(f"\n{len(few)} held-out specimens of class {arguments['specimen_class']}, mean [95 % interval]\n")
@@ -66,11 +66,17 @@ def compare_task(run: Path, facts: Mapping[str, Any], *, processes: int | None =
     print("scores.csv and comparison.csv (every cut), summary.csv, differences.csv, learning_curve.csv, run.json")
 
 
+class ComparedCuts(NamedTuple):
+    """Every cut that all policies made, and the paired differences of the agent."""
+
+    rows: Sequence[Mapping[str, Any]]
+    paired: Sequence[Mapping[str, Any]]
+
+
 def write_run_page(
     run: Path,
     facts: Mapping[str, Any],
-    rows: Sequence[Mapping[str, Any]],
-    paired: Sequence[Mapping[str, Any]],
+    compared: ComparedCuts,
     contestants: Mapping[str, Contestant],
     shared: Mapping[str, Any],
 ) -> None:
@@ -80,17 +86,16 @@ def write_run_page(
     ----------
     run, facts
         Those of :func:`compare_task`.
-    rows, paired : sequence of mapping
-        Every cut that all policies made, and the paired differences of the agent.
+    compared : ComparedCuts
     contestants : mapping of str to Contestant
         Agent and scripts by name.
     shared : mapping
         Arguments of the environment.
     """
-    arguments, agent, summary = facts["arguments"], facts["agent"], summarise(rows)
+    arguments, agent, summary = facts["arguments"], facts["agent"], summarise(compared.rows)
     task, _ = task_of(shared)
     script = best_script(summary, task.scripts)
-    seed = typical(rows, TEST_SEEDS[: arguments["specimens"]], agent)
+    seed = typical(compared.rows, TEST_SEEDS[: arguments["specimens"]], agent)
     curve = read_rows(run / "learning_curve.csv")
     write_training_page(
         run / "report.html",
@@ -99,7 +104,7 @@ def write_run_page(
             subtitle=f"{agent} on simulated slices of measured liver, class {arguments['specimen_class']}",
             facts=shown_facts(facts),
             summary=summary,
-            differences=paired,
+            differences=compared.paired,
             agent=agent,
             best_script=script,
             rival_script=None,

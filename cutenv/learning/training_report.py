@@ -90,14 +90,7 @@ def compare(
 
     seed = typical(rows, seeds, agent)
     cuts = [cut_picture(name, contestants[name], seed, shared) for name in (agent, script)]
-    draw_cut(
-        run / "cut.png",
-        cuts[0].readings,
-        cuts[0].depth,
-        target_length=cuts[0].target_length,
-        force_limit_per_depth=cuts[0].force_limit_per_depth,
-        title=f"{agent} on held-out specimen {seed}: {cuts[0].caption}",
-    )
+    draw_cut(run / "cut.png", cuts[0], f"{agent} on held-out specimen {seed}: {cuts[0].caption}")
     curve = read_rows(run / "learning_curve.csv")
     result = TrainingResult(
         title=f"Learning to cut gently: {run.name}",

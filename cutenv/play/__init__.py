@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from cutenv.play.hand_model import PLAYED_HAND
 from cutenv.play.haptics import HapticDevice, Stylus, VirtualCoupling
-from cutenv.play.play_session import Session
+from cutenv.play.play_session import Session, SessionPlan
 from cutenv.play.played_cut import PlayedCut
 
-__all__ = ["PLAYED_HAND", "HapticDevice", "PlayedCut", "Session", "Stylus", "VirtualCoupling"]
+__all__ = ["PLAYED_HAND", "HapticDevice", "PlayedCut", "Session", "SessionPlan", "Stylus", "VirtualCoupling"]

@@ -16,6 +16,7 @@ from cutenv.tissue.lines import WIDTH, CutLine
 from cutenv.tissue.specimen import LENGTH, SPACING
 
 _UPRIGHT, INCLINED = math.pi / 2, math.pi / 4
+_LEAN = math.radians(60.0)  # of a beginner's blade during the cut
 TRAVEL = LENGTH - SPACING
 """Greatest distance of the hand from the clamp [m]."""
 NOTCH = math.radians(5.0)
@@ -226,7 +227,6 @@ def simple_hand(
     *,
     speed: float = 0.0127,
     lead: float = 0.022,
-    lean: float = math.radians(60.0),
     level: Callable[[float], float] = lambda position: 0.0,
     line: CutLine | None = None,
 ) -> ScriptedDevice:
@@ -240,8 +240,6 @@ def simple_hand(
         Forward speed [m/s].
     lead : float
         Distance by which the hand goes beyond the target, because the force holds blade and tip behind it [m].
-    lean : float
-        Angle of the blade during the cut [rad].
     level : callable
         Level of the blade above that at the start [m], by a place [m]; it is led by that of the tip, which is
         :data:`BEHIND` the hand.
@@ -257,7 +255,7 @@ def simple_hand(
     def script(time: float) -> Motion:
         if time < there:
             position = speed * time
-            tilt = lean if 0.005 < position < farthest - 0.015 else _UPRIGHT
+            tilt = _LEAN if 0.005 < position < farthest - 0.015 else _UPRIGHT
             return _at(line, position, tilt, level(max(position - BEHIND, 0.0)))
         position = max(farthest - speed * (time - there), farthest - back)
         return _at(line, position, _UPRIGHT, level(farthest - BEHIND))

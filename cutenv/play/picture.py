@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -49,28 +50,23 @@ class PlayPicture:
         moment, canvas, layout = sight.moment, self._canvas, self.layout
         self._keep_up(sight)
         canvas.paste(self._standing)
-        depth = depth_below(moment.depth, moment.blade)
-        allowed, limit = moment.force_allowed_per_depth * depth, moment.force_limit_per_depth * depth
         shown = {"hand", *moment.conditions} | ({"truth"} if sight.practice else set())
         quantities = moment.quantities(hand=sight.hand, angle=None if sight.pose is None else sight.pose.angle)
         tint = views.tint(moment.force, quantities) if sight.shown.force else palette.STEEL
+        sheet = views.Sheet(canvas, layout, quantities, shown, tint)
         above = None
         if moment.shown_path is None:
-            views.draw_from_above(canvas, layout, quantities, self._slab, shown, tint)
+            views.draw_from_above(sheet, self._slab)
         else:
-            model, above = self._slab.model, plan_view.TITLE if sight.practice else plan_view.GIVING_TITLE
-            plan_view.draw_plan(
-                canvas, layout, moment.shown_path, model.width, model.length, truth=sight.practice, blade=tint,
-                hand=sight.hand_place,
-            )  # fmt: skip
-        box = _SIDE_TOP + 6.0, layout.column - 16
-        views.draw_from_the_side(canvas, layout, quantities, shown, tint, box=box)
-        views.draw_titles(canvas, layout, quantities, self._slab.model.width, _SIDE_TOP - 2, above=above)
+            above = plan_view.TITLE if sight.practice else plan_view.GIVING_TITLE
+            plan_view.draw_plan(sheet, moment.shown_path, self._slab, truth=sight.practice, hand=sight.hand_place)
+        views.draw_from_the_side(sheet, (_SIDE_TOP + 6.0, layout.column - 16))
+        views.draw_titles(sheet, self._slab.model.width, _SIDE_TOP - 2, above=above)
         chart.draw_present(canvas, layout, moment, self._trace, force_shown=sight.shown.trace)
         _draw_header(canvas, layout, sight)
         _draw_title(canvas, layout, sight)
         if sight.shown.force:
-            _draw_force(canvas, layout, sight, allowed, limit, tint)
+            _draw_force(canvas, layout, moment, tint)
         if sight.shown.trace:
             _draw_recent(canvas, layout, sight, self._trace.high)
         else:
@@ -117,7 +113,7 @@ class PlayPicture:
         canvas = Canvas(layout.width, layout.height, palette.PAPER)
         views.draw_clamp(canvas, layout, model.width)
         shown = ("layer",) if sight.practice and moment.conditions else ()
-        views.draw_parts(canvas, layout, moment.quantities(), "side", shown, standing=True)
+        views.draw_parts(views.Sheet(canvas, layout, moment.quantities(), shown), "side", standing=True)
         views.draw_ruler(canvas, layout, model.length)
         chart.draw_axes(canvas, layout, moment, self._trace)
         wheel = "wheel: tilt   arrows: hand" if moment.shown_path is not None else "wheel, arrows: tilt"
@@ -158,10 +154,11 @@ def _draw_title(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
         canvas.text(sight.operator, (right, 62), size=_NORMAL, colour=palette.QUIET, anchor="midright")
 
 
-def _draw_force(canvas: Canvas, layout: Layout, sight: ViewState, allowed: float, limit: float, tint: Colour) -> None:
+def _draw_force(canvas: Canvas, layout: Layout, moment: Moment, tint: Colour) -> None:
     """Draw the force as a number, and as a bar coloured by its share of the force allowed here."""
-    left, right = layout.column, layout.width - _MARGIN
-    force = sight.moment.force
+    left, right, force = layout.column, layout.width - _MARGIN, moment.force
+    depth = depth_below(moment.depth, moment.blade)
+    allowed, limit = moment.force_allowed_per_depth * depth, moment.force_limit_per_depth * depth
     canvas.text(f"{round(force, 2) + 0.0:.2f} N", (left, 98), size=46, colour=palette.FORCE)
     canvas.text("force on the blade", (right, 90), size=_SMALL, colour=palette.QUIET, anchor="midright")
     canvas.text(f"limit here {limit:.1f} N", (right, 110), size=_SMALL, colour=palette.LIMIT, anchor="midright")
@@ -224,7 +221,7 @@ def _draw_numbers(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
             rows.append(("force to the right", f"{sight.lateral_force[-1]:+.2f} N", palette.FORCE))
     if sight.chosen_class != sight.specimen_class:
         rows.append(("next class", sight.chosen_class, palette.INK))
-    draw_rows(canvas, layout, 296, 25, rows, size=21)
+    draw_rows(canvas, layout, itertools.count(296, 25), rows, size=21)
 
 
 def _draw_missing(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
@@ -250,7 +247,7 @@ def _draw_hidden(canvas: Canvas, layout: Layout, sight: ViewState) -> None:
         ("work so far", f"{1e3 * truth['work']:.1f} mJ", palette.INK),
         ("cut by runs of the crack", f"{1e3 * truth['uncontrolled_m']:.1f} mm in {truth['units']}", palette.INK),
     ]
-    draw_rows(canvas, layout, top + 26, 25, rows, size=21)
+    draw_rows(canvas, layout, itertools.count(top + 26, 25), rows, size=21)
 
 
 def _draw_advice(canvas: Canvas, layout: Layout, moment: Moment, *, shared: bool) -> None:

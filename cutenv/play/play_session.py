@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
+from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,6 @@ import numpy as np
 
 import cutenv
 from cutenv._base.validation import in_range, one_of
-from cutenv.cutting.drive import Hand
 from cutenv.cutting.dtypes import TICK
 from cutenv.play.course import FEEDBACK, shown_feedback
 from cutenv.play.course_progress import GIVEN_UP, CourseProgress
@@ -36,13 +36,12 @@ LONGEST_STALL = 0.25
 """Longest stall that is made up for [s]; time beyond it is lost to the cut, and the record states it."""
 
 
-class Session:
-    """Session of cuts one after the other, each recorded.
+@dataclass(frozen=True, kw_only=True)
+class SessionPlan:
+    """What is cut in a session, and how often; a course gives specimens, tasks and targets in its place.
 
-    Parameters
+    Attributes
     ----------
-    device : HapticDevice
-        Device that the person holds.
     task : {"gentle", "depth", "path", "shared"}
         "depth": the blade also moves up and down, and a depth is wanted. "path": it is steered along a drawn line.
         "shared": an agent cuts, and the person takes over while a button is held.
@@ -51,25 +50,64 @@ class Session:
     agent : SharingAgent, optional
         Agent of the task "shared".
     specimen_class : str
-        Class of the first specimens; see :meth:`choose_class`.
+        Class of the first specimens; see :meth:`Session.choose_class`.
     seed : int
         Seed of the session; specimen number i is its episode i.
-    folder : Path, optional
-        Folder for records, a CSV for each cut; it is created. Default: nothing is written.
-    operator : str, optional
-        Anonymous code, see :class:`cutenv.recording.Provenance`.
+    target_length : float, optional
+        Target length of every cut [m]; drawn from 0.060 to 0.100 by default.
     practice : bool
         True to show hidden quantities.
     cuts : int, optional
         Number of cuts; unlimited by default.
-    target_length : float, optional
-        Target length of every cut [m]; drawn from 0.060 to 0.100 by default.
     countdown : float
         Duration of the countdown before every cut [s].
-    deadline : float
-        Time for a cut [s].
-    hand : Hand
-        Coupling between the person and the blade.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of range, or line or agent do not go with the task.
+    """
+
+    task: str = "gentle"
+    line: str | None = None
+    agent: SharingAgent | None = None
+    specimen_class: str = "liver"
+    seed: int = 0
+    target_length: float | None = None
+    practice: bool = False
+    cuts: int | None = None
+    countdown: float = COUNTDOWN
+
+    def __post_init__(self) -> None:
+        one_of("task", self.task, tuple(PLAYED_TASKS))
+        if self.line is not None and self.task != "path":
+            raise ValueError(f'line = {self.line!r} needs task="path": task={self.task!r} has no line.')
+        if (self.agent is not None) != (self.task == "shared"):
+            raise ValueError('an agent and task="shared" belong together, and no course has them.')
+        one_of("specimen_class", self.specimen_class, CLASSES)
+        if self.cuts is not None:
+            in_range("cuts", self.cuts, 1, 10_000, "1", "Give how many.")
+        in_range("countdown", self.countdown, 0.0, 60.0, "s", "Give seconds.")
+
+    @property
+    def of_task(self) -> dict[str, Any]:
+        """Arguments of the task's cut alone."""
+        return {name: value for name in ("line", "agent") if (value := getattr(self, name)) is not None}
+
+
+class Session:
+    """Session of cuts one after the other, each recorded.
+
+    Parameters
+    ----------
+    device : HapticDevice
+        Device that the person holds.
+    plan : SessionPlan
+        What is cut.
+    folder : Path, optional
+        Folder for records, a CSV for each cut; it is created. Default: nothing is written.
+    operator : str, optional
+        Anonymous code, see :class:`cutenv.recording.Provenance`.
     handle : bool
         True to simulate a handle for the picture (needs pymunk).
     course : CourseProgress, optional
@@ -86,47 +124,29 @@ class Session:
     def __init__(
         self,
         device: HapticDevice,
+        plan: SessionPlan = SessionPlan(),
         *,
-        task: str = "gentle",
-        line: str | None = None,
-        agent: SharingAgent | None = None,
-        specimen_class: str = "liver",
-        seed: int = 0,
         folder: Path | None = None,
         operator: str | None = None,
-        practice: bool = False,
-        cuts: int | None = None,
-        target_length: float | None = None,
-        countdown: float = COUNTDOWN,
-        deadline: float = 30.0,
-        hand: Hand = PLAYED_HAND,
         handle: bool = False,
         course: CourseProgress | None = None,
         now: Callable[[], datetime] = lambda: datetime.now().astimezone(),
     ) -> None:
         self.device = device
-        self.task = one_of("task", task, tuple(PLAYED_TASKS))
-        given = {"line": line, "agent": agent}
-        self._of_task: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
-        if line is not None and task != "path":
-            raise ValueError(f'line = {line!r} needs task="path": task={task!r} has no line.')
-        if (agent is not None) != (task == "shared") or (agent is not None and course is not None):
+        self.task, self._of_task = plan.task, plan.of_task
+        if plan.agent is not None and course is not None:
             raise ValueError('an agent and task="shared" belong together, and no course has them.')
         kinds = (self.task,) if course is None else course.course.kinds
         if "path" in kinds and device.coupling is not None:
             raise ValueError('task="path" takes no device that pushes: its force would be one in the plane.')
         operator = operator if course is None else course.operator
-        self.chosen_class = one_of("specimen_class", specimen_class, CLASSES)
-        self.seed = seed
+        self.chosen_class, self.seed, self._target_length = plan.specimen_class, plan.seed, plan.target_length
         self.folder = folder
         self._origin = Provenance(rig="cutenv play, simulated", sensor="simulated, 1 kHz", operator=operator)
         self.operator = operator
-        self.practice = practice
-        self.count = None if cuts is None else round(in_range("cuts", cuts, 1, 10_000, "1", "Give how many."))
-        self._target_length, self._deadline = target_length, deadline
+        self.practice, self.count, self._countdown = plan.practice, plan.cuts, plan.countdown
         self.course = course
-        self._countdown = in_range("countdown", countdown, 0.0, 60.0, "s", "Give seconds.")
-        self._hand, self._with_handle, self._now = hand, handle, now
+        self._with_handle, self._now = handle, now
         self.number = 0
         """Number of the present specimen, counted from 0."""
         self.finished = 0
@@ -285,9 +305,7 @@ class Session:
             seed=self.seed,
             episode=self.number,
             target_length=self._target_length,
-            deadline=self._deadline,
-            hand=self._hand,
-            handle=Handle(self._hand) if self._with_handle else None,
+            handle=Handle(PLAYED_HAND) if self._with_handle else None,
             **self._of_task,
         )
         self._serial += 1
@@ -337,7 +355,7 @@ class Session:
             end=end,
             success=bool(self.cut.end) and self.cut.cutting.success,
             device=type(self.device).__name__,
-            hand=dataclasses.asdict(self._hand),
+            hand=dataclasses.asdict(PLAYED_HAND),
             stalled_s=round(self._stalled, 3),
             **({} if self.course is None else self.course.metadata()),
         )

@@ -10,13 +10,12 @@ from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array, Struct, StructArray
 from cutenv._base.validation import in_range
-from cutenv.cutting.drive import Hand
 from cutenv.cutting.dtypes import READING, TICK
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.plant.protocol import to_trace
 from cutenv.plant.simulator import SimulatedPlant
 from cutenv.play.devices import ScriptedDevice, simple_hand
-from cutenv.play.finishing import missing_to_finish
+from cutenv.play.finishing import NearTarget, missing_to_finish
 from cutenv.play.hand_model import PLAYED_HAND, speed_toward
 from cutenv.play.handle_body import Handle, HandlePose
 from cutenv.play.haptics import FeltForce, Stylus
@@ -32,6 +31,8 @@ from cutenv.tissue.grid import depth_below
 from cutenv.trace import Trace
 
 UPDATES_HZ = round(1.0 / TICK)
+DEADLINE = 30.0
+"""Time for a cut [s]."""
 FEWEST_READINGS = 100
 """Least number of readings that makes an abandoned cut a record: a tenth of a second."""
 _ESTIMATED_EVERY = 20  # ms: as often as an agent decides
@@ -51,10 +52,6 @@ class PlayedCut:
         Key of specimen, target and noise.
     target_length : float, optional
         Length of the cut [m]; drawn from 0.060 to 0.100 by default.
-    deadline : float
-        Time for the cut [s].
-    hand : Hand
-        Coupling between the person and the blade.
     handle : Handle, optional
         Handle for the picture, which follows the cut.
     **task
@@ -68,6 +65,8 @@ class PlayedCut:
 
     environment: type[GentleCutEnv] = GentleCutEnv
     """Environment whose episode it is."""
+    channels: tuple[str, ...] = ()
+    """Channels of the record that a cut straight on has not, as fields of a trace."""
 
     def __init__(
         self,
@@ -76,8 +75,6 @@ class PlayedCut:
         seed: int = 0,
         episode: int = 0,
         target_length: float | None = None,
-        deadline: float = 30.0,
-        hand: Hand = PLAYED_HAND,
         handle: Handle | None = None,
         **task: Any,
     ) -> None:
@@ -86,23 +83,24 @@ class PlayedCut:
         self._env = self.environment(
             specimen_class=specimen_class,
             target_length=target_length,
-            deadline_s=deadline,
+            deadline_s=DEADLINE,
             control_hz=UPDATES_HZ,
-            **self._drive(hand),
+            **self._drive(),
             **task,
         )
-        self._hand, self._handle = hand, handle
+        self._handle = handle
         self._first, self._info = self._env.reset(seed=seed, options={"episode": episode})
-        self._readings: StructArray = np.zeros(round(deadline * UPDATES_HZ) + 1, READING)
+        self._readings: StructArray = np.zeros(round(DEADLINE * UPDATES_HZ) + 1, READING)
+        self._further = np.zeros((len(self._readings), len(self.channels)))
         self._count = 0
         self._tip_estimate = TipEstimate()
         self._estimate: Struct = np.zeros(1, CUT_ESTIMATE)[0]
         self.end = ""
         """Cause of the end, one of the environment's ends; empty while the cut goes on."""
 
-    def _drive(self, hand: Hand) -> dict[str, Any]:
+    def _drive(self) -> dict[str, Any]:
         """Return the environment's arguments of what moves the blade."""
-        return {"drive": "hand", **dataclasses.asdict(hand)}
+        return {"drive": "hand", **dataclasses.asdict(PLAYED_HAND)}
 
     @property
     def plant(self) -> SimulatedPlant:
@@ -161,6 +159,7 @@ class PlayedCut:
         if self._count % _ESTIMATED_EVERY == 0:
             gentle = self._observation[: len(COMPONENTS)]
             self._estimate = self._tip_estimate.estimates(in_si(gentle)[None])[0]
+        self._further[self._count] = self._sampled()
         self._count += 1
         if ended:
             self.end = self._info["end"]
@@ -173,9 +172,20 @@ class PlayedCut:
                 depth=float(depth_below(self.plant.depth, state["blade"])),
             )
 
+    def _sampled(self) -> tuple[float, ...]:
+        """Return :attr:`channels` now."""
+        return ()
+
+    def _noted(self) -> dict[str, Any]:
+        """Return what the record notes of another task."""
+        return {}
+
+    def _channel(self, name: str) -> Array:
+        return self._further[: self._count, self.channels.index(name)]
+
     def action(self, stylus: Stylus) -> NDArray[np.float32]:
         """Return the environment's action for what the person wants."""
-        return to_action(speed_toward(stylus.position, self.plant.states[0], self._hand), stylus.angle)
+        return to_action(speed_toward(stylus.position, self.plant.states[0]), stylus.angle)
 
     def felt(self, felt: FeltForce, stylus: Stylus) -> float:
         """Return the force for the person's hand [N], by the device's coupling to the blade."""
@@ -209,7 +219,7 @@ class PlayedCut:
             return (f"the tip is {short * 1e3:.1f} mm short: cut on",)
         reading, estimate = self._readings[self._count - 1], self._estimate
         depth = depth_below(self.plant.depth, float(reading["position"]))
-        return missing_to_finish(
+        near = NearTarget(
             force=float(reading["force"]),
             elastic=float(estimate["elastic"]),
             friction=float(self._tip_estimate.memory[0]["friction_per_depth"]) * depth,
@@ -218,8 +228,8 @@ class PlayedCut:
             angle=float(reading["angle"]),
             rested=float(progress["quiet"]),
             withdrawn=float(progress["loaded_at"]) - float(reading["position"]),
-            force_shown=force_shown,
         )
+        return missing_to_finish(near, force_shown=force_shown)
 
     def trace(self, **metadata: object) -> Trace:
         """Return the trace that a rig would have recorded.
@@ -230,7 +240,9 @@ class PlayedCut:
             If there are fewer than two readings.
         """
         noted = {"target_length_m": self.target_length, TIP_AT_END: round(float(self.readings["tip"][-1]), 6)}
-        return to_trace(self.plant, self.readings, **noted, **metadata)
+        trace = to_trace(self.plant, self.readings, **noted, **self._noted(), **metadata)
+        further: dict[str, Any] = {name: self._channel(name).copy() for name in self.channels}
+        return dataclasses.replace(trace, **further)
 
     def card(self, trace: Trace) -> ScoreCard:
         """Return the score of its record, as from ``cutenv score``: where the tip ended is noted in the record."""

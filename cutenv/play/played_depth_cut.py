@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv._base.arrays import Array
 from cutenv.envs.depth_cut import DepthCutEnv
 from cutenv.play.devices import ScriptedDevice, simple_hand
 from cutenv.play.hand_model import descent_toward
 from cutenv.play.haptics import Stylus
 from cutenv.play.played_cut import PlayedCut
-from cutenv.task.depth import DepthEpisode
+from cutenv.task.depth import DEPTH_CUT, DepthEpisode
 from cutenv.tissue.grid import depth_below
-from cutenv.trace import Trace
 
 
 class PlayedDepthCut(PlayedCut):
@@ -27,11 +24,11 @@ class PlayedDepthCut(PlayedCut):
     """
 
     environment = DepthCutEnv
+    channels = ("height", "vertical_force")
 
     def __init__(self, **keywords: Any) -> None:
         super().__init__(**keywords)
         self._start = self.level
-        self._levels, self._vertical = np.zeros(len(self._readings)), np.zeros(len(self._readings))
 
     @property
     def cutting(self) -> DepthEpisode:
@@ -44,11 +41,6 @@ class PlayedDepthCut(PlayedCut):
     def level(self) -> float:
         """Level of the blade's lower end [m]; 0 cuts as deep as the specimen's own profile."""
         return float(self.cutting.motion["level"][0])
-
-    @property
-    def vertical_force(self) -> Array:
-        """True force of the tissue on the blade, upwards, at every reading so far [N], shape (n,)."""
-        return self._vertical[: self._count]
 
     def wanted_level(self, position: float) -> float:
         """Return the level of the wanted floor at ``position`` above the blade's at the start [m]."""
@@ -63,12 +55,11 @@ class PlayedDepthCut(PlayedCut):
         """Return a scripted hand with a beginner's plan, which keeps the blade at the wanted depth."""
         return simple_hand(self.target_length, level=self.wanted_level)
 
-    def tick(self, stylus: Stylus) -> None:
-        """Advance by a millisecond under a person's hand; does nothing once the cut has ended."""
-        before = self._count
-        super().tick(stylus)
-        if self._count > before:
-            self._levels[before], self._vertical[before] = self.level, self.cutting.across[0]
+    def _sampled(self) -> tuple[float, ...]:
+        return self.level, float(self.cutting.across[0])
+
+    def _noted(self) -> dict[str, Any]:
+        return {"environment": DEPTH_CUT.environment, **self.cutting.noted_depth}
 
     @property
     def map_words(self) -> str:
@@ -77,16 +68,3 @@ class PlayedDepthCut(PlayedCut):
         opened = found["layer_mm"]
         below = f"{opened:.1f} mm into the layer below" if opened > 0.0 else "the layer below is not opened"
         return f"Depth: {found['mean_error_mm']:.1f} mm off the wanted one in the mean; {below}."
-
-    def trace(self, **metadata: object) -> Trace:
-        """Return the trace that a rig with a height axis would have recorded.
-
-        Raises
-        ------
-        ValueError
-            If there are fewer than two readings.
-        """
-        trace = super().trace(environment="cutenv/DepthCut-v1", **self.cutting.noted_depth, **metadata)
-        return dataclasses.replace(
-            trace, height=self._levels[: self._count].copy(), vertical_force=self.vertical_force.copy()
-        )

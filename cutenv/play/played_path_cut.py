@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Any
 
 import numpy as np
@@ -11,11 +10,10 @@ from numpy.typing import NDArray
 from cutenv._base.arrays import Array
 from cutenv.envs.path_cut import PathCutEnv, to_path_action
 from cutenv.play.devices import ScriptedDevice, simple_hand
-from cutenv.play.hand_model import hand_over_slab, steered_toward
+from cutenv.play.hand_model import PLAYED_HAND, hand_over_slab, steered_toward
 from cutenv.play.haptics import Stylus
 from cutenv.play.played_cut import PlayedCut
 from cutenv.task.path import PATH_CUT, PathEpisode
-from cutenv.trace import Trace
 
 _AT = [each.name for each in PATH_CUT.all_components].index("lateral")
 _LATERAL = PATH_CUT.all_components[_AT]
@@ -26,20 +24,10 @@ class PlayedPathCut(PlayedCut):
 
     It is an episode of ``PathCutEnv(drive="hand", control_hz=1000)`` with the same seed.  The blade hangs on the hand
     by a spring, behind it; it turns toward the place where the hand is wanted, at the task's rate of turn at most.
-
-    Parameters
-    ----------
-    line : str
-        Kind of line, as of :class:`~cutenv.envs.path_cut.PathCutEnv`.
-    **keywords
-        Those of :class:`~cutenv.play.played_cut.PlayedCut`.
     """
 
     environment = PathCutEnv
-
-    def __init__(self, *, line: str = "mixed", **keywords: Any) -> None:
-        super().__init__(line=line, **keywords)
-        self._places, self._lateral = np.zeros((len(self._readings), 2)), np.zeros(len(self._readings))
+    channels = ("blade_x", "blade_y", "lateral_force")
 
     @property
     def cutting(self) -> PathEpisode:
@@ -51,12 +39,12 @@ class PlayedPathCut(PlayedCut):
     @property
     def places(self) -> Array:
         """Place of the blade along and across the slab at every reading so far [m], shape (n, 2)."""
-        return self._places[: self._count]
+        return self._further[: self._count, :2]
 
     @property
     def lateral_force(self) -> Array:
         """Measured force on the blade to its right at every reading so far [N], shape (n,)."""
-        return self._lateral[: self._count]
+        return self._channel("lateral_force")
 
     @property
     def hand_place(self) -> tuple[float, float]:
@@ -67,8 +55,8 @@ class PlayedPathCut(PlayedCut):
     def action(self, stylus: Stylus) -> NDArray[np.float32]:
         """Return the environment's action, which moves the hand along the blade and turns it toward the place."""
         speed, turn = steered_toward(
-            self.plant.states[0], self.cutting.motion[0], stylus.position, stylus.across, self._hand.motor_lag,
-            self._hand.acceleration,
+            self.plant.states[0], self.cutting.motion[0], stylus.position, stylus.across, PLAYED_HAND.motor_lag,
+            PLAYED_HAND.acceleration,
         )  # fmt: skip
         return to_path_action(float(speed), stylus.angle, float(turn))
 
@@ -76,13 +64,11 @@ class PlayedPathCut(PlayedCut):
         """Return a scripted hand with a beginner's plan, which goes along the line."""
         return simple_hand(self.target_length, line=self.cutting.line)
 
-    def tick(self, stylus: Stylus) -> None:
-        """Advance by a millisecond under a person's hand; does nothing once the cut has ended."""
-        before = self._count
-        super().tick(stylus)
-        if self._count > before:
-            self._places[before] = self.cutting.blade_place
-            self._lateral[before] = _LATERAL.scale * float(self._observation[_AT])
+    def _sampled(self) -> tuple[float, ...]:
+        return *self.cutting.blade_place, _LATERAL.scale * float(self._observation[_AT])
+
+    def _noted(self) -> dict[str, Any]:
+        return {"environment": PATH_CUT.environment, **self.cutting.noted_path}
 
     @property
     def map_words(self) -> str:
@@ -91,15 +77,3 @@ class PlayedPathCut(PlayedCut):
         mean, largest = found["mean_distance_mm"], found["largest_distance_mm"]
         area = found["area_mm2"]
         return f"Path: {mean:.1f} mm off the line in the mean, {largest:.1f} mm at most; {area:.0f} mm² between them."
-
-    def trace(self, **metadata: object) -> Trace:
-        """Return the trace that a rig would have recorded whose blade is steered.
-
-        Raises
-        ------
-        ValueError
-            If there are fewer than two readings.
-        """
-        trace = super().trace(environment="cutenv/PathCut-v1", **self.cutting.noted_path, **metadata)
-        x, y = self.places.T
-        return dataclasses.replace(trace, blade_x=x.copy(), blade_y=y.copy(), lateral_force=self.lateral_force.copy())

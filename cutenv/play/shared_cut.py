@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv._base.validation import one_of
-from cutenv.cutting.drive import Hand, Rig
+from cutenv.cutting.drive import Rig
 from cutenv.play.devices import Motion, ScriptedDevice, within_angles
 from cutenv.play.hand_model import speed_over
 from cutenv.play.haptics import FeltForce, Stylus
@@ -93,7 +93,7 @@ class SharedCut(PlayedCut):
         agent.policy.reset(np.random.default_rng((self.seed, self.episode)))
         self._decided = np.asarray(agent.policy(self._first), np.float32)
 
-    def _drive(self, hand: Hand) -> dict[str, Any]:
+    def _drive(self) -> dict[str, Any]:
         return {"drive": "rig"}
 
     @property

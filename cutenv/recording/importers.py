@@ -88,7 +88,7 @@ class Imported:
         )
 
     def picture(self, record: int) -> dict[str, Any]:
-        """Return the arguments of :func:`cutenv.report.draw_record` for a record, counted from 0, by name."""
+        """Return the fields of a :class:`cutenv.report.RecordPicture` of a record, counted from 0, by name."""
         first = sum(max(1, len(found)) for found in self.cuts[:record])
         cuts = self.cuts[record]
         quiet = self.tared[record].metadata.get("tare_instants")

@@ -1,7 +1,15 @@
 """Figures and pages of results."""
 
 from cutenv.report.cut_figure import draw_cut
-from cutenv.report.record_figure import draw_record
+from cutenv.report.record_figure import RecordPicture, draw_record
 from cutenv.report.training_page import CutPicture, TrainingResult, training_headline, write_training_page
 
-__all__ = ["CutPicture", "TrainingResult", "draw_cut", "draw_record", "training_headline", "write_training_page"]
+__all__ = [
+    "CutPicture",
+    "RecordPicture",
+    "TrainingResult",
+    "draw_cut",
+    "draw_record",
+    "training_headline",
+    "write_training_page",
+]

@@ -1,4 +1,4 @@
-"""Figure of one cut above its force trace."""
+"""Figures of one cut: from the side above its force trace, and its floor along a wanted depth."""
 
 from __future__ import annotations
 
@@ -9,44 +9,34 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cutenv._base.arrays import Array, StructArray
-from cutenv._base.atomic_file import atomic_write
-from cutenv.report.figure import PHONE_WIDTH, label, new_figure
+from cutenv.report.figure import PHONE_WIDTH, new_figure, plain_axes, write_figure
 from cutenv.tissue.specimen import SPACING
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from cutenv.report.training_result import CutPicture
+    from cutenv.task.episode import ShownDepth
+
 
 _TISSUE, _RUN, _FORCE, _TARGET, _ANGLE = "#f2d3c9", "#d55e00", "#0072b2", "#009e73", "#8a3ffc"
+_FLOOR, _LAYER = "#0072b2", "#d55e00"
+_BELOW = 3.0  # of the layer below that is shown [mm]
 _TOLERANCE_MM = 3.0
 _POINTS = 3000  # points of a line: more than a figure has pixels; 30 s at 1 kHz would be megabytes of vector drawing
 _WIDE = 9.0  # [in] width as a file
 
 
-def draw_cut(
-    path: Path,
-    readings: StructArray,
-    depth: Array,
-    *,
-    target_length: float,
-    force_limit_per_depth: float,
-    title: str,
-) -> None:
+def draw_cut(path: Path, cut: CutPicture, title: str) -> None:
     """Write a picture of one cut above its force trace.
 
     Parameters
     ----------
     path : Path
         Path of the picture; its suffix gives the format (.png).
-    readings : Records
-        The whole cut at 1 kHz, :data:`cutenv.cutting.dtypes.READING`, shape (n,); hidden tip included.
-    depth : array, shape (301,)
-        Depth of cut along the line [m].
-    target_length : float
-        Target length [m].
-    force_limit_per_depth : float
-        Force limit over depth of cut [N/m].
+    cut : CutPicture
+        The cut.
     title : str
         Text above the picture.
 
@@ -55,50 +45,77 @@ def draw_cut(
     ImportError
         If matplotlib is not installed; the message gives the command that installs it.
     """
-    figure = cut_figure(
-        readings, depth, target_length=target_length, force_limit_per_depth=force_limit_per_depth, title=title
-    )
-    with atomic_write(path) as part:
-        figure.savefig(part, dpi=130)
+    write_figure(path, cut_figure(cut), title)
 
 
-def cut_figure(
-    readings: StructArray,
-    depth: Array,
-    *,
-    target_length: float,
-    force_limit_per_depth: float,
-    title: str = "",
-    width: float = _WIDE,
-    beside: Sequence[StructArray] = (),
-) -> Figure:
-    """Draw one cut above its force trace, speed and angle; parameters as :func:`draw_cut`, and two more.
+def cut_figure(cut: CutPicture, *, width: float = _WIDE, others: Sequence[CutPicture] = ()) -> Figure:
+    """Draw one cut above its force trace, speed and angle.
 
     Parameters
     ----------
+    cut : CutPicture
+        The cut.
     width : float
         Width [in]; a figure for a phone has its legend in fewer columns.
-    beside : sequence of Records
-        Readings of the cuts to compare with: the axes cover them too, so that all have the same scales.
+    others : sequence of CutPicture
+        Cuts to compare with: the axes cover them too, so that all have the same scales.
     """
+    readings, depth = cut.readings, cut.depth
     phone = width < PHONE_WIDTH
     figure = new_figure(width, 6.4 if phone else 6.5)
     side, trace, motion = figure.subplots(3, 1, sharex=True, height_ratios=(1.5, 2.2, 1.0))
     _draw_side(side, readings, depth)
     side.fill_between([], [], [], color=_TARGET, alpha=0.15, label="target \u00b1 3 mm")
-    _draw_force(trace, readings, depth, force_limit_per_depth)
+    _draw_force(trace, readings, depth, cut.force_limit_per_depth)
     _draw_motion(motion, readings)
     whose = "" if phone else ": blade (force, speed, angle), crack tip (cut)"
     motion.set_xlabel(f"distance from the clamp [mm]{whose}")
-    target_mm = 1e3 * target_length
+    target_mm = 1e3 * cut.target_length
     for axes in (side, trace, motion):
         axes.axvspan(target_mm - _TOLERANCE_MM, target_mm + _TOLERANCE_MM, color=_TARGET, alpha=0.15, linewidth=0)
         axes.axvline(target_mm, color=_TARGET, linewidth=1.2)
     side.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2 if phone else 6, fontsize=8, frameon=False)
-    _set_scales(trace, motion, (readings, *beside), target_mm)
-    if title:
-        figure.suptitle(label(title), fontsize=11)
+    _set_scales(trace, motion, [each.readings for each in (cut, *others)], target_mm)
     return figure
+
+
+def floor_figure(shown: ShownDepth, tip: float, target_length: float, width: float) -> Figure:
+    """Draw one cut from the side, its depth to a scale of its own.
+
+    Parameters
+    ----------
+    shown : ShownDepth
+        Depth of the cut at its end.
+    tip, target_length : float
+        Crack tip at the end, and target length [m].
+    width : float
+        Width [in].
+    """
+    figure = new_figure(width, 3.6)
+    axes = figure.subplots()
+    along = 1e3 * np.arange(len(shown.floor)) * SPACING
+    surface, floor, wanted, layer = (
+        1e3 * levels for levels in (shown.surface, shown.floor, shown.wanted, shown.layer)
+    )  # fmt: skip
+    lowest = float(min(layer.min(), floor.min())) - _BELOW
+    axes.fill_between(along, layer, surface, color=_TISSUE, linewidth=0, label="tissue")
+    axes.fill_between(along, lowest, layer, color=_LAYER, alpha=0.35, linewidth=0, label="layer below, not seen")
+    axes.plot(along, surface, color="0.4", linewidth=1.0, label="surface")
+    axes.plot(along, wanted, color="black", linestyle="--", linewidth=1.0, label="wanted floor")
+    cut = along <= 1e3 * tip
+    axes.plot(along[cut], floor[cut], color=_FLOOR, linewidth=2.0, label="floor of the cut")
+    axes.axvline(1e3 * target_length, color=_TARGET, linewidth=1.2, label="target")
+    axes.set(xlim=(0.0, 1e3 * target_length + 15.0), ylim=(lowest, float(surface.max()) + 1.0))
+    axes.set(xlabel="distance from the clamp [mm]", ylabel="height [mm]")
+    plain_axes(axes)
+    figure.legend(loc="outside upper center", ncols=2 if width < PHONE_WIDTH else 6, fontsize=8, frameon=False)
+    return figure
+
+
+def mean_depth_error_mm(shown: ShownDepth, tip: float) -> float:
+    """Return the mean error of the depth along a cut, up to its tip [m], in millimetres."""
+    cut = np.arange(len(shown.floor)) * SPACING <= tip
+    return float(1e3 * np.abs(shown.floor - shown.wanted)[cut].mean())
 
 
 def thinned(x: Array, y: Array, points: int = _POINTS) -> tuple[Array, Array]:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import csv
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,9 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv._base.atomic_file import atomic_write
 from cutenv.report.depth_figure import depth_figure, frames_figure
-from cutenv.report.page import write_page
+from cutenv.report.page import write_page, write_table
 from cutenv.trace import Trace
 
 if TYPE_CHECKING:
@@ -66,13 +64,12 @@ def write_depth_page(path: Path, record: FilmedRecord) -> None:
 def write_frame_table(path: Path, filmed: FilmedDepth) -> None:
     """Write :data:`FRAME_COLUMNS` of every frame as CSV."""
     used = iter(zip(filmed.along, filmed.along_sd, filmed.vertical, filmed.vertical_sd, strict=True))
-    with atomic_write(path) as part, part.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(FRAME_COLUMNS)
-        for frame in filmed.frames:
-            clock = [f"{frame.time:.5f}", f"{frame.time + filmed.alignment.lag:.5f}"]
-            lengths = [""] * 6
-            if frame.blade is not None:
-                values = (frame.blade.exposed, frame.blade.exposed_sd, *next(used))
-                lengths = [f"{1e3 * value:.4f}" for value in values]
-            writer.writerow([frame.number, *clock, *lengths, frame.reason])
+    rows: list[Sequence[object]] = [FRAME_COLUMNS]
+    for frame in filmed.frames:
+        clock = [f"{frame.time:.5f}", f"{frame.time + filmed.alignment.lag:.5f}"]
+        lengths = [""] * 6
+        if frame.blade is not None:
+            values = (frame.blade.exposed, frame.blade.exposed_sd, *next(used))
+            lengths = [f"{1e3 * value:.4f}" for value in values]
+        rows.append([frame.number, *clock, *lengths, frame.reason])
+    write_table(path, rows)

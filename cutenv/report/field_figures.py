@@ -6,26 +6,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cutenv._base.arrays import Array
 from cutenv.report.figure import PHONE_WIDTH, new_figure, plain_axes
 from cutenv.vision.field_comparison import FieldComparison
-from cutenv.vision.filmed_measurement import ImageModuli
-from cutenv.vision.zone_moduli import ZoneModuli
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from cutenv.report.field_page import FieldResult
 
 _FORCE, _IMAGE, _ZONES, _TRUTH = "#d55e00", "#0072b2", "#009e73", "0.35"
 _TRACKED, _COMPUTED = "#0072b2", "#d55e00"
 
 
-def moduli_figure(
-    tips: Array, by_force: Array, image: ImageModuli, zones: ZoneModuli | None, truth: float | None, width: float
-) -> Figure:
-    """Draw the modulus of every ramp by force, at its tip [m], and by image; zones and the value put in as lines."""
+def moduli_figure(result: FieldResult, width: float) -> Figure:
+    """Draw the modulus of every ramp by force, at its tip, and by image; zones and the value put in as lines."""
+    tips, image, zones, truth = result.measured.tips, result.image, result.zones, result.truth
     figure = new_figure(width, 3.6)
     axes = figure.subplots()
-    axes.plot(100 * tips, by_force / 1e3, "o", color=_FORCE, markersize=5, label="by force")
+    axes.plot(100 * tips, result.measured.by_force / 1e3, "o", color=_FORCE, markersize=5, label="by force")
     axes.errorbar(
         100 * image.position, image.modulus / 1e3, 1.96 * image.standard_error / 1e3,
         fmt="s", color=_IMAGE, markersize=4, elinewidth=1.0, label="by image",

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Literal
+
+from cutenv._base.atomic_file import atomic_write
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,6 +29,14 @@ def new_figure(width: float, height: float) -> Figure:
         cure = "Pictures need matplotlib. Install it with: pip install 'cutenv[view]'"
         raise ModuleNotFoundError(cure, name="matplotlib") from error
     return Figure(figsize=(width, height), layout="constrained")
+
+
+def write_figure(path: Path, figure: Figure, title: str = "") -> None:
+    """Write a figure as a whole or not at all, with a title above it; the suffix gives the format (.png)."""
+    if title:
+        figure.suptitle(label(title), fontsize=11)
+    with atomic_write(path) as part:
+        figure.savefig(part, dpi=130)
 
 
 def label(text: str) -> str:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import base64
+import csv
 import io
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
@@ -67,6 +68,12 @@ def write_text(path: Path, text: str) -> None:
     """Write a file of text as a whole or not at all."""
     with atomic_write(path) as part:
         part.write_text(text, encoding="utf-8", newline="\n")
+
+
+def write_table(path: Path, rows: Iterable[Sequence[object]]) -> None:
+    """Write rows as CSV, as a whole or not at all: the first names the columns, None is an empty cell."""
+    with atomic_write(path) as part, part.open("w", newline="", encoding="utf-8") as file:
+        csv.writer(file, lineterminator="\n").writerows(rows)
 
 
 def number(value: float, digits: int) -> str:

@@ -9,11 +9,10 @@ from pathlib import Path
 from cutenv.report.page import spoken, write_page
 from cutenv.report.pass_mark_figures import curves_figure, proficiency_figure, raters_figure
 from cutenv.report.pass_mark_table import (
-    mark_text,
+    mark_rows,
     method_name,
     observed_text,
     proficient,
-    theory_text,
     wanted,
     write_pass_marks,
     write_people,
@@ -136,17 +135,11 @@ def _meaning(standard: Standard) -> str:
 
 def _marks(setting: StandardSetting, standard: Standard) -> list[tuple[str, list[str], bool]]:
     """Return every method's name, its row, and whether proficiency goes by it."""
-    rows = []
-    for method, found in standard.marks.items():
-        name = method_name(setting, standard, method)
-        if isinstance(found, NotEstimable):
-            rows.append((name, ["no evidence", "", "", "", ""], False))
-            continue
-        cells = [mark_text(standard, found.mark)]
-        for rate in (found.false_passes, found.false_fails):
-            cells += [observed_text(rate), theory_text(rate)]
-        rows.append((name, cells, found is standard.chosen))
-    return rows
+    chosen = [found is standard.chosen for found in standard.marks.values()]
+    return [
+        (row.name, row.cells or ["no evidence", "", "", "", ""], own and row.cells != [])
+        for row, own in zip(mark_rows(setting, standard), chosen, strict=True)
+    ]
 
 
 def _warnings(standard: Standard) -> list[str]:

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from cutenv._base.atomic_file import atomic_write
-from cutenv.report.page import number, significant, spoken, write_text
-from cutenv.report.study_table import amount, correlation_text, in_print
+from cutenv.report.page import number, significant, spoken, write_table, write_text
+from cutenv.report.study_table import aligned, amount, correlation_text, in_print
 from cutenv.scoring.score_card import DISCLAIMER
 from cutenv.scoring.study import (
     ErrorRate,
@@ -86,14 +84,9 @@ def pass_mark_lines(setting: StandardSetting) -> list[str]:
         f"{spoken(first.metric)}, {first.better} is better; each person is the mean of the cuts",
         f"  {'method':31s} {'mark, 95 % interval':24s} {'false passes, in theory':35s} false fails, in theory",
     ]
-    for method, found in first.marks.items():
-        name = method_name(setting, first, method)
-        if isinstance(found, NotEstimable):
-            lines.append(f"  {name:31s} no evidence: {found.reason}")
-            continue
-        rates = (found.false_passes, found.false_fails)
-        cells = [f"{observed_text(rate):12s} {theory_text(rate):22s}" for rate in rates]
-        lines.append(f"  {name:31s} {mark_text(first, found.mark):24s} {' '.join(cells)}".rstrip())
+    for name, cells, reason in mark_rows(setting, first):
+        told = f"no evidence: {reason}" if not cells else aligned(cells, (24, 12, 22, 12, 22))
+        lines.append(f"  {name:31s} {told}".rstrip())
     lines += [f"  {_proficiency_line(setting, each)}" for each in (first, *others)]
     lines += _rater_lines(setting)
     notes = {found.mark.note for found in first.marks.values() if isinstance(found, PassMark) and found.mark.note}
@@ -102,19 +95,42 @@ def pass_mark_lines(setting: StandardSetting) -> list[str]:
 
 def write_people(path: Path, setting: StandardSetting) -> None:
     """Write a row for each metric and person as CSV, in SI units: mean, passes, and the cut that reached the goal."""
-    with atomic_write(path) as part, part.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        heads = ["operator", "group", "metric", "unit", "mark", "mean", "passes", "cuts", "longest_row", "reached_at"]
-        writer.writerow(heads)
-        for standard in setting.standards:
-            mark = f"{standard.chosen.mark.value:.6g}" if isinstance(standard.chosen, PassMark) else ""
-            for operator, values in standard.series.items():
-                own = standard.proficiency.get(operator)
-                counts = (
-                    ["", len(values), "", ""] if own is None else [own.passes, own.cuts, own.longest, own.reached_at]
-                )
-                head = [operator, setting.group_of[operator], standard.metric, standard.unit, mark]
-                writer.writerow([*head, f"{float(np.mean(values)):.6g}", *("" if x is None else x for x in counts)])
+    heads = ["operator", "group", "metric", "unit", "mark", "mean", "passes", "cuts", "longest_row", "reached_at"]
+    rows: list[list[object]] = [[*heads]]
+    for standard in setting.standards:
+        mark = f"{standard.chosen.mark.value:.6g}" if isinstance(standard.chosen, PassMark) else ""
+        for operator, values in standard.series.items():
+            own = standard.proficiency.get(operator)
+            counts = (
+                [None, len(values), None, None] if own is None else [own.passes, own.cuts, own.longest, own.reached_at]
+            )
+            head = [operator, setting.group_of[operator], standard.metric, standard.unit, mark]
+            rows.append([*head, f"{float(np.mean(values)):.6g}", *counts])
+    write_table(path, rows)
+
+
+class MarkRow(NamedTuple):
+    """Method's name and cells: the mark, then false passes and false fails, each observed and in theory."""
+
+    name: str
+    cells: list[str]
+    reason: str
+    """Reason why there is no mark; "" if there is one."""
+
+
+def mark_rows(setting: StandardSetting, standard: Standard) -> list[MarkRow]:
+    """Return a row for each method by which a mark was looked for."""
+    rows = []
+    for method, found in standard.marks.items():
+        name = method_name(setting, standard, method)
+        if isinstance(found, NotEstimable):
+            rows.append(MarkRow(name, [], found.reason))
+            continue
+        cells = [mark_text(standard, found.mark)]
+        for rate in (found.false_passes, found.false_fails):
+            cells += [observed_text(rate), theory_text(rate)]
+        rows.append(MarkRow(name, cells, ""))
+    return rows
 
 
 def write_pass_marks(path: Path, setting: StandardSetting) -> None:

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cutenv._base.atomic_file import atomic_write
 from cutenv.measurement import QualityIssue
 from cutenv.report.cut_figure import thinned
-from cutenv.report.figure import label, new_figure
+from cutenv.report.figure import new_figure, write_figure
 from cutenv.trace import Trace
 
 if TYPE_CHECKING:
@@ -24,22 +24,12 @@ _CROWDED = 8  # number of cuts beyond which there is room for their numbers only
 _NARROWEST = 0.004  # share of the record at which even a flaw of two readings is drawn
 
 
-def draw_record(
-    path: Path,
-    record: Trace,
-    *,
-    tared: Trace | None = None,
-    quiet: slice | None = None,
-    cuts: Sequence[slice] = (),
-    flaws: Sequence[Sequence[QualityIssue]] = (),
-    title: str = "",
-) -> None:
-    """Write a picture of a whole record with the cuts and the flaws that were found in it.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RecordPicture:
+    """Whole record with the cuts and the flaws that were found in it.
 
-    Parameters
+    Attributes
     ----------
-    path : Path
-        Path of the picture; its suffix gives the format (.png).
     record : Trace
         Record, unchanged.
     tared : Trace, optional
@@ -48,43 +38,51 @@ def draw_record(
         Instants of the record from which the offset was computed.
     cuts : sequence of slice
         Instants of each cut, in order of time.
-    flaws : sequence of sequences of Flaw
+    flaws : sequence of sequences of QualityIssue
         Flaws of each cut, or of the whole record if there is no cut; their rows are counted from the start of the cut.
-    title : str
-        Text above the picture.
 
     Raises
     ------
     ValueError
         If there are not as many lists of flaws as cuts, or `tared` is another record.
+    """
+
+    record: Trace
+    tared: Trace | None = None
+    quiet: slice | None = None
+    cuts: Sequence[slice] = ()
+    flaws: Sequence[Sequence[QualityIssue]] = ()
+
+    def __post_init__(self) -> None:
+        parts, whole = len(self.cuts) or 1, len(self.record)
+        if self.flaws and len(self.flaws) != parts:
+            raise ValueError(f"flaws of {len(self.flaws)} cuts do not fit {parts}. Give the flaws of each, or none.")
+        if self.tared is not None and len(self.tared) != whole:
+            raise ValueError(
+                f"the tared record has {len(self.tared)} instants and the record {whole}: not the same one."
+            )
+
+
+def draw_record(path: Path, picture: RecordPicture, title: str = "") -> None:
+    """Write a picture of a whole record, in the format of the path's suffix (.png), with a title above it.
+
+    Raises
+    ------
     ImportError
         If matplotlib is not installed; the message gives the command that installs it.
     """
-    figure = record_figure(record, tared=tared, quiet=quiet, cuts=cuts, flaws=flaws, title=title)
-    with atomic_write(path) as part:
-        figure.savefig(part, dpi=130)
+    write_figure(path, record_figure(picture), title)
 
 
-def record_figure(
-    record: Trace,
-    *,
-    tared: Trace | None = None,
-    quiet: slice | None = None,
-    cuts: Sequence[slice] = (),
-    flaws: Sequence[Sequence[QualityIssue]] = (),
-    title: str = "",
-) -> Figure:
+def record_figure(picture: RecordPicture) -> Figure:
     """Draw the figure of :func:`draw_record`: force over time, and position below it if known."""
+    record, quiet, cuts, flaws = picture.record, picture.quiet, picture.cuts, picture.flaws
     parts = list(cuts) or [slice(0, len(record))]
-    if flaws and len(flaws) != len(parts):
-        raise ValueError(f"flaws of {len(flaws)} cuts do not fit {len(parts)}. Give the flaws of each, or none.")
-    if tared is not None and len(tared) != len(record):
-        raise ValueError(f"the tared record has {len(tared)} instants and the record {len(record)}: not the same one.")
     with_position = record.position is not None
     figure = new_figure(_WIDTH, 5.6 if with_position else 4.0)
     rows = figure.subplots(2, 1, sharex=True, height_ratios=(2.4, 1.0)) if with_position else [figure.subplots()]
     force = rows[0]
-    _draw_force(force, record, tared)
+    _draw_force(force, record, picture.tared)
     if quiet is not None:
         time, zero = record.time[quiet], float(record.force[quiet].mean())
         force.plot([time[0], time[-1]], [zero, zero], color=_QUIET, linewidth=4.0, alpha=0.7, label="taken for zero")
@@ -102,8 +100,6 @@ def record_figure(
     margin = 0.01 * record.duration
     rows[-1].set_xlim(record.time[0] - margin, record.time[-1] + margin)
     _legend(force)
-    if title:
-        figure.suptitle(label(title), fontsize=11)
     return figure
 
 

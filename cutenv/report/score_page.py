@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cutenv._base.atomic_file import atomic_write
 from cutenv._base.unit_table import shown_unit
-from cutenv.report.page import number, write_page, write_text
+from cutenv.report.page import number, write_page, write_table, write_text
 from cutenv.report.score_figure import score_figure, summary_figure
 from cutenv.scoring import DEPTH_METRICS, METRICS, PATH_METRICS, ScoreCard
 from cutenv.scoring.score_card import DISCLAIMER
@@ -106,19 +104,18 @@ def write_summary(folder: Path, records: Sequence[tuple[ScoredRecord, str]]) -> 
     valued = {name for r, _ in records for name, scored in r.card.metrics.items() if scored.value is not None}
     columns = [name for name in (*METRICS, *DEPTH_METRICS, *PATH_METRICS) if name in valued]
     data = folder / "scores.csv"
-    with atomic_write(data) as part, part.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        units = [_column(name, records[0][0].card) for name in columns]
-        writer.writerow(["name", "overall_score", "outcome", "tip_source", *units, "faults"])
-        for record, _ in records:
-            card = record.card
-            values = [card.metrics[name].value if name in card.metrics else None for name in columns]
-            overall = "" if card.overall_score is None else f"{card.overall_score:.1f}"
-            cells = ["" if value is None else f"{value:.6g}" for value in values]
-            faults = "; ".join(fault.says for fault in card.faults)
-            writer.writerow([card.name, overall, card.outcome, card.tip_source, *cells, faults])
-    target = folder / "summary.html"
     cards = [record.card for record, _ in records]
+    rows = [
+        ["name", "overall_score", "outcome", "tip_source", *(_column(name, cards[0]) for name in columns), "faults"]
+    ]
+    for card in cards:
+        values = [card.metrics[name].value if name in card.metrics else None for name in columns]
+        overall = "" if card.overall_score is None else f"{card.overall_score:.1f}"
+        cells = ["" if value is None else f"{value:.6g}" for value in values]
+        faults = "; ".join(fault.says for fault in card.faults)
+        rows.append([card.name, overall, card.outcome, card.tip_source, *cells, faults])
+    write_table(data, rows)
+    target = folder / "summary.html"
     scores = [card.overall_score for card in cards if card.overall_score is not None]
     known = [card.outcome for card in cards if card.outcome]
     successes = sum(outcome.startswith("success") for outcome in known)

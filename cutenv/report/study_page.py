@@ -8,19 +8,18 @@ from pathlib import Path
 
 import numpy as np
 
-from cutenv.report.crossover_table import crossover_rows
 from cutenv.report.page import spoken, write_page
 from cutenv.report.study_figures import groups_figure, learning_figure, reliability_figure
 from cutenv.report.study_table import (
     amount,
     correlation_text,
     count,
-    cuts_needed,
+    crossover_rows,
     digits_of,
     in_print,
-    interval_text,
     shared_reason,
     spread,
+    statistic_cells,
     write_cards,
 )
 from cutenv.scoring import METRICS
@@ -93,9 +92,7 @@ def write_study(
         changes=_changes,
         means_and_spread=partial(_means_and_spread, study, groups if study.groups else []),
         people=partial(_people, study),
-        reliability=_reliability,
-        retest=lambda found: [correlation_text(found.agreement), correlation_text(found.consistency)],
-        separation=_separation,
+        statistic_cells=statistic_cells,
         unit=lambda found: in_print(found)[1],
         groups_figure=groups_figure,
         learning_figure=learning_figure,
@@ -162,15 +159,6 @@ def _means_and_spread(study: Study, groups: Sequence[str], found: Findings) -> l
         within,
         str(sum(len(values) for values in found.series.values())),
     ]
-
-
-def _separation(found: Findings) -> list[str]:
-    assert isinstance(found.separation, Separation)
-    return [interval_text(each) for each in (found.separation.superiority, found.separation.difference)]
-
-
-def _reliability(told: OneWay) -> list[str]:
-    return [correlation_text(told.single), correlation_text(told.mean), cuts_needed(told)]
 
 
 def _people(study: Study, found: Findings) -> list[tuple[str, list[str]]]:

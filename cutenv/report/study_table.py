@@ -1,20 +1,21 @@
-"""Study's numbers as text, and its cards as a file."""
+"""Study's numbers and its crossover as text, and its cards as a file."""
 
 from __future__ import annotations
 
-import csv
 import math
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-from cutenv._base.atomic_file import atomic_write
-from cutenv._base.unit_table import shown_unit
-from cutenv.report.page import estimate_text, number, significant, spoken
+from cutenv._base.unit_table import Unit, shown_unit
+from cutenv.report.page import estimate_text, number, significant, spoken, write_table
+from cutenv.scoring import METRICS
 from cutenv.scoring.score_card import DISCLAIMER
 from cutenv.scoring.study import (
+    Crossover,
     Estimate,
     Findings,
     Intraclass,
@@ -23,6 +24,7 @@ from cutenv.scoring.study import (
     Separation,
     Standard,
     Study,
+    crossovers,
     numbered,
 )
 
@@ -49,13 +51,8 @@ def table_lines(study: Study) -> list[str]:
         f"{'ICC of one cut':21s} {'ICC of the mean':21s} {'cuts for 0.8':>12s}",
     ]
     for found in study.findings:
-        reliability = found.reliability
-        told = (
-            reliability.reason * (not unknown)
-            if isinstance(reliability, NotEstimable)
-            else f"{correlation_text(reliability.single):21s} {correlation_text(reliability.mean):21s} "
-            f"{cuts_needed(reliability):>12s}"
-        )
+        *correlations, cuts = statistic_cells(found.reliability)
+        told = f"{aligned(correlations, (21, 21))} {cuts:>12s}" if correlations else cuts * (not unknown)
         mean, between, within = spread(found)
         name = f"{spoken(found.metric):24s} {in_print(found)[1]:6s}"
         lines.append(f"{name} {mean:>9s} {between:>11s} {within:>10s}  {told}".rstrip())
@@ -67,15 +64,86 @@ def table_lines(study: Study) -> list[str]:
         if nothing := shared_reason([found.separation for found in study.findings]):
             lines[-1] = f"no difference of {first} and {second}: {nothing}"
         for found in study.findings * (not nothing):
-            lines.append(f"{spoken(found.metric):24s} {_both(found.separation, 'superiority', 'difference')}")
+            lines.append(f"{spoken(found.metric):24s} {aligned(statistic_cells(found.separation))}")
     if len(study.sessions) > 1:
         words.append(_WORDS[2])
         lines += ["", f"{'metric':24s} {'sessions, agreement':21s} sessions, consistency"]
         for found in study.findings:
-            lines.append(f"{spoken(found.metric):24s} {_both(found.retest, 'agreement', 'consistency')}")
+            lines.append(f"{spoken(found.metric):24s} {aligned(statistic_cells(found.retest))}")
     lines += ["", *(line for text in words for line in textwrap.wrap(text, 110, subsequent_indent="  "))]
     notes = [f"no reliability: {unknown.removeprefix('series: ')}"] * bool(unknown)
     return [*lines, "", *(f"note: {note}" for note in (*notes, *study.notes, DISCLAIMER))]
+
+
+class CrossoverRow(NamedTuple):
+    """Metric with its unit, its three estimates as text, and whether the difference excludes 0."""
+
+    name: str
+    cells: list[str]
+    apart: bool
+
+
+class CrossoverRows(NamedTuple):
+    """Rows of a crossover, the two conditions, and a sentence on the orders."""
+
+    rows: list[CrossoverRow]
+    conditions: tuple[str, str]
+    orders: str
+
+
+def crossover_rows(study: Study) -> CrossoverRows | None:
+    """Return the crossover of a study as text; None if no cut has a condition, or they are not two."""
+    found = crossovers(study)
+    conditions = tuple(sorted({cut.condition for cut in study.cuts if cut.condition}))
+    if len(conditions) != 2:
+        return None
+    first, second = conditions
+    orders = ""
+    rows = []
+    for metric, each in found.items():
+        unit = shown_unit(study.cuts[0].card.unit(metric)) if metric in METRICS else Unit("1", "1")
+        sign = unit.sign.replace("s2", "s²")
+        name = spoken(metric) + (f" [{sign}]" if sign != "1" else "")
+        if isinstance(each, NotEstimable):
+            rows.append(CrossoverRow(name, [each.reason, "", ""], False))
+            continue
+        orders = _orders_of(each)
+        cells = [_in_unit(estimate, unit) for estimate in (each.difference, each.order, each.carry_over)]
+        rows.append(CrossoverRow(name, cells, _excludes_zero(each.difference)))
+    return CrossoverRows(rows, (first, second), orders)
+
+
+def crossover_lines(study: Study) -> list[str]:
+    """Return the crossover of a study as aligned text; [] if it has none."""
+    crossed = crossover_rows(study)
+    if crossed is None:
+        return []
+    first, second = crossed.conditions
+    head = f"{'metric':28s} {f'{first} minus {second}':26s} {'second half minus first':26s} orders apart"
+    lines = [aligned([row.name, *row.cells], (28, 26, 26, 26)).rstrip() for row in crossed.rows]
+    said = f"Feedback {first} against {second}, within people. {crossed.orders}".rstrip()
+    return ["", said, head, *lines]
+
+
+def _orders_of(each: Crossover) -> str:
+    first, second = each.conditions
+    began = f"{each.people[0]} began with {first}, {each.people[1]} with {second}"
+    if each.order is None:
+        return f"{began}: the difference holds what they learned meanwhile and the other specimens."
+    return f"{began}."
+
+
+def _in_unit(estimate: Estimate | None, unit: Unit) -> str:
+    if estimate is None:
+        return "not known"
+    if estimate.low is None or estimate.high is None:
+        return number(unit.from_si(estimate.value), 2)
+    low, high = (unit.from_si(end) for end in (estimate.low, estimate.high))
+    return estimate_text(unit.from_si(estimate.value), low, high, 2)
+
+
+def _excludes_zero(estimate: Estimate) -> bool:
+    return estimate.low is not None and estimate.high is not None and not estimate.low <= 0.0 <= estimate.high
 
 
 def shared_reason(found: Sequence[object]) -> str:
@@ -94,16 +162,13 @@ def write_cards(path: Path, study: Study) -> None:
     names = list(study.cuts[0].card.metrics)
     units = {name: study.cuts[0].card.unit(name) for name in names}
     heads = [name if unit == "1" else f"{name}_{_suffix(unit)}" for name, unit in units.items()]
-    with atomic_write(path) as part, part.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["record", study.who, "group", "session", "number", "force_unit", "tip_source", *heads])
-        for place, cut in numbered(study.cuts):
-            card = cut.card
-            values = [card.metrics[name].value for name in names]
-            writer.writerow(
-                [card.name, cut.operator, cut.group, cut.session, place, card.force_unit, card.tip_source]
-                + ["" if value is None else f"{value:.6g}" for value in values]
-            )
+    rows: list[list[object]] = [["record", study.who, "group", "session", "number", "force_unit", "tip_source", *heads]]
+    for place, cut in numbered(study.cuts):
+        card = cut.card
+        values = [card.metrics[name].value for name in names]
+        head = [card.name, cut.operator, cut.group, cut.session, place, card.force_unit, card.tip_source]
+        rows.append([*head, *("" if value is None else f"{value:.6g}" for value in values)])
+    write_table(path, rows)
 
 
 def _suffix(unit: str) -> str:
@@ -149,12 +214,24 @@ def cuts_needed(told: OneWay) -> str:
     return f"more than {_LONGEST}" if cuts > _LONGEST else str(max(1, math.ceil(cuts)))
 
 
-def _both(told: Separation | Intraclass | NotEstimable, first: str, second: str) -> str:
-    """Return two estimates beside each other, or the reason why there are none."""
-    if isinstance(told, NotEstimable):
-        return told.reason
-    shown = correlation_text if isinstance(told, Intraclass) else interval_text
-    return f"{shown(getattr(told, first)):21s} {shown(getattr(told, second))}"
+def statistic_cells(found: OneWay | Separation | Intraclass | NotEstimable) -> list[str]:
+    """Return the estimates of a statistic as text, or the reason why there are none.
+
+    Of reliability the correlation of one cut, of the mean, and the cuts needed for 0.8; of a separation superiority and
+    difference; of sessions agreement and consistency.
+    """
+    if isinstance(found, NotEstimable):
+        return [found.reason]
+    if isinstance(found, Separation):
+        return [interval_text(found.superiority), interval_text(found.difference)]
+    if isinstance(found, Intraclass):
+        return [correlation_text(found.agreement), correlation_text(found.consistency)]
+    return [correlation_text(found.single), correlation_text(found.mean), cuts_needed(found)]
+
+
+def aligned(cells: Sequence[str], widths: Sequence[int] = (21, 0)) -> str:
+    """Return cells as columns of these widths, for the terminal."""
+    return " ".join(f"{cell:{width}s}" for cell, width in zip(cells, widths, strict=False))
 
 
 def correlation(value: float) -> str:

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cutenv._base.atomic_file import atomic_write
 from cutenv.report.figure import PHONE_WIDTH, label, new_figure, plain_axes
-from cutenv.report.page import number, write_page
+from cutenv.report.page import number, write_page, write_table
 from cutenv.scoring.score_card import DISCLAIMER, ScoreCard, whole_score
 from cutenv.scoring.study import Proficiency, StudiedCut, Study, proficiency
 from cutenv.scoring.study.pass_mark import IN_A_ROW
@@ -92,10 +90,7 @@ def write_class_list(
     """
     rows = [_row(study, operator, mark) for operator in study.operators]
     page, table = folder / "class.html", folder / "class.csv"
-    with atomic_write(table) as part, part.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+    write_table(table, [list(rows[0]), *(list(row.values()) for row in rows)])
     scores = [cut.card.overall_score for cut in study.cuts if cut.card.overall_score is not None]
     mean = f", mean score {number(float(np.mean(scores)), 0)}" if scores else ""
     passing = "" if mark is None else f" Pass mark: {mark:g}, and {IN_A_ROW} passes in a row are proficiency."

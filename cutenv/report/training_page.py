@@ -7,8 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from cutenv.report.cut_figure import cut_figure
-from cutenv.report.floor_figure import floor_figure, mean_depth_error_mm
+from cutenv.report.cut_figure import cut_figure, floor_figure, mean_depth_error_mm
 from cutenv.report.glossary import FURTHER_MEANINGS, LIMITS, MEANINGS, TERM_MEANINGS
 from cutenv.report.page import estimate_text, number, write_page
 from cutenv.report.training_figures import costs_figure, curve_figure, returns_figure

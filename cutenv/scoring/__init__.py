@@ -1,10 +1,8 @@
 """One score for people, scripts, agents and rigs, from what a rig can measure."""
 
-from cutenv.scoring import depth_metrics, force, motion, outcome, path_metrics  # noqa: F401  they enter their metrics
-from cutenv.scoring.depth_map import DepthMap
+from cutenv.scoring import force, map_metrics, motion, outcome  # noqa: F401  they enter their metrics
+from cutenv.scoring.cut_map import DepthMap, PathMap
 from cutenv.scoring.metric import DEPTH_METRICS, INVARIANCES, METRICS, PATH_METRICS, Metric
-from cutenv.scoring.metric_weights import ForceOnlyWeights
-from cutenv.scoring.path_map import PathMap
 from cutenv.scoring.points import ScorePoints
 from cutenv.scoring.reference import ReferenceSet
 from cutenv.scoring.score_card import ScoreCard, Scored, score
@@ -19,7 +17,6 @@ __all__ = [
     "METRICS",
     "PATH_METRICS",
     "DepthMap",
-    "ForceOnlyWeights",
     "Metric",
     "PathMap",
     "ReferenceSet",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
@@ -70,6 +70,18 @@ DEPTH_METRICS: dict[str, Metric] = {}
 """Metrics that a record with height, or a wanted depth, adds; in the order of the score card."""
 PATH_METRICS: dict[str, Metric] = {}
 """Metrics that a line to cut along adds; in the order of the score card."""
+FORCE_WEIGHTS: Mapping[str, float] = {
+    "force_rate": 0.30,
+    "force_jerk": 0.20,
+    "force_drops": 0.20,  # tissue that tears lets go of the blade
+    "mean_force_drop": 0.15,
+    "force_variation": 0.15,
+}
+"""Weights of the leading metrics' percentiles for a record without tip or target; they sum to 1.
+
+They are a choice that follows research on force-based assessment: steadiness of the force leads, the peak force is only
+a safety limit, and smoothness of the motion is reported but not scored.
+"""
 
 
 def metric(

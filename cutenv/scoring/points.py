@@ -7,8 +7,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from cutenv.scoring.depth_metrics import depth_in_words
-from cutenv.scoring.path_metrics import path_in_words
 from cutenv.scoring.scored_cut import ScoredCut
 from cutenv.task_quantities import (
     ANGLE_TOLERANCE,
@@ -136,15 +134,12 @@ def task_points(cut: ScoredCut, metrics: Mapping[str, float]) -> tuple[ScorePoin
         ScorePoints(part=name, points=most * counts * _share(quality), most=most, reason=why + less)
         for name, most, quality, why in qualities
     )
-    if cut.line is None and cut.wanted is None:
+    found = cut.judged_map
+    if found is None:
         return gentle
-    if cut.line is not None:
-        part, cost, words = "path", cut.path_map.cost(length), path_in_words(cut)
-    else:
-        part, cost, words = "depth", cut.depth_map.cost(length), depth_in_words(cut)
     share = 1.0 - MAP_POINTS / 100.0
-    of_map = MAP_POINTS * counts * _share(1.0 - cost / MAP_COST)
-    added = ScorePoints(part=part, points=of_map, most=MAP_POINTS, reason=f"{words}{less}")
+    of_map = MAP_POINTS * counts * _share(1.0 - found.cost(length) / MAP_COST)
+    added = ScorePoints(part=found.part, points=of_map, most=MAP_POINTS, reason=f"{found.words(length)}{less}")
     gentle = tuple(dataclasses.replace(each, points=share * each.points, most=share * each.most) for each in gentle)
     return *gentle, added
 
@@ -168,9 +163,8 @@ def is_success(cut: ScoredCut) -> bool:
 
 def _map_missed(cut: ScoredCut) -> str:
     """Return what depth or path lack for a success, in words; "" for nothing, or where none is wanted."""
-    if cut.line is not None:
-        return cut.path_map.shortcoming(cut.length)
-    return "" if cut.wanted is None else cut.depth_map.shortcoming(cut.length)
+    found = cut.judged_map
+    return "" if found is None else found.shortcoming(cut.length)
 
 
 def _missed(cut: ScoredCut) -> str:
@@ -194,7 +188,9 @@ def outcome_of(cut: ScoredCut, metrics: Mapping[str, float]) -> str:
     if fault := beyond_limit(cut, metrics):
         return fault
     if is_success(cut):
-        return ", ".join(filter(None, ("success", place, depth_in_words(cut), path_in_words(cut))))
+        depth = () if cut.wanted is None else (cut.depth_map.words(cut.length),)
+        path = () if cut.line is None else (cut.path_map.words(cut.length),)
+        return ", ".join(("success", place, *depth, *path))
     return place if abs(off) > 1e3 * TIP_TOLERANCE else f"{place}, but {_success(cut, success=False)}"
 
 

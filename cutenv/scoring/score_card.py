@@ -7,15 +7,14 @@ import dataclasses
 import html
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import TypeVar
 
 from cutenv.measurement import DepthProfile
 from cutenv.measurement.depth import LAYER_DEPTH_KEY, WANTED_DEPTH_KEY, wanted_depth
-from cutenv.scoring.depth_map import DepthMap
-from cutenv.scoring.metric import DEPTH_METRICS, METRICS, PATH_METRICS, Metric, metric_named
-from cutenv.scoring.metric_weights import ForceOnlyWeights, weights_by_metric
-from cutenv.scoring.path_map import LINE_KEY, PathMap
+from cutenv.scoring.cut_map import LINE_KEY, DepthMap, PathMap
+from cutenv.scoring.metric import DEPTH_METRICS, FORCE_WEIGHTS, METRICS, PATH_METRICS, Metric, metric_named
 from cutenv.scoring.points import ScorePoints, outcome_of, task_points
 from cutenv.scoring.reference import ReferenceSet
 from cutenv.scoring.score_notes import doubted_depth, score_notes
@@ -27,6 +26,8 @@ from cutenv.tissue import TissueDescription, measured_liver
 from cutenv.tissue.lines import CutLine, through
 from cutenv.tissue.path_model import along_line
 from cutenv.trace import Trace
+
+T = TypeVar("T")
 
 SCORE_SCHEMA = "cutenv-score/2"
 _ROUNDED_OFF = 1e-9  # rounding residue of a computed zero
@@ -211,7 +212,6 @@ def score(
     target_length: float | None = None,
     truth: Truth | None = None,
     reference: ReferenceSet | None = None,
-    weights: ForceOnlyWeights | None = None,
     tissue: TissueDescription | None = None,
     name: str | None = None,
     wanted: DepthProfile | None = None,
@@ -230,8 +230,6 @@ def score(
         Hidden state from a simulator; without it the tip is estimated, and a note on the card states it.
     reference : ReferenceSet, optional
         Set within which percentiles are computed. A record without tip or target has no overall score without one.
-    weights : ForceOnlyWeights, optional
-        Weights of the overall score of a record without tip or target.
     tissue : TissueDescription, optional
         Tissue with which the tip is estimated; default pig liver.
     name : str, optional
@@ -282,7 +280,7 @@ def score(
         metrics |= {each.name: _scored(each, cut, None) for each in DEPTH_METRICS.values()}
     if cut.line is not None:
         metrics |= {each.name: _scored(each, cut, None) for each in PATH_METRICS.values()}
-    points, outcome, no_score = _overall(cut, metrics, reference, weights or ForceOnlyWeights())
+    points, outcome, no_score = _overall(cut, metrics, reference)
     faults = () if cut.twofold else tuple(technique_faults(cut))
     return ScoreCard(
         name=name or str(trace.metadata.get("name", "cut")),
@@ -296,24 +294,14 @@ def score(
         reference="" if reference is None else f"{reference.name} ({len(reference)} cuts: {reference.about})",
         faults=faults,
         notes=(*score_notes(cut, points, outcome), *doubted_depth(cut)),
-        depth_map=_depth_map(cut),
-        path_map=_path_map(cut),
+        depth_map=_available(lambda: cut.depth_map) if cut.tells_depth and not cut.twofold else None,
+        path_map=_available(lambda: cut.path_map) if cut.line is not None and not cut.twofold else None,
     )
 
 
-def _depth_map(cut: ScoredCut) -> DepthMap | None:
-    if not cut.tells_depth or cut.twofold:
-        return None
+def _available(compute: Callable[[], T]) -> T | None:
     with contextlib.suppress(Unavailable):
-        return cut.depth_map
-    return None
-
-
-def _path_map(cut: ScoredCut) -> PathMap | None:
-    if cut.line is None or cut.twofold:
-        return None
-    with contextlib.suppress(Unavailable):
-        return cut.path_map
+        return compute()
     return None
 
 
@@ -345,7 +333,7 @@ def positions_along(line: CutLine, trace: Trace) -> Trace:
 
 
 def _overall(
-    cut: ScoredCut, metrics: Mapping[str, Scored], reference: ReferenceSet | None, weights: ForceOnlyWeights
+    cut: ScoredCut, metrics: Mapping[str, Scored], reference: ReferenceSet | None
 ) -> tuple[tuple[ScorePoints, ...], str, str]:
     """Return the points, the outcome if tip and target are known, and the reason if there is no overall score."""
     doubt = cut.twofold or cut.spoiled or cut.unfinished
@@ -359,7 +347,7 @@ def _overall(
     if reference.force_unit != cut.trace.force_unit:
         units = f"{reference.force_unit!r}, this record's in {cut.trace.force_unit!r}"
         return (), "", f"the force of {reference.name} is in unit {units}"
-    ranked = {name: w for name, w in weights_by_metric(weights).items() if metrics[name].percentile is not None and w}
+    ranked = {name: w for name, w in FORCE_WEIGHTS.items() if metrics[name].percentile is not None}
     total = sum(ranked.values())
     if total < FEWEST_WEIGHT:
         return (), "", f"leading metrics of {total:.0%} of the weight are known, and {FEWEST_WEIGHT:.0%} are needed"

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cutenv.measurement.depth import depth_sd
-from cutenv.scoring.metric_weights import ForceOnlyWeights, weights_by_metric
+from cutenv.scoring.metric import FORCE_WEIGHTS
 from cutenv.scoring.points import ScorePoints
 from cutenv.scoring.scored_cut import ScoredCut
 from cutenv.scoring.truth import ASIDE_AT_END, FLOOR_AT_END
@@ -49,7 +49,7 @@ def score_notes(cut: ScoredCut, points: Sequence[ScorePoints], outcome: str) -> 
     if not points:
         notes.append("metrics, and no claim of skill")
     counted = {each.part for each in points}
-    left = [] if outcome or not points else sorted(set(weights_by_metric(ForceOnlyWeights())) - counted)
+    left = [] if outcome or not points else sorted(set(FORCE_WEIGHTS) - counted)
     if left:
         notes.append(f"not counted, without a value or a reference: {', '.join(left)}")
     sd = depth_sd(cut.trace)

@@ -13,10 +13,9 @@ from cutenv._base.validation import in_range
 from cutenv.measurement import DepthProfile, QualityIssue, quality_issues
 from cutenv.measurement.depth import with_blade_depth
 from cutenv.measurement.strokes import STANDSTILL_SPEED
-from cutenv.scoring.depth_map import DepthMap
+from cutenv.scoring.cut_map import CutMap, DepthMap, PathMap
 from cutenv.scoring.even_samples import even_centres, even_instants, even_means, smoothed, under_force
 from cutenv.scoring.own_modulus import modulus_of_ramps
-from cutenv.scoring.path_map import PathMap
 from cutenv.scoring.truth import ASIDE_AT_END, FLOOR_AT_END, Truth, checked_aside, checked_floor, noted_tip
 from cutenv.scoring.unavailable import Unavailable
 from cutenv.scoring.validity import force_unusable, holds_two_cuts, is_truncated
@@ -154,6 +153,13 @@ class ScoredCut:
         else:
             aside = expected_cut(self.line, x, y, self.tip[: self.end + 1], self.tissue)
         return PathMap(line=self.line, aside=aside)
+
+    @property
+    def judged_map(self) -> CutMap | None:
+        """Map by which points and success go: of the path beside a line, else of the depth beside a wanted one."""
+        if self.line is not None:
+            return self.path_map
+        return None if self.wanted is None else self.depth_map
 
     @property
     def angle(self) -> Array:

@@ -710,7 +710,7 @@ class PathEpisode(Episode):
     @property
     def noted_line(self) -> dict[str, Any]:
         """The line for the metadata of a record: places within the slab [m], by its key."""
-        from cutenv.scoring.path_map import LINE_KEY
+        from cutenv.scoring.cut_map import LINE_KEY
 
         return {LINE_KEY: np.round(places_within(self.line), 6).tolist()}
 

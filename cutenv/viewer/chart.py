@@ -11,7 +11,7 @@ from cutenv.viewer import palette
 from cutenv.viewer.canvas import Canvas, Points
 from cutenv.viewer.scene import ForceTrace, Layout, Moment
 from cutenv.viewer.scene_parts import WORDS
-from cutenv.viewer.views import draw_parts
+from cutenv.viewer.views import Sheet, draw_parts
 
 _LETTERS = 16
 _LINES = 6  # lines of the grid, about
@@ -27,7 +27,7 @@ def draw_axes(canvas: Canvas, layout: Layout, moment: Moment, trace: ForceTrace)
         y = float(layout.place("chart", np.array([0.0, newtons]), trace.range)[1])
         canvas.line(np.array([[left, y], [right, y]]), palette.RULE if newtons else palette.INK)
         canvas.text(f"{newtons}", (left - 6, y), size=_LETTERS, anchor="midright")
-    draw_parts(canvas, layout, moment.quantities(chart=trace.range), "chart", standing=True)
+    draw_parts(Sheet(canvas, layout, moment.quantities(chart=trace.range)), "chart", standing=True)
 
 
 def draw_force(canvas: Canvas, layout: Layout, trace: ForceTrace, force: Points) -> None:
@@ -41,4 +41,4 @@ def draw_present(
 ) -> None:
     """Draw the target, and the present force if it is shown."""
     shown = ("force",) if force_shown else ()
-    draw_parts(canvas, layout, moment.quantities(chart=trace.range), "chart", shown)
+    draw_parts(Sheet(canvas, layout, moment.quantities(chart=trace.range), shown), "chart")

@@ -80,16 +80,16 @@ class CutViewer:
 
         canvas, layout = self._canvas, self.layout
         canvas.paste(self._standing)
-        quantities = moment.quantities()
+        sheet = views.Sheet(canvas, layout, moment.quantities(), (*_SHOWN, *moment.conditions))
+        above = None
         if moment.shown_path is None:
-            views.draw_from_above(canvas, layout, quantities, self._slab, _SHOWN, palette.STEEL)
+            views.draw_from_above(sheet, self._slab)
         else:
-            plan_view.draw_plan(canvas, layout, moment.shown_path, self._slab.model.width, self._slab.model.length)
+            plan_view.draw_plan(sheet, moment.shown_path, self._slab)
+            above = plan_view.TITLE
         box = layout.blade_end - _SIDE_HEIGHT, layout.column - 20
-        shown = (*_SHOWN, *moment.conditions)
-        views.draw_from_the_side(canvas, layout, quantities, shown, palette.STEEL, box=box)
-        above = None if moment.shown_path is None else plan_view.TITLE
-        views.draw_titles(canvas, layout, quantities, self._slab.model.width, box[0] - 11, above=above)
+        views.draw_from_the_side(sheet, box)
+        views.draw_titles(sheet, self._slab.model.width, box[0] - 11, above=above)
         chart.draw_present(canvas, layout, moment, self._trace)
         readout.draw_header(canvas, layout, moment)
         readout.draw_numbers(canvas, layout, moment)
@@ -104,7 +104,7 @@ class CutViewer:
         canvas = Canvas(layout.width, layout.height, palette.PAPER)
         views.draw_clamp(canvas, layout, model.width)
         shown = (*moment.conditions, "layer") if moment.conditions else ()
-        views.draw_parts(canvas, layout, moment.quantities(), "side", shown, standing=True)
+        views.draw_parts(views.Sheet(canvas, layout, moment.quantities(), shown), "side", standing=True)
         views.draw_ruler(canvas, layout, model.length)
         chart.draw_axes(canvas, layout, moment, self._trace)
         readout.draw_legend(canvas, layout)

@@ -9,10 +9,10 @@ from cutenv.task.episode import ShownPath
 from cutenv.task_quantities import TIP_TOLERANCE
 from cutenv.viewer import palette
 from cutenv.viewer.canvas import Canvas
-from cutenv.viewer.palette import Colour
+from cutenv.viewer.drawn_slab import Slab
 from cutenv.viewer.scene import Layout
 from cutenv.viewer.scene_parts import CHORD
-from cutenv.viewer.views import draw_tip
+from cutenv.viewer.views import Sheet, draw_tip
 
 TITLE = "from above, to scale: tissue at rest"
 GIVING_TITLE = "from above, to scale; how the tissue gives way is an illustration"
@@ -30,25 +30,22 @@ def pixels(layout: Layout, places: Array) -> Array:
 
 
 def draw_plan(
-    canvas: Canvas, layout: Layout, shown: ShownPath, width: float, length: float, *,
-    truth: bool = True, blade: Colour = palette.STEEL, hand: tuple[float, float] | None = None,
-) -> None:  # fmt: skip
+    sheet: Sheet, shown: ShownPath, slab: Slab, *, truth: bool = True, hand: tuple[float, float] | None = None
+) -> None:
     """Draw the view.
 
     Parameters
     ----------
-    canvas, layout : Canvas, Layout
+    sheet : Sheet
     shown : ShownPath
-    width, length : float
-        Of the slab [m].
+    slab : Slab
     truth : bool
         True: the tissue is at rest, and the hidden tip is marked. False: the tissue gives way to the blade, as a person
         sees it, so that the cut reaches the blade; how far around it is an illustration.
-    blade : tuple of int
-        Colour of the blade.
     hand : tuple of float, optional
         Place of the hand that leads, along and across [m].
     """
+    canvas, layout, width, length = sheet.canvas, sheet.layout, slab.model.width, slab.model.length
     corners = np.array([[0.0, 0.5], [1.0, 0.5], [1.0, -0.5], [0.0, -0.5]]) * (length, width)
     canvas.area(pixels(layout, corners), palette.TISSUE[0], palette.TISSUE_EDGE)
     if not truth:
@@ -70,7 +67,7 @@ def draw_plan(
             mark = np.array(hand) + side * (_HAND[:, :1] * ahead + _HAND[:, 1:] * left) / layout.scale
             canvas.area(pixels(layout, mark), palette.HAND, palette.INK)
     outline = shown.blade + CHORD * _OUTLINE[:, :1] * ahead + _HALF_BLADE * _OUTLINE[:, 1:] * left
-    canvas.area(pixels(layout, outline), blade, palette.INK)
+    canvas.area(pixels(layout, outline), sheet.blade, palette.INK)
     if truth:
         tip = pixels(layout, shown.tip)
         draw_tip(canvas, tip)

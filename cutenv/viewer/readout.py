@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -50,15 +51,14 @@ def draw_numbers(canvas: Canvas, layout: Layout, moment: Moment) -> None:
         ("tip (hidden)", f"{moment.tip * 1e3:.1f} mm", palette.INK),
         ("target", f"{moment.target * 1e3:.1f} mm", palette.TARGET),
     )
-    draw_rows(canvas, layout, top + 56, 27, rows, size=22)
+    draw_rows(canvas, layout, itertools.count(top + 56, 27), rows, size=22)
 
 
 def draw_rows(
-    canvas: Canvas, layout: Layout, top: float, step: float, rows: Sequence[tuple[str, str, Colour]], size: int
+    canvas: Canvas, layout: Layout, heights: Iterator[float], rows: Sequence[tuple[str, str, Colour]], size: int
 ) -> None:
-    """Draw names and values, one below the other, in the column of the numbers."""
-    for k, (name, value, colour) in enumerate(rows):
-        y = top + step * k
+    """Draw names and values at these heights [px], one below the other, in the column of the numbers."""
+    for (name, value, colour), y in zip(rows, heights, strict=False):
         canvas.text(name, (layout.column, y), size=_NORMAL, colour=palette.QUIET)
         canvas.text(value, (layout.width - _MARGIN, y), size=size, colour=colour, anchor="midright")
 
@@ -85,7 +85,7 @@ def draw_legend(canvas: Canvas, layout: Layout) -> None:
     left, top = layout.column, _LEGEND
     right, middle = left + len(palette.TISSUE), left + 0.5 * len(palette.TISSUE)
     draw_tip(canvas, np.array([middle, top]))
-    draw_band(canvas, middle - 11, middle, middle + 11, top + 15, top + 33)
+    draw_band(canvas, middle, 11, top + 15, top + 33)
     for k, colour in enumerate(palette.TISSUE):
         canvas.bar(left + k, top + 41, left + k + 1, top + 56, colour)
     canvas.line(np.array([[left, top + 72], [right, top + 72]]), palette.LIMIT, 2.0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -30,6 +30,27 @@ _CLAMP = Hatched()
 _TINT = [(role, SceneFormula(text)) for role, text in TINT]
 
 
+class Sheet(NamedTuple):
+    """Canvas with the moment to be drawn on it.
+
+    Attributes
+    ----------
+    canvas, layout : Canvas, Layout
+    quantities : dict
+        Those of the moment.
+    shown : collection of str
+        Conditions that hold: "truth", "hand", "force", "layer", and those of the moment.
+    blade : tuple of int
+        Colour of the blade.
+    """
+
+    canvas: Canvas
+    layout: Layout
+    quantities: dict[str, Any]
+    shown: Collection[str] = ()
+    blade: Colour = palette.STEEL
+
+
 def tint(force: float, quantities: Mapping[str, Any]) -> Colour:
     """Return the blade's colour at a force [N]."""
     stops = [formula(quantities) for _, formula in _TINT]
@@ -48,17 +69,18 @@ def draw_clamp(canvas: Canvas, layout: Layout, width: float) -> None:
     canvas.text("clamp", (edge - 4, bottom - 30), size=_LETTERS, colour=palette.QUIET, anchor="midright", upwards=True)
 
 
-def draw_titles(
-    canvas: Canvas, layout: Layout, quantities: Mapping[str, Any], width: float, side_top: float, *,
-    above: str | None = None,
-) -> None:  # fmt: skip
+def draw_titles(sheet: Sheet, width: float, side_top: float, *, above: str | None = None) -> None:
     """Draw what the views show, above them; the view from the side begins at ``side_top`` [px].
 
     ``above`` is the title of the view from above, where it is not the scene's.
     """
+    layout, quantities = sheet.layout, sheet.quantities
     top = float(layout.place("above", np.array([-0.5 * width, 0.0]))[1]) - 29
-    canvas.text(above or scene_label("above", quantities), (layout.clamp, top), size=_LETTERS, colour=palette.QUIET)
-    canvas.text(scene_label("side", quantities), (layout.clamp, side_top), size=_LETTERS, colour=palette.QUIET)
+    for words, height in (
+        (above or scene_label("above", quantities), top),
+        (scene_label("side", quantities), side_top),
+    ):
+        sheet.canvas.text(words, (layout.clamp, height), size=_LETTERS, colour=palette.QUIET)
 
 
 def draw_ruler(canvas: Canvas, layout: Layout, length: float) -> None:
@@ -73,91 +95,55 @@ def draw_ruler(canvas: Canvas, layout: Layout, length: float) -> None:
             canvas.text(words, (x, level + 8), size=_LETTERS, anchor="midtop")
 
 
-def draw_from_above(
-    canvas: Canvas, layout: Layout, quantities: dict[str, Any], slab: Slab, shown: Collection[str], blade: Colour
-) -> None:
-    """Draw the displaced slab, and everything upon it.
-
-    Parameters
-    ----------
-    canvas, layout : Canvas, Layout
-    quantities : dict
-        Those of the moment.
-    slab : Slab
-    shown : collection of str
-        Conditions that hold.
-    blade : tuple of int
-        Colour of the blade.
-    """
+def draw_from_above(sheet: Sheet, slab: Slab) -> None:
+    """Draw the displaced slab, and everything upon it."""
+    quantities = sheet.quantities
     displacement = slab.displacement(quantities["tip"], quantities["lag"])
-    _draw_tissue(canvas, layout, quantities["tip"], slab, displacement)
+    _draw_tissue(sheet.canvas, sheet.layout, quantities["tip"], slab, displacement)
     values = quantities | {"half_width": 0.5 * slab.model.width}
-    draw_parts(canvas, layout, values, "above", shown, blade=blade, tissue=(slab, displacement))
+    draw_parts(sheet._replace(quantities=values), "above", tissue=(slab, displacement))
 
 
-def draw_from_the_side(
-    canvas: Canvas,
-    layout: Layout,
-    quantities: dict[str, Any],
-    shown: Collection[str],
-    blade: Colour,
-    *,
-    box: tuple[float, float],
-) -> None:
+def draw_from_the_side(sheet: Sheet, box: tuple[float, float]) -> None:
     """Draw the blade at its angle, the target, and the rest; only within ``box``, its upper and its right end [px]."""
-    canvas.clip(0, box[0], box[1], layout.blade_end + 1)
-    draw_parts(canvas, layout, quantities, "side", shown, blade=blade)
-    canvas.unclip()
+    sheet.canvas.clip(0, box[0], box[1], sheet.layout.blade_end + 1)
+    draw_parts(sheet, "side")
+    sheet.canvas.unclip()
 
 
-def draw_parts(
-    canvas: Canvas,
-    layout: Layout,
-    quantities: dict[str, Any],
-    view: str,
-    shown: Collection[str] = (),
-    *,
-    standing: bool = False,
-    blade: Colour = palette.STEEL,
-    tissue: tuple[Slab, Points] | None = None,
-) -> None:
+def draw_parts(sheet: Sheet, view: str, *, standing: bool = False, tissue: tuple[Slab, Points] | None = None) -> None:
     """Draw the parts of a view; either those that stay during a cut or the others.
 
     Parameters
     ----------
-    canvas, layout : Canvas, Layout
-    quantities : dict
-        Those of the moment.
+    sheet : Sheet
     view : {"above", "side", "chart"}
-    shown : collection of str
-        Conditions that hold: "truth", "hand", "force".
     standing : bool
         True for the parts that stay.
-    blade : tuple of int
-        Colour of the blade.
     tissue : tuple, optional
         Slab and displacement of its lattice, for parts that it carries.
     """
+    canvas, layout, quantities = sheet.canvas, sheet.layout, sheet.quantities
     if view == "chart":
         canvas.clip(layout.clamp, layout.chart_top, layout.column - 4, layout.chart_bottom)
     for part in PARTS:
-        if part.view == view and part.standing is standing and (not part.shown or part.shown in shown):
+        if part.view == view and part.standing is standing and (not part.shown or part.shown in sheet.shown):
             places, own = rest_places(part, quantities)
             if part.carried and tissue is not None:
                 slab, displacement = tissue
                 places = slab.carried(displacement, quantities["tip"], own[:, 0], places)
             chart = quantities["chart_low"], quantities["chart_high"]
-            _draw_part(canvas, part, layout.place(view, places, chart), quantities, blade)
+            _draw_part(sheet, part, layout.place(view, places, chart))
     if view == "chart":
         canvas.unclip()
 
 
-def _draw_part(canvas: Canvas, part: ScenePart, points: Points, quantities: dict[str, Any], blade: Colour) -> None:
-    colours = palette.LIGHT | {"tint": blade}
+def _draw_part(sheet: Sheet, part: ScenePart, points: Points) -> None:
+    canvas, colours = sheet.canvas, palette.LIGHT | {"tint": sheet.blade}
     if part.words:
         at = float(points[0, 0]), float(points[0, 1]) - (3 if part.align == "center" else 0)
         anchor, size = _ANCHORS[part.align], _LABEL_LETTERS if part.carried else _LETTERS
-        canvas.text(scene_label(part.words, quantities), at, size=size, colour=colours[part.line], anchor=anchor)
+        canvas.text(scene_label(part.words, sheet.quantities), at, size=size, colour=colours[part.line], anchor=anchor)
         return
     for outline in points[:, None, :] + np.array(part.mark) if part.mark else [points]:
         edge = colours[part.line] if part.line else None
@@ -190,8 +176,9 @@ def draw_tip(canvas: Canvas, at: Points) -> None:
     canvas.area(at + np.array(tip.mark), palette.TIP, palette.INK)
 
 
-def draw_band(canvas: Canvas, low: float, middle: float, high: float, top: float, bottom: float) -> None:
+def draw_band(canvas: Canvas, middle: float, half: float, top: float, bottom: float) -> None:
     """Draw a line with a band around it, as in the legend."""
+    low, high = middle - half, middle + half
     band = np.array([[low, top], [high, top], [high, bottom], [low, bottom]])
     canvas.area(band, palette.TARGET, opacity=0.3)
     canvas.line(np.array([[middle, top], [middle, bottom]]), palette.TARGET, 2.0)

@@ -24,7 +24,7 @@ from cutenv.learning.benchmark_protocol import Protocol
 from cutenv.learning.checkpoint import checkpoint_of
 from cutenv.learning.evaluation import Contestant, contestant, evaluate
 from cutenv.learning.result_tables import read_rows, rows_of, write_csv
-from cutenv.learning.run_provenance import git, marked
+from cutenv.learning.run_folder import git, marked
 from cutenv.learning.seeds import VALIDATION_SEEDS
 from cutenv.learning.standing import returns_after
 from cutenv.learning.statistics import best_script, summarise

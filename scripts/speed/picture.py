@@ -9,7 +9,7 @@ import numpy as np
 
 from cutenv.play.devices import Motion, ScriptedDevice
 from cutenv.play.picture import PlayPicture
-from cutenv.play.play_session import Session
+from cutenv.play.play_session import Session, SessionPlan
 from speed.measured import Measured, Number, at_most, fastest
 
 FRAME = 1.0 / 60.0
@@ -26,7 +26,9 @@ def _environment() -> Callable[[], object]:
 
 
 def _play_window() -> Callable[[], object]:
-    played = Session(ScriptedDevice(lambda seconds: Motion(0.006 * seconds, 1.57)), countdown=0.0, practice=True)
+    played = Session(
+        ScriptedDevice(lambda seconds: Motion(0.006 * seconds, 1.57)), SessionPlan(countdown=0.0, practice=True)
+    )
     played.begin()
     for k in range(_HALFWAY):
         played.advance(k * FRAME)

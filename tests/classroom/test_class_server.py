@@ -79,60 +79,47 @@ def test_a_course_leads_from_task_to_task_and_hides_what_it_is_to_hide(tmp_path:
     room.store.close()
 
 
-def test_a_cut_along_a_wanted_depth_is_repeated_scored_and_kept(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("task", "line", "mark", "channel"),
+    [
+        ("depth", None, "target_length_mm = 60\nmark = { mean_depth_error_mm = 100 }", "height"),
+        ("path", "s", 'line = "s"\nmark = { line_area_mm2 = 1000 }', "blade_y"),
+    ],
+)
+def test_a_cut_of_another_task_is_repeated_scored_and_kept(
+    tmp_path: Path, task: str, line: str | None, mark: str, channel: str
+) -> None:
     course = tmp_path / "course.toml"
     course.write_text(
-        'name = "deep"\n[[task]]\nname = "to a depth"\ntask = "depth"\nspecimen_class = "liver"\nseeds = [5]\n'
-        "target_length_mm = 60\nmark = { mean_depth_error_mm = 100 }\n"
+        f'name = "two"\n[[task]]\nname = "one"\ntask = "{task}"\nspecimen_class = "liver"\nseeds = [5]\n{mark}\n'
     )
     room = Room(tmp_path, str(course))
     client = room.person("P01")
-    assert 'id="law-depth"' in client.get("/cut").text
+    assert f'id="law-{task}"' in client.get("/cut").text
     handed_out = client.post("/cuts").json()
-    assert (handed_out["task"], set(handed_out["records"])) == ("depth", {"cut", "episode", "descent", "depth"})
+    assert (handed_out["task"], handed_out.get("line")) == (task, line)
+    assert set(handed_out["records"]) == {"cut", "episode"}
     stylus = np.column_stack([hand(), np.linspace(0.0, 0.002, 900)])
-    made = HandDepthCut(specimen_class="liver", seed=5, target_length=0.06)
-    readings = made.follow(stylus)
-    sent = {"headers": {"X-Readings": f"{zlib.crc32(readings.tobytes()):08x}"}}
-    answer = client.post(f"/cuts/{handed_out['id']}", content=stylus.tobytes(), **sent)
-    assert answer.status_code == 200, answer.text
-    assert [each["part"] for each in answer.json()["points"]].count("depth") == 1
-    assert answer.json()["verdict"]["en"] == "Mark missed: given up."
-    (path,) = (room.lesson.folder / "P01").glob("*.csv")
-    trace = load_one(path)
-    assert trace.height is not None
-    assert trace.height.tobytes() == made.channels[0].tobytes()
-    assert {name: trace.metadata[name] for name in made.noted} == made.noted
-    other = client.post("/cuts").json()
-    flat = client.post(f"/cuts/{other['id']}", content=hand(1001).tobytes(), **sent)
-    assert flat.status_code == 422
-    assert "milliseconds of 24 bytes" in flat.json()["error"]
-    room.store.close()
-
-
-def test_a_cut_along_a_line_is_repeated_scored_and_kept(tmp_path: Path) -> None:
-    course = tmp_path / "course.toml"
-    course.write_text(
-        'name = "bends"\n[[task]]\nname = "an S"\ntask = "path"\nline = "s"\nspecimen_class = "liver"\nseeds = [5]\n'
-        "mark = { line_area_mm2 = 1000 }\n"
+    made: HandCut = (
+        HandDepthCut(specimen_class="liver", seed=5, target_length=0.06)
+        if line is None
+        else HandPathCut(specimen_class="liver", seed=5, line=line)
     )
-    room = Room(tmp_path, str(course))
-    client = room.person("P01")
-    assert 'id="law-path"' in client.get("/cut").text
-    handed_out = client.post("/cuts").json()
-    assert (handed_out["line"], set(handed_out["records"])) == ("s", {"cut", "episode", "steering", "path"})
-    stylus = np.column_stack([hand(), np.linspace(0.0, 0.002, 900)])
-    made = HandPathCut(specimen_class="liver", seed=5, line="s")
     readings = made.follow(stylus)
     sent = {"X-Readings": f"{zlib.crc32(readings.tobytes()):08x}"}
     answer = client.post(f"/cuts/{handed_out['id']}", content=stylus.tobytes(), headers=sent)
     assert answer.status_code == 200, answer.text
-    assert [each["part"] for each in answer.json()["points"]].count("path") == 1
+    assert [each["part"] for each in answer.json()["points"]].count(task) == 1
+    assert answer.json()["verdict"]["en"] == "Mark missed: given up."
     (path,) = (room.lesson.folder / "P01").glob("*.csv")
     trace = load_one(path)
-    assert trace.blade_y is not None
-    assert trace.blade_y.tobytes() == made.channels[1].tobytes()
+    kept = made.channels[made.channel_fields.index(channel)]
+    assert getattr(trace, channel).tobytes() == kept.tobytes()
     assert {name: trace.metadata[name] for name in made.noted} == made.noted
+    other = client.post("/cuts").json()
+    flat = client.post(f"/cuts/{other['id']}", content=hand(1001).tobytes(), headers=sent)
+    assert flat.status_code == 422
+    assert "milliseconds of 24 bytes" in flat.json()["error"]
     room.store.close()
 
 

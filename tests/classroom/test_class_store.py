@@ -20,7 +20,7 @@ pytest.importorskip("sqlalchemy", reason="the server is an extra: pip install 'c
 
 from cutenv.classroom import ClassStore
 from cutenv.classroom.class_backup import restore_backup, write_backup
-from cutenv.classroom.class_store import TEACHER
+from cutenv.classroom.class_store import TEACHER, CutEnd
 
 PROGRAMS = test_programs.postgresql()
 
@@ -73,7 +73,7 @@ def test_what_is_stored_comes_back(store: ClassStore) -> None:
     assert store.prepared(code) == cut
     assert (cut.seed, cut.target_length, cut.task, cut.state) == (2**31 - 1, 0.0805, "a task", "prepared")
     store.begun(cut.id, code)
-    store.finish(cut.id, "saved", record="x.csv", outcome="success", score=87.4)
+    store.finish(cut.id, CutEnd(state="saved", record="x.csv", outcome="success", score=87.4))
     (found,) = store.cuts(code)
     assert (found.state, found.record, found.outcome, found.score) == ("saved", "x.csv", "success", 87)
     with pytest.raises(LookupError, match="no cut"):
@@ -105,7 +105,7 @@ def test_two_servers_share_one_database(store: ClassStore, url: str) -> None:
         opened = (store, other)[number % 2]
         for _ in range(5):
             cut = opened.hand_out(codes[number], "liver", number)
-            opened.finish(cut.id, "saved", record=f"{cut.id}.csv")
+            opened.finish(cut.id, CutEnd(state="saved", record=f"{cut.id}.csv"))
 
     with ThreadPoolExecutor(8) as pool:
         list(pool.map(cuts, range(8)))
@@ -116,7 +116,7 @@ def test_two_servers_share_one_database(store: ClassStore, url: str) -> None:
 def test_a_backup_of_one_database_fills_another(store: ClassStore, tmp_path: Path) -> None:
     (code,) = store.add_codes(1)
     cut = store.hand_out(code, "uniform", 3)
-    store.finish(cut.id, "saved", record="a.csv")
+    store.finish(cut.id, CutEnd(state="saved", record="a.csv"))
     (tmp_path / "records" / code).mkdir(parents=True)
     (tmp_path / "records" / code / "a.csv").write_text("numbers")
     assert write_backup(store, tmp_path / "records", tmp_path / "class.zip") == 1

@@ -22,6 +22,7 @@ from starlette.testclient import TestClient
 
 from cutenv.classroom import ClassStore, Lesson
 from cutenv.classroom.class_backup import restore_backup, write_backup
+from cutenv.classroom.class_store import CutEnd
 from cutenv.classroom.foreign_upload import LARGEST_UPLOAD
 from cutenv.classroom.score_curve import class_means, score_curve
 from cutenv.play.course import named_course
@@ -58,7 +59,7 @@ def full(room: Room, people: int = 4) -> TestClient:
         code = f"P{number:02}"
         room.store.add_code(code)
         cut = room.store.hand_out(code, "liver", number)
-        room.store.finish(cut.id, "saved", record=f"{code}.csv", outcome="success", score=50 + number)
+        room.store.finish(cut.id, CutEnd(state="saved", record=f"{code}.csv", outcome="success", score=50 + number))
         (room.lesson.folder / code).mkdir()
         (room.lesson.folder / code / f"{code}.csv").write_text("a record")
     room.store.put([f"P{number:02}" for number in range(1, people + 1)], class_name="2b")
@@ -143,7 +144,7 @@ def test_where_feedback_is_never_shown_the_history_hides_it_too(room: Room, tmp_
     )
     full(room, 1)
     cut = room.store.hand_out("P01", "liver", 1, task="blind")
-    room.store.finish(cut.id, "saved", record="x.csv", outcome="success", score=77)
+    room.store.finish(cut.id, CutEnd(state="saved", record="x.csv", outcome="success", score=77))
     lesson = Lesson(room.store, room.lesson.folder, named_course(str(course)))
     assert [(each["outcome"], each["score"]) for each in lesson.history("P01")] == [("success", 51), ("", None)]
 

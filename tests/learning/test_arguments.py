@@ -13,6 +13,7 @@ from cutenv.learning.arguments import BadArguments, PPOArguments, RecurrentPPOAr
 from cutenv.learning.command_line import add_run_options, run_request
 from cutenv.learning.imitation_arguments import BCArguments, IQLArguments
 from cutenv.learning.off_policy_arguments import CrossQArguments, SACArguments, TQCArguments
+from cutenv.learning.options import declared
 
 
 def parsed(*given, kind=PPOArguments):
@@ -123,9 +124,9 @@ def test_the_least_of_every_number_is_taken():
     for kind in (PPOArguments, RecurrentPPOArguments, BCArguments, IQLArguments, TQCArguments, CrossQArguments):
         numbers = [field for field in dataclasses.fields(kind) if field.type in ("int", "float")]
         least = {
-            field.name: type(field.default)(field.metadata["allowed"][0])
+            field.name: type(field.default)(declared(kind, field.name)["allowed"][0])
             for field in numbers
-            if field.metadata["allowed"]
+            if declared(kind, field.name)["allowed"]
         }
         taken = kind(angle_mode="fixed", **least)
         assert {name: getattr(taken, name) for name in least} == least

@@ -17,7 +17,7 @@ import safetensors.torch  # noqa: E402
 
 from cutenv.learning import bc  # noqa: E402
 from cutenv.learning.arguments import BadArguments  # noqa: E402
-from cutenv.learning.command_line import add_run_options, run_request  # noqa: E402
+from cutenv.learning.command_line import RunRequest, add_run_options, run_request  # noqa: E402
 from cutenv.learning.imitation_arguments import BCArguments  # noqa: E402
 from cutenv.policy import TrainedPolicy  # noqa: E402
 
@@ -45,13 +45,13 @@ def cloned_for_two_epochs(folder: Path, monkeypatch: pytest.MonkeyPatch, seconds
     with monkeypatch.context() as patch:
         patch.setattr(bc, "save_checkpoint", interrupted)
         with pytest.raises(KeyboardInterrupt):
-            bc.train(SMALL, folder, {}, resume=False)
+            bc.train(RunRequest(SMALL, folder, False), {})
 
 
 def test_the_clock_goes_on_from_the_checkpoint_not_from_the_last_validation(tmp_path, monkeypatch):
     cloned_for_two_epochs(tmp_path, monkeypatch, seconds=500.0)
     assert not (tmp_path / "learning_curve.csv").exists()
-    bc.train(SMALL, tmp_path, {}, resume=True)
+    bc.train(RunRequest(SMALL, tmp_path, True), {})
     (last,) = points(tmp_path)
     assert last["decisions"] == 4 * 200
     assert 2 <= last["cuts"] <= 20  # 100 decisions in each of two environments; every epoch sees the same
@@ -64,7 +64,7 @@ def test_a_checkpoint_of_an_earlier_version_has_the_time_of_the_curve(tmp_path, 
     safetensors.torch.save_file(safetensors.torch.load_file(path), path, {"epoch": "2"})
     columns = "decisions,seconds,return,success,error,validation_return,validation_success"
     (tmp_path / "learning_curve.csv").write_text(f"{columns}\n200,70.0,0,0,0,0,0\n")
-    bc.train(SMALL, tmp_path, {}, resume=True)
+    bc.train(RunRequest(SMALL, tmp_path, True), {})
     assert 70.0 <= points(tmp_path)[-1]["seconds"] < 170.0
 
 

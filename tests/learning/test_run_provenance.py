@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import cutenv
-from cutenv.learning import run_provenance
+from cutenv.learning import run_folder
 
 
 @pytest.fixture
@@ -19,16 +19,14 @@ def at(monkeypatch):
     """Let git tell of a commit, with changes or without."""
 
     def set_to(commit, changes=""):
-        monkeypatch.setattr(
-            run_provenance, "git", lambda *arguments: commit if arguments[0] == "rev-parse" else changes
-        )
+        monkeypatch.setattr(run_folder, "git", lambda *arguments: commit if arguments[0] == "rev-parse" else changes)
 
     return set_to
 
 
 def recorded(run):
-    facts = run_provenance.origin(run, ["numpy"])
-    run_provenance.write_facts(run, facts)
+    facts = run_folder.origin(run, ["numpy"])
+    run_folder.write_facts(run, facts)
     return facts
 
 
@@ -39,7 +37,7 @@ def test_a_new_run_is_of_the_present_commit_and_versions(tmp_path, at):
         "commit": "a" * 40,
         "uncommitted_changes": False,
     }
-    assert run_provenance.marked(recorded(tmp_path)) == "a" * 40
+    assert run_folder.marked(recorded(tmp_path)) == "a" * 40
 
 
 def test_a_run_that_goes_on_keeps_where_it_began_and_lists_other_commits_once(tmp_path, at):
@@ -57,19 +55,19 @@ def test_a_run_that_goes_on_keeps_where_it_began_and_lists_other_commits_once(tm
 def test_versions_stay_those_of_the_beginning(tmp_path, at):
     at("a" * 40)
     facts = recorded(tmp_path)
-    run_provenance.write_facts(tmp_path, facts | {"versions": {"numpy": "0.1"}})
+    run_folder.write_facts(tmp_path, facts | {"versions": {"numpy": "0.1"}})
     assert recorded(tmp_path)["versions"] == {"numpy": "0.1"}
 
 
 def test_a_run_json_of_an_earlier_version_is_filled_up(tmp_path, at):
     (tmp_path / "run.json").write_text(json.dumps({"arguments": {}}))
     at("a" * 40)
-    assert run_provenance.marked(recorded(tmp_path)) == "a" * 40
+    assert run_folder.marked(recorded(tmp_path)) == "a" * 40
 
 
 def test_an_installed_package_is_of_no_commit_though_a_repository_may_be_around_it(tmp_path, monkeypatch):
     """A virtual environment often lies in somebody's own repository."""
-    assert run_provenance._CHECKOUT == Path(cutenv.__file__).parents[1]
+    assert run_folder._CHECKOUT == Path(cutenv.__file__).parents[1]
     for command in (
         ["git", "init", "-q"],
         ["git", "-c", "user.name=a", "-c", "user.email=a@b", "commit", "-q", "--allow-empty", "-m", "theirs"],
@@ -77,7 +75,7 @@ def test_an_installed_package_is_of_no_commit_though_a_repository_may_be_around_
         subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
     site = tmp_path / "site-packages"
     site.mkdir()
-    monkeypatch.setattr(run_provenance, "_CHECKOUT", site)
-    assert run_provenance.git("rev-parse", "HEAD") is None
+    monkeypatch.setattr(run_folder, "_CHECKOUT", site)
+    assert run_folder.git("rev-parse", "HEAD") is None
     (site / "pyproject.toml").touch()
-    assert len(run_provenance.git("rev-parse", "HEAD")) == 40
+    assert len(run_folder.git("rev-parse", "HEAD")) == 40

@@ -9,7 +9,7 @@ import pytest
 from played import TARGET
 
 from cutenv.play.devices import MouseDevice
-from cutenv.play.play_session import Session
+from cutenv.play.play_session import Session, SessionPlan
 from cutenv.play.play_window import PlayWindow
 
 
@@ -18,7 +18,9 @@ def window(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[PlayWind
     from played_window import FakeClock, pygame
 
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    played = Session(MouseDevice(), folder=tmp_path, seed=6, target_length=TARGET, countdown=0.2, handle=True)
+    played = Session(
+        MouseDevice(), SessionPlan(seed=6, target_length=TARGET, countdown=0.2), folder=tmp_path, handle=True
+    )
     window = PlayWindow(played, clock=FakeClock())
     window._window._fps = 0.0  # the clock is a fake: there is nothing to wait for
     yield window

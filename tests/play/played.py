@@ -8,7 +8,7 @@ from typing import Any
 
 from cutenv.play.devices import ScriptedDevice, simple_hand
 from cutenv.play.haptics import Stylus, VirtualCoupling
-from cutenv.play.play_session import Session
+from cutenv.play.play_session import Session, SessionPlan
 
 COUPLING = VirtualCoupling()
 TARGET = 0.07
@@ -17,8 +17,9 @@ DATE = datetime(2026, 3, 1, 14, 5, tzinfo=UTC)
 
 def session(folder: Path | None = None, **changes: Any) -> Session:
     """A session on a liver of 7 cm, with a simple hand."""
-    arguments = {"specimen_class": "liver", "seed": 6, "target_length": TARGET, "countdown": 1.0, "operator": "P07"}
-    return Session(simple_hand(TARGET), folder=folder, now=lambda: DATE, **(arguments | changes))
+    person = {"operator": "P07"} | {name: changes.pop(name) for name in ("operator", "handle") if name in changes}
+    plan = {"specimen_class": "liver", "seed": 6, "target_length": TARGET, "countdown": 1.0} | changes
+    return Session(simple_hand(TARGET), SessionPlan(**plan), folder=folder, now=lambda: DATE, **person)
 
 
 def run(played: Session, *, until: str = "ended", frame: float = 1.0 / 60.0, clock: float = 0.0) -> float:

@@ -22,7 +22,7 @@ from cutenv.play.course import (
 from cutenv.play.course_progress import GIVEN_UP, CourseProgress
 from cutenv.play.course_words import COURSE_WORDS
 from cutenv.play.devices import MouseDevice, simple_hand
-from cutenv.play.play_session import Session
+from cutenv.play.play_session import Session, SessionPlan
 from cutenv.recording import load_one
 
 GOOD = """
@@ -58,7 +58,7 @@ def course(*tasks: CourseTask) -> Course:
 
 def cut(progress: CourseProgress, folder: Path | None = None) -> Session:
     """The next cut of a course by a simple hand."""
-    played = Session(simple_hand(TARGET), folder=folder, countdown=0.0, course=progress, now=lambda: DATE)
+    played = Session(simple_hand(TARGET), SessionPlan(countdown=0.0), folder=folder, course=progress, now=lambda: DATE)
     played.begin()
     run(played)
     return played
@@ -159,7 +159,7 @@ def test_a_person_goes_on_where_the_records_say(tmp_path: Path) -> None:
 def test_a_course_may_go_on_with_cuts_along_a_line(tmp_path: Path) -> None:
     drawn = task(name="bend", task="path", line="arc", mark={"largest_line_distance_mm": 9.0}, seeds=(3,))
     progress = CourseProgress(course(drawn), "P07", tmp_path)
-    played = Session(MouseDevice(), folder=tmp_path, countdown=0.0, course=progress, now=lambda: DATE)
+    played = Session(MouseDevice(), SessionPlan(countdown=0.0), folder=tmp_path, course=progress, now=lambda: DATE)
     assert progress.ahead().endswith("Force: shown. Along the dashed line.")
     assert progress.ahead("de").endswith("Entlang der gestrichelten Linie.")
     played.device = played.cut.simple_hand()
@@ -177,7 +177,9 @@ def test_a_course_may_go_on_with_cuts_along_a_wanted_depth(tmp_path: Path) -> No
     wanted = task(name="deep", task="depth", mark={"mean_depth_error_mm": 0.9}, feedback="afterwards", seeds=(3,))
     given = course(task(), wanted)
     progress = CourseProgress(given, "P07", tmp_path)
-    played = Session(simple_hand(TARGET), folder=tmp_path, countdown=0.0, course=progress, now=lambda: DATE)
+    played = Session(
+        simple_hand(TARGET), SessionPlan(countdown=0.0), folder=tmp_path, course=progress, now=lambda: DATE
+    )
     assert played.task == "gentle"
     played.begin()
     run(played)
@@ -265,7 +267,7 @@ def test_the_window_keeps_a_hidden_force_to_itself(rule: str) -> None:
     from cutenv.play.picture import PlayPicture
 
     progress = CourseProgress(course(task(feedback=rule)), "P07")
-    played = Session(simple_hand(TARGET), countdown=0.0, course=progress)
+    played = Session(simple_hand(TARGET), SessionPlan(countdown=0.0), course=progress)
     painter = PlayPicture()
     played.begin()
     for k in range(150):
@@ -280,7 +282,7 @@ def test_the_window_keeps_a_hidden_force_to_itself(rule: str) -> None:
 
 
 def test_in_a_course_no_key_changes_what_is_cut_or_shown() -> None:
-    played = Session(simple_hand(TARGET), countdown=0.0, course=CourseProgress(course(task()), "P07"))
+    played = Session(simple_hand(TARGET), SessionPlan(countdown=0.0), course=CourseProgress(course(task()), "P07"))
     played.choose_class("vascular")
     played.show_hidden()
     played.begin()

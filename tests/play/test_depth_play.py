@@ -15,7 +15,7 @@ from cutenv.envs.depth_cut import DepthCutEnv
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.play.devices import LOWERED_BY_NOTCH, MouseDevice, simple_hand
 from cutenv.play.haptics import Stylus
-from cutenv.play.play_session import Session
+from cutenv.play.play_session import Session, SessionPlan
 from cutenv.play.played_depth_cut import PlayedDepthCut
 from cutenv.recording import load
 from cutenv.task.depth import DESCENT_SCALE
@@ -59,7 +59,9 @@ def test_a_hand_that_follows_the_dashed_depth_cuts_as_deep_as_wanted() -> None:
 
 
 def test_the_record_holds_height_and_vertical_force(tmp_path: Path) -> None:
-    session = Session(MouseDevice(), task="depth", seed=3, folder=tmp_path, target_length=0.06, countdown=0.0)
+    session = Session(
+        MouseDevice(), SessionPlan(task="depth", seed=3, target_length=0.06, countdown=0.0), folder=tmp_path
+    )
     session.device = simple_hand(0.06, level=session.cut.wanted_level)
     session.begin()
     for k in range(2000):
@@ -92,7 +94,7 @@ def test_wheel_finger_and_second_stick_lead_the_depth_and_with_shift_the_wheel_t
     pygame = pytest.importorskip("pygame")
     from cutenv.play.play_window import PlayWindow
 
-    session = Session(MouseDevice(), task="depth", seed=3, target_length=0.06, countdown=0.0)
+    session = Session(MouseDevice(), SessionPlan(task="depth", seed=3, target_length=0.06, countdown=0.0))
     window = PlayWindow(session, scripted=False)
     session.begin()
     session.advance(0.0)

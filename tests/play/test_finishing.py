@@ -7,7 +7,7 @@ import math
 import pytest
 from played import TARGET, session
 
-from cutenv.play.finishing import missing_to_finish
+from cutenv.play.finishing import NearTarget, missing_to_finish
 from cutenv.play.haptics import Stylus
 from cutenv.play.play_session import Session
 from cutenv.task.assessment import NEAR_TARGET
@@ -32,7 +32,7 @@ AT_REST = {
     ids=["resting", "inclined", "upright enough", "pulled", "drawing back", "more friction assumed than there is"],
 )  # fmt: skip
 def test_each_thing_that_is_missing_is_said(changes: dict[str, float], says: list[str]) -> None:
-    assert list(missing_to_finish(**(AT_REST | changes))) == says
+    assert list(missing_to_finish(NearTarget(**(AT_REST | changes)))) == says
 
 
 class Obedient:

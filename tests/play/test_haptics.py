@@ -14,7 +14,7 @@ from played import COUPLING, TARGET, Pushing, run
 
 from cutenv.play.devices import GamepadDevice, MouseDevice, simple_hand
 from cutenv.play.haptics import FeltForce, HapticDevice, Stylus, VirtualCoupling
-from cutenv.play.play_session import Session
+from cutenv.play.play_session import Session, SessionPlan
 from cutenv.play.servo import Servo
 
 
@@ -184,7 +184,7 @@ def test_every_device_keeps_the_protocol(device: HapticDevice) -> None:
 
 def test_a_device_that_pushes_is_pushed_every_millisecond_and_let_go_at_the_end() -> None:
     device = Pushing()
-    played = Session(device, seed=6, target_length=TARGET, countdown=0.0)
+    played = Session(device, SessionPlan(seed=6, target_length=TARGET, countdown=0.0))
     played.begin()
     run(played)
     assert len(device.forces) == len(played.cut.readings) + 1
@@ -194,7 +194,7 @@ def test_a_device_that_pushes_is_pushed_every_millisecond_and_let_go_at_the_end(
 
 def test_a_button_counts_once_when_it_goes_down() -> None:
     device = Pushing()
-    played = Session(device, seed=6, target_length=TARGET, countdown=0.5)
+    played = Session(device, SessionPlan(seed=6, target_length=TARGET, countdown=0.5))
     played.advance(0.0)
     assert played.phase == "ready"
     device.held = frozenset({"next"})
@@ -211,7 +211,7 @@ def test_a_button_counts_once_when_it_goes_down() -> None:
 
 def test_a_servo_advances_a_session_in_time_and_lets_go_when_it_stops() -> None:
     device = Pushing()
-    played = Session(device, seed=6, target_length=TARGET, countdown=0.0)
+    played = Session(device, SessionPlan(seed=6, target_length=TARGET, countdown=0.0))
     played.begin()
     servo = Servo(played)
     start = time.perf_counter()
@@ -234,7 +234,7 @@ def test_what_goes_wrong_in_the_servo_is_told_and_nothing_pushes_on() -> None:
             raise OSError("the cable is out")
 
     device = Broken()
-    played = Session(device, countdown=0.0)
+    played = Session(device, SessionPlan(countdown=0.0))
     played.begin()
     servo = Servo(played)
     deadline = time.perf_counter() + 10.0

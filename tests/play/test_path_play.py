@@ -17,11 +17,11 @@ from cutenv.play.devices import KEY_SPEED, LEAD, GamepadDevice, MouseDevice
 from cutenv.play.hand_model import turn_toward
 from cutenv.play.haptics import Stylus
 from cutenv.play.picture import LAYOUT
-from cutenv.play.play_session import Session
+from cutenv.play.play_session import Session, SessionPlan
 from cutenv.play.played_cut import PlayedCut
 from cutenv.play.played_path_cut import PlayedPathCut
 from cutenv.recording import load_one
-from cutenv.scoring.path_map import LINE_KEY
+from cutenv.scoring.cut_map import LINE_KEY
 from cutenv.task.path import TURN_SCALE
 from cutenv.tissue.grid import SPACING
 from cutenv.viewer.scene import Moment
@@ -94,8 +94,8 @@ def test_the_hand_stands_before_the_blade_where_it_points() -> None:
 
 def test_the_record_holds_places_lateral_force_and_the_line(tmp_path: Path) -> None:
     session = Session(
-        MouseDevice(), task="path", line="s", seed=3, folder=tmp_path, target_length=0.06, countdown=0.0
-    )  # fmt: skip
+        MouseDevice(), SessionPlan(task="path", line="s", seed=3, target_length=0.06, countdown=0.0), folder=tmp_path
+    )
     session.device = session.cut.simple_hand()
     session.begin()
     for k in range(2000):
@@ -157,7 +157,7 @@ def test_mouse_arrow_keys_and_stick_lead_the_hand_across_in_the_window() -> None
     pygame = pytest.importorskip("pygame")
     from cutenv.play.play_window import PlayWindow
 
-    session = Session(MouseDevice(), task="path", line="arc", seed=3, target_length=0.06, countdown=0.0)
+    session = Session(MouseDevice(), SessionPlan(task="path", line="arc", seed=3, target_length=0.06, countdown=0.0))
     window = PlayWindow(session)
     window._window._fps = 0.0
     begin(window)
@@ -202,6 +202,6 @@ def test_what_does_not_fit_a_line_is_refused(
 
 def test_a_session_refuses_a_line_without_its_task_and_a_device_that_pushes() -> None:
     with pytest.raises(ValueError, match='needs task="path"'):
-        Session(MouseDevice(), line="arc")
+        Session(MouseDevice(), SessionPlan(line="arc"))
     with pytest.raises(ValueError, match="takes no device that pushes"):
-        Session(Pushing(), task="path")
+        Session(Pushing(), SessionPlan(task="path"))

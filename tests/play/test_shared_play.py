@@ -18,7 +18,7 @@ from cutenv.learning.evaluation import contestant
 from cutenv.learning.minari_datasets import recorded_cuts
 from cutenv.play.devices import Motion, MouseDevice, ScriptedDevice
 from cutenv.play.haptics import Stylus
-from cutenv.play.play_session import Session
+from cutenv.play.play_session import Session, SessionPlan
 from cutenv.play.play_window import PlayWindow
 from cutenv.play.shared_cut import SharedCut, SharingAgent
 from cutenv.recording import load_one, save
@@ -91,8 +91,12 @@ def test_the_record_and_the_end_card_say_who_held_the_blade_and_data_sets_know_i
     device = ScriptedDevice(
         lambda time: Motion(0.004 * min(max(time - 1.0, 0.0), 1.0), UPRIGHT, held=1.0 <= time < 2.0)
     )
-    session = Session(device, task="shared", agent=agent(), seed=6, target_length=0.07, folder=tmp_path, countdown=0.0,
-                      cuts=1, now=lambda: DATE)  # fmt: skip
+    session = Session(
+        device,
+        SessionPlan(task="shared", agent=agent(), seed=6, target_length=0.07, countdown=0.0, cuts=1),
+        folder=tmp_path,
+        now=lambda: DATE,
+    )
     session.begin()
     run(session)
     record = load_one(session.records[0])
@@ -118,7 +122,9 @@ def test_the_record_and_the_end_card_say_who_held_the_blade_and_data_sets_know_i
 
 def test_a_handle_feels_the_blade_only_while_it_leads_it() -> None:
     device = Pushing()
-    session = Session(device, task="shared", agent=agent(), seed=6, target_length=0.07, countdown=0.0, cuts=1)
+    session = Session(
+        device, SessionPlan(task="shared", agent=agent(), seed=6, target_length=0.07, countdown=0.0, cuts=1)
+    )
     session.begin()
     clock = 0.0
     for k in range(240):
@@ -134,8 +140,9 @@ def test_a_handle_feels_the_blade_only_while_it_leads_it() -> None:
     assert not forces[last:].any()
 
 
-def window(**changes: Any) -> PlayWindow:
-    session = Session(MouseDevice(), task="shared", agent=agent(), seed=6, countdown=0.0, target_length=0.07, **changes)
+def window() -> PlayWindow:
+    plan = SessionPlan(task="shared", agent=agent(), seed=6, countdown=0.0, target_length=0.07)
+    session = Session(MouseDevice(), plan)
     return PlayWindow(session, clock=FakeClock())
 
 

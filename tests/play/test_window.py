@@ -15,7 +15,7 @@ from cutenv import cli
 from cutenv.play.devices import GamepadDevice, Motion, ScriptedDevice
 from cutenv.play.overlays import fault_lines
 from cutenv.play.picture import LAYOUT, PlayPicture
-from cutenv.play.play_session import GIVEN_UP, Session, ViewState
+from cutenv.play.play_session import GIVEN_UP, Session, SessionPlan, ViewState
 from cutenv.play.play_window import PlayWindow
 from cutenv.recording import load_one
 from cutenv.scoring import TechniqueFault
@@ -139,7 +139,7 @@ def test_a_device_that_pushes_is_served_beside_the_pictures_and_let_go_with_the_
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     device = Pushing()
-    played = Session(device, folder=tmp_path, seed=6, target_length=TARGET, countdown=0.0, handle=True)
+    played = Session(device, SessionPlan(seed=6, target_length=TARGET, countdown=0.0), folder=tmp_path, handle=True)
     window = PlayWindow(played)
     draw, pictures = PlayPicture.draw, []
 
@@ -258,7 +258,7 @@ def test_the_same_moment_gives_the_same_picture_whatever_was_drawn_before() -> N
 
 
 def test_a_cut_that_left_no_record_has_an_end_card_too() -> None:
-    played = Session(ScriptedDevice(lambda time: Motion(0.0, 1.57)), countdown=0.0, handle=True)
+    played = Session(ScriptedDevice(lambda time: Motion(0.0, 1.57)), SessionPlan(countdown=0.0), handle=True)
     played.begin()
     played.advance(0.0)
     played.advance(0.02)

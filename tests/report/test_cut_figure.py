@@ -12,15 +12,17 @@ pytest.importorskip("matplotlib", reason="pictures are an extra: pip install 'cu
 
 import made_up_result as made_up
 
-from cutenv.report import draw_cut
+from cutenv.report import CutPicture, draw_cut
 from cutenv.report.cut_figure import cut_figure, thinned
 
-CUT: dict[str, Any] = {"target_length": 0.078, "force_limit_per_depth": 1000.0}
-DEPTH = np.linspace(0.001, 0.02, 301)
+
+def of(readings: Any) -> CutPicture:
+    """A picture of a cut with these readings."""
+    return made_up.cut("a", readings=readings)
 
 
 def test_a_cut_is_written_as_a_picture_and_nothing_else(tmp_path: Path) -> None:
-    draw_cut(tmp_path / "cut.png", made_up.readings(), DEPTH, title="costs $5, not $\\frac$", **CUT)
+    draw_cut(tmp_path / "cut.png", of(made_up.readings()), "costs $5, not $\\frac$")
     assert [path.name for path in tmp_path.iterdir()] == ["cut.png"]
     assert (tmp_path / "cut.png").read_bytes().startswith(b"\x89PNG")
 
@@ -34,7 +36,7 @@ def test_a_failed_drawing_leaves_the_older_picture(tmp_path: Path, monkeypatch: 
 
     monkeypatch.setattr(Path, "replace", fails)
     with pytest.raises(OSError, match="no space left"):
-        draw_cut(path, made_up.readings(), DEPTH, title="newer", **CUT)
+        draw_cut(path, of(made_up.readings()), "newer")
     assert path.read_text() == "older"
 
 
@@ -45,7 +47,7 @@ def test_cuts_side_by_side_have_one_scale() -> None:
     harsh["position"] *= 1.2
 
     def scales(*cuts: Any) -> list[Any]:
-        figure = cut_figure(cuts[0], DEPTH, beside=cuts[1:], **CUT)
+        figure = cut_figure(of(cuts[0]), others=[of(each) for each in cuts[1:]])
         return [(axes.get_xlim(), axes.get_ylim()) for axes in figure.axes]
 
     assert scales(mild, harsh) == scales(harsh, mild)
@@ -56,7 +58,7 @@ def test_a_blade_that_never_moved_can_be_drawn() -> None:
     still = made_up.readings()
     for name in ("position", "speed", "tip", "jump", "force"):
         still[name] = 0.0
-    assert len(cut_figure(still, DEPTH, width=3.8, **CUT).axes) == 4
+    assert len(cut_figure(of(still), width=3.8).axes) == 4
 
 
 def check_keeps_what_is_seen(x: np.ndarray, y: np.ndarray, kept: tuple[np.ndarray, np.ndarray], points: int) -> None:

@@ -11,7 +11,7 @@ import pytest
 pytest.importorskip("matplotlib", reason="pictures are an extra: pip install 'cutenv[view]'")
 
 from cutenv.measurement import QualityIssue
-from cutenv.report import draw_record
+from cutenv.report import RecordPicture, draw_record
 from cutenv.report.record_figure import record_figure
 from cutenv.trace import Trace
 
@@ -30,13 +30,16 @@ def spans(axes: Any) -> list[tuple[float, float]]:
 
 
 def test_a_record_is_written_as_a_picture_and_nothing_else(tmp_path: Path) -> None:
-    draw_record(tmp_path / "record.png", RECORD, tared=TARED, cuts=CUTS, flaws=[[FLAW], [LOOK]], title="costs $5")
+    found = RecordPicture(record=RECORD, tared=TARED, cuts=CUTS, flaws=[[FLAW], [LOOK]])
+    draw_record(tmp_path / "record.png", found, "costs $5")
     assert [path.name for path in tmp_path.iterdir()] == ["record.png"]
     assert (tmp_path / "record.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_cuts_and_flaws_are_marked_where_they_are() -> None:
-    figure = record_figure(RECORD, tared=TARED, quiet=slice(0, 1900), cuts=CUTS, flaws=[[FLAW], [LOOK]])
+    figure = record_figure(
+        RecordPicture(record=RECORD, tared=TARED, quiet=slice(0, 1900), cuts=CUTS, flaws=[[FLAW], [LOOK]])
+    )
     force, position = figure.axes
     expected = [(2.0, 2.999), (2.1, 2.2), (4.0, 4.999), (4.0105 - 0.018, 4.0105 + 0.018)]
     assert np.allclose(spans(force), sorted(expected), atol=1e-3)
@@ -56,18 +59,18 @@ def test_cuts_and_flaws_are_marked_where_they_are() -> None:
 
 def test_many_cuts_have_room_for_their_numbers_only() -> None:
     cuts = [slice(900 * k, 900 * k + 500) for k in range(9)]
-    force, _ = record_figure(RECORD, cuts=cuts).axes
+    force, _ = record_figure(RecordPicture(record=RECORD, cuts=cuts)).axes
     assert [text.get_text() for text in force.texts] == [str(k) for k in range(1, 10)]
 
 
 def test_a_record_in_which_nothing_was_found_can_be_drawn() -> None:
-    (force,) = record_figure(Trace(time=TIME, force=FORCE, force_unit="1"), flaws=[[LOOK]]).axes
+    (force,) = record_figure(RecordPicture(record=Trace(time=TIME, force=FORCE, force_unit="1"), flaws=[[LOOK]])).axes
     assert len(spans(force)) == 1
     assert force.get_ylabel() == "force (normalised)"
 
 
 def test_what_does_not_belong_together_is_refused() -> None:
     with pytest.raises(ValueError, match="flaws of 1 cuts do not fit 2"):
-        record_figure(RECORD, cuts=CUTS, flaws=[[FLAW]])
+        RecordPicture(record=RECORD, cuts=CUTS, flaws=[[FLAW]])
     with pytest.raises(ValueError, match="not the same one"):
-        record_figure(RECORD, tared=TARED.select(slice(100)))
+        RecordPicture(record=RECORD, tared=TARED.select(slice(100)))

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from scored_cuts import CUTS, TARGET, changed, cut
 
-from cutenv.scoring import METRICS, ForceOnlyWeights, ReferenceSet, ScoreCard, Truth, score
-from cutenv.scoring.metric_weights import weights_by_metric
+from cutenv.scoring import METRICS, ReferenceSet, ScoreCard, Truth, score
+from cutenv.scoring.metric import FORCE_WEIGHTS
 from cutenv.scoring.points import (
     ACCURACY_POINTS,
     MISSED,
@@ -121,8 +121,7 @@ def test_the_points_add_up_to_the_overall_score(kind: str) -> None:
 
 def test_force_alone_is_the_weighted_mean_of_percentiles() -> None:
     card = cards()[ALONE]
-    weights = weights_by_metric(ForceOnlyWeights())
-    by_hand = sum(weight * float(card.metrics[name].percentile or 0.0) for name, weight in weights.items())
+    by_hand = sum(weight * float(card.metrics[name].percentile or 0.0) for name, weight in FORCE_WEIGHTS.items())
     assert card.overall_score == pytest.approx(by_hand)
 
 
@@ -178,22 +177,14 @@ def test_runs_pressing_and_restlessness_cost_points() -> None:
 
 
 def test_weights_are_of_metrics_that_have_a_direction_and_sum_to_one() -> None:
-    named = weights_by_metric(ForceOnlyWeights())
-    assert sum(named.values()) == pytest.approx(1.0)
-    assert all(METRICS[name].direction != "none" for name in named)
-    assert not {"peak_force", "peak_force_per_depth"} & set(named)
-
-
-def test_weights_that_do_not_sum_to_one_are_refused() -> None:
-    with pytest.raises(ValueError, match=r"weights sum to 1\.1; they must sum to 1"):
-        ForceOnlyWeights(force_rate=0.4)
-    with pytest.raises(TypeError, match="smoothness"):
-        ForceOnlyWeights(smoothness=0.1)  # type: ignore[call-arg]
+    assert sum(FORCE_WEIGHTS.values()) == pytest.approx(1.0)
+    assert all(METRICS[name].direction != "none" for name in FORCE_WEIGHTS)
+    assert not {"peak_force", "peak_force_per_depth"} & set(FORCE_WEIGHTS)
 
 
 def test_force_alone_is_scored_by_its_own_weights_and_says_so() -> None:
     card = cards()[ALONE]
-    assert {each.part for each in card.points} == set(weights_by_metric(ForceOnlyWeights()))
+    assert {each.part for each in card.points} == set(FORCE_WEIGHTS)
     assert card.tip_source == "unknown"
     assert "tip: unknown; force alone is judged" in card.notes
     assert "position was not recorded" in card.metrics["idle_time"].unavailable

@@ -18,11 +18,10 @@ from cutenv.policy.path_scripts import PATH_SCRIPTS
 from cutenv.recording import load, save
 from cutenv.recording.line_file import read_line
 from cutenv.scoring import PATH_METRICS, score
-from cutenv.scoring.path_map import LINE_KEY, PathMap
-from cutenv.scoring.points import MAP_POINTS
+from cutenv.scoring.cut_map import LINE_KEY, PathMap
 from cutenv.scoring.score_notes import EXPECTED_CUT
 from cutenv.scoring.truth import ASIDE_AT_END, TIP_AT_END
-from cutenv.task_quantities import LINE_LIMIT, PATH_COSTS
+from cutenv.task_quantities import LINE_LIMIT
 from cutenv.tissue import measured_liver
 from cutenv.tissue.grid import N_POINTS, SPACING, depth_below
 from cutenv.tissue.lines import arc, bent, half_ellipse, mirrored, places_within, straight, through
@@ -42,28 +41,6 @@ def path_cut():
 
 def without(trace, *keys):
     return trace.with_metadata({key: value for key, value in trace.metadata.items() if key not in keys})
-
-
-def test_metrics_of_the_path_are_those_of_the_task(path_cut):
-    _, trace, cutting = path_cut
-    card, errors = score(trace), cutting.errors
-    assert errors["largest_distance_mm"] > 0.5  # it can be seen
-    assert card["largest_line_distance"] == pytest.approx(1e-3 * errors["largest_distance_mm"], rel=1e-6)
-    mean = 1e-3 * errors["mean_distance_mm"] * cutting.tip / cutting.target_length
-    assert card["mean_line_distance"] == pytest.approx(mean, rel=1e-6)
-    assert card["line_area"] == pytest.approx(1e-6 * errors["area_mm2"], rel=1e-3)  # the line is drawn again
-    assert card["peak_lateral_force"] == abs(trace.lateral_force).max() > 0.1
-    charged = -sum(cutting.reward_totals[cost.name] for cost in PATH_COSTS)
-    assert card.path_map.cost(cutting.target_length) == pytest.approx(charged, rel=1e-3)
-
-
-def test_the_path_has_points_of_its_own_and_the_other_parts_share_the_rest(path_cut):
-    card = score(path_cut[1])
-    assert card.points[-1].part == "path"
-    assert card.points[-1].most == MAP_POINTS
-    assert sum(each.most for each in card.points) == pytest.approx(100.0)
-    assert 0.0 < card.points[-1].points < MAP_POINTS
-    assert "off the line in the mean" in str(card)
 
 
 def test_without_the_notes_the_cut_is_expected_from_the_blades_motion(path_cut):

@@ -11,8 +11,8 @@ import pytest
 from scored_cuts import TARGET, changed, check_card, cut, force_alone
 
 from cutenv.recording import load
-from cutenv.scoring import METRICS, ForceOnlyWeights, ReferenceSet, ScoreCard, Truth, score
-from cutenv.scoring.metric_weights import weights_by_metric
+from cutenv.scoring import METRICS, ReferenceSet, ScoreCard, Truth, score
+from cutenv.scoring.metric import FORCE_WEIGHTS
 from cutenv.trace import Trace
 
 GOOD = "upright, and back"
@@ -170,7 +170,7 @@ def test_a_record_of_a_few_readings_says_that_it_is_short() -> None:
 def test_a_clock_that_leaps_says_so() -> None:
     alone = force_alone(cut(GOOD))
     leaps = changed(alone, time=alone.time + np.where(np.arange(len(alone)) > 3000, 1e9, 0.0))
-    check_refused(leaps, "more than an hour", *weights_by_metric(ForceOnlyWeights()))
+    check_refused(leaps, "more than an hour", *FORCE_WEIGHTS)
 
 
 def test_arguments_are_refused_with_field_value_and_cure() -> None:

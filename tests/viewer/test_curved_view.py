@@ -14,7 +14,7 @@ import pytest
 
 from cutenv.plant import FreehandPlant
 from cutenv.play.played_path_cut import PlayedPathCut
-from cutenv.scoring.path_map import LINE_KEY, PathMap
+from cutenv.scoring.cut_map import LINE_KEY, PathMap
 from cutenv.scoring.truth import ASIDE_AT_END
 from cutenv.tissue import Specimen
 from cutenv.tissue.lines import through

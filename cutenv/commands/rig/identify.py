@@ -65,7 +65,7 @@ def _question(plan: Plan) -> str:
 def _report(found: Identification, settings: RigSettings, arguments: argparse.Namespace) -> None:
     print("\n".join(["", *found.table(settings.identified), "", "the fitted model beside sines:", *found.sine_table()]))
     if arguments.picture is not None:
-        from cutenv.report.identification_figure import draw_identification
+        from cutenv.report.axis_figures import draw_identification
 
         draw_identification(
             arguments.picture, found.drawn_steps(), found.drawn_sines(), title=f"{settings.name}, {date.today()}"

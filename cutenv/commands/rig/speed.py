@@ -48,7 +48,7 @@ def main(argv: Sequence[str]) -> int:
     found = speed_tracking(trace, speed)
     print("\n".join(found.lines))
     if arguments.picture is not None:
-        from cutenv.report.speed_figure import draw_speed
+        from cutenv.report.axis_figures import draw_speed
 
         name = trace.metadata.get("name", source)
         kind = f", {_DRIVEN[arguments.drive]}" if made else ""

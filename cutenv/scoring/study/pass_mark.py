@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, get_args
 
@@ -165,7 +166,7 @@ def pass_mark(
         raise ValueError("nobody differs in the passing group, so it has no curve")
     # The first row is the people themselves; the others are resamples of them.
     curves = [_curves(values, rng) for values in groups]
-    marks = _marks(method, curves[0], curves[1], sign, k, given)
+    marks = _marks(method, curves, sign, k, given)
     mark = float(marks[0])
     sizes = {"contrasting groups": min(map(len, groups)), "set by the teacher": 0}.get(method, len(groups[1]))
     return PassMark(
@@ -240,9 +241,8 @@ def _curves(values: Array, rng: np.random.Generator) -> NormalCurve:
     return NormalCurve(drawn.mean(axis=1), np.where(sd > 0.0, sd, np.nan))
 
 
-def _marks(
-    method: Method, failing: NormalCurve, passing: NormalCurve, sign: float, spread: float, given: float | None
-) -> Array:
+def _marks(method: Method, curves: Sequence[NormalCurve], sign: float, spread: float, given: float | None) -> Array:
+    failing, passing = curves
     if method == "contrasting groups":
         right = sign * (passing.mean - failing.mean) > 0.0
         return np.where(right, crossing(failing, passing), np.nan)

@@ -138,7 +138,7 @@ def intraclass_correlation(ratings: ArrayLike, *, confidence: float = CONFIDENCE
     error = (n - 1) * (k - 1)
     one, one_mean = _of_ratio(MSR, MSW, k, _quantile(p, n - 1, n * (k - 1)), _quantile(p, n * (k - 1), n - 1))
     consistent, consistent_mean = _of_ratio(MSR, MSE, k, _quantile(p, n - 1, error), _quantile(p, error, n - 1))
-    agreement = _agreement(MSR, MSC, MSE, n, k, p)
+    agreement = _agreement((MSR, MSC, MSE), (n, k), p)
     found = Intraclass(
         one_way=one,
         agreement=agreement,
@@ -215,7 +215,8 @@ def _of_ratio(MSR: float, MSE: float, k: float, F_low: float, F_high: float) -> 
     return single, mean
 
 
-def _agreement(MSR: float, MSC: float, MSE: float, n: int, k: int, p: float) -> Estimate:
+def _agreement(mean_squares: tuple[float, float, float], shape: tuple[int, int], p: float) -> Estimate:
+    (MSR, MSC, MSE), (n, k) = mean_squares, shape
     rho = (MSR - MSE) / (MSR + (k - 1) * MSE + k / n * (MSC - MSE))
     if MSE <= 0.0 and MSC <= 0.0:
         return Estimate(value=1.0, low=1.0, high=1.0)

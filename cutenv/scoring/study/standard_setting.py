@@ -26,7 +26,7 @@ from cutenv.scoring.study.pass_mark import (
 from cutenv.scoring.study.raters import RaterAgreement, RaterCorrelation, mean_mark, rater_agreement, rater_correlation
 from cutenv.scoring.study.reliability import OneWay, one_way_reliability
 from cutenv.scoring.study.separation import Separation, separation
-from cutenv.scoring.study.study import OVERALL, NotEstimable, StudiedCut, direction_of, leading_metrics, told, value_of
+from cutenv.scoring.study.study import OVERALL, NotEstimable, StudiedPeople, direction_of, leading_metrics, told
 
 ALL_RATERS = "all raters"
 """Name under which the mean of the raters' marks is held."""
@@ -74,7 +74,7 @@ class Standard:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class StandardSetting:
+class StandardSetting(StudiedPeople):
     """Pass marks for a class of people.
 
     Parameters
@@ -117,8 +117,6 @@ class StandardSetting:
         If there are no cuts, an operator is in two groups, force is in two units, or a name is not known.
     """
 
-    name: str
-    cuts: Sequence[StudiedCut]
     passing: str | None = None
     failing: str | None = None
     metrics: Sequence[str] = ()
@@ -151,40 +149,19 @@ class StandardSetting:
         object.__setattr__(self, "notes", tuple(notes))
 
     @property
-    def operators(self) -> tuple[str, ...]:
-        """Codes of the operators, in order of appearance."""
-        return tuple(dict.fromkeys(cut.operator for cut in self.cuts))
-
-    @property
-    def group_of(self) -> dict[str, str]:
-        """Group of each operator."""
-        return {cut.operator: cut.group for cut in self.cuts}
-
-    @property
     def raters(self) -> tuple[str, ...]:
         """Names of the raters, in order of appearance."""
         return tuple(dict.fromkeys(rater for cut in self.cuts for rater in cut.marks))
 
     def _check(self) -> None:
-        if not self.cuts:
-            raise ValueError("pass marks need cuts; there is none.")
-        units = sorted({cut.card.force_unit for cut in self.cuts})
-        if len(units) > 1:
-            raise ValueError(f"force is in {' and in '.join(units)}; give cuts of one unit at a time.")
+        self._check_cuts("pass marks need", "give")
         one_of("method", self.method, METHODS[:3])
         one_of("best_mark", self.best_mark, ("highest", "lowest"))
         in_range("in_a_row", self.in_a_row, 1, 100, "1")
         in_range("spread", self.spread, 0.1, 4.0, "1", "In standard deviations; 1 or 2 is usual.")
         check_metrics((*self.metrics, *self.given))
-        groups = self.group_of
-        for cut in self.cuts:
-            if cut.group != groups[cut.operator]:
-                raise ValueError(
-                    f"operator {cut.operator} is in groups {cut.group!r} and {groups[cut.operator]!r}; give one. "
-                    "What changes from cut to cut is a session."
-                )
         if not self.given or self.passing is not None:
-            failing = other_group([*groups.values()], self.passing, self.failing)
+            failing = other_group([*self.group_of.values()], self.passing, self.failing)
             object.__setattr__(self, "failing", failing)
 
     def _chosen_metrics(self) -> Sequence[str]:
@@ -196,18 +173,10 @@ class StandardSetting:
         return np.array([[cut.marks.get(rater, np.nan) for rater in self.raters] for cut in self.cuts], np.float64)
 
     def _standard(self, metric: str, notes: list[str], rng: np.random.Generator) -> Standard | None:
-        scored = [value_of(cut.card, metric) for cut in self.cuts]
-        values = np.array([np.nan if value is None else value for value, _ in scored])
-        silent = [why for value, why in scored if value is None]
-        if silent:
-            reason = f"{metric} is missing in {len(silent)} of {len(scored)} cuts: {silent[0]}"
-            if len(silent) == len(scored) and metric in (*self.metrics, *self.given):
-                raise ValueError(f"{reason}.")
-            notes.append(reason)
-        if len(silent) == len(scored):
+        values = self._values(metric, notes, named=metric in (*self.metrics, *self.given))
+        if values is None:
             return None
-        made_by = np.array([cut.operator for cut in self.cuts])
-        series = {each: own for each in self.operators if len(own := values[(made_by == each) & np.isfinite(values)])}
+        series = self._series(values)
         better: Better = "higher" if direction_of(metric) == "higher" else "lower"
         groups = [
             [own for operator, own in series.items() if group is not None and self.group_of[operator] == group]
@@ -223,10 +192,10 @@ class StandardSetting:
         few = min(map(len, groups))
         return Standard(
             metric=metric,
-            unit="1" if metric == OVERALL else self.cuts[0].card.unit(metric),
+            unit=self._unit(metric),
             better=better,
             series=series,
-            missing=len(silent),
+            missing=int(np.isnan(values).sum()),
             marks=marks,
             chosen=chosen,
             proficiency={}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import ParamSpec, TypeVar
 
@@ -10,8 +10,7 @@ import numpy as np
 
 from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range, one_of
-from cutenv.scoring.metric import METRICS, Direction
-from cutenv.scoring.metric_weights import ForceOnlyWeights, weights_by_metric
+from cutenv.scoring.metric import FORCE_WEIGHTS, METRICS, Direction
 from cutenv.scoring.score_card import ScoreCard
 from cutenv.scoring.study.estimate import FEWEST_COMPARED, FEWEST_PEOPLE
 from cutenv.scoring.study.learning import FEWEST_IN_CURVE, Cusum, LearningCurve, cusum, learning_curve
@@ -110,7 +109,75 @@ class Findings:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Study:
+class StudiedPeople:
+    """Scored cuts of several people.
+
+    Attributes
+    ----------
+    name : str
+        Name for pages.
+    cuts : sequence of StudiedCut
+        The cuts, each operator's in the order in which they were made.
+    """
+
+    name: str
+    cuts: Sequence[StudiedCut]
+
+    @property
+    def operators(self) -> tuple[str, ...]:
+        """Codes of the operators, in order of appearance."""
+        return tuple(dict.fromkeys(cut.operator for cut in self.cuts))
+
+    @property
+    def group_of(self) -> dict[str, str]:
+        """Group of each operator."""
+        return {cut.operator: cut.group for cut in self.cuts}
+
+    def _check_cuts(self, what: str, cure: str, who: str = "operator") -> None:
+        """Raise ValueError without cuts, for forces in two units, and for an operator in two groups."""
+        if not self.cuts:
+            raise ValueError(f"{what} cuts; there is none.")
+        units = sorted({cut.card.force_unit for cut in self.cuts})
+        if len(units) > 1:
+            raise ValueError(f"force is in {' and in '.join(units)}; {cure} cuts of one unit at a time.")
+        groups: dict[str, str] = {}
+        for cut in self.cuts:
+            if groups.setdefault(cut.operator, cut.group) != cut.group:
+                raise ValueError(
+                    f"{who} {cut.operator} is in groups {groups[cut.operator]!r} and {cut.group!r}; give one. "
+                    "What changes from cut to cut is a session."
+                )
+
+    def _values(self, metric: str, notes: list[str], *, named: bool) -> Array | None:
+        """Return the metric of each cut, NaN where it is missing, which is noted; None if no cut has it.
+
+        Raises
+        ------
+        ValueError
+            If no cut has a metric that was ``named``.
+        """
+        scored = [value_of(cut.card, metric) for cut in self.cuts]
+        silent = [reason for value, reason in scored if value is None]
+        if silent:
+            reason = f"{metric} is missing in {len(silent)} of {len(scored)} cuts: {silent[0]}"
+            if len(silent) == len(scored) and named:
+                raise ValueError(f"{reason}.")
+            notes.append(reason)
+        if len(silent) == len(scored):
+            return None
+        return np.array([np.nan if value is None else value for value, _ in scored])
+
+    def _series(self, values: Array) -> dict[str, Array]:
+        """Return the values of each operator who has any."""
+        made_by, there = np.array([cut.operator for cut in self.cuts]), np.isfinite(values)
+        return {each: own for each in self.operators if len(own := values[(made_by == each) & there])}
+
+    def _unit(self, metric: str) -> str:
+        return "1" if metric == OVERALL else self.cuts[0].card.unit(metric)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Study(StudiedPeople):
     """A study: scored cuts of several people.
 
     Parameters
@@ -143,8 +210,6 @@ class Study:
         If there are no cuts, an operator is in two groups, force is in two units, or a name is not known.
     """
 
-    name: str
-    cuts: Sequence[StudiedCut]
     metrics: Sequence[str] = ()
     groups: tuple[str, str] | None = None
     target_group: str | None = None
@@ -154,11 +219,7 @@ class Study:
     notes: tuple[str, ...] = field(init=False)
 
     def __post_init__(self) -> None:
-        if not self.cuts:
-            raise ValueError("a study needs cuts; there is none.")
-        units = sorted({cut.card.force_unit for cut in self.cuts})
-        if len(units) > 1:
-            raise ValueError(f"force is in {' and in '.join(units)}; study cuts of one unit at a time.")
+        self._check_cuts("a study needs", "study", self.who)
         for metric in self.metrics:
             one_of("metric", metric, (OVERALL, *METRICS))
         known = tuple(dict.fromkeys(cut.group for cut in self.cuts))
@@ -172,7 +233,6 @@ class Study:
             in_range("target", self.target, -1e12, 1e12, "1")
         if self.target is not None and self.target_group is not None:
             raise ValueError("give a target or a target group, not both.")
-        _ = self.group_of
         if self.groups is None and len(known) == 2:
             object.__setattr__(self, "groups", known)
         notes: list[str] = []
@@ -186,26 +246,9 @@ class Study:
         object.__setattr__(self, "notes", tuple(notes))
 
     @property
-    def operators(self) -> tuple[str, ...]:
-        """Codes of the operators, in order of appearance."""
-        return tuple(dict.fromkeys(cut.operator for cut in self.cuts))
-
-    @property
     def sessions(self) -> tuple[str, ...]:
         """Names of the sessions, in order of appearance."""
         return tuple(dict.fromkeys(cut.session for cut in self.cuts))
-
-    @property
-    def group_of(self) -> dict[str, str]:
-        """Group of each operator; raises ValueError if an operator is in two."""
-        groups: dict[str, str] = {}
-        for cut in self.cuts:
-            if groups.setdefault(cut.operator, cut.group) != cut.group:
-                raise ValueError(
-                    f"{self.who} {cut.operator} is in groups {groups[cut.operator]!r} and {cut.group!r}; give one. "
-                    "What changes from cut to cut is a session."
-                )
-        return groups
 
     def _chosen(self) -> Sequence[str]:
         return tuple(dict.fromkeys(self.metrics)) or (OVERALL, *leading_metrics(self.cuts))
@@ -240,21 +283,10 @@ class Study:
         ]
 
     def _find(self, metric: str, notes: list[str]) -> Findings | None:
-        scored = [(cut, *value_of(cut.card, metric)) for cut in self.cuts]
-        silent = [reason for _, value, reason in scored if value is None]
-        kept = [(cut, value) for cut, value, _ in scored if value is not None]
-        if silent:
-            reason = f"{metric} is missing in {len(silent)} of {len(scored)} cuts: {silent[0]}"
-            if not kept and self.metrics:
-                raise ValueError(f"{reason}.")
-            notes.append(reason)
-        if not kept:
+        values = self._values(metric, notes, named=bool(self.metrics))
+        if values is None:
             return None
-        series = {
-            operator: np.array([value for cut, value in kept if cut.operator == operator])
-            for operator in self.operators
-            if any(cut.operator == operator for cut, _ in kept)
-        }
+        series = self._series(values)
         several = {operator: values for operator, values in series.items() if len(values) >= 2}
         few = NotEstimable(f"fewer than {FEWEST_COMPARED} {self.who}s with two cuts or more")
         enough = len(several) >= FEWEST_COMPARED
@@ -263,11 +295,11 @@ class Study:
         within = _pooled(several)
         return Findings(
             metric=metric,
-            unit="1" if metric == OVERALL else self.cuts[0].card.unit(metric),
+            unit=self._unit(metric),
             series=series,
-            missing=len(silent),
+            missing=int(np.isnan(values).sum()),
             reliability=reliability,
-            retest=self._retest(kept),
+            retest=self._retest(values),
             separation=self._separation(series),
             curves=self._curves(several),
             cusums=self._cusums(metric, several, target, within),
@@ -316,12 +348,13 @@ class Study:
             return NotEstimable(f"fewer than {FEWEST_COMPARED} {self.who}s in a group ({len(first)} and {len(second)})")
         return told(separation, first, second)
 
-    def _retest(self, kept: Iterable[tuple[StudiedCut, float]]) -> Intraclass | NotEstimable:
+    def _retest(self, values: Array) -> Intraclass | NotEstimable:
         if len(self.sessions) < 2:
             return NotEstimable("the study has one session")
         cells: dict[tuple[str, str], list[float]] = {}
-        for cut, value in kept:
-            cells.setdefault((cut.operator, cut.session), []).append(value)
+        for cut, value in zip(self.cuts, values.tolist(), strict=True):
+            if np.isfinite(value):
+                cells.setdefault((cut.operator, cut.session), []).append(value)
         rows = [
             [float(np.mean(cells[operator, session])) for session in self.sessions]
             for operator in self.operators
@@ -348,7 +381,7 @@ def direction_of(metric: str) -> Direction:
 def leading_metrics(cuts: Sequence[StudiedCut]) -> tuple[str, ...]:
     """Return the metrics that are studied beside the overall score if none are named."""
     moved = any(cut.card.metrics["idle_time"].value is not None for cut in cuts)
-    return STUDIED if moved else tuple(weights_by_metric(ForceOnlyWeights()))
+    return STUDIED if moved else tuple(FORCE_WEIGHTS)
 
 
 def numbered(cuts: Sequence[StudiedCut]) -> list[tuple[int, StudiedCut]]:

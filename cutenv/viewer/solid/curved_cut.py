@@ -9,7 +9,7 @@ import numpy as np
 
 from cutenv._base.arrays import Array
 from cutenv.plant.freehand_plant import FreehandPlant
-from cutenv.scoring.path_map import LINE_KEY
+from cutenv.scoring.cut_map import LINE_KEY
 from cutenv.scoring.score_card import positions_along
 from cutenv.scoring.scored_cut import ScoredCut
 from cutenv.tissue import measured_liver

@@ -1,4 +1,4 @@
-"""Figure of an axis's responses to steps and sines, over the fitted model."""
+"""Figures of a rig's axis: its responses to steps and sines over the fitted model, and the speed of a cut."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv._base.atomic_file import atomic_write
-from cutenv.report.figure import label, new_figure
+from cutenv.measurement.constant_speed import SpeedTracking
+from cutenv.report.figure import new_figure, plain_axes, write_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,6 +20,8 @@ StepResponse = tuple[str, NDArray[np.float64], NDArray[np.float64], NDArray[np.f
 
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#8a3ffc", "#e69f00")
 _SIZE = (11.0, 8.5)  # [in]
+_SPEED_SIZE = (9.0, 7.5)  # [in]
+_DESIRED, _ACTUAL, _FORCE = "#000000", "#0072b2", "#d55e00"
 _HEIGHT = 0.85  # height of a response over the distance to the next
 _LEAST = 1e-6  # [m]
 
@@ -54,10 +56,7 @@ def draw_identification(
     rows[0][0].plot([], [], ".", color=_COLOURS[0], label="measured")
     rows[0][0].plot([], [], color="black", linewidth=0.7, label="model")
     rows[0][0].legend(fontsize=8, frameon=False, loc="upper left")
-    if title:
-        figure.suptitle(label(title), fontsize=11)
-    with atomic_write(path) as part:
-        figure.savefig(part, dpi=130)
+    write_figure(path, figure, title)
 
 
 def _draw(above: Axes, below: Axes, answers: Sequence[StepResponse]) -> None:
@@ -71,3 +70,39 @@ def _draw(above: Axes, below: Axes, answers: Sequence[StepResponse]) -> None:
     named = [f"{name}\n{1e3 * float(np.ptp(measured)):.3g} mm" for name, _, measured, _ in answers]
     above.set_yticks([number + 0.5 * _HEIGHT for number in range(len(answers))], named, fontsize=8)
     below.axhline(0.0, color="black", linewidth=0.6)
+
+
+def draw_speed(path: Path, found: SpeedTracking, *, title: str = "") -> None:
+    """Write a figure: desired and actual speed, their difference in the steady part, and the force, over time.
+
+    Parameters
+    ----------
+    path : Path
+        Path of the picture; its suffix gives the format (.png).
+    found : SpeedTracking
+        Result of :func:`cutenv.measurement.speed_tracking`.
+    title : str
+        Text above the picture.
+
+    Raises
+    ------
+    ImportError
+        If matplotlib is not installed; the message gives the command that installs it.
+    """
+    figure = new_figure(*_SPEED_SIZE)
+    speeds, off, force = figure.subplots(3, 1, sharex=True, height_ratios=(2.2, 1.0, 1.0))
+    time = found.time - found.time[0]
+    speeds.plot(time, 100 * found.actual, color=_ACTUAL, linewidth=1.2, label="actual")
+    speeds.plot(time, 100 * found.desired, color=_DESIRED, linewidth=1.0, linestyle="--", label="desired")
+    speeds.set_ylabel("speed [cm/s]")
+    speeds.legend(frameon=False, fontsize=9, loc="lower center", ncols=2)
+    steady = found.steady
+    off.plot(time[steady], 1e4 * (found.actual - found.desired)[steady], color=_ACTUAL, linewidth=0.9)
+    off.axhline(0.0, color=_DESIRED, linewidth=0.8, linestyle="--")
+    off.set_ylabel("actual - desired\n[0.1 mm/s]")
+    force.plot(time, found.force, color=_FORCE, linewidth=0.8)
+    force.set_ylabel("force [N]")
+    force.set_xlabel("time [s]")
+    for axes in (speeds, off, force):
+        plain_axes(axes)
+    write_figure(path, figure, title)
