@@ -55,7 +55,7 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 
 LATE = 0.02
-"""Lateness of a thread from which this machine may have failed a test in real time [s]; force is stale after as much."""
+"""Lateness of a thread from which this machine may have failed a test in real time [s]; a force is stale after it."""
 REAL_TIME = tuple(Path(__file__).parent / name for name in ("rig", "agreement"))
 """Folders of tests in real time."""
 
