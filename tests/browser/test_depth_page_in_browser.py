@@ -137,7 +137,7 @@ def test_the_wheel_and_the_arrows_raise_and_lower_and_with_shift_tilt(page: Brow
     assert page.value(ANGLE) < np.radians(86.0)
     page.value("(e => { e.value = 3; e.dispatchEvent(new Event('input')); })(document.getElementById('level'))")
     assert page.value(LEVEL) == pytest.approx(0.003)
-    wait(page, "cutenvPage.page.cut.deep.level > cutenvPage.page.cut.law.start[0] + 0.002")
+    wait(page, "cutenvPage.page.cut.deep.level > cutenvPage.page.cut.law.start + 0.002")
 
 
 def descent(page: Browser) -> float:
