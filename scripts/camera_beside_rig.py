@@ -34,8 +34,7 @@ from rendering.filmed_cut import film_cut
 
 from cutenv.rig.config.settings import CameraSettings
 from cutenv.rig.devices.camera import RigCamera
-from cutenv.vision.calibration_board import halves
-from cutenv.vision.camera_calibration import calibrate_cameras
+from cutenv.vision.camera_calibration import calibrate_cameras, halves
 
 DEFAULT = Path("runs") / "camera-beside-rig.json"
 CAMERAS = {"none": None, "one camera": 1, "two cameras": 2}

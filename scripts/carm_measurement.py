@@ -16,7 +16,7 @@ from cutenv.tissue.cut_model import CutModel
 from cutenv.vision.bead_correspondence import places_from_sweep
 from cutenv.vision.beads import find_beads
 from cutenv.vision.fluoroscopy import CArmCalibration, CArmView, calibrate_view, length_per_pixel
-from cutenv.vision.magnification import fit_magnification
+from cutenv.vision.projection import fit_magnification
 from cutenv.vision.spots import locate_spots
 
 REGION = [[-0.045, -0.005, -0.002], [0.045, 0.155, 0.03]]

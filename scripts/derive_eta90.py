@@ -22,7 +22,7 @@ from tqdm import tqdm
 
 from cutenv.cutting.dtypes import TICK
 from cutenv.plant import SimulatedPlant
-from cutenv.tissue.derivation import write_derived
+from cutenv.tissue.derivation import DerivedConstant, write_derived
 from cutenv.tissue.description import TissueDescription, following_means, tables_only
 from cutenv.tissue.specimen import Specimen
 from cutenv.tissue.tables import table
@@ -117,14 +117,14 @@ def main() -> None:
     correction = apparent_over_true(dataclasses.replace(tissue, eta90=value))
     print(f"apparent over true fracture resistance, mean of Table 6.1's lengths: {correction:.3f}")
     if arguments.write:
-        write_derived(
-            "eta90",
-            round(value, 3),
+        constant = DerivedConstant(
+            value=round(value, 3),
             unit="1",
-            interval=(round(float(low), 3), round(float(high), 3)),
+            interval_95=(round(float(low), 3), round(float(high), 3)),
             source="spacing of the loading segments of Table 4.1, with that cut's mean LEM",
             script="scripts/derive_eta90.py",
         )
+        write_derived("eta90", constant)
 
 
 if __name__ == "__main__":

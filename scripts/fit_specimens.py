@@ -29,10 +29,9 @@ from cutenv._engine.randomness import generator
 from cutenv.measurement import estimate_fracture_resistance, estimate_local_effective_moduli
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
 from cutenv.tissue import Specimen, draw_liver, measured_liver
-from cutenv.tissue.derivation import write_derived
+from cutenv.tissue.derivation import DerivedConstant, write_derived
 from cutenv.tissue.description import FITTED, TissueDescription
-from cutenv.tissue.fracture_resistance import measured_fracture_resistance
-from cutenv.tissue.tables import table
+from cutenv.tissue.tables import measured_fracture_resistance, table
 from cutenv.tissue.variance_components import (
     CUTS_PER_LIVER,
     depth_standard_error,
@@ -298,13 +297,14 @@ def main() -> None:
     if arguments.fit:
         tissue = fit(arguments.livers, arguments.rounds)
         for name in FITTED:
-            write_derived(
-                name,
-                float(f"{getattr(tissue, name):.4g}"),
+            constant = DerivedConstant(
+                value=float(f"{getattr(tissue, name):.4g}"),
                 unit=UNITS.get(name, "1"),
+                interval_95=None,
                 source="virtual measurement against Tables 5.2 to 5.6 and 6.1",
                 script="scripts/fit_specimens.py --fit",
             )
+            write_derived(name, constant)
         measured_liver.cache_clear()
     show(measured_liver(), arguments.livers)
 

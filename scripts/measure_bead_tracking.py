@@ -136,7 +136,7 @@ def followed(
     else:
         images = frames
     tracks = track_beads(
-        images, time, calibration, rest, covariance, diameter=BEAD_PX, displacement=predicted_by(session)
+        images, time, calibration, (rest, covariance), diameter=BEAD_PX, displacement=predicted_by(session)
     )
     owner = cKDTree(session.rest).query(rest[np.isfinite(rest).all(axis=1)])[1]
     numbers = np.flatnonzero(np.isfinite(rest).all(axis=1))
@@ -216,7 +216,7 @@ def in_step(session: Session, calibration: CArmCalibration, rest: Array, covaria
     seconds = min(4.0, float(session.cut.time[-1]) - 0.7)
     time = np.arange(0.5, 0.5 + seconds, 1.0 / calibration.frame_rate)
     near = np.where((np.abs(rest[:, :1]) < 0.015) & (rest[:, 1:2] < 0.045), rest, np.nan)
-    tracks = track_beads(session.frames(time), time, calibration, near, covariance, diameter=BEAD_PX)
+    tracks = track_beads(session.frames(time), time, calibration, (near, covariance), diameter=BEAD_PX)
     frames = np.unique(tracks.time)
     motion = np.array([np.mean(tracks.place[tracks.time == now, 1]) for now in frames])
     try:

@@ -35,8 +35,7 @@ from cutenv.measurement import estimate_fracture_resistance
 from cutenv.trace import Trace
 from cutenv.vision.blade_depth import BladeCameras
 from cutenv.vision.blade_mark import MarkedBlade
-from cutenv.vision.calibration_board import CalibrationBoard, halves
-from cutenv.vision.camera_calibration import calibrate_cameras
+from cutenv.vision.camera_calibration import CalibrationBoard, calibrate_cameras, halves
 from cutenv.vision.cameras import CalibratedCameras
 from cutenv.vision.depth_record import FilmedDepth, filmed_depth
 from cutenv.vision.video import video_frames

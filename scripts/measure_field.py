@@ -87,7 +87,7 @@ def filmed_slices(slices: Sequence[Slice]) -> tuple[str, str, str]:
             image = measured.by_image()
             means = (MeanModulus.of(measured.by_force[image.ramp]), MeanModulus.of(image.modulus))
             twice.append((each.name, f"{each.moduli[0] / 1e3:.1f}", *(_interval(mean) for mean in means)))
-        alone = [estimate_zone_moduli(measured, each.borders, **{data: False}) for data in ("force", "beads")]
+        alone = [estimate_zone_moduli(measured, each.borders, data=data) for data in ("beads", "force")]
         zones += [(each.name, *row) for row in _zone_rows(each, found, alone)]
     heads = ("slice", "all", "near", "far", "noise", "slope", "correlation", "ramps' own LEM, as the thesis")
     return (

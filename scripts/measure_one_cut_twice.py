@@ -131,14 +131,14 @@ class RenderedCut:
         rng = np.random.default_rng([self.seed, 27])
         arms = calibrated(self.session, rng)
         arms.save(path.parent / "arms.json")
-        rest, covariance = swept(self.session, arms.views[0], rng)
+        rest = swept(self.session, arms.views[0], rng)
         videos = [list(video_frames(path.parent / f"{name}.mkv")) for name in ("top", "side")]
         times = np.array([BEGIN + frame.time for frame in videos[0]])
         frames = ([frame.image for frame in pair] for pair in zip(*videos, strict=True))
         bar = tqdm(frames, desc="following the beads", total=len(times))
         expected = predicted_by(record)
         with atomic_write(path) as part:
-            track_beads(bar, times, arms, rest, covariance, diameter=BEAD_PX, displacement=expected).save(part)
+            track_beads(bar, times, arms, rest, diameter=BEAD_PX, displacement=expected).save(part)
 
 
 def predicted_by(record: Path) -> Callable[[Array, float], Array]:

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
+import time
 from collections import Counter
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +52,50 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
         if test_programs.GROUPS[name].found() is None:
             pytest.skip(test_programs.reason(name))
+
+
+LATE = 0.02
+"""Lateness of a thread from which this machine may have failed a test in real time [s]; a force is stale after it."""
+REAL_TIME = tuple(Path(__file__).parent / name for name in ("rig", "agreement"))
+"""Folders of tests in real time."""
+
+
+class HostStalled(Exception):
+    """Error raised for a test that failed while this machine stalled; pytest runs it again (pyproject.toml)."""
+
+
+@contextmanager
+def watched() -> Iterator[list[float]]:
+    """Measure how late a thread is that should run every 2 ms; the list holds the largest lateness [s]."""
+    worst, ended = [0.0], threading.Event()
+
+    def watch() -> None:
+        while not ended.is_set():
+            begun = time.monotonic()
+            ended.wait(0.002)
+            worst[0] = max(worst[0], time.monotonic() - begun - 0.002)
+
+    thread = threading.Thread(target=watch, name="host watch", daemon=True)
+    thread.start()
+    try:
+        yield worst
+    finally:
+        ended.set()
+        thread.join()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> Any:
+    """Tell a failure in real time on a machine that stalled from one on a machine that did not."""
+    if not any(folder in pyfuncitem.path.parents for folder in REAL_TIME):
+        return (yield)
+    with watched() as worst:
+        try:
+            return (yield)
+        except (Exception, pytest.fail.Exception) as error:
+            if worst[0] < LATE:
+                raise
+            raise HostStalled(f"the host stalled for {1e3 * worst[0]:.0f} ms in this test, which failed") from error
 
 
 def unlisted_skips(config: pytest.Config) -> list[str]:

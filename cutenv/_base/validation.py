@@ -40,7 +40,8 @@ def in_range(name: str, value: float, low: float, high: float, unit: str, cure: 
     except (TypeError, ValueError):
         raise TypeError(f"{name} must be one real number in {unit}, got {value!r}. {cure}".rstrip()) from None
     if not (low <= number <= high and np.isfinite(number)):  # NaN fails both comparisons
-        raise ValueError(_out_of_range(name, number, low, high, unit, cure))
+        shown = "" if unit == "1" else f" {unit}"
+        raise ValueError(f"{name} = {number:g}{shown} is outside {low:g} to {high:g}{shown}. {cure}".rstrip())
     return number
 
 
@@ -57,7 +58,7 @@ def array_in_range(
         raise TypeError(f"{name} must be real numbers in {unit}, got {values!r}. {cure}".rstrip()) from None
     bad = ~((array >= low) & (array <= high) & np.isfinite(array))
     if bad.any():
-        raise ValueError(_out_of_range(name, float(array[bad].flat[0]), low, high, unit, cure))
+        in_range(name, array[bad].flat[0], low, high, unit, cure)
     return array
 
 
@@ -72,8 +73,3 @@ def one_of(name: str, value: T, choices: Iterable[T]) -> T:
             raise ValueError(f"{name} {value!r} is not known.{hint} All: {listed}.")
         raise ValueError(f"{name} must be one of {listed}, got {value!r}.{hint}")
     return value
-
-
-def _out_of_range(name: str, number: float, low: float, high: float, unit: str, cure: str) -> str:
-    shown = "" if unit == "1" else f" {unit}"
-    return f"{name} = {number:g}{shown} is outside {low:g} to {high:g}{shown}. {cure}".rstrip()

@@ -100,7 +100,10 @@ def sources(module: str, package: Path = _PACKAGE) -> set[Path]:
 
 def _files(name: str, package: Path) -> list[Path]:
     """Return the file of a module, or of something in it, and those of the packages that hold it: they are run, too."""
-    parts = name.split(".")[1:]
+    root, *parts = name.split(".")
+    if root != package.name:  # a task that somebody declares elsewhere
+        file = getattr(sys.modules.get(name), "__file__", None)
+        return [] if file is None else [Path(file)]
     places = [package.joinpath(*parts[:depth]) for depth in range(len(parts) + 1)]
     files = [place / "__init__.py" for place in places] + [place.with_suffix(".py") for place in places[-2:]]
     return [path for path in files if path.is_file()]
@@ -138,6 +141,8 @@ def kernel_folder(module: str, package: Path = _PACKAGE, maker: str | None = Non
     Below ``NUMBA_CACHE_DIR`` if that is set, else beside the source, else in the user's cache.  Its folders for earlier
     versions of the source are removed.
     """
+    if not sources(module, package):  # typed into a shell: nothing says when it changes
+        return None
     name = module if maker is None else f"{module}-{maker.rpartition('.')[2]}"
     digest = "".join(source_digest(each, package) for each in (module, maker) if each is not None)
     given = os.environ.get("NUMBA_CACHE_DIR")

@@ -23,7 +23,7 @@ from cutenv.commands.options import (
     reports_errors,
     watched,
 )
-from cutenv.measurement.calibration import RESAMPLES, check_resamples, measure_cuts, tissue_of
+from cutenv.measurement.calibration import RESAMPLES, check_resamples, measure_cuts, tissue_of, with_findings
 from cutenv.measurement.layered_cuts import in_layers
 from cutenv.measurement.measured_cut import MeasuredCut
 from cutenv.measurement.wear import blade_wear
@@ -53,14 +53,8 @@ def main(argv: Sequence[str]) -> int:
         raise ValueError(f"{len(unmeasured)} records cannot be measured; --skip-bad goes on without them:\n{listed}")
     refused = [*records.refused, *unmeasured]
     cuts, layers = in_layers(cuts, records.traces, model, boundary=boundary, capsule_thickness=capsule)
-    tissue = tissue_of(
-        cuts,
-        model,
-        name=arguments.name or arguments.out.stem,
-        resamples=arguments.resamples,
-        refused=refused,
-        layers=layers,
-    )
+    tissue = tissue_of(cuts, model, name=arguments.name or arguments.out.stem, resamples=arguments.resamples)
+    tissue = with_findings(tissue, refused, layers)
     compared = settings_table(cuts) if arguments.within_specimens else ""
     worn = "\n".join(blade_wear(cuts).lines) if arguments.blade_wear else ""
     if arguments.report:  # first, for it may need an extra: a tissue without its card would look finished

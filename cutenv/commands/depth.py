@@ -43,8 +43,7 @@ def main(argv: Sequence[str]) -> int:
 
 def _calibrate(arguments: argparse.Namespace) -> int:
     from cutenv.recording.columns import parse_length
-    from cutenv.vision.calibration_board import CalibrationBoard, read_image
-    from cutenv.vision.camera_calibration import calibrate_cameras
+    from cutenv.vision.camera_calibration import CalibrationBoard, calibrate_cameras, read_image
 
     if arguments.out is None or arguments.out.suffix != ".json":
         raise ValueError("--calibrate writes one file: give --out cam.json.")

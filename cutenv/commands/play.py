@@ -43,7 +43,7 @@ def main(argv: Sequence[str]) -> int:
     from cutenv.play.play_session import COUNTDOWN, Session, SessionPlan
     from cutenv.play.play_window import PlayWindow
     from cutenv.play.polled_handle import HandleAxes
-    from cutenv.recording.lsl_outlet import LslOutlet
+    from cutenv.recording.lsl import LslOutlet
     from cutenv.viewer.window import open_display
 
     course = _course_of(arguments)

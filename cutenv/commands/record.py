@@ -25,7 +25,7 @@ def main(argv: Sequence[str]) -> int:
     arguments = _parser().parse_args(argv)
     from cutenv._base.validation import in_range
     from cutenv.recording import ColumnMap
-    from cutenv.recording.lsl_inlet import LslInlet, record_stream
+    from cutenv.recording.lsl import LslInlet, record_stream
     from cutenv.recording.number_table import STAMP
 
     items = [*arguments.map, f"time={STAMP}"]

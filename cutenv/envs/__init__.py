@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from cutenv._base.when_used import import_when_used
+from cutenv._base.imports import import_when_used
 
 if TYPE_CHECKING:
     from cutenv._engine.parallel import set_cores

@@ -20,12 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 import cutenv
+from cutenv._base.imports import optional_import
 from cutenv.envs.learned_tasks import task_of
 from cutenv.learning.added_infos import ADDED
 from cutenv.learning.demonstration import FELT, INTERVENED, Demonstration
 from cutenv.learning.minari_datasets import ACTIONS
 from cutenv.policy.trained import observation_scaling
-from cutenv.recording.optional_import import optional_import
 
 LEROBOT_FORMAT = "v3.0"
 """Version of LeRobot's format that is written."""

@@ -8,10 +8,10 @@ from cutenv.measurement.initiation import InitiationEstimate, estimate_initiatio
 from cutenv.measurement.measured_cut import MeasuredCut, measure_cut
 from cutenv.measurement.modulus import ModulusEstimate, estimate_local_effective_moduli, iterate_modulus
 from cutenv.measurement.prediction import LeftOutCut, leave_one_out
-from cutenv.measurement.return_stroke import ReturnStroke, fit_return_stroke
 from cutenv.measurement.segments import Segment, filtered, loading_segments
 from cutenv.measurement.signal_quality import QualityIssue, quality_issues
 from cutenv.measurement.speed_dependence import SpeedDependence, fit_speed_dependence
+from cutenv.measurement.strokes import ReturnStroke, fit_return_stroke
 from cutenv.measurement.unit_resistance import UnitResistances, estimate_unit_resistances
 from cutenv.measurement.wear import WearEstimate, blade_wear, fit_wear
 from cutenv.measurement.zero import SensorZero, zeroed

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from cutenv._base.validation import in_range
+from cutenv.measurement.calibration_notes import calibration_notes
 from cutenv.measurement.layer_fit import LayerFit
 from cutenv.measurement.layered_cuts import in_layers
 from cutenv.measurement.loading_ratio import LoadingRatio
@@ -23,14 +24,11 @@ from cutenv.measurement.pooled_cuts import (
     resampled,
 )
 from cutenv.measurement.speed_dependence import (
-    BETWEEN,
-    LEAST_SPEED_RATIO,
     SpeedDependence,
     fit_speed_dependence,
     is_between_the_measured,
 )
 from cutenv.measurement.variogram import Variogram, cv_of, fit_variances
-from cutenv.measurement.zero_notes import zero_notes
 from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.description import TissueDescription, measured_liver
 from cutenv.tissue.parameter_provenance import Evidence, TissueCalibration
@@ -110,7 +108,7 @@ def calibrate(
     model = model or CutModel()
     cuts, refused = measure_cuts(traces, model, progress=progress)
     cuts, layers = in_layers(cuts, traces, model, boundary=boundary, capsule_thickness=capsule_thickness)
-    return tissue_of(cuts, model, name=name, resamples=resamples, seed=seed, refused=refused, layers=layers)
+    return with_findings(tissue_of(cuts, model, name=name, resamples=resamples, seed=seed), refused, layers)
 
 
 def measure_cuts(
@@ -192,8 +190,6 @@ def tissue_of(
     name: str = "calibrated tissue",
     resamples: int = RESAMPLES,
     seed: int = 0,
-    refused: Sequence[RefusedRecord] = (),
-    layers: LayerFit | None = None,
 ) -> TissueDescription:
     """Combine measured cuts into a tissue description; see :func:`calibrate`."""
     check_resamples(resamples)
@@ -233,13 +229,27 @@ def tissue_of(
         calibration=TissueCalibration(
             cuts=len(cuts),
             specimens=len(by_specimen(list(cuts))),
-            evidence=(*evidence, *(() if layers is None else layers.evidence)),
-            notes=(*_notes(cuts, refused, model, found), *(() if layers is None else layers.notes)),
+            evidence=tuple(evidence),
+            notes=tuple(calibration_notes(cuts, model, found)),
         ),
-        layers=None if layers is None else layers.layers,
         **numbers,
     )
     return as_material(tissue)
+
+
+def with_findings(
+    tissue: TissueDescription, refused: Sequence[RefusedRecord], layers: LayerFit | None = None
+) -> TissueDescription:
+    """Return a calibrated tissue with the layers that were found, and with notes on the records that were left out."""
+    facts = tissue.calibration
+    assert facts is not None, "made by tissue_of"
+    left_out = [f"left out: {each.name}: {each.reason}" for each in refused]
+    facts = dataclasses.replace(
+        facts,
+        evidence=(*facts.evidence, *(() if layers is None else layers.evidence)),
+        notes=(*left_out, *facts.notes),
+    )
+    return dataclasses.replace(tissue, calibration=facts, layers=None if layers is None else layers.layers)
 
 
 def check_resamples(resamples: int) -> None:
@@ -354,54 +364,3 @@ def _check_angle(cut: MeasuredCut) -> None:
             f"its blade is at {math.degrees(cut.angle):.0f} degrees; the law holds for 45 to 90. "
             "Angles are against the surface, upright is 90: for angles from the other side give 180 minus the angle."
         )
-
-
-def _notes(
-    cuts: Sequence[MeasuredCut], refused: Sequence[RefusedRecord], model: CutModel, found: dict[str, float]
-) -> list[str]:
-    notes = [f"left out: {each.name}: {each.reason}" for each in refused]
-    silent = sum(not len(cut.moduli) for cut in cuts)
-    if silent:
-        notes.append(
-            f"{silent} of {len(cuts)} cuts show no steady loading segment: they give a resistance but no modulus"
-        )
-    notes += _extrapolated(cuts)
-    notes += zero_notes(cuts)
-    errors = [e / cut.fracture.corrected for cut in cuts if (e := cut.fracture.depth_error) is not None]
-    if errors:
-        worst = 100.0 * max(errors)
-        notes.append(f"{len(errors)} of {len(cuts)} cuts tell their depth's error: by it, R to {worst:.1f} % or better")
-    without = sum(cut.return_stroke is None for cut in cuts)
-    if without:
-        notes.append(f"{without} of {len(cuts)} cuts have no return stroke past the tip: less certain by about 5 %")
-    unloading = [modulus for cut in cuts if (modulus := cut.unloading_modulus(model)) is not None]
-    if unloading:
-        over = float(np.mean(unloading)) / found["intercept_90"]
-        notes.append(
-            f"{len(unloading)} return strokes unload with {over:.2f} of the modulus for v -> 0 at 90 degrees: "
-            "1 if the fall of the modulus with speed is growth of the cut while loading, as in the law"
-        )
-    if len({cut.specimen for cut in cuts}) == 1 and cuts[0].specimen == "":
-        notes.append('no record names its specimen (metadata "specimen"): all count as cuts of one')
-    flagged: dict[str, int] = {}
-    for cut in cuts:
-        for flag in cut.flags:
-            if flag not in cut.fracture.zero.flags:  # zero_notes reports on the zero
-                flagged[flag] = flagged.get(flag, 0) + 1
-    notes += [f"{n} of {len(cuts)} cuts: {flag}" for flag, n in flagged.items()]
-    return notes
-
-
-def _extrapolated(cuts: Sequence[MeasuredCut]) -> list[str]:
-    """Return notes on an angle whose line is extrapolated, as it was cut over a shorter range of speeds."""
-    known = [cut for cut in cuts if len(cut.moduli)]
-    slowest, fastest = (100.0 * end([cut.speed for cut in known]) for end in (min, max))
-    notes = []
-    for angle_deg, steep in ((90, True), (45, False)):
-        own = [100.0 * cut.speed for cut in known if (cut.angle >= BETWEEN) is steep]
-        if own and (max(own) * LEAST_SPEED_RATIO < fastest or min(own) > LEAST_SPEED_RATIO * slowest):
-            notes.append(
-                f"the modulus near {angle_deg} degrees was measured from {min(own):.2g} to {max(own):.2g} cm/s only: "
-                f"from {slowest:.2g} to {fastest:.2g} cm/s, the range of the tissue, its line is extrapolated"
-            )
-    return notes

@@ -21,12 +21,11 @@ import numpy as np
 from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range
 from cutenv.measurement.depth import DepthProfile
-from cutenv.measurement.return_stroke import ReturnStroke, fit_return_stroke
-from cutenv.measurement.strokes import strokes
+from cutenv.measurement.strokes import ReturnStroke, fit_return_stroke, strokes
 from cutenv.measurement.zero import zeroed
 from cutenv.task_quantities import MEASURABLE_DEPTH
 from cutenv.tissue.description import TissueDescription, measured_liver
-from cutenv.tissue.floor import FLOOR_EVERY, expected_floor
+from cutenv.tissue.floor import FLOOR_EVERY, BladePath, expected_floor
 from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING
 from cutenv.tissue.layers import Layers, layered_depth
 from cutenv.tissue.slab import effective_depth
@@ -257,13 +256,13 @@ def _floors(
     instants = np.arange(float(trace.time[0]), float(trace.time[-1]), FLOOR_EVERY)
     x, h = (np.interp(instants, trace.time, values) for values in (np.clip(position, 0.0, LENGTH), height))
     a = _tips(_Slab(tissue, layers or Layers(), surface), trace, ends, instants, h)
-    _, engaged = expected_floor(tissue, known, x, h, a, layers=layers)
+    _, engaged = expected_floor(tissue, known, BladePath(x, h, a), layers=layers)
     floors = []
     for _, stop, back in ends:
         n = max(int(np.searchsorted(instants, trace.time[stop - 1])), 2)
         until = a[:n].copy()
         until[-1] = max(back.tip, float(until[-2]))
-        depth, _ = expected_floor(tissue, known, x[:n], h[:n], until, layers=layers)
+        depth, _ = expected_floor(tissue, known, BladePath(x[:n], h[:n], until), layers=layers)
         floors.append(np.append(depth, np.zeros(N_POINTS - len(depth))))
     return floors, np.interp(trace.time, instants, engaged)
 

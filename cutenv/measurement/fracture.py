@@ -11,12 +11,10 @@ from scipy.optimize import brentq
 
 from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range
-from cutenv.measurement.depth import DepthProfile, depth_sd
+from cutenv.measurement.depth import DepthProfile, depth_sd, stiffness_ratio, unit_stiffness
 from cutenv.measurement.loading_ratio import LoadingRatio, loading_ratio_of
-from cutenv.measurement.return_stroke import ReturnStroke, fit_return_stroke
 from cutenv.measurement.segments import Segment, loading_segments
-from cutenv.measurement.stiffness import stiffness_ratio, unit_stiffness
-from cutenv.measurement.strokes import STANDSTILL_SPEED, Stroke, strokes
+from cutenv.measurement.strokes import STANDSTILL_SPEED, ReturnStroke, Stroke, fit_return_stroke, strokes
 from cutenv.measurement.zero import SensorZero, zeroed
 from cutenv.task_quantities import MEASURABLE_DEPTH
 from cutenv.tissue.cut_model import CutModel
@@ -180,7 +178,7 @@ def estimate_fracture_resistance(
         stiffness = _ramp_stiffness(ramp, ratio(speed, ramp.angle), position, depth)
     if friction_per_depth is None:
         flags.append(f"friction assumed to be {100 * friction_share:g} % of the resistance")
-    corrected, tip, phi = _open_loop(trace, position, depth, stiffness, friction_per_depth, friction_share)
+    corrected, tip, phi = _open_loop(trace, depth, stiffness, friction_per_depth, friction_share)
     return FractureEstimate(
         apparent=apparent,
         corrected=corrected,
@@ -259,7 +257,6 @@ def _mean_liver_stiffness(depth: DepthProfile, farthest: float) -> _Stiffness:
 
 def _open_loop(
     trace: Trace,
-    position: Array,
     depth: DepthProfile,
     stiffness: _Stiffness,
     friction_per_depth: float | None,
@@ -269,6 +266,7 @@ def _open_loop(
 
     Friction that is a share of R is between none and all of the work: a root between bounds, however K varies.
     """
+    (position,) = trace.require("position", by="estimate_fracture_resistance")
     advance = [s for s in strokes(trace) if s.forward]
     stop = max(advance, key=lambda stroke: position[stroke.stop - 1]).stop
     moving = slice(int(np.searchsorted(trace.time, trace.time[stop - 1] - _FINAL)), stop)

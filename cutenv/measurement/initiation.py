@@ -16,12 +16,11 @@ from typing import NamedTuple
 import numpy as np
 
 from cutenv._base.arrays import Array
-from cutenv.measurement.depth import DepthProfile
+from cutenv.measurement.depth import DepthProfile, stiffness_ratio
 from cutenv.measurement.fracture import estimate_fracture_resistance
 from cutenv.measurement.loading_ratio import LoadingRatio, loading_ratio_of
 from cutenv.measurement.modulus import elastic_record, telling
 from cutenv.measurement.segments import Segment, loading_segments, smoothing_readings_of
-from cutenv.measurement.stiffness import stiffness_ratio
 from cutenv.measurement.zero import zeroed
 from cutenv.task_quantities import MEASURABLE_DEPTH
 from cutenv.tissue.cut_model import CutModel
@@ -154,7 +153,8 @@ def hilltops(elastic: Trace, ramps: list[Segment]) -> list[Hilltop | None]:
         from_here, F_last = position[last] - position[end], F[last]
         rise = float((from_here - from_here.mean()) @ F_last / ((from_here - from_here.mean()) @ from_here))
         force = float(F_last.mean()) - rise * float(from_here.mean())
-        ran = _run_after(ramp, position, F, force, rise, within)
+        after = slice(ramp.stop, ramp.stop + within)
+        ran = _run_after(ramp, F[after], force + rise * (position[after] - position[end]))
         x = 0.5 * float(position[ran - 1] + position[ran])
         dx = x - float(position[end])
         force += rise * dx
@@ -173,23 +173,14 @@ def hilltops(elastic: Trace, ramps: list[Segment]) -> list[Hilltop | None]:
     return found
 
 
-def _run_after(ramp: Segment, position: Array, F: Array, force: float, rise: float, within: int) -> int:
+def _run_after(ramp: Segment, force: Array, line: Array) -> int:
     """Return the first reading after the crack run that ends ``ramp``: half a drop below the ramp's line.
 
-    A ramp leaves out its last bin, and the next contains the drop: the crack runs up to two bins after its end.
-
-    Parameters
-    ----------
-    force, rise : float
-        Force of the line at the ramp's last reading [N], and its slope [N/m].
-    within : int
-        Number of readings after the ramp that are searched.
+    A ramp leaves out its last bin, and the next contains the drop: the crack runs up to two bins after its end.  Force
+    and line [N] are those of the readings after the ramp.
     """
-    end = ramp.stop - 1
-    after = slice(ramp.stop, ramp.stop + within)
-    line = force + rise * (position[after] - position[end])
-    fallen = F[after] < line - 0.5 * ramp.drop
-    return ramp.stop + int(np.argmax(fallen)) if fallen.any() else min(after.stop, len(F)) - 1
+    fallen = force < line - 0.5 * ramp.drop
+    return ramp.stop + (int(np.argmax(fallen)) if fallen.any() else len(force) - 1)
 
 
 def initiation_at(

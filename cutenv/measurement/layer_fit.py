@@ -65,8 +65,6 @@ class LayerFit:
         [Pa].
     scatter : dict of str to float
         Standard deviation of the sections about the fit, of the logarithms of energies and stiffnesses [1].
-    notes : tuple of str
-        Remarks.
     """
 
     layers: Layers
@@ -75,7 +73,6 @@ class LayerFit:
     resistance: Array
     modulus: Array
     scatter: dict[str, float]
-    notes: tuple[str, ...] = ()
 
     @property
     def found(self) -> tuple[str, ...]:
@@ -168,7 +165,6 @@ def fit_layers(
     fixed = {"capsule_thickness": capsule_thickness or 0.0, "boundary": 0.1 if boundary is None else boundary}
     why: dict[str, str] = {}
     free = _identifiable(known, boundary, capsule_thickness, why)
-    notes: list[str] = []
     if "boundary" in free:
         free, fixed["boundary"] = _searched(known, free, fixed, why)
     solved = _solved(known, free, fixed)
@@ -182,7 +178,8 @@ def fit_layers(
             why.setdefault("boundary", "neither toughness nor modulus of a layer below is identified")
     if kept != free:
         solved = _solved(known, kept, fixed)
-    return _fit_of(known, solved, boundary, capsule_thickness, why, notes)
+    given = {"boundary": boundary, "capsule_thickness": capsule_thickness}
+    return _fit_of(known, solved, {name for name, value in given.items() if value is not None}, why)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -352,17 +349,9 @@ def _layered(known: _Sections, layers: Any) -> Array:
     return np.array([layered_depth(layers, depth, effective) for depth, effective in pairs])
 
 
-def _fit_of(
-    known: _Sections,
-    solved: _Solved,
-    boundary: float | None,
-    capsule_thickness: float | None,
-    why: dict[str, str],
-    notes: list[str],
-) -> LayerFit:
+def _fit_of(known: _Sections, solved: _Solved, given: set[str], why: dict[str, str]) -> LayerFit:
     """Return the fit with its evidence."""
     numbers, evidence, errors = dict(vars(solved.layers)), [], {}
-    given = {"boundary": boundary, "capsule_thickness": capsule_thickness}
     for name in Layers.__dataclass_fields__:
         field_name = f"layers.{name}"
         if name in solved.names:
@@ -372,7 +361,7 @@ def _fit_of(
             errors[name] = solved.error(name)
             how = _HOW.format(what=kind)
             evidence.append(Evidence(name=field_name, provenance="measured", how=how, low=low, high=high))
-        elif given.get(name) is not None and name not in why:
+        elif name in given and name not in why:
             evidence.append(Evidence(name=field_name, provenance="choice", how="as it was given"))
         else:
             evidence.append(Evidence(name=field_name, provenance="assumed", how=why.get(name, "not asked for")))
@@ -386,5 +375,4 @@ def _fit_of(
         resistance=np.bincount(known.cut, energy) / np.bincount(known.cut, areas),
         modulus=np.bincount(known.cut, moduli) / count,
         scatter={"energies": solved.scatter[0], "stiffnesses": solved.scatter[1]},
-        notes=tuple(notes),
     )

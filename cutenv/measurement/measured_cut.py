@@ -9,15 +9,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cutenv._base.arrays import Array
-from cutenv.measurement.depth import DepthProfile, with_blade_depth
+from cutenv.measurement.depth import DepthProfile, unit_stiffness, with_blade_depth
 from cutenv.measurement.fracture import FractureEstimate, estimate_fracture_resistance
 from cutenv.measurement.initiation import Hilltop, InitiationEstimate, hilltops, initiation_at
 from cutenv.measurement.loading_ratio import LoadingRatio, loading_ratio
 from cutenv.measurement.modulus import ModulusEstimate, elastic_record, moduli_of
-from cutenv.measurement.return_stroke import ReturnStroke
 from cutenv.measurement.segments import Segment, loading_segments
-from cutenv.measurement.stiffness import unit_stiffness
-from cutenv.measurement.strokes import strokes
+from cutenv.measurement.strokes import ReturnStroke, strokes
 from cutenv.measurement.zero import zeroed
 from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.layers import Layers, layered_depth

@@ -14,8 +14,8 @@ from cutenv._base.validation import in_range
 from cutenv.measurement.depth import DepthProfile
 from cutenv.measurement.fracture import FRICTION_SHARE, estimate_fracture_resistance
 from cutenv.measurement.loading_ratio import LoadingRatio, in_measured_range, loading_ratio_of
-from cutenv.measurement.return_stroke import fit_return_stroke
 from cutenv.measurement.segments import SMALLEST_DROP, Segment, loading_segments
+from cutenv.measurement.strokes import fit_return_stroke
 from cutenv.measurement.zero import zeroed
 from cutenv.task_quantities import MEASURABLE_DEPTH
 from cutenv.tissue.cut_model import CutModel

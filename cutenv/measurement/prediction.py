@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from cutenv._base.arrays import Array
+from cutenv.measurement.depth import unit_stiffness
 from cutenv.measurement.measured_cut import MeasuredCut, by_specimen
 from cutenv.measurement.speed_dependence import LEAST_FIT, SpeedDependence, fit_speed_dependence
-from cutenv.measurement.stiffness import unit_stiffness
 from cutenv.tissue.cut_model import CutModel
 
 _ROUNDS = 10  # iterations of the line and the specimens' factors in turn: each at least halves the error

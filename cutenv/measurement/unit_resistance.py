@@ -15,9 +15,8 @@ import numpy as np
 from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range
 from cutenv.measurement.depth import DepthProfile
-from cutenv.measurement.return_stroke import fit_return_stroke
 from cutenv.measurement.segments import SMALLEST_DROP
-from cutenv.measurement.strokes import Stroke, bin_means, bins_of_travel, strokes
+from cutenv.measurement.strokes import Stroke, bin_means, bins_of_travel, fit_return_stroke, strokes
 from cutenv.measurement.zero import zeroed
 from cutenv.task_quantities import MEASURABLE_DEPTH
 from cutenv.trace import Trace

@@ -12,7 +12,7 @@ import numpy as np
 
 from cutenv._base.arrays import Array
 from cutenv.measurement.depth import DepthProfile
-from cutenv.measurement.return_stroke import fit_return_stroke
+from cutenv.measurement.strokes import fit_return_stroke
 from cutenv.trace import Trace
 
 _Mean = tuple[float, float]  # mid-time [s] and mean [N] of a rest

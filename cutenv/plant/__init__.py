@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from cutenv._base.when_used import import_when_used
+from cutenv._base.imports import import_when_used
 from cutenv.plant.interface import Plant
 from cutenv.plant.protocol import Leg, forward_backward, run, to_trace
 from cutenv.plant.replay import ReplayPlant

@@ -12,9 +12,9 @@ import json
 from contextlib import ExitStack
 from typing import Any
 
+from cutenv._base.imports import optional_import
 from cutenv.play.haptics import VirtualCoupling
 from cutenv.play.polled_handle import HandleSample, checked_sample
-from cutenv.recording.optional_import import optional_import
 
 INVERSE3_URL = "ws://localhost:10001"
 """Address of the service on its own machine."""

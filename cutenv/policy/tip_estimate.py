@@ -22,6 +22,8 @@ from cutenv.task_quantities import SHALLOWEST
 from cutenv.tissue.crack_tip import (
     PRESLIDING,
     TIP_FIELDS,
+    BladeReading,
+    MeanTissue,
     believe_mean,
     follow_tip,
     stiffness_behind,
@@ -159,16 +161,16 @@ def estimate_cut(
         :data:`CUT_ESTIMATE`, filled.
     """
     remember_stiffness(memory, nominal, position, depth)
-    stiffness, passed, friction = memory.stiffness, memory.passed, nominal.friction_per_depth
-    tip, elastic = follow_tip(memory, stiffness, passed, friction, position, speed, depth, force)
+    mean = MeanTissue(memory.stiffness, memory.passed, nominal.friction_per_depth)
+    tip, elastic = follow_tip(memory, mean, BladeReading(position, speed, depth, force))
     new_ground = position - max(memory.furthest, _CUTTING_FROM)
     memory.furthest = max(memory.furthest, position)
 
     mobilised = memory.bristle / PRESLIDING * depth
     estimate.tip = tip
-    estimate.nominal_tip = tip_behind(position, stiffness, passed, max(force - mobilised * friction, 0.0))
+    estimate.nominal_tip = tip_behind(mean, position, max(force - mobilised * mean.friction_per_depth, 0.0))
     estimate.elastic = elastic
-    estimate.stiffness = memory.stiffness_ratio * stiffness_behind(stiffness, passed, tip)
+    estimate.stiffness = memory.stiffness_ratio * stiffness_behind(mean, tip)
     if new_ground > 0.0:
         memory.resisted += max(mean_force - mobilised * memory.friction_per_depth, 0.0) / depth * new_ground
         memory.ground += new_ground

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from cutenv._base.when_used import import_when_used
+from cutenv._base.imports import import_when_used
 from cutenv.recording.appending import AppendingRecord, RecordingFailed
 from cutenv.recording.columns import UNITS, Column, header_of, parse_header
 from cutenv.recording.csv_file import read_metadata

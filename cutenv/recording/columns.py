@@ -8,9 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-import numpy as np
-from numpy.typing import NDArray
-
+from cutenv._base.arrays import Array
 from cutenv._base.unit_table import ANGLES, FORCES, LENGTHS, SPEEDS, TIMES, TORQUES, Unit
 from cutenv.trace import BESIDE, FORCE_UNITS
 
@@ -72,7 +70,7 @@ class Column:
             return None
         return "1" if self.unit == "1" else "N"
 
-    def to_si(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def to_si(self, values: Array) -> Array:
         """Return values in SI, of the same shape; the same array if they are in SI already."""
         return _BY_SPELLING[self.field][self.unit].to_si(values)
 

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cutenv._base.arrays import Array
 from cutenv.recording.columns import Column
 from cutenv.recording.schema import SCHEMA, as_names, check_schema, from_json, mapping_from_json, shortened, to_json
 from cutenv.recording.table import CUT_COLUMN, CutTable, parsed_headers, table_of
@@ -193,7 +193,7 @@ def _take_comment(head: _Head, text: str) -> None:
         head.facts[key] = from_json(what, found["json"])
 
 
-def _numbers(rows: list[str]) -> NDArray[np.float64] | None:
+def _numbers(rows: list[str]) -> Array | None:
     """Return the rows below the headers, shape (n, columns); None if one of them cannot be read."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # an empty file is reported in other words

@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +19,16 @@ from cutenv.recording.column_map import known_unit
 from cutenv.recording.columns import UNITS
 from cutenv.recording.record_errors import UTF_16, RecordError, check_beginning
 
-# Separator and decimal sign, in order of preference if two explain the lines equally well. A space as separator stands
-# for any number of blanks; quotation marks distinguish commas of both kinds.
-_DIALECTS = (("\t", "."), ("\t", ","), (";", "."), (";", ","), (",", "."), (" ", "."), (" ", ","), (",", ","))
+
+class Dialect(NamedTuple):
+    """Separator of cells (a space: any number of blanks), and decimal sign."""
+
+    separator: str
+    decimal: str
+
+
+# In order of preference if two explain the lines equally well; quotation marks distinguish commas of both kinds.
+_DIALECTS = [Dialect(*pair) for pair in ("\t.", "\t,", ";.", ";,", ",.", " .", " ,", ",,")]
 _NAMES = {"\t": "tab", ";": "semicolon", ",": "comma", " ": "blanks"}
 _SAMPLE = 400  # lines from which the separator is chosen
 _NO_ROW = frozenset(("", "#", "%", "/"))  # beginnings of lines that are blank or comments
@@ -230,9 +237,9 @@ def sniff_table(path: Path) -> SniffedTable:
         raise RecordError(path, "it holds no numbers: every line is blank or a comment.")
     around = max(0, len(written) // 2 - _SAMPLE // 2)
     sample = [lines[i] for i in written[around : around + _SAMPLE]]
-    explained = {dialect: _explained(sample, *dialect) for dialect in _DIALECTS}
+    explained = {dialect: _explained(sample, dialect) for dialect in _DIALECTS}
     best = [dialect for dialect, share in explained.items() if share == max(explained.values())]
-    tables = [_table(path, lines, written, sample, *dialect) for dialect in best]
+    tables = [_table(path, lines, written, sample, dialect) for dialect in best]
     # A sample of whole numbers does not show the decimal sign; the other rows do. "0,15" is one number or two; if both
     # explain the lines, the header decides.
     return max(
@@ -302,19 +309,18 @@ def _decimal_sign(rows: list[str], separator: str) -> str:
     return "," if commas and not points and separator != "," else "."
 
 
-def _explained(sample: list[str], separator: str, decimal: str) -> float:
+def _explained(sample: list[str], dialect: Dialect) -> float:
     """Return the share of the lines that is numbers and their separators, in rows of the most frequent length [1]."""
-    rows = [split_row(line, separator) for line in sample]
+    rows = [split_row(line, dialect.separator) for line in sample]
     length, _ = Counter(len(row) for row in rows).most_common(1)[0]
-    number = _NUMBERS[decimal]
+    number = _NUMBERS[dialect.decimal]
     cells = [cell for row in rows if len(row) == length for cell in row]
     numbers = sum(len(cell) + 1 for cell in cells if number.fullmatch(cell))
     return numbers / sum(len(cell) + 1 for row in rows for cell in row)
 
 
-def _table(
-    path: Path, lines: list[str], written: list[int], sample: list[str], separator: str, decimal: str
-) -> SniffedTable:
+def _table(path: Path, lines: list[str], written: list[int], sample: list[str], dialect: Dialect) -> SniffedTable:
+    separator, decimal = dialect
     number = _NUMBERS[decimal]
     rows = [split_row(line, separator) for line in sample]
     length, _ = Counter(len(row) for row in rows).most_common(1)[0]

@@ -9,7 +9,7 @@ import shlex
 import unicodedata
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -206,7 +206,7 @@ def load_foreign(
         table = _foreign_table(path, mapping) if isinstance(table, NumberTable) else table
     notes = [f"{path.name}: {table}."]
     readings = MappedReadings.of(table, mapping, notes)
-    records, tared, cuts = [], [], []
+    records: list[_Searched] = []
     parts: list[tuple[Trace, tuple[QualityIssue, ...]]] = []
     for group, rows in _records_of(table, mapping):
         whole = readings.trace(group, rows, None)
@@ -216,19 +216,17 @@ def load_foreign(
         found = [] if search is None else find_cuts(plain, search)
         if group and found:  # the file defines one cut, the search its start and end
             found = [FoundCut(start=found[0].start, stop=found[-1].stop)]
+        records.append(_Searched(whole, plain, tare, tuple(found)))
         if search is not None:
-            notes += [name + note for note in _told(readings, whole, plain, tare, found, search)]
-        records.append(whole)
-        tared.append(plain)
-        cuts.append(tuple(found))
+            notes += [name + note for note in _remarks(readings, records[-1], search)]
         for cut in found or [FoundCut(start=0, stop=len(plain))]:
             parts.append(_cut(plain, cut, readings.lines[rows]))
     return Imported(
         path=path,
         mapping=mapping,
-        records=tuple(records),
-        tared=tuple(tared),
-        cuts=tuple(cuts),
+        records=tuple(record.whole for record in records),
+        tared=tuple(record.tared for record in records),
+        cuts=tuple(record.cuts for record in records),
         traces=tuple(trace for trace, _ in parts),
         flaws=tuple(found_flaws for _, found_flaws in parts),
         notes=tuple(notes),
@@ -369,15 +367,18 @@ def _tare(
     return np.asarray(readings.force[rows[: min(stops)]].mean(axis=0)), min(stops)
 
 
-def _told(
-    readings: MappedReadings,
-    whole: Trace,
-    plain: Trace,
-    tare: tuple[Array, int] | None,
-    found: list[FoundCut],
-    search: CutSearch,
-) -> list[str]:
+class _Searched(NamedTuple):
+    """A record as it is and tared; offsets and length of its quiet start; the cuts that were found in it."""
+
+    whole: Trace
+    tared: Trace
+    tare: tuple[Array, int] | None
+    cuts: tuple[FoundCut, ...]
+
+
+def _remarks(readings: MappedReadings, record: _Searched, search: CutSearch) -> list[str]:
     """Return notes for the reader on tare and cuts."""
+    whole, plain, tare, found = record
     unit = readings.force_unit if readings.force_unit == "N" else "(normalised)"
     told = []
     if tare is None:

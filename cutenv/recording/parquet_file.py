@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cutenv.recording.optional_import import optional_import
+from cutenv._base.arrays import Array
+from cutenv._base.imports import optional_import
 from cutenv.recording.schema import SCHEMA, as_mapping, as_names, check_schema, from_json, shortened, to_json
 from cutenv.recording.table import CUT_COLUMN, CutTable, parsed_headers, row_from_0, table_of
 from cutenv.trace import Trace
@@ -99,7 +99,7 @@ def _by_cut(facts: Any, name: str, checked: Any) -> dict[int, Any]:
     return found
 
 
-def _numbers(column: Any) -> NDArray[np.float64]:
+def _numbers(column: Any) -> Array:
     """Return a column as float64, with NaN for null."""
     return np.asarray(column.to_numpy(), dtype=np.float64)
 

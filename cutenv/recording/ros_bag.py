@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cutenv._base.imports import optional_import
 from cutenv.recording.csv_sniffer import bare_name
 from cutenv.recording.number_table import STAMP, NumberTable
-from cutenv.recording.optional_import import optional_import
 from cutenv.recording.record_errors import RecordError
 
 BAGS = (".mcap", ".bag", ".db3")

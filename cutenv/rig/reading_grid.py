@@ -15,8 +15,8 @@ from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.samples import ForceSample, MotionSample, interpolated, newest_since
 from cutenv.rig.heading import Heading
 from cutenv.rig.safety.motion_history import REST_SPEED
-from cutenv.tissue.expected_cut import along_line
 from cutenv.tissue.lines import CutLine
+from cutenv.tissue.path_model import along_line
 from cutenv.trace import BESIDE, COMPONENTS_OF_FORCE
 
 _OLDEST = 0.05  # [s] before a period, from which samples are still used

@@ -21,11 +21,11 @@ from cutenv.scoring.unavailable import Unavailable
 from cutenv.scoring.validity import force_unusable, holds_two_cuts, is_truncated
 from cutenv.task_quantities import SHALLOWEST, SMALLEST_RUN
 from cutenv.tissue import CutModel, TissueDescription, measured_liver
-from cutenv.tissue.crack_tip import ASSESSED_TIP, ESTIMATED_EVERY, assess_tips, believe_mean
-from cutenv.tissue.expected_cut import expected_cut
-from cutenv.tissue.floor import FLOOR_EVERY, expected_floor
+from cutenv.tissue.crack_tip import ASSESSED_TIP, ESTIMATED_EVERY, MeanTissue, assess_tips, believe_mean
+from cutenv.tissue.floor import FLOOR_EVERY, BladePath, expected_floor
 from cutenv.tissue.grid import N_POINTS, SPACING
 from cutenv.tissue.lines import CutLine
+from cutenv.tissue.path_model import expected_cut
 from cutenv.tissue.slab import THICKNESS, effective_depth
 from cutenv.trace import Trace
 
@@ -125,11 +125,10 @@ class ScoredCut:
         if self.trace.height is None:
             return self.profile.at(grid[: int(tip[-1] / SPACING + 0.5) + 1])
         instants = even_instants(self.time, 1.0 / FLOOR_EVERY)
-        position, height, tips = (
-            np.interp(instants, self.time, each) for each in (np.maximum(self.position, 0.0), self.trace.height, tip)
-        )
+        motion = (np.maximum(self.position, 0.0), self.trace.height, tip)
+        path = BladePath(*(np.interp(instants, self.time, each) for each in motion))
         surface = DepthProfile.recorded(self.trace, by="score").at(grid)
-        return expected_floor(self.tissue, surface, position, height, tips)[0]
+        return expected_floor(self.tissue, surface, path)[0]
 
     @cached_property
     def depth_map(self) -> DepthMap:
@@ -372,12 +371,12 @@ class ScoredCut:
         force, scale = self.newtons, THICKNESS / self.tissue.thickness
         readings = (self.position, self.trace.blade_speed, scale * self.profile.at(self.position), scale * force)
         instants = even_instants(self.time, 1.0 / ESTIMATED_EVERY)
-        position, speed, depth, force = (np.interp(instants, self.time, values) for values in readings)
+        even = np.column_stack([np.interp(instants, self.time, values) for values in readings])
         stiffness = scale * self.stiffness(self._believed, np.arange(N_POINTS, dtype=np.float64) * SPACING)
         tips = np.zeros(len(instants))
-        memory["position"], memory["tip"] = position[0], min(float(position[0]), 0.0)
-        friction = self.tissue.nominal_friction_per_depth
-        taught = assess_tips(memory, stiffness, friction, position, speed, depth, force, tips)
+        memory["position"], memory["tip"] = even[0, 0], min(float(even[0, 0]), 0.0)
+        mean = MeanTissue(stiffness, len(stiffness), self.tissue.nominal_friction_per_depth)
+        taught = assess_tips(memory, mean, even, tips)
         # A cut never heals: where drawing back locates the tip, it was not further before.
         tips = np.minimum.accumulate(tips[::-1])[::-1]
         return np.interp(self.time, instants, tips), taught

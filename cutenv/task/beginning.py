@@ -19,7 +19,7 @@ from cutenv.task.stepper import batch_of_one
 from cutenv.task_quantities import MEASURABLE_DEPTH
 from cutenv.tissue.grid import N_POINTS
 from cutenv.tissue.nominal import nominal_stiffness
-from cutenv.tissue.sampling import is_vascular, sample_profiles, smooth_field
+from cutenv.tissue.sampling import add_vessels, is_vascular, sample_profiles, smooth_field
 from cutenv.tissue.slab import fill_stiffness
 from cutenv.tissue.surface import vary_surface
 
@@ -41,7 +41,7 @@ def drawn_length(seed: Integer, episode: Integer) -> float:
 @njit
 def measure_depth(seed: Integer, episode: Integer, noise: float, modes: Array, depth: Array, measured: Array) -> None:
     """Fill ``measured``, shape (301,), with the measured depth of cut [m]: true depth plus a smooth error."""
-    smooth_field(seed, episode, DEPTH_ERROR, _FIRST, modes, measured)
+    smooth_field((seed, episode), DEPTH_ERROR, _FIRST, modes, measured)
     for i in range(len(depth)):
         measured[i] = max(depth[i] + noise * measured[i], MEASURABLE_DEPTH)
 
@@ -208,9 +208,9 @@ def begin_some(task: Task) -> Callable[..., None]:
                 cuts.specimens[n] = start.cuts.specimens[0]
             else:
                 vessels = start.source == VASCULAR or (start.source == MIXED and is_vascular(seed, episode))
-                friction, inclined = sample_profiles(
-                    seed, episode, vessels, 0.0, recipe, drawing.modes, along.modulus, along.fracture_resistance
-                )
+                friction, inclined = sample_profiles((seed, episode), 0.0, recipe, drawing.modes, along)
+                if vessels:
+                    add_vessels((seed, episode), along.fracture_resistance)
                 for i in range(N_POINTS):
                     along.fracture_resistance[i] *= drawing.worn[i]
                 vascular[n] = 1 if vessels else 0
@@ -225,7 +225,7 @@ def begin_some(task: Task) -> Callable[..., None]:
                     profile.depth[i] = recipe.depth[i]
                 if drawing.surface[0] > 0.0:
                     spread, deepest, surfaces = drawing.surface
-                    vary_surface(seed, episode, spread, deepest, surfaces, profile.depth)
+                    vary_surface((seed, episode), spread, deepest, surfaces, profile.depth)
                 for i in range(N_POINTS):
                     profile.toughness[i] = fracture_share * along.fracture_resistance[i] * profile.depth[i]
             measure_depth(seed, episode, drawing.depth_noise, drawing.depth_modes, profile.depth, nominal.depth)

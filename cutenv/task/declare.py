@@ -281,6 +281,10 @@ class Task:
     hide: Callable[..., None] | None = None
     """Fill the privileged features that the task adds to those of gentle cutting."""
 
+    def __post_init__(self) -> None:
+        if self.costs and not self.shown_as:
+            raise ValueError(f"{self.place} has costs of the whole cut: give shown_as, the group of the info for them.")
+
     @cached_property
     def seen(self) -> Task:
         """The same task, assessed by what a rig sees: tip, runs and the whole cut are estimates."""

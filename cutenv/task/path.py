@@ -2,7 +2,7 @@
 
 A rig does not see the cut.  How far it has come along the line is estimated from the force along the blade, with the
 stiffness of the mean tissue; to the side it runs where a crack of that length would run in mean tissue behind this
-blade, as a record is scored (:mod:`cutenv.tissue.expected_cut`).  A crack that only turned toward the measured force
+blade, as a record is scored (:mod:`cutenv.tissue.path_model`).  A crack that only turned toward the measured force
 would drift away from the blade by the errors of that force.
 """
 
@@ -140,7 +140,7 @@ GIVEN_LINE = MIXED_LINES + 1
 """Number, after those of the kinds, of a line that is given."""
 _KINDS = len(KINDS)
 _EVERY = round(ESTIMATED_EVERY / TICK)
-_STEP = 0.0002  # [m] of line after which the expected crack turns, as in cutenv.tissue.expected_cut
+_STEP = 0.0002  # [m] of line after which the expected crack turns, as in cutenv.tissue.path_model
 _AHEAD = 10  # points of the grid in the first distance at which the line is observed
 _STEERING, _LINES = np.int64(STEERING.itemsize // 8), 5  # numbers in a record; cache lines of its first ones
 _X, _Y, _EAST, _NORTH, _LATERAL = range(5)  # places of the measurements of a rig

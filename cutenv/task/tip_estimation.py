@@ -7,7 +7,7 @@ from cutenv._engine.jit import njit_internal
 from cutenv.cutting.dtypes import TICK
 from cutenv.cutting.law import depth_at
 from cutenv.task_quantities import SHALLOWEST, SMALLEST_RUN
-from cutenv.tissue.crack_tip import ESTIMATED_EVERY, assess_tip
+from cutenv.tissue.crack_tip import ESTIMATED_EVERY, BladeReading, MeanTissue, assess_tip
 
 _UPDATES = round(ESTIMATED_EVERY / TICK)  # whatever the decision rate
 
@@ -24,5 +24,6 @@ def estimated_tip(
     if tick % _UPDATES != 0:
         return memory.tip, 0.0
     advance, depth = max(x - memory.position, 0.0), max(depth_at(nominal, x), SHALLOWEST)
-    run = assess_tip(memory, nominal.stiffness, task.friction_per_depth, x, speed, depth, force) - advance
+    mean = MeanTissue(nominal.stiffness, len(nominal.stiffness), task.friction_per_depth)
+    run = assess_tip(memory, mean, BladeReading(x, speed, depth, force)) - advance
     return memory.tip, run if run > SMALLEST_RUN else 0.0

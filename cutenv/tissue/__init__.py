@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from cutenv._base.when_used import import_when_used
+from cutenv._base.imports import import_when_used
 from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.description import TissueDescription, load_description, measured_liver
 from cutenv.tissue.effective_modulus import local_effective_modulus, quasi_static_modulus
-from cutenv.tissue.fracture_resistance import measured_fracture_resistance
 from cutenv.tissue.layers import Layers
 from cutenv.tissue.specimen import Specimen, draw_liver
+from cutenv.tissue.tables import measured_fracture_resistance
 
 if TYPE_CHECKING:
     from cutenv.tissue.path_model import PathModel

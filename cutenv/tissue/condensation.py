@@ -13,9 +13,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cutenv._base.arrays import Array
+from cutenv._base.arrays import Array, Indices
 from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.field import field_modes, lognormal_sigma
 from cutenv.tissue.mesh import ACROSS, ALONG, ELEMENT_KINDS, CutMesh
@@ -78,7 +77,7 @@ def _row_stiffness(model: CutModel) -> tuple[Array, int]:
     right = strip.half_steps[:, ACROSS] > 0
     right[strip.pairs[:, 1]] = True
 
-    def unknowns(half_step: int) -> NDArray[np.int64]:
+    def unknowns(half_step: int) -> Indices:
         nodes = np.flatnonzero(right & (strip.half_steps[:, ALONG] == half_step))
         nodes = nodes[np.argsort(strip.half_steps[nodes, ACROSS])]
         return np.stack([2 * nodes, 2 * nodes + 1], axis=1).ravel()[1:]  # on the line nothing moves across

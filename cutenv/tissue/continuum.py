@@ -1,16 +1,23 @@
-"""Elastic continuum of a model: element, formulation, Poisson's ratio and integration, and what follows from them."""
+"""Elastic continuum of a model: element, formulation, integration and what follows from them; checks of arguments."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
-from cutenv._base.validation import in_range, one_of
-from cutenv.tissue.elasticity import FORMULATIONS, LARGEST_POISSON, POISSON_CURE, strain_energy_density
+from cutenv._base.arrays import Array
+from cutenv._base.validation import array_in_range, in_range, one_of
+from cutenv.tissue.elasticity import (
+    FORMULATIONS,
+    LARGEST_POISSON,
+    POISSON_CURE,
+    mixed_strain_energy_density,
+    strain_energy_density,
+)
 from cutenv.tissue.mesh import ELEMENT_KINDS, CutMesh, ElementKind, read_only
-from cutenv.tissue.mixed import mixed_strain_energy_density
 from cutenv.tissue.tip_response import TipResponse, stiffness_matrix, tip_responses
 
 
@@ -54,7 +61,7 @@ class Continuum:
         return kind if self.integration == "full" else kind.reduced()
 
     def unit_response(
-        self, mesh: CutMesh, relative_modulus: NDArray[np.float64] | None, *, slipping: bool, thickness: float
+        self, mesh: CutMesh, relative_modulus: Array | None, *, slipping: bool, thickness: float
     ) -> TipResponse:
         """Return the response to a unit blade force at unit modulus and unit thickness, see `tip_responses`.
 
@@ -65,11 +72,82 @@ class Continuum:
         own = thickness if mesh.dim == 3 else 1.0
         return TipResponse(stiffness=read_only(response.stiffness / own), fields=read_only(response.fields * own))
 
-    def strain_energy_density(
-        self, mesh: CutMesh, displacement: NDArray[np.float64], modulus: float, relative: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def strain_energy_density(self, mesh: CutMesh, displacement: Array, modulus: float, relative: Array) -> Array:
         """Return the mean strain energy per volume of each element [J/m3], shape (n_elements,)."""
         u = displacement.ravel()
         if mesh.kind.has_pressure:
             return modulus * mixed_strain_energy_density(mesh.basis, mesh.pressure_basis, u, self.poisson, relative)
         return modulus * relative * strain_energy_density(mesh.basis, u, self.formulation, self.poisson)
+
+
+METRES = "Lengths are in metres: 5 cm is 0.05."
+"""Cure of a length that is out of range."""
+POSITIVE_MODULUS = "It is Young's modulus in pascals, and positive."
+"""Cure of a modulus that is out of range."""
+_WHOLE = 1e-6  # of an element: a line that is so close to an edge lies on it
+
+
+def whole_elements(
+    offset: float, earlier: Sequence[tuple[float, float]], size: Sequence[float], divisions: Sequence[int]
+) -> tuple[int, tuple[tuple[int, int], ...]]:
+    """Return the offset of the cut line, and x and length of each earlier cut, counted in elements.
+
+    Raises
+    ------
+    ValueError
+        If a line is no edge of elements, lies outside, or lies on another one.
+    """
+
+    def counted(name: str, value: float, axis: int) -> int:
+        step = size[axis] / divisions[axis]
+        number = value / step
+        if not np.isfinite(number) or abs(number - round(number)) > _WHOLE:
+            raise ValueError(f"{name} = {value:g} m is no multiple of the elements' {step:g} m: change divisions.")
+        return round(number)
+
+    half = divisions[0] // 2
+    shift = counted("offset", offset, 0)
+    if abs(shift) >= half:
+        raise ValueError(f"offset = {offset:g} m leaves no tissue on one side: the specimen is {size[0]:g} m wide.")
+    lines: list[tuple[int, int]] = []
+    for x, length in earlier:
+        beside, cut = counted("x of an earlier cut", x, 0), counted("length of an earlier cut", length, 1)
+        if beside == 0 or abs(shift + beside) >= half or beside in [line for line, _ in lines]:
+            raise ValueError(f"an earlier cut at x = {x:g} m lies on another cut, or outside the specimen.")
+        if not 1 <= cut <= divisions[1]:
+            raise ValueError(f"length = {length:g} m of an earlier cut is outside 0 to {size[1]:g} m.")
+        lines.append((beside, cut))
+    return shift, tuple(lines)
+
+
+def unit_force(force: float, modulus: float, thickness: float) -> float:
+    """Return the blade's force [N] over modulus [Pa] and thickness [m], in metres; raise for one out of range."""
+    f = in_range("force", force, -1e6, 1e6, "N", "Forces are in newtons.")
+    e = in_range("modulus", modulus, 1e-6, 1e12, "Pa", POSITIVE_MODULUS)
+    return f / (e * in_range("thickness", thickness, 1e-6, 1.0, "m", METRES))
+
+
+def checked_points(points: ArrayLike, nodes: Array) -> Array:
+    """Return points as an array of shape (n, dim); raise if they have another shape, or one is outside the mesh."""
+    places = np.array(points, dtype=np.float64)
+    dim = nodes.shape[1]
+    if places.ndim != 2 or places.shape[1] != dim:
+        raise ValueError(f"points have shape {places.shape}; give {dim} coordinates of each, shape (n, {dim}).")
+    for axis, name in enumerate("xyz"[:dim]):
+        low, high = float(nodes[:, axis].min()), float(nodes[:, axis].max())
+        slack = _WHOLE * (high - low)
+        cure = "The specimen ends there. Lengths are in metres, from the cut line and the clamp."
+        array_in_range(f"{name} of points", places[:, axis], low - slack, high + slack, "m", cure)
+    return places
+
+
+def checked_relative_modulus(modulus: ArrayLike, n_elements: int) -> Array:
+    """Return the relative modulus of each element, read-only; raise for another shape or a value out of range."""
+    cure = "It is each element's modulus over the common one: divide by that."
+    checked = array_in_range("relative_modulus", modulus, 1e-6, 1e6, "1", cure)
+    if checked.shape != (n_elements,):
+        raise ValueError(
+            f"relative_modulus has shape {checked.shape}, but the mesh has {n_elements} elements. Give one "
+            "value for each row of element_centres; ravel an array that is shaped as divisions."
+        )
+    return read_only(checked.copy())

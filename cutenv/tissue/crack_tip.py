@@ -10,11 +10,11 @@ Scripts and agents estimate it at every decision (:func:`follow_tip`), rigs and 
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from cutenv._base.arrays import Struct, StructArray
+from cutenv._base.arrays import Array, Struct, StructArray
 from cutenv._engine.jit import njit, njit_inline, njit_internal
 from cutenv.tissue.grid import SPACING
 
@@ -71,6 +71,33 @@ ASSESSED_TIP: np.dtype[Any] = np.dtype(
 """Structured dtype of what is remembered of a tip that never goes back."""
 
 
+class MeanTissue(NamedTuple):
+    """Mean tissue, with which an estimate begins.
+
+    Attributes
+    ----------
+    stiffness : array, shape (301,)
+        K [N/m] with the tip at each grid point.
+    passed : int
+        Number of points from the clamp on, at least 1, at which it is known.
+    friction_per_depth : float
+        Friction on a moving blade [N/m].
+    """
+
+    stiffness: StructArray
+    passed: int
+    friction_per_depth: float
+
+
+class BladeReading(NamedTuple):
+    """Reading of a rig: position [m], speed [m/s], depth of cut there [m] and measured force [N]."""
+
+    position: float
+    speed: float
+    depth: float
+    force: float
+
+
 def believe_mean(memory: StructArray, friction_per_depth: float) -> None:
     """Let records of :data:`TIP_FIELDS` begin with the mean tissue's stiffness and this friction [N/m]."""
     memory["friction_per_depth"] = friction_per_depth
@@ -84,66 +111,31 @@ def dragged(bristle: float, moved: float) -> float:
 
 
 @njit_internal
-def follow_tip(
-    memory: Struct,
-    stiffness: StructArray,
-    passed: int,
-    believed: float,
-    position: float,
-    speed: float,
-    depth: float,
-    force: float,
-) -> tuple[float, float]:
+def follow_tip(memory: Struct, mean: MeanTissue, reading: BladeReading) -> tuple[float, float]:
     """Return the estimated tip [m] and the elastic force [N] at a reading, and remember what it shows.
 
-    Parameters
-    ----------
-    memory : Record
-        With :data:`TIP_FIELDS`; changed in place.
-    stiffness, passed : array, shape (301,), int
-        K of the mean tissue [N/m] with the tip at each grid point, and the number of points from the clamp on, at least
-        1, at which it is known.
-    believed : float
-        Friction of the mean tissue [N/m].
-    position, speed, depth : float
-        Of the blade [m], [m/s]; depth of cut there [m].
-    force : float
-        Measured force [N].
+    ``memory`` has :data:`TIP_FIELDS`, and is changed in place.
     """
-    memory.bristle = dragged(memory.bristle, position - memory.position)
-    memory.position = position
-    _learn_from_retreat(memory, stiffness, passed, believed, position, speed, force, depth)
-    elastic = max(force - memory.bristle / PRESLIDING * depth * memory.friction_per_depth, 0.0)
-    tip = tip_behind(position, stiffness, passed, elastic / memory.stiffness_ratio)
+    memory.bristle = dragged(memory.bristle, reading.position - memory.position)
+    memory.position = reading.position
+    _learn_from_retreat(memory, mean, reading)
+    elastic = max(reading.force - memory.bristle / PRESLIDING * reading.depth * memory.friction_per_depth, 0.0)
+    tip = tip_behind(mean, reading.position, elastic / memory.stiffness_ratio)
     return max(tip, memory.located), elastic
 
 
 @njit_internal
-def assess_tip(
-    memory: Struct,
-    stiffness: StructArray,
-    believed: float,
-    position: float,
-    speed: float,
-    depth: float,
-    force: float,
-) -> float:
+def assess_tip(memory: Struct, mean: MeanTissue, reading: BladeReading) -> float:
     """Update ``memory.tip`` with a reading 20 ms after the last one; return by how much it grew [m].
 
     A cut never heals, so the tip never goes back, except to where drawing back locates it, which is no growth.
-
-    Parameters
-    ----------
-    memory : Record
-        :data:`ASSESSED_TIP`, changed in place.
-    stiffness, believed, position, speed, depth, force
-        See :func:`follow_tip`; the stiffness is known at all grid points.
+    ``memory`` is :data:`ASSESSED_TIP`, changed in place.
     """
-    bristle, located, before = memory.bristle, memory.located, memory.tip
+    bristle, located, before, position = memory.bristle, memory.located, memory.tip, reading.position
     if memory.probed == 1 and position < located - _OPEN:  # and the depth is no longer that of the tip
         memory.bristle, memory.position = dragged(bristle, position - memory.position), position
         return 0.0
-    tip, elastic = follow_tip(memory, stiffness, len(stiffness), believed, position, speed, depth, force)
+    tip, elastic = follow_tip(memory, mean, reading)
     memory.settled = memory.settled + ESTIMATED_EVERY if memory.bristle == bristle else 0.0
     if memory.located != located:
         memory.tip = memory.located
@@ -154,23 +146,16 @@ def assess_tip(
 
 
 @njit
-def assess_tips(
-    memories: StructArray,
-    stiffness: StructArray,
-    believed: float,
-    position: StructArray,
-    speed: StructArray,
-    depth: StructArray,
-    force: StructArray,
-    tips: StructArray,
-) -> StructArray:
-    """Fill ``tips``, shape (n,) [m], for readings every 20 ms, each of shape (n,), by :func:`assess_tip`.
+def assess_tips(memories: StructArray, mean: MeanTissue, readings: Array, tips: Array) -> StructArray:
+    """Fill ``tips``, shape (n,) [m], by :func:`assess_tip` for ``readings`` every 20 ms, shape (n, 4).
 
-    ``memories`` has shape (1,).  Returns what was remembered at the first return stroke, shape (1,), or zeros.
+    The columns are the fields of :class:`BladeReading`; ``memories`` has shape (1,).  Returns what was remembered at
+    the first return stroke, shape (1,), or zeros.
     """
     memory, first = memories[0], np.zeros_like(memories)
-    for k in range(len(position)):
-        assess_tip(memory, stiffness, believed, max(position[k], 0.0), speed[k], depth[k], force[k])
+    for k in range(len(readings)):
+        position, speed, depth, force = readings[k, 0], readings[k, 1], readings[k, 2], readings[k, 3]
+        assess_tip(memory, mean, BladeReading(max(position, 0.0), speed, depth, force))
         tips[k] = memory.tip
         if memory.probed == 1 and (first[0].probed == 0 or memory.back_from == first[0].back_from):
             first[0] = memory
@@ -178,33 +163,25 @@ def assess_tips(
 
 
 @njit_internal
-def stiffness_behind(stiffness: StructArray, passed: int, tip: float) -> float:
+def stiffness_behind(mean: MeanTissue, tip: float) -> float:
     """Return K [N/m] of the mean tissue for a ``tip`` [m] behind the blade."""
-    K: float = stiffness[min(max(round(tip / SPACING), 0), passed - 1)]
+    K: float = mean.stiffness[min(max(round(tip / SPACING), 0), mean.passed - 1)]
     return K
 
 
 @njit_internal
-def tip_behind(position: float, stiffness: StructArray, passed: int, elastic: float) -> float:
+def tip_behind(mean: MeanTissue, position: float, elastic: float) -> float:
     """Return the tip [m] at which the mean tissue would hold a blade at ``position`` with the force ``elastic`` [N]."""
     tip = position
     for _ in range(_ITERATIONS):
-        tip = position - elastic / stiffness_behind(stiffness, passed, tip)
+        tip = position - elastic / stiffness_behind(mean, tip)
     return max(tip, 0.0)
 
 
 @njit_internal
-def _learn_from_retreat(
-    memory: Struct,
-    stiffness: StructArray,
-    passed: int,
-    believed: float,
-    position: float,
-    speed: float,
-    force: float,
-    depth: float,
-) -> None:
+def _learn_from_retreat(memory: Struct, mean: MeanTissue, reading: BladeReading) -> None:
     """Update stiffness, friction and located tip from the force while the blade draws back."""
+    position, speed, depth, force = reading.position, reading.speed, reading.depth, reading.force
     if speed > _FORWARD:
         memory.pushed, memory.pushed_at = force, position
     if speed < _STEADY:
@@ -221,7 +198,7 @@ def _learn_from_retreat(
         if force < 0.0 and fell < _FLAT and memory.flat_at - position > _FLAT_OVER:
             memory.friction_per_depth = -force / depth
             memory.friction_known = 1
-            _locate_tip(memory, stiffness, passed, believed, depth)
+            _locate_tip(memory, mean, depth)
         elif force > _STEEP - memory.friction_per_depth * depth:
             memory.count += 1
             memory.x += drawn_back
@@ -231,14 +208,14 @@ def _learn_from_retreat(
             if memory.count == 1:
                 memory.nearest = drawn_back
             if memory.count > 1 and drawn_back - memory.nearest > _SPAN:
-                _locate_tip(memory, stiffness, passed, believed, depth)
+                _locate_tip(memory, mean, depth)
     if memory.steady <= 1 or memory.flat_at - position > _FLAT_OVER:  # whatever the rate of readings
         memory.flat_at = position
         memory.flat_force = force
 
 
 @njit_internal
-def _locate_tip(memory: Struct, stiffness: StructArray, passed: int, believed: float, depth: float) -> None:
+def _locate_tip(memory: Struct, mean: MeanTissue, depth: float) -> None:
     """Locate the tip: extrapolate the straight line of the force down to friction."""
     n = memory.count
     if n < 2:
@@ -251,9 +228,10 @@ def _locate_tip(memory: Struct, stiffness: StructArray, passed: int, believed: f
     friction_per_depth = memory.friction_per_depth
     if memory.friction_known == 0:  # the line lies below the force before the turn by friction both ways
         drop = memory.pushed - (mean_F + slope * (mean_x - (memory.back_from - memory.pushed_at)))
+        believed = mean.friction_per_depth
         friction_per_depth = min(max(0.5 * drop / depth, _SMOOTHEST * believed), _ROUGHEST * believed)
     tip = memory.back_from - mean_x - (mean_F + friction_per_depth * depth) / slope
-    ratio = slope / stiffness_behind(stiffness, passed, tip)
+    ratio = slope / stiffness_behind(mean, tip)
     if _SOFTEST < ratio < _STIFFEST and tip > memory.located - _BACK:
         memory.friction_per_depth = friction_per_depth
         memory.located = tip

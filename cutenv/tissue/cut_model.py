@@ -8,20 +8,21 @@ from functools import cached_property
 from typing import overload
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from cutenv._base.arrays import Array, Indices
 from cutenv._base.validation import array_in_range, in_range
-from cutenv.tissue.continuum import Continuum
-from cutenv.tissue.mesh import ACROSS, ALONG, CutMesh, checked_divisions, read_only
-from cutenv.tissue.model_arguments import (
+from cutenv.tissue.continuum import (
     METRES,
     POSITIVE_MODULUS,
+    Continuum,
     checked_points,
     checked_relative_modulus,
     unit_force,
     whole_elements,
 )
-from cutenv.tissue.tip_interpolation import TipInterpolation
+from cutenv.tissue.mesh import ACROSS, ALONG, CutMesh, checked_divisions, read_only
+from cutenv.tissue.tip_response import TipInterpolation
 
 _MIRROR_TOLERANCE = 1e-12
 
@@ -49,7 +50,7 @@ class CutModel:
     ----------
     element : {"quad8", "quad4", "quad8_mixed", "hex20"}
         8-node serendipity quadrilateral, 4-node quadrilateral, the first with the pressure as a further unknown
-        on its corners (Taylor-Hood, see `cutenv.tissue.mixed`), 20-node serendipity brick.
+        on its corners (Taylor-Hood, see `cutenv.tissue.elasticity`), 20-node serendipity brick.
     formulation : {"plane_stress", "plane_strain", "solid"}
         ``"solid"`` goes with ``"hex20"``, ``"plane_strain"`` with ``"quad8_mixed"``, the plane ones with the others.
     poisson : float
@@ -102,7 +103,7 @@ class CutModel:
     length: float = 0.15
     thickness: float = 0.01
     divisions: tuple[int, ...] | None = None
-    relative_modulus: NDArray[np.float64] | None = None
+    relative_modulus: Array | None = None
     integration: str = "full"
     offset: float = 0.0
     earlier_cuts: tuple[tuple[float, float], ...] = ()
@@ -190,12 +191,12 @@ class CutModel:
         return whole_elements(self.offset, self.earlier_cuts, size, self._divisions[:2])
 
     @property
-    def nodes(self) -> NDArray[np.float64]:
+    def nodes(self) -> Array:
         """Positions of the nodes [m], shape (n_nodes, dim): first the corners, then the mid-side nodes."""
         return self._mesh.nodes
 
     @property
-    def elements(self) -> NDArray[np.int64]:
+    def elements(self) -> Indices:
         """Corner nodes of each element, shape (n_elements, 4), for bricks (n_elements, 8).
 
         Counter-clockwise seen from +z; bricks list the lower face, then the upper one.
@@ -203,17 +204,17 @@ class CutModel:
         return self._mesh.elements
 
     @property
-    def pairs(self) -> NDArray[np.int64]:
+    def pairs(self) -> Indices:
         """Facing nodes of the cut line, (left, right), from the clamp onward, shape (n_pairs, 2)."""
         return self._mesh.pairs
 
     @cached_property
-    def element_centres(self) -> NDArray[np.float64]:
+    def element_centres(self) -> Array:
         """Centres of the elements [m], shape (n_elements, dim), in the order of `relative_modulus`."""
         return read_only(self.nodes[self.elements].mean(axis=1))
 
     @cached_property
-    def tips(self) -> NDArray[np.float64]:
+    def tips(self) -> Array:
         """Cut lengths at which a tip stands on element corners [m], shape (n_tips,)."""
         return read_only(np.linspace(0.0, self.length, self._divisions[ALONG] + 1)[1:].copy())
 
@@ -228,7 +229,7 @@ class CutModel:
         return np.allclose(modulus, np.flip(modulus, axis=ACROSS), rtol=_MIRROR_TOLERANCE, atol=0.0)
 
     @property
-    def unit_fields(self) -> NDArray[np.float64]:
+    def unit_fields(self) -> Array:
         """Displacement with the tip on each corner, times modulus and thickness, over force [1].
 
         Shape (n_tips, n_nodes, dim).
@@ -245,8 +246,8 @@ class CutModel:
     @overload
     def stiffness(self, cut_length: float) -> float: ...
     @overload
-    def stiffness(self, cut_length: ArrayLike) -> float | NDArray[np.float64]: ...
-    def stiffness(self, cut_length: ArrayLike) -> float | NDArray[np.float64]:
+    def stiffness(self, cut_length: ArrayLike) -> float | Array: ...
+    def stiffness(self, cut_length: ArrayLike) -> float | Array:
         """Return the unit stiffness kappa [1]: blade force over displacement, modulus and thickness.
 
         Computed where the tip stands on element corners and interpolated in between with shape-preserving cubics
@@ -266,7 +267,7 @@ class CutModel:
         kappa = self._interpolation.stiffness(a)
         return float(kappa) if a.ndim == 0 else kappa
 
-    def displacement(self, cut_length: float, force: float, modulus: float, thickness: float) -> NDArray[np.float64]:
+    def displacement(self, cut_length: float, force: float, modulus: float, thickness: float) -> Array:
         """Return the displacement of every node under a blade force [m], shape (n_nodes, dim).
 
         The tip moves by force / (kappa modulus thickness). Between two element corners the fields for a tip
@@ -302,7 +303,7 @@ class CutModel:
         force: float | None = None,
         modulus: float | None = None,
         thickness: float | None = None,
-    ) -> NDArray[np.float64]:
+    ) -> Array:
         """Return the displacement at any points [m], shape (n, dim), by the shape functions of their elements.
 
         With the tip on element corners it is, at a node, that of `displacement`, and on a cut line that of the right
@@ -345,7 +346,7 @@ class CutModel:
             load = unit_force(force, modulus, thickness)
         return self._mesh.interpolated(load * self._interpolation.shared(a), places)
 
-    def strain_energy_density(self, displacement: NDArray[np.float64], modulus: float) -> NDArray[np.float64]:
+    def strain_energy_density(self, displacement: Array, modulus: float) -> Array:
         """Return the mean strain energy per volume of each element [J/m3], shape (n_elements,).
 
         They are in the order of `element_centres`. Summed over the elements times their volumes it is half the blade's
@@ -372,10 +373,8 @@ class CutModel:
     @overload
     def convert_modulus(self, modulus: float, to: CutModel, cut_length: float) -> float: ...
     @overload
-    def convert_modulus(
-        self, modulus: ArrayLike, to: CutModel, cut_length: ArrayLike
-    ) -> float | NDArray[np.float64]: ...
-    def convert_modulus(self, modulus: ArrayLike, to: CutModel, cut_length: ArrayLike) -> float | NDArray[np.float64]:
+    def convert_modulus(self, modulus: ArrayLike, to: CutModel, cut_length: ArrayLike) -> float | Array: ...
+    def convert_modulus(self, modulus: ArrayLike, to: CutModel, cut_length: ArrayLike) -> float | Array:
         """Convert a local effective modulus found with this model to another model (section 4.4.2).
 
         Both models then respond to the same force with the same displacement: modulus kappa_self / kappa_to.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from typing import NamedTuple
 
 from cutenv._base import resources
 
@@ -28,15 +29,16 @@ def derived_value(name: str) -> float:
     return float(value)
 
 
-def write_derived(
-    name: str, value: float, *, unit: str, source: str, script: str, interval: tuple[float, float] | None = None
-) -> None:
-    """Store a derived constant with its unit, source, script and 95 % interval."""
-    content = {
-        "value": value,
-        "unit": unit,
-        "interval_95": interval,
-        "source": source,
-        "script": script,
-    }
-    resources.path(FOLDER).joinpath(f"{name}.json").write_text(json.dumps(content, indent=1) + "\n")
+class DerivedConstant(NamedTuple):
+    """A derived constant: its value, unit, 95 % interval, source and script."""
+
+    value: float
+    unit: str
+    interval_95: tuple[float, float] | None
+    source: str
+    script: str
+
+
+def write_derived(name: str, constant: DerivedConstant) -> None:
+    """Store a derived constant."""
+    resources.path(FOLDER).joinpath(f"{name}.json").write_text(json.dumps(constant._asdict(), indent=1) + "\n")

@@ -19,10 +19,10 @@ from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.derivation import derived_value
 from cutenv.tissue.effective_modulus import falls, linear_fit
 from cutenv.tissue.fall import Falls, checked_falls, speed_on_line
-from cutenv.tissue.fracture_resistance import measured_fracture_resistance
 from cutenv.tissue.layers import Layers
 from cutenv.tissue.parameter_provenance import TissueCalibration
 from cutenv.tissue.slab import THICKNESS, slab_of
+from cutenv.tissue.tables import measured_fracture_resistance
 from cutenv.tissue.variance_components import inclined_spread, mean_depth_of_cut, modulus_spread
 
 TISSUE_SCHEMA = "cutenv-tissue/2"

@@ -17,9 +17,10 @@ from dataclasses import dataclass
 from typing import Literal, overload
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import isotonic_regression
 
+from cutenv._base.arrays import Array
 from cutenv._base.validation import array_in_range, in_range, one_of
 from cutenv.tissue.fall import Falls, end_of_fall
 from cutenv.tissue.tables import table
@@ -62,7 +63,7 @@ class SpeedFit:
         in_range("slope", self.slope, -1e12, 1e12, "Pa s/m")
         in_range("modulus at speed_max", self.intercept + self.slope * self.speed_max, 1e-3, 1e9, "Pa", self.source)
 
-    def modulus(self, speed: ArrayLike) -> NDArray[np.float64]:
+    def modulus(self, speed: ArrayLike) -> Array:
         """Return the LEM [Pa] at ``speed`` [m/s], 0 to 0.1, any shape; clamped to the measured range of speed."""
         v = np.clip(checked_speed(speed), self.speed_min, self.speed_max)
         return np.asarray(self.intercept + self.slope * v)
@@ -100,7 +101,7 @@ class PowerFit:
         in_range("exponent", self.exponent, -10.0, 10.0, "1")
         in_range("reference_speed", self.reference_speed, 1e-6, 1.0, "m/s")
 
-    def modulus(self, speed: ArrayLike) -> NDArray[np.float64]:
+    def modulus(self, speed: ArrayLike) -> Array:
         """Return the LEM [Pa] at ``speed`` [m/s], 0 to 0.1, any shape; clamped to the measured range of speed."""
         v = np.clip(checked_speed(speed), self.speed_min, self.speed_max)
         return np.asarray(self.modulus_at_reference * (v / self.reference_speed) ** self.exponent)
@@ -225,11 +226,7 @@ def quasi_static_modulus() -> float:
 
 @overload
 def local_effective_modulus(
-    speed: float,
-    angle: float,
-    formulation: Formulation = ...,
-    poisson: float = ...,
-    depth_normalised: bool = ...,
+    speed: float, angle: float, formulation: Formulation = ..., poisson: float = ..., depth_normalised: bool = ...
 ) -> float: ...
 
 
@@ -240,7 +237,7 @@ def local_effective_modulus(
     formulation: Formulation = ...,
     poisson: float = ...,
     depth_normalised: bool = ...,
-) -> float | NDArray[np.float64]: ...
+) -> float | Array: ...
 
 
 def local_effective_modulus(
@@ -249,7 +246,7 @@ def local_effective_modulus(
     formulation: Formulation = "plane_stress",
     poisson: float = 0.3,
     depth_normalised: bool = True,
-) -> float | NDArray[np.float64]:
+) -> float | Array:
     """Return the mean local effective modulus of pig liver at a speed and an angle of the blade.
 
     Parameters
@@ -317,9 +314,7 @@ def _table_number(poisson: float, depth_normalised: bool) -> str:
     raise ValueError(f"poisson = {nu:g} was not measured: the {kind} moduli are for {measured}. {cure}")
 
 
-def _measured(
-    number: str, angle_deg: float, formulation: Formulation
-) -> tuple[NDArray[np.float64], NDArray[np.float64], str]:
+def _measured(number: str, angle_deg: float, formulation: Formulation) -> tuple[Array, Array, str]:
     """Return the speeds [m/s] with a value, the mean LEM [Pa] at each, and their source."""
     one_of("formulation", formulation, _FORMULATIONS)
     angle = one_of("angle_deg", angle_deg, (90, 45))
@@ -332,7 +327,7 @@ def _measured(
     return speed[present], modulus[present], source
 
 
-def checked_angle(angle: ArrayLike) -> NDArray[np.float64]:
+def checked_angle(angle: ArrayLike) -> Array:
     """Return angles [rad] as an array; raise outside the measured range, or if they look like degrees."""
     return array_in_range(
         "angle",
@@ -344,7 +339,7 @@ def checked_angle(angle: ArrayLike) -> NDArray[np.float64]:
     )
 
 
-def checked_speed(speed: ArrayLike) -> NDArray[np.float64]:
+def checked_speed(speed: ArrayLike) -> Array:
     """Return speeds [m/s] as an array; raise if negative, not finite, or as large as a speed in cm/s."""
     cure = "Give the magnitude in m/s: 2.54 looks like cm/s, which is 0.0254 m/s."
     return array_in_range("speed", speed, 0.0, _LARGEST_SPEED, "m/s", cure)

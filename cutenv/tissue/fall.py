@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range
 
 Falls = tuple[tuple[float, float, float], ...]
@@ -37,7 +38,7 @@ def end_of_fall(falls: Falls) -> float:
     return max(end for *_, end in falls)
 
 
-def speed_on_line(speed: ArrayLike, falls: Falls) -> NDArray[np.float64]:
+def speed_on_line(speed: ArrayLike, falls: Falls) -> Array:
     """Return the speed [m/s] at which a line of the same mean slope has fallen as far; ``speed`` if no steps."""
     v = np.asarray(speed, np.float64)
     if not falls:

@@ -6,8 +6,8 @@ import math
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cutenv._base.arrays import Array
 from cutenv._engine.elementary import exp, log
 
 _KNOTS = 2  # per correlation length: the covariance is then accurate to 3e-9 (Poisson summation over the knots)
@@ -15,7 +15,7 @@ _REACH = 4  # correlation lengths beyond which a knot's weight is below 2e-7
 
 
 @lru_cache(maxsize=16)
-def field_modes(n_points: int, spacing: float, correlation_length: float) -> NDArray[np.float64]:
+def field_modes(n_points: int, spacing: float, correlation_length: float) -> Array:
     """Return the modes of a Gaussian field, shape (n_modes, n_points): z @ modes has unit variance for normal z.
 
     The covariance is exp(-d^2 / (2 correlation_length^2)).  Each mode is the weight exp(-d^2 / correlation_length^2) of

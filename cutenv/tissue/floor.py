@@ -7,7 +7,7 @@ have under a blade that moved as recorded (:func:`expected_floor`).
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -131,14 +131,16 @@ def _follow(floors: StructArray, positions: Array, heights: Array, tips: Array, 
         engaged[k] = floor.engaged
 
 
+class BladePath(NamedTuple):
+    """Position and height of a blade, and crack tip, every :data:`FLOOR_EVERY`, each of shape (n,) [m]."""
+
+    positions: Array
+    heights: Array
+    tips: Array
+
+
 def expected_floor(
-    tissue: TissueDescription,
-    surface: Array,
-    positions: Array,
-    heights: Array,
-    tips: Array,
-    *,
-    layers: Layers | None = None,
+    tissue: TissueDescription, surface: Array, path: BladePath, *, layers: Layers | None = None
 ) -> tuple[Array, Array]:
     """Return the floor that a tissue would have under a blade that moved in this way.
 
@@ -148,8 +150,8 @@ def expected_floor(
         Tissue whose mean resistance and modulus the floor has.
     surface : array, shape (301,)
         Depth of cut of a blade at height 0, every 0.5 mm from the clamp [m].
-    positions, heights, tips : array, shape (n,)
-        Position and height of the blade, and crack tip, every :data:`FLOOR_EVERY` [m]; the tip never goes back.
+    path : BladePath
+        Motion of the blade; the tip never goes back.
     layers : Layers, optional
         Layers over the depth; default one tissue throughout.
 
@@ -171,10 +173,9 @@ def expected_floor(
     for name in Layers.__dataclass_fields__:
         record[name] = getattr(layers or Layers(), name)
     record["surface"] = record["floor"] = surface
-    record["engaged"] = heights[0]
-    record["floor"][0, 0] = heights[0]
-    engaged = np.empty(len(positions))
-    along, up, grown = (np.ascontiguousarray(each, np.float64) for each in (positions, heights, tips))
+    record["engaged"] = record["floor"][0, 0] = path.heights[0]
+    engaged = np.empty(len(path.positions))
+    along, up, grown = (np.ascontiguousarray(each, np.float64) for each in path)
     _follow(record, along, up, grown, engaged)
     cells = int(record["cell"][0]) + 1
     depth = surface[:cells] - record["floor"][0, :cells]

@@ -18,6 +18,8 @@ from scipy.sparse import csr_array
 from skfem import Basis, MeshHex, MeshQuad
 from skfem.element import Element, ElementHexS2, ElementQuad1, ElementQuadS2, ElementVector
 
+from cutenv._base.arrays import Array, Indices
+
 ACROSS, ALONG = 0, 1  # x and y; the components of a vector and the axes of an array shaped like ``divisions``
 
 # Corners of an element as steps along x, y (and z): counter-clockwise, the lower face first (VTK's order).
@@ -146,7 +148,7 @@ class CutMesh:
         return sorted([self.line, *(self.line + beside for beside, _ in self.earlier)])
 
     @cached_property
-    def corners(self) -> NDArray[np.float64]:
+    def corners(self) -> Array:
         """Positions of the element corners [m], shape (n_corners, dim)."""
         axes = [np.linspace(0.0, size, n + 1) for size, n in zip(self.size, self.divisions, strict=True)]
         x = axes[ACROSS] - self.size[ACROSS] / 2 - self.shift * self.size[ACROSS] / self.divisions[ACROSS]
@@ -155,7 +157,7 @@ class CutMesh:
         return read_only(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, self.dim))
 
     @cached_property
-    def elements(self) -> NDArray[np.int64]:
+    def elements(self) -> Indices:
         """Corner nodes of each element, shape (n_elements, 4 or 8).
 
         Counter-clockwise; in 3-D the lower face, then the upper one. Elements are in the order of
@@ -166,7 +168,7 @@ class CutMesh:
         steps = _QUAD_CORNERS if self.dim == 2 else _HEX_CORNERS
         grid = (self.divisions[ACROSS] + 1 + len(self._lines), *(n + 1 for n in self.divisions[1:]))
         corners = cells[:, :, np.newaxis] + steps.T[:, np.newaxis, :]
-        elements: NDArray[np.int64] = np.ravel_multi_index(tuple(corners), grid)
+        elements: Indices = np.ravel_multi_index(tuple(corners), grid)
         return read_only(elements)
 
     @cached_property
@@ -195,7 +197,7 @@ class CutMesh:
         return self.nodes.size + (len(self.corners) if self.kind.has_pressure else 0)
 
     @cached_property
-    def nodes(self) -> NDArray[np.float64]:
+    def nodes(self) -> Array:
         """Positions of all nodes [m], shape (n_nodes, dim)."""
         if not self.kind.has_midside_nodes:
             return self.corners
@@ -203,7 +205,7 @@ class CutMesh:
         edges = mesh.facets if self.dim == 2 else mesh.edges
         return read_only(np.vstack([self.corners, self.corners[edges].mean(axis=0)]))
 
-    def interpolated(self, field: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def interpolated(self, field: Array, points: Array) -> Array:
         """Return a field of the nodes, shape (n_nodes, n), at points inside [m], shape (n_points, dim).
 
         A point on a line of doubled nodes belongs to the right face.
@@ -221,22 +223,22 @@ class CutMesh:
         return found
 
     @cached_property
-    def element_nodes(self) -> NDArray[np.int64]:
+    def element_nodes(self) -> Indices:
         """Nodes of each element in the order of its shape functions, shape (n_local, n_elements)."""
         return read_only(self.basis.element_dofs[:: self.dim] // self.dim)
 
     @cached_property
-    def half_steps(self) -> NDArray[np.int64]:
+    def half_steps(self) -> Indices:
         """Positions of all nodes counted in half elements along each axis, shape (n_nodes, dim)."""
         step = np.array(self.size) / np.array(self.divisions) / 2
         return read_only(np.rint(self.nodes / step).astype(np.int64))
 
     @cached_property
-    def pairs(self) -> NDArray[np.int64]:
+    def pairs(self) -> Indices:
         """Nodes that face each other, (left, right), from the clamp to the free end, shape (n_pairs, 2)."""
         return self._pairs_beside(0)
 
-    def _pairs_beside(self, beside: int) -> NDArray[np.int64]:
+    def _pairs_beside(self, beside: int) -> Indices:
         """Return the facing nodes of the line so many elements beside the cut line, as in `pairs`."""
         on_line = np.flatnonzero(self.half_steps[:, ACROSS] == 2 * beside)
         from_the_clamp = on_line[np.lexsort(self.half_steps[on_line, ALONG:].T[::-1])]
@@ -246,20 +248,20 @@ class CutMesh:
         return read_only(np.column_stack([from_the_clamp[is_left], from_the_clamp[~is_left]]))
 
     @cached_property
-    def _pair_half_steps(self) -> NDArray[np.int64]:
+    def _pair_half_steps(self) -> Indices:
         """Position of each pair along the line in half elements, shape (n_pairs,)."""
-        along: NDArray[np.int64] = self.half_steps[self.pairs[:, 0], ALONG]
+        along: Indices = self.half_steps[self.pairs[:, 0], ALONG]
         return along
 
     @cached_property
-    def tip_pairs(self) -> NDArray[np.int64]:
+    def tip_pairs(self) -> Indices:
         """Pairs at each tip, (left, right), through the thickness, shape (n_tips, n_through, 2).
 
         A tip stands on the corners of the elements. In 3-D the mid-side nodes between these corners through
         the thickness belong to it as well.
         """
         along = self._pair_half_steps
-        at_corners: NDArray[np.int64] = self.pairs[(along > 0) & (along % 2 == 0)]
+        at_corners: Indices = self.pairs[(along > 0) & (along % 2 == 0)]
         return at_corners.reshape(self.divisions[ALONG], -1, 2)
 
     @cached_property

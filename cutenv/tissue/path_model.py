@@ -1,4 +1,4 @@
-"""Finite-element model of a slab with a cut along a drawn line: the mesh follows the line."""
+"""Finite-element model of a slab with a cut along a drawn line, whose mesh follows it; the cut expected beside it."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import PchipInterpolator
 from scipy.linalg import cholesky, solve_triangular
 from scipy.sparse import csr_array
 
-from cutenv._base.arrays import Array
+from cutenv._base.arrays import Array, Indices
 from cutenv._base.validation import in_range, one_of
-from cutenv.tissue.continuum import Continuum
+from cutenv.tissue.continuum import METRES, Continuum, checked_relative_modulus
+from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.elasticity import lame_parameters
+from cutenv.tissue.element_matrices import local_compliance, square_compliance
 from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING
 from cutenv.tissue.lines import SIDE_MARGIN, WIDTH, CutLine, length_within, straight
-from cutenv.tissue.local_compliance import local_compliance, square_compliance
 from cutenv.tissue.mesh import ACROSS, ALONG, CutMesh, checked_divisions, read_only
-from cutenv.tissue.model_arguments import METRES, checked_relative_modulus
 from cutenv.tissue.specimen import Specimen
 from cutenv.tissue.tip_response import factorise, stiffness_matrix
 
@@ -48,7 +48,7 @@ class PathMesh(CutMesh):
         return CutMesh(kind=self.kind, divisions=self.divisions, size=self.size)
 
     @cached_property
-    def corners(self) -> NDArray[np.float64]:
+    def corners(self) -> Array:
         """Positions of the element corners [m], shape (n_corners, 2)."""
         moved = self._straight.corners.copy()
         share = 1.0 - np.abs(moved[:, ACROSS]) / (0.5 * self.size[ACROSS])
@@ -59,7 +59,7 @@ class PathMesh(CutMesh):
         return read_only(moved)
 
     @cached_property
-    def half_steps(self) -> NDArray[np.int64]:
+    def half_steps(self) -> Indices:
         """Positions of all nodes in the straight mesh, counted in half elements, shape (n_nodes, 2)."""
         return self._straight.half_steps
 
@@ -152,7 +152,7 @@ class PathModel:
         """Return the stiffness at each tip if the elements there were squares of a size, shape (n_tips, 2, 2).
 
         Where the line is oblique, elements are, and a point force feels them; see
-        :mod:`cutenv.tissue.local_compliance`.
+        :mod:`cutenv.tissue.element_matrices`.
 
         Parameters
         ----------
@@ -284,3 +284,67 @@ def along_whole_line(tips: Array, stiffness: Array) -> TipStiffness:
     places = np.clip(np.arange(N_POINTS) * SPACING, tips[0], tips[-1])
     between = PchipInterpolator(tips, stiffness)(places)
     return TipStiffness(between[:, 0, 0], between[:, 0, 1], between[:, 1, 1])
+
+
+_ADVANCE = 0.0002  # [m], of the tip from one turn of the crack to the next
+_STEEPEST = 0.25  # least cosine of the angle between crack and line
+_CHUNK = 2000  # readings whose distances to all points of a line are held at once
+
+
+def along_line(line: CutLine, x: Array, y: Array) -> tuple[Array, Array]:
+    """Return lengths along a line and distances to its left of the places nearest to (x, y), all [m], shape (n,)."""
+    nearest = np.concatenate(
+        [
+            np.argmin((x[i : i + _CHUNK, None] - line.x) ** 2 + (y[i : i + _CHUNK, None] - line.y) ** 2, axis=1)
+            for i in range(0, len(x), _CHUNK)
+        ]
+    )
+    cosine, sine = np.cos(line.angle[nearest]), np.sin(line.angle[nearest])
+    east, north = x - line.x[nearest], y - line.y[nearest]
+    ahead, left = east * cosine + north * sine, north * cosine - east * sine
+    bend = line.curvature[nearest]
+    # From the tangent at the nearest point to the arc, of which it is less than half a spacing away.
+    place = nearest * SPACING + ahead / (1.0 - bend * left)
+    return place, left - 0.5 * bend * ahead**2
+
+
+def expected_cut(line: CutLine, x: Array, y: Array, tip: Array, tissue: TissueDescription) -> Array:
+    """Return the distance of the cut to the left of its line that mean tissue would have, from clamp to tip [m].
+
+    The crack turns toward the force, as the law in the plane has it; stiffness is that of a uniform slab.
+
+    Parameters
+    ----------
+    line : CutLine
+        Line to cut along.
+    x, y : array, shape (n,)
+        Places of the blade along and across the slab [m].
+    tip : array, shape (n,)
+        Lengths of line that the tip has cut [m].
+    tissue : TissueDescription
+        Tissue, for Poisson's ratio and the element of its model.
+    """
+    stiffness = stiffness_at_unit_modulus(line, tissue.element, tissue.formulation, tissue.poisson)
+    reached = np.maximum.accumulate(np.clip(tip, 0.0, LENGTH))
+    places = np.append(np.arange(0.0, reached[-1], _ADVANCE), reached[-1])
+    blades = np.minimum(np.searchsorted(reached, places), len(reached) - 1)
+    grid = np.arange(N_POINTS) * SPACING
+    columns = (line.x, line.y, line.angle, line.curvature, stiffness.along, stiffness.coupled, stiffness.across)
+    on_line = np.column_stack([np.interp(places, grid, column) for column in columns])
+    east, north, heading = float(line.x[0]), float(line.y[0]), float(line.angle[0])
+    aside = np.zeros(len(places))
+    for i, (_, _, angle, bend, along, coupled, across) in enumerate(on_line[:-1].tolist()):
+        step = places[i + 1] - places[i]
+        cosine, sine = math.cos(angle), math.sin(angle)
+        off_x, off_y = float(x[blades[i]]) - east, float(y[blades[i]]) - north
+        ahead, left = off_x * cosine + off_y * sine, off_y * cosine - off_x * sine
+        pull, push = along * ahead + coupled * left, coupled * ahead + across * left
+        if pull > 0.0:
+            turn = math.remainder(angle + math.atan2(push, pull) - heading, 2.0 * math.pi)
+            heading += min(max(turn, -CRACK_CURVATURE * step), CRACK_CURVATURE * step)
+        way = step * (1.0 - bend * aside[i]) / max(math.cos(heading - angle), _STEEPEST)
+        east, north = east + way * math.cos(heading), north + way * math.sin(heading)
+        after = on_line[i + 1]
+        aside[i + 1] = (north - after[1]) * math.cos(after[2]) - (east - after[0]) * math.sin(after[2])
+    passed = grid[: int(reached[-1] / SPACING) + 1]
+    return np.asarray(np.interp(passed, places, aside))

@@ -7,7 +7,7 @@ Every number is a pure function of a key (seed and episode), of its stream and o
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,14 +23,14 @@ from cutenv._engine.randomness import (
     TASK,
     VESSELS,
     Integer,
+    Key,
     normal_at,
     uniform_at,
 )
 from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.field import field_modes, lognormal_sigma
-from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING
+from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING, bulge
 from cutenv.tissue.slab import SLAB, partial_depth
-from cutenv.tissue.thickness import bulge
 
 INCLUSION_FACTOR = (1.5, 2.5)
 """Toughness of an inclusion over that of its surroundings (assumed)."""
@@ -65,6 +65,13 @@ SAMPLER: np.dtype[Any] = np.dtype(
     )
 )
 """Structured dtype of the distribution from which one tissue's specimens are sampled."""
+
+
+class MaterialProfiles(NamedTuple):
+    """Modulus of the material [Pa] and fracture resistance [J/m2] along a specimen, each of shape (301,)."""
+
+    modulus: Array
+    fracture_resistance: Array
 
 
 @lru_cache(maxsize=8)
@@ -114,8 +121,9 @@ def lognormal(normal: float, sigma: float) -> float:
 
 
 @njit_internal
-def smooth_field(seed: Integer, episode: Integer, stream: Integer, first: Integer, modes: Array, field: Array) -> None:
+def smooth_field(key: Key, stream: Integer, first: Integer, modes: Array, field: Array) -> None:
     """Fill ``field``, shape (301,), with a unit Gaussian field, from normal numbers with counter ``first`` onward."""
+    seed, episode = key
     field[:] = 0.0
     for k in range(modes.shape[0]):
         z = normal_at(seed, episode, stream, first + k)
@@ -131,32 +139,25 @@ def is_vascular(seed: Integer, episode: Integer) -> bool:
 
 @njit_internal
 def sample_profiles(
-    seed: Integer,
-    episode: Integer,
-    vascular: bool,
-    liver_factor: float,
-    recipe: Struct,
-    modes: Array,
-    modulus: Array,
-    resistance: Array,
+    key: Key, liver_factor: float, recipe: Struct, modes: Array, profiles: MaterialProfiles
 ) -> tuple[float, float]:
     """Sample a specimen; return its friction per depth [N/m] and its ``inclined_ratio`` [1].
 
     Parameters
     ----------
-    seed, episode : int
-        Random key.
-    vascular : bool
-        Whether to add one or two tough inclusions.
+    key : tuple of int
+        Random key: seed and episode.
     liver_factor : float
         Stiffness of the liver relative to the mean [1]; 0: sampled too.
     recipe : Record
         :data:`SAMPLER`.
     modes : array, shape (n_modes, 301)
         Modes of the random fields.
-    modulus, resistance : array, shape (301,)
-        Filled with the modulus of the material [Pa] and the fracture resistance [J/m2].
+    profiles : MaterialProfiles
+        Filled.
     """
+    seed, episode = key
+    modulus, resistance = profiles.modulus, profiles.fracture_resistance
     liver = liver_factor
     if liver == 0.0:
         liver = lognormal(normal_at(seed, episode, CUT, _FIRST), recipe.modulus_liver_sigma)
@@ -164,31 +165,29 @@ def sample_profiles(
     mean_modulus = recipe.modulus * liver * cut
     cut = lognormal(normal_at(seed, episode, CUT, _FIRST + 2), recipe.resistance_cut_sigma)
     mean_resistance = recipe.resistance * cut
-    smooth_field(seed, episode, MODULUS_FIELD, _FIRST, modes, modulus)
-    smooth_field(seed, episode, RESISTANCE_FIELD, _FIRST, modes, resistance)
+    smooth_field(key, MODULUS_FIELD, _FIRST, modes, modulus)
+    smooth_field(key, RESISTANCE_FIELD, _FIRST, modes, resistance)
     for i in range(N_POINTS):
         modulus[i] = mean_modulus * lognormal(modulus[i], recipe.modulus_within_sigma)
         resistance[i] = mean_resistance * lognormal(resistance[i], recipe.resistance_within_sigma)
-    if vascular:
-        _add_vessels(seed, episode, resistance)
     inclined = lognormal(normal_at(seed, episode, CUT, _FIRST + 3), recipe.inclined_cut_sigma)
     return recipe.friction_share * mean_resistance, inclined
 
 
 @njit_internal
-def _between(limits: tuple[float, float], seed: Integer, episode: Integer, counter: Integer) -> float:
-    return limits[0] + (limits[1] - limits[0]) * uniform_at(seed, episode, VESSELS, counter)
+def _between(limits: tuple[float, float], key: Key, counter: Integer) -> float:
+    return limits[0] + (limits[1] - limits[0]) * uniform_at(key[0], key[1], VESSELS, counter)
 
 
-@njit_internal
-def _add_vessels(seed: Integer, episode: Integer, resistance: Array) -> None:
+@njit
+def add_vessels(key: Key, resistance: Array) -> None:
     """Multiply ``resistance`` by the factor of one or two tough inclusions; where they overlap, by the larger one."""
-    count = 1 + int(_INCLUSIONS * uniform_at(seed, episode, VESSELS, _FIRST))
+    count = 1 + int(_INCLUSIONS * uniform_at(key[0], key[1], VESSELS, _FIRST))
     factor = np.ones(N_POINTS)
     for vessel in range(count):
-        half = 0.5 * _between(INCLUSION_LENGTH, seed, episode, _FIRST + 3 * vessel + 1)
-        centre = _between(INCLUSION_PLACE, seed, episode, _FIRST + 3 * vessel + 2)
-        excess = _between(INCLUSION_FACTOR, seed, episode, _FIRST + 3 * vessel + 3) - 1.0
+        half = 0.5 * _between(INCLUSION_LENGTH, key, _FIRST + 3 * vessel + 1)
+        centre = _between(INCLUSION_PLACE, key, _FIRST + 3 * vessel + 2)
+        excess = _between(INCLUSION_FACTOR, key, _FIRST + 3 * vessel + 3) - 1.0
         reach = half + _EDGES * _INCLUSION_EDGE
         for i in range(max(int((centre - reach) / SPACING), 0), min(int((centre + reach) / SPACING) + 2, N_POINTS)):
             y = i * SPACING - centre
@@ -200,14 +199,7 @@ def _add_vessels(seed: Integer, episode: Integer, resistance: Array) -> None:
 
 @njit
 def sample_all_profiles(
-    seed: Integer,
-    episode: Integer,
-    vascular: bool,
-    liver_factor: float,
-    recipes: Array,
-    modes: Array,
-    modulus: Array,
-    resistance: Array,
+    key: Key, liver_factor: float, recipes: Array, modes: Array, profiles: Array
 ) -> tuple[float, float]:
-    """Call :func:`sample_profiles` with an array of length 1 for the record, which Python passes faster."""
-    return sample_profiles(seed, episode, vascular, liver_factor, recipes[0], modes, modulus, resistance)
+    """Call :func:`sample_profiles` with arrays, shapes (1,) and (2, 301), for the records: faster from Python."""
+    return sample_profiles(key, liver_factor, recipes[0], modes, MaterialProfiles(profiles[0], profiles[1]))

@@ -16,7 +16,15 @@ from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.description import TissueDescription, checked_fields, measured_liver
 from cutenv.tissue.field import lognormal_sigma
 from cutenv.tissue.grid import LENGTH, N_POINTS, POINTS_PER_METRE, SPACING
-from cutenv.tissue.sampling import bulge_of, is_vascular, lognormal, sample_all_profiles, sampler, tissue_modes
+from cutenv.tissue.sampling import (
+    add_vessels,
+    bulge_of,
+    is_vascular,
+    lognormal,
+    sample_all_profiles,
+    sampler,
+    tissue_modes,
+)
 from cutenv.tissue.slab import stiffness_along
 
 CLASSES = ("uniform", "liver", "vascular", "mixed")
@@ -190,14 +198,15 @@ class Specimen:
             )
         if specimen_class == "mixed":
             specimen_class = "vascular" if is_vascular(*key) else "liver"
-        modulus, resistance = np.empty(N_POINTS), np.empty(N_POINTS)
+        profiles = np.empty((2, N_POINTS))
         friction, inclined_ratio = sample_all_profiles(
-            *key, specimen_class == "vascular", liver_factor or 0.0,
-            sampler(tissue), tissue_modes(tissue), modulus, resistance,
-        )  # fmt: skip
+            key, liver_factor or 0.0, sampler(tissue), tissue_modes(tissue), profiles
+        )
+        if specimen_class == "vascular":
+            add_vessels(key, profiles[1])
         return cls(
-            modulus=modulus,
-            fracture_resistance=resistance,
+            modulus=profiles[0],
+            fracture_resistance=profiles[1],
             depth=bulge_of(tissue),
             thickness=tissue.thickness,
             friction_per_depth=friction,

@@ -11,13 +11,12 @@ from numpy.typing import ArrayLike
 
 from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range, one_of
-from cutenv.tissue.crack import SAME_PLACE, Crack
+from cutenv.tissue.continuum import METRES, checked_relative_modulus
 from cutenv.tissue.elasticity import lame_parameters
 from cutenv.tissue.grid import LENGTH
 from cutenv.tissue.lines import WIDTH, CutLine
 from cutenv.tissue.mesh import checked_divisions
-from cutenv.tissue.model_arguments import METRES, checked_relative_modulus
-from cutenv.tissue.split_mesh import MeshPlace, SplitMesh, halfway, slab_corners
+from cutenv.tissue.split_mesh import SAME_PLACE, Crack, MeshPlace, SplitMesh, halfway, slab_corners
 from cutenv.tissue.split_stiffness import DoubledMesh, SplitStiffness
 
 
@@ -31,7 +30,7 @@ class SteeredModel:
     A cut that follows the edges of the mesh has the stiffness of :class:`~cutenv.tissue.CutModel`, and along the line
     of ``line`` that of :class:`~cutenv.tissue.PathModel`, on the same mesh.  The slab is factorised once; each node
     that a crack passes takes some solves and a dense system of the unknowns that the cuts have touched, see
-    `cutenv.tissue.augmented_system`.
+    `cutenv.tissue.split_stiffness.AugmentedSystem`.
 
     Parameters
     ----------
@@ -232,7 +231,7 @@ class SteeredModel:
         """Return the stiffness that the model would have with square elements of a size at the tip.
 
         Nodes that moved onto the crack, and triangles, make elements of other sizes and shapes at every tip, which
-        a point force feels; see :mod:`cutenv.tissue.local_compliance`.
+        a point force feels; see :mod:`cutenv.tissue.element_matrices`.
 
         Parameters
         ----------

@@ -10,7 +10,7 @@ import numpy as np
 from cutenv._base.arrays import Array
 from cutenv._base.parameter import check_parameters, parameter
 from cutenv._engine.jit import njit
-from cutenv._engine.randomness import SURFACE, Integer
+from cutenv._engine.randomness import SURFACE, Key
 from cutenv.tissue.field import field_modes
 from cutenv.tissue.grid import N_POINTS, SPACING
 from cutenv.tissue.sampling import smooth_field
@@ -49,19 +49,18 @@ class SurfaceSpread:
         if self.surface_spread == 0.0 or specimen.specimen_class == "uniform":
             return specimen
         depth = specimen.depth.copy()
-        vary_surface(
-            np.uint64(seed), np.uint64(episode), self.surface_spread, specimen.thickness, self.modes(), depth
-        )  # fmt: skip
+        key = np.uint64(seed), np.uint64(episode)
+        vary_surface(key, self.surface_spread, specimen.thickness, self.modes(), depth)
         return dataclasses.replace(specimen, depth=depth)
 
 
 @njit
-def vary_surface(seed: Integer, episode: Integer, spread: float, thickness: float, modes: Array, depth: Array) -> None:
+def vary_surface(key: Key, spread: float, thickness: float, modes: Array, depth: Array) -> None:
     """Let the surface of a slice differ from the mean bulge: ``depth`` of cut at level 0 [m], shape (301,), changed.
 
     It remains within the slab's ``thickness`` [m].
     """
     deviation = np.empty(N_POINTS)
-    smooth_field(seed, episode, SURFACE, _FIRST, modes, deviation)
+    smooth_field(key, SURFACE, _FIRST, modes, deviation)
     for i in range(N_POINTS):
         depth[i] = min(max(depth[i] + spread * deviation[i], min(depth[i], _LEAST)), thickness)

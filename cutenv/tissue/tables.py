@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cutenv._base import resources
+from cutenv._base.arrays import Array
 from cutenv._base.validation import one_of
 
 _KEYS = ("title", "source", "note", "erratum", "resolution", "printed_mean", "printed_population_sd")
@@ -46,14 +46,14 @@ class ThesisTable:
     number: str
     title: str
     provenance: str
-    columns: dict[str, NDArray[np.float64]]
+    columns: dict[str, Array]
     resolution: dict[str, float]
     notes: tuple[str, ...] = ()
     errata: tuple[str, ...] = ()
     printed_mean: dict[str, Printed]
     printed_population_sd: dict[str, Printed]
 
-    def __getitem__(self, column: str) -> NDArray[np.float64]:
+    def __getitem__(self, column: str) -> Array:
         """Return one column, shape (rows,); an unknown name is a ``ValueError`` that lists the known ones."""
         return self.columns[one_of(f"column of Table {self.number}", column, self.columns)]
 
@@ -201,3 +201,33 @@ class _Reader:
 
     def _error(self, message: str) -> ValueError:
         return ValueError(f"{self.file}, line {self.line}: {message}")
+
+
+class FractureResistance(NamedTuple):
+    """Mean and between-cut standard deviation of the fracture resistance [J/m2]."""
+
+    mean: float
+    sd: float
+
+
+def measured_fracture_resistance() -> FractureResistance:
+    """Return the apparent fracture resistance of pig liver: mean and standard deviation between cuts.
+
+    Returns
+    -------
+    FractureResistance
+        ``mean`` (211) and ``sd`` (78) [J/m2]; unpacks as two.
+
+    Notes
+    -----
+    Source: Table 6.1, cuts of 0.0254 to 0.1016 m. The mean is that of its seven averages. The standard
+    deviation is that of a cut from any row: the root of the mean variance within the rows plus the population
+    variance of the row averages. Rows have equal weight, because the thesis does not say how many of the forty cuts
+    are in each. Apparent: work of the blade per depth and length of cut (equations 6.1 to 6.4), which contains the
+    blade's friction and the lag of the tip. The thesis's force is the norm of the sensor's three components (section
+    3.3.2), so that it counts the work of vertical and lateral force as if they acted along the cut.
+    """
+    data = table("6.1")
+    averages = data["fracture_resistance_J_m2"]
+    variance_within = float((data["sd_fracture_resistance_J_m2"] ** 2).mean())
+    return FractureResistance(mean=float(averages.mean()), sd=math.sqrt(variance_within + float(averages.var(ddof=0))))

@@ -1,4 +1,4 @@
-"""Displacement under a unit blade force at each tip, from one factorisation of the tied specimen.
+"""Displacement under a unit blade force at each tip, from one factorisation of the tied specimen, and between tips.
 
 The blade stands on the tip pair, which is still tied, and pushes along the line, away from the clamp. Tying
 every pair gives the matrix A; one sparse factorisation of it and one solve per tip node serve all tips. On a
@@ -18,17 +18,18 @@ block's inverses: no tip needs a separate solve.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
 from scipy.linalg import cholesky, solve_triangular
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import SuperLU, splu
 
-from cutenv.tissue.elasticity import elastic_form, solid_stiffness
+from cutenv._base.arrays import Array, Indices
+from cutenv.tissue.elasticity import elastic_form, mixed_stiffness, solid_stiffness
 from cutenv.tissue.mesh import ALONG, CutMesh
-from cutenv.tissue.mixed import mixed_stiffness
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -43,12 +44,12 @@ class TipResponse:
         Displacement of every node per unit blade force.
     """
 
-    stiffness: NDArray[np.float64]
-    fields: NDArray[np.float64]
+    stiffness: Array
+    fields: Array
 
 
 def stiffness_matrix(
-    mesh: CutMesh, formulation: str, poisson: float, relative_modulus: NDArray[np.float64] | None = None
+    mesh: CutMesh, formulation: str, poisson: float, relative_modulus: Array | None = None
 ) -> csr_array[np.float64]:
     """Assemble the stiffness of the two unconstrained halves at unit modulus (and, in 2-D, unit thickness).
 
@@ -93,7 +94,7 @@ def sparse_factors(matrix: Any) -> SuperLU:
     return splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
 
 
-def blade_unknowns(mesh: CutMesh, constraints: csr_array[np.float64]) -> NDArray[np.int64]:
+def blade_unknowns(mesh: CutMesh, constraints: csr_array[np.float64]) -> Indices:
     """Return the free unknowns that the blade moves at each tip, shape (n_tips, n_through)."""
     rows = mesh.dim * mesh.tip_pairs[..., 0] + ALONG  # a tied pair is one unknown: the left node is enough
     return constraints.indices[constraints.indptr[rows]].astype(np.int64)  # the one entry of each row
@@ -145,3 +146,63 @@ def tip_responses(mesh: CutMesh, stiffness: csr_array[np.float64], *, slipping: 
         displacement += mesh.slips @ slips - tied @ (coupled @ slips)
     fields = np.ascontiguousarray(displacement[: mesh.nodes.size].T).reshape(n_tips, *mesh.nodes.shape)
     return TipResponse(stiffness=tip_stiffness, fields=fields)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TipInterpolation:
+    """Interpolation of stiffness and displacement over the cut length, from the element corners.
+
+    Mid-side nodes are not used as tips: their response to a point load is different.
+
+    Parameters
+    ----------
+    mesh : CutMesh
+    tips : ndarray of shape (n_tips,)
+        Cut lengths at which a tip stands on element corners [m].
+    response : TipResponse
+        Response to a unit blade force at these tips.
+    """
+
+    mesh: CutMesh
+    tips: Array
+    response: TipResponse
+
+    @cached_property
+    def _curve(self) -> PchipInterpolator:
+        return PchipInterpolator(self.tips, self.response.stiffness)
+
+    def stiffness(self, cut_length: Array) -> Array:
+        """Interpolate preserving shape (PCHIP); below the first corner hold its value."""
+        return np.asarray(self._curve(np.maximum(cut_length, self.tips[0])), dtype=np.float64)
+
+    def shape(self, cut_length: float) -> Array:
+        """Return the displacement of every node per displacement of the tip, shape (n_nodes, dim).
+
+        The fields per unit force for a tip on the corners to either side are blended linearly, and scaled so
+        that the point at the cut length, on the straight line between these corners, moves by one.
+        """
+        shape, first, w = self._blended(cut_length)
+        at_corners = shape[self.mesh.tip_pairs[first : first + 2], ALONG].mean(axis=(1, 2))
+        shape /= (1.0 - w) * at_corners[0] + w * at_corners[1]
+        return shape
+
+    def shared(self, cut_length: float) -> Array:
+        """Return the displacement of every node per force that the corners to either side share, (n_nodes, dim).
+
+        From the second row of elements around the tip on it is the displacement by a force between them. Below the
+        first corner the clamp takes the rest.
+        """
+        blended: Array = self._blended(cut_length)[0] * min(cut_length / self.tips[0], 1.0)
+        return blended
+
+    def _blended(self, cut_length: float) -> tuple[Array, int, float]:
+        """Return the blend of the fields on the corners to either side, the first of these, and the second's weight."""
+        place = max(cut_length / self.tips[0] - 1.0, 0.0)  # in elements, from the first tip
+        first = min(int(place), len(self.tips) - 2)
+        w = place - first
+        fields = self.response.fields
+        blend: Array = (1.0 - w) * fields[first] + w * fields[first + 1]
+        # The mid-side pair between the corners slips behind the farther tip; ahead of this one it is tied.
+        ahead = self.mesh.pairs[self.mesh.nodes[self.mesh.pairs[:, 0], ALONG] >= cut_length]
+        blend[ahead, ALONG] = blend[ahead, ALONG].mean(axis=1, keepdims=True)
+        return blend, first, w

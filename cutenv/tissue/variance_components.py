@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range, one_of
 from cutenv.tissue.effective_modulus import Formulation
 from cutenv.tissue.tables import table
@@ -112,7 +112,7 @@ def inclined_spread(formulation: Formulation = "plane_stress") -> float:
     return math.sqrt(max(float(inclined - upright), 0.0))
 
 
-def variance_components(groups: NDArray[np.float64]) -> tuple[float, float]:
+def variance_components(groups: Array) -> tuple[float, float]:
     """Return the variances between and within groups, by one-way random-effects analysis of variance.
 
     Parameters
@@ -162,7 +162,7 @@ def depth_standard_error(formulation: Formulation = "plane_stress") -> float:
     return float(logs.std(ddof=1) / math.sqrt(len(logs)))
 
 
-def _log_depths(formulation: Formulation) -> NDArray[np.float64]:
+def _log_depths(formulation: Formulation) -> Array:
     """Return the logarithm of the depth [m] from each pair of Tables 5.5 and 5.6."""
     one_of("formulation", formulation, ("plane_stress", "plane_strain"))
     columns = [f"lem_{formulation}_{angle}_deg_Pa" for angle in (90, 45)]

@@ -6,8 +6,9 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from cutenv._base.arrays import Array
 from cutenv._base.validation import array_in_range
 from cutenv.tissue.cut_model import CutModel
 
@@ -15,11 +16,7 @@ _PARTS = 50  # parts of a row over which its thickness is averaged
 
 
 def zoned_model(
-    model: CutModel,
-    borders: ArrayLike,
-    moduli: ArrayLike,
-    *,
-    depth: Callable[[NDArray[np.float64]], ArrayLike] | None = None,
+    model: CutModel, borders: ArrayLike, moduli: ArrayLike, *, depth: Callable[[Array], ArrayLike] | None = None
 ) -> CutModel:
     """Return a model with zones along the cut.
 
@@ -61,11 +58,8 @@ def zoned_model(
 
 
 def _row_moduli(
-    model: CutModel,
-    borders: ArrayLike,
-    moduli: ArrayLike,
-    depth: Callable[[NDArray[np.float64]], ArrayLike] | None,
-) -> NDArray[np.float64]:
+    model: CutModel, borders: ArrayLike, moduli: ArrayLike, depth: Callable[[Array], ArrayLike] | None
+) -> Array:
     """Return the modulus of each row of elements, shape (n_rows,); with a ``depth`` times depth over thickness."""
     inner = np.atleast_1d(np.asarray(borders, dtype=np.float64))
     values = np.atleast_1d(array_in_range("moduli", moduli, 1e-6, 1e6, "1", "They are moduli of zones, or in pascals."))

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import least_squares, linear_sum_assignment
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 from scipy.spatial.transform import Rotation
 
+from cutenv._base.arrays import Array, Indices
 from cutenv.vision.projection import epipolar_distance, project, triangulate
 
 _DEPTH_STEP = 0.15  # px: how far the image of a place on a ray moves from one tried depth to the next, at most
@@ -19,12 +20,8 @@ _TURN, _MOVE = 0.01, 0.003  # standard deviations of a pose before the adjustmen
 
 
 def places_from_sweep(
-    projections: Sequence[NDArray[np.float64]],
-    images: Sequence[NDArray[np.float64]],
-    region: ArrayLike,
-    *,
-    tolerance: float = 1.0,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    projections: Sequence[Array], images: Sequence[Array], region: ArrayLike, *, tolerance: float = 1.0
+) -> tuple[Array, Array]:
     """Find places of resting beads from views of a C-arm that turns (the thesis's rotation of 90 degrees).
 
     Each image in the first view is a ray. Of all places on it within the region the one is taken that most views
@@ -95,9 +92,7 @@ def places_from_sweep(
     return place, covariance
 
 
-def _rays(
-    projection: NDArray[np.float64], pixels: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _rays(projection: Array, pixels: Array, low: Array, high: Array) -> tuple[Array, Array]:
     """Return where the rays of pixels enter and leave the region, shapes (n, 3); NaN for those that miss it."""
     source = -np.linalg.solve(projection[:, :3], projection[:, 3])
     way = np.linalg.solve(projection[:, :3], np.hstack([pixels, np.ones((len(pixels), 1))]).T).T
@@ -112,13 +107,8 @@ def _rays(
 
 
 def pairs_by_epipolar(
-    first: NDArray[np.float64],
-    second: NDArray[np.float64],
-    in_first: ArrayLike,
-    in_second: ArrayLike,
-    *,
-    tolerance: float = 0.5,
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    first: Array, second: Array, in_first: ArrayLike, in_second: ArrayLike, *, tolerance: float = 0.5
+) -> tuple[Indices, Indices]:
     """Pair tracks of two views without a sweep, by epipolar lines over the whole motion.
 
     The images of a bead lie on each other's epipolar lines in every frame, at rest and on the way: beads that lie on
@@ -162,8 +152,8 @@ def pairs_by_epipolar(
 
 
 def bundle_adjusted(
-    projections: Sequence[NDArray[np.float64]], images: ArrayLike, covariances: ArrayLike
-) -> tuple[list[NDArray[np.float64]], NDArray[np.float64]]:
+    projections: Sequence[Array], images: ArrayLike, covariances: ArrayLike
+) -> tuple[list[Array], Array]:
     """Adjust the poses of all views but the first to the beads that they show (bundle adjustment).
 
     The places of the beads are eliminated: for each trial of the poses they are triangulated anew.
@@ -199,7 +189,7 @@ def bundle_adjusted(
     units = np.tile([_TURN] * 3 + [_MOVE] * 3, len(projections) - 1)
     root[seen] = np.linalg.cholesky(np.linalg.inv(c[seen])).transpose(0, 2, 1)
 
-    def moved(p: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    def moved(p: Array) -> list[Array]:
         views = [projections[0]]
         for old, change in zip(projections[1:], p.reshape(-1, 6), strict=True):
             motion = np.eye(4)
@@ -208,14 +198,14 @@ def bundle_adjusted(
             views.append(old @ motion)
         return views
 
-    def left(p: NDArray[np.float64]) -> NDArray[np.float64]:
+    def left(p: Array) -> Array:
         views = moved(p)
         x, _, _ = triangulate(views, y, c)
         off = np.stack([np.where(s[:, None], i - project(v, x), 0.0) for v, i, s in zip(views, y, seen, strict=True)])
         whitened = np.einsum("vnij,vnj->vni", root, off).ravel()
         return np.concatenate([whitened, p / units])
 
-    def shifted(q: NDArray[np.float64]) -> NDArray[np.float64]:
+    def shifted(q: Array) -> Array:
         return left(units * (q - 1.0))  # steps are shares of q, so it must not begin at 0
 
     solved = least_squares(shifted, np.ones(len(units)), diff_step=[1e-3], loss="soft_l1", f_scale=3.0)
@@ -223,7 +213,7 @@ def bundle_adjusted(
     return moved(changes), changes.reshape(-1, 6)
 
 
-def linked(images: Sequence[NDArray[np.float64]], largest_step: float, *, memory: int = 3) -> NDArray[np.float64]:
+def linked(images: Sequence[Array], largest_step: float, *, memory: int = 3) -> Array:
     """Link the spots of one view from frame to frame, so that the ways are shortest in sum.
 
     Parameters

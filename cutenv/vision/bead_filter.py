@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from cutenv._base.arrays import Array, Indices
+from cutenv.vision.bead_images import groups_of
 from cutenv.vision.fluoroscopy import CArmView
 from cutenv.vision.projection import project, projection_slope
 
@@ -27,31 +29,44 @@ class BeadFilter:
 
     Attributes
     ----------
+    groups : ndarray of int, shape (n, k)
+        Beads that move like each, see `groups_of`.
+    predicted : ndarray, shape (n, 3)
+        Places that the model predicts for this frame [m].
     offset : ndarray, shape (n, 3)
         Place less that predicted [m].
     refused : ndarray of bool, shape (n,)
         Beads of which a view has refused the image in this frame.
     """
 
-    rest: NDArray[np.float64]
-    variance: NDArray[np.float64]
-    offset: NDArray[np.float64] = field(init=False)
+    rest: Array
+    variance: Array
+    groups: Indices = field(init=False)
+    predicted: Array = field(init=False)
+    offset: Array = field(init=False)
     refused: NDArray[np.bool_] = field(init=False)
 
     def __post_init__(self) -> None:
+        self.groups = groups_of(self.rest)
         self.offset = np.zeros_like(self.rest)
-        self.begin()
+        self.begin(self.rest)
 
-    def begin(self) -> None:
-        """Begin a frame: no view has shown anything yet."""
+    @property
+    def place(self) -> Array:
+        """Places as they are known now [m], shape (n, 3)."""
+        return self.predicted + self.offset
+
+    def begin(self, predicted: Array) -> None:
+        """Begin a frame, for which the model predicts these places: no view has shown anything yet."""
         n = len(self.rest)
+        self.predicted = predicted
         self._before = self.offset.copy(), self.variance.copy()
         self._ray = np.zeros((n, 3))  # of the view that has shown the bead in this frame
         self._shown = np.zeros(n, bool)
         self._jumped = np.zeros(n, bool)
         self.refused = np.zeros(n, bool)
 
-    def jump(self, rows: NDArray[np.bool_], slope: NDArray[np.float64], shift: NDArray[np.float64]) -> None:
+    def jump(self, rows: NDArray[np.bool_], slope: Array, shift: Array) -> None:
         """Move some beads as their images have moved together.
 
         Slope, of shape (n, 2 views, 3) [px/m], and shift, (n, 2 views) [px], are those of ``rows``. Where the views
@@ -66,14 +81,7 @@ class BeadFilter:
         unsure = (_OF_A_JUMP * np.hypot.reduce(moved, axis=1)) ** 2
         self.variance[rows] += unsure[:, None, None] * np.eye(3)
 
-    def update(
-        self,
-        predicted: NDArray[np.float64],
-        view: CArmView,
-        measured: NDArray[np.float64],
-        error: NDArray[np.float64],
-        crowded: NDArray[np.bool_],
-    ) -> NDArray[np.bool_]:
+    def update(self, view: CArmView, measured: Array, error: Array, crowded: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Take in what one view shows, in undistorted pixels; return which beads it showed.
 
         An image far from the prediction is a jump of the bead, or another bead. It is refused where another bead is
@@ -83,7 +91,7 @@ class BeadFilter:
         assert matrix is not None  # a calibration's views have one
         there = np.asarray(np.isfinite(measured).all(axis=1))
         rows = np.flatnonzero(there)
-        place = (predicted + self.offset)[rows]
+        place = self.place[rows]
         slope = projection_slope(matrix, place)
         left = measured[rows] - project(matrix, place)
         variance, error = self.variance[rows], error[rows]
@@ -118,11 +126,11 @@ class BeadFilter:
         self._ray[own] = across / np.linalg.norm(across, axis=1, keepdims=True)
         return there
 
-    def undo(self, rows: NDArray[np.bool_] | NDArray[np.int64]) -> None:
+    def undo(self, rows: NDArray[np.bool_] | Indices) -> None:
         """Take back what this frame has shown of some beads."""
         self.offset[rows], self.variance[rows] = self._before[0][rows], self._before[1][rows]
 
-    def follow(self, seen: NDArray[np.bool_], groups: NDArray[np.int64]) -> None:
+    def follow(self, seen: NDArray[np.bool_]) -> None:
         """Move what views (``seen``, of shape (views, n)) did not show as the neighbours moved in this frame.
 
         A bead that one view shows is known across its rays; along them it goes as its neighbours do.
@@ -130,7 +138,7 @@ class BeadFilter:
         whole = np.asarray(seen.all(axis=0))
         step = self.offset - self._before[0]
         for one in np.flatnonzero(~whole):
-            near = groups[one][whole[groups[one]]]
+            near = self.groups[one][whole[self.groups[one]]]
             if len(near) < 2:
                 continue
             theirs = np.median(step[near], axis=0)
@@ -144,8 +152,6 @@ class BeadFilter:
             self.variance[one] += scatter * along
 
 
-def _square(
-    left: NDArray[np.float64], slope: NDArray[np.float64], variance: NDArray[np.float64], error: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _square(left: Array, slope: Array, variance: Array, error: Array) -> Array:
     spread = slope @ variance @ slope.transpose(0, 2, 1) + error
     return np.asarray(np.einsum("ni,nij,nj->n", left, np.linalg.inv(spread), left))

@@ -1,4 +1,7 @@
-"""Tracks of beads in the tissue: the place of each over time, in three dimensions, with its uncertainty."""
+"""Tracks of beads in the tissue: the place of each over time, in three dimensions, with its uncertainty.
+
+Their movement during each loading ramp of a cut are the increments that the thesis compared (section 7.3).
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cutenv._base.arrays import Array, Indices
 from cutenv._base.atomic_file import atomic_write
+from cutenv.measurement import ModulusEstimate, Segment
+from cutenv.trace import Trace
 
 TRACKS_SCHEMA = "cutenv.bead_tracks/1"
 """Name and version of the file's columns."""
@@ -44,10 +50,10 @@ class BeadTracks:
         If shapes disagree, a number is not finite, or a bead has two places at one time.
     """
 
-    bead: NDArray[np.int64]
-    time: NDArray[np.float64]
-    place: NDArray[np.float64]
-    covariance: NDArray[np.float64]
+    bead: Indices
+    time: Array
+    place: Array
+    covariance: Array
     metadata: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -136,3 +142,199 @@ class BeadTracks:
             )
         except (ValueError, TypeError, pyarrow.ArrowException) as error:
             raise ValueError(f"{path}: {error}") from None
+
+
+FEWEST_FRAMES = 5
+"""Smallest number of frames in which a bead must be seen during a ramp."""
+
+_UNLOADED = 0.05  # share of the largest force below which the beads count as at rest
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RampLoad:
+    """Load on the tissue at the start and the end of a loading ramp; arrays of shape (2,).
+
+    Attributes
+    ----------
+    tip : ndarray
+        Tip of the cut [m]; it grows while the blade loads it, if the loading ratio is below 1.
+    force : ndarray
+        Force less friction, on the ramp's line [N].
+    displacement : ndarray
+        Displacement of the tip, by which the blade leads it [m].
+    time : ndarray
+        Time [s].
+    stiffness : float
+        Force over displacement [N/m].
+    relative_error : float
+        Standard error of the stiffness over it [1], from the scatter about the ramp's line.
+    """
+
+    tip: Array
+    force: Array
+    displacement: Array
+    time: Array
+    stiffness: float
+    relative_error: float
+
+    @classmethod
+    def of(cls, ramp: Segment, tip: float, relative_error: float, trace: Trace) -> RampLoad:
+        """Return the load of a ramp whose mean tip [m] was measured (`ModulusEstimate.position`)."""
+        middle, slope = ramp.require("position", "slope", by="RampLoad")
+        (position,) = trace.require("position", by="RampLoad")
+        ends = [ramp.start, ramp.stop - 1]
+        x = position[ends]
+        force = ramp.force + slope * (x - middle)
+        stiffness = ramp.force / max(middle - tip, 1e-6)
+        lead = force / stiffness
+        return cls(
+            tip=np.maximum(x - lead, 0.0),
+            force=force,
+            displacement=lead,
+            time=trace.time[ends],
+            stiffness=stiffness,
+            relative_error=relative_error,
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BeadRises:
+    """Displacements of beads from start to end of loading ramps, one row for each bead in each ramp.
+
+    Attributes
+    ----------
+    ramps : list of RampLoad
+        The steady ramps in which a bead was seen.
+    ramp, bead : ndarray of int64, shape (n,)
+        Number of the ramp in `ramps`, and of the bead.
+    place : ndarray, shape (n, 3)
+        Place of the bead before the cut [m].
+    rise : ndarray, shape (n, 3)
+        Displacement [m].
+    covariance : ndarray, shape (n, 3, 3)
+        Its covariance [m2].
+    flags : tuple of str
+        Remarks on what weakens it.
+    """
+
+    ramps: list[RampLoad]
+    ramp: Indices
+    bead: Indices
+    place: Array
+    rise: Array
+    covariance: Array
+    flags: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.bead)
+
+    def select(self, rows: NDArray[np.bool_], *flags: str) -> BeadRises:
+        """Return the rows of a mask, with further flags."""
+        kept = {name: getattr(self, name)[rows] for name in ("ramp", "bead", "place", "rise", "covariance")}
+        return BeadRises(ramps=self.ramps, flags=(*self.flags, *flags), **kept)
+
+
+def bead_rises(tracks: BeadTracks, trace: Trace, moduli: ModulusEstimate) -> BeadRises:
+    """Find the displacement of every bead during every steady loading ramp of a cut.
+
+    Over a ramp the blade advances steadily, and force and beads follow. A line of the bead's places against the
+    blade's position gives the displacement from start to end; many frames make it much more accurate than two.
+
+    Parameters
+    ----------
+    tracks : BeadTracks
+        Tracks on the clock of the record.
+    trace : Trace
+        Record of the same cut, with position; force in newtons.
+    moduli : ModulusEstimate
+        Its local effective moduli (:func:`~cutenv.measurement.estimate_local_effective_moduli`), whose segments are
+        the ramps.
+
+    Returns
+    -------
+    BeadRises
+
+    Raises
+    ------
+    ValueError
+        If there are no beads, a covariance is none, the times do not overlap, no ramp is steady, or no bead was seen
+        in one.
+    """
+    if not tracks.beads:
+        raise ValueError("the tracks hold no bead: nothing was tracked.")
+    (position,) = trace.require("position", by="bead_rises")
+    first, last = float(tracks.time.min()), float(tracks.time.max())
+    if last < trace.time[0] or first > trace.time[-1]:
+        raise ValueError(
+            f"the tracks run from {first:.3g} to {last:.3g} s and the record from {trace.time[0]:.3g} to "
+            f"{trace.time[-1]:.3g} s: they are of different cuts, or their clocks are not in step."
+        )
+    if not len(moduli):
+        raise ValueError("the record has no steady loading ramp: there is no increment to compare the beads in.")
+    errors = moduli.relative_error
+    loads = [RampLoad.of(s, a, e, trace) for s, a, e in zip(moduli.segments, moduli.position, errors, strict=True)]
+    unloaded_until, flags = _unloaded_until(trace), []
+    if first > unloaded_until:
+        flags.append("tracks begin after the cut did: places of beads are off by what had moved them before")
+    rows = []
+    _check_covariance(tracks)
+    in_order = np.lexsort((tracks.time, tracks.bead))
+    blade_at = np.interp(tracks.time, trace.time, position)
+    for own in np.split(in_order, np.flatnonzero(np.diff(tracks.bead[in_order])) + 1):
+        time, place, blade = tracks.time[own], tracks.place[own], blade_at[own]
+        still = np.searchsorted(time, unloaded_until, side="right")
+        rest = np.median(place[: max(still, 1)], axis=0)
+        for number, load in enumerate(loads):
+            seen = slice(*np.searchsorted(time, load.time, side="left"))
+            if len(blade[seen]) >= FEWEST_FRAMES:
+                travel = float(np.diff(np.interp(load.time, trace.time, position))[0])
+                rise, covariance = _along_the_ramp(blade[seen], place[seen], tracks.covariance[own[seen]], travel)
+                rows.append((number, tracks.bead[own[0]], rest, rise, covariance))
+    if not rows:
+        raise ValueError(
+            f"no bead was seen in {FEWEST_FRAMES} frames of one loading ramp: of the record's {len(loads)} ramps the "
+            f"first runs from {loads[0].time[0]:.3g} to {loads[0].time[1]:.3g} s. Film faster, or cut more slowly."
+        )
+    ramp, bead_of, rests, rise_of, covariance_of = zip(*rows, strict=True)
+    return BeadRises(
+        ramps=loads,
+        ramp=np.array(ramp),
+        bead=np.array(bead_of),
+        place=np.array(rests),
+        rise=np.array(rise_of),
+        covariance=np.array(covariance_of),
+        flags=tuple(flags),
+    )
+
+
+def _check_covariance(tracks: BeadTracks) -> None:
+    """Raise for a covariance that is none, or of a place known no better than to a metre."""
+    uncertain = np.linalg.eigvalsh(tracks.covariance)  # ascending
+    bad = (uncertain[:, 0] < -1e-9 * np.abs(uncertain[:, -1])) | (uncertain[:, -1] > 1.0)
+    if bad.any():
+        row = int(np.argmax(bad))
+        raise ValueError(
+            f"the covariance of bead {tracks.bead[row]} at {tracks.time[row]:.3g} s is no covariance of a place in "
+            "metres: its eigenvalues must lie between 0 and 1 m2."
+        )
+
+
+def _unloaded_until(trace: Trace) -> float:
+    """Return the time at which the force first exceeds a small share of its largest value [s]."""
+    force = trace.force - np.median(trace.force[: max(1, len(trace) // 200)])
+    return float(trace.time[int(np.argmax(force > _UNLOADED * force.max()))])
+
+
+def _along_the_ramp(blade: Array, place: Array, covariance: Array, travel: float) -> tuple[Array, Array]:
+    """Return displacement over the blade's ``travel`` [m] and its covariance: of a line through places (n, 3) [m].
+
+    The stated covariance is enlarged along each axis on which the places scatter more than it says.
+    """
+    x = blade - blade.mean()
+    xx = float((x * x).sum())
+    slope = x @ place / xx
+    residual = place - place.mean(axis=0) - np.outer(x, slope)
+    stated = covariance.mean(axis=0)
+    scatter = (residual * residual).sum(axis=0) / (len(x) - 2)
+    more = np.sqrt(np.maximum(1.0, scatter / np.maximum(np.diag(stated), 1e-18)))
+    return slope * travel, stated * np.outer(more, more) * travel**2 / xx

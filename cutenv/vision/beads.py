@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
+from cutenv._base.arrays import Array, Indices
 from cutenv._base.validation import in_range
 from cutenv.vision.bead_filter import BeadFilter
-from cutenv.vision.bead_images import BeadLook, attenuation
-from cutenv.vision.bead_motion import groups_of, measure_with_neighbours, shared_shifts
+from cutenv.vision.bead_images import BeadLook, attenuation, measure_with_neighbours, shared_shifts
 from cutenv.vision.bead_tracks import BeadTracks
 from cutenv.vision.fluoroscopy import CArmCalibration, CArmView
 from cutenv.vision.projection import project, projection_slope
 from cutenv.vision.spots import Spots, locate_spots
 
-Displacement = Callable[[NDArray[np.float64], float], NDArray[np.float64]]
+Displacement = Callable[[Array, float], Array]
 """Displacement that a model predicts [m], shape (n, 3), of resting places (n, 3) [m] at a time [s]."""
 _SWAP = 0.75  # diameters: two beads nearer than that in every view are one bead measured twice
 _MODEL_ERROR = 0.3  # of what the model moves a bead from frame to frame, that it may be wrong by
@@ -82,8 +81,7 @@ def track_beads(
     frames: Iterable[Sequence[ArrayLike]],
     time: ArrayLike,
     calibration: CArmCalibration,
-    rest: ArrayLike,
-    rest_covariance: ArrayLike,
+    rest: tuple[ArrayLike, ArrayLike],
     *,
     diameter: float,
     displacement: Displacement | None = None,
@@ -107,7 +105,7 @@ def track_beads(
         Times of the frames on the clock of the force record [s] (see `cutenv.vision.registration`).
     calibration : CArmCalibration
         Calibration of the views.
-    rest, rest_covariance : array_like, shapes (n, 3) and (n, 3, 3)
+    rest : tuple of array_like, shapes (n, 3) and (n, 3, 3)
         Places of the beads in the first frame [m] and covariance [m²], from `places_from_sweep` or `triangulate`.
         Rows that are not finite are beads without a place; they keep their number and get no rows.
     diameter : float
@@ -135,13 +133,11 @@ def track_beads(
     """
     times = _checked_times(time, calibration)
     diameter = in_range("diameter", diameter, 2.0, 60.0, "px", "It is the diameter of a bead in the images.")
-    known, places = _Start(rest, rest_covariance).beads()
-    state = BeadFilter(rest=places[0].copy(), variance=places[1].copy())
-    groups = groups_of(places[0])
+    known, state = _at_rest(*rest)
     looks: list[BeadLook] = []
     hidden = np.zeros((len(calibration.views), len(known)))
     left_out: dict[str, str] = {}
-    rows: list[tuple[NDArray[np.int64], float, NDArray[np.float64], NDArray[np.float64]]] = []
+    rows: list[tuple[Indices, float, Array, Array]] = []
     reasons = (
         "its image may be another bead's",
         "no view shows it",
@@ -167,7 +163,8 @@ def track_beads(
             continue
         if not looks:
             looks = [bead_look(grey, view, diameter) for grey, view in zip(greys, calibration.views, strict=True)]
-        seen = _measured(state, predicted, calibration, greys, looks, groups)
+        state.begin(predicted)
+        seen = _measured(state, calibration, greys, looks)
         if number == 0:
             _check_first(seen, calibration.views)
         hidden += ~seen
@@ -177,7 +174,7 @@ def track_beads(
             unplaced[reason] += ~shown & which
         unplaced[reasons[2]] += shown & ~certain
         shown &= certain
-        rows.append((known[shown], float(now), (predicted + state.offset)[shown], state.variance[shown].copy()))
+        rows.append((known[shown], float(now), state.place[shown], state.variance[shown].copy()))
         if progress is not None:
             progress(done)
     if done == 0:
@@ -199,25 +196,18 @@ def track_beads(
     return _tracks(rows, metadata)
 
 
-@dataclass(frozen=True, eq=False)
-class _Start:
-    rest: ArrayLike
-    covariance: ArrayLike
-
-    def beads(self) -> tuple[NDArray[np.int64], tuple[NDArray[np.float64], NDArray[np.float64]]]:
-        """Return numbers, places and covariances of the beads that have a place."""
-        place, covariance = np.asarray(self.rest, float), np.asarray(self.covariance, float)
-        if place.ndim != 2 or place.shape[1] != 3 or covariance.shape != (len(place), 3, 3):
-            raise ValueError(
-                f"rest has shape {place.shape}, its covariance {covariance.shape}: give (n, 3), (n, 3, 3)."
-            )
-        known = np.flatnonzero(np.isfinite(place).all(axis=1) & np.isfinite(covariance).all(axis=(1, 2)))
-        if len(known) == 0:
-            raise ValueError("there are no beads: not one row of rest is a place.")
-        return known.astype(np.int64), (place[known], covariance[known])
+def _at_rest(rest: ArrayLike, rest_covariance: ArrayLike) -> tuple[Indices, BeadFilter]:
+    """Return the numbers of the beads that have a place, and their filter."""
+    place, covariance = np.asarray(rest, float), np.asarray(rest_covariance, float)
+    if place.ndim != 2 or place.shape[1] != 3 or covariance.shape != (len(place), 3, 3):
+        raise ValueError(f"rest has shape {place.shape}, its covariance {covariance.shape}: give (n, 3), (n, 3, 3).")
+    known = np.flatnonzero(np.isfinite(place).all(axis=1) & np.isfinite(covariance).all(axis=(1, 2)))
+    if len(known) == 0:
+        raise ValueError("there are no beads: not one row of rest is a place.")
+    return known.astype(np.int64), BeadFilter(rest=place[known], variance=covariance[known])
 
 
-def _checked_times(time: ArrayLike, calibration: CArmCalibration) -> NDArray[np.float64]:
+def _checked_times(time: ArrayLike, calibration: CArmCalibration) -> Array:
     times = np.asarray(time, float)
     if times.ndim != 1 or len(times) < 2 or not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():
         raise ValueError("time needs two finite times or more, ascending.")
@@ -232,63 +222,50 @@ def _checked_times(time: ArrayLike, calibration: CArmCalibration) -> NDArray[np.
 
 
 def _measured(
-    state: BeadFilter,
-    predicted: NDArray[np.float64],
-    calibration: CArmCalibration,
-    greys: Sequence[NDArray[np.float64]],
-    looks: Sequence[BeadLook],
-    groups: NDArray[np.int64],
+    state: BeadFilter, calibration: CArmCalibration, greys: Sequence[Array], looks: Sequence[BeadLook]
 ) -> NDArray[np.bool_]:
     """Take in all views; return which beads each one showed, shape (views, n)."""
     views = calibration.views
     images = [attenuation(grey) for grey in greys]
-    state.begin()
-    _jump(state, predicted, views, images, looks, groups)
+    _jump(state, views, images, looks)
     seen = np.zeros((len(views), len(state.rest)), bool)
     for number, (view, image, look) in enumerate(zip(views, images, looks, strict=True)):
-        expected = _seen(view, predicted + state.offset)
-        place, covariance = measure_with_neighbours(image, expected, groups, look)
+        expected = _seen(view, state.place)
+        place, covariance = measure_with_neighbours(image, expected, state.groups, look)
         ideal, error = view.undistorted_with_covariance(place, covariance)
         if calibration.interlaced:
             error = _OF_A_FIELD * error
         away = np.asarray(cKDTree(expected).query(expected, k=2)[0])[:, 1]
         crowded = away < _CROWDED * look.diameter
-        seen[number] = state.update(predicted, view, ideal, error, crowded)
+        seen[number] = state.update(view, ideal, error, crowded)
     # Two that ended in one place everywhere: neither is believed, both go on as predicted.
     near = np.ones((len(state.rest),) * 2, bool)
     for view, look in zip(views, looks, strict=True):
         assert view.projection is not None
-        image = project(view.projection, predicted + state.offset)
+        image = project(view.projection, state.place)
         near &= np.hypot(*(image[:, None] - image[None]).transpose(2, 0, 1)) < _SWAP * look.diameter
     doubtful = near.sum(axis=1) > 1
     state.undo(doubtful)
     seen[:, doubtful] = False
-    state.follow(seen, groups)
+    state.follow(seen)
     return seen
 
 
-def _seen(view: CArmView, places: NDArray[np.float64]) -> NDArray[np.float64]:
+def _seen(view: CArmView, places: Array) -> Array:
     assert view.projection is not None  # a calibration's views have one
     # A place that no pixel shows is out of every image.
     return np.nan_to_num(view.seen(project(view.projection, places)), nan=-1e6)
 
 
-def _jump(
-    state: BeadFilter,
-    predicted: NDArray[np.float64],
-    views: Sequence[CArmView],
-    images: Sequence[NDArray[np.float64]],
-    looks: Sequence[BeadLook],
-    groups: NDArray[np.int64],
-) -> None:
+def _jump(state: BeadFilter, views: Sequence[CArmView], images: Sequence[Array], looks: Sequence[BeadLook]) -> None:
     """Move the beads as their groups have jumped since the last frame."""
     shifts, slopes = [], []
     for view, image, look in zip(views, images, looks, strict=True):
-        expected = _seen(view, predicted + state.offset)
-        shift = shared_shifts(image, expected, state.rest, groups, look)
+        expected = _seen(view, state.place)
+        shift = shared_shifts(image, expected, state.rest, state.groups, look)
         shifts.append(view.undistort(expected + shift) - view.undistort(expected))
         assert view.projection is not None
-        slopes.append(projection_slope(view.projection, predicted + state.offset))
+        slopes.append(projection_slope(view.projection, state.place))
     jumped = np.any([(shift != 0.0).any(axis=1) for shift in shifts], axis=0)
     if jumped.any():
         state.jump(jumped, np.concatenate(slopes, axis=1)[jumped], np.concatenate(shifts, axis=1)[jumped])

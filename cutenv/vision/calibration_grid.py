@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
+from cutenv._base.arrays import Array, Indices
 from cutenv.vision.spots import Spots, checked_image, locate_spots
 
 LEAST_HOLES = 60
@@ -50,10 +51,10 @@ class GridHoles:
         Places of spots that fit nowhere into the grid [px].
     """
 
-    place: NDArray[np.float64]
-    index: NDArray[np.int64]
-    covariance: NDArray[np.float64]
-    left_out: NDArray[np.float64]
+    place: Array
+    index: Indices
+    covariance: Array
+    left_out: Array
 
     def __len__(self) -> int:
         return len(self.place)
@@ -121,7 +122,7 @@ def _indexed(spots: Spots) -> GridHoles:
     )
 
 
-def _first_steps(place: NDArray[np.float64], tree: cKDTree, start: int, spacing: float) -> NDArray[np.float64] | None:
+def _first_steps(place: Array, tree: cKDTree, start: int, spacing: float) -> Array | None:
     """Return the steps to the next column and row, shape (2, 2), or None where a neighbour is missing."""
     near = [other for other in tree.query_ball_point(place[start], 1.3 * spacing) if other != start]
     steps = place[near] - place[start]
@@ -133,9 +134,7 @@ def _first_steps(place: NDArray[np.float64], tree: cKDTree, start: int, spacing:
     return chosen if across > 0.8 and chosen[0, 0] > 0.0 and chosen[1, 1] > 0.0 else None
 
 
-def _spread(
-    place: NDArray[np.float64], tree: cKDTree, start: int, steps: NDArray[np.float64]
-) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+def _spread(place: Array, tree: cKDTree, start: int, steps: Array) -> tuple[Indices, NDArray[np.bool_]]:
     index = np.zeros((len(place), 2), np.int64)
     reached = np.zeros(len(place), bool)
     reached[start] = True
@@ -161,9 +160,7 @@ def _spread(
     return index, reached
 
 
-def residual_picture(
-    image: NDArray[np.float64], holes: GridHoles, residual: NDArray[np.float64] | None = None
-) -> NDArray[np.uint8]:
+def residual_picture(image: Array, holes: GridHoles, residual: Array | None = None) -> NDArray[np.uint8]:
     """Draw the holes over the image, as `CalibrationRefusedError` describes it.
 
     Parameters
@@ -179,7 +176,7 @@ def residual_picture(
     grey = ((image - low) * (160.0 / max(high - low, 1e-9))).astype(np.uint8)
     picture = np.repeat(grey[:, :, None], 3, axis=2)
 
-    def paint(points: NDArray[np.float64], colour: tuple[int, int, int], radius: int) -> None:
+    def paint(points: Array, colour: tuple[int, int, int], radius: int) -> None:
         column, row = np.round(points).astype(int).T if len(points) else np.zeros((2, 0), int)
         for across in range(-radius, radius + 1):
             for down in range(-radius, radius + 1):

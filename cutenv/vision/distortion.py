@@ -10,9 +10,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 
+from cutenv._base.arrays import Array
 from cutenv._base.validation import one_of
 
 DISTORTION_MODELS = (
@@ -68,13 +69,13 @@ class Distortion:
         if not np.isfinite([*self.coefficients, *self.centre, self.scale]).all() or self.scale <= 0.0:
             raise ValueError("coefficients, centre and scale of a distortion are finite numbers, the scale above 0.")
 
-    def undistort(self, points: ArrayLike) -> NDArray[np.float64]:
+    def undistort(self, points: ArrayLike) -> Array:
         """Return where points of the image would be without distortion, shape (n, 2) [square px]."""
         q = (np.asarray(points, float).reshape(-1, 2) - self.centre) / self.scale
         numbers = np.asarray(self.coefficients)
         return np.asarray(self.centre) + self.scale * _undistorted(self.model, q, numbers)
 
-    def error(self, radius: ArrayLike) -> NDArray[np.float64]:
+    def error(self, radius: ArrayLike) -> Array:
         """Return the radial error y over the true radius x [px], as the thesis plots it (Figure 7.4).
 
         For the polynomials in column and row it is the mean over eight directions.
@@ -100,7 +101,7 @@ def _powers(model: str) -> list[tuple[int, int]]:
     return [(total - row, row) for total in range(2, int(model[-1]) + 1) for row in range(total + 1)]
 
 
-def _undistorted(model: str, q: NDArray[np.float64], numbers: NDArray[np.float64]) -> NDArray[np.float64]:
+def _undistorted(model: str, q: Array, numbers: Array) -> Array:
     """Undistort places about the centre, over the scale, shape (n, 2)."""
     r = np.hypot(q[:, 0], q[:, 1])
     if model.startswith("radial_quadratic"):
@@ -113,7 +114,7 @@ def _undistorted(model: str, q: NDArray[np.float64], numbers: NDArray[np.float64
     return np.asarray(q + (_basis(model, q) @ numbers).reshape(-1, 2))
 
 
-def _basis(model: str, q: NDArray[np.float64]) -> NDArray[np.float64]:
+def _basis(model: str, q: Array) -> Array:
     """Return the matrix from coefficients to shifts, column and row in turn, shape (2 n, coefficients)."""
     if model == "radial_swirl":
         powers = np.hypot(q[:, 0], q[:, 1])[:, None] ** np.arange(1, _SWIRL_POWERS + 1)
@@ -143,7 +144,7 @@ class FittedDistortion:
 
     distortion: Distortion
     spacing: float
-    residual: NDArray[np.float64]
+    residual: Array
     cross_validated: dict[str, float]
 
     @property
@@ -202,19 +203,17 @@ def fit_distortion(
     )
 
 
-def _on_grid(grid: NDArray[np.float64], cells: NDArray[np.float64]) -> NDArray[np.float64]:
+def _on_grid(grid: Array, cells: Array) -> Array:
     """Return the ideal places of cells; the grid is (step across, step down, first column, first row)."""
     c, s, u, v = grid
     return np.stack([c * cells[:, 0] - s * cells[:, 1] + u, s * cells[:, 0] + c * cells[:, 1] + v], axis=1)
 
 
-def _residuals(
-    found: Distortion, grid: NDArray[np.float64], points: NDArray[np.float64], cells: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _residuals(found: Distortion, grid: Array, points: Array, cells: Array) -> Array:
     return found.undistort(points) - _on_grid(grid, cells)
 
 
-def _grid_rows(cells: NDArray[np.float64]) -> NDArray[np.float64]:
+def _grid_rows(cells: Array) -> Array:
     """Return the matrix from (step across, step down, first column, first row) to ideal places, shape (2 n, 4)."""
     one, none = np.ones(len(cells)), np.zeros(len(cells))
     column = np.stack([cells[:, 0], -cells[:, 1], one, none], axis=1)
@@ -222,7 +221,7 @@ def _grid_rows(cells: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.stack([column, row], axis=1).reshape(-1, 4)
 
 
-def _fit(points: NDArray[np.float64], cells: NDArray[np.float64], model: str) -> tuple[Distortion, NDArray[np.float64]]:
+def _fit(points: Array, cells: Array, model: str) -> tuple[Distortion, Array]:
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
     size = float(np.hypot(*(points - middle).T).max())
     rows = _grid_rows(cells)
@@ -231,7 +230,7 @@ def _fit(points: NDArray[np.float64], cells: NDArray[np.float64], model: str) ->
         centre = middle
         if model == "radial_swirl":
 
-            def beside(shift: NDArray[np.float64]) -> NDArray[np.float64]:
+            def beside(shift: Array) -> Array:
                 return _linear(points, rows, model, middle + size * shift, size)[2]
 
             found = least_squares(beside, np.zeros(2), max_nfev=30)
@@ -245,18 +244,18 @@ def _fit(points: NDArray[np.float64], cells: NDArray[np.float64], model: str) ->
 
     printed = model.endswith("printed")
 
-    def unpacked(p: NDArray[np.float64]) -> tuple[Distortion, NDArray[np.float64]]:
+    def unpacked(p: Array) -> tuple[Distortion, Array]:
         numbers = (p[3] / size, p[4], size * p[5] if printed else 0.0)
         centre = middle + size * p[-2:]
         grid = np.array([true * np.cos(p[2]), true * np.sin(p[2]), *(middle + size * p[:2])])
         return Distortion(model=model, centre=_pair(centre), scale=1.0, coefficients=numbers), grid
 
-    def left(p: NDArray[np.float64]) -> NDArray[np.float64]:
+    def left(p: Array) -> Array:
         return _residuals(*unpacked(p), points, cells).ravel()
 
     first = np.concatenate([(start[2:] - middle) / size, [turn], np.zeros(2 + printed)])
 
-    def about(p: NDArray[np.float64]) -> NDArray[np.float64]:
+    def about(p: Array) -> Array:
         return left(np.concatenate([p, np.zeros(2)]))
 
     # First about the middle of the grid: a free centre beside no distortion runs away.
@@ -264,21 +263,17 @@ def _fit(points: NDArray[np.float64], cells: NDArray[np.float64], model: str) ->
     return unpacked(_minimised(left, np.concatenate([held, np.zeros(2)])))
 
 
-def _minimised(
-    left: Callable[[NDArray[np.float64]], NDArray[np.float64]], start: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _minimised(left: Callable[[Array], Array], start: Array) -> Array:
     """Return the parameters, of order 1 or less, with the least sum of squares."""
 
-    def shifted(q: NDArray[np.float64]) -> NDArray[np.float64]:
+    def shifted(q: Array) -> Array:
         return left(start + q - 1.0)  # steps of the derivative are shares of q, so it must not begin at 0
 
     found = least_squares(shifted, np.ones(len(start)), method="lm", max_nfev=400)
     return np.asarray(start + found.x - 1.0)
 
 
-def _linear(
-    points: NDArray[np.float64], rows: NDArray[np.float64], model: str, centre: NDArray[np.float64], size: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def _linear(points: Array, rows: Array, model: str, centre: Array, size: float) -> tuple[Array, Array, Array]:
     """Return coefficients, grid [px] and what is left over, over the size, for a given centre."""
     q = (points - centre) / size
     matrix = np.hstack([rows, -_basis(model, q)])
@@ -287,11 +282,11 @@ def _linear(
     return np.asarray(solved[4:]), grid, np.asarray(q.ravel() - matrix @ solved)
 
 
-def _pair(values: NDArray[np.float64]) -> tuple[float, float]:
+def _pair(values: Array) -> tuple[float, float]:
     return float(values[0]), float(values[1])
 
 
-def _central_spacing(points: NDArray[np.float64], cells: NDArray[np.float64], middle: NDArray[np.float64]) -> float:
+def _central_spacing(points: Array, cells: Array, middle: Array) -> float:
     """Return the spacing of the 21 holes nearest the middle, from a grid fitted to them [px]."""
     near = np.argsort(np.hypot(*(points - middle).T))[:21]
     grid = np.linalg.lstsq(_grid_rows(cells[near]), points[near].ravel(), rcond=None)[0]

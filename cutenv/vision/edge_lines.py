@@ -56,6 +56,26 @@ class Line(NamedTuple):
         return math.hypot(self.sd, self.slope_sd * (t - self.middle))
 
 
+class EdgePatch(NamedTuple):
+    """Piece of an image in which an edge runs across the columns.
+
+    Attributes
+    ----------
+    slopes, values : ndarray, shape (rows, n)
+        Derivative along the rows' index, positive at the edge, and the grey values.
+    first, step : float
+        Place of row 0, and distance of two rows [px].
+    t : ndarray, shape (n,)
+        Places of the columns [px].
+    """
+
+    slopes: Array
+    values: Array
+    first: float
+    step: float
+    t: Array
+
+
 def smooth_slopes(values: Array, sigma: float) -> Array:
     """Return the derivative along the rows' index, smoothed by a Gaussian of ``sigma`` samples."""
     return np.asarray(cv2.GaussianBlur(np.gradient(values, axis=0), (1, 0), sigmaX=1e-6, sigmaY=sigma))
@@ -75,10 +95,9 @@ def _weighted_line(t: Array, s: Array, weight: Array) -> tuple[float, float]:
     return slope, height - slope * middle
 
 
-def line_strengths(
-    slopes: Array, first: float, t: Array, near: Array, tilts: Array, *, step: float
-) -> tuple[Array, Array, Array]:
-    """Return the mean slope along every line a + b t, shape (tilts, places), the places a and the tilts b."""
+def line_strengths(patch: EdgePatch, near: Array, tilts: Array) -> tuple[Array, Array]:
+    """Return the mean slope along every line a + b t of some tilts b, shape (tilts, places), and the places a."""
+    slopes, _, first, step, t = patch
     places: Array = np.asarray(first + step * np.arange(len(slopes)), np.float64)
     rows = np.flatnonzero((places >= near[0]) & (places <= near[1]))
     if rows.size == 0:
@@ -86,33 +105,25 @@ def line_strengths(
     shift = np.rint(np.outer(t, tilts) / step).astype(np.int64)
     index = np.clip(rows + shift[:, :, None], 0, len(slopes) - 1)
     index += len(slopes) * np.arange(len(t))[:, None, None]
-    return np.take(np.ascontiguousarray(slopes.T), index).mean(axis=0), places[rows], tilts
+    return np.take(np.ascontiguousarray(slopes.T), index).mean(axis=0), places[rows]
 
 
-def strongest_line(
-    slopes: Array, first: float, t: Array, near: Array, tilts: Array, *, step: float
-) -> tuple[float, float]:
-    """Return the line a + b t along which the slopes are steepest on the mean."""
-    strength, places, tilts = line_strengths(slopes, first, t, near, tilts, step=step)
+def strongest_line(patch: EdgePatch, near: Array, tilts: Array) -> Line:
+    """Return the line along which the slopes are steepest on the mean."""
+    strength, places = line_strengths(patch, near, tilts)
     k, row = np.unravel_index(int(np.argmax(strength)), strength.shape)
-    return float(places[row]), float(tilts[k])
+    return Line(float(places[row]), float(tilts[k]))
 
 
-def fitted_line(
-    slopes: Array, first: float, step: float, t: Array, a: float, b: float, values: Array, name: str
-) -> Line:
+def fitted_line(patch: EdgePatch, near: Line, name: str) -> Line:
     """Fit a line to the steepest points near a known one, to sub-pixels; outliers are left out.
 
     Parameters
     ----------
-    slopes, values : ndarray, shape (rows, n)
-        Derivative along the rows' index, positive at the edge, and the grey values.
-    first, step : float
-        Place of row 0, and distance of two rows [px].
-    t : ndarray, shape (n,)
-        Places of the columns [px].
-    a, b : float
-        Line ``a + b t`` near which the edge is.
+    patch : EdgePatch
+        Piece of the image.
+    near : Line
+        Line near which the edge is.
     name : str
         Name of the edge, for the reason.
 
@@ -121,8 +132,9 @@ def fitted_line(
     UnusableFrame
         If the edge is not seen on its whole length, in glare, of little contrast, or no straight line.
     """
+    slopes, values, first, step, t = patch
     span = math.ceil(REACH / step)
-    exact = (a + b * t - first) / step
+    exact = (near.a + near.b * t - first) / step
     kept = (exact >= span + 1) & (exact < len(slopes) - span - 2)
     if kept.sum() < max(6, 0.6 * len(t)):
         raise UnusableFrame(f"{name} is not seen on its whole length")

@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from cutenv._base.arrays import Array
 from cutenv.tissue.cut_model import CutModel
 from cutenv.trace import Trace
-from cutenv.vision.bead_rises import BeadRises
-from cutenv.vision.bead_tracks import BeadTracks
+from cutenv.vision.bead_tracks import BeadRises, BeadTracks
 from cutenv.vision.filmed_measurement import FilmedMeasurement, measure_filmed_cut
 
 NEAR = 0.02
@@ -157,8 +156,7 @@ def compare_displacements(
     model: CutModel,
     *,
     thickness: float | None = None,
-    borders: ArrayLike = (),
-    moduli: ArrayLike = (1.0,),
+    zones: tuple[ArrayLike, ArrayLike] = ((), (1.0,)),
 ) -> FieldComparison:
     """Compare the displacements of beads with those of the model, ramp by ramp: the thesis's Table 7.1 for any tracks.
 
@@ -166,8 +164,8 @@ def compare_displacements(
     ----------
     tracks, trace, model, thickness
         See :func:`measure_filmed_cut`.
-    borders, moduli : array_like
-        Zones of moduli along the cut, see `cutenv.tissue.zoned_model` and `zones_as_measured`; by default one.
+    zones : tuple of array_like
+        Borders and moduli of zones along the cut, as `zones_as_measured` returns them; by default one zone.
 
     Returns
     -------
@@ -178,4 +176,4 @@ def compare_displacements(
     ValueError
         See :func:`measure_filmed_cut`.
     """
-    return compare_field(measure_filmed_cut(tracks, trace, model, thickness=thickness), borders, moduli)
+    return compare_field(measure_filmed_cut(tracks, trace, model, thickness=thickness), *zones)

@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from cutenv._base.arrays import Array
 from cutenv._base.atomic_file import atomic_write
 from cutenv._base.validation import in_range, one_of
 from cutenv.vision.calibration_grid import CalibrationRefusedError, GridHoles, locate_grid, residual_picture
@@ -56,7 +57,7 @@ class CArmView:
     shape: tuple[int, int]
     aspect: float
     distortion: Distortion
-    projection: NDArray[np.float64] | None = None
+    projection: Array | None = None
     residuals: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -69,11 +70,11 @@ class CArmView:
         matrix.setflags(write=False)
         object.__setattr__(self, "projection", matrix)
 
-    def undistort(self, points: ArrayLike) -> NDArray[np.float64]:
+    def undistort(self, points: ArrayLike) -> Array:
         """Return undistorted places of points of a frame, shape (n, 2) [square px]."""
         return self.distortion.undistort(np.asarray(points, float).reshape(-1, 2) * (self.aspect, 1.0))
 
-    def seen(self, ideal: NDArray[np.float64]) -> NDArray[np.float64]:
+    def seen(self, ideal: Array) -> Array:
         """Return the points of a frame [px] at which undistorted places, shape (n, 2) [square px], are seen."""
         square = ideal.copy()
         for _ in range(_ROUNDS):
@@ -83,9 +84,7 @@ class CArmView:
                 break
         return np.asarray(square / (self.aspect, 1.0))
 
-    def undistorted_with_covariance(
-        self, points: NDArray[np.float64], covariance: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def undistorted_with_covariance(self, points: Array, covariance: Array) -> tuple[Array, Array]:
         """Return undistorted places and their covariances, shapes (n, 2) and (n, 2, 2)."""
         step = 0.25
         slope = np.stack(
@@ -93,7 +92,7 @@ class CArmView:
         )
         return self.undistort(points), slope @ covariance @ slope.transpose(0, 2, 1)
 
-    def checked(self, frame: ArrayLike) -> NDArray[np.float64]:
+    def checked(self, frame: ArrayLike) -> Array:
         """Return a frame as float64; ValueError if it is none, or of another camera."""
         grey = checked_image(frame, f"a frame of view {self.name!r}")
         if grey.shape != self.shape:
@@ -239,7 +238,7 @@ class CArmCalibration:
         object.__setattr__(self, "views", tuple(self.views))
 
     @property
-    def projections(self) -> list[NDArray[np.float64]]:
+    def projections(self) -> list[Array]:
         """Projection matrices of the views."""
         return [view.projection for view in self.views if view.projection is not None]
 
@@ -308,7 +307,7 @@ def _view(told: Mapping[str, Any]) -> CArmView:
     )
 
 
-def deinterlaced(frame: ArrayLike, first: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def deinterlaced(frame: ArrayLike, first: str) -> tuple[Array, Array]:
     """Return the two fields of an interlaced frame in order of time, each with its missing lines interpolated.
 
     Parameters
@@ -329,7 +328,7 @@ def deinterlaced(frame: ArrayLike, first: str) -> tuple[NDArray[np.float64], NDA
     return _field(grey, start), _field(grey, 1 - start)
 
 
-def _field(grey: NDArray[np.float64], start: int) -> NDArray[np.float64]:
+def _field(grey: Array, start: int) -> Array:
     """Return one field with its missing lines from the four nearest of its own (cubic)."""
     lines = grey[start::2]
     padded = np.concatenate([lines[:1], lines[:1], lines, lines[-1:], lines[-1:]])

@@ -13,9 +13,8 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from cutenv._base.arrays import Array
+from cutenv._base.arrays import Array, Indices
 from cutenv.vision.blade_mark import MarkedBlade, Neighbourhood, find_mark
 from cutenv.vision.cameras import GreyImage
 from cutenv.vision.edge_lines import (
@@ -23,6 +22,7 @@ from cutenv.vision.edge_lines import (
     LEAST_CONTRAST,
     REACH,
     SATURATED,
+    EdgePatch,
     Line,
     UnusableFrame,
     fitted_line,
@@ -64,19 +64,32 @@ class BladeInView(NamedTuple):
     surface_line: Array
 
 
+class _BladeAxes(NamedTuple):
+    """Axes of the blade in the chart: steps of 1 px along it and across it, and its scale [px/m]."""
+
+    origin: Array
+    down: Array
+    right: Array
+    per_m: float
+
+    def at(self, s: float, t: float) -> Array:
+        """Return the place in the chart of a point s px below and t px right of the origin."""
+        return np.asarray(self.origin + s * self.down + t * self.right)
+
+
 class _Patch(NamedTuple):
     """Piece of the image along the blade: rows every `_STEP` px from ``first`` [px], columns 1 px apart, 0 amid."""
 
     values: Array
     first: float
     half: int
-    origin: Array  # in the chart
-    down: Array  # step of 1 px along the blade, in the chart
-    right: Array
+    axes: _BladeAxes
 
-    def at(self, s: float, t: float) -> Array:
-        """Return the place in the chart of a point s px below and t px right of the origin."""
-        return np.asarray(self.origin + s * self.down + t * self.right)
+    def edges(self, columns: Indices, sign: float = 1.0) -> EdgePatch:
+        """Return some columns, in which an edge runs across the blade, brighter below (``sign`` 1) or above it."""
+        values = self.values[:, columns]
+        slopes = sign * smooth_slopes(values, EDGE_SIGMA / _STEP) / _STEP
+        return EdgePatch(slopes, values, self.first, _STEP, np.asarray(columns - self.half, np.float64))
 
 
 def measure_view(
@@ -103,45 +116,44 @@ def measure_view(
     """
     centre, down, across = find_mark(image, blade, near)
     ends = to_chart(np.stack([centre, centre + down, centre + np.array([down[1], -down[0]])]))
-    origin, down, right = ends[0], ends[1] - ends[0], ends[2] - ends[0]
-    per_m = across / blade.width  # [px/m]
+    axes = _BladeAxes(ends[0], ends[1] - ends[0], ends[2] - ends[0], across / blade.width)
     # First with the strip's rough direction, then with that of the sides that were found.
-    patch = _cut_out(image, to_pixels, origin, down, right, blade, per_m, wide=2.4)
-    surface = _surface(patch, blade, per_m)
-    left, right_side = _sides(patch, blade, per_m, surface, reach=0.5 * per_m * blade.width)
-    a, b, per_m = 0.5 * (left.a + right_side.a), 0.5 * (left.b + right_side.b), (right_side.a - left.a) / blade.width
+    patch = _cut_out(image, to_pixels, axes, blade, wide=2.4)
+    left, right = _sides(patch, blade, _surface(patch, blade), reach=0.5 * axes.per_m * blade.width)
+    a, b, per_m = 0.5 * (left.a + right.a), 0.5 * (left.b + right.b), (right.a - left.a) / blade.width
     if per_m * blade.width < 6.0:
         raise UnusableFrame("the blade is not as wide as it should be")
-    origin, down = patch.at(0.0, a), patch.at(1.0, a + b) - patch.at(0.0, a)
+    origin, down = axes.at(0.0, a), axes.at(1.0, a + b) - axes.at(0.0, a)
     down = down / math.hypot(1.0, b)
     normal = np.array([down[1], -down[0]]) / np.hypot(*down)
-    right = float(normal @ patch.right) * normal  # a pixel is as long across as before, whatever it is along
-    patch = _cut_out(image, to_pixels, origin, down, right, blade, per_m, wide=1.6)
-    upper, lower = _strip_lines(patch, blade, per_m)
+    # A pixel is as long across as before, whatever it is along.
+    axes = _BladeAxes(origin, down, float(normal @ axes.right) * normal, per_m)
+    patch = _cut_out(image, to_pixels, axes, blade, wide=1.6)
+    upper, lower = _strip_lines(patch, blade)
     if max(upper.spread, lower.spread) > _WIDEST_EDGE:
         raise UnusableFrame(f"the {blade.mark} is blurred")
-    surface = _surface(patch, blade, per_m, start=lower.a)
+    surface = _surface(patch, blade, start=lower.a)
     face = patch.values[slice(*(round((s - patch.first) / _STEP) for s in (lower.a, surface.a)))]
     if (face[:, _inner(patch, blade.width * per_m)] >= SATURATED).mean() > _GLARE:
         raise UnusableFrame("glare on the blade")
-    left, right_side = _sides(patch, blade, per_m, surface, reach=REACH)
-    return _in_chart(patch, upper, lower, surface, left, right_side)
+    return _in_chart(axes, (upper, lower), surface, _sides(patch, blade, surface, reach=REACH))
 
 
-def _in_chart(patch: _Patch, upper: Line, lower: Line, surface: Line, left: Line, right: Line) -> BladeInView:
+def _in_chart(axes: _BladeAxes, strip: tuple[Line, Line], surface: Line, sides: tuple[Line, Line]) -> BladeInView:
+    (upper, lower), (left, right) = strip, sides
     a, b = 0.5 * (left.a + right.a), 0.5 * (left.b + right.b)
 
     def on(line: Line, side: tuple[float, float]) -> Array:
         s = (line.a + line.b * side[0]) / (1.0 - line.b * side[1])
-        return patch.at(s, side[0] + side[1] * s)
+        return axes.at(s, side[0] + side[1] * s)
 
     def covariance(along: float, slope: float, s: float) -> Array:
         aside = 0.5 * math.hypot(left.sd_at(s), right.sd_at(s))
-        axes = np.stack([patch.down, patch.right], axis=1)
+        steps = np.stack([axes.down, axes.right], axis=1)
         spread = np.array([[along**2 + (slope * aside) ** 2, slope * aside**2], [slope * aside**2, aside**2]])
-        return np.asarray(axes @ spread @ axes.T)
+        return np.asarray(steps @ spread @ steps.T)
 
-    ends = np.stack([on(line, (a, b)) for line in (upper, lower)])
+    ends = np.stack([on(line, (a, b)) for line in strip])
     shaded = _SHADED * math.hypot(1.0, surface.b)
     return BladeInView(
         strip=ends.mean(axis=0),
@@ -149,15 +161,13 @@ def _in_chart(patch: _Patch, upper: Line, lower: Line, surface: Line, left: Line
         strip_ends=ends,
         strip_covariance=covariance(0.5 * math.hypot(upper.sd, lower.sd), 0.5 * (upper.b + lower.b), 0.0),
         surface_covariance=covariance(math.hypot(surface.sd, shaded), surface.b, surface.a),
-        surface_line=np.stack([on(surface, (side.a, side.b)) for side in (left, right)]),
+        surface_line=np.stack([on(surface, (side.a, side.b)) for side in sides]),
     )
 
 
-def _cut_out(
-    image: GreyImage, to_pixels: Chart, origin: Array, down: Array, right: Array, blade: MarkedBlade, per_m: float, *,
-    wide: float,
-) -> _Patch:  # fmt: skip
+def _cut_out(image: GreyImage, to_pixels: Chart, axes: _BladeAxes, blade: MarkedBlade, *, wide: float) -> _Patch:
     """Resample the image along the blade, to 15 % beyond its end."""
+    origin, down, right, per_m = axes
     first, last = -_mark_and(blade, 0.75) * per_m, (1.15 * blade.total + 0.002) * per_m
     half = math.ceil(0.5 * wide * blade.width * per_m)
     s, t = np.arange(first, last, _STEP), np.arange(-half, half + 1.0)
@@ -175,7 +185,7 @@ def _cut_out(
     begin, end = int(outside[k - 1]) + 1 if k else 0, int(outside[k]) if k < len(outside) else len(s)
     if min(mark - begin, end - mark) * _STEP < 0.5 * blade.strip * per_m + REACH + 2.0:
         raise UnusableFrame(f"the {blade.mark} is at the border of the image")
-    return _Patch(np.asarray(values, np.float64)[begin:end], float(s[begin]), half, origin, down, right)
+    return _Patch(np.asarray(values, np.float64)[begin:end], float(s[begin]), half, axes)
 
 
 def _mark_and(blade: MarkedBlade, share: float) -> float:
@@ -183,43 +193,41 @@ def _mark_and(blade: MarkedBlade, share: float) -> float:
     return 0.5 * blade.strip + share * blade.width
 
 
-def _strip_lines(patch: _Patch, blade: MarkedBlade, per_m: float) -> tuple[Line, Line]:
-    half, columns = 0.5 * blade.strip * per_m, _inner(patch, blade.mark_width * per_m)
-    slopes = smooth_slopes(patch.values[:, columns], EDGE_SIGMA / _STEP) / _STEP
+def _strip_lines(patch: _Patch, blade: MarkedBlade) -> tuple[Line, Line]:
+    half, columns = 0.5 * blade.strip * patch.axes.per_m, _inner(patch, blade.mark_width * patch.axes.per_m)
     found = []
     for sign in (-1.0, 1.0):
         name = f"the {blade.mark}'s {'upper' if sign < 0 else 'lower'} edge"
         near = sign * half + np.array([-0.6, 0.6]) * half
-        t = _aside(patch, columns)
-        a, b = strongest_line(sign * slopes, patch.first, t, near, np.linspace(-0.6, 0.6, 25), step=_STEP)
-        found.append(_fitted(sign * slopes, patch, columns, a, b, name))
+        edges = patch.edges(columns, sign)
+        found.append(fitted_line(edges, strongest_line(edges, near, np.linspace(-0.6, 0.6, 25)), name))
     return found[0], found[1]
 
 
-def _surface(patch: _Patch, blade: MarkedBlade, per_m: float, start: float | None = None) -> Line:
+def _surface(patch: _Patch, blade: MarkedBlade, start: float | None = None) -> Line:
     """Return the line at which the bright blade ends and darker tissue begins."""
-    columns = _inner(patch, blade.width * per_m)
-    slopes = -smooth_slopes(patch.values[:, columns], EDGE_SIGMA / _STEP) / _STEP
+    per_m = patch.axes.per_m
+    edges = patch.edges(_inner(patch, blade.width * per_m), -1.0)
     low = (0.5 * blade.strip * per_m if start is None else start) + 4.0
-    last = patch.first + _STEP * (len(slopes) - 1) - 2.0
+    last = patch.first + _STEP * (len(patch.values) - 1) - 2.0
     if last - low < 8.0:
         raise UnusableFrame("the blade leaves the image above the tissue")
-    strength, places, tilts = line_strengths(
-        slopes, patch.first, _aside(patch, columns), np.array([low, last]), np.linspace(-2.0, 2.0, 41), step=_STEP
-    )
+    tilts = np.linspace(-2.0, 2.0, 41)
+    strength, places = line_strengths(edges, np.array([low, last]), tilts)
     best = strength.max(axis=0)
     if best.max() < 0.3 * LEAST_CONTRAST / EDGE_SIGMA / 2.5:
         raise UnusableFrame("no line of the tissue's surface is seen on the blade")
     # Tissue below has lines of its own, steel above has none: the first line is the surface.
     first = int(np.argmax(best >= _FIRST * best.max()))
     row = first + int(np.argmax(best[first : first + round(6.0 / _STEP)]))
-    a, b = float(places[row]), float(tilts[int(np.argmax(strength[:, row]))])
-    return Line(a, b) if start is None else _fitted(slopes, patch, columns, a, b, "the surface's line")
+    line = Line(float(places[row]), float(tilts[int(np.argmax(strength[:, row]))]))
+    return line if start is None else fitted_line(edges, line, "the surface's line")
 
 
-def _sides(patch: _Patch, blade: MarkedBlade, per_m: float, surface: Line, *, reach: float) -> tuple[Line, Line]:
+def _sides(patch: _Patch, blade: MarkedBlade, surface: Line, *, reach: float) -> tuple[Line, Line]:
     """Return the blade's left and right side, as lines over the rows."""
     s: Array = np.asarray(patch.first + _STEP * np.arange(len(patch.values)), np.float64)
+    per_m = patch.axes.per_m
     half = 0.5 * blade.width * per_m
     end = surface.a - abs(surface.b) * half - 2.0
     seen = (s > -_mark_and(blade, 0.55) * per_m) & (s < end)
@@ -229,27 +237,16 @@ def _sides(patch: _Patch, blade: MarkedBlade, per_m: float, surface: Line, *, re
     if len(rows) < 12:
         raise UnusableFrame("too little of the blade is seen")
     turned = patch.values[rows].T
-    slopes = np.abs(smooth_slopes(turned, EDGE_SIGMA))
+    edges = EdgePatch(np.abs(smooth_slopes(turned, EDGE_SIGMA)), turned, -patch.half, 1.0, s[rows])
     found = []
     for sign in (-1.0, 1.0):
         near = sign * half + np.array([-1.0, 1.0]) * min(reach, 0.5 * half)
         tilts = np.linspace(-0.3, 0.3, 25) * min(1.0, reach / 6.0)
-        a, b = strongest_line(slopes, -patch.half, s[rows], near, tilts, step=1.0)
-        found.append(fitted_line(slopes, -patch.half, 1.0, s[rows], a, b, turned, "the blade's side"))
+        found.append(fitted_line(edges, strongest_line(edges, near, tilts), "the blade's side"))
     return found[0], found[1]
 
 
-def _aside(patch: _Patch, columns: NDArray[np.int64]) -> Array:
-    """Return how far right of the middle some columns are [px]."""
-    return np.asarray(columns - patch.half, np.float64)
-
-
-def _inner(patch: _Patch, width: float) -> NDArray[np.int64]:
+def _inner(patch: _Patch, width: float) -> Indices:
     """Return the columns well inside a width amid the patch [px]."""
     t = np.arange(-patch.half, patch.half + 1)
     return np.flatnonzero(np.abs(t) <= 0.5 * width - 2.5)
-
-
-def _fitted(slopes: Array, patch: _Patch, columns: NDArray[np.int64], a: float, b: float, name: str) -> Line:
-    values = patch.values[:, columns]
-    return fitted_line(slopes, patch.first, _STEP, _aside(patch, columns), a, b, values, name)

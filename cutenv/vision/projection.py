@@ -1,14 +1,16 @@
-"""Two-view geometry: projection matrices of X-ray views at any angle, and points in space from their images."""
+"""Geometry of X-ray views: projection matrices, points in space from their images, and the size of a pixel there."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 
-from cutenv._base.validation import in_range
+from cutenv._base.arrays import Array
+from cutenv._base.validation import in_range, one_of
 
 _LEAST_POINTS = 8  # for the eleven numbers of a projection, with something left over
 _ROUNDS = 8  # of the triangulation
@@ -16,7 +18,7 @@ _ROUNDS = 8  # of the triangulation
 
 def cone_beam_projection(
     source: ArrayLike, detector: ArrayLike, across: ArrayLike, down: ArrayLike, pixel: float
-) -> NDArray[np.float64]:
+) -> Array:
     """Return the projection matrix of an X-ray view, shape (3, 4): from metres to square pixels.
 
     Parameters
@@ -48,22 +50,12 @@ def cone_beam_projection(
     return np.hstack([turn, -(turn @ s)[:, None]])
 
 
-def arm_projection(
-    angle: float,
-    *,
-    isocentre: ArrayLike,
-    source_to_isocentre: float,
-    source_to_detector: float,
-    pixel: float,
-    principal_point: tuple[float, float],
-) -> NDArray[np.float64]:
-    """Return the projection matrix of a C-arm that turns about the direction of the cut, shape (3, 4).
+@dataclass(frozen=True, kw_only=True)
+class CArm:
+    """C-arm that turns about the direction of the cut.
 
     Parameters
     ----------
-    angle : float
-        0: seen from above, the source below; π/2: seen from +x, the source at -x [rad]. The image's columns run
-        along y.
     isocentre : array_like, shape (3,)
         Point about which the arm turns, in the specimen's frame [m].
     source_to_isocentre, source_to_detector : float
@@ -73,30 +65,42 @@ def arm_projection(
     principal_point : tuple of float
         Where the ray through the isocentre meets the detector [square px].
     """
-    centre = np.asarray(isocentre, float)
-    ray = np.array([np.sin(angle), 0.0, np.cos(angle)])  # from source to detector
-    across = np.array([0.0, 1.0, 0.0])
-    down = np.cross(ray, across)
-    source = centre - source_to_isocentre * ray
-    first = source + source_to_detector * ray - pixel * (principal_point[0] * across + principal_point[1] * down)
-    return cone_beam_projection(source, first, across, down, pixel)
+
+    isocentre: tuple[float, float, float]
+    source_to_isocentre: float
+    source_to_detector: float
+    pixel: float
+    principal_point: tuple[float, float]
+
+    def projection(self, angle: float) -> Array:
+        """Return the projection matrix of the view at an angle [rad], shape (3, 4).
+
+        0: seen from above, the source below; π/2: seen from +x, the source at -x. The image's columns run along y.
+        """
+        ray = np.array([np.sin(angle), 0.0, np.cos(angle)])  # from source to detector
+        across = np.array([0.0, 1.0, 0.0])
+        down = np.cross(ray, across)
+        source = np.asarray(self.isocentre, float) - self.source_to_isocentre * ray
+        column, row = self.principal_point
+        first = source + self.source_to_detector * ray - self.pixel * (column * across + row * down)
+        return cone_beam_projection(source, first, across, down, self.pixel)
 
 
-def project(projection: NDArray[np.float64], points: ArrayLike) -> NDArray[np.float64]:
+def project(projection: Array, points: ArrayLike) -> Array:
     """Return the images of points in space, shape (n, 2) [square px]."""
     x = np.asarray(points, float).reshape(-1, 3)
     h = x @ projection[:, :3].T + projection[:, 3]
     return np.asarray(h[:, :2] / h[:, 2:])
 
 
-def projection_slope(projection: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+def projection_slope(projection: Array, points: Array) -> Array:
     """Return the derivative of images by places, shape (n, 2, 3) [px/m]."""
     h = points @ projection[:, :3].T + projection[:, 3]
     image = h[:, :2] / h[:, 2:]
     return np.asarray((projection[None, :2, :3] - image[:, :, None] * projection[None, 2:, :3]) / h[:, 2, None, None])
 
 
-def fit_projection(points: ArrayLike, images: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def fit_projection(points: ArrayLike, images: ArrayLike) -> tuple[Array, Array]:
     """Find the projection matrix of a view from known points, by linear and then least-squares fit.
 
     Parameters
@@ -133,7 +137,7 @@ def fit_projection(points: ArrayLike, images: ArrayLike) -> tuple[NDArray[np.flo
     found *= np.sign(found[2] @ _homogeneous(x)[0]) / np.linalg.norm(found[2, :3])
     scale = np.abs(found) + 1e-9 * np.abs(found).max()
 
-    def left(p: NDArray[np.float64]) -> NDArray[np.float64]:
+    def left(p: Array) -> Array:
         return np.asarray((y - project(p.reshape(3, 4) * scale, x)).ravel())
 
     solved = least_squares(left, (found / scale).ravel(), method="lm", max_nfev=400)
@@ -141,11 +145,11 @@ def fit_projection(points: ArrayLike, images: ArrayLike) -> tuple[NDArray[np.flo
     return projection, y - project(projection, x)
 
 
-def _homogeneous(points: NDArray[np.float64]) -> NDArray[np.float64]:
+def _homogeneous(points: Array) -> Array:
     return np.hstack([points, np.ones((len(points), 1))])
 
 
-def _unit(points: NDArray[np.float64]) -> NDArray[np.float64]:
+def _unit(points: Array) -> Array:
     """Return the matrix that moves points to mean 0 and size 1 (Hartley's normalisation)."""
     n = points.shape[1]
     scale = 1.0 / max(float(points.std()), 1e-12)
@@ -155,9 +159,7 @@ def _unit(points: NDArray[np.float64]) -> NDArray[np.float64]:
     return matrix
 
 
-def triangulate(
-    projections: Sequence[NDArray[np.float64]], images: ArrayLike, covariances: ArrayLike
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def triangulate(projections: Sequence[Array], images: ArrayLike, covariances: ArrayLike) -> tuple[Array, Array, Array]:
     """Find points in space from their images in several views, by weighted least squares.
 
     Parameters
@@ -215,9 +217,7 @@ def triangulate(
     return place, covariance, misfit
 
 
-def epipolar_distance(
-    first: NDArray[np.float64], second: NDArray[np.float64], in_first: ArrayLike, in_second: ArrayLike
-) -> NDArray[np.float64]:
+def epipolar_distance(first: Array, second: Array, in_first: ArrayLike, in_second: ArrayLike) -> Array:
     """Return how far pairs of images are from belonging to one point [px], shape of the pairs (Sampson's distance).
 
     Parameters
@@ -236,3 +236,111 @@ def epipolar_distance(
     line_b, line_a = a @ fundamental.T, b @ fundamental
     slope = np.sqrt((line_b[..., :2] ** 2).sum(axis=-1) + (line_a[..., :2] ** 2).sum(axis=-1))
     return np.asarray(np.abs((b * line_b).sum(axis=-1)) / slope)
+
+
+MAGNIFICATION_MODELS = {"linear": 1, "quadratic": 2, "cone_beam": 1}
+"""Models, with the degree of the polynomial in the distance that each one is."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Magnification:
+    """Length in the object for one pixel of the image, m(d), at distance d from the detector.
+
+    Parameters
+    ----------
+    model : {"linear", "quadratic", "cone_beam"}
+        The thesis's for its top view (7.3) and side view (7.4), or what a point source gives: p (1 - d/D), with the
+        pixel p on the detector and the source's distance D from it. The cone beam is the linear one with a meaning.
+    coefficients : tuple of float
+        Highest power first, [length per pixel / distance^n].
+
+    Notes
+    -----
+    Erratum: the thesis prints no units for m and d. (7.3) is a cone beam with p = 0.3411 and D = 426 in the unit of
+    d. With m in mm/px that is a pixel of 0.34 mm; d in mm would put the source 43 cm from the detector, less than any
+    C-arm has. (7.4) is no cone beam: it is smallest at d = 69.7 and grows beyond.
+
+    Examples
+    --------
+    >>> round(THESIS_MAGNIFICATION["top"].at(100.0), 4)
+    0.2611
+    >>> THESIS_MAGNIFICATION["top"].source_distance
+    426.375
+    """
+
+    model: str
+    coefficients: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        one_of("model of the magnification", self.model, MAGNIFICATION_MODELS)
+        needed = MAGNIFICATION_MODELS[self.model] + 1
+        if len(self.coefficients) != needed or not np.isfinite(self.coefficients).all():
+            raise ValueError(f"the magnification {self.model!r} has {needed} finite coefficients.")
+
+    def at(self, distance: float) -> float:
+        """Return the length of one pixel at a distance from the detector."""
+        return float(np.polyval(self.coefficients, distance))
+
+    @property
+    def source_distance(self) -> float:
+        """Distance D of the source from the detector, in the unit of d.
+
+        Raises
+        ------
+        ValueError
+            For the quadratic model, which belongs to no point source.
+        """
+        if self.model == "quadratic":
+            raise ValueError("a quadratic magnification belongs to no point source; fit the cone beam.")
+        slope, pixel = self.coefficients
+        return -pixel / slope
+
+
+THESIS_MAGNIFICATION = {
+    "top": Magnification(model="linear", coefficients=(-0.0008, 0.3411)),
+    "side": Magnification(model="quadratic", coefficients=(0.000784, -0.1093, 5.1358)),
+}
+"""The thesis's equations (7.3) and (7.4), units not printed."""
+
+
+def fit_magnification(
+    distance: ArrayLike, length_per_pixel: ArrayLike, model: str = "cone_beam"
+) -> tuple[Magnification, Array]:
+    """Fit a magnification to images of a ruler or a grid at several distances.
+
+    Parameters
+    ----------
+    distance : array_like, shape (n,)
+        Distances from the detector, in any unit of length.
+    length_per_pixel : array_like, shape (n,)
+        Length of one pixel found in each image: spacing of the grid over its spacing in pixels.
+    model : str
+        One of `MAGNIFICATION_MODELS`.
+
+    Returns
+    -------
+    magnification : Magnification
+        The fit.
+    residual : ndarray, shape (n,)
+        Relative error of the fit at each distance [1].
+
+    Raises
+    ------
+    ValueError
+        If distances are too few, or a cone beam would have its source on the wrong side.
+    """
+    one_of("model of the magnification", model, MAGNIFICATION_MODELS)
+    d, m = np.asarray(distance, float).ravel(), np.asarray(length_per_pixel, float).ravel()
+    degree = MAGNIFICATION_MODELS[model]
+    if len(d) != len(m) or len(np.unique(d)) < degree + 1 or not (np.isfinite(d).all() and np.isfinite(m).all()):
+        raise ValueError(f"the magnification {model!r} needs finite lengths at {degree + 1} or more distances.")
+    if (m <= 0.0).any():
+        raise ValueError("lengths of a pixel are positive.")
+    # Each image errs by a share of its length.
+    found = Magnification(model=model, coefficients=tuple(np.polyfit(d, m, degree, w=1.0 / m).tolist()))
+    if model == "cone_beam" and (found.coefficients[0] >= 0.0 or found.source_distance <= d.max()):
+        raise ValueError(
+            f"a pixel covers {m[np.argmin(d)]:g} at the least distance and {m[np.argmax(d)]:g} at the largest; in a "
+            "cone beam it covers less away from the detector. Are the distances those from the source?"
+        )
+    return found, np.asarray(np.polyval(found.coefficients, d) / m - 1.0)

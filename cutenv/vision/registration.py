@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range
 from cutenv.vision.bead_tracks import BeadTracks
 
@@ -26,8 +27,8 @@ class SpecimenFrame:
         Directions of x, y and z in the frame of the calibration, one in each row.
     """
 
-    origin: NDArray[np.float64]
-    axes: NDArray[np.float64]
+    origin: Array
+    axes: Array
 
     @classmethod
     def of_marks(cls, clamp: ArrayLike, cut_line: ArrayLike, up: ArrayLike) -> SpecimenFrame:
@@ -113,7 +114,7 @@ def clock_lag(
     smooth = np.convolve(f, np.ones(width := max(1, round(step / float(np.median(np.diff(when)))))) / width, "same")
     window = max(5, round(_BAND / step))
 
-    def quick(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def quick(values: Array) -> Array:
         # What is slow goes with the length of the cut, in one way or another; ramps and runs tell the time.
         slow = np.convolve(np.pad(values, window, mode="edge"), np.ones(window) / window, "same")[window:-window]
         return values - slow

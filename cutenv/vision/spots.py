@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
+from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range
 
 FLOOR = 1e-12
@@ -39,11 +40,11 @@ class Spots:
         Standard deviation of what the fit left over around each: the noise of one pixel there [units of the image].
     """
 
-    place: NDArray[np.float64]
-    covariance: NDArray[np.float64]
-    amplitude: NDArray[np.float64]
-    sigma: NDArray[np.float64]
-    scatter: NDArray[np.float64]
+    place: Array
+    covariance: Array
+    amplitude: Array
+    sigma: Array
+    scatter: Array
 
     def __len__(self) -> int:
         return len(self.place)
@@ -59,7 +60,7 @@ class Spots:
         )
 
 
-def checked_image(image: ArrayLike, name: str = "image") -> NDArray[np.float64]:
+def checked_image(image: ArrayLike, name: str = "image") -> Array:
     """Return a grey image as float64.
 
     Raises
@@ -80,7 +81,7 @@ def checked_image(image: ArrayLike, name: str = "image") -> NDArray[np.float64]:
     return grey
 
 
-def noise_of(image: NDArray[np.float64]) -> float:
+def noise_of(image: Array) -> float:
     """Return the standard deviation of an image's noise, from its second differences (Immerkær 1996, with the median).
 
     A slope of the background does not count, and spots count little. It is at least 0.29, the rounding to whole grey
@@ -146,9 +147,7 @@ def locate_spots(image: ArrayLike, diameter: float, *, dark: bool = True, least_
     return replace(found, amplitude=-found.amplitude) if dark else found
 
 
-def fit_spots(
-    grey: NDArray[np.float64], start: NDArray[np.float64], diameter: float
-) -> tuple[Spots, NDArray[np.bool_]]:
+def fit_spots(grey: Array, start: Array, diameter: float) -> tuple[Spots, NDArray[np.bool_]]:
     """Fit a Gaussian on a sloping background near each of some places.
 
     Parameters
@@ -205,9 +204,7 @@ def fit_spots(
     return spots, settled
 
 
-def _least_squares(
-    p: NDArray[np.float64], values: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def _least_squares(p: Array, values: Array, x: Array, y: Array) -> tuple[Array, Array, Array]:
     """Fit all windows at once by Levenberg-Marquardt; return parameters, normal matrices and what is left over."""
     damping = np.full(len(p), 1e-3)
     left, slope = _residual(p, values, x, y)
@@ -233,9 +230,7 @@ def _least_squares(
     return p, slope.transpose(0, 2, 1) @ slope, left
 
 
-def _residual(
-    p: NDArray[np.float64], values: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _residual(p: Array, values: Array, x: Array, y: Array) -> tuple[Array, Array]:
     """Return what the fit leaves over, shape (n, pixels), and the slopes of the fit, shape (n, pixels, 7)."""
     u, v = x - p[:, :1], y - p[:, 1:2]
     height, sigma = p[:, 2:3], p[:, 3:4]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,7 +12,7 @@ from scipy.optimize import least_squares
 from scipy.stats import norm
 
 from cutenv._base.arrays import Array
-from cutenv._base.validation import array_in_range, in_range
+from cutenv._base.validation import array_in_range, in_range, one_of
 from cutenv.vision.filmed_measurement import MODEL_ERROR, FilmedMeasurement, weights_of
 
 PRIOR_SD = 0.5
@@ -88,8 +89,7 @@ def estimate_zone_moduli(
     *,
     prior: ArrayLike | None = None,
     prior_sd: float = PRIOR_SD,
-    beads: bool = True,
-    force: bool = True,
+    data: Literal["both", "beads", "force"] = "both",
 ) -> ZoneModuli:
     """Estimate the moduli of zones from the displacements of beads and the stiffness at the blade together.
 
@@ -107,8 +107,8 @@ def estimate_zone_moduli(
         Expected modulus of each zone, or one for all [Pa]. By default the mean by force.
     prior_sd : float
         Standard deviation of log E about the prior [1], 0.01 to 5.
-    beads, force : bool
-        Whether to use either; to see what each tells alone.
+    data : {"both", "beads", "force"}
+        Data that are used; to see what each tells alone.
 
     Returns
     -------
@@ -117,23 +117,22 @@ def estimate_zone_moduli(
     Raises
     ------
     ValueError
-        If borders do not fit the model, neither data are used, or a value is out of range.
+        If borders do not fit the model, or a value is out of range.
 
     Notes
     -----
     In units of the prior the data's information has eigenvalues; a combination of zones whose eigenvalue is below 3
     is known by the prior for a quarter or more, and named in ``unknown``.
     """
-    if not beads and not force:
-        raise ValueError("beads = force = False leaves no data: use one of them.")
+    one_of("data", data, ("both", "beads", "force"))
     k = np.size(borders) + 1
     sd = in_range("prior_sd", prior_sd, 0.01, 5.0, "1", "It is of the logarithm: 0.5 is half or twice the modulus.")
     expected = float(np.mean(measured.by_force)) if prior is None else prior
     centre = np.log(array_in_range("prior", np.broadcast_to(expected, k), 1.0, 1e6, "Pa", "48.4 kPa is 48400."))
-    data = _Residuals(measured, np.atleast_1d(np.asarray(borders, dtype=np.float64)), beads=beads, force=force)
+    misfits = _Residuals(measured, np.atleast_1d(np.asarray(borders, dtype=np.float64)), data)
 
     def residuals(z: Array) -> Array:  # z: log E in units of the prior
-        return np.concatenate((data(np.exp(centre + sd * z)), z))
+        return np.concatenate((misfits(np.exp(centre + sd * z)), z))
 
     bound = np.minimum((np.log(1e6) - centre) / sd, 8.0) - 1e-6
     found = least_squares(residuals, np.zeros(k), bounds=(-bound, bound), xtol=1e-6, ftol=1e-6)
@@ -147,7 +146,7 @@ def estimate_zone_moduli(
     log_E = centre + sd * found.x
     half = norm.ppf(0.5 + _LEVEL / 2) * np.sqrt(np.diag(covariance))
     return ZoneModuli(
-        borders=data.borders,
+        borders=misfits.borders,
         modulus=np.exp(log_E),
         low=np.exp(log_E - half),
         high=np.exp(log_E + half),
@@ -155,7 +154,7 @@ def estimate_zone_moduli(
         learned=learned,
         covariance=covariance,
         scatter=scatter,
-        unknown=_unknown(information, learned, data.borders, measured.slab.model.length),
+        unknown=_unknown(information, learned, misfits.borders, measured.slab.model.length),
         flags=measured.rises.flags,
     )
 
@@ -163,9 +162,9 @@ def estimate_zone_moduli(
 class _Residuals:
     """Difference of data and model in standard deviations, as a function of the moduli [Pa]."""
 
-    def __init__(self, measured: FilmedMeasurement, borders: Array, *, beads: bool, force: bool) -> None:
+    def __init__(self, measured: FilmedMeasurement, borders: Array, data: str) -> None:
         self.slab, self.rises, self.borders = measured.slab, measured.rises, borders
-        self.beads, self.force = beads, force
+        self.beads, self.force = data != "force", data != "beads"
         ramps = self.rises.ramps
         self.root = np.linalg.cholesky(weights_of(self.rises, self.slab.model.dim))
         self.tips = measured.tips

@@ -109,7 +109,7 @@ def followed_bead(quick: bool) -> FollowedBead:
     rest, covariance = swept(session, arms.views[0], rng)
     time = np.arange(0.5, float(session.cut.time[-1]) - 0.2, (30 if quick else 15) / NTSC_RATE)
     expected = predicted_by(session)
-    tracks = track_beads(session.frames(time), time, arms, rest, covariance, diameter=BEAD_PX, displacement=expected)
+    tracks = track_beads(session.frames(time), time, arms, (rest, covariance), diameter=BEAD_PX, displacement=expected)
     bead = min(tracks.beads, key=lambda each: float(np.hypot(*(rest[each, :2] - CHOSEN))))
     own = tracks.of(bead)
     return FollowedBead(session, arms.views[0], own.time, own.place)

@@ -11,9 +11,8 @@ import pytest
 
 from cutenv.tissue import CutModel, PathModel, SteeredModel
 from cutenv.tissue.elasticity import lame_parameters
-from cutenv.tissue.element_matrices import element_stiffness
+from cutenv.tissue.element_matrices import element_stiffness, local_compliance, square_compliance
 from cutenv.tissue.lines import CutLine, arc, half_ellipse, random_line, s_shape
-from cutenv.tissue.local_compliance import local_compliance, square_compliance
 from cutenv.tissue.split_mesh import SplitMesh, whole
 
 UNEVEN = np.random.default_rng(0).uniform(0.5, 2.0, (8, 15))

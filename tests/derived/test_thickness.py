@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cutenv.tissue.thickness import bulge
+from cutenv.tissue.grid import bulge
 
 EDGE, CROWN, LENGTH = 0.001, 0.020, 0.15
 Y = np.linspace(0.0, LENGTH, 3001)

@@ -15,7 +15,7 @@ from whole_cut import cut as play
 from whole_cut import make, steady
 
 from cutenv.measurement import MeasuredCut, calibrate, measure_cuts, tissue_of
-from cutenv.measurement.calibration import RefusedRecord
+from cutenv.measurement.calibration import RefusedRecord, with_findings
 from cutenv.measurement.pooled_cuts import FEWEST_FOR_CORRELATION, FIELDS, NOT_RESAMPLED
 from cutenv.tissue import CutModel, TissueDescription, load_description, measured_liver
 from cutenv.tissue.parameter_provenance import Evidence, TissueCalibration
@@ -80,7 +80,7 @@ def test_one_speed_gives_pig_livers_fall_with_speed() -> None:
 def test_no_return_stroke_leaves_friction_assumed_and_is_said() -> None:
     short = [trace.select(slice(int(np.argmax(trace.position)) + 1)) for trace in traces()]
     measured, refused = measure_cuts(short, MODEL)
-    tissue = tissue_of(measured, MODEL, resamples=0, refused=refused)
+    tissue = with_findings(tissue_of(measured, MODEL, resamples=0), refused)
     check_assumed(tissue, "friction_share")
     assert tissue.friction_share == LIVER.friction_share
     assert any("no return stroke past the tip" in note for note in calibration_of(tissue).notes)
@@ -191,7 +191,7 @@ def test_cuts_that_are_together_no_tissue_are_refused_with_the_number() -> None:
 
 
 def test_json_gives_back_every_number_and_what_it_rests_on(tmp_path: Any) -> None:
-    tissue = tissue_from(resamples=30, refused=[RefusedRecord("bad <cut>", "no force")])
+    tissue = with_findings(tissue_from(resamples=30), [RefusedRecord("bad <cut>", "no force")])
     path = tmp_path / "tissue.json"
     path.write_text(tissue.to_json())
     again = load_description(path)

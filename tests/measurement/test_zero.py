@@ -17,8 +17,8 @@ from cutenv.measurement import (
     measure_cuts,
     zeroed,
 )
+from cutenv.measurement.calibration_notes import zero_notes
 from cutenv.measurement.zero import TAKEN_OFF, TARED
-from cutenv.measurement.zero_notes import zero_notes
 from cutenv.tissue.cut_model import CutModel
 from cutenv.trace import Trace
 

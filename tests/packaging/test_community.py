@@ -52,9 +52,10 @@ def test_a_workflow_runs_files_that_exist(workflow: Path) -> None:
     assert [name for name in files if not (ROOT / name).is_file()] == []
 
 
-def test_tests_run_on_the_pythons_of_the_classifiers() -> None:
-    pythons = load(ROOT / ".github" / "workflows" / "ci.yml")["jobs"]["test"]["strategy"]["matrix"]["python"]
-    assert pythons == start.supported_pythons(PYPROJECT)
+@pytest.mark.parametrize(("workflow", "job"), [("ci", "test"), ("nightly", "linux"), ("nightly", "portable")])
+def test_tests_run_on_the_pythons_of_the_classifiers(workflow: str, job: str) -> None:
+    matrix = load(ROOT / ".github" / "workflows" / f"{workflow}.yml")["jobs"][job]["strategy"]["matrix"]
+    assert matrix["python"] == start.supported_pythons(PYPROJECT)
 
 
 def test_every_job_uses_a_python_of_the_classifiers() -> None:
@@ -65,7 +66,7 @@ def test_every_job_uses_a_python_of_the_classifiers() -> None:
         for step in job["steps"]
         if "setup-python" in step.get("uses", "")
     ]
-    assert len(named) == 5
+    assert len(named) == 7
     assert set(named) - {"${{ matrix.python }}"} <= set(start.supported_pythons(PYPROJECT))
 
 
@@ -79,8 +80,9 @@ def test_nothing_is_uploaded_to_an_index_by_itself() -> None:
     assert not [line for path in WORKFLOWS for line in commands(path) if re.search(r"twine|pypi|publish", line, re.I)]
 
 
-def test_the_portable_job_runs_the_list() -> None:
-    job = load(ROOT / ".github" / "workflows" / "ci.yml")["jobs"]["portable"]
+@pytest.mark.parametrize("workflow", ["ci", "nightly"])
+def test_the_portable_job_runs_the_list(workflow: str) -> None:
+    job = load(ROOT / ".github" / "workflows" / f"{workflow}.yml")["jobs"]["portable"]
     assert job["strategy"]["matrix"]["system"] == ["windows-latest", "macos-latest"]
     assert shlex.split(job["steps"][-1]["run"])[-1] == "@tests/portable.txt"
 

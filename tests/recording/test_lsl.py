@@ -15,9 +15,7 @@ import pytest
 from cutenv import cli
 from cutenv.cutting.dtypes import READING
 from cutenv.recording import ColumnMap, RecordError, load_one
-from cutenv.recording.lsl_inlet import LslInlet, record_stream
-from cutenv.recording.lsl_library import lsl
-from cutenv.recording.lsl_outlet import LslOutlet
+from cutenv.recording.lsl import LslInlet, LslOutlet, lsl, record_stream
 
 MAP = ColumnMap.parse(["time=stamp", "force=norm(Fx,Fz)", "position=way", "depth=20mm"])
 
@@ -89,7 +87,7 @@ def test_a_spoilt_sample_ends_the_record_which_keeps_what_came_before(tmp_path: 
 
 
 def test_a_stream_that_falls_silent_is_a_whole_record(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("cutenv.recording.lsl_inlet.SILENCE", 0.5)
+    monkeypatch.setattr("cutenv.recording.lsl.SILENCE", 0.5)
     sensor = Sensor("silent", last=40)
     record_stream(LslInlet("silent"), MAP, tmp_path / "cut.csv")
     sensor.close()
@@ -164,7 +162,7 @@ def test_record_refuses_before_it_writes(
     arguments: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("cutenv.recording.lsl_inlet.FIND_WITHIN", 0.3)
+    monkeypatch.setattr("cutenv.recording.lsl.FIND_WITHIN", 0.3)
     given = ["record", "--stream", "nothing", *([] if "--out" in arguments else ["--out", "a.csv"]), *arguments]
     assert cli.main(given) == 2
     assert said in capsys.readouterr().err

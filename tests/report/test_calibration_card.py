@@ -6,6 +6,7 @@ import dataclasses
 import functools
 import json
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from test_page_in_browser import check_fits
 from virtual_session import MODEL, cuts, silent
 
 from cutenv.measurement import MeasuredCut, leave_one_out, tissue_of
-from cutenv.measurement.calibration import RefusedRecord
+from cutenv.measurement.calibration import RefusedRecord, with_findings
 from cutenv.report.calibration_card import (
     VALIDATION_SCHEMA,
     ValidationCard,
@@ -33,9 +34,9 @@ from cutenv.tissue import TissueDescription, measured_liver
 HOSTILE = "<script>document.title='taken'</script>\"' onload=alert(1) $\\frac{x}$ & 100%"
 
 
-def card_of(some: list[MeasuredCut], **options: Any) -> ValidationCard:
+def card_of(some: list[MeasuredCut], refused: Sequence[RefusedRecord] = (), **options: Any) -> ValidationCard:
     options = {"resamples": 20, "name": "virtual liver"} | options
-    return ValidationCard(tissue=tissue_of(some, MODEL, **options), model=MODEL, cuts=some)
+    return ValidationCard(tissue=with_findings(tissue_of(some, MODEL, **options), refused), model=MODEL, cuts=some)
 
 
 @functools.cache

@@ -24,7 +24,7 @@ from cutenv.scoring.score_notes import EXPECTED_FLOOR
 from cutenv.scoring.truth import FLOOR_AT_END, TIP_AT_END
 from cutenv.task_quantities import LAYER_LIMIT
 from cutenv.tissue import measured_liver
-from cutenv.tissue.floor import FLOOR_EVERY, expected_floor
+from cutenv.tissue.floor import FLOOR_EVERY, BladePath, expected_floor
 from cutenv.tissue.grid import N_POINTS, SPACING
 
 
@@ -154,7 +154,9 @@ def test_corners_give_a_wanted_depth_back():
 def test_a_blade_at_one_height_leaves_a_floor_at_that_height():
     x = np.linspace(0.0, 0.05, 501)
     surface = np.linspace(0.008, 0.012, N_POINTS)
-    depth, engaged = expected_floor(measured_liver(), surface, x, np.full(501, 0.002), np.maximum(x - 0.004, 0.0))
+    depth, engaged = expected_floor(
+        measured_liver(), surface, BladePath(x, np.full(501, 0.002), np.maximum(x - 0.004, 0.0))
+    )
     np.testing.assert_allclose(depth[1:], surface[1 : len(depth)] - 0.002, atol=1e-12)
     assert (engaged == 0.002).all()
 
@@ -163,7 +165,9 @@ def test_a_blade_that_dips_opens_no_more_than_it_reached_and_none_where_it_was_n
     time = np.arange(0.0, 8.0, FLOOR_EVERY)
     x = 0.005 * time
     height = -0.002 * np.exp(-(((x - 0.02) / 0.003) ** 2))
-    depth, _ = expected_floor(measured_liver(), np.full(N_POINTS, 0.010), x, height, np.maximum(x - 0.004, 0.0))
+    depth, _ = expected_floor(
+        measured_liver(), np.full(N_POINTS, 0.010), BladePath(x, height, np.maximum(x - 0.004, 0.0))
+    )
     assert 0.0115 < depth.max() < 0.0120 + 1e-9
     np.testing.assert_allclose(depth[:10], 0.010, atol=1e-4)
 

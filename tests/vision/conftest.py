@@ -22,8 +22,7 @@ def filmed(tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespace:
 
     from cutenv.recording import save
     from cutenv.trace import Trace
-    from cutenv.vision.calibration_board import CalibrationBoard, halves
-    from cutenv.vision.camera_calibration import calibrate_cameras
+    from cutenv.vision.camera_calibration import CalibrationBoard, calibrate_cameras, halves
 
     folder: Path = tmp_path_factory.mktemp("film")
     time = np.arange(0.0, 3.6, 1e-3)

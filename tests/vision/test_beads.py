@@ -12,8 +12,7 @@ from scipy.spatial import cKDTree
 
 from cutenv.vision.bead_correspondence import linked, pairs_by_epipolar, places_from_sweep
 from cutenv.vision.bead_filter import BeadFilter
-from cutenv.vision.bead_images import BeadLook, measure_beads
-from cutenv.vision.bead_motion import groups_of, shared_shifts
+from cutenv.vision.bead_images import BeadLook, groups_of, measure_beads, shared_shifts
 from cutenv.vision.bead_tracks import BeadTracks
 from cutenv.vision.beads import find_beads, track_beads
 from cutenv.vision.fluoroscopy import deinterlaced
@@ -69,7 +68,7 @@ def test_a_rotation_gives_every_bead_its_place(session, rest):
 def test_beads_are_followed_through_the_cut(session, calibration, rest, film):
     time, frames = film
     predicted = carm_measurement.predicted_by(session)
-    tracks = track_beads(frames, time, calibration, *rest, diameter=3.5, displacement=predicted)
+    tracks = track_beads(frames, time, calibration, rest, diameter=3.5, displacement=predicted)
     owner = owners(session, rest[0])
     off = np.array([
         place - session.places(now)[owner[bead]]
@@ -90,7 +89,7 @@ def test_a_frame_that_is_spoilt_and_an_early_end_are_told(calibration, rest, fil
     frames = [
         frame if number != 3 else [np.zeros_like(image) for image in frame] for number, frame in enumerate(frames)
     ]
-    tracks = track_beads(frames[:6], time[:8], calibration, *rest, diameter=3.5)
+    tracks = track_beads(frames[:6], time[:8], calibration, rest, diameter=3.5)
     left_out = tracks.metadata["left_out"]
     assert "is 0 everywhere" in left_out[f"{time[3]:.4f} s"]
     assert "after 6 of 8 frames" in left_out["end"]
@@ -101,25 +100,23 @@ def test_a_frame_that_is_spoilt_and_an_early_end_are_told(calibration, rest, fil
 def test_a_mirrored_or_turned_view_is_refused(calibration, rest, film, turned):
     time, frames = film
     with pytest.raises(ValueError, match=r"view '(top|side)' shows \d+ of 24 beads where the calibration"):
-        track_beads(
-            [[turned(image) for image in frame] for frame in frames[:2]], time, calibration, *rest, diameter=3.5
-        )
+        track_beads([[turned(image) for image in frame] for frame in frames[:2]], time, calibration, rest, diameter=3.5)
 
 
 def test_no_beads_another_camera_and_another_rate_are_refused(calibration, rest, film):
     time, frames = film
     place, covariance = rest
     with pytest.raises(ValueError, match="there are no beads"):
-        track_beads(frames, time, calibration, np.full_like(place, np.nan), covariance, diameter=3.5)
+        track_beads(frames, time, calibration, (np.full_like(place, np.nan), covariance), diameter=3.5)
     with pytest.raises(ValueError, match="it is of another camera"):
-        track_beads([[image[:-2] for image in frames[0]]], time, calibration, *rest, diameter=3.5)
+        track_beads([[image[:-2] for image in frames[0]]], time, calibration, rest, diameter=3.5)
     with pytest.raises(ValueError, match="Which rate is wrong"):
-        track_beads(frames, np.arange(26) / 25.0, calibration, *rest, diameter=3.5)
+        track_beads(frames, np.arange(26) / 25.0, calibration, rest, diameter=3.5)
     noise = np.random.default_rng(0).normal(100.0, 3.0, frames[0][0].shape)
     with pytest.raises(ValueError, match="shows no bead"):
         find_beads(noise, calibration.views[0], 3.5)
     with pytest.raises(ValueError, match="there are no frames"):
-        track_beads([], time, calibration, *rest, diameter=3.5)
+        track_beads([], time, calibration, rest, diameter=3.5)
 
 
 def test_a_sweep_that_shows_other_beads_is_refused(session, calibration):
@@ -192,7 +189,7 @@ def test_the_lag_of_the_force_record_is_found_or_refused():
 
 def test_the_result_is_saved(calibration, rest, film, tmp_path):
     time, frames = film
-    tracks = track_beads(frames[:2], time[:2], calibration, *rest, diameter=3.5)
+    tracks = track_beads(frames[:2], time[:2], calibration, rest, diameter=3.5)
     pytest.importorskip("pyarrow", reason="Parquet is an extra: pip install 'cutenv[vision]'")
     tracks.save(tmp_path / "tracks.parquet")
     again = BeadTracks.load(tmp_path / "tracks.parquet")
@@ -204,8 +201,8 @@ def test_a_view_that_is_left_out_makes_a_place_less_certain(session, calibration
     time, frames = film
     still = [frames[0]] * 7
     blind = [[top, np.full_like(side, 110) + (np.arange(side.shape[1]) % 2).astype(np.uint8)] for top, side in still]
-    both = track_beads(still, time[:7], calibration, *rest, diameter=3.5)
-    one = track_beads([*still[:2], *blind[2:]], time[:7], replace(calibration), *rest, diameter=3.5)
+    both = track_beads(still, time[:7], calibration, rest, diameter=3.5)
+    one = track_beads([*still[:2], *blind[2:]], time[:7], replace(calibration), rest, diameter=3.5)
     spread = [np.trace(t.of(0).covariance[-1]) for t in (both, one)]
     assert spread[1] > 2.0 * spread[0]
 
@@ -220,7 +217,7 @@ def test_a_bead_that_was_hidden_is_found_where_its_neighbours_have_gone(session,
         still = replace(session, rest=moved[shown])
         frames.append([still.image(name, 0.0, rng) for name in session.cameras])
     time = np.arange(12) / calibration.frame_rate
-    tracks = track_beads(frames, time, calibration, *rest, diameter=3.5)
+    tracks = track_beads(frames, time, calibration, rest, diameter=3.5)
     own = tracks.of(int(np.argmax(owners(session, rest[0]) == lost)))
     assert own.time[-1] == time[-1]
     assert own.place[-1] == pytest.approx(moved[lost], abs=2e-4)
@@ -234,7 +231,7 @@ def test_the_covariance_in_a_field_is_at_least_twice_that_in_a_frame(session, ca
     time, spread = np.arange(2) / calibration.frame_rate, {}
     for first in (None, "bottom"):
         image = frame if first is None else [deinterlaced(each, first)[0] for each in frame]
-        tracks = track_beads([image] * 2, time, replace(calibration, interlaced=first), place, far, diameter=3.5)
+        tracks = track_beads([image] * 2, time, replace(calibration, interlaced=first), (place, far), diameter=3.5)
         covariance = tracks.covariance[tracks.time == 0.0]
         spread[first] = float(np.median(np.trace(covariance, axis1=1, axis2=2)))
     assert 2.0 < spread["bottom"] / spread[None] < 3.0
@@ -265,7 +262,7 @@ def test_a_jump_of_the_whole_slab_swaps_no_beads(session, calibration, rest):
     time = np.arange(8) / calibration.frame_rate
     places = {now: session.rest + (tilt if number >= 3 else 0.0) for number, now in enumerate(time)}
     frames = [shown(session, places[now], number) for number, now in enumerate(time)]
-    tracks = track_beads(frames, time, calibration, *rest, diameter=3.5)
+    tracks = track_beads(frames, time, calibration, rest, diameter=3.5)
     off = errors_of(tracks, owners(session, rest[0]), places)
     assert len(tracks.bead) > 0.95 * len(time) * len(session.rest)
     assert np.abs(off).max() < 5e-4
@@ -281,7 +278,7 @@ def test_a_bead_that_is_gone_gets_no_other_beads_place(session, calibration, res
         shown(session, places[now] if number < 3 else np.delete(places[now], lost, axis=0), number)
         for number, now in enumerate(time)
     ]
-    tracks = track_beads(frames, time, calibration, *rest, diameter=3.5)
+    tracks = track_beads(frames, time, calibration, rest, diameter=3.5)
     number = int(np.argmax(owner == lost))
     assert tracks.of(number).time[-1] < time[6]
     without = tracks.metadata["frames_without_place"]
@@ -303,7 +300,7 @@ def test_a_bead_hidden_while_the_tissue_springs_back_is_not_said_to_be_known(ses
     frames = [shown(session, places[now], number) for number, now in enumerate(time)]
     for number in range(3, 8):  # the side view does not show it
         frames[number][1] = shown(session, np.delete(places[time[number]], lost, axis=0), number)[1]
-    tracks = track_beads(frames, time, calibration, *rest, diameter=3.5, displacement=predicted)
+    tracks = track_beads(frames, time, calibration, rest, diameter=3.5, displacement=predicted)
     off = errors_of(tracks, owner, places)
     assert honest(tracks, off).max() < 9.0
 
@@ -314,19 +311,19 @@ def test_a_view_that_contradicts_the_other_is_refused(session, calibration):
     state = BeadFilter(rest=at.copy(), variance=1e-8 * np.eye(3)[None])
     top, side = calibration.views
     alone, error = np.array([False]), 0.01 * np.eye(2)[None]
-    assert state.update(at, top, project(top.projection, at), error, alone).all()
+    assert state.update(top, project(top.projection, at), error, alone).all()
     before = state.offset.copy()
     wrong = project(side.projection, at + np.array([0.0, 5e-4, 0.0]))
-    assert not state.update(at, side, wrong, error, alone).any()
+    assert not state.update(side, wrong, error, alone).any()
     assert state.refused.all()
     assert state.offset == pytest.approx(before)
     higher = project(side.projection, at + np.array([0.0, 0.0, 5e-4]))
     # Along the rays of the top view it may have jumped.
-    assert state.update(at, side, higher, error, alone).all()
+    assert state.update(side, higher, error, alone).all()
     assert state.offset[0, 2] == pytest.approx(5e-4, rel=0.1)
-    state.begin()
+    state.begin(at)
     lower = project(side.projection, at - np.array([0.0, 0.0, 5e-4]))
-    assert not state.update(at, side, lower, error, np.array([True])).any()  # another bead is near
+    assert not state.update(side, lower, error, np.array([True])).any()  # another bead is near
 
 
 def test_a_spot_on_the_edge_of_a_blade_is_left_out():

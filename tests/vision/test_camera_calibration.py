@@ -12,8 +12,7 @@ cv2 = pytest.importorskip("cv2", reason="cv2 is an extra: pip install 'cutenv[vi
 
 from rendering.board_images import held_boards  # noqa: E402
 
-from cutenv.vision.calibration_board import CalibrationBoard, halves, read_image  # noqa: E402
-from cutenv.vision.camera_calibration import calibrate_cameras  # noqa: E402
+from cutenv.vision.camera_calibration import CalibrationBoard, calibrate_cameras, halves, read_image  # noqa: E402
 from cutenv.vision.cameras import CalibratedCameras  # noqa: E402
 
 TAGS = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)

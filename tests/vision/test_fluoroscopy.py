@@ -12,7 +12,7 @@ from rendering.xray import XRayCamera
 from cutenv.vision.calibration_grid import CalibrationRefusedError, locate_grid
 from cutenv.vision.distortion import DISTORTION_MODELS, THESIS_ERROR, Distortion, fit_distortion
 from cutenv.vision.fluoroscopy import CArmCalibration, CArmView, calibrate_view, deinterlaced
-from cutenv.vision.projection import arm_projection
+from cutenv.vision.projection import CArm
 
 SIZE = {"rows": 240, "columns": 360, "centre": (160.0, 124.0)}
 STRONG = (9e-4, -0.05, 0.0)
@@ -99,13 +99,14 @@ def test_fields_of_a_frame_at_rest_are_the_frame():
     assert (earlier[5:-5].mean(), later[5:-5].mean()) == (90.0 + 39.5, 50.0 + 39.5)
 
 
+ARM = CArm(
+    isocentre=(0, 0.07, 0.01), source_to_isocentre=0.6, source_to_detector=1.0, pixel=4e-4, principal_point=(330, 240)
+)
+
+
 def a_view(name, angle):
-    projection = arm_projection(
-        angle, isocentre=(0, 0.07, 0.01), source_to_isocentre=0.6, source_to_detector=1.0, pixel=4e-4,
-        principal_point=(330, 240),
-    )  # fmt: skip
     bent = Distortion(model="radial_quadratic", centre=(330.0, 240.0), scale=1.0, coefficients=(8e-5, -0.008, 0.0))
-    return CArmView(name=name, shape=(480, 720), aspect=10 / 11, distortion=bent, projection=projection)
+    return CArmView(name=name, shape=(480, 720), aspect=10 / 11, distortion=bent, projection=ARM.projection(angle))
 
 
 @pytest.fixture(scope="module")

@@ -5,20 +5,26 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cutenv.vision.magnification import THESIS_MAGNIFICATION, fit_magnification
-from cutenv.vision.projection import arm_projection, epipolar_distance, fit_projection, project, triangulate
+from cutenv.vision.projection import (
+    THESIS_MAGNIFICATION,
+    CArm,
+    epipolar_distance,
+    fit_magnification,
+    fit_projection,
+    project,
+    triangulate,
+)
 
 NOISE = 0.1
 
 
+ARM = CArm(
+    isocentre=(0, 0.07, 0.01), source_to_isocentre=0.6, source_to_detector=1.0, pixel=4e-4, principal_point=(330, 240)
+)
+
+
 def views(*degrees):
-    return [
-        arm_projection(
-            np.radians(angle), isocentre=(0, 0.07, 0.01), source_to_isocentre=0.6, source_to_detector=1.0, pixel=4e-4,
-            principal_point=(330, 240),
-        )
-        for angle in degrees
-    ]  # fmt: skip
+    return [ARM.projection(np.radians(angle)) for angle in degrees]
 
 
 @pytest.fixture(scope="module")

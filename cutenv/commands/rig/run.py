@@ -166,7 +166,7 @@ def _dry_run(arguments: argparse.Namespace) -> int:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from cutenv.recording.lsl_outlet import LslOutlet
+    from cutenv.recording.lsl import LslOutlet
     from cutenv.rig.operation.live_readings import published
     from cutenv.rig.safety.stop_causes import BY_PEOPLE
 

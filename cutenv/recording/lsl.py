@@ -1,7 +1,18 @@
-"""Force streams of the Lab Streaming Layer, recorded as cuts while they arrive."""
+"""The Lab Streaming Layer: cuts sent while they go on, and force streams recorded as cuts while they arrive.
+
+Two streams are sent, and nothing ever comes back. ``SOURCE readings`` (type Force) has a sample each millisecond: force
+[N], position [m], speed [m/s], angle [rad], depth [m], in double precision. ``SOURCE markers`` (type Markers) has
+``begin NAME`` and ``end CAUSE``.
+
+liblsl finds streams by multicast, which is kept on this machine unless another scope is asked for. Its data sockets,
+however, accept connections at every interface of the machine, whatever the scope: a firewall closes them.
+"""
 
 from __future__ import annotations
 
+import queue
+import socket
+import threading
 import time
 from collections.abc import Callable
 from datetime import datetime
@@ -10,14 +21,140 @@ from typing import Any
 
 import numpy as np
 
-from cutenv._base.arrays import Array
+from cutenv._base.arrays import Array, StructArray
+from cutenv._base.imports import optional_import
+from cutenv._base.validation import one_of
 from cutenv.recording.appending import AppendingRecord
 from cutenv.recording.column_map import ColumnMap
-from cutenv.recording.lsl_library import lsl
+from cutenv.recording.columns import unit_of
 from cutenv.recording.mapped_columns import MappedReadings
 from cutenv.recording.number_table import STAMP, NumberTable
 from cutenv.recording.record_errors import RecordError
 from cutenv.trace import Reading
+
+SCOPES = ("machine", "link", "site")
+"""Reach of a stream: on this machine alone, on its local network, or at its site."""
+_chosen: str | None = None  # a process has one scope: liblsl reads its settings once
+
+
+def lsl(scope: str | None = None) -> Any:
+    """Import pylsl, and on its first use in a process keep its streams within a scope.
+
+    Raises
+    ------
+    ValueError
+        If there is no such scope, or the process has chosen another one before.
+    ModuleNotFoundError
+        If pylsl is not installed; names the pip command.
+    OSError
+        If liblsl is missing, which comes with pylsl's wheels for usual systems.
+    """
+    global _chosen
+    wanted = "machine" if scope is None else one_of("scope", scope, SCOPES)
+    try:
+        pylsl = optional_import("pylsl", "pylsl", "The Lab Streaming Layer", extra="streams")
+    except RuntimeError as error:
+        raise OSError(
+            f"pylsl is installed, but not liblsl, which it calls ({str(error).partition('.')[0]}). Install liblsl from "
+            "its releases or as conda-forge's liblsl, and set PYLSL_LIB to its file."
+        ) from None
+    if _chosen is None:
+        listen = "ListenAddress = 127.0.0.1\n" if wanted == "machine" else ""  # to those who search for streams
+        pylsl.set_config_content(f"[multicast]\nResolveScope = {wanted}\n{listen}[log]\nlevel = -3\n")
+        _chosen = wanted
+    elif scope is not None and wanted != _chosen:
+        raise ValueError(f"scope is {wanted!r}, but this program's streams are kept to {_chosen!r}. Start it again.")
+    return pylsl
+
+
+STREAMED = Reading._fields[1:]
+"""Channels of the stream of readings."""
+_RATE = 1000.0  # readings a second
+_LONGEST_WAIT = 2.0  # [s] for what is still to be sent when the outlet is closed
+
+
+class LslOutlet:
+    """Listener to the cuts of one source, a rig or a person who plays, that streams them.
+
+    A thread of its own talks to liblsl: the caller puts readings into a queue and never waits.
+
+    Parameters
+    ----------
+    source : str
+        Name in front of the streams' names, such as "cutenv rig".
+    scope : {"machine", "link", "site"}
+        Reach of the streams.
+    about : dict of str to str, optional
+        Facts for readers, kept in the description of the stream of readings.
+
+    Raises
+    ------
+    ValueError, ModuleNotFoundError, OSError
+        As :func:`cutenv.recording.lsl.lsl`.
+    """
+
+    def __init__(self, source: str, *, scope: str = "machine", about: dict[str, str] | None = None) -> None:
+        pylsl = lsl(scope)
+        host = socket.gethostname()
+        readings = pylsl.StreamInfo(
+            f"{source} readings", "Force", len(STREAMED), _RATE, "double64", f"{source} readings on {host}"
+        )
+        channels = readings.desc().append_child("channels")
+        for name in STREAMED:
+            channel = channels.append_child("channel")
+            channel.append_child_value("label", name)
+            channel.append_child_value("unit", unit_of(name).sign)
+            channel.append_child_value("type", "Force" if name == "force" else "Motion")
+        for name, value in (about or {}).items():
+            readings.desc().append_child_value(name, value)
+        markers = pylsl.StreamInfo(f"{source} markers", "Markers", 1, 0.0, "string", f"{source} markers on {host}")
+        self._readings, self._markers = pylsl.StreamOutlet(readings), pylsl.StreamOutlet(markers)
+        self._ahead = pylsl.local_clock() - time.monotonic()
+        self._waiting: queue.SimpleQueue[tuple[Array, Any] | None] = queue.SimpleQueue()
+        self._thread = threading.Thread(target=self._send, name="cutenv lsl", daemon=True)
+        self._thread.start()
+
+    def began(self, name: str) -> None:
+        """Mark the beginning of a cut."""
+        self._mark(f"begin {name}")
+
+    def readings(self, readings: StructArray, depth: Array, origin: float) -> None:
+        """Send readings.
+
+        Parameters
+        ----------
+        readings : Records
+            :data:`cutenv.cutting.dtypes.READING`, shape (n,).
+        depth : ndarray of shape (n,)
+            Depth of cut at each of them [m].
+        origin : float
+            When their time was zero, by ``time.monotonic()`` [s].
+        """
+        rows = np.column_stack([*(readings[name] for name in STREAMED[:-1]), depth])
+        self._waiting.put((origin + readings["time"], rows))
+
+    def ended(self, cause: str) -> None:
+        """Mark the end of a cut and its cause."""
+        self._mark(f"end {cause}")
+
+    def close(self) -> None:
+        """Send what is waiting, and end the streams; further calls do nothing."""
+        self._waiting.put(None)
+        self._thread.join(_LONGEST_WAIT)
+
+    def _mark(self, text: str) -> None:
+        self._waiting.put((np.array([time.monotonic()]), text))
+
+    def _send(self) -> None:
+        while (item := self._waiting.get()) is not None:
+            times, content = item
+            stamps = (times + self._ahead).tolist()
+            if isinstance(content, str):
+                self._markers.push_sample([content], stamps[0])
+            else:
+                self._readings.push_chunk(content.tolist(), stamps)
+        del self._readings, self._markers  # which tells liblsl that the streams are over
+
 
 FIND_WITHIN = 3.0
 """Time in which a stream must be found [s]."""
@@ -48,7 +185,7 @@ class LslInlet:
     ------
     ValueError
         If there is no such stream (the message lists those there are), several, or it has no numbers; or as
-        :func:`cutenv.recording.lsl_library.lsl`.
+        :func:`cutenv.recording.lsl.lsl`.
     """
 
     def __init__(self, name: str, *, scope: str | None = None) -> None:
@@ -103,9 +240,8 @@ def record_stream(
     *,
     seconds: float | None = None,
     told: Callable[[Reading], None] = lambda newest: None,
-    stopped: Callable[[], bool] = lambda: False,
 ) -> int:
-    """Record a stream until a time has passed, it falls silent, or ``stopped()``; return the number of readings.
+    """Record a stream until a time has passed or it falls silent; return the number of readings.
 
     Rows are on the disk as they come, and an interrupted record can be read. Its time starts at the first sample. The
     metadata ``stream_end`` is "asked", or "silent" if no sample has come for :data:`SILENCE`.
@@ -122,8 +258,6 @@ def record_stream(
         Duration [s].
     told : callable
         Is given the newest reading after every chunk.
-    stopped : callable
-        Is asked after every chunk.
 
     Raises
     ------
@@ -135,7 +269,7 @@ def record_stream(
     record: AppendingRecord | None = None
     start, heard, count, end = 0.0, time.monotonic(), 0, "asked"
     try:
-        while not stopped():
+        while True:
             samples = inlet.pull(_CHUNK)
             if not len(samples):
                 if time.monotonic() - heard > SILENCE:

@@ -1,0 +1,46 @@
+"""A test in real time that fails while the machine stalls is run again; one that fails by itself is not."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+CONFTEST = Path(__file__).parents[1] / "conftest.py"
+FAILING = """
+import ctypes
+from pathlib import Path
+
+def test_of_a_rig():
+    ran = Path("ran.txt")
+    ran.write_text(ran.read_text() + "x" if ran.exists() else "x")
+    {stall}
+    assert len(ran.read_text()) == 3, "a blade that did not stop"
+"""
+STALL = "ctypes.PyDLL(None).usleep(80_000)  # no other thread runs meanwhile"
+
+
+def runs(folder: Path, room: str, stall: str) -> tuple[int, str]:
+    """How often a failing test of a folder ran, and what pytest printed."""
+    shutil.copy(CONFTEST, folder)
+    (folder / room).mkdir()
+    (folder / room / "test_some.py").write_text(FAILING.format(stall=stall))
+    command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "--reruns=5", "--only-rerun=the host stalled"]
+    printed = subprocess.run(command, cwd=folder, capture_output=True, text=True).stdout
+    return len((folder / "ran.txt").read_text()), printed
+
+
+def test_a_failure_while_the_machine_stalls_is_run_again(tmp_path: Path) -> None:
+    count, printed = runs(tmp_path, "rig", STALL)
+    assert count == 3
+    assert "1 passed, 2 rerun" in printed
+
+
+@pytest.mark.parametrize(("room", "stall"), [("rig", ""), ("scoring", STALL)])
+def test_another_failure_is_told_at_once(tmp_path: Path, room: str, stall: str) -> None:
+    count, printed = runs(tmp_path, room, stall)
+    assert count == 1
+    assert "a blade that did not stop" in printed
