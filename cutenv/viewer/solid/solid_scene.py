@@ -7,7 +7,7 @@ descriptions of objects are used here. One unit of the scene is 10 cm, which sui
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,12 +50,12 @@ def commands(solid: SlabSolid) -> list[bytes]:
     for name, skin in solid.lattices.items():
         stage.surface(f"tissue/{name}", _of(solid, skin.points, skin.parts), coloured=True)
     faces = solid.cut_faces
-    stage.surface("tissue/faces", _of(solid, faces.points, faces.parts), palette.CUT_FACE)
+    stage.surface("tissue/faces", _of(solid, faces.points, faces.parts), _Paint(palette.CUT_FACE))
     for name, skin in solid.plane.items():
-        stage.surface(f"tissue/{name}", _of(solid, skin.points, skin.parts), _PLANE[name])
+        stage.surface(f"tissue/{name}", _of(solid, skin.points, skin.parts), _Paint(_PLANE[name]))
     stage.lines("tissue/lines", solid.rest[solid.lines.points], palette.MESH)
     if solid.sheet is not None:
-        stage.surface("target", _of(solid, solid.sheet.points, solid.sheet.parts), palette.TARGET, opacity=0.34)
+        stage.surface("target", _of(solid, solid.sheet.points, solid.sheet.parts), _Paint(palette.TARGET, opacity=0.34))
     edge = float(solid.rest[solid.rest[:, 1] == 0.0, 2].max())
     stage.furnish(_clamp(solid.cut.model.width, solid.bottom, edge))
     stage.arrow("arrow", palette.ARROW)
@@ -74,7 +74,7 @@ def curved_commands(solid: CurvedSolid) -> list[bytes]:
     stage = _Stage()
     for name in ("top", "bottom", "rim"):
         stage.surface(f"tissue/{name}", solid.skins[name], coloured=solid.colours(solid.skins[name]))
-    stage.surface("tissue/faces", solid.skins["faces"], palette.CUT_FACE)
+    stage.surface("tissue/faces", solid.skins["faces"], _Paint(palette.CUT_FACE))
     stage.lines("tissue/lines", solid.lines, palette.MESH)
     if solid.wanted is not None:
         stage.lines("target", solid.wanted, palette.TARGET)
@@ -116,6 +116,17 @@ def _clamp(width: float, bottom: float, edge: float) -> Surface:
     return Surface.joined(*jaws, *bolts)
 
 
+class _Paint(NamedTuple):
+    """Look of a surface."""
+
+    colour: Rgb = (255, 255, 255)
+    opacity: float = 1.0
+    shininess: float = 12.0
+
+
+_WHITE = _Paint()
+
+
 class _Stage:
     """Objects by path, each packed at once; named instead of meshcat's random ids, so that a page is repeatable."""
 
@@ -128,34 +139,25 @@ class _Stage:
         self._path: Any = Path
         self.packed: list[bytes] = []
 
-    def surface(
-        self,
-        path: str,
-        surface: Surface,
-        colour: Rgb = (255, 255, 255),
-        *,
-        opacity: float = 1.0,
-        shininess: float = 12.0,
-        coloured: bool | Array = False,
-    ) -> None:
+    def surface(self, path: str, surface: Surface, paint: _Paint = _WHITE, *, coloured: bool | Array = False) -> None:
         """Add triangles; with ``coloured`` each vertex has a colour: those given, or the page's."""
         own = coloured is not False
         colours = (np.ones_like(surface.vertices) if coloured is True else np.asarray(coloured)) if own else None
         shape = self._geometry.TriangularMeshGeometry(UNITS_PER_METRE * surface.vertices, surface.faces, colours)
         material = self._geometry.MeshPhongMaterial(
-            color=_number(colour),
-            opacity=opacity,
+            color=_number(paint.colour),
+            opacity=paint.opacity,
             vertexColors=own,
-            shininess=shininess,
-            depthWrite=opacity == 1.0,
+            shininess=paint.shininess,
+            depthWrite=paint.opacity == 1.0,
         )
         self._object(path, self._geometry.Mesh(shape, material))
 
     def furnish(self, clamp: Surface) -> None:
         """Add clamp, scalpel and lights."""
-        self.surface("clamp", clamp, (112, 122, 134), shininess=40)
-        self.surface("scalpel/blade", scalpel.blade(), palette.STEEL_LIGHT, shininess=120)
-        self.surface("scalpel/handle", scalpel.handle(), palette.STEEL, shininess=70)
+        self.surface("clamp", clamp, _Paint((112, 122, 134), shininess=40))
+        self.surface("scalpel/blade", scalpel.blade(), _Paint(palette.STEEL_LIGHT, shininess=120))
+        self.surface("scalpel/handle", scalpel.handle(), _Paint(palette.STEEL, shininess=70))
         for path in ("Grid", "Axes", "Background", "Lights/PointLightNegativeX"):
             self.set(path, "visible", False)
         self.set("Lights/SpotLight", "visible", True)
