@@ -68,7 +68,7 @@ def intermediate_code(task: str) -> str:
         from numba.core import types
         from numba.np.numpy_support import from_dtype
 
-        from cutenv.browser.page_alone import HAND_CUTS, SHARED
+        from cutenv.browser.page_alone import HAND_CUTS, SHARED_RECORDS
         from cutenv.browser.stylus_steps import follow_hand
         from cutenv.cutting.dtypes import READING
 
@@ -77,7 +77,7 @@ def intermediate_code(task: str) -> str:
         led = HAND_CUTS[task].led
         follow_led, numbers, components = follow_hand(led), len(led.task.action_names), len(led.task.all_components)
         channels = len(HAND_CUTS[task].channel_fields)
-        kinds = led.task.motion.cut, SHARED[task], led.task.episode, READING
+        kinds = led.task.motion.cut, SHARED_RECORDS[task], led.task.episode, READING
         cut, share, episode, reading = (pointer(from_dtype(kind)) for kind in kinds)
         number, single, real, whole = pointer(types.float64), pointer(types.float32), types.float64, types.int32
 

@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from cutenv.measurement import Segment, loading_segments
-from cutenv.measurement.segments import STRAIGHT
+from cutenv.measurement.segments import STRAIGHT_RAMP
 from cutenv.recording import ColumnMap, load_foreign
 from cutenv.trace import Trace
 
@@ -121,7 +121,7 @@ def segment_statistics(cuts: list[Trace], smallest_drop: float = SMALLEST_DROP) 
 
 def straight_rates(found: list[list[Segment]]) -> tuple[list[float], list[float]]:
     """Return the rates [1/s] of the straight ramps of some cuts: those that begin a cut, and all later ones."""
-    straight = [s for segments in found for s in segments if s.r_squared >= STRAIGHT]
+    straight = [s for segments in found for s in segments if s.r_squared >= STRAIGHT_RAMP]
     return [s.rate for s in straight if s.after_standstill], [s.rate for s in straight if not s.after_standstill]
 
 
@@ -179,7 +179,7 @@ def draw_cuts(traces: list[Trace], path: Path, smallest_drop: float = SMALLEST_D
         for s in found:
             ends = cut.time[[s.start, s.stop - 1]]
             colour = STRESS if s.drop > 0.0 else STRAIN
-            style = "-" if s.r_squared >= STRAIGHT else (0, (1, 1))
+            style = "-" if s.r_squared >= STRAIGHT_RAMP else (0, (1, 1))
             line = s.force + s.rate * (ends - s.time)
             ax.plot(ends, line, color=colour, linewidth=2.0, linestyle=style, solid_capstyle="butt")
             if s.drop > 0.0:
@@ -283,7 +283,7 @@ def main() -> int:
     print('Force is normalised to the largest of the data set (unit "1"); no position was recorded.\n')
     print(table(traces))
     print(f"\nLoading segments: ramps against time, parted by drops of {arguments.smallest_drop:g} and more.")
-    print(f"Rates are those of straight ramps (R squared of {STRAIGHT:g} and more).\n")
+    print(f"Rates are those of straight ramps (R squared of {STRAIGHT_RAMP:g} and more).\n")
     print(of_segments)
     if arguments.out is not None:
         for path in draw(traces, arguments.out, arguments.smallest_drop):

@@ -58,7 +58,7 @@ from cutenv.viewer.scene_parts import WORDS, scene_data
 LAW_PROGRAMS = {"gentle": "browser/law.wasm", "depth": "browser/depth_law.wasm", "path": "browser/path_law.wasm"}
 """The compiled tasks, below ``assets``."""
 _TABLES: np.dtype[Any] = np.dtype((np.record, [(name, SLAB[name]) for name in ("ratio", "share")]))
-SHARED: dict[str, np.dtype[Any]] = {
+SHARED_RECORDS: dict[str, np.dtype[Any]] = {
     "gentle": NOTHING,
     "depth": np.dtype((np.record, [("slab", _TABLES, (1,))])),
     "path": NOTHING,
@@ -286,8 +286,8 @@ def scoring_data() -> dict[str, Any]:
 
 
 def shared_part(task: str, slab: StructArray) -> StructArray:
-    """Return the part of what all cuts share that a task's law needs, :data:`SHARED`, from a slab of shape (1,)."""
-    part: StructArray = np.zeros(1, SHARED[task])
+    """Return the part of a slab, shape (1,), that all cuts of a task share, see :data:`SHARED_RECORDS`."""
+    part: StructArray = np.zeros(1, SHARED_RECORDS[task])
     for name in _TABLES.names or () if task == "depth" else ():
         part["slab"][name] = slab[name]
     return part

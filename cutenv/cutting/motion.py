@@ -55,7 +55,7 @@ def no_command(lanes: Struct, n: Integer, command: float) -> None:
 
 
 @njit_inline
-def lead_along(row: Struct, lanes: Struct, wanted: float) -> float:
+def lead_straight(row: Struct, lanes: Struct, wanted: float) -> float:
     """Return the position [m] of the blade in a row of one, which has no further axis to be led."""
     return row.blade[0]  # type: ignore[no-any-return]
 
@@ -83,11 +83,11 @@ class Motion:
     place: str
     """Module and name of this object, "package.module:NAME"."""
     record: np.dtype[Any] = NOTHING
-    """What is known of each cut: scalars, which a row gathers, then arrays."""
+    """Record of each cut: scalars, which a row gathers, then arrays."""
     scratch: tuple[tuple[str, str], ...] = ()
     """Fields that live only in a row."""
     shared: np.dtype[Any] = NOTHING
-    """What all cuts share."""
+    """Record that all cuts share."""
 
     command: Callable[..., None] = no_command
     """Give a lane its command of the further axis; takes lanes, number of the lane, command."""
@@ -107,10 +107,10 @@ class Motion:
     """Return the force on the blade across the cut [N]; takes lanes and number of the lane."""
     stored: Callable[..., float] = nothing_stored
     """Return the energy that is stored besides that of the law [J]; takes the record of a cut."""
-    lead: Callable[..., float] = lead_along
+    lead: Callable[..., float] = lead_straight
     """Lead the further axis of a row of one to a wanted place; return the blade's position [m]."""
     stops_at_ends: bool = False
-    """Whether a blade that is led beyond the specimen stops there; otherwise that is an error."""
+    """True: a blade that is led beyond the specimen stops there; false: that is an error."""
 
     @property
     def scalars(self) -> Any:

@@ -22,7 +22,7 @@ from cutenv.envs.tissue_source import TissueSource
 from cutenv.plant.simulator import ANGLE_RANGE, SimulatedPlant
 from cutenv.task.beginning import LONGEST, SHORTEST, drawn_length
 from cutenv.task.declare import Task
-from cutenv.task.episode import Episode, Goal, Options
+from cutenv.task.episode import Episode, Goal, TaskOptions
 from cutenv.task.info import COST, GROUPS, OUT_OF_RANGE, PLACES
 from cutenv.task.observation import CLIP, within_reach
 from cutenv.task.stepper import step_one
@@ -172,7 +172,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 50}  # noqa: RUF012  as in Env
-    options_class: ClassVar[type[Options]] = Options
+    options_class: ClassVar[type[TaskOptions]] = TaskOptions
     """Task, and the options that it adds."""
 
     def __init__(

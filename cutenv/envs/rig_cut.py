@@ -32,7 +32,7 @@ from cutenv.rig.safety.guard import interrupt
 from cutenv.rig.safety.stop_causes import Cause, RigStopped
 from cutenv.task.beginning import drawn_length
 from cutenv.task.declare import WAYS, Task
-from cutenv.task.episode import Episode, Goal, Options
+from cutenv.task.episode import Episode, Goal, TaskOptions
 from cutenv.task.episode_dtypes import STOPPED
 from cutenv.task.observation import CLIP, within_reach
 from cutenv.task.stepper import assess_readings
@@ -121,7 +121,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """
 
     metadata: dict[str, Any] = {"render_modes": [], "render_fps": 50}  # noqa: RUF012  as in Env
-    options_class: ClassVar[type[Options]] = Options
+    options_class: ClassVar[type[TaskOptions]] = TaskOptions
     """Task, and the options that it adds."""
     option_names: ClassVar[tuple[str, ...]] = ()
     """Names of those options that a rig does not decide."""

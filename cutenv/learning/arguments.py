@@ -24,7 +24,7 @@ MAX_ENVIRONMENTS = 1000
 """Number of training seeds that belong to one run: that with seed k has those from 1000 k on."""
 
 
-QUICK: Mapping[str, Any] = {"validations": 4, "validation_specimens": 50, "specimens": 30}
+QUICKLY: Mapping[str, Any] = {"validations": 4, "validation_specimens": 50, "specimens": 30}
 """Values that ``--quick`` sets for every learner."""
 
 
@@ -276,7 +276,7 @@ class PPOArguments(TrialArguments):
     """Options of PPO."""
 
     tasks: ClassVar[tuple[str, ...]] = tuple(TASKS)
-    quick: ClassVar[Mapping[str, Any]] = {"demonstrations": 100_000, "timesteps": 400_000, **QUICK}
+    quick: ClassVar[Mapping[str, Any]] = {"demonstrations": 100_000, "timesteps": 400_000, **QUICKLY}
 
     rollout: int = option(64, "number of decisions of each environment between updates", (2, 10**6))
     epochs: int = option(10, "number of passes over a rollout", (1, 10**6))

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from cutenv.learning.arguments import QUICK, BadArguments, LearnerArguments
+from cutenv.learning.arguments import QUICKLY, BadArguments, LearnerArguments
 from cutenv.learning.options import flag_of, option
 from cutenv.policy import SCRIPTS
 
@@ -15,7 +15,7 @@ from cutenv.policy import SCRIPTS
 class BCArguments(LearnerArguments):
     """Options of behaviour cloning."""
 
-    quick: ClassVar[Mapping[str, Any]] = {"demonstrations": 50_000, "epochs": 20, **QUICK}
+    quick: ClassVar[Mapping[str, Any]] = {"demonstrations": 50_000, "epochs": 20, **QUICKLY}
 
     dataset: str = option(
         "", "id of a Minari data set to imitate, not a script; it sets decision rate and angle mode", metavar="ID"

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from cutenv.learning.arguments import QUICK, BadArguments, TrialArguments, actor_critic_inputs
+from cutenv.learning.arguments import QUICKLY, BadArguments, TrialArguments, actor_critic_inputs
 from cutenv.learning.options import option
 
 _ENTROPY_WEIGHT = re.compile(r"(auto_)?\d*\.?\d+(e-?\d+)?")
@@ -17,7 +17,7 @@ _ENTROPY_WEIGHT = re.compile(r"(auto_)?\d*\.?\d+(e-?\d+)?")
 class OffPolicyArguments(TrialArguments):
     """Options that SAC, TQC and CrossQ share."""
 
-    quick: ClassVar[Mapping[str, Any]] = {"timesteps": 30_000, "demonstrations": 50_000, **QUICK}
+    quick: ClassVar[Mapping[str, Any]] = {"timesteps": 30_000, "demonstrations": 50_000, **QUICKLY}
 
     timesteps: int = 100_000
     environments: int = 100

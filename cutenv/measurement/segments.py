@@ -26,7 +26,7 @@ SMOOTHING_TIME = 0.01
 FEWEST_SMOOTHED = 3
 """Smallest default number of readings averaged, if position is known: reduces the noise of a slow sensor."""
 
-STRAIGHT = 0.75
+STRAIGHT_RAMP = 0.75
 """Smallest R squared of a ramp that counts as straight: that of a rise of 0.15 N under noise of 0.025 N."""
 
 STEADY_SHARE = 0.3
@@ -115,7 +115,7 @@ class Segment:
         whole = self.drop > 0.0 and not self.after_standstill
         return (
             whole
-            and self.r_squared >= STRAIGHT
+            and self.r_squared >= STRAIGHT_RAMP
             and self.speed_change is not None
             and abs(self.speed_change) <= STEADY_SHARE
         )

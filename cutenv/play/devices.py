@@ -177,7 +177,7 @@ class GamepadDevice(LedHand):
         return super().read()
 
 
-class Motion(NamedTuple):
+class HandMotion(NamedTuple):
     """Motion that a script demands: hand [m], angle [rad] and level [m] of the blade, place across [m], button held."""
 
     position: float
@@ -193,12 +193,12 @@ class ScriptedDevice:
     Parameters
     ----------
     script : callable
-        Maps the time since the cut began [s] to a :class:`Motion`.
+        Maps the time since the cut began [s] to a :class:`HandMotion`.
     """
 
     coupling = None
 
-    def __init__(self, script: Callable[[float], Motion]) -> None:
+    def __init__(self, script: Callable[[float], HandMotion]) -> None:
         self._script = script
         self._reads = 0
         self.pushed = 0.0
@@ -252,7 +252,7 @@ def simple_hand(
     there = farthest / speed
     back = 0.050
 
-    def script(time: float) -> Motion:
+    def script(time: float) -> HandMotion:
         if time < there:
             position = speed * time
             tilt = _LEAN if 0.005 < position < farthest - 0.015 else _UPRIGHT
@@ -263,9 +263,9 @@ def simple_hand(
     return ScriptedDevice(script)
 
 
-def _at(line: CutLine | None, position: float, angle: float, level: float) -> Motion:
+def _at(line: CutLine | None, position: float, angle: float, level: float) -> HandMotion:
     """Return the motion at a length of a line [m], or straight on."""
     if line is None:
-        return Motion(position, angle, level)
+        return HandMotion(position, angle, level)
     i, share = grid_index(position)
-    return Motion(float(lerp(line.x, i, share)), angle, level, float(lerp(line.y, i, share)))
+    return HandMotion(float(lerp(line.x, i, share)), angle, level, float(lerp(line.y, i, share)))

@@ -38,7 +38,7 @@ LONGEST_STALL = 0.25
 
 @dataclass(frozen=True, kw_only=True)
 class SessionPlan:
-    """What is cut in a session, and how often; a course gives specimens, tasks and targets in its place.
+    """Cuts of a session: task, specimens and number; a course gives specimens, tasks and targets in its place.
 
     Attributes
     ----------

@@ -22,6 +22,7 @@ from cutenv.play.haptics import FeltForce, Stylus
 from cutenv.policy.signals import in_si
 from cutenv.policy.tip_estimate import CUT_ESTIMATE, TipEstimate
 from cutenv.scoring import ReferenceSet, ScoreCard, score
+from cutenv.scoring.points import DEADLINE
 from cutenv.scoring.truth import TIP_AT_END
 from cutenv.task.assessment import NEAR_TARGET
 from cutenv.task.episode import Episode
@@ -31,8 +32,6 @@ from cutenv.tissue.grid import depth_below
 from cutenv.trace import Trace
 
 UPDATES_HZ = round(1.0 / TICK)
-DEADLINE = 30.0
-"""Time for a cut [s]."""
 FEWEST_READINGS = 100
 """Least number of readings that makes an abandoned cut a record: a tenth of a second."""
 _ESTIMATED_EVERY = 20  # ms: as often as an agent decides

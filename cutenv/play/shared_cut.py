@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cutenv._base.validation import one_of
 from cutenv.cutting.drive import Rig
-from cutenv.play.devices import Motion, ScriptedDevice, within_angles
+from cutenv.play.devices import HandMotion, ScriptedDevice, within_angles
 from cutenv.play.hand_model import speed_over
 from cutenv.play.haptics import FeltForce, Stylus
 from cutenv.play.played_cut import UPDATES_HZ, PlayedCut
@@ -158,7 +158,7 @@ class SharedCut(PlayedCut):
         def reach(time: float) -> float:
             return 0.006 * min(max(time - 2.0, 0.0), 2.0)
 
-        return ScriptedDevice(lambda time: Motion(reach(time), 0.5 * np.pi, held=2.0 <= time < 4.0))
+        return ScriptedDevice(lambda time: HandMotion(reach(time), 0.5 * np.pi, held=2.0 <= time < 4.0))
 
     @property
     def map_words(self) -> str:

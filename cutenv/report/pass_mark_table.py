@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cutenv.report.page import number, significant, spoken, write_table, write_text
-from cutenv.report.study_table import aligned, amount, correlation_text, in_print
+from cutenv.report.study_table import amount, correlation_text, in_columns, in_print
 from cutenv.scoring.score_card import DISCLAIMER
 from cutenv.scoring.study import (
     ErrorRate,
@@ -85,7 +85,7 @@ def pass_mark_lines(setting: StandardSetting) -> list[str]:
         f"  {'method':31s} {'mark, 95 % interval':24s} {'false passes, in theory':35s} false fails, in theory",
     ]
     for name, cells, reason in mark_rows(setting, first):
-        told = f"no evidence: {reason}" if not cells else aligned(cells, (24, 12, 22, 12, 22))
+        told = f"no evidence: {reason}" if not cells else in_columns(cells, (24, 12, 22, 12, 22))
         lines.append(f"  {name:31s} {told}".rstrip())
     lines += [f"  {_proficiency_line(setting, each)}" for each in (first, *others)]
     lines += _rater_lines(setting)

@@ -52,7 +52,7 @@ def table_lines(study: Study) -> list[str]:
     ]
     for found in study.findings:
         *correlations, cuts = statistic_cells(found.reliability)
-        told = f"{aligned(correlations, (21, 21))} {cuts:>12s}" if correlations else cuts * (not unknown)
+        told = f"{in_columns(correlations, (21, 21))} {cuts:>12s}" if correlations else cuts * (not unknown)
         mean, between, within = spread(found)
         name = f"{spoken(found.metric):24s} {in_print(found)[1]:6s}"
         lines.append(f"{name} {mean:>9s} {between:>11s} {within:>10s}  {told}".rstrip())
@@ -64,12 +64,12 @@ def table_lines(study: Study) -> list[str]:
         if nothing := shared_reason([found.separation for found in study.findings]):
             lines[-1] = f"no difference of {first} and {second}: {nothing}"
         for found in study.findings * (not nothing):
-            lines.append(f"{spoken(found.metric):24s} {aligned(statistic_cells(found.separation))}")
+            lines.append(f"{spoken(found.metric):24s} {in_columns(statistic_cells(found.separation))}")
     if len(study.sessions) > 1:
         words.append(_WORDS[2])
         lines += ["", f"{'metric':24s} {'sessions, agreement':21s} sessions, consistency"]
         for found in study.findings:
-            lines.append(f"{spoken(found.metric):24s} {aligned(statistic_cells(found.retest))}")
+            lines.append(f"{spoken(found.metric):24s} {in_columns(statistic_cells(found.retest))}")
     lines += ["", *(line for text in words for line in textwrap.wrap(text, 110, subsequent_indent="  "))]
     notes = [f"no reliability: {unknown.removeprefix('series: ')}"] * bool(unknown)
     return [*lines, "", *(f"note: {note}" for note in (*notes, *study.notes, DISCLAIMER))]
@@ -120,7 +120,7 @@ def crossover_lines(study: Study) -> list[str]:
         return []
     first, second = crossed.conditions
     head = f"{'metric':28s} {f'{first} minus {second}':26s} {'second half minus first':26s} orders apart"
-    lines = [aligned([row.name, *row.cells], (28, 26, 26, 26)).rstrip() for row in crossed.rows]
+    lines = [in_columns([row.name, *row.cells], (28, 26, 26, 26)).rstrip() for row in crossed.rows]
     said = f"Feedback {first} against {second}, within people. {crossed.orders}".rstrip()
     return ["", said, head, *lines]
 
@@ -229,7 +229,7 @@ def statistic_cells(found: OneWay | Separation | Intraclass | NotEstimable) -> l
     return [correlation_text(found.single), correlation_text(found.mean), cuts_needed(found)]
 
 
-def aligned(cells: Sequence[str], widths: Sequence[int] = (21, 0)) -> str:
+def in_columns(cells: Sequence[str], widths: Sequence[int] = (21, 0)) -> str:
     """Return cells as columns of these widths, for the terminal."""
     return " ".join(f"{cell:{width}s}" for cell, width in zip(cells, widths, strict=False))
 

@@ -63,7 +63,7 @@ def expect(nominal: Struct, profile: Struct) -> None:
 
 
 class Start(NamedTuple):
-    """What n cuts share that begin."""
+    """Settings that n cuts share when they begin."""
 
     cuts: Cuts
     """One cut at its start; what depends on the key is filled in."""
@@ -86,7 +86,7 @@ class Keys(NamedTuple):
 
 
 class Drawing(NamedTuple):
-    """How specimens, surfaces and the lab's knowledge of them are drawn from a key."""
+    """Tables from which specimens, surfaces and the lab's knowledge of them are drawn with a key."""
 
     recipe: StructArray
     """See :func:`cutenv.tissue.sampling.sample_profiles`, and for ``modes``."""

@@ -57,7 +57,7 @@ class Cuts(NamedTuple):
     """Profiles that a rig expects."""
     specimens: StructArray
     known: StructArray
-    """What a rig knows of a cut, :attr:`Task.known`; unused if the reward is assessed by hidden state."""
+    """Knowledge of a rig about a cut, :attr:`Task.known`; unused if the reward is assessed by hidden state."""
     wholes: StructArray
     """Assessment of the whole cut, :attr:`Task.whole`."""
 
@@ -192,7 +192,7 @@ def in_steps(force: float, resolution: float) -> float:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Axis:
+class ActionAxis:
     """Action axis that a task adds to speed and angle."""
 
     name: str
@@ -218,9 +218,9 @@ class Task:
     environment: str
     """Id of the environment."""
     from_truth: bool = True
-    """Whether the reward is assessed by hidden state; otherwise by what a rig sees, see :attr:`seen`."""
+    """True: the reward is assessed by hidden state; false: by what a rig sees, see :attr:`seen`."""
     motion: Motion = STRAIGHT
-    axis: Axis | None = None
+    axis: ActionAxis | None = None
     components: tuple[Component, ...] = ()
     """Components of the observation that follow those of gentle cutting."""
     costs: tuple[WholeCutTerm, ...] = ()
@@ -312,7 +312,7 @@ class Task:
 
     @cached_property
     def known(self) -> np.dtype[Any]:
-        """What a rig knows of a cut: its tip, the expected motion, measurements; nothing where truth is known."""
+        """Structured dtype of a rig's knowledge of a cut, from tip to measurements; empty where truth is known."""
         if self.from_truth:
             return NOTHING
         fields = [
@@ -366,7 +366,7 @@ def terms(task: Task) -> Any:
 
 
 @compiled_for(njit_internal)
-def command(task: Task) -> Callable[[float], float]:
+def command_of(task: Task) -> Callable[[float], float]:
     """Return the function that turns a third action, -1 to 1, into a command: 0 in the dead zone, linear beyond."""
     scale = 0.0 if task.axis is None else task.axis.scale
 
@@ -394,7 +394,7 @@ def observer(components: Sequence[Component], modules: Collection[str]) -> Any:
     return njit_fused(fuse("fill", [*(one.name for one in components), "observation"], lines, [*modules, __name__]))
 
 
-def settings_of(dtype: np.dtype[Any], constants: Any) -> StructArray:
+def settings_record(dtype: np.dtype[Any], constants: Any) -> StructArray:
     """Return a record, shape (1,), with the fields of a dataclass of constants."""
     record = np.zeros(1, dtype)
     for name in type(constants).__dataclass_fields__:

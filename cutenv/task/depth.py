@@ -32,8 +32,19 @@ from cutenv.cutting.descent import (
 )
 from cutenv.cutting.dtypes import TICK
 from cutenv.cutting.law import grid_index, lerp
-from cutenv.task.declare import WAYS, Axis, Cuts, Stepping, Task, delayed, in_steps, observer, settings_of, whole_fields
-from cutenv.task.episode import Episode, Goal, Options, ShownDepth
+from cutenv.task.declare import (
+    WAYS,
+    ActionAxis,
+    Cuts,
+    Stepping,
+    Task,
+    delayed,
+    in_steps,
+    observer,
+    settings_record,
+    whole_fields,
+)
+from cutenv.task.episode import Episode, Goal, ShownDepth, TaskOptions
 from cutenv.task.observation import COMPONENTS, SPEED_SCALE, Component, speed_action, to_action
 from cutenv.task.wanted_depth import AT_LEVEL, WANTED_KINDS, draw_layer, draw_wanted
 from cutenv.task_quantities import (
@@ -216,7 +227,7 @@ def wanted_at(depth: Struct, measured: StructArray, position: float) -> float:
 
 
 @njit_internal
-def fill(
+def fill_depth(
     depth: Struct, descent: Struct, measured: StructArray, position: float, forces: tuple[float, float, float],
     last_descent: float, observation: StructArray,
 ) -> None:  # fmt: skip
@@ -240,7 +251,7 @@ def observe(cuts: Cuts, c: Integer, step: Struct, k: Integer, action: StructArra
     now = in_steps(descent.vertical + depth.vertical_noise * first, depth.vertical_resolution)
     mean = step.vertical_sum[k] / updates + depth.vertical_noise * second / math.sqrt(updates)
     largest = in_steps(step.vertical_max[k] + depth.vertical_noise * third, depth.vertical_resolution)
-    fill(
+    fill_depth(
         depth, descent, cuts.nominals[c].depth, cuts.progresses[c].position, (now, mean, largest), action[2],
         observation,
     )  # fmt: skip
@@ -250,7 +261,7 @@ def observe(cuts: Cuts, c: Integer, step: Struct, k: Integer, action: StructArra
 def observe_start(cuts: Cuts, c: Integer, descent: Struct, observation: StructArray) -> None:
     """Fill the components that depth adds at the start: force tared to zero."""
     position = cuts.progresses[c].position
-    fill(cuts.wholes[c], descent, cuts.nominals[c].depth, position, (0.0, 0.0, 0.0), 0.0, observation)
+    fill_depth(cuts.wholes[c], descent, cuts.nominals[c].depth, position, (0.0, 0.0, 0.0), 0.0, observation)
 
 
 @njit_inline
@@ -390,11 +401,11 @@ def observe_seen(
     span = min(updates, float(RESPONSE))
     descent.level_speed = (descent.level - descent.levels[RESPONSE - int(span)]) / (span * TICK)
     forces = known.ways[_VERTICAL], step.vertical_sum[k] / updates, step.vertical_max[k]
-    fill(depth, descent, descent.surface, position, forces, action[2], observation)
+    fill_depth(depth, descent, descent.surface, position, forces, action[2], observation)
     observation[_DEPTH] = depth_along(descent.surface, position) / _DEPTH_SCALE
 
 
-HIDDEN = (
+_HIDDEN = (
     "depth of cut at the tip less the wanted depth [2 mm]",
     "that less the wanted depth 5 mm further [2 mm]",
     "floor of the cut to the layer below [2 mm]",
@@ -440,7 +451,9 @@ DEPTH_CUT = Task(
     place=f"{__name__}:DEPTH_CUT",
     environment="cutenv/DepthCut-v1",
     motion=DESCENDING,
-    axis=Axis(name="descent", meaning="descent speed", scale=DESCENT_SCALE, shown="-10 to 10 (down)", unit="mm/s"),
+    axis=ActionAxis(
+        name="descent", meaning="descent speed", scale=DESCENT_SCALE, shown="-10 to 10 (down)", unit="mm/s"
+    ),
     components=DEPTH_COMPONENTS,
     costs=DEPTH_COSTS,
     quantities=OF_MAP,
@@ -451,7 +464,7 @@ DEPTH_CUT = Task(
     end="layer",
     end_text="the layer below is opened deeper than ``layer_limit``; an end for safety",
     shown_as="depth",
-    hidden=HIDDEN,
+    hidden=_HIDDEN,
     begin=begin,
     expect=expect,
     observe_start=observe_start,
@@ -483,7 +496,7 @@ def depth_errors(depths: StructArray, targets: Array) -> dict[str, Any]:
     }
 
 
-class DepthOptions(Options):
+class DepthOptions(TaskOptions):
     """Options of cutting along a wanted depth.
 
     Parameters
@@ -521,7 +534,7 @@ class DepthOptions(Options):
 
     def whole(self) -> StructArray:
         """Return the record of a cut's depth before it begins, :data:`DEPTH` of shape (1,)."""
-        return settings_of(DEPTH, self.constants)
+        return settings_record(DEPTH, self.constants)
 
     def motion(self, specimen: Specimen) -> StructArray:
         """Return the vertical motion before a cut begins, :data:`~cutenv.cutting.descent.DESCENT` of shape (1,)."""
@@ -598,7 +611,7 @@ class DepthEpisode(Episode):
 
     def _measured(self, count: int) -> tuple[dict[str, Array], Array]:
         channels = {name: self.plant.beside[name].copy() for name in self.task.measured}
-        return channels, ways_of(channels)
+        return channels, _ways_of(channels)
 
     @property
     def channels(self) -> dict[str, Array]:
@@ -679,7 +692,7 @@ class DepthEpisode(Episode):
         return errors | self.given_depth | {FLOOR_AT_END: np.round(self.floor_to_tip, 6).tolist()}
 
 
-def ways_of(channels: dict[str, Array]) -> Array:
+def _ways_of(channels: dict[str, Array]) -> Array:
     """Return heights and vertical forces as the task takes them, shape (n, WAYS)."""
     ways = np.zeros((len(channels["height"]), WAYS))
     ways[:, _HEIGHT], ways[:, _VERTICAL] = channels["height"], channels["vertical_force"]

@@ -14,9 +14,9 @@ from cutenv.cutting.dtypes import PROFILE, READING
 from cutenv.plant.simulator import SimulatedPlant
 from cutenv.task.assessment import charge_end
 from cutenv.task.beginning import begin_at, begin_one, expect, expect_one
-from cutenv.task.declare import WAYS, Cuts, Task, command
+from cutenv.task.declare import WAYS, Cuts, Task, command_of
 from cutenv.task.gentle import GENTLE_CUT
-from cutenv.task.info import COST, GROUPS, OUT_OF_RANGE, PLACES, WHOLE
+from cutenv.task.info import COST, GROUPS, OUT_OF_RANGE, PLACES, WHOLE_NUMBERS
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, commanded_speed
 from cutenv.task.reward import ENDS, STOPPED, TERMS
 from cutenv.task.stepper import assess_readings, observe_one, step_one, tell_one
@@ -45,7 +45,7 @@ def _expect(nominal: StructArray, profiles: StructArray) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class Goal:
-    """What is to be cut, and how that is assessed."""
+    """Tissue, target and beginning of a cut, and all by which it is assessed."""
 
     tissue: TissueDescription
     """Tissue that a rig assumes; gives nominal stiffness and friction."""
@@ -65,7 +65,7 @@ class Goal:
     limits: Limits = Limits()  # noqa: RUF009
 
 
-class Options:
+class TaskOptions:
     """Options that a task adds to those of gentle cutting, taken from the keywords of an environment; here none.
 
     Parameters
@@ -138,16 +138,16 @@ class Episode:
         The tissue and blade to control; the blade stands at the clamp.
     goal : Goal
         What is to be cut, and how that is assessed.
-    options : Options, optional
+    options : TaskOptions, optional
         Task and its options; by default gentle cutting.
     from_truth : bool, optional
         On a simulated plant, whether the reward is assessed from hidden state, or from what a rig sees; None: on a rig.
     """
 
     def __init__(
-        self, plant: Any, goal: Goal, options: Options | None = None, *, from_truth: bool | None = None
+        self, plant: Any, goal: Goal, options: TaskOptions | None = None, *, from_truth: bool | None = None
     ) -> None:
-        self.plant, self.goal, self.options = plant, goal, options or Options({})
+        self.plant, self.goal, self.options = plant, goal, options or TaskOptions({})
         self.simulated = from_truth is not None
         self.task = self.options.task if from_truth else self.options.task.seen
         self._views: tuple[NDArray[np.float64], NDArray[np.int64]] | None = None
@@ -164,7 +164,7 @@ class Episode:
             believe_mean(self.record["known"]["tip"], goal.friction_per_depth)
             _fill(self.record["known"]["motion"][0], self.options.expected(goal.tissue))
         self.shared = self.options.shared(goal.tissue)
-        """What all cuts of the task and tissue share, shape (1,)."""
+        """Record that all cuts of the task and tissue share, shape (1,)."""
         self._felt: StructArray | None = None
         self._channels: dict[str, Array] = {}
         self._end = 0
@@ -198,7 +198,7 @@ class Episode:
         if not self.simulated:
             speed, angle, *further = action.tolist()
             commanded = float(commanded_speed(speed)), ANGLE_CENTRE + ANGLE_SCALE * angle
-            return self._assess(self._advance(*commanded, *(float(command(self.task)(each)) for each in further)))
+            return self._assess(self._advance(*commanded, *(float(command_of(self.task)(each)) for each in further)))
         observation = np.empty((1, len(self.task.all_components)), np.float32)
         reward, self._end = step_one(self.task)(
             self.plant.cuts,
@@ -358,7 +358,7 @@ class Episode:
         """
         floats, whole = self._numbers()
         numbers: list[float] = floats.tolist()
-        for place in WHOLE:
+        for place in WHOLE_NUMBERS:
             numbers[place] = int(whole[place])
         return numbers
 

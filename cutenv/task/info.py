@@ -95,7 +95,7 @@ PLACES = {
     group: slice(INFO_FIELDS.index(fields[0]), INFO_FIELDS.index(fields[-1]) + 1) for group, fields in GROUPS.items()
 }
 """Place of each group in a record, counted in fields, each 8 bytes wide."""
-WHOLE = tuple(number for number, field in enumerate(INFO_FIELDS) if field.whole)
+WHOLE_NUMBERS = tuple(number for number, field in enumerate(INFO_FIELDS) if field.whole)
 """Places of the whole numbers."""
 COST, OUT_OF_RANGE = ([column(field) for field in INFO_FIELDS].index(name) for name in ("cost", "out_of_range"))
 """Places of the cost and of the updates out of range."""

@@ -38,8 +38,19 @@ from cutenv.cutting.steering import (
     turned,
 )
 from cutenv.task.beginning import LONGEST
-from cutenv.task.declare import WAYS, Axis, Cuts, Stepping, Task, delayed, in_steps, observer, settings_of, whole_fields
-from cutenv.task.episode import Episode, Goal, Options, ShownPath
+from cutenv.task.declare import (
+    WAYS,
+    ActionAxis,
+    Cuts,
+    Stepping,
+    Task,
+    delayed,
+    in_steps,
+    observer,
+    settings_record,
+    whole_fields,
+)
+from cutenv.task.episode import Episode, Goal, ShownPath, TaskOptions
 from cutenv.task.observation import SPEED_SCALE, Component, speed_action, to_action
 from cutenv.task_quantities import (
     FARTHEST_TOLERANCE,
@@ -244,7 +255,7 @@ def left_loaded(cuts: Cuts, c: Integer) -> tuple[float, float]:
 
 
 @njit_internal
-def fill(
+def fill_path(
     steering: Struct, position: float, forces: tuple[float, float, float], last_turn: float, observation: StructArray
 ) -> None:
     """Fill the components of ``observation`` that the path adds, for lateral ``forces`` now, in the mean and at most.
@@ -269,13 +280,13 @@ def observe(cuts: Cuts, c: Integer, step: Struct, k: Integer, action: StructArra
     now = in_steps(steering.lateral + path.lateral_noise * first, path.lateral_resolution)
     mean = step.lateral_sum[k] / updates + path.lateral_noise * second / math.sqrt(updates)
     peak = in_steps(step.lateral_peak[k] + path.lateral_noise * third, path.lateral_resolution)
-    fill(steering, state.blade, (now, mean, peak), action[2], observation)
+    fill_path(steering, state.blade, (now, mean, peak), action[2], observation)
 
 
 @njit_internal
 def observe_start(cuts: Cuts, c: Integer, steering: Struct, observation: StructArray) -> None:
     """Fill the components that the path adds at the start: force tared to zero."""
-    fill(steering, cuts.progresses[c].position, (0.0, 0.0, 0.0), 0.0, observation)
+    fill_path(steering, cuts.progresses[c].position, (0.0, 0.0, 0.0), 0.0, observation)
 
 
 @njit_internal
@@ -421,10 +432,10 @@ def observe_seen(
     steering = known.motion[0]
     steering.ahead, steering.across = known.ways[_EAST], known.ways[_NORTH]
     forces = steering.lateral, step.lateral_sum[k] / max(progress.updates, 1), step.lateral_peak[k]
-    fill(steering, progress.position, forces, action[2], observation)
+    fill_path(steering, progress.position, forces, action[2], observation)
 
 
-HIDDEN = (
+_HIDDEN = (
     "tip to the left of the line [mm]",
     "sine of the angle from the line to the crack [0.2]",
     "curvature of the line at the tip, to the left [25/m]",
@@ -467,7 +478,7 @@ PATH_CUT = Task(
     place=f"{__name__}:PATH_CUT",
     environment="cutenv/PathCut-v1",
     motion=STEERED,
-    axis=Axis(name="turn", meaning="rate of turn", scale=TURN_SCALE, shown="-1.5 to 1.5 (left)", unit="rad/s"),
+    axis=ActionAxis(name="turn", meaning="rate of turn", scale=TURN_SCALE, shown="-1.5 to 1.5 (left)", unit="rad/s"),
     components=PATH_COMPONENTS,
     costs=PATH_COSTS,
     quantities=OF_PATH,
@@ -478,7 +489,7 @@ PATH_CUT = Task(
     end="off_line",
     end_text="the cut is farther than ``line_limit`` from the line; an end for safety",
     shown_as="path",
-    hidden=HIDDEN,
+    hidden=_HIDDEN,
     begin=begin,
     expect=expect,
     observe_start=observe_start,
@@ -568,7 +579,7 @@ class LineChoice:
             )
 
 
-class PathOptions(Options):
+class PathOptions(TaskOptions):
     """Options of cutting along a drawn line.
 
     Parameters
@@ -602,7 +613,7 @@ class PathOptions(Options):
 
     def whole(self) -> StructArray:
         """Return the record of a path before it begins, :data:`PATH` of shape (1,)."""
-        return settings_of(PATH, self.constants)
+        return settings_record(PATH, self.constants)
 
     def motion(self, specimen: Specimen) -> StructArray:
         """Return the place in the plane before a line is laid, :data:`~cutenv.cutting.steering.STEERING` of (1,)."""
@@ -658,7 +669,7 @@ class PathEpisode(Episode):
 
     def _measured(self, count: int) -> tuple[dict[str, Array], Array]:
         channels = {name: self.plant.beside[name].copy() for name in self.task.measured}
-        return channels, ways_of(channels, self.plant.heading.now)
+        return channels, _ways_of(channels, self.plant.heading.now)
 
     def step(self, action: Array) -> tuple[Array32, float]:
         """Command an action (3 numbers in [-1, 1]) for one decision; return observation, shape (28,), and reward."""
@@ -697,8 +708,8 @@ class PathEpisode(Episode):
 
     @property
     def noted(self) -> dict[str, Any]:
-        """Facts about the task for the metadata of a record, by key; of a rig the line is one of them."""
-        return super().noted | ({} if self.simulated else self.noted_line)
+        """Target length and line for the metadata of a record, by key."""
+        return super().noted | self.noted_line
 
     @property
     def cut_distance(self) -> Array:
@@ -762,7 +773,7 @@ class PathEpisode(Episode):
         return np.append(passed, steering["tip_aside"] + (end - steering["tip_aside"]) * share)
 
 
-def ways_of(channels: dict[str, Array], heading: float) -> Array:
+def _ways_of(channels: dict[str, Array], heading: float) -> Array:
     """Return places, a heading [rad] and lateral forces as the task takes them, shape (n, WAYS)."""
     ways = np.zeros((len(channels["lateral_force"]), WAYS))
     ways[:, _X], ways[:, _Y], ways[:, _LATERAL] = (channels[name] for name in (*PLACE, "lateral_force"))

@@ -38,7 +38,7 @@ from cutenv.task.assessment import (
     succeeded,
     tell,
 )
-from cutenv.task.declare import WAYS, Cuts, Stepping, Task, charge, command, terms
+from cutenv.task.declare import WAYS, Cuts, Stepping, Task, charge, command_of, terms
 from cutenv.task.episode_dtypes import PROGRESS, TASK
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, commanded_speed
 from cutenv.task.reward import ENDS, SAFETY_ENDS
@@ -230,7 +230,7 @@ def step_row(task: Task) -> Callable[..., None]:
 @compiled_for(njit_inline)
 def begin_lane(task: Task) -> Callable[..., None]:
     """Return the function that loads a cut and its action into a lane."""
-    give, commanded, begin_step, further = task.motion.command, command(task), task.begin_step, task.axis is not None
+    give, commanded, begin_step, further = task.motion.command, command_of(task), task.begin_step, task.axis is not None
 
     def begin_lane(stepping: Stepping, plain: Plain, actions: StructArray, k: Integer, n: Integer) -> None:
         """Load cut number ``n`` and its action into lane ``k``."""

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import gymnasium
 import numpy as np
 
-from cutenv.play.devices import Motion, ScriptedDevice
+from cutenv.play.devices import HandMotion, ScriptedDevice
 from cutenv.play.picture import PlayPicture
 from cutenv.play.play_session import Session, SessionPlan
 from speed.measured import Measured, Number, at_most, fastest
@@ -27,7 +27,7 @@ def _environment() -> Callable[[], object]:
 
 def _play_window() -> Callable[[], object]:
     played = Session(
-        ScriptedDevice(lambda seconds: Motion(0.006 * seconds, 1.57)), SessionPlan(countdown=0.0, practice=True)
+        ScriptedDevice(lambda seconds: HandMotion(0.006 * seconds, 1.57)), SessionPlan(countdown=0.0, practice=True)
     )
     played.begin()
     for k in range(_HALFWAY):

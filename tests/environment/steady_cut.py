@@ -10,7 +10,7 @@ from cutenv._engine.jit import njit_inline, njit_internal
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.envs.vector import GentleCutVectorEnv
 from cutenv.task.declare import Task, whole_fields
-from cutenv.task.episode import Options
+from cutenv.task.episode import TaskOptions
 from cutenv.task.observation import COMPONENTS, Component
 from cutenv.task_quantities import WholeCutTerm
 
@@ -77,7 +77,7 @@ STEADY_CUT = Task(
 )
 
 
-class SteadyOptions(Options):
+class SteadyOptions(TaskOptions):
     """Its options: the weight of its cost."""
 
     task = STEADY_CUT

@@ -13,7 +13,7 @@ import pytest
 from cutenv.envs import RigCutEnv, SharedControl
 from cutenv.learning.demonstration import Demonstration, simulated
 from cutenv.learning.lerobot_datasets import write_lerobot
-from cutenv.play.devices import Motion, ScriptedDevice
+from cutenv.play.devices import HandMotion, ScriptedDevice
 from cutenv.play.haptics import Stylus
 from cutenv.play.intervening_hand import InterveningHand
 from cutenv.policy import BASELINES, ConstantFeed
@@ -74,7 +74,7 @@ class Handle(ScriptedDevice):
     """A scripted handle whose button is down from one read to another."""
 
     def __init__(self, begin: int, end: int) -> None:
-        super().__init__(lambda time: Motion(0.03 + 20.0 * time * 0.005 * 2, 1.2))
+        super().__init__(lambda time: HandMotion(0.03 + 20.0 * time * 0.005 * 2, 1.2))
         self._begin, self._end = begin, end
 
     def read(self) -> Stylus:

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from cutenv.learning import run_provenance
+from cutenv.learning import run_folder
 
 pytest.importorskip("tqdm", reason="learners need an extra: pip install 'cutenv[distributed]'")
 
@@ -51,9 +51,7 @@ def test_the_clock_of_a_run_that_goes_on_goes_on(tmp_path):
 
 def test_a_run_keeps_commit_versions_and_seeds_and_where_it_began(tmp_path, monkeypatch):
     for commit in ("a" * 40, "b" * 40):
-        monkeypatch.setattr(
-            run_provenance, "git", lambda *given, commit=commit: commit if given[0] == "rev-parse" else ""
-        )
+        monkeypatch.setattr(run_folder, "git", lambda *given, commit=commit: commit if given[0] == "rev-parse" else "")
         record_run(Arguments(seed=2, workers=3, environments=10), tmp_path, HERE)
     facts = json.loads((tmp_path / "run.json").read_text())
     assert facts["commit"] == "a" * 40

@@ -6,7 +6,15 @@ import math
 
 import pytest
 
-from cutenv.play.devices import NOTCH, STICK_DEAD_ZONE, GamepadDevice, Motion, MouseDevice, ScriptedDevice, simple_hand
+from cutenv.play.devices import (
+    NOTCH,
+    STICK_DEAD_ZONE,
+    GamepadDevice,
+    HandMotion,
+    MouseDevice,
+    ScriptedDevice,
+    simple_hand,
+)
 from cutenv.play.hand_model import FASTEST
 from cutenv.task.depth import DESCENT_SCALE
 
@@ -92,7 +100,7 @@ def test_axes_beyond_their_reach_are_refused() -> None:
 
 
 def test_a_script_is_asked_once_a_millisecond_and_anew_for_every_cut() -> None:
-    device = ScriptedDevice(lambda time: Motion(time, UPRIGHT))
+    device = ScriptedDevice(lambda time: HandMotion(time, UPRIGHT))
     device.open()
     assert [round(device.read().position, 6) for _ in range(3)] == [0.0, 0.001, 0.002]
     device.open()

@@ -13,7 +13,7 @@ from played import DATE, TARGET, run, session
 from cutenv import cli
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.play import played_cut as played_cut
-from cutenv.play.devices import Motion, MouseDevice, ScriptedDevice, simple_hand
+from cutenv.play.devices import HandMotion, MouseDevice, ScriptedDevice, simple_hand
 from cutenv.play.hand_model import FASTEST
 from cutenv.play.play_session import GIVEN_UP, LONGEST_STALL, Session, SessionPlan
 from cutenv.recording import load_one
@@ -144,7 +144,7 @@ def test_closing_before_a_cut_leaves_no_record(tmp_path: Path) -> None:
 
 
 def test_a_cut_that_was_given_up_at_once_is_scored_without_an_error(tmp_path: Path) -> None:
-    played = Session(ScriptedDevice(lambda time: Motion(0.0, 1.57)), SessionPlan(countdown=0.0), folder=tmp_path)
+    played = Session(ScriptedDevice(lambda time: HandMotion(0.0, 1.57)), SessionPlan(countdown=0.0), folder=tmp_path)
     played.begin()
     for k in range(10):
         played.advance(0.02 * k)
@@ -234,7 +234,7 @@ def test_after_as_many_cuts_as_there_were_to_be_none_begins() -> None:
 
 def test_the_hand_is_never_faster_than_the_fastest_measured() -> None:
     played = Session(
-        ScriptedDevice(lambda time: Motion(0.14, 1.57)), SessionPlan(seed=6, countdown=0.0, target_length=TARGET)
+        ScriptedDevice(lambda time: HandMotion(0.14, 1.57)), SessionPlan(seed=6, countdown=0.0, target_length=TARGET)
     )
     played.begin()
     played.advance(0.0)
@@ -246,7 +246,7 @@ def test_the_hand_is_never_faster_than_the_fastest_measured() -> None:
 
 
 def test_the_hand_comes_to_where_it_is_meant_to_be_without_swinging_beyond() -> None:
-    played = Session(ScriptedDevice(lambda time: Motion(0.02, 1.57)), SessionPlan(seed=6, countdown=0.0))
+    played = Session(ScriptedDevice(lambda time: HandMotion(0.02, 1.57)), SessionPlan(seed=6, countdown=0.0))
     played.begin()
     hands = []
     for k in range(300):

@@ -16,7 +16,7 @@ from cutenv import cli
 from cutenv.learning.demonstration import recorded
 from cutenv.learning.evaluation import contestant
 from cutenv.learning.minari_datasets import recorded_cuts
-from cutenv.play.devices import Motion, MouseDevice, ScriptedDevice
+from cutenv.play.devices import HandMotion, MouseDevice, ScriptedDevice
 from cutenv.play.haptics import Stylus
 from cutenv.play.play_session import Session, SessionPlan
 from cutenv.play.play_window import PlayWindow
@@ -89,7 +89,7 @@ def test_the_blade_does_not_leap_when_it_is_taken_and_follows_the_hand_from_ther
 
 def test_the_record_and_the_end_card_say_who_held_the_blade_and_data_sets_know_it(tmp_path: Path) -> None:
     device = ScriptedDevice(
-        lambda time: Motion(0.004 * min(max(time - 1.0, 0.0), 1.0), UPRIGHT, held=1.0 <= time < 2.0)
+        lambda time: HandMotion(0.004 * min(max(time - 1.0, 0.0), 1.0), UPRIGHT, held=1.0 <= time < 2.0)
     )
     session = Session(
         device,

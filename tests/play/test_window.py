@@ -12,7 +12,7 @@ from played import TARGET, Pushing, run, session
 from played_window import FRAME, FakeClock, begin, post, press, show
 
 from cutenv import cli
-from cutenv.play.devices import GamepadDevice, Motion, ScriptedDevice
+from cutenv.play.devices import GamepadDevice, HandMotion, ScriptedDevice
 from cutenv.play.overlays import fault_lines
 from cutenv.play.picture import LAYOUT, PlayPicture
 from cutenv.play.play_session import GIVEN_UP, Session, SessionPlan, ViewState
@@ -258,7 +258,7 @@ def test_the_same_moment_gives_the_same_picture_whatever_was_drawn_before() -> N
 
 
 def test_a_cut_that_left_no_record_has_an_end_card_too() -> None:
-    played = Session(ScriptedDevice(lambda time: Motion(0.0, 1.57)), SessionPlan(countdown=0.0), handle=True)
+    played = Session(ScriptedDevice(lambda time: HandMotion(0.0, 1.57)), SessionPlan(countdown=0.0), handle=True)
     played.begin()
     played.advance(0.0)
     played.advance(0.02)

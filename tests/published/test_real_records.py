@@ -10,7 +10,7 @@ import pytest
 import real_records
 
 from cutenv.measurement import estimate_fracture_resistance, estimate_local_effective_moduli
-from cutenv.measurement.segments import STRAIGHT
+from cutenv.measurement.segments import STRAIGHT_RAMP
 from cutenv.tissue.cut_model import CutModel
 from cutenv.trace import Trace
 
@@ -114,7 +114,7 @@ def check_force_falls_after_each_segment(cuts: list[Trace]) -> None:
     n = 0
     for cut in cuts:
         for s in real_records.segments_of(cut):
-            assert s.rate > 0.0 or s.r_squared < STRAIGHT
+            assert s.rate > 0.0 or s.r_squared < STRAIGHT_RAMP
             if s.drop > 0.0:
                 after = cut.force[s.stop : real_records.CUT_SAMPLES]
                 fallen = int(np.argmax(after <= after[0] - s.drop + 1e-12))

@@ -206,7 +206,7 @@ def test_the_same_script_follows_the_depth_as_in_the_simulator(made, name):
         shared = min(len(our_depths), len(their_depths))
         assert np.sqrt(np.mean((our_depths[:shared] - their_depths[:shared]) ** 2)) < 0.5e-3
         true = env.the_fake().bench.plant
-        passed = int(float(true.cuts.states["tip"][0]) * 2000)
+        passed = int(float(true.states["tip"][0]) * 2000)
         assert np.mean(np.abs(env.cutting.floor - true.floor)[:passed]) < 1e-3  # the measured surface is off by 0.5 mm
 
 

@@ -16,7 +16,7 @@ from cutenv.rig.devices.netft.packets import (
     request_bytes,
     status_meaning,
 )
-from cutenv.rig.devices.netft.settings_page import PATH, Page, read_page
+from cutenv.rig.devices.netft.settings_page import SETTINGS_PATH, Page, read_page
 from cutenv.rig.devices.reading_stream import Zero
 from cutenv.rig.devices.sample_clock import LEAK, SampleClock
 from cutenv.rig.devices.streamed_sensor import FIRST_READING, StreamedSensor
@@ -92,7 +92,7 @@ class NetftSensor(StreamedSensor):
 
     def _connect(self) -> None:
         host, port = self._settings.address, self._settings.port
-        self.page = read_page(self._settings.page or f"http://{host}{PATH}")
+        self.page = read_page(self._settings.page or f"http://{host}{SETTINGS_PATH}")
         self.rate = self.page.rate or self._settings.rate
         self._begin_again()
         try:

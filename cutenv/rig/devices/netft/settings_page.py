@@ -14,7 +14,7 @@ from typing import NoReturn
 from cutenv._base.validation import in_range
 from cutenv.rig.errors import RigError
 
-PATH = "/netftapi2.xml"
+SETTINGS_PATH = "/netftapi2.xml"
 LARGEST = 1 << 20
 """Greatest size of a page [byte]; a real one has about 4000."""
 
@@ -76,7 +76,7 @@ def read_page(address: str, timeout: float = 3.0) -> Page:
         If it does not arrive within ``timeout`` [s], is too large, or lacks a necessary value.
     """
     if not address.startswith("http://"):
-        raise RigError(f"sensor.page {address!r} must begin with http://, as http://192.168.1.1{PATH} does.")
+        raise RigError(f"sensor.page {address!r} must begin with http://, as http://192.168.1.1{SETTINGS_PATH} does.")
     answer: queue.SimpleQueue[bytes | RigError] = queue.SimpleQueue()
 
     def ask() -> None:
@@ -157,7 +157,7 @@ def _fetch(address: str, timeout: float) -> bytes:
         with opener.open(address, timeout=timeout) as response:
             text: bytes = response.read(LARGEST + 1)
     except urllib.error.HTTPError as error:
-        raise RigError(f"The force sensor's page {address} is refused: {error}. Is the path {PATH}?") from None
+        raise RigError(f"The force sensor's page {address} is refused: {error}. Is the path {SETTINGS_PATH}?") from None
     except (OSError, HTTPException, ValueError) as error:  # ValueError: an address like http://:x
         raise RigError(f"The force sensor's page {address} cannot be read: {error}. {_CURE}") from None
     if len(text) > LARGEST:
