@@ -87,7 +87,7 @@ from cutenv.report import CutPicture, draw_cut
 from cutenv.rig.devices.serial.slow_profile import RATES, grbl_settings, slow_settings
 from cutenv.rig.operation.suitability import suitability_lines
 from cutenv.rig.toml_text import template
-from cutenv.scoring import DEPTH_METRICS, INVARIANCES, METRICS, PATH_METRICS, Metric
+from cutenv.scoring import INVARIANCES, MAP_METRICS, METRICS, Metric
 from cutenv.task.depth import DepthConstants
 from cutenv.task.path import PathConstants
 from cutenv.task.reward import CUT_ENDS, REWARD
@@ -467,8 +467,7 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "benchmark": benchmark,
     "depth-cut": lambda _: "\n".join(depth_table.TABLE.lines(depth_table.TABLE.kept())),
     "depth-ladder": lambda _: depth_ladder.LADDER.report(depth_ladder.LADDER.kept()),
-    "depth-agents": lambda _: task_agents.report("depth", task_agents.kept("depth")),
-    "path-agents": lambda _: task_agents.report("path", task_agents.kept("path")),
+    **{f"{task}-agents": lambda _, task=task: task_agents.report(task, task_agents.kept(task)) for task in MAP_METRICS},
     "path-cut": lambda _: "\n".join(path_table.TABLE.lines(path_table.TABLE.kept())),
     "path-ladder": lambda _: path_ladder.LADDER.report(path_ladder.LADDER.kept()),
     "path-speed": lambda _: speed_of("path"),
@@ -481,16 +480,14 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "freehand-speed": lambda _: speed_of("freehand"),
     "curved-benchmark": lambda _: curved_cuts.table(),
     "check-score": lambda _: check_score.report(check_score.kept(ROOT / check_score.FOLDER)),
-    "check-depth-score": lambda _: map_score("depth"),
-    "check-path-score": lambda _: map_score("path"),
+    **{f"check-{task}-score": lambda _, task=task: map_score(task) for task in MAP_METRICS},
     "layers-recovered": lambda _: recover_layers.tables(recover_layers.left()),
     "depth": lambda _: measure_depth_accuracy.report(measure_depth_accuracy.kept(ROOT / measure_depth_accuracy.KEPT)),
     "seen-runs": lambda _: measure_seen_runs.report(measure_depth_accuracy.kept(ROOT / measure_seen_runs.KEPT)),
     "live-camera": lambda _: camera_beside_rig.markdown(left_by(camera_beside_rig)),
     "errata": errata,
     "metrics": metrics,
-    "depth-metrics": lambda _: metric_table(DEPTH_METRICS),
-    "path-metrics": lambda _: metric_table(PATH_METRICS),
+    **{f"{task}-metrics": lambda _, own=own: metric_table(own) for task, own in MAP_METRICS.items()},
     "weights": weights,
     "ends": ends,
     "tip-errors": lambda _: tip_errors.report(),

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from cutenv.envs.constants import rig_constants
-from cutenv.envs.learned_tasks import TASKS, LearnedTask
 from cutenv.learning.options import check_ranges, flag_of, option
 from cutenv.learning.seeds import TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
+from cutenv.task.registry import TASKS, RegisteredTask, tasks_in_words
 from cutenv.tissue.specimen import CLASSES
 
 if TYPE_CHECKING:
@@ -66,12 +66,12 @@ def for_rig(chosen: Mapping[str, Any]) -> dict[str, Any]:
     return {**rate, **chosen, **implied}
 
 
-def actor_critic_inputs(task: LearnedTask, history: int, critic: str, base: str = "none") -> dict[str, int]:
+def actor_critic_inputs(task: RegisteredTask, history: int, critic: str, base: str = "none") -> dict[str, int]:
     """Return the input sizes of an actor with this history, and of a critic that sees "truth" or "features".
 
     With the ``base`` "script", both see the script's action as well.
     """
-    features = task.space.features(history=history).size + (len(task.space.actions) if base == "script" else 0)
+    features = task.features(history=history).size + (len(task.actions) if base == "script" else 0)
     return {"features": features, "critic": features + (len(task.privileged) if critic == "truth" else 0)}
 
 
@@ -92,7 +92,7 @@ class LearnerArguments:
 
     task: str = option(
         "gentle",
-        "task to learn: to cut gently (gentle), along a wanted depth as well (depth), or along a drawn line (path)",
+        f"task to learn, {tasks_in_words(tuple(TASKS))}",
         tuple(TASKS),
     )
     name: str = option("", "name of the run's folder below runs/; default date and time", metavar="NAME")
@@ -160,11 +160,11 @@ class LearnerArguments:
             raise BadArguments("--specimens 1 gives no interval; give 2 or more, or 0 for no evaluation")
         if self.task not in self.tasks:
             raise BadArguments(f"--task {self.task} is learned by PPO alone; leave it out, or give --learner ppo")
-        other = [name for name, one in TASKS.items() if name != self.task and self.script in one.scripts]
-        if other:
+        if self.script not in self.learned_task.scripts:
+            other = next(name for name, one in TASKS.items() if self.script in one.scripts)
             own = ", ".join(repr(name) for name in self.learned_task.scripts)
             raise BadArguments(
-                f"--script {self.script!r} is for --task {other[0]}; those for --task {self.task} are {own}"
+                f"--script {self.script!r} is for --task {other}; those for --task {self.task} are {own}"
             )
 
     @classmethod
@@ -186,7 +186,7 @@ class LearnerArguments:
         return merged
 
     @property
-    def learned_task(self) -> LearnedTask:
+    def learned_task(self) -> RegisteredTask:
         """The task to learn."""
         return TASKS[self.task]
 

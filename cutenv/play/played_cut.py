@@ -66,6 +66,8 @@ class PlayedCut:
     """Environment whose episode it is."""
     channels: tuple[str, ...] = ()
     """Channels of the record that a cut straight on has not, as fields of a trace."""
+    third: str = ""
+    """Way of the hand besides the position and the angle: "level", "across" or none."""
 
     def __init__(
         self,
@@ -177,7 +179,8 @@ class PlayedCut:
 
     def _noted(self) -> dict[str, Any]:
         """Return what the record notes of another task."""
-        return {}
+        noted = self.cutting.noted_map
+        return noted and {"environment": self.cutting.task.environment, **noted}
 
     def _channel(self, name: str) -> Array:
         return self._further[: self._count, self.channels.index(name)]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,6 +26,7 @@ class PlayedPathCut(PlayedCut):
 
     environment = PathCutEnv
     channels = ("blade_x", "blade_y", "lateral_force")
+    third = "across"
 
     @property
     def cutting(self) -> PathEpisode:
@@ -66,9 +65,6 @@ class PlayedPathCut(PlayedCut):
 
     def _sampled(self) -> tuple[float, ...]:
         return *self.cutting.blade_place, _LATERAL.scale * float(self._observation[_AT])
-
-    def _noted(self) -> dict[str, Any]:
-        return {"environment": PATH_CUT.environment, **self.cutting.noted_path}
 
     @property
     def map_words(self) -> str:

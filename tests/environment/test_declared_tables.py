@@ -38,7 +38,7 @@ PROGRAM = """
 import dataclasses, json
 import declared_tables, gymnasium, numpy as np
 import cutenv
-from cutenv.report.glossary import TERM_MEANINGS
+from cutenv.report.glossary import term_meanings
 from cutenv.task.weights import RewardWeights
 
 STEPS, ACTION = 3, np.float32([0.5, -0.5])
@@ -69,7 +69,7 @@ print(json.dumps({
     "same": [bool(one) for one in same],
     "space": env.observation_space.shape,
     "weights": dataclasses.asdict(RewardWeights()),
-    "title": TERM_MEANINGS.get("tremble"),
+    "title": term_meanings().get("tremble"),
     "tables": {name: rows() for name, rows in declared_tables.SECTIONS.items()},
 }))
 """
