@@ -88,7 +88,8 @@ class NativeVecEnv(VecEnv):
     @property
     def observations(self) -> np.ndarray:
         """Observations of the environments, shape (n, k); the next step overwrites them."""
-        return self._batch.observations
+        observations: np.ndarray = self._batch.observations
+        return observations
 
     def _observe(self) -> np.ndarray:
         """Return the observations after a step; called once for each decision."""

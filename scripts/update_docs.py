@@ -15,7 +15,6 @@
     python scripts/update_docs.py rig-faults-grbl           what scripts/rig_faults.py --grbl left in runs/ (--json)
     python scripts/update_docs.py slow-rig-agents           what scripts/slow_rig_agents.py left in runs/slow-rig
     python scripts/update_docs.py errata tissue-file rig-file slow-rig metrics weights ends class-attacks
-    python scripts/update_docs.py --docstring               tables in the docstring of cutenv/envs/gentle_cut.py
     python scripts/update_docs.py --check parameters        fails if a block is not what it would print
     python scripts/update_docs.py --picture                 draws assets/pictures/cut.png
 
@@ -45,7 +44,6 @@ import check_steering
 import class_attacks
 import class_load
 import curved_cuts
-import declared_tables
 import depth_ladder
 import depth_table
 import fit_layers
@@ -100,7 +98,6 @@ from cutenv.tissue.specimen import CLASSES
 from cutenv.tissue.surface import SurfaceSpread
 
 ROOT = Path(__file__).parents[1]
-SPECIFICATION = ROOT / "cutenv" / "envs" / "gentle_cut.py"
 SCORES = ("return", "success", "tip_error_mm", "peak_force_N", "time_s")
 
 
@@ -567,12 +564,9 @@ def main() -> None:
     parser.add_argument("--runs", type=Path, nargs="+", help="folders of the runs to quote, for training one a seed")
     parser.add_argument("--check", action="store_true", help="compare instead of writing")
     parser.add_argument("--picture", action="store_true", help="draw the picture")
-    parser.add_argument("--docstring", action="store_true", help="rewrite the tables in the environment's docstring")
     arguments = parser.parse_args()
     if arguments.picture:
         draw_picture(ROOT / "assets" / "pictures" / "cut.png")
-    if arguments.docstring:
-        update(SPECIFICATION, declared_tables.with_tables, "--docstring", check=arguments.check)
     for name in arguments.blocks:
         block = BLOCKS[name](arguments)
         update(ROOT / PAGES[name], partial(replaced, name=name, block=block), name, check=arguments.check)

@@ -15,7 +15,7 @@ import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cutenv._base.arrays import Array32, StructArray
+from cutenv._base.arrays import StructArray
 from cutenv._engine.parallel import MIN_CHUNK, parallel_for
 from cutenv._engine.randomness import check_key
 from cutenv.cutting.dtypes import READING
@@ -67,7 +67,7 @@ class CutBatch:
         self.end_names: NDArray[Any] = np.array(self.task.ends, dtype=object)
         """Names of the ends by code."""
         self.cuts = Cuts.empty(self.task, count)
-        self.observations: Array32 = np.zeros((count, len(self.task.all_components)), np.float32)
+        self.observations = np.zeros((count, len(self.task.all_components)), np.float32)
         self.seeds, self.episodes = np.zeros(count, np.uint64), np.zeros(count, np.uint64)
         self.classes = np.full(count, None, dtype=object)
         self.begun = np.zeros(count, bool)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from cutenv.envs.depth_cut import DepthCutEnv
+from cutenv.envs.described import described
 from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.plant import Plant, SimulatedPlant
 from cutenv.rig.contradictions import AHEAD
@@ -19,6 +20,7 @@ from cutenv.tissue.specimen import Specimen
 _DEPTH_WEIGHTS = tuple(name for name in DepthConstants.__dataclass_fields__ if name.startswith("weight_"))
 
 
+@described
 class RigDepthCutEnv(RigCutEnv):
     """Cut along a wanted depth on a rig that a policy of ``cutenv/DepthCut-v1`` can use unchanged.
 
@@ -41,8 +43,8 @@ class RigDepthCutEnv(RigCutEnv):
     layer     None    another layer below, of drawn specimens; None: unless ``wanted`` is "profile"
     ========= ======= =================================================================================
 
-    The others are those of ``cutenv/RigCut-v1``, and ``edge_length``, ``bedding``, ``weight_too_deep``,
-    ``weight_uncut``, ``weight_layer_area``, ``weight_layer_depth``.
+    The others are those of ``cutenv/RigCut-v1``, and
+    {keywords}.
 
     Info
     ----

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from cutenv.envs.described import described
 from cutenv.envs.path_cut import PathCutEnv
 from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.plant import Plant
@@ -19,6 +20,7 @@ from cutenv.tissue.lines import CutLine
 _ROOM = 1e-3  # [m] between the line and an end of the rig's travel
 
 
+@described
 class RigPathCutEnv(RigCutEnv):
     """Cut along a line on a rig that a policy of ``cutenv/PathCut-v1`` can use unchanged.
 
@@ -43,8 +45,8 @@ class RigPathCutEnv(RigCutEnv):
     line      "mixed" as for ``cutenv/PathCut-v1``
     ========= ======= =================================================================================
 
-    The others are those of ``cutenv/RigCut-v1``, and ``crack_curvature``, ``line_limit``, ``weight_off_line``,
-    ``weight_farthest``.
+    The others are those of ``cutenv/RigCut-v1``, and
+    {keywords}.
 
     Info
     ----

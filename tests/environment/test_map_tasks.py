@@ -77,6 +77,7 @@ def test_gymnasium_accepts_it(task):
 def test_the_docstring_has_the_declared_tables(task):
     environment, (components, costs, _) = TASKS[task], DECLARED[task]
     doc = " ".join((environment.__doc__ or "").split())
+    assert "{" not in doc
     for number, one in enumerate(components, start=len(COMPONENTS)):
         assert f"{number} {one.name} {one.meaning} {one.unit} {round(one.scale, 4):g} 0" in doc
     for cost in costs:
