@@ -41,7 +41,7 @@ def _evaluate(arguments: argparse.Namespace) -> None:
         print("\n".join(f"  {name}" for name in BASELINES if name not in feeds))
         print(f"  constant V cm/s A deg ({len(feeds)} of them): {feeds[0]} ... {feeds[-1]}")
         for task in TASKS.values():
-            if not BASELINES.keys() >= task.scripts.keys():
+            if not set(BASELINES).issuperset(task.scripts):
                 print("\n".join([f"task {task.name}:", *(f"  {name}" for name in task.scripts)]))
         print("\n".join(["shipped agents:", *(f"  {name}" for name in SHIPPED)]))
         return

@@ -43,7 +43,8 @@ def compare_task(run: Path, facts: Mapping[str, Any], *, processes: int | None =
         shared |= {**facts["simulated_rig"], "control_hz": arguments["control_hz"]}
     scripts = {name: Contestant(task.scripts[name]()) for name in task.scripts}
     few = TEST_SEEDS[: arguments["specimens"]]
-    rows = evaluate({**learned, **scripts, ORACLE: Contestant(task.planner())}, few, shared, processes=processes)
+    planner = {ORACLE: Contestant(task.planner())} if task.planner else {}
+    rows = evaluate({**learned, **scripts, **planner}, few, shared, processes=processes)
     write_csv(run / "scores.csv", rows)
     summary = summarise(rows)
     write_csv(run / "summary.csv", summary)
@@ -106,7 +107,7 @@ def write_run_page(
             agent=agent,
             best_script=script,
             rival_script=None,
-            bound=ORACLE,
+            bound=ORACLE if task.planner else None,
             grid=(),
             cuts=[cut_picture(name, contestants[name], seed, shared) for name in (agent, script)],
             curve=curve,

@@ -14,27 +14,28 @@ from cutenv._base.validation import one_of
 
 
 class Imported:
-    """Field of an entry that is given as a place, "package.module:NAME", and read as the object there."""
+    """Field of an entry that is given as a place, "package.module:NAME", and read as the object there; or given so."""
 
     def __set_name__(self, owner: type, name: str) -> None:
         self._name = name
 
-    def __set__(self, entry: RegisteredTask, place: str) -> None:
-        entry.places[self._name] = place
+    def __set__(self, entry: RegisteredTask, given: Any) -> None:
+        entry.places[self._name] = given
 
     def __get__(self, entry: RegisteredTask | None, owner: type) -> Any:
         if entry is None:
             return ""  # the default: there is none
-        module, _, name = entry.places[self._name].partition(":")
-        return getattr(import_module(module), name) if module else None
+        given = entry.places[self._name]
+        module, _, name = given.partition(":") if isinstance(given, str) else ("", "", "")
+        return getattr(import_module(module), name) if module else given or ()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class RegisteredTask:
     """One task, and all that the package knows of it; what is left out, the task has not."""
 
-    places: dict[str, str] = field(default_factory=dict, init=False)
-    """Places of the imported fields, by name."""
+    places: dict[str, Any] = field(default_factory=dict, init=False)
+    """Imported fields as they were given, by name."""
     name: str
     id: str
     """Id of the environment."""
@@ -60,7 +61,7 @@ class RegisteredTask:
     scripts: Imported = Imported()
     """Scripts that learners imitate, correct and are compared with: makers by name."""
     script: str = ""
-    """Name of the one that is imitated, and reached after some time, by default."""
+    """Name of the one that is imitated or corrected by default."""
     policies: Imported = Imported()
     """Policies without a network that cut on a rig, as far as they are more than the scripts: makers by name."""
     planner: Imported = Imported()
@@ -137,7 +138,7 @@ _SHIPPED = (
         script="depth by two forces",
         planner="cutenv.policy.depth_planner:DepthPlanner",
         options={
-            **_CORRECTING, "script": "depth by two forces", "timesteps": 12_000_000, "exploration": 0.05,
+            **_CORRECTING, "timesteps": 12_000_000, "exploration": 0.05,
             "last_exploration": 0.02, "learning_rate": 5e-4,
         },
         infos="cutenv.learning.added_infos:DEPTH_INFOS",
@@ -163,7 +164,7 @@ _SHIPPED = (
         script="steer by force",
         planner="cutenv.policy.path_planner:PathPlanner",
         options={
-            **_CORRECTING, "script": "steer by force", "timesteps": 24_000_000, "exploration": 0.15,
+            **_CORRECTING, "timesteps": 24_000_000, "exploration": 0.15,
             "last_exploration": 0.05, "learning_rate": 7e-4,
         },
         infos="cutenv.learning.added_infos:PATH_INFOS",
