@@ -7,13 +7,12 @@ from typing import Any
 from cutenv.envs.described import described
 from cutenv.envs.path_cut import PathCutEnv
 from cutenv.envs.rig_cut import RigCutEnv
-from cutenv.plant import Plant
 from cutenv.rig.contradictions import AHEAD
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.specimen_source import SpecimenKey
 from cutenv.task.beginning import LONGEST
 from cutenv.task.path import PathEpisode, PathOptions
-from cutenv.tissue.description import TissueDescription, measured_liver
+from cutenv.tissue.description import measured_liver
 from cutenv.tissue.grid import POINTS_PER_METRE
 from cutenv.tissue.lines import CutLine
 
@@ -94,11 +93,3 @@ class RigPathCutEnv(RigCutEnv):
                 f"blade is stopped at {1e3 * low:g} and {1e3 * high:g} (side.rightmost_mm, leftmost_mm). Take another "
                 "line, or an axis that reaches there."
             )
-
-    def _cutting(self, plant: Plant, tissue: TissueDescription, length: float, key: SpecimenKey) -> PathEpisode:
-        cutting = super()._cutting(plant, tissue, length, key)
-        assert isinstance(cutting, PathEpisode)
-        return cutting
-
-    def _info(self) -> dict[str, Any]:
-        return super()._info() | {"path": self.cutting.errors}

@@ -25,7 +25,6 @@ from cutenv.scoring import ReferenceSet, ScoreCard, score
 from cutenv.scoring.points import DEADLINE
 from cutenv.scoring.truth import TIP_AT_END
 from cutenv.task.assessment import NEAR_TARGET
-from cutenv.task.episode import Episode
 from cutenv.task.observation import COMPONENTS, to_action
 from cutenv.task_quantities import TIP_TOLERANCE
 from cutenv.tissue.grid import depth_below
@@ -109,7 +108,7 @@ class PlayedCut:
         return self._env.plant
 
     @property
-    def cutting(self) -> Episode:
+    def cutting(self) -> Any:
         """Task of this cut."""
         return self._env.cutting
 
@@ -127,7 +126,7 @@ class PlayedCut:
     @property
     def target_length(self) -> float:
         """Target length [m]."""
-        return self.cutting.target_length
+        return float(self.cutting.target_length)
 
     @property
     def hand(self) -> float:

@@ -12,7 +12,6 @@ from cutenv.play.devices import ScriptedDevice, simple_hand
 from cutenv.play.hand_model import descent_toward
 from cutenv.play.haptics import Stylus
 from cutenv.play.played_cut import PlayedCut
-from cutenv.task.depth import DepthEpisode
 from cutenv.tissue.grid import depth_below
 
 
@@ -30,13 +29,6 @@ class PlayedDepthCut(PlayedCut):
     def __init__(self, **keywords: Any) -> None:
         super().__init__(**keywords)
         self._start = self.level
-
-    @property
-    def cutting(self) -> DepthEpisode:
-        """Task of this cut."""
-        cutting = self._env.cutting
-        assert isinstance(cutting, DepthEpisode)
-        return cutting
 
     @property
     def level(self) -> float:

@@ -11,7 +11,7 @@ from cutenv.play.devices import ScriptedDevice, simple_hand
 from cutenv.play.hand_model import PLAYED_HAND, hand_over_slab, steered_toward
 from cutenv.play.haptics import Stylus
 from cutenv.play.played_cut import PlayedCut
-from cutenv.task.path import PATH_CUT, PathEpisode
+from cutenv.task.path import PATH_CUT
 
 _AT = [each.name for each in PATH_CUT.all_components].index("lateral")
 _LATERAL = PATH_CUT.all_components[_AT]
@@ -27,13 +27,6 @@ class PlayedPathCut(PlayedCut):
     environment = PathCutEnv
     channels = ("blade_x", "blade_y", "lateral_force")
     third = "across"
-
-    @property
-    def cutting(self) -> PathEpisode:
-        """Task of this cut."""
-        cutting = self._env.cutting
-        assert isinstance(cutting, PathEpisode)
-        return cutting
 
     @property
     def places(self) -> Array:
