@@ -14,7 +14,7 @@ from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, CLIP, COMPONENTS,
 from cutenv.task.reward import CUT_ENDS, REWARD
 
 E = TypeVar("E")
-Rows = list[tuple[str, ...]]
+_Rows = list[tuple[str, ...]]
 
 
 def simple_table(rows: Sequence[tuple[str, ...]]) -> str:
@@ -27,7 +27,7 @@ def simple_table(rows: Sequence[tuple[str, ...]]) -> str:
     return "\n".join([rule, head, rule, *body, rule])
 
 
-def action_rows(task: Task) -> Rows:
+def action_rows(task: Task) -> _Rows:
     """Return the numbers of an action."""
     low, high = (math.degrees(ANGLE_CENTRE + sign * ANGLE_SCALE) for sign in (-1.0, 1.0))
     speed = 100.0 * SPEED_SCALE
@@ -39,7 +39,7 @@ def action_rows(task: Task) -> Rows:
     return [("Num", "Action", "-1 to 1 is", "Unit"), *((str(number), *row) for number, row in enumerate(rows))]
 
 
-def component_rows(task: Task) -> Rows:
+def component_rows(task: Task) -> _Rows:
     """Return the components of the observation that a task adds; all of one that adds none."""
     first = len(COMPONENTS) if task.components else 0
     return [
@@ -51,7 +51,7 @@ def component_rows(task: Task) -> Rows:
     ]
 
 
-def term_rows(task: Task) -> Rows:
+def term_rows(task: Task) -> _Rows:
     """Return the terms of the reward that a task adds; all of one that adds none, 1 for a weight that is fixed."""
     terms = [(term.name, term.weight, term.text) for term in task.costs or REWARD]
     return [
@@ -60,13 +60,13 @@ def term_rows(task: Task) -> Rows:
     ]
 
 
-def end_rows(task: Task) -> Rows:
+def end_rows(task: Task) -> _Rows:
     """Return the end that a task adds; all of one that adds none, in order of precedence."""
     ends = [(task.end, task.end_text)] if task.end else [(end.name, end.text) for end in CUT_ENDS]
     return [("End", "When"), *ends]
 
 
-TABLES: dict[str, Callable[[Task], Rows]] = {
+TABLES: dict[str, Callable[[Task], _Rows]] = {
     "{actions}": action_rows, "{components}": component_rows, "{terms}": term_rows, "{ends}": end_rows,
 }  # fmt: skip
 """Tables of a task by how a docstring names them."""

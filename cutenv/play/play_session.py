@@ -34,16 +34,16 @@ COUNTDOWN = 3.0
 """Duration of the countdown before every cut [s]."""
 LONGEST_STALL = 0.25
 """Longest stall that is made up for [s]; time beyond it is lost to the cut, and the record states it."""
-SHARED = "shared"
+SHARED_TASK = "shared"
 """Name of the task of gentle cutting that is shared with an agent."""
 
 
 def _kind_of_cut(task: str) -> type[PlayedCut]:
-    return SharedCut if task == SHARED else TASKS[task].played
+    return SharedCut if task == SHARED_TASK else TASKS[task].played
 
 
 def _has_line(task: str) -> bool:
-    return task != SHARED and TASKS[task].line
+    return task != SHARED_TASK and TASKS[task].line
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,10 +89,10 @@ class SessionPlan:
     countdown: float = COUNTDOWN
 
     def __post_init__(self) -> None:
-        one_of("task", self.task, (*tasks_with("played"), SHARED))
+        one_of("task", self.task, (*tasks_with("played"), SHARED_TASK))
         if self.line is not None and not _has_line(self.task):
             raise ValueError(f"line = {self.line!r} needs a task along a line: task={self.task!r} has no line.")
-        if (self.agent is not None) != (self.task == SHARED):
+        if (self.agent is not None) != (self.task == SHARED_TASK):
             raise ValueError('an agent and task="shared" belong together, and no course has them.')
         one_of("specimen_class", self.specimen_class, CLASSES)
         if self.cuts is not None:

@@ -10,7 +10,7 @@ from typing import Any
 from cutenv.play.devices import GamepadDevice, MouseDevice
 from cutenv.play.haptics import HapticDevice
 from cutenv.play.picture import LAYOUT, PlayPicture
-from cutenv.play.play_session import SHARED, Session
+from cutenv.play.play_session import SHARED_TASK, Session
 from cutenv.play.servo import Servo
 from cutenv.viewer.canvas import import_pygame
 from cutenv.viewer.window import Window
@@ -122,7 +122,7 @@ class PlayWindow:
         of_key = event.type in (pygame.KEYDOWN, pygame.KEYUP)
         if of_key and self.session.cut.third == "across" and event.key in self._ways():
             self._take_arrow(event)
-        elif self.session.task == SHARED and self._takes_over(event):
+        elif self.session.task == SHARED_TASK and self._takes_over(event):
             pass
         elif event.type == pygame.KEYDOWN:
             self._take_key(event.key)

@@ -13,7 +13,7 @@ from typing import Any
 from cutenv._base.validation import one_of
 
 
-class Imported:
+class ImportedField:
     """Field of an entry that is given as a place, "package.module:NAME", and read as the object there; or given so."""
 
     def __set_name__(self, owner: type, name: str) -> None:
@@ -39,15 +39,15 @@ class RegisteredTask:
     name: str
     id: str
     """Id of the environment."""
-    task: Imported = Imported()
+    task: ImportedField = ImportedField()
     """Declaration."""
-    single: Imported = Imported()
+    single: ImportedField = ImportedField()
     """Environment."""
-    vector: Imported = Imported()
+    vector: ImportedField = ImportedField()
     """Vector environment."""
     rig_id: str = ""
     """Id of the environment on a rig."""
-    rig: Imported = Imported()
+    rig: ImportedField = ImportedField()
     """That environment."""
     along: str = ""
     """Words for what the cuts follow, such as "along a drawn line"."""
@@ -56,24 +56,24 @@ class RegisteredTask:
     errors: tuple[tuple[str, str, str, int], ...] = ()
     """Scores that tell how well they follow it: name, words, unit, and number of decimals."""
 
-    features: Imported = Imported()
+    features: ImportedField = ImportedField()
     """Class of what a learner is shown, such as :class:`cutenv.policy.Features`."""
-    scripts: Imported = Imported()
+    scripts: ImportedField = ImportedField()
     """Scripts that learners imitate, correct and are compared with: makers by name."""
     script: str = ""
     """Name of the one that is imitated or corrected by default."""
-    policies: Imported = Imported()
+    policies: ImportedField = ImportedField()
     """Policies without a network that cut on a rig, as far as they are more than the scripts: makers by name."""
-    planner: Imported = Imported()
+    planner: ImportedField = ImportedField()
     """Class of the planner with truth."""
     options: Mapping[str, Any] = field(default_factory=dict)
     """Options of PPO that differ from its defaults."""
-    infos: Imported = Imported()
+    infos: ImportedField = ImportedField()
     """Infos of data sets besides those of gentle cutting, :class:`cutenv.learning.added_infos.AddedInfos`."""
 
-    played: Imported = Imported()
+    played: ImportedField = ImportedField()
     """Class of a cut by a person in a window, a :class:`cutenv.play.played_cut.PlayedCut`."""
-    hand: Imported = Imported()
+    hand: ImportedField = ImportedField()
     """Class of a cut by a person in a page, a :class:`cutenv.browser.stylus_steps.HandCut`."""
 
     @property
