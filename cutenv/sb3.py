@@ -216,7 +216,7 @@ class FeatureVecEnv(NativeVecEnv):
             raise ValueError(f"hold = {hold} has no effect without a script. Give script, or leave hold out.")
         self._features = learned.features(count, history=history, force=force)
         self._script, self._hold = None if script is None else script_of(learned, script), hold
-        self._scripted = np.zeros((count, 0 if script is None else len(learned.actions)), np.float32)
+        self._scripted = np.zeros((count, 0 if script is None else len(learned.task.action_names)), np.float32)
         self.features = self._features.size + self._scripted.shape[1]
         self._all = np.arange(count)
         super().__init__(seeds, hidden_state=hidden_state, task=task, **arguments)

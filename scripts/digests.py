@@ -53,6 +53,10 @@ class Task(NamedTuple):
     rounds: int
     variants: Mapping[str, dict[str, Any]]
 
+    def held(self) -> HeldRandomActions:
+        """Return random actions that are held."""
+        return HeldRandomActions(len(self.entry.task.action_names))
+
 
 _OF_EVERY_TASK: dict[str, dict[str, Any]] = {
     **{f"class {name}": {"specimen_class": name} for name in ("uniform", "liver", "vascular")},
@@ -277,7 +281,7 @@ def both(task: Task, keywords: Mapping[str, Any], policy: ArrayPolicy, singles: 
 def random_digests(task: Task, quick: bool) -> Digests:
     """Yield the digests of cuts by random actions."""
     count = 50 if quick else 1000
-    return both(task, {"control_hz": 10}, HeldRandomActions(len(task.entry.actions)), count, count, DECISIONS)
+    return both(task, {"control_hz": 10}, task.held(), count, count, DECISIONS)
 
 
 def script_digests(task: Task, quick: bool) -> Digests:
@@ -291,16 +295,14 @@ def variant_digests(task: Task, quick: bool) -> Digests:
     count = 2 if quick else 10
     for name, keywords in {**_OF_EVERY_TASK, **task.variants}.items():
         rate = {} if "id" in keywords else {"control_hz": 10}
-        found = dict(
-            both(task, {**rate, **keywords}, HeldRandomActions(len(task.entry.actions)), count, count, DECISIONS)
-        )
+        found = dict(both(task, {**rate, **keywords}, task.held(), count, count, DECISIONS))
         yield f"{name}/rows", found.pop("vector/rows")
         yield name, digest(found)
 
 
 def reset_digests(task: Task, quick: bool) -> Digests:
     """Yield digests of options of a reset, and of vector environments that begin the next cut in their own ways."""
-    policy, short = HeldRandomActions(len(task.entry.actions)), {"control_hz": 10, "deadline_s": 2.0}
+    policy, short = task.held(), {"control_hz": 10, "deadline_s": 2.0}
     env = gymnasium.make(task.entry.id, **short)
     options = {"specimen": Specimen.drawn(3, 4).to_json(), "target_length": 0.065, "episode": 7}
     for name, value in options.items():

@@ -22,7 +22,7 @@ _MM = 1e3
 
 def across(task: RegisteredTask) -> int:
     """Return the component of the observation that tells where the blade is beside the position: the first length."""
-    return next(k for k, one in enumerate(task.components) if k >= len(COMPONENTS) and one.unit == "m")
+    return next(k for k, one in enumerate(task.task.all_components) if k >= len(COMPONENTS) and one.unit == "m")
 
 
 def cut(
@@ -34,7 +34,7 @@ def cut(
     policy.reset(np.random.default_rng([seed, episode]))
     total, places, ended = 0.0, [], False
     told = [_POSITION, across(task)]
-    scales = _MM * np.array([task.components[k].scale for k in told])
+    scales = _MM * np.array([task.task.all_components[k].scale for k in told])
     while not ended:
         observation, reward, ended, _, info = env.step(policy(observation))
         total += reward
@@ -84,7 +84,7 @@ def main() -> None:
     print(f"{arguments.specimens} specimens, seed {arguments.seed}, rig {arguments.rig}; medians\n")
     true, error = " | in truth [mm]" if task.line else "", f"{task.errors[0][1]} on the rig [mm]"
     print(f"| Script | same end and success | position apart, rms [mm] "
-          f"| {task.components[across(task)].name} apart, rms [mm] | returns apart | return on the rig "
+          f"| {task.task.all_components[across(task)].name} apart, rms [mm] | returns apart | return on the rig "
           f"| in the simulator | {error}{true} | in the simulator [mm] |")  # fmt: skip
     print("|---|--:|--:|--:|--:|--:|--:|--:|--:|" + ("--:|" if true else ""))
     off: list[float] = []

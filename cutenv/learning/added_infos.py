@@ -64,7 +64,7 @@ def infos_of(environment: str) -> AddedInfos:
 
 def added_infos(environment: str, observation: np.ndarray, info: Mapping[str, Any]) -> dict[str, float]:
     """Return the added infos of one decision; nothing for an environment that adds none."""
-    added, components = infos_of(environment), task_made_as(environment).components
+    added, components = infos_of(environment), task_made_as(environment).task.all_components
     if added is _NONE:
         return {}
     seen = {one.name: value * one.scale for one, value in zip(components, observation.tolist(), strict=True)}

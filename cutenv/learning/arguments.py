@@ -67,7 +67,7 @@ def actor_critic_inputs(task: RegisteredTask, history: int, critic: str, base: s
 
     With the ``base`` "script", both see the script's action as well.
     """
-    features = task.features(history=history).size + (len(task.actions) if base == "script" else 0)
+    features = task.features(history=history).size + (len(task.task.action_names) if base == "script" else 0)
     return {"features": features, "critic": features + (len(task.privileged) if critic == "truth" else 0)}
 
 

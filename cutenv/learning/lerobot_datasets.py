@@ -165,7 +165,7 @@ def _features(episode: Columns, keywords: Mapping[str, Any], cut: Demonstration)
     names: dict[str, list[str] | None] = {
         "observation.state": list(measured),
         "observation.environment_state": [each["name"] for each in observation_scaling(task.id)],
-        "action": list(task.actions),
+        "action": list(task.task.action_names),
         "info": [name for name in cut.infos if name not in (*measured, *_ELSEWHERE)],
     }
     kinds = {"f": "float32", "i": "int64", "b": "bool"}

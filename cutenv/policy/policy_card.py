@@ -26,7 +26,8 @@ def observation_scaling(environment: str = "cutenv/GentleCut-v1") -> list[dict[s
 
     The components are in order.
     """
-    return [{key: getattr(component, key) for key in _SCALING} for component in task_made_as(environment).components]
+    components = task_made_as(environment).task.all_components
+    return [{key: getattr(component, key) for key in _SCALING} for component in components]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,7 +143,7 @@ def check_scaling(scaling: list[dict[str, Any]], environment: str = "cutenv/Gent
     """Raise if observations of an environment were scaled differently from this version of cutenv."""
     if not isinstance(scaling, list):
         raise TypeError(f"scaling must be a list with {', '.join(_SCALING)} of each component, got {scaling!r}.")
-    components = task_made_as(environment).components
+    components = task_made_as(environment).task.all_components
     for given, component, ours in itertools.zip_longest(scaling, components, observation_scaling(environment)):
         if given != ours:  # exactly: JSON keeps every digit
             name = f"component {component.name!r}" if component else f"a component after {components[-1].name!r}"

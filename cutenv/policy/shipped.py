@@ -104,6 +104,6 @@ def gentle_policy(name: str | Path) -> TrainedPolicy:
     if task is not TASKS["gentle"]:
         raise ValueError(
             f"policy {str(name)!r} was trained in {policy.card.environment}, which has a third action, "
-            f"{task.actions[2]}. Give one of cutenv/GentleCut-v1, or compare it by 'cutenv evaluate'."
+            f"{task.task.action_names[2]}. Give one of cutenv/GentleCut-v1, or compare it by 'cutenv evaluate'."
         )
     return policy

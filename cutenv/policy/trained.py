@@ -48,14 +48,14 @@ class TrainedPolicy(ArrayPolicy):
         check_scaling(card.scaling, card.environment)
         self._card, self._network = card, network
         task = task_made_as(card.environment)
-        size = _features(card, 1).size + (0 if card.script is None else len(task.actions))
+        size = _features(card, 1).size + (0 if card.script is None else len(task.task.action_names))
         if isinstance(network, RecurrentNetwork) != (card.memory is not None):
             kind = "one" if isinstance(network, RecurrentNetwork) else "none"
             raise ValueError(f"memory is {card.memory!r}, but the network has {kind}. {_AGAIN}")
         if network.sizes != card.layers:
             found = _shown(network.sizes)
             raise ValueError(f"layers is {_shown(card.layers)}, but the network's are {found}. {_AGAIN}")
-        needed = (size, len(task.actions))
+        needed = (size, len(task.task.action_names))
         if (network.sizes[0], network.sizes[-1]) != needed:
             raise ValueError(
                 f"layers is {_shown(card.layers)}; with features {card.features} it must begin with {needed[0]} and "
@@ -85,7 +85,7 @@ class TrainedPolicy(ArrayPolicy):
         if self._script is not None:
             self._script.begin(rngs)
         self._features = _features(self._card, count)
-        self._added = np.zeros((count, len(task_made_as(self._card.environment).actions)), np.float32)
+        self._added = np.zeros((count, len(task_made_as(self._card.environment).task.action_names)), np.float32)
         self._decided = np.zeros(count, int)
         self._state = self._network.start(count) if isinstance(self._network, RecurrentNetwork) else None
 

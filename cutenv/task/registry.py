@@ -77,18 +77,6 @@ class RegisteredTask:
     """Class of a cut by a person in a page, a :class:`cutenv.browser.stylus_steps.HandCut`."""
 
     @property
-    def components(self) -> tuple[Any, ...]:
-        """Components of an observation."""
-        components: tuple[Any, ...] = self.task.all_components
-        return components
-
-    @property
-    def actions(self) -> tuple[str, ...]:
-        """Names of the numbers of an action."""
-        names: tuple[str, ...] = self.task.action_names
-        return names
-
-    @property
     def privileged(self) -> tuple[str, ...]:
         """Names of the hidden state that a critic is shown."""
         from cutenv.task.privileged import privileged_names
