@@ -232,16 +232,15 @@ def _task(number: int, given: Mapping[str, Any]) -> CourseTask:
         if "specimen_class" not in given:
             raise ValueError(f"specimen_class is missing. Give one of {', '.join(CLASSES)}.")
         _text("name", given)
-        kind = given.get("task", "gentle")
+        kind = _TASK_KEYS["task"](given.get("task", "gentle"))
         for key in given.get("mark", {}):
             for other, metrics in MAP_METRICS.items():
                 if kind != other and key in MARKED_METRICS and MARKED_METRICS[key].name in metrics:
                     raise ValueError(_of_another(f"mark {key}", TASKS[other]))
-        along_line = kind in TASKS and TASKS[kind].line
-        if "line" in given and not along_line:
+        if "line" in given and not TASKS[kind].line:
             other_task = next(task for task in TASKS.values() if task.line)
             raise ValueError(_of_another(f"line = {given['line']!r}", other_task))
-        if along_line and "target_length_mm" in given:
+        if TASKS[kind].line and "target_length_mm" in given:
             longest = f"A drawn line is long enough for cuts of at most {1e3 * LONGEST:.0f} mm."
             in_range("target_length_mm", given["target_length_mm"], 15.0, 1e3 * LONGEST, "mm", longest)
         return CourseTask(**{_FIELDS.get(key, key): _TASK_KEYS[key](given[key]) for key in given})
