@@ -278,8 +278,9 @@ def scoring_data() -> dict[str, Any]:
 def shared_part(task: str, slab: StructArray) -> StructArray:
     """Return the part of a slab, shape (1,), that all cuts of a task share and its law needs."""
     part: StructArray = np.zeros(1, TASKS[task].hand.shared)
-    for name in (part.dtype.names and part["slab"].dtype.names) or ():
-        part["slab"][name] = slab[name]
+    if "slab" in (part.dtype.names or ()):
+        for name in part["slab"].dtype.names or ():
+            part["slab"][name] = slab[name]
     return part
 
 
