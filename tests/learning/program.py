@@ -7,6 +7,7 @@ import csv
 import io
 import os
 import re
+import runpy
 import signal
 import subprocess
 import sys
@@ -14,6 +15,7 @@ import time
 import traceback
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 from cutenv import cli
 
@@ -26,22 +28,34 @@ def command(program: str) -> list[str]:
     return [sys.executable, *called]
 
 
-def run(program: str, folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    """Run to its end; a command of cutenv in this process, which has the learners loaded."""
+def run_afresh(program: str, folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run to its end in a process of its own, as a user's shell does."""
     line = [*command(program), *arguments]
-    if program.endswith(".py"):
-        return subprocess.run(line, cwd=folder, capture_output=True, text=True, check=False, timeout=300)
+    return subprocess.run(line, cwd=folder, capture_output=True, text=True, check=False, timeout=300)
+
+
+def run(program: str, folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run to its end in this process, which has the learners loaded."""
     out, errors = io.StringIO(), io.StringIO()
-    with contextlib.chdir(folder), contextlib.redirect_stdout(out), contextlib.redirect_stderr(errors):
+    with (
+        contextlib.chdir(folder),
+        contextlib.redirect_stdout(out),
+        contextlib.redirect_stderr(errors),
+        mock.patch.object(sys, "argv", [program, *arguments]),
+    ):
         try:
-            status = cli.main([*program.split(), *arguments])
+            if program.endswith(".py"):
+                runpy.run_path(str(ROOT / program), run_name="__main__")
+                status: Any = 0
+            else:
+                status = cli.main([*program.split(), *arguments])
         except SystemExit as ended:
             status = ended.code if isinstance(ended.code, int | None) else 1
             print("" if isinstance(ended.code, int | None) else ended.code, file=errors)
         except Exception:
             traceback.print_exc()
             status = 1
-    return subprocess.CompletedProcess(line, status or 0, out.getvalue(), errors.getvalue())
+    return subprocess.CompletedProcess([*command(program), *arguments], status or 0, out.getvalue(), errors.getvalue())
 
 
 def interrupted(program: str, folder: Path, checkpoint: str, *arguments: str) -> tuple[int, str]:
