@@ -21,13 +21,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from benchmark.table import markdown_table
+from kept_rows import keep, kept_rows
 from scipy.stats import spearmanr
 
 from cutenv.envs.depth_cut import DepthCutEnv
 from cutenv.envs.path_cut import PathCutEnv
 from cutenv.learning.batched_rollout import batched_rollout
 from cutenv.learning.evaluation import contestant
-from cutenv.learning.result_tables import rows_of, write_csv
 from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.measurement.depth import LAYER_DEPTH_KEY
 from cutenv.plant.protocol import recorded_trace, to_trace
@@ -46,6 +46,8 @@ from cutenv.tissue.lines import places_within
 from cutenv.trace import Trace
 
 FOLDER, FILE = Path("runs") / "check-score", "rows.csv"
+TEXTS = ("class", "policy", "end")
+"""Columns of the kept rows that are no numbers."""
 CLASSES = ("mixed", "vascular", "liver", "uniform")
 FEED, GIVES_UP = "constant 1.27 cm/s 90 deg", "gives up at two thirds"
 PLAYERS = (ORACLE, *SCRIPTS, "ppo-free", "ppo-fixed", FEED, "constant 0.38 cm/s 45 deg", *NULL_POLICIES)
@@ -151,8 +153,6 @@ class MapTask(NamedTuple):
     players: Mapping[str, Callable[[], Any]]
     env: Callable[..., Any]
     cut: Callable[[Any, Any, int], tuple[float, Trace]]
-    errors: str
-    """Name of the errors of the task's cutting."""
     compared: Mapping[str, tuple[str, str, float, str]]
     """Name of the error, words for it, its units in one of the metric's, and its unit, by metric."""
     end: str
@@ -162,7 +162,7 @@ class MapTask(NamedTuple):
 
 MAP_TASKS = {
     "depth": MapTask(
-        {ORACLE: DepthPlanner, **DEPTH_SCRIPTS, TOO_DEEP: Deeper}, DepthCutEnv, depth_cut, "depth_errors",
+        {ORACLE: DepthPlanner, **DEPTH_SCRIPTS, TOO_DEEP: Deeper}, DepthCutEnv, depth_cut,
         {
             "mean_depth_error": ("mean_error_mm", "the mean error of the depth", 1e3, "mm"),
             "layer_depth": ("layer_mm", "the depth into the layer", 1e3, "mm"),
@@ -170,7 +170,7 @@ MAP_TASKS = {
         "layer", "in the layer below",
     ),
     "path": MapTask(
-        {ORACLE: PathPlanner, **PATH_SCRIPTS}, PathCutEnv, path_cut, "path_errors",
+        {ORACLE: PathPlanner, **PATH_SCRIPTS}, PathCutEnv, path_cut,
         {
             "largest_line_distance": ("largest_distance_mm", "the largest distance to the line", 1e3, "mm"),
             "line_area": ("area_mm2", "the area between cut and line", 1e6, "mm2"),
@@ -191,8 +191,8 @@ def measure_map(task: MapTask, specimens: int) -> list[dict[str, Any]]:
             card = score(trace)
             hidden = (TIP_AT_END, FLOOR_AT_END, ASIDE_AT_END)
             alone = score(trace.with_metadata({k: v for k, v in trace.metadata.items() if k not in hidden}))
-            errors = getattr(env.cutting, task.errors)
-            row = {"class": "mixed", "seed": seed, "policy": name, "return": total, "success": env.cutting.success}
+            errors = env.cutting.errors
+            row = {"class": "mixed", "seed": seed, "policy": name, "return": total}
             row |= {"score": card.overall_score or 0.0, "from_record": alone.overall_score or 0.0}
             row |= {"success": float(env.cutting.success), "end": env.cutting.end}
             for metric, (error, _, units, _) in task.compared.items():
@@ -283,14 +283,6 @@ def report(rows: Sequence[Mapping[str, Any]]) -> str:
     )
 
 
-def kept(folder: Path, file: str = FILE) -> list[dict[str, str]]:
-    """Return the rows of an earlier measurement; SystemExit if there is none."""
-    path = folder / file
-    if not path.is_file():
-        raise SystemExit(f"{path} is missing; run 'python scripts/check_score.py' first.")
-    return list(rows_of(path))
-
-
 def main() -> None:
     """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -303,17 +295,15 @@ def main() -> None:
     if arguments.specimens < 1:
         parser.error(f"--specimens {arguments.specimens} is less than 1")
     if arguments.task in MAP_TASKS:
-        task, file = MAP_TASKS[arguments.task], f"{arguments.task}.csv"
+        task, path = MAP_TASKS[arguments.task], arguments.out / f"{arguments.task}.csv"
         if not arguments.print:
-            arguments.out.mkdir(parents=True, exist_ok=True)
-            write_csv(arguments.out / file, measure_map(task, arguments.specimens))
-        print(map_report(task, kept(arguments.out, file)), flush=True)
+            keep(path, measure_map(task, arguments.specimens))
+        print(map_report(task, kept_rows(path, f"check_score.py --task {arguments.task}", TEXTS)), flush=True)
         return
     if not arguments.print:
         rows = [row for kind in arguments.classes for row in measure(PLAYERS, arguments.specimens, kind)]
-        arguments.out.mkdir(parents=True, exist_ok=True)
-        write_csv(arguments.out / FILE, rows)
-    print(report(kept(arguments.out)), flush=True)
+        keep(arguments.out / FILE, rows)
+    print(report(kept_rows(arguments.out / FILE, "check_score.py", TEXTS)), flush=True)
 
 
 if __name__ == "__main__":
