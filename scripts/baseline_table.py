@@ -17,8 +17,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from kept_rows import interval_text, keep, kept_rows
+
 from cutenv.learning.evaluation import Contestant, evaluate
-from cutenv.learning.result_tables import rows_of, write_csv
 from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.learning.statistics import differences, summarise
 from cutenv.policy import BASELINES, CONSTANT_FEEDS, GRID_ANGLES, GRID_SPEEDS, NULL_POLICIES, ORACLE, SCRIPTS, feed_name
@@ -91,7 +92,7 @@ def findings(rows: Sequence[Mapping[str, Any]], score: str) -> list[str]:
         f"best script: {script}, {values[script]['mean']:.3f}",
         f"best success of a script: {surest}, {success[surest]['mean']:.3f}; the best script's is "
         f"{success[script]['mean']:.3f}, rank {rank} of {len(scripts)}",
-        f"the planner with truth leads it by {lead['mean']:.3f} [{lead['low_95']:.3f}, {lead['high_95']:.3f}], "
+        f"the planner with truth leads it by {interval_text(lead)}, "
         f"{lead['mean'] / width:.1f} widths of the script's interval",
         f"finished cuts that score no better than doing nothing ({nothing:.3f}): {below} of {len(finished)}; "
         f"the worst scores {worst:.3f}",
@@ -122,9 +123,7 @@ def report(rows: Sequence[Mapping[str, Any]], specimen_class: str) -> str:
     chosen = [*SCRIPTS, best(values["return"], list(CONSTANT_FEEDS)), ORACLE, *NULL_POLICIES]
     lines.append("".ljust(28) + "".join(title.rjust(25) for title in columns.values()))
     for name in sorted(chosen, key=lambda name: -values["return"][name]["mean"]):
-        cells = [values[score][name] for score in columns]
-        shown = [f"{cell['mean']:.3f} [{cell['low_95']:.3f}, {cell['high_95']:.3f}]" for cell in cells]
-        lines.append(name.ljust(28) + "".join(text.rjust(25) for text in shown))
+        lines.append(name.ljust(28) + "".join(interval_text(values[score][name]).rjust(25) for score in columns))
     for score, title in (("earlier_return", "as before"), ("return", "as it is")):
         lines += ["", f"rewards {title}"] + [f"  {line}" for line in findings(rows, score)]
         lines += [f"  {line}" for line in grid_lines(values[score])]
@@ -133,11 +132,7 @@ def report(rows: Sequence[Mapping[str, Any]], specimen_class: str) -> str:
 
 def kept(folder: Path, specimen_class: str) -> list[dict[str, Any]]:
     """Return the rows of an earlier measurement; SystemExit if there is none."""
-    path = folder / f"{specimen_class}.csv"
-    if not path.is_file():
-        raise SystemExit(f"{path} is missing; run 'python scripts/baseline_table.py' first.")
-    texts = ("policy", "specimen_class", "end")
-    return [{name: value if name in texts else float(value) for name, value in row.items()} for row in rows_of(path)]
+    return kept_rows(folder / f"{specimen_class}.csv", "baseline_table.py", ("policy", "specimen_class", "end"))
 
 
 def main() -> None:
@@ -149,11 +144,10 @@ def main() -> None:
     parser.add_argument("--processes", type=int, metavar="N", help="number of processes; default one per core")
     parser.add_argument("--print", action="store_true", help="print the kept tables without measuring again")
     arguments = parser.parse_args()
-    arguments.out.mkdir(parents=True, exist_ok=True)
     for specimen_class in arguments.classes:
         if not arguments.print:
             rows = measure(specimen_class, arguments.specimens, arguments.processes)
-            write_csv(arguments.out / f"{specimen_class}.csv", rows)
+            keep(arguments.out / f"{specimen_class}.csv", rows)
         print("\n" + report(kept(arguments.out, specimen_class), specimen_class), flush=True)
 
 

@@ -12,10 +12,9 @@ import os
 import sys
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
-from importlib import import_module
 from pathlib import Path
 
-from speed import BENCHMARKS
+from speed import BENCHMARKS, measurement
 from speed.comparison import compared
 from speed.machine import BLAS_THREADS
 from speed.measured import Number
@@ -53,7 +52,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     numbers: dict[str, Mapping[str, Number]] = {}
     for name in arguments.only or BENCHMARKS:
         print(f"measuring {name} ...", file=sys.stderr, flush=True)
-        measured = import_module(f"speed.{BENCHMARKS[name]}").measure()
+        measured = measurement(name)()
         print(*measured.lines, sep="\n", flush=True)
         numbers[name] = measured.numbers
     record = record_of(numbers, datetime.now(UTC))

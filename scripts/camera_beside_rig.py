@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import argparse
 import functools
-import json
 import math
 import os
 import sys
@@ -29,6 +28,7 @@ import av
 import numpy as np
 import rig_soak
 from benchmark.table import markdown_table
+from kept_rows import keep_json
 from measure_depth_accuracy import BOARD, BOARDS
 from rendering.filmed_cut import film_cut
 
@@ -217,8 +217,7 @@ def main() -> int:
             runs[camera] = beside(settings, arguments.minutes, arguments.seed, Path(name) / "records")
     kept = {"minutes": arguments.minutes, "size": "512 x 384", "runs": runs}
     if arguments.json is not None:
-        arguments.json.parent.mkdir(parents=True, exist_ok=True)
-        arguments.json.write_text(json.dumps(kept, indent=1))
+        keep_json(arguments.json, kept)
     print(markdown(kept))
     return 0
 

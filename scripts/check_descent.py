@@ -9,21 +9,19 @@ promise is not kept.
 
 from __future__ import annotations
 
-import argparse
 import math
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from adversarial_motions import FEED, MOTIONS, TICKS, UPRIGHT
-from benchmark.table import markdown_table
-from check_physics import RESIDUAL, Row, drawn
 from fit_layers import SlabsOfBricks, size_of, slab_name
+from promises import Led, Row, account_rows, differing, run, share_row
 
 from cutenv.cutting.descent import DescentParameters
-from cutenv.cutting.dtypes import READING, TICK
-from cutenv.plant import DescendingPlant, SimulatedPlant
+from cutenv.cutting.dtypes import TICK
+from cutenv.plant import DescendingPlant
 from cutenv.tissue import Layers, Specimen
 from cutenv.tissue.layers import LAYER_REACH
 from cutenv.tissue.specimen import SPACING
@@ -51,18 +49,6 @@ LEVEL_TOLERANCE = 0.02
 """Largest difference between work and the integral of the forces, and of the area from that of the floor [1]."""
 
 
-class Led(NamedTuple):
-    """A cut whose blade was led along a path."""
-
-    plant: DescendingPlant
-    readings: Any
-
-    @property
-    def vertical(self) -> Any:
-        """Vertical force at each reading, shape (n,) [N]."""
-        return self.plant.vertical_force
-
-
 def led(
     specimen: Specimen,
     positions: Any,
@@ -82,40 +68,26 @@ def check_level_zero(specimens: Sequence[Specimen]) -> Iterator[Row]:
     different = compared = 0
     for specimen in specimens:
         for number, (motion, layers) in enumerate((m, la) for m in MOTIONS.values() for la in (None, alike)):
-            positions, angles = motion(np.random.default_rng(number))
-            readings = SimulatedPlant(specimen, angle=float(np.ravel(angles)[0])).lead(positions, angles)
-            own = led(specimen, positions, 0.0, angles, layers)
-            different += sum(int((own.readings[name] != readings[name]).sum()) for name in READING.names or ())
-            compared += readings.size
+            path = motion(np.random.default_rng(number))
+            off, count = differing(led(specimen, path[0], 0.0, path[1], layers), specimen, *path)
+            different, compared = different + off, compared + count
     what = f"readings at level 0 that differ from the law without it ({compared})"
     yield Row(what, str(different), "0", different == 0)
 
 
 def check_descent_account(specimens: Sequence[Specimen]) -> Iterator[Row]:
     """Check the energy account under motions that no drive makes, along the cut and up and down."""
-    worst, lowest, gained, paths = 0.0, 0.0, math.inf, 0
-    finite = monotone = True
-    for specimen in specimens:
-        for k, (_, motion) in enumerate(MOTIONS.items()):
-            for m, (_, vertical) in enumerate(VERTICAL.items()):
-                rng = np.random.default_rng((k, m))
-                positions, angles = motion(rng)
-                cut = led(specimen, positions, vertical(rng), angles, LAYERED)
-                energy = cut.plant.energy()
-                worst = max(worst, abs(energy["residual"]) / max(abs(energy["work"]), 1e-3))
-                lowest = min(lowest, *(energy[name] for name in ("loss", "fracture", "friction", "stored")))
-                gained = min(gained, energy["work"] - energy["friction"] - energy["stored"])
-                finite &= bool(np.isfinite(cut.readings["force"]).all() and np.isfinite(cut.vertical).all())
-                monotone &= bool((np.diff(cut.readings["tip"]) >= 0.0).all())
-                paths += 1
-    yield Row(
-        f"residual of the account over the work or 1 mJ ({paths})", f"{worst:.1e}", f"{RESIDUAL:.0e}", worst <= RESIDUAL
-    )
-    yield Row("least work beyond friction and what is stored [J]", f"{gained:.1e}", "not negative", gained >= -1e-12)
-    yield Row(
-        "least of fracture, friction, loss and what is stored [J]", f"{lowest:g}", "not negative", bool(lowest >= 0.0)
-    )
-    yield Row("forces finite, tip never backwards", f"{finite}, {monotone}", "True, True", finite and monotone)
+
+    def cuts() -> Iterator[tuple[Led, Any]]:
+        for specimen in specimens:
+            for k, motion in enumerate(MOTIONS.values()):
+                for m, vertical in enumerate(VERTICAL.values()):
+                    rng = np.random.default_rng((k, m))
+                    positions, angles = motion(rng)
+                    cut = led(specimen, positions, vertical(rng), angles, LAYERED)
+                    yield cut, cut.plant.vertical_force
+
+    yield from account_rows(cuts(), "residual of the account over the work or 1 mJ ({})", 0.0)
 
 
 def check_limits(specimens: Sequence[Specimen]) -> Iterator[Row]:
@@ -128,7 +100,7 @@ def check_limits(specimens: Sequence[Specimen]) -> Iterator[Row]:
         descent["toughness"][0] * descent["edge_length"]
         + stab.plant.cuts["laws"][0, 0]["friction_per_depth"] * stab.plant.profiles[0]["depth"][20]
     )
-    ratio = stab.vertical[-1] / expected
+    ratio = stab.plant.vertical_force[-1] / expected
     yield Row(
         "vertical force of a pure stab over R w plus friction",
         f"{ratio:.4f}",
@@ -158,28 +130,18 @@ def check_limits(specimens: Sequence[Specimen]) -> Iterator[Row]:
         fracture = float((own["toughness"] * (own["surface"] - own["floor"]) * cells).sum())
         errors.append(state["fracture"] / fracture - 1.0)
         x, h = np.append(0.0, cut.readings["position"]), np.append(levels[0], levels)
-        along, up = cut.readings["force"], -cut.vertical
+        along, up = cut.readings["force"], -cut.plant.vertical_force
         mean = 0.5 * (np.append(0.0, along[:-1]) + along)
         works.append(
             (np.sum(mean * np.diff(x)) + np.sum(0.5 * (np.append(0.0, up[:-1]) + up) * np.diff(h))) / state["work"]
             - 1.0
         )
-    found = f"{100 * min(errors):+.2f} to {100 * max(errors):+.2f} %"
-    worst = float(max(map(abs, errors)))
-    yield Row(
-        "fracture energy over R times the area of the floor, waving depth",
-        found,
-        "within 2 %",
-        worst <= LEVEL_TOLERANCE,
-    )
-    found = f"{100 * min(works):+.2f} to {100 * max(works):+.2f} %"
-    worst = float(max(map(abs, works)))
-    yield Row("integral of both forces over the work, waving depth", found, "within 2 %", worst <= LEVEL_TOLERANCE)
-    found = f"{100 * min(sooner):+.2f} to {100 * max(sooner):+.2f} %"
-    worst = float(max(map(abs, sooner)))
-    yield Row(
-        "work where tissue responds every ms, not every 10, waving", found, "within 2 %", worst <= LEVEL_TOLERANCE
-    )
+    for what, shares in (
+        ("fracture energy over R times the area of the floor, waving depth", errors),
+        ("integral of both forces over the work, waving depth", works),
+        ("work where tissue responds every ms, not every 10, waving", sooner),
+    ):
+        yield share_row(what, shares, LEVEL_TOLERANCE)
     yield Row("largest step of the force along the cut without a run, waving depth", f"{1e3 * max(steps):.0f} mN")
 
 
@@ -191,7 +153,7 @@ def held_force_over_work(specimen: Specimen) -> float:
     raised = led(specimen, np.append(x, np.full(20, x[-1])), np.append(levels, np.full(20, levels[-1] + 5e-5)), UPRIGHT)
     before, after = held.plant.energy(), raised.plant.energy()
     work = after["work"] - before["work"] - (after["friction"] - before["friction"])
-    return float(held.vertical[-1] / (-work / 5e-5))
+    return float(held.plant.vertical_force[-1] / (-work / 5e-5))
 
 
 def check_layers(_: Sequence[Specimen]) -> Iterator[Row]:
@@ -210,35 +172,9 @@ CHECKS: dict[str, Callable[[Sequence[Specimen]], Iterator[Row]]] = {
 }
 
 
-def table(specimens: int, parts: Sequence[str]) -> Iterator[Row]:
-    """Yield the rows of the chosen parts."""
-    sampled = drawn(specimens)
-    for part in parts:
-        yield from CHECKS[part](sampled)
-
-
-def markdown(specimens: int = 4) -> str:
-    """Return the whole table as Markdown."""
-    rows = [(row.what, row.found, row.promised) for row in table(specimens, list(CHECKS))]
-    return markdown_table(("what", "found", "promised"), rows)
-
-
 def main(argv: Sequence[str] | None = None) -> int:
     """Check and print; return 1 if a promise is not kept."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--specimens", type=int, default=4, metavar="N", help="default 4")
-    parser.add_argument(
-        "--only", nargs="+", choices=CHECKS, default=list(CHECKS), metavar="PART", help=", ".join(CHECKS)
-    )
-    arguments = parser.parse_args(argv)
-    if arguments.specimens < 1:
-        parser.error(f"--specimens {arguments.specimens} is less than 1")
-    print(f"{Row('what', 'found', 'promised')} holds")
-    kept = []
-    for row in table(arguments.specimens, arguments.only):
-        print(row, flush=True)
-        kept.append(row.holds is not False)
-    return int(not all(kept))
+    return run(__doc__, CHECKS, argv)
 
 
 if __name__ == "__main__":

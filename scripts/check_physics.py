@@ -17,12 +17,13 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import measure_recovery
 import numpy as np
 from adversarial_motions import INCLINED, MOTIONS, UPRIGHT
 from numpy.typing import NDArray
+from promises import LEAST_WORK, RESIDUAL, SEED, Row, drawn
 from speed.batch import MANY, RESETS_IN_STEPS, rates
 
 from cutenv._engine.jit import njit
@@ -37,42 +38,18 @@ from cutenv.tissue.specimen import N_POINTS, SPACING
 
 Array = NDArray[np.float64]
 
-SEED, OTHER_SEEDS = 1, 1000  # of the livers and those with vessels; the first of the others
 STIFFNESS = 0.01
 """Largest relative error of K against the finite-element model [1]."""
 SPEEDS = (0.001, 0.0127, 0.0254)  # [m/s]
 TURNS = (0.03, 0.035, 0.04, 0.045, 0.05)  # where the blade is drawn back to the clamp and returns [m]
 RELOAD = 0.0005
 """Largest relative change of the force on return, against that when the blade was drawn back [1]."""
-RESIDUAL, LEAST_WORK = 1e-12, 1e-3
-"""Largest residual of the energy account over the work [1], or over 1 mJ where that is more."""
 FURTHEST = 0.10
 """Largest length of the cuts [m]."""
 CUT_LENGTH = 0.11
 """Length of the cuts that are measured [m]."""
 ETA90 = 0.03
 """Largest error of eta90, from all cuts together [1]."""
-
-
-class Row(NamedTuple):
-    """One line of the table; ``holds`` is None for a finding."""
-
-    what: str
-    found: str
-    promised: str = ""
-    holds: bool | None = None
-
-    def __str__(self) -> str:
-        mark = {True: "yes", False: "NO", None: ""}[self.holds]
-        return f"{self.what:76s} | {self.found:20s} | {self.promised:15s} | {mark}".rstrip()
-
-
-def drawn(count: int) -> list[Specimen]:
-    """Sample specimens in turn: a liver, one with vessels, and one of another seed that may be either."""
-    kinds = ("liver", "vascular", "mixed")
-    return [
-        Specimen.drawn(SEED if n % 3 < 2 else OTHER_SEEDS + n, n, specimen_class=kinds[n % 3]) for n in range(count)
-    ]
 
 
 def check_stiffness(specimens: Sequence[Specimen]) -> Iterator[Row]:

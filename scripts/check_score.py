@@ -21,13 +21,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from benchmark.table import markdown_table
+from kept_rows import keep, kept_rows
 from scipy.stats import spearmanr
 
 from cutenv.envs.depth_cut import DepthCutEnv
 from cutenv.envs.path_cut import PathCutEnv
 from cutenv.learning.batched_rollout import batched_rollout
 from cutenv.learning.evaluation import contestant
-from cutenv.learning.result_tables import rows_of, write_csv
 from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.measurement.depth import LAYER_DEPTH_KEY
 from cutenv.plant.protocol import recorded_trace, to_trace
@@ -44,6 +44,8 @@ from cutenv.tissue.lines import places_within
 from cutenv.trace import Trace
 
 FOLDER, FILE = Path("runs") / "check-score", "rows.csv"
+TEXTS = ("class", "policy", "end")
+"""Columns of the kept rows that are no numbers."""
 CLASSES = ("mixed", "vascular", "liver", "uniform")
 FEED, GIVES_UP = "constant 1.27 cm/s 90 deg", "gives up at two thirds"
 PLAYERS = (ORACLE, *SCRIPTS, "ppo-free", "ppo-fixed", FEED, "constant 0.38 cm/s 45 deg", *NULL_POLICIES)
@@ -182,15 +184,14 @@ def measure_map(name: str, specimens: int) -> list[dict[str, Any]]:
     learned, task, rows = TASKS[name], MAP_TASKS[name], []
     env = learned.single(specimen_class="mixed")
     same, (known, _, scale, _) = next(iter(task.compared.items()))
-    players = {ORACLE: learned.planner, **learned.scripts, **task.further}
-    for player, make in players.items():
+    for player, make in {ORACLE: learned.planner, **learned.scripts, **task.further}.items():
         for seed in TEST_SEEDS[:specimens]:
             total, trace = task.cut(env, make(), seed)
             card = score(trace)
             hidden = (TIP_AT_END, FLOOR_AT_END, ASIDE_AT_END)
             alone = score(trace.with_metadata({k: v for k, v in trace.metadata.items() if k not in hidden}))
             errors = env.cutting.errors
-            row = {"class": "mixed", "seed": seed, "policy": player, "return": total, "success": env.cutting.success}
+            row = {"class": "mixed", "seed": seed, "policy": player, "return": total}
             row |= {"score": card.overall_score or 0.0, "from_record": alone.overall_score or 0.0}
             row |= {"success": float(env.cutting.success), "end": env.cutting.end}
             for metric, (error, _, units, _) in task.compared.items():
@@ -281,14 +282,6 @@ def report(rows: Sequence[Mapping[str, Any]]) -> str:
     )
 
 
-def kept(folder: Path, file: str = FILE) -> list[dict[str, str]]:
-    """Return the rows of an earlier measurement; SystemExit if there is none."""
-    path = folder / file
-    if not path.is_file():
-        raise SystemExit(f"{path} is missing; run 'python scripts/check_score.py' first.")
-    return list(rows_of(path))
-
-
 def main() -> None:
     """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -301,17 +294,15 @@ def main() -> None:
     if arguments.specimens < 1:
         parser.error(f"--specimens {arguments.specimens} is less than 1")
     if arguments.task in MAP_TASKS:
-        task, file = MAP_TASKS[arguments.task], f"{arguments.task}.csv"
+        task, path = MAP_TASKS[arguments.task], arguments.out / f"{arguments.task}.csv"
         if not arguments.print:
-            arguments.out.mkdir(parents=True, exist_ok=True)
-            write_csv(arguments.out / file, measure_map(arguments.task, arguments.specimens))
-        print(map_report(task, kept(arguments.out, file)), flush=True)
+            keep(path, measure_map(arguments.task, arguments.specimens))
+        print(map_report(task, kept_rows(path, f"check_score.py --task {arguments.task}", TEXTS)), flush=True)
         return
     if not arguments.print:
         rows = [row for kind in arguments.classes for row in measure(PLAYERS, arguments.specimens, kind)]
-        arguments.out.mkdir(parents=True, exist_ok=True)
-        write_csv(arguments.out / FILE, rows)
-    print(report(kept(arguments.out)), flush=True)
+        keep(arguments.out / FILE, rows)
+    print(report(kept_rows(arguments.out / FILE, "check_score.py", TEXTS)), flush=True)
 
 
 if __name__ == "__main__":

@@ -10,22 +10,20 @@ promise is not kept.
 
 from __future__ import annotations
 
-import argparse
-import math
+import itertools
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import crack_truth
 import numpy as np
 from adversarial_motions import FEED, MOTIONS, TICKS, UPRIGHT
-from benchmark.table import markdown_table
-from check_physics import RESIDUAL, Row, drawn
+from promises import Led, Row, account_rows, differing, run, share_row
 
-from cutenv.cutting.dtypes import READING, TICK
+from cutenv.cutting.dtypes import TICK
 from cutenv.cutting.steering import SteeringParameters
-from cutenv.plant import SimulatedPlant, SteeredPlant
+from cutenv.plant import SteeredPlant
 from cutenv.tissue import CutModel, Specimen
 from cutenv.tissue.grid import SPACING
 from cutenv.tissue.lines import CutLine, arc, half_ellipse, random_line, s_shape, straight
@@ -50,18 +48,6 @@ TURNS: dict[str, Callable[[np.random.Generator], Any]] = {
 TOLERANCE = 0.02
 """Largest difference between work and the integral of the force [1]."""
 _GAIN_ANGLE, _GAIN_DISTANCE = 6.0, 400.0  # of a hand that follows a line [1/s], [1/(m s)]
-
-
-class Led(NamedTuple):
-    """A cut whose blade was led along a path."""
-
-    plant: SteeredPlant
-    readings: Any
-
-    @property
-    def lateral(self) -> Any:
-        """Force to the right of the blade at each reading, shape (n,) [N]."""
-        return self.plant.lateral_force
 
 
 def led(
@@ -97,39 +83,25 @@ def check_straight(specimens: Sequence[Specimen]) -> Iterator[Row]:
     different = compared = 0
     for specimen in specimens:
         for number, motion in enumerate(MOTIONS.values()):
-            positions, angles = motion(np.random.default_rng(number))
-            readings = SimulatedPlant(specimen, angle=float(np.ravel(angles)[0])).lead(positions, angles)
-            own = led(specimen, straight(), 0.0, positions, angles)
-            different += sum(int((own.readings[name] != readings[name]).sum()) for name in READING.names or ())
-            compared += readings.size
+            path = motion(np.random.default_rng(number))
+            off, count = differing(led(specimen, straight(), 0.0, *path), specimen, *path)
+            different, compared = different + off, compared + count
     what = f"readings on a straight line that differ from the straight law ({compared})"
     yield Row(what, str(different), "0", different == 0)
 
 
 def check_account(specimens: Sequence[Specimen]) -> Iterator[Row]:
     """Check the energy account under motions and turns that no drive makes, on every line."""
-    worst, lowest, gained, paths = 0.0, 0.0, math.inf, 0
-    finite = monotone = True
-    for specimen in specimens:
-        for line in LINES.values():
-            for k, motion in enumerate(MOTIONS.values()):
-                for m, turns in enumerate(TURNS.values()):
-                    rng = np.random.default_rng((k, m))
-                    ways, angles = motion(rng)
-                    cut = led(specimen, line, turns(rng), ways, angles)
-                    energy = cut.plant.energy()
-                    worst = max(worst, abs(energy["residual"]) / max(abs(energy["work"]), 1e-3))
-                    lowest = min(lowest, *(energy[name] for name in ("loss", "fracture", "friction", "stored")))
-                    gained = min(gained, energy["work"] - energy["friction"] - energy["stored"])
-                    finite &= bool(np.isfinite(cut.readings["force"]).all() and np.isfinite(cut.lateral).all())
-                    monotone &= bool((np.diff(cut.readings["tip"]) >= 0.0).all())
-                    paths += 1
-    yield Row(f"residual over the work or 1 mJ ({paths} motions)", f"{worst:.1e}", f"{RESIDUAL:.0e}", worst <= RESIDUAL)
-    yield Row("least work beyond friction and what is stored [J]", f"{gained:.1e}", "not negative", gained >= -1e-12)
-    yield Row(
-        "least of fracture, friction, loss and what is stored [J]", f"{lowest:g}", "not negative", lowest >= -1e-15
-    )
-    yield Row("forces finite, tip never backwards", f"{finite}, {monotone}", "True, True", finite and monotone)
+
+    def cuts() -> Iterator[tuple[Led, Any]]:
+        for specimen, line in itertools.product(specimens, LINES.values()):
+            for (k, motion), (m, turns) in itertools.product(enumerate(MOTIONS.values()), enumerate(TURNS.values())):
+                rng = np.random.default_rng((k, m))
+                ways, angles = motion(rng)
+                cut = led(specimen, line, turns(rng), ways, angles)
+                yield cut, cut.plant.lateral_force
+
+    yield from account_rows(cuts(), "residual over the work or 1 mJ ({} motions)", -1e-15)
 
 
 def check_bends(specimens: Sequence[Specimen]) -> Iterator[Row]:
@@ -140,7 +112,7 @@ def check_bends(specimens: Sequence[Specimen]) -> Iterator[Row]:
     for specimen in specimens:
         left, right = (led(specimen, arc(sign * 0.04), sign * turns, FEED, UPRIGHT) for sign in (1.0, -1.0))
         unlike.append(float(abs(left.readings["force"] - right.readings["force"]).max()))
-        unlike.append(float(abs(left.lateral + right.lateral).max()))
+        unlike.append(float(abs(left.plant.lateral_force + right.plant.lateral_force).max()))
         forces, ways = np.append(0.0, left.readings["force"]), np.append(0.0, FEED)
         work = left.plant.states[0]["work"]
         works.append(float((0.5 * (forces[1:] + forces[:-1]) * np.diff(ways)).sum() / work - 1.0))
@@ -148,12 +120,8 @@ def check_bends(specimens: Sequence[Specimen]) -> Iterator[Row]:
         sooner.append(float(at_once.plant.states[0]["work"] / work - 1.0))
     what = "largest difference of the forces of an arc to the right from those of its mirror image"
     yield Row(what, f"{max(unlike):.1e} N", "1e-9 N", max(unlike) <= 1e-9)
-    for what, found in (
-        ("integral of the force over the work, on an arc", works),
-        ("work where the crack turns every ms, not every 10, on an arc", sooner),
-    ):
-        worst = max(map(abs, found))
-        yield Row(what, f"{100 * min(found):+.2f} to {100 * max(found):+.2f} %", "within 2 %", worst <= TOLERANCE)
+    yield share_row("integral of the force over the work, on an arc", works, TOLERANCE)
+    yield share_row("work where the crack turns every ms, not every 10, on an arc", sooner, TOLERANCE)
     for speed in (0.005, 0.0254):
         plants = [SteeredPlant(specimen, arc(0.04)) for specimen in specimens]
         for plant in plants:
@@ -214,19 +182,6 @@ CHECKS: dict[str, Callable[[Sequence[Specimen]], Iterator[Row]]] = {
 }
 
 
-def table(specimens: int, parts: Sequence[str]) -> Iterator[Row]:
-    """Yield the rows of the chosen parts."""
-    sampled = drawn(specimens)
-    for part in parts:
-        yield from CHECKS[part](sampled)
-
-
-def markdown(specimens: int = 2) -> str:
-    """Return the whole table as Markdown."""
-    rows = [(row.what, row.found, row.promised) for row in table(specimens, list(CHECKS))]
-    return markdown_table(("what", "found", "promised"), rows)
-
-
 def draw(path: Path) -> None:
     """Draw half an excision: the line, the mesh of its model, the blade's way and the cut."""
     from matplotlib.collections import LineCollection
@@ -257,24 +212,7 @@ def draw(path: Path) -> None:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Check and print; return 1 if a promise is not kept."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--specimens", type=int, default=4, metavar="N", help="default 4")
-    parser.add_argument(
-        "--only", nargs="+", choices=CHECKS, default=list(CHECKS), metavar="PART", help=", ".join(CHECKS)
-    )
-    parser.add_argument("--picture", type=Path, metavar="FILE", help="draw a cut into a PNG or SVG instead")
-    arguments = parser.parse_args(argv)
-    if arguments.specimens < 1:
-        parser.error(f"--specimens {arguments.specimens} is less than 1")
-    if arguments.picture is not None:
-        draw(arguments.picture)
-        return 0
-    print(f"{Row('what', 'found', 'promised')} holds")
-    kept = []
-    for row in table(arguments.specimens, arguments.only):
-        print(row, flush=True)
-        kept.append(row.holds is not False)
-    return int(not all(kept))
+    return run(__doc__, CHECKS, argv, draw)
 
 
 if __name__ == "__main__":

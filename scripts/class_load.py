@@ -29,6 +29,7 @@ from typing import Any
 
 import httpx2
 import numpy as np
+from kept_rows import keep_json
 from malformed_messages import malformed_bytes, malformed_message, send_bytes
 
 from cutenv.browser import HandCut
@@ -255,8 +256,7 @@ def main() -> int:
         kept.update({"date": date.today().isoformat(), "cores": os.cpu_count(), part: numbers})
         print(f"{part}: {numbers}", flush=True)
         if path is not None:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(json.dumps(kept, indent=1))
+            keep_json(path, kept)
 
     with tempfile.TemporaryDirectory() as folder:
         if "nonsense" in arguments.parts:

@@ -13,8 +13,8 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from check_physics import Row
 from curves.calculix import compliance
+from promises import Row
 
 from cutenv.tissue import CutModel, PathModel, Specimen, SteeredModel
 from cutenv.tissue.elasticity import lame_parameters

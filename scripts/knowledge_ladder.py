@@ -1,4 +1,17 @@
-"""Ladders of a task that adds to gentle cutting: what one script earns with more and more of the truth."""
+"""Ladder of knowledge of a task that adds to gentle cutting: what one script earns with more and more of the truth.
+
+    python scripts/knowledge_ladder.py depth            500 held-out specimens; writes runs/depth/ladder.csv
+    python scripts/knowledge_ladder.py path --validation    on validation specimens, to plan a training
+    python scripts/knowledge_ladder.py path --print     the table of what is in runs/path
+
+Every rung for DepthCut-v1 is the script "follow the depth" with other knowledge.  The steps between the rungs say what
+of the gap to the planner with truth, which is in the table of ``scripts/task_table.py depth``, is the tip, the surface,
+the place of the stop, and the tissue ahead.
+
+The first rungs for PathCut-v1 are the script "steer by force", told one thing, or several.  The last three steer by the
+planner's rule at the script's speed, with the true state but for what their names say: so they say whether knowledge or
+the rule of steering is worth more.
+"""
 
 from __future__ import annotations
 
@@ -9,26 +22,29 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from kept_rows import keep, kept_rows, mean_text
+from ladder import TrueTip, rows_of_rung
 
+from cutenv._base.arrays import Array, Array32, Indices
+from cutenv._engine.jit import njit
 from cutenv.envs.batch import CutBatch
-from cutenv.learning.result_tables import rows_of, write_csv
 from cutenv.learning.seeds import TEST_SEEDS, VALIDATION_SEEDS
-from cutenv.learning.statistics import by_policy, mean_with_interval
+from cutenv.learning.statistics import by_policy
+from cutenv.policy import OneReturnStroke, StopAndUnload
+from cutenv.policy.depth_scripts import DepthByTwoForces, FollowDepth
 from cutenv.policy.interface import ArrayPolicy
-from cutenv.task.info import GROUPS, INFO, column
-from cutenv.task.registry import TASKS
+from cutenv.policy.path_planner import wanted_bend
+from cutenv.policy.path_scripts import SeenPath, SteerByForce, course_back
+from cutenv.policy.signals import SPEED_COLUMN
+from cutenv.tissue.grid import N_POINTS, POINTS_PER_METRE
 
 START = "as the script has it"
 """Name of the first rung."""
-_SAFETY = column(next(field for field in GROUPS["reward_terms"] if field.name == "safety"))
 
 
 @dataclass(frozen=True, kw_only=True)
 class KnowledgeLadder:
-    """One task's ladder.
-
-    A rung with a method ``watch(batch)`` is shown the batch that it cuts, and so the hidden state.
-    """
+    """One task's ladder."""
 
     task: str
     rungs: Mapping[str, Callable[[], ArrayPolicy]]
@@ -42,32 +58,7 @@ class KnowledgeLadder:
 
     def rows_of_rung(self, name: str, seeds: Sequence[int]) -> list[dict[str, Any]]:
         """Return the scores of a rung, one row for each seed."""
-        count, task, policy = len(seeds), TASKS[self.task], self.rungs[name]()
-        batch = CutBatch(count, task.single(specimen_class="mixed"))
-        batch.give_seeds(seeds, np.arange(count), np.random.default_rng())
-        batch.begin(np.arange(count))
-        policy.begin([np.random.default_rng(seed) for seed in seeds])
-        if hasattr(policy, "watch"):
-            policy.watch(batch)
-        infos, ends = np.zeros(count, INFO), np.zeros(count, np.int64)
-        returns, safety = np.zeros(count), np.zeros(count)
-        while not ends.all():
-            going = ends == 0
-            rewards, ended = batch.decide(policy.act(batch.observations), ~going, infos)
-            returns[going] += rewards[going]
-            safety[going] += infos[_SAFETY][going]
-            ends += ended
-        scores = batch.further_scores()
-        found = {
-            "return": returns, "success": batch.succeeded().astype(float), "safety": safety,
-            "tip_error_mm": 1e3 * np.abs(batch.cuts.states["tip"] - batch.cuts.tasks["target"]),
-            **{error: scores[error] for error, _ in self.errors},
-        }  # fmt: skip
-        columns = [values.tolist() for values in found.values()]
-        return [
-            {"policy": name, "seed": seed, **dict(zip(found, values, strict=True))}
-            for seed, *values in zip(seeds, *columns, strict=True)
-        ]
+        return rows_of_rung(self.rungs[name](), name, seeds, self.task)
 
     def measure(self, seeds: Sequence[int]) -> list[dict[str, Any]]:
         """Return one row for each rung and specimen."""
@@ -82,40 +73,161 @@ class KnowledgeLadder:
             f"| --- | --- | --- |{' --- |' * len(self.errors)} --- | --- | --- |",
         ]
         for name, own in each.items():
-            value = mean_with_interval(row["return"] for row in own.values())
-            gain = mean_with_interval(row["return"] - each[START][seed]["return"] for seed, row in own.items())
-            difference = (
-                "–" if name == START else f"{gain['mean']:+.3f} [{gain['low_95']:+.3f}, {gain['high_95']:+.3f}]"
-            )
+            gain = mean_text((row["return"] - each[START][seed]["return"] for seed, row in own.items()), sign="+")
+            gain = "–" if name == START else gain
             errors = " | ".join(f"{np.mean([row[error] for row in own.values()]):.2f} mm" for error, _ in self.errors)
             success, safety = (np.mean([row[score] for row in own.values()]) for score in ("success", "safety"))
             tip = np.median([row["tip_error_mm"] for row in own.values()])
             lines.append(
-                f"| {name} | {value['mean']:.3f} [{value['low_95']:.3f}, {value['high_95']:.3f}] "
-                f"| {100.0 * success:.1f} % | {errors} | {-safety:.3f} | {tip:.2f} mm | {difference} |"
+                f"| {name} | {mean_text(row['return'] for row in own.values())} "
+                f"| {100.0 * success:.1f} % | {errors} | {-safety:.3f} | {tip:.2f} mm | {gain} |"
             )
         where = "validation" if min(each[START]) in VALIDATION_SEEDS else "held-out"
         specimens = f"{len(each[START])} {where} specimens of class mixed"
         return "\n".join([*lines, "", f"{specimens}; mean [95 % interval], median tip error."])
 
-    def kept(self) -> list[dict[str, Any]]:
-        """Return the rows of the last measurement; SystemExit if there is none."""
-        if not self.file.is_file():
-            raise SystemExit(f"{self.file} is missing; run 'python scripts/{self.task}_ladder.py' first.")
-        return [{name: v if name == "policy" else float(v) for name, v in row.items()} for row in rows_of(self.file)]
+    def kept_report(self) -> str:
+        """Return the table of the last measurement; SystemExit if there is none."""
+        return self.report(kept_rows(self.file, f"knowledge_ladder.py {self.task}"))
 
-    def run(self, about: str | None) -> None:
-        """Run the command line of a script that is described by ``about``."""
-        parser = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
-        parser.add_argument("--specimens", type=int, default=500, metavar="N", help="number of specimens; default 500")
-        parser.add_argument("--validation", action="store_true", help="cut validation specimens, print, keep nothing")
-        parser.add_argument("--print", action="store_true", help="print the kept table without measuring again")
-        arguments = parser.parse_args()
-        if arguments.validation:
-            print(self.report(self.measure(VALIDATION_SEEDS[: arguments.specimens])), flush=True)
-            return
-        if not arguments.print:
-            rows = self.measure(TEST_SEEDS[: arguments.specimens])
-            self.file.parent.mkdir(parents=True, exist_ok=True)
-            write_csv(self.file, rows)
-        print(self.report(self.kept()), flush=True)
+
+class DepthRung(FollowDepth):
+    """The script with the tip of the depth, the surface, or the tip of the stop from elsewhere."""
+
+    def __init__(self, *, careful: bool = False, tip: bool = False, surface: bool = False, stop: bool = False) -> None:
+        self._told = TrueTip() if stop else None
+        along = {"run_share": 1.0, "beyond": 0.002} if careful else {}
+        if self._told is not None:
+            unloading = StopAndUnload(margin=-0.0005, retreat_speed=0.012, tip_estimate=self._told)
+            super().__init__(OneReturnStroke(approach=0.0, unloading=unloading, **along))
+        else:
+            super().__init__(OneReturnStroke(**along))
+        self._true_tip, self._true_surface = tip, surface
+
+    def watch(self, batch: CutBatch) -> None:
+        """Let the script see the hidden state of a batch."""
+        self._batch = batch
+        if self._told is not None:
+            self._told.batch = batch
+
+    def tips(self, along: Array, seen: Array) -> Array:
+        """Return the tips [m] by which the depth is set."""
+        tips = super().tips(along, seen)
+        return self._batch.cuts.states["tip"].copy() if self._true_tip else tips
+
+    def surfaces(self, point: Indices) -> Array:
+        """Return the levels of the surface [m] at these points."""
+        if not self._true_surface:
+            return super().surfaces(point)
+        levels: Array = self._batch.cuts.motions["surface"][np.arange(len(point)), point]
+        return levels
+
+
+DEPTH_RUNGS: dict[str, Callable[[], FollowDepth]] = {
+    START: DepthRung,
+    "and it gives up earlier": lambda: DepthRung(careful=True),
+    "tip by two forces": DepthByTwoForces,
+    "true tip for the depth": lambda: DepthRung(careful=True, tip=True),
+    "and the true surface": lambda: DepthRung(careful=True, tip=True, surface=True),
+    "and the true tip for the stop": lambda: DepthRung(careful=True, tip=True, surface=True, stop=True),
+}
+
+
+LENGTHS = (0.0053, 0.0055, 0.0029, 0.0011)
+"""Lengths [m] of :func:`~cutenv.policy.path_planner.wanted_bend`, chosen on training specimens."""
+
+
+class PathRung(SteerByForce):
+    """The script with the tip, its distance to the line, or the direction of the crack from elsewhere."""
+
+    def __init__(
+        self, *, tip: bool = False, aside: bool = False, crack: bool = False, stop: bool = False, rule: bool = False
+    ) -> None:
+        self._told = TrueTip() if stop else None
+        unloading = StopAndUnload(margin=-0.0005, retreat_speed=0.012, tip_estimate=self._told)
+        super().__init__(OneReturnStroke(unloading=unloading, **({"approach": 0.0} if stop else {})))
+        self._tip, self._aside, self._crack, self._rule = tip, aside, crack, rule
+
+    def watch(self, batch: CutBatch) -> None:
+        """Let the script see the hidden state of a batch."""
+        self._batch = batch
+        if self._told is not None:
+            self._told.batch = batch
+
+    def reckon(self, seen: SeenPath) -> tuple[Array, Array]:
+        """Return the distances of the tips to the left of the line [m], and the angles of the cracks to it [rad]."""
+        states, steerings = self._batch.cuts.states, self._batch.cuts.motions
+        if self._tip:
+            seen.estimates["tip"] = states["tip"]
+        aside, crack = super().reckon(seen)
+        if self._crack:
+            n = np.arange(len(states))
+            point = np.clip(np.rint(states["tip"] * POINTS_PER_METRE).astype(int), 0, N_POINTS - 1)
+            line = np.arctan2(steerings["sine"][n, point], steerings["cosine"][n, point])
+            crack = np.arctan2(steerings["tip_across"], steerings["tip_ahead"]) - line
+        return steerings["tip_aside"].copy() if self._aside else aside, crack
+
+    def bends(self, seen: SeenPath, actions: Array32) -> Array:
+        """Return the bends of the script, or those of the planner's rule with the same knowledge."""
+        if not self._rule:
+            return super().bends(seen, actions)
+        steerings = self._batch.cuts.motions.copy()
+        if not self._aside:
+            steerings["tip_aside"] = self.reckon(seen)[0]
+        bends: Array = np.zeros(len(actions))
+        _fill_bends(self._batch.cuts.states, steerings, np.array(LENGTHS), bends)
+        return np.where(seen.along[:, SPEED_COLUMN] <= 0.0, course_back(seen), bends)
+
+
+@njit
+def _fill_bends(states: Array, steerings: Array, lengths: Array, bends: Array) -> None:
+    for n in range(len(bends)):
+        bends[n] = wanted_bend(states[n], steerings[n], lengths)
+
+
+PATH_RUNGS: dict[str, Callable[[], SteerByForce]] = {
+    START: SteerByForce,
+    "true tip along the line": lambda: PathRung(tip=True),
+    "true distance of the tip to the line": lambda: PathRung(aside=True),
+    "true direction of the crack": lambda: PathRung(crack=True),
+    "all three": lambda: PathRung(tip=True, aside=True, crack=True),
+    "the true tip for the stop alone": lambda: PathRung(stop=True),
+    "all four": lambda: PathRung(tip=True, aside=True, crack=True, stop=True),
+    "the planner's rule of steering, with truth": lambda: PathRung(aside=True, rule=True),
+    "that, but for the distance to the line": lambda: PathRung(rule=True),
+    "the planner's rule, with the true tip for the stop": lambda: PathRung(aside=True, rule=True, stop=True),
+}
+
+
+LADDERS = {
+    ladder.task: ladder
+    for ladder in (
+        KnowledgeLadder(task="depth", rungs=DEPTH_RUNGS, errors=(("mean_error_mm", "mean error of the depth"),)),
+        KnowledgeLadder(
+            task="path",
+            rungs=PATH_RUNGS,
+            errors=(("mean_distance_mm", "mean distance to the line"), ("largest_distance_mm", "largest")),
+        ),
+    )
+}
+
+
+def main() -> None:
+    """Run the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("task", choices=list(LADDERS), help="the task of the script")
+    parser.add_argument("--specimens", type=int, default=500, metavar="N", help="number of specimens; default 500")
+    parser.add_argument("--validation", action="store_true", help="cut validation specimens, print, keep nothing")
+    parser.add_argument("--print", action="store_true", help="print the kept table without measuring again")
+    arguments = parser.parse_args()
+    ladder = LADDERS[arguments.task]
+    if arguments.validation:
+        print(ladder.report(ladder.measure(VALIDATION_SEEDS[: arguments.specimens])), flush=True)
+        return
+    if not arguments.print:
+        keep(ladder.file, ladder.measure(TEST_SEEDS[: arguments.specimens]))
+    print(ladder.kept_report(), flush=True)
+
+
+if __name__ == "__main__":
+    main()

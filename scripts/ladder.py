@@ -17,21 +17,23 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from kept_rows import keep, kept_rows, mean_text
 
 from cutenv._base.arrays import Array, StructArray
 from cutenv.envs.batch import CutBatch
-from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.learning.evaluation import Contestant, evaluate
-from cutenv.learning.result_tables import rows_of, write_csv
 from cutenv.learning.seeds import TEST_SEEDS
-from cutenv.learning.statistics import by_policy, mean_with_interval
+from cutenv.learning.statistics import by_policy
 from cutenv.policy import BASELINES, ORACLE, OneReturnStroke, StopAndUnload, TipEstimate
-from cutenv.task.info import INFO
+from cutenv.policy.interface import ArrayPolicy
+from cutenv.task.info import GROUPS, INFO, column
+from cutenv.task.registry import TASKS
 
 FOLDER, FILE = Path("runs") / "ladder", "ladder.csv"
 NEVER = 10.0  # multiples of the resistance: no tip counts as held
 START = "probe and creep"
 SCORES = ("return", "success", "tip_error_mm")
+_SAFETY = column(next(field for field in GROUPS["reward_terms"] if field.name == "safety"))
 
 
 class TrueTip(TipEstimate):
@@ -46,10 +48,17 @@ class TrueTip(TipEstimate):
         return estimates
 
 
-def told_the_tip(held: float) -> OneReturnStroke:
-    """Return the script that knows the tip at every decision; it needs no return stroke."""
-    unloading = StopAndUnload(margin=-0.0005, retreat_speed=0.012, tip_estimate=TrueTip())
-    return OneReturnStroke(approach=0.0, held=held, unloading=unloading)
+class ToldTheTip(OneReturnStroke):
+    """The script that knows the tip at every decision; it needs no return stroke."""
+
+    def __init__(self, held: float) -> None:
+        self._told = TrueTip()
+        unloading = StopAndUnload(margin=-0.0005, retreat_speed=0.012, tip_estimate=self._told)
+        super().__init__(approach=0.0, held=held, unloading=unloading)
+
+    def watch(self, batch: CutBatch) -> None:
+        """Let the script see the hidden state of a batch."""
+        self._told.batch = batch
 
 
 RUNGS = {
@@ -57,33 +66,38 @@ RUNGS = {
     START: BASELINES[START],
     "stiffness and friction by a return stroke": lambda: OneReturnStroke(held=NEVER),
     "and giving up before a predicted run": OneReturnStroke,
-    "true tip": lambda: told_the_tip(NEVER),
-    "true tip, and giving up": lambda: told_the_tip(1.3),
+    "true tip": lambda: ToldTheTip(NEVER),
+    "true tip, and giving up": lambda: ToldTheTip(1.3),
     ORACLE: BASELINES[ORACLE],
 }
 
 
-def rows_of_told(policy: OneReturnStroke, name: str, seeds: Sequence[int], arguments: Mapping[str, Any]) -> list[dict]:
-    """Return the scores of a script that is told the tip, one row for each seed."""
-    environment = GentleCutEnv(**arguments)
+def rows_of_rung(policy: ArrayPolicy, name: str, seeds: Sequence[int], task: str = "gentle") -> list[dict[str, Any]]:
+    """Return the scores of a script, one row for each seed; a method ``watch(batch)`` is shown the hidden state."""
     count = len(seeds)
-    batch = CutBatch(count, environment)
+    batch = CutBatch(count, TASKS[task].single(specimen_class="mixed"))
     batch.give_seeds(seeds, np.arange(count), np.random.default_rng())
     batch.begin(np.arange(count))
     policy.begin([np.random.default_rng(seed) for seed in seeds])
-    estimate = policy.unloading.tip_estimate
-    assert isinstance(estimate, TrueTip)
-    estimate.batch = batch
-    infos, returns, ends = np.zeros(count, INFO), np.zeros(count), np.zeros(count, np.int64)
+    if hasattr(policy, "watch"):
+        policy.watch(batch)
+    infos, ends = np.zeros(count, INFO), np.zeros(count, np.int64)
+    returns, safety = np.zeros(count), np.zeros(count)
     while not ends.all():
-        rewards, ended = batch.decide(policy.act(batch.observations), ends != 0, infos)
-        returns[ends == 0] += rewards[ends == 0]
+        going = ends == 0
+        rewards, ended = batch.decide(policy.act(batch.observations), ~going, infos)
+        returns[going] += rewards[going]
+        safety[going] += infos[_SAFETY][going]
         ends += ended
-    errors = 1e3 * np.abs(batch.cuts.states["tip"] - batch.cuts.tasks["target"])
-    scores = zip(seeds, returns.tolist(), batch.succeeded().tolist(), errors.tolist(), strict=True)
+    found = {
+        "return": returns, "success": batch.succeeded().astype(float), "safety": safety,
+        "tip_error_mm": 1e3 * np.abs(batch.cuts.states["tip"] - batch.cuts.tasks["target"]),
+        **batch.further_scores(),
+    }  # fmt: skip
+    columns = [values.tolist() for values in found.values()]
     return [
-        {"policy": name, "seed": seed, "return": value, "success": float(success), "tip_error_mm": error}
-        for seed, value, success, error in scores
+        {"policy": name, "seed": seed, **dict(zip(found, values, strict=True))}
+        for seed, *values in zip(seeds, *columns, strict=True)
     ]
 
 
@@ -94,7 +108,7 @@ def measure(specimens: int, processes: int | None) -> list[dict[str, Any]]:
     found = by_policy(evaluate(inferring, seeds, arguments, processes=processes, description="ladder"))
     rows = []
     for name, make in RUNGS.items():
-        own = rows_of_told(make(), name, seeds, arguments) if name not in found else found[name]
+        own = rows_of_rung(make(), name, seeds) if name not in found else found[name]
         rows += [{"policy": name, "seed": row["seed"], **{score: row[score] for score in SCORES}} for row in own]
     return rows
 
@@ -116,26 +130,16 @@ def report(rows: Sequence[Mapping[str, Any]]) -> str:
         "| --- | --- | --- | --- | --- | --- | --- |",
     ]
     for name, own in each.items():
-        values = mean_with_interval(row["return"] for row in own.values())
-        gain = mean_with_interval(row["return"] - each[START][seed]["return"] for seed, row in own.items())
-        difference = f"{gain['mean']:+.3f} [{gain['low_95']:+.3f}, {gain['high_95']:+.3f}]" if name != START else "–"
+        returns = [row["return"] for row in own.values()]
+        gain = mean_text((row["return"] - each[START][seed]["return"] for seed, row in own.items()), sign="+")
         lines.append(
-            f"| {name} | {values['mean']:.3f} [{values['low_95']:.3f}, {values['high_95']:.3f}] "
-            f"| {interquartile_mean([row['return'] for row in own.values()]):.3f} "
+            f"| {name} | {mean_text(returns)} | {interquartile_mean(returns):.3f} "
             f"| {100.0 * np.mean([row['success'] for row in own.values()]):.1f} "
-            f"| {np.median([row['tip_error_mm'] for row in own.values()]):.2f} | {difference} "
-            f"| {100.0 * (values['mean'] - first) / (last - first):.0f} % |"
+            f"| {np.median([row['tip_error_mm'] for row in own.values()]):.2f} | {'–' if name == START else gain} "
+            f"| {100.0 * (np.mean(returns) - first) / (last - first):.0f} % |"
         )
     count = len(each[START])
     return "\n".join([f"Class mixed, {count} held-out specimens; mean [95 % interval], median tip error.", "", *lines])
-
-
-def kept(folder: Path) -> list[dict[str, Any]]:
-    """Return the rows of an earlier measurement; SystemExit if there is none."""
-    path = folder / FILE
-    if not path.is_file():
-        raise SystemExit(f"{path} is missing; run 'python scripts/ladder.py' first.")
-    return [{name: v if name == "policy" else float(v) for name, v in row.items()} for row in rows_of(path)]
 
 
 def main() -> None:
@@ -148,9 +152,8 @@ def main() -> None:
     arguments = parser.parse_args()
     if not arguments.print:
         rows = measure(arguments.specimens, arguments.processes)
-        arguments.out.mkdir(parents=True, exist_ok=True)
-        write_csv(arguments.out / FILE, rows)
-    print(report(kept(arguments.out)), flush=True)
+        keep(arguments.out / FILE, rows)
+    print(report(kept_rows(arguments.out / FILE, "ladder.py")), flush=True)
 
 
 if __name__ == "__main__":

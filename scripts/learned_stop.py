@@ -20,6 +20,7 @@ from typing import Any
 import ladder
 import numpy as np
 import torch
+from kept_rows import interval_text, keep, kept_rows, mean_text
 from numpy.typing import NDArray
 from torch import nn
 from tqdm import tqdm
@@ -27,9 +28,8 @@ from tqdm import tqdm
 from cutenv._base.arrays import Array, Array32, Indices
 from cutenv.envs.batch import CutBatch
 from cutenv.envs.gentle_cut import GentleCutEnv
-from cutenv.learning.result_tables import rows_of, write_csv
 from cutenv.learning.seeds import TEST_SEEDS, TRAINING_SEEDS
-from cutenv.learning.statistics import by_policy, differences, mean_with_interval
+from cutenv.learning.statistics import by_policy, differences
 from cutenv.policy import BASELINES, Features, OneReturnStroke, StopAndUnload
 from cutenv.policy.interface import ArrayPolicy
 from cutenv.policy.signals import DISTANCE_COLUMN, POSITION_COLUMN, SPEED_COLUMN, in_si
@@ -235,27 +235,14 @@ def report(rows: Sequence[Mapping[str, Any]]) -> str:
         "| --- | --- | --- | --- | --- |",
     ]
     for name, own in by_policy(rows).items():
-        mean, success = (mean_with_interval(row[score] for row in own) for score in ("return", "success"))
+        success = 100.0 * np.mean([row["success"] for row in own])
         gain, more = (
-            f"{factor * d['mean']:+.{n}f} [{factor * d['low_95']:+.{n}f}, {factor * d['high_95']:+.{n}f}]"
-            if name == LEARNED
-            else "–"
-            for d, factor, n in ((paired["return"], 1.0, 3), (paired["success"], 100.0, 1))
+            interval_text(paired[score], digits, "+", factor) if name == LEARNED else "–"
+            for score, digits, factor in (("return", 3, 1.0), ("success", 1, 100.0))
         )
-        lines.append(
-            f"| {name} | {mean['mean']:.3f} [{mean['low_95']:.3f}, {mean['high_95']:.3f}] "
-            f"| {100.0 * success['mean']:.1f} | {gain} | {more} |"
-        )
+        lines.append(f"| {name} | {mean_text(row['return'] for row in own)} | {success:.1f} | {gain} | {more} |")
     count = paired["return"]["cuts"]
     return "\n".join([f"Class mixed, {count} held-out specimens; mean [95 % interval].", "", *lines])
-
-
-def kept(folder: Path) -> list[dict[str, Any]]:
-    """Return the rows of an earlier measurement; SystemExit if there is none."""
-    path = folder / FILE
-    if not path.is_file():
-        raise SystemExit(f"{path} is missing; run 'python scripts/learned_stop.py' first.")
-    return [{name: v if name == "policy" else float(v) for name, v in row.items()} for row in rows_of(path)]
 
 
 def main() -> None:
@@ -269,9 +256,8 @@ def main() -> None:
     if not arguments.print:
         torch.set_num_threads(1)
         rows = measure(arguments.specimens, arguments.held_out)
-        arguments.out.mkdir(parents=True, exist_ok=True)
-        write_csv(arguments.out / FILE, rows)
-    print(report(kept(arguments.out)), flush=True)
+        keep(arguments.out / FILE, rows)
+    print(report(kept_rows(arguments.out / FILE, "learned_stop.py")), flush=True)
 
 
 if __name__ == "__main__":

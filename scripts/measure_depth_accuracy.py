@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import json
 import math
 import sys
 import tempfile
@@ -25,12 +24,12 @@ from typing import Any
 
 import numpy as np
 from benchmark.table import markdown_table
+from kept_rows import keep_json
 from measure_recovery import KnownCut, cut_specimens
 from numpy.typing import NDArray
 from rendering.filmed_cut import FilmedCut, film_cut
 from tqdm import tqdm
 
-from cutenv._base.atomic_file import atomic_write
 from cutenv.measurement import estimate_fracture_resistance
 from cutenv.trace import Trace
 from cutenv.vision.blade_depth import BladeCameras
@@ -177,14 +176,6 @@ def _kept(text: str, kept: bool) -> str:
     return text if kept else f"**{text} (miss)**"
 
 
-def kept(path: Path) -> list[dict[str, Any]]:
-    """Return the results that a script left in the file that has its name; SystemExit if there are none."""
-    if not path.is_file():
-        raise SystemExit(f"{path} is missing: run scripts/measure_{path.stem}.py")
-    found: list[dict[str, Any]] = json.loads(path.read_text(encoding="utf-8"))
-    return found
-
-
 def main() -> int:
     """Film, measure, print; every film's result is kept at once."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -200,12 +191,10 @@ def main() -> int:
             (livers[k].trace, livers[k].specimen.depth, ANGLES_DEG[k % 2], livers[k]) for k in (n - 1, n) if not steady
         ]
     results: list[dict[str, Any]] = []
-    KEPT.parent.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
         for n, (trace, depth, angle, liver) in enumerate(tqdm(jobs, desc="filming", unit="film")):
             results += measure_film(trace, depth, angle, 1000 * arguments.seed + n, Path(folder), liver)
-            with atomic_write(KEPT) as part:
-                part.write_text(json.dumps(results) + "\n", encoding="utf-8")
+            keep_json(KEPT, results)
     print(report(results))
     return 0
 

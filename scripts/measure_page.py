@@ -23,6 +23,7 @@ import chromium
 import firefox
 import numpy as np
 from benchmark.table import markdown_table
+from kept_rows import keep_json
 from tqdm import tqdm
 
 from cutenv.browser import HandCut, write_page_alone
@@ -237,8 +238,7 @@ def main() -> None:
     kept = measure(arguments.cuts, arguments.seconds)
     print(markdown(kept))
     if arguments.json is not None:
-        arguments.json.parent.mkdir(parents=True, exist_ok=True)
-        arguments.json.write_text(json.dumps(kept, indent=1))
+        keep_json(arguments.json, kept)
 
 
 if __name__ == "__main__":

@@ -10,20 +10,19 @@ says whose tip is that of the cut. The result is kept in runs/seen_runs.json.
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from benchmark.table import markdown_table
+from kept_rows import keep_json
 from measure_depth_accuracy import BOARD, BOARDS
 from numpy.typing import NDArray
 from rendering.filmed_cut import FilmedCut, film_cut
 from rendering.moved_tissue import MovedTissue
 from tqdm import tqdm
 
-from cutenv._base.atomic_file import atomic_write
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
 from cutenv.tissue import CutModel, Specimen
 from cutenv.trace import Trace
@@ -106,13 +105,11 @@ def report(results: list[dict[str, Any]]) -> str:
 def main() -> None:
     """Film, measure, print, keep."""
     results: list[dict[str, Any]] = []
-    KEPT.parent.mkdir(exist_ok=True)
     for number, (angle_deg, speed, rate) in enumerate(CUTS):
         film, trace, truth = filmed_liver(angle_deg, speed, rate, SEED + number)
         found = result_of(watched_runs(film, trace), truth)
         results.append({"angle_deg": angle_deg, "speed": speed, "rate": rate, **found})
-        with atomic_write(KEPT) as part:
-            part.write_text(json.dumps(results) + "\n", encoding="utf-8")
+        keep_json(KEPT, results)
     print(report(results))
 
 

@@ -35,6 +35,7 @@ import numpy as np
 from busy_host import TooBusy, look
 from cross_trials import CrossingRig, cross_trial
 from cutting_rig import CuttingRig
+from kept_rows import keep_json
 from rig_cut_process import trial_in_child
 from rig_trials import (
     BY_THE_DRIVE,
@@ -51,7 +52,6 @@ from rig_trials import (
 )
 from tqdm import tqdm
 
-from cutenv._base.atomic_file import atomic_write
 from cutenv.rig.config.imitated_rig import EMULATOR
 from cutenv.rig.emulator.process import RunningEmulator, start
 from cutenv.rig.errors import RigError
@@ -203,13 +203,6 @@ def as_json(trials: Sequence[Trial], before: Counter[str], seed: int = 0) -> dic
     return {"trials": [dataclasses.asdict(each) for each in trials], "before": dict(before), "seed": seed}
 
 
-def write(kept: dict[str, Any], file: Path) -> None:
-    """Write trials to a file, atomically."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    with atomic_write(file) as part:
-        part.write_text(json.dumps(kept, indent=1))
-
-
 def left_off(file: Path, seed: int) -> tuple[list[Trial], Counter[str]]:
     """Return the trials of an interrupted run with this seed, and how often the rig had stopped before the fault."""
     if not file.exists():
@@ -277,7 +270,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             on.before = before
             for fault, number in tqdm(planned(arguments, trials), unit="trial", leave=False):
                 trials.append(on.one(fault, np.random.default_rng([arguments.seed, number, *fault.encode()])))
-                write(as_json(trials, before, arguments.seed), part)
+                keep_json(part, as_json(trials, before, arguments.seed))
     except TooBusy as busy:
         left = f"{len(trials)} trials are kept in {part}: give the command again, and it goes on from there."
         print(f"rig_faults: {busy}\n{left}", file=sys.stderr)
@@ -285,7 +278,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     trials = [each for fault in arguments.only for each in _of(fault, trials)[: arguments.trials]]
     kept = as_json(trials, Counter({fault: before[fault] for fault in arguments.only}), arguments.seed)
     if arguments.json is not None:
-        write(kept, arguments.json)
+        keep_json(arguments.json, kept)
     part.unlink(missing_ok=True)
     wrong = [
         f"{fault}, trial {number}: {why}"

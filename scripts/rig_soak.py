@@ -13,7 +13,6 @@ it, and the next cut begins.
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import platform
 import sys
@@ -26,6 +25,7 @@ from unittest import mock
 
 import numpy as np
 from cutting_rig import HostWatch
+from kept_rows import keep_json
 
 from cutenv.commands.rig.run import chosen_policy, rehearse
 from cutenv.envs.rig_cut import RigCutEnv
@@ -216,8 +216,7 @@ def main() -> int:
     arguments = parser.parse_args()
     kept = soak(arguments.minutes, seed=arguments.seed, real_time=not arguments.ordinary)
     if arguments.json is not None:
-        arguments.json.parent.mkdir(parents=True, exist_ok=True)
-        arguments.json.write_text(json.dumps(kept, indent=1))
+        keep_json(arguments.json, kept)
     print(text(kept))
     return 0
 

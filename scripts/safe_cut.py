@@ -14,12 +14,12 @@ from pathlib import Path
 from typing import Any
 
 from benchmark.table import markdown_table
+from kept_rows import keep, kept_rows, mean_text
 
 from cutenv.envs.tracks import COST_BUDGET_MM, PROTOCOL
 from cutenv.learning.evaluation import Contestant, contestant, evaluate
-from cutenv.learning.result_tables import rows_of, write_csv
 from cutenv.learning.seeds import TEST_SEEDS
-from cutenv.learning.statistics import by_policy, mean_with_interval
+from cutenv.learning.statistics import by_policy
 
 FOLDER, FILE = Path("runs") / "safe-cut", "rows.csv"
 BUDGET_OF = "probe and creep"
@@ -40,10 +40,10 @@ def report(rows: Sequence[Mapping[str, Any]]) -> str:
     (first, base), *_ = each.items()
     table = []
     for name, own in each.items():
-        cells = [shown([float(row[score]) for row in own], digits) for score, digits in SCORES.items()]
+        cells = [mean_text((row[score] for row in own), digits) for score, digits in SCORES.items()]
         for score in ("return", "cost_mm"):
-            paired = [float(row[score]) - float(other[score]) for row, other in zip(own, base, strict=True)]
-            cells.append("–" if name == first else shown(paired, SCORES[score], "+"))
+            paired = (row[score] - other[score] for row, other in zip(own, base, strict=True))
+            cells.append("–" if name == first else mean_text(paired, SCORES[score], "+"))
         table.append((name, *cells))
     heading = ("policy", "return", "success", "cost [mm]", "overshoot [mm]", "long runs [mm]")
     paired_heading = (f"return minus {first}", f"cost minus {first} [mm]")
@@ -51,20 +51,6 @@ def report(rows: Sequence[Mapping[str, Any]]) -> str:
         f"Class mixed, {len(base)} held-out specimens; mean [95 % interval]; budget for the mean cost of a cut: "
         f"{COST_BUDGET_MM:g} mm.\n\n{markdown_table((*heading, *paired_heading), table)}"
     )
-
-
-def shown(values: Sequence[float], digits: int, sign: str = "") -> str:
-    """Return the mean of some values with its 95 % interval as text."""
-    mean, low, high, _ = mean_with_interval(values).values()
-    return f"{mean:{sign}.{digits}f} [{low:{sign}.{digits}f}, {high:{sign}.{digits}f}]"
-
-
-def kept(folder: Path) -> list[dict[str, str]]:
-    """Return the rows of an earlier measurement; SystemExit if there is none."""
-    path = folder / FILE
-    if not path.is_file():
-        raise SystemExit(f"{path} is missing; run 'python scripts/safe_cut.py' first.")
-    return list(rows_of(path))
 
 
 def main() -> None:
@@ -80,9 +66,8 @@ def main() -> None:
             rows = measure(arguments.policies, arguments.specimens)
         except ValueError as error:
             parser.error(str(error))
-        arguments.out.mkdir(parents=True, exist_ok=True)
-        write_csv(arguments.out / FILE, rows)
-    print(report(kept(arguments.out)), flush=True)
+        keep(arguments.out / FILE, rows)
+    print(report(kept_rows(arguments.out / FILE, "safe_cut.py")), flush=True)
 
 
 if __name__ == "__main__":

@@ -12,7 +12,6 @@ one.  All is kept in runs/slow-rig; ``scripts/update_docs.py slow-rig-agents`` p
 from __future__ import annotations
 
 import argparse
-import json
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
@@ -21,12 +20,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from kept_rows import interval_text, keep_json, kept_json, mean_text
 
-from cutenv._base.atomic_file import atomic_write
 from cutenv.envs import RigCutEnv
 from cutenv.learning.evaluation import Contestant, contestant, evaluate
 from cutenv.learning.seeds import TEST_SEEDS
-from cutenv.learning.statistics import by_policy, differences, mean_with_interval
+from cutenv.learning.statistics import by_policy, differences
 from cutenv.policy import SCRIPTS, ConstantFeed, Policy
 from cutenv.rig.config.settings import Identified, RigSettings
 from cutenv.rig.connection import settings_of
@@ -175,11 +174,10 @@ def cut_in_time(rig: RigCutEnv, policy: Policy, episode: int) -> tuple[ComparedC
 
 
 def _cells(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    value = mean_with_interval(row["return"] for row in rows)
     mean = {score: np.mean([row[score] for row in rows]) for score in _SCORES}
     return [
-        f"{value['mean']:.3f} [{value['low_95']:.3f}, {value['high_95']:.3f}]",
-        f"{100.0 * mean['success']:.0f} %", f"{mean['tip_error_mm']:.1f}", f"{mean['largest_jump_mm']:.1f}",
+        mean_text(row["return"] for row in rows), f"{100.0 * mean['success']:.0f} %",
+        f"{mean['tip_error_mm']:.1f}", f"{mean['largest_jump_mm']:.1f}",
         f"{mean['time_s']:.1f}",
     ]  # fmt: skip
 
@@ -221,7 +219,7 @@ def answer(kept: Mapping[str, Any]) -> str:
     def gains(other: str) -> str:
         rows = [row for name in trained for row in differences(kept["rows"]["slow"], name, ("return",))]
         told = [row for row in rows if row["baseline"] == other]
-        return ", ".join(f"{row['mean']:+.3f} [{row['low_95']:+.3f}, {row['high_95']:+.3f}]" for row in told)
+        return ", ".join(interval_text(row, sign="+") for row in told)
 
     there, here = means[1][best_of_tasks], means[0][best]
     text = (
@@ -234,14 +232,6 @@ def answer(kept: Mapping[str, Any]) -> str:
             f'(paired, each seed), and beside the script "{_STEPPED}" from which it began, {gains(_STEPPED)}.'
         )
     return text
-
-
-def kept(file: Path) -> dict[str, Any]:
-    """Return what was measured last; SystemExit if there is nothing."""
-    if not file.is_file():
-        raise SystemExit(f"{file} is missing; run 'python scripts/slow_rig_agents.py --train' first.")
-    found: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
-    return found
 
 
 def main() -> None:
@@ -258,16 +248,14 @@ def main() -> None:
     if arguments.train:
         train(arguments.seeds)
     if not arguments.print:
-        before = kept(DEFAULT) if DEFAULT.is_file() else {}
+        before = kept_json(DEFAULT, "") if DEFAULT.is_file() else {}
         found = before
         if not arguments.on_rig or not before:
             found = measure(arguments.specimens, arguments.processes) | {"check": before.get("check", [])}
         if arguments.on_rig:
             found["check"] = check(arguments.on_rig, found["decisions"])
-        FOLDER.mkdir(parents=True, exist_ok=True)
-        with atomic_write(DEFAULT) as part:
-            part.write_text(json.dumps(found, indent=1))
-    print(markdown(kept(DEFAULT)), flush=True)
+        keep_json(DEFAULT, found)
+    print(markdown(kept_json(DEFAULT, "slow_rig_agents.py --train")), flush=True)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,15 @@
-"""Tables of a task that adds to gentle cutting: its scripts and its planner with truth on held-out specimens."""
+"""Table of DepthCut-v1 or PathCut-v1: scripts, planner with truth and agents on the same held-out specimens.
+
+    python scripts/task_table.py depth                     500 specimens; writes runs/depth/depth.csv
+    python scripts/task_table.py path --print              the table of what is in runs/path
+    python scripts/task_table.py path --agents runs/NAME/policy ...    2000 specimens; writes runs/path/agents.csv
+    python scripts/task_table.py path --agents --print     the table of what is in there
+    python scripts/task_table.py depth --picture FILE      two cuts, as a PNG: floor, wanted depth and layer below
+    python scripts/task_table.py path --picture FILE       line, way of the blade and cut from above
+
+An agent is one training run, compared with every script by paired differences: the folders of several seeds show how
+much chance in the training does.
+"""
 
 from __future__ import annotations
 
@@ -8,11 +19,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cutenv.learning.evaluation import Contestant, evaluate
-from cutenv.learning.result_tables import rows_of, write_csv
+import numpy as np
+from kept_rows import interval_text, keep, kept_rows, mean_text
+
+from cutenv.envs.depth_cut import DepthCutEnv
+from cutenv.envs.gentle_cut import GentleCutEnv
+from cutenv.envs.path_cut import PathCutEnv
+from cutenv.learning.evaluation import Contestant, contestant, evaluate
 from cutenv.learning.seeds import TEST_SEEDS
-from cutenv.learning.statistics import differences, summarise
+from cutenv.learning.statistics import by_policy, differences, summarise
 from cutenv.task.registry import TASKS
+from cutenv.tissue.grid import SPACING
 
 ORACLE = "planner with truth"
 _TEXTS = ("policy", "specimen_class", "end")
@@ -20,28 +37,40 @@ _TEXTS = ("policy", "specimen_class", "end")
 
 @dataclass(frozen=True, kw_only=True)
 class TaskTable:
-    """One task's table."""
+    """One task's tables."""
 
     task: str
     errors: tuple[tuple[str, str, str], ...]
     """Scores that the task adds: name, heading, format with unit."""
     ends: tuple[tuple[str, str], ...]
     """Ends for safety that are counted: name, and what it is."""
+    draw: Callable[[Path], None]
+    """Draws a picture of two cuts."""
 
     @property
     def file(self) -> Path:
-        """File with one row for each cut."""
+        """File with one row for each cut of a script or the planner."""
         return Path("runs") / self.task / f"{self.task}.csv"
+
+    @property
+    def agents_file(self) -> Path:
+        """File with one row for each cut of an agent or a script."""
+        return self.file.with_name("agents.csv")
 
     def measure(self, specimens: int, processes: int | None) -> list[dict[str, Any]]:
         """Return one row for each cut of every script and of the planner."""
-        contestants = {name: Contestant(make()) for name, make in TASKS[self.task].scripts.items()}
-        contestants[ORACLE] = Contestant(TASKS[self.task].planner())
-        keywords = {"task": self.task, "specimen_class": "mixed"}
-        return evaluate(contestants, TEST_SEEDS[:specimens], keywords, processes=processes, description=self.task)
+        return self._evaluated({ORACLE: Contestant(TASKS[self.task].planner())}, specimens, processes)
 
-    def lines(self, rows: Sequence[Mapping[str, Any]]) -> list[str]:
-        """Return the table as lines of Markdown, and below it what there is to gain."""
+    def _evaluated(
+        self, others: Mapping[str, Contestant], specimens: int, processes: int | None
+    ) -> list[dict[str, Any]]:
+        scripts = {name: Contestant(make()) for name, make in TASKS[self.task].scripts.items()}
+        keywords = {"task": self.task, "specimen_class": "mixed"}
+        several = {**others, **scripts}
+        return evaluate(several, TEST_SEEDS[:specimens], keywords, processes=processes, description=self.task)
+
+    def report(self, rows: Sequence[Mapping[str, Any]]) -> str:
+        """Return the table as Markdown, and below it what there is to gain."""
         values = {(row["policy"], row["score"]): row for row in summarise(rows)}
         names = sorted(dict.fromkeys(row["policy"] for row in rows), key=lambda name: -values[name, "return"]["mean"])
         headings = " | ".join(heading for _, heading, _ in self.errors)
@@ -50,10 +79,9 @@ class TaskTable:
             f"| --- | --- | --- |{' --- |' * len(self.errors)} --- | --- |",
         ]
         for name in names:
-            whole = values[name, "return"]
             errors = " | ".join(shown.format(values[name, score]["mean"]) for score, _, shown in self.errors)
             lines.append(
-                f"| {name} | {whole['mean']:.3f} [{whole['low_95']:.3f}, {whole['high_95']:.3f}] "
+                f"| {name} | {interval_text(values[name, 'return'])} "
                 f"| {100 * values[name, 'success']['mean']:.0f} % | {errors} "
                 f"| {values[name, 'peak_force_N']['mean']:.1f} N | {values[name, 'time_s']['mean']:.1f} s |"
             )
@@ -65,35 +93,165 @@ class TaskTable:
             f"{what} in {sum(row['end'] == end and row['policy'] == best for row in rows)} cuts"
             for end, what in self.ends
         ]
-        return [
-            *lines,
-            "",
-            f"{specimens} held-out specimens of class mixed; mean [95 % interval]. The planner with truth leads the "
-            f"best script, *{best}*, by {lead['mean']:.3f} [{lead['low_95']:.3f}, {lead['high_95']:.3f}]. The best "
-            f"script meets {' and '.join(ends)}.",
-        ]
+        return "\n".join(
+            [
+                *lines,
+                "",
+                f"{specimens} held-out specimens of class mixed; mean [95 % interval]. The planner with truth leads "
+                f"the best script, *{best}*, by {interval_text(lead)}. The best script meets {' and '.join(ends)}.",
+            ]
+        )
 
-    def kept(self) -> list[dict[str, Any]]:
-        """Return the rows of the last measurement; SystemExit if there is none."""
-        if not self.file.is_file():
-            raise SystemExit(f"{self.file} is missing; run 'python scripts/{self.task}_table.py' first.")
-        return [
-            {name: value if name in _TEXTS else float(value) for name, value in row.items()}
-            for row in rows_of(self.file)
-        ]
+    def measure_agents(self, folders: Sequence[Path], specimens: int, processes: int | None) -> list[dict[str, Any]]:
+        """Return one row for each cut of every agent and script."""
+        agents = {f"PPO, run {number}": contestant(str(folder)) for number, folder in enumerate(folders, 1)}
+        rows = self._evaluated(agents, specimens, processes)
+        scores = ("policy", "seed", "return", "success", *(name for name, _, _ in self.errors))
+        return [{name: row[name] for name in scores} for row in rows]
 
-    def run(self, about: str | None, draw: Callable[[Path], None]) -> None:
-        """Run the command line of a script that is described by ``about`` and draws a picture."""
-        parser = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
-        parser.add_argument("--specimens", type=int, default=500, metavar="N", help="number of specimens; default 500")
-        parser.add_argument("--processes", type=int, metavar="N", help="number of processes; default one per core")
-        parser.add_argument("--print", action="store_true", help="print the kept table without measuring again")
-        parser.add_argument("--picture", type=Path, metavar="FILE", help="draw two cuts, and stop")
-        arguments = parser.parse_args()
-        if arguments.picture is not None:
-            draw(arguments.picture)
-            return
+    def agents_report(self, rows: Sequence[Mapping[str, Any]]) -> str:
+        """Return the comparison as a Markdown table, with the script that comes nearest to each agent."""
+        scripts, (error, heading, shown) = TASKS[self.task].scripts, self.errors[0]
+        lines = [
+            f"| policy | return | success | {heading} | minus the script that comes nearest |",
+            "| --- | --- | --- | --- | --- |",
+        ]
+        for name, own in by_policy(rows).items():
+            nearest = "–"
+            if name not in scripts:
+                compared = [row for row in rows if row["policy"] == name or row["policy"] in scripts]
+                paired = [row for row in differences(compared, name, ("return",)) if row["score"] == "return"]
+                least = min(paired, key=lambda row: float(row["low_95"]))
+                nearest = f"{interval_text(least, sign='+')} ({least['baseline']})"
+            lines.append(
+                f"| {name} | {mean_text(row['return'] for row in own)} "
+                f"| {100.0 * np.mean([row['success'] for row in own]):.1f} % "
+                f"| {shown.format(np.mean([row[error] for row in own]))} | {nearest} |"
+            )
+        count = len({row["seed"] for row in rows})
+        return "\n".join(
+            [*lines, "", f"{count} held-out specimens of class mixed; mean and paired difference with 95 % interval."]
+        )
+
+    def kept_report(self) -> str:
+        """Return the table of the last measurement; SystemExit if there is none."""
+        return self.report(kept_rows(self.file, f"task_table.py {self.task}", _TEXTS))
+
+    def kept_agents_report(self) -> str:
+        """Return the table of the last measurement of agents; SystemExit if there is none."""
+        return self.agents_report(kept_rows(self.agents_file, f"task_table.py {self.task} --agents runs/NAME/policy"))
+
+
+def cut_drawn(env: GentleCutEnv, name: str, task: str) -> tuple[Any, list[dict[str, Any]]]:
+    """Let a script cut the first held-out specimen; return the last info and the truth of every decision."""
+    policy = TASKS[task].scripts[name]()
+    observation, info = env.reset(seed=TEST_SEEDS[0], options={"episode": 0})
+    policy.reset(np.random.default_rng(0))
+    ended, truths = False, []
+    while not ended:
+        observation, _, ended, _, info = env.step(policy(observation))
+        truths.append(info["truth"])
+    return info, truths
+
+
+def draw_depth(path: Path) -> None:
+    """Draw the floor of two cuts, a ramp and a step, by the best script and by one depth held."""
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(2, 1, figsize=(8.0, 6.0), sharex=True, layout="constrained")
+    for axis, wanted in zip(axes, ("ramp", "step"), strict=True):
+        env = DepthCutEnv(wanted=wanted, target_length=0.08)
+        for name, colour in (("depth by two forces", "tab:blue"), ("hold one depth", "tab:gray")):
+            info, _ = cut_drawn(env, name, "depth")
+            x = np.arange(env.cutting.motion["cell"][0] + 1) * 0.5
+            axis.plot(x, 1e3 * env.cutting.floor[: len(x)], color=colour, label=f"floor of the cut, {name}")
+        along = np.arange(len(env.cutting.floor)) * 0.5
+        axis.plot(along, 1e3 * env.cutting.whole["wanted"][0], "k--", lw=1.0, label="wanted depth")
+        axis.axhspan(1e3 * info["truth"]["layer_m"], 25.0, color="tab:red", alpha=0.2, label="layer below, not seen")
+        axis.set(ylim=(20.0, 0.0), xlim=(0.0, 100.0), ylabel="depth below the surface [mm]", title=wanted)
+        axis.axvline(80.0, color="tab:green", lw=1.0, label="target")
+    axes[0].legend(loc="lower left", fontsize=8)
+    axes[1].set_xlabel("along the cut [mm]")
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
+
+
+def draw_path(path: Path) -> None:
+    """Draw the cuts of two lines, by the best script and by a blade that follows the line."""
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(2, 1, figsize=(9.5, 5.2), sharex=True, layout="constrained")
+    for axis, kind in zip(axes, ("excision", "s"), strict=True):
+        env = PathCutEnv(line=kind, target_length=0.09)
+        for name, colour in (("steer by force", "tab:blue"), ("blade on the line", "tab:orange")):
+            info, truths = cut_drawn(env, name, "path")
+            places = [(truth["blade_x_m"], truth["blade_y_m"]) for truth in truths]
+            line, aside = env.cutting.line, env.cutting.cut_distance
+            n = len(aside)
+            x, y = line.x[:n] - aside * np.sin(line.angle[:n]), line.y[:n] + aside * np.cos(line.angle[:n])
+            area = info["path"]["area_mm2"]
+            axis.plot(1e3 * x, 1e3 * y, color=colour, lw=1.5, label=f"cut, {name}: {area:.0f} mm² from the line")
+            axis.plot(*(1e3 * np.array(places).T), color=colour, lw=0.7, ls=":", label=f"blade, {name}")
+        whole = slice(0, round(0.09 / SPACING) + 1)
+        axis.plot(1e3 * line.x[whole], 1e3 * line.y[whole], "k--", lw=0.8, label="line")
+        axis.set(ylabel="across the slab [mm]", title=f"a line of kind {kind}", aspect="equal")
+        axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7)
+    axes[1].set_xlabel("along the slab, from the clamp [mm]")
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
+
+
+TABLES = {
+    table.task: table
+    for table in (
+        TaskTable(
+            task="depth",
+            errors=(
+                ("mean_error_mm", "mean error of the depth", "{:.2f} mm"),
+                ("layer_mm", "into the layer below", "{:.3f} mm"),
+            ),
+            ends=(("force_limit", "the limit of force"), ("layer", "that of the layer")),
+            draw=draw_depth,
+        ),
+        TaskTable(
+            task="path",
+            errors=(
+                ("mean_distance_mm", "mean distance to the line", "{:.2f} mm"),
+                ("largest_distance_mm", "largest", "{:.2f} mm"),
+                ("area_mm2", "area between", "{:.0f} mm²"),
+            ),
+            ends=(("force_limit", "the limit of force"), ("off_line", "that of the distance")),
+            draw=draw_path,
+        ),
+    )
+}
+
+
+def main() -> None:
+    """Run the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("task", choices=list(TABLES), help="the task that is cut")
+    parser.add_argument("--agents", nargs="*", type=Path, metavar="FOLDER", help="policies of training runs, compared")
+    parser.add_argument("--specimens", type=int, metavar="N", help="number of specimens; default 500, of agents 2000")
+    parser.add_argument("--processes", type=int, metavar="N", help="number of processes; default one per core")
+    parser.add_argument("--print", action="store_true", help="print the kept table without measuring again")
+    parser.add_argument("--picture", type=Path, metavar="FILE", help="draw two cuts, and stop")
+    arguments = parser.parse_args()
+    table, agents, processes = TABLES[arguments.task], arguments.agents, arguments.processes
+    if arguments.picture is not None:
+        table.draw(arguments.picture)
+        return
+    if agents is None:
         if not arguments.print:
-            self.file.parent.mkdir(parents=True, exist_ok=True)
-            write_csv(self.file, self.measure(arguments.specimens, arguments.processes))
-        print("\n".join(self.lines(self.kept())))
+            keep(table.file, table.measure(arguments.specimens or 500, processes))
+        print(table.kept_report())
+        return
+    if not arguments.print:
+        if not agents:
+            parser.error("give the folder of a policy, such as runs/NAME/policy, or --print")
+        keep(table.agents_file, table.measure_agents(agents, arguments.specimens or 2000, processes))
+    print(table.kept_agents_report(), flush=True)
+
+
+if __name__ == "__main__":
+    main()

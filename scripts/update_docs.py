@@ -44,10 +44,9 @@ import check_steering
 import class_attacks
 import class_load
 import curved_cuts
-import depth_ladder
-import depth_table
 import fit_layers
 import gymnasium
+import knowledge_ladder
 import ladder
 import leaderboard
 import learned_stop
@@ -58,18 +57,18 @@ import measure_page
 import measure_seen_runs
 import memory_gap
 import numpy as np
-import path_ladder
-import path_table
+import promises
 import recover_layers
 import rig_faults
 import rig_soak
 import safe_cut
 import slow_rig_agents
 import stock_learners
-import task_agents
+import task_table
 import tip_errors
 import wear_series
 from benchmark.table import markdown_table
+from kept_rows import kept_json, kept_rows
 
 from cutenv._base.parameter import parameter_table
 from cutenv.cutting.descent import DescentParameters
@@ -99,71 +98,6 @@ from cutenv.tissue.surface import SurfaceSpread
 
 ROOT = Path(__file__).parents[1]
 SCORES = ("return", "success", "tip_error_mm", "peak_force_N", "time_s")
-
-
-PAGES = {
-    "results": "README.md",
-    "training": "docs/results/training.md",
-    "benchmark": "docs/results/leaderboard.md",
-    "measures": "docs/development/measures.md",
-    "baselines": "docs/results/baselines.md",
-    "ladder": "docs/results/information.md",
-    "learned-stop": "docs/results/information.md",
-    "stock": "docs/results/stock-learners.md",
-    "safe-cut": "docs/results/safe-cut.md",
-    "memory": "docs/results/memory-gap.md",
-    "depth-cut": "docs/results/depth-cut.md",
-    "depth-ladder": "docs/results/depth-cut.md",
-    "depth-agents": "docs/results/depth-cut.md",
-    "path-cut": "docs/results/path-cut.md",
-    "path-ladder": "docs/results/path-cut.md",
-    "path-agents": "docs/results/path-cut.md",
-    "path-speed": "docs/results/path-cut.md",
-    "speed": "docs/results/speed.md",
-    "agreement": "docs/validation/agreement.md",
-    "specimens": "docs/validation/specimens.md",
-    "calibration": "docs/validation/calibration.md",
-    "layers-recovered": "docs/validation/calibration.md",
-    "check-score": "docs/validation/score.md",
-    "check-depth-score": "docs/validation/score.md",
-    "check-path-score": "docs/validation/score.md",
-    "pass-marks": "docs/validation/pass-marks.md",
-    "field": "docs/validation/field.md",
-    "depth": "docs/validation/depth.md",
-    "seen-runs": "docs/validation/depth.md",
-    "live-camera": "docs/validation/depth.md",
-    "errata": "docs/validation/errata.md",
-    "descent": "docs/validation/descent.md",
-    "descent-speed": "docs/validation/descent.md",
-    "layers-fit": "docs/validation/descent.md",
-    "steering": "docs/validation/steering.md",
-    "steering-speed": "docs/validation/steering.md",
-    "freehand-speed": "docs/validation/steering.md",
-    "curved-benchmark": "docs/validation/curved-benchmark.md",
-    "parameters": "docs/reference/constants.md",
-    "metrics": "docs/reference/metrics.md",
-    "depth-metrics": "docs/reference/metrics.md",
-    "path-metrics": "docs/reference/metrics.md",
-    "weights": "docs/how-to/train.md",
-    "ends": "docs/concepts/task.md",
-    "tip-errors": "docs/concepts/task.md",
-    "tissue-file": "docs/reference/files/tissue.md",
-    "rig-file": "docs/reference/files/rig.md",
-    "wear": "docs/rig/thesis-rig.md",
-    "bead-tracking": "docs/validation/beads.md",
-    "rig-faults": "docs/rig/what-stops-it.md",
-    "rig-faults-height": "docs/rig/what-stops-it.md",
-    "rig-faults-side": "docs/rig/what-stops-it.md",
-    "rig-faults-serial": "docs/rig/serial-rig.md",
-    "rig-faults-grbl": "docs/rig/serial-rig.md",
-    "slow-rig-agents": "docs/results/slow-rig.md",
-    "slow-rig": "docs/rig/serial-rig.md",
-    "rig-soak": "docs/rig/what-stops-it.md",
-    "browser-page": "docs/how-to/browser.md",
-    "class-load": "docs/validation/class-server.md",
-    "class-attacks": "docs/validation/class-server.md",
-}
-"""Block and the page that holds it."""
 
 
 def parameters(_: argparse.Namespace) -> str:
@@ -336,10 +270,7 @@ def benchmark(_: argparse.Namespace) -> str:
 def left_by(script: ModuleType, file: Path | None = None) -> dict[str, Any]:
     """Return what a script has kept in its ``--json`` file; SystemExit with the cure where there is none."""
     name, kept_in = Path(str(script.__file__)).name, script.DEFAULT if file is None else file
-    path = ROOT / kept_in
-    if not path.is_file():
-        raise SystemExit(f"{kept_in} is missing; make it by: python scripts/{name} --json {kept_in}")
-    kept: dict[str, Any] = json.loads(path.read_text())
+    kept: dict[str, Any] = kept_json(ROOT / kept_in, f"{name} --json {kept_in}")
     return kept
 
 
@@ -390,9 +321,8 @@ def errata(_: argparse.Namespace) -> str:
 
 def map_score(task: str) -> str:
     """Return how the score of cuts along a wanted depth or a line agrees with the task."""
-    return check_score.map_report(
-        check_score.MAP_TASKS[task], check_score.kept(ROOT / check_score.FOLDER, f"{task}.csv")
-    )
+    path, command = ROOT / check_score.FOLDER / f"{task}.csv", f"check_score.py --task {task}"
+    return check_score.map_report(check_score.MAP_TASKS[task], kept_rows(path, command, check_score.TEXTS))
 
 
 def metrics(_: argparse.Namespace) -> str:
@@ -445,65 +375,117 @@ def slow_rig(_: argparse.Namespace) -> str:
     return "```text\n" + "\n\n".join(lines) + "\n```"
 
 
-BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
-    "parameters": parameters,
-    "agreement": agreement,
-    "specimens": specimens,
-    "calibration": calibration,
-    "pass-marks": pass_marks,
-    "field": field,
-    "speed": lambda _: speed_of(),
-    "training": training,
-    "results": results,
-    "baselines": baselines,
-    "ladder": lambda _: ladder.report(ladder.kept(ROOT / ladder.FOLDER)),
-    "learned-stop": lambda _: learned_stop.report(learned_stop.kept(ROOT / ladder.FOLDER)),
-    "stock": lambda _: stock_learners.report(*stock_learners.kept(ROOT / stock_learners.FOLDER)),
-    "safe-cut": lambda _: safe_cut.report(safe_cut.kept(ROOT / safe_cut.FOLDER)),
-    "memory": lambda _: memory_gap.report(memory_gap.kept(ROOT / memory_gap.FOLDER)),
-    "benchmark": benchmark,
-    "depth-cut": lambda _: "\n".join(depth_table.TABLE.lines(depth_table.TABLE.kept())),
-    "depth-ladder": lambda _: depth_ladder.LADDER.report(depth_ladder.LADDER.kept()),
-    **{f"{task}-agents": lambda _, task=task: task_agents.report(task, task_agents.kept(task)) for task in MAP_METRICS},
-    "path-cut": lambda _: "\n".join(path_table.TABLE.lines(path_table.TABLE.kept())),
-    "path-ladder": lambda _: path_ladder.LADDER.report(path_ladder.LADDER.kept()),
-    "path-speed": lambda _: speed_of("path"),
-    "measures": lambda _: measure_codebase.comparison(),
-    "descent": lambda _: check_descent.markdown(),
-    "descent-speed": lambda _: speed_of("descent"),
-    "layers-fit": lambda _: fit_layers.markdown(),
-    "steering": lambda _: check_steering.markdown(),
-    "steering-speed": lambda _: speed_of("steering"),
-    "freehand-speed": lambda _: speed_of("freehand"),
-    "curved-benchmark": lambda _: curved_cuts.table(),
-    "check-score": lambda _: check_score.report(check_score.kept(ROOT / check_score.FOLDER)),
-    **{f"check-{task}-score": lambda _, task=task: map_score(task) for task in MAP_METRICS},
-    "layers-recovered": lambda _: recover_layers.tables(recover_layers.left()),
-    "depth": lambda _: measure_depth_accuracy.report(measure_depth_accuracy.kept(ROOT / measure_depth_accuracy.KEPT)),
-    "seen-runs": lambda _: measure_seen_runs.report(measure_depth_accuracy.kept(ROOT / measure_seen_runs.KEPT)),
-    "live-camera": lambda _: camera_beside_rig.markdown(left_by(camera_beside_rig)),
-    "errata": errata,
-    "metrics": metrics,
-    **{f"{task}-metrics": lambda _, own=own: metric_table(own) for task, own in MAP_METRICS.items()},
-    "weights": weights,
-    "ends": ends,
-    "tip-errors": lambda _: tip_errors.report(),
-    "tissue-file": tissue_file,
-    "rig-file": rig_file,
-    "wear": lambda _: "\n".join(wear_series.table(left_by(wear_series)["rows"])),
-    "bead-tracking": lambda _: bead_tracking.markdown(*bead_tracking.kept(ROOT / bead_tracking.FOLDER)),
-    "rig-faults": lambda _: rig_faults.markdown(left_by(rig_faults)),
-    "rig-faults-height": lambda _: rig_faults.markdown(left_by(rig_faults, rig_faults.DEFAULTS["height"])),
-    "rig-faults-side": lambda _: rig_faults.markdown(left_by(rig_faults, rig_faults.DEFAULTS["side"])),
-    "rig-faults-serial": lambda _: rig_faults.markdown(left_by(rig_faults, rig_faults.DEFAULTS["serial"])),
-    "rig-faults-grbl": lambda _: rig_faults.markdown(left_by(rig_faults, rig_faults.DEFAULTS["grbl"])),
-    "slow-rig": slow_rig,
-    "slow-rig-agents": lambda _: slow_rig_agents.markdown(slow_rig_agents.kept(ROOT / slow_rig_agents.DEFAULT)),
-    "rig-soak": lambda _: "```\n" + rig_soak.text(left_by(rig_soak)) + "\n```",
-    "browser-page": lambda _: measure_page.markdown(left_by(measure_page)),
-    "class-load": lambda _: class_load.markdown(left_by(class_load)),
-    "class-attacks": lambda _: class_attacks.markdown(),
+ON_PAGES: dict[str, dict[str, Callable[[argparse.Namespace], str]]] = {
+    "docs/reference/constants.md": {"parameters": parameters},
+    "docs/validation/agreement.md": {"agreement": agreement},
+    "docs/validation/specimens.md": {"specimens": specimens},
+    "docs/validation/calibration.md": {
+        "calibration": calibration,
+        "layers-recovered": lambda _: recover_layers.tables(recover_layers.left()),
+    },
+    "docs/validation/pass-marks.md": {"pass-marks": pass_marks},
+    "docs/validation/field.md": {"field": field},
+    "docs/results/speed.md": {"speed": lambda _: speed_of()},
+    "docs/results/training.md": {"training": training},
+    "README.md": {"results": results},
+    "docs/results/baselines.md": {"baselines": baselines},
+    "docs/results/information.md": {
+        "ladder": lambda _: ladder.report(kept_rows(ROOT / ladder.FOLDER / ladder.FILE, "ladder.py")),
+        "learned-stop": lambda _: learned_stop.report(
+            kept_rows(ROOT / ladder.FOLDER / learned_stop.FILE, "learned_stop.py")
+        ),
+    },
+    "docs/results/stock-learners.md": {
+        "stock": lambda _: stock_learners.report(*stock_learners.kept(ROOT / stock_learners.FOLDER))
+    },
+    "docs/results/safe-cut.md": {
+        "safe-cut": lambda _: safe_cut.report(kept_rows(ROOT / safe_cut.FOLDER / safe_cut.FILE, "safe_cut.py"))
+    },
+    "docs/results/memory-gap.md": {"memory": lambda _: memory_gap.report(memory_gap.kept(ROOT / memory_gap.FOLDER))},
+    "docs/results/leaderboard.md": {"benchmark": benchmark},
+    "docs/results/depth-cut.md": {
+        "depth-cut": lambda _: task_table.TABLES["depth"].kept_report(),
+        "depth-ladder": lambda _: knowledge_ladder.LADDERS["depth"].kept_report(),
+        "depth-agents": lambda _: task_table.TABLES["depth"].kept_agents_report(),
+    },
+    "docs/results/path-cut.md": {
+        "path-agents": lambda _: task_table.TABLES["path"].kept_agents_report(),
+        "path-cut": lambda _: task_table.TABLES["path"].kept_report(),
+        "path-ladder": lambda _: knowledge_ladder.LADDERS["path"].kept_report(),
+        "path-speed": lambda _: speed_of("path"),
+    },
+    "docs/development/measures.md": {"measures": lambda _: measure_codebase.comparison()},
+    "docs/validation/descent.md": {
+        "descent": lambda _: promises.markdown(check_descent.CHECKS, 4),
+        "descent-speed": lambda _: speed_of("descent"),
+        "layers-fit": lambda _: fit_layers.markdown(),
+    },
+    "docs/validation/steering.md": {
+        "steering": lambda _: promises.markdown(check_steering.CHECKS, 2),
+        "steering-speed": lambda _: speed_of("steering"),
+        "freehand-speed": lambda _: speed_of("freehand"),
+    },
+    "docs/validation/curved-benchmark.md": {"curved-benchmark": lambda _: curved_cuts.table()},
+    "docs/validation/score.md": {
+        "check-score": lambda _: check_score.report(
+            kept_rows(ROOT / check_score.FOLDER / check_score.FILE, "check_score.py", check_score.TEXTS)
+        ),
+        "check-depth-score": lambda _: map_score("depth"),
+        "check-path-score": lambda _: map_score("path"),
+    },
+    "docs/validation/depth.md": {
+        "depth": lambda _: measure_depth_accuracy.report(
+            kept_json(ROOT / measure_depth_accuracy.KEPT, "measure_depth_accuracy.py")
+        ),
+        "seen-runs": lambda _: measure_seen_runs.report(
+            kept_json(ROOT / measure_seen_runs.KEPT, "measure_seen_runs.py")
+        ),
+        "live-camera": lambda _: camera_beside_rig.markdown(left_by(camera_beside_rig)),
+    },
+    "docs/validation/errata.md": {"errata": errata},
+    "docs/reference/metrics.md": {
+        "metrics": metrics,
+        "depth-metrics": lambda _: metric_table(MAP_METRICS["depth"]),
+        "path-metrics": lambda _: metric_table(MAP_METRICS["path"]),
+    },
+    "docs/how-to/train.md": {"weights": weights},
+    "docs/concepts/task.md": {
+        "ends": ends,
+        "tip-errors": lambda _: tip_errors.report(),
+    },
+    "docs/reference/files/tissue.md": {"tissue-file": tissue_file},
+    "docs/reference/files/rig.md": {"rig-file": rig_file},
+    "docs/rig/thesis-rig.md": {"wear": lambda _: "\n".join(wear_series.table(left_by(wear_series)["rows"]))},
+    "docs/validation/beads.md": {
+        "bead-tracking": lambda _: bead_tracking.markdown(*bead_tracking.kept(ROOT / bead_tracking.FOLDER))
+    },
+    "docs/rig/what-stops-it.md": {
+        "rig-faults": lambda _: rig_faults.markdown(left_by(rig_faults)),
+        "rig-faults-height": lambda _: rig_faults.markdown(left_by(rig_faults, rig_faults.DEFAULTS["height"])),
+        "rig-faults-side": lambda _: rig_faults.markdown(left_by(rig_faults, rig_faults.DEFAULTS["side"])),
+        "rig-soak": lambda _: "```\n" + rig_soak.text(left_by(rig_soak)) + "\n```",
+    },
+    "docs/rig/serial-rig.md": {
+        "rig-faults-serial": lambda _: rig_faults.markdown(left_by(rig_faults, rig_faults.DEFAULTS["serial"])),
+        "rig-faults-grbl": lambda _: rig_faults.markdown(left_by(rig_faults, rig_faults.DEFAULTS["grbl"])),
+        "slow-rig": slow_rig,
+    },
+    "docs/results/slow-rig.md": {
+        "slow-rig-agents": lambda _: slow_rig_agents.markdown(
+            kept_json(ROOT / slow_rig_agents.DEFAULT, "slow_rig_agents.py --train")
+        )
+    },
+    "docs/how-to/browser.md": {"browser-page": lambda _: measure_page.markdown(left_by(measure_page))},
+    "docs/validation/class-server.md": {
+        "class-load": lambda _: class_load.markdown(left_by(class_load)),
+        "class-attacks": lambda _: class_attacks.markdown(),
+    },
 }
+"""Functions that make blocks, by page and name."""
+PAGES = {name: page for page, made in ON_PAGES.items() for name in made}
+"""Page of each block."""
+BLOCKS = {name: make for made in ON_PAGES.values() for name, make in made.items()}
+"""Function that makes each block."""
 
 
 def pattern_of(name: str) -> re.Pattern[str]:

@@ -11,15 +11,14 @@ one material ("uniform") they do not.  A cut whose tip stays behind in its first
 from __future__ import annotations
 
 import argparse
-import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from kept_rows import keep_json
 
-from cutenv._base.atomic_file import atomic_write
 from cutenv.envs.constants import Knowledge
 from cutenv.measurement import estimate_fracture_resistance, fit_wear
 from cutenv.measurement.wear import without_friction
@@ -103,9 +102,7 @@ def main() -> None:
             print(table(rows[-1:])[-1], flush=True)
     print("\n".join(table(rows)))
     if arguments.json is not None:
-        arguments.json.parent.mkdir(parents=True, exist_ok=True)
-        with atomic_write(arguments.json) as part:
-            part.write_text(json.dumps({"rows": rows}, indent=1) + "\n", encoding="utf-8")
+        keep_json(arguments.json, {"rows": rows})
 
 
 if __name__ == "__main__":

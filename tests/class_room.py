@@ -45,11 +45,21 @@ def hand(count: int = 900, speed: float = 2e-5) -> Any:
     return np.stack([np.arange(count) * speed, np.full(count, np.pi / 2)], axis=-1)
 
 
+def message(made: HandCut, stylus: Any) -> dict[str, Any]:
+    """What the page sends of movements that a cut has followed, up to its end."""
+    readings = made.follow(stylus)
+    content = stylus[: len(readings)].astype("<f8").tobytes()
+    return {"content": content, "headers": {"X-Readings": f"{zlib.crc32(readings.tobytes()):08x}"}}
+
+
+def to_the_end() -> Any:
+    """Movements beyond the target, where the hand then rests."""
+    return np.concatenate([hand(4000, 3e-5), np.full((26_000, 2), [0.12, np.pi / 2])])
+
+
 def cut_once(client: TestClient, movements: Any = None, **changed: Any) -> tuple[Any, dict[str, Any]]:
     """Begin and finish a cut as the page does; the answer, and what was handed out."""
     handed_out = client.post("/cuts").json()
     stylus = hand() if movements is None else movements
     made = HandCut(specimen_class=handed_out["specimen_class"], seed=handed_out["seed"])
-    digest = f"{zlib.crc32(made.follow(stylus).tobytes()):08x}"
-    sent = {"content": stylus.astype("<f8").tobytes(), "headers": {"X-Readings": digest}} | changed
-    return client.post(f"/cuts/{handed_out['id']}", **sent), handed_out
+    return client.post(f"/cuts/{handed_out['id']}", **(message(made, stylus) | changed)), handed_out

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from speed.measured import Measured
+
 BENCHMARKS = {
     "first": "first_use",
     "step": "environment",
     "batch": "batch",
     "descent": "vertical_motion",
-    "depth": "depth_environment",
+    "depth": "third_action:depth",
     "steering": "steering",
     "freehand": "freehand",
-    "path": "path_environment",
+    "path": "third_action:path",
     "tick": "tick",
     "picture": "picture",
     "field": "field",
@@ -20,4 +27,11 @@ BENCHMARKS = {
     "ppo": "ppo",
     "reading": "reading",
 }
-"""Module with ``measure()`` by name."""
+"""Module with ``measure()`` by name, with its argument where it has one."""
+
+
+def measurement(name: str) -> Callable[[], Measured]:
+    """Return the measurement of a benchmark; its module is loaded only now."""
+    module, _, argument = BENCHMARKS[name].partition(":")
+    measure = import_module(f"speed.{module}").measure
+    return lambda: measure(*filter(None, (argument,)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from cutenv._engine.parallel import cores
 from cutenv.envs.batch import CutBatch
 from cutenv.envs.gentle_cut import GentleCutEnv
+from cutenv.task.registry import TASKS
 from speed.measured import Measured, Number, at_most
 
 COUNT, STEPS, ROUNDS = 1024, 60, 5
@@ -21,6 +22,18 @@ ALLOWED = 2.0
 
 ThirdActions = Callable[[np.random.Generator, int], NDArray[np.float64]]
 """Third actions of n cuts in a decision, shape (n,)."""
+MOTIONS: dict[str, dict[str, ThirdActions]] = {
+    "depth": {
+        "at a constant level": lambda rng, count: np.zeros(count),
+        "at random": lambda rng, count: rng.uniform(-1.0, 1.0, count),
+        "pressing down": lambda rng, count: rng.uniform(0.1, 0.4, count),
+    },
+    "path": {
+        "straight on": lambda rng, count: np.zeros(count),
+        "turning at random": lambda rng, count: rng.uniform(-1.0, 1.0, count),
+    },
+}
+"""Motions of each task by name; lines of all kinds are cut along."""
 
 
 class RatesBeside(NamedTuple):
@@ -45,9 +58,11 @@ def seconds_of(batch: CutBatch, actions: list[NDArray[np.float64]]) -> float:
     return time.perf_counter() - start
 
 
-def rates_beside(own: CutBatch, motion: ThirdActions, steps: int = STEPS, rounds: int = ROUNDS) -> RatesBeside:
+def rates_beside(
+    task: str, motion: ThirdActions, count: int = COUNT, steps: int = STEPS, rounds: int = ROUNDS
+) -> RatesBeside:
     """Measure as many cuts of both; each round begins with the same specimens, and resets are included."""
-    count, rng = len(own), np.random.default_rng(0)
+    own, rng = CutBatch(count, TASKS[task].single()), np.random.default_rng(0)
     gentle = CutBatch(count, GentleCutEnv())
     along = [rng.uniform((0.3, -1.0), (1.0, 1.0), (count, 2)) for _ in range(steps)]
     moving = [np.column_stack([action, motion(rng, count)]) for action in along]
@@ -58,17 +73,16 @@ def rates_beside(own: CutBatch, motion: ThirdActions, steps: int = STEPS, rounds
     return RatesBeside(*(count * steps / seconds for seconds in best))
 
 
-def measured_beside(
-    title: str, motions: Mapping[str, ThirdActions], rates: Callable[[ThirdActions], RatesBeside]
-) -> Measured:
+def measure(task: str) -> Measured:
     """Measure each motion; return decisions per second, and how many times GentleCut-v1's time they take."""
     numbers: dict[str, Number] = {}
     lines = [
-        f"{title}, {COUNT} cuts on {cores()} cores at 50 decisions a second, resets included, beside",
+        f"{TASKS[task].id.removeprefix('cutenv/')}, {COUNT} cuts on {cores()} cores at 50 decisions a second, resets "
+        "included, beside",
         "  GentleCut-v1 under the same motion along the cut",
     ]
-    for name, motion in motions.items():
-        found = rates(motion)
+    for name, motion in MOTIONS[task].items():
+        found = rates_beside(task, motion)
         times = found.gentle / found.own
         numbers[f"decisions {name}"] = Number(found.own, "1/s")
         numbers[f"times GentleCut-v1 {name}"] = Number(times, "1")

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import chromium
 import firefox
 import pytest
-
-Browser = chromium.Browser | firefox.Browser
-
+from opened_page import Browser, wait
 
 BROWSERS = [pytest.param(name, marks=pytest.mark.needs(name.lower())) for name in ("Chromium", "Firefox")]
 
@@ -22,3 +21,14 @@ def browser(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
     driver = {"Chromium": chromium, "Firefox": firefox}[request.param]
     with driver.browser(tmp_path_factory.mktemp("profile")) as opened:
         yield opened
+
+
+@pytest.fixture
+def page(browser: Browser, written: Path) -> Iterator[Browser]:
+    """The page that the module has written, which loads nothing else and has no error."""
+    browser.open(written, 1100)
+    wait(browser, "Boolean(window.cutenvPage?.page?.cut)")
+    yield browser
+    assert browser.errors() == []
+    assert browser.complaints() == []
+    assert [asked for asked in browser.requests() if not asked.startswith(("file:", "blob:", "data:"))] == []

@@ -12,15 +12,14 @@ import numpy as np
 import pytest
 
 from cutenv.browser.stylus_steps import HandCut, HandDepthCut, HandPathCut
-from cutenv.play import PlayedCut, Stylus
-from cutenv.play.played_depth_cut import PlayedDepthCut
-from cutenv.play.played_path_cut import PlayedPathCut
+from cutenv.play import Stylus
 from cutenv.task.registry import TASKS, tasks_with
 
 pytest.importorskip("wasmtime", reason="runs WebAssembly in the tests: pip install 'cutenv[dev]'")
 
 import check_browser_law
 
+FURTHER = {"depth": ("height", "vertical_force"), "path": ("blade_x", "blade_y", "lateral_force")}
 ROOT = Path(__file__).parents[2]
 
 
@@ -49,44 +48,31 @@ def test_a_cut_in_webassembly_is_pythons_to_the_last_bit(task: str, seed: int) -
     assert cut.cuts["states"]["uncontrolled"][0, 0] > 0.0, "nothing was cut: the test compares too little"
 
 
-def test_a_led_cut_is_the_windows() -> None:
-    led, played = HandCut(specimen_class="vascular", seed=5), PlayedCut(specimen_class="vascular", seed=5)
-    stylus = check_browser_law.wandering(led, 5, 3_000)
-    readings = led.follow(stylus)
-    for position, angle in stylus.tolist():
-        played.tick(Stylus(position, angle))
-    assert readings.tobytes() == played.readings.tobytes()
-    assert led.end == played.end
-
-
-def test_a_led_cut_along_a_wanted_depth_is_the_windows() -> None:
-    led, played = HandDepthCut(specimen_class="vascular", seed=5), PlayedDepthCut(specimen_class="vascular", seed=5)
-    stylus = check_browser_law.wandering(led, 5, 3_000)
-    readings = np.concatenate([led.follow(part) for part in np.split(stylus, [7, 1500])])
-    for position, angle, level in stylus.tolist():
-        played.tick(Stylus(position, angle, level=level))
-    assert led.end == played.end
-    ours, theirs = led.trace(readings), played.trace()
-    for name in ("time", "force", "position", "speed", "angle", "depth", "height", "vertical_force"):
-        assert getattr(ours, name).tobytes() == getattr(theirs, name).tobytes(), name
-
-
-def test_a_led_cut_along_a_line_is_the_windows() -> None:
-    key: dict[str, Any] = {"specimen_class": "vascular", "seed": 5, "line": "excision"}
-    led, played = HandPathCut(**key), PlayedPathCut(**key)
-    hand = played.simple_hand()
-    stylus = [hand.read() for _ in range(3_000)]
-    numbers = np.array([(each.position, each.angle, each.across) for each in stylus])
+@pytest.mark.parametrize("task", TASKS)
+def test_a_led_cut_is_the_windows(task: str) -> None:
+    key: dict[str, Any] = {"specimen_class": "vascular", "seed": 5} | ({"line": "excision"} if task == "path" else {})
+    led, played = TASKS[task].hand(**key), TASKS[task].played(**key)
+    if task == "path":
+        hand = played.simple_hand()
+        stylus = [hand.read() for _ in range(3_000)]
+        numbers = np.array([(each.position, each.angle, each.across) for each in stylus])
+    else:
+        numbers = check_browser_law.wandering(led, 5, 3_000)
+        stylus = [Stylus(place, angle, level=sum(level)) for place, angle, *level in numbers.tolist()]
     readings = np.concatenate([led.follow(part) for part in np.split(numbers, [7, 1500])])
     for each in stylus:
         played.tick(each)
     assert led.end == played.end
-    ours, theirs = led.trace(readings, **led.noted), played.trace()
-    for name in ("time", "force", "position", "speed", "angle", "depth", "blade_x", "blade_y", "lateral_force"):
+    if task == "gentle":
+        assert readings.tobytes() == played.readings.tobytes()
+        return
+    noted = led.noted if task == "path" else {}
+    ours, theirs = led.trace(readings, **noted), played.trace()
+    for name in ("time", "force", "position", "speed", "angle", "depth", *FURTHER[task]):
         assert getattr(ours, name).tobytes() == getattr(theirs, name).tobytes(), name
-    assert ours.lateral_force is not None
-    assert np.ptp(ours.lateral_force) > 0.1
-    assert {"line": "excision"} | {name: theirs.metadata[name] for name in set(led.noted) - {"line"}} == led.noted
+    if task == "path":
+        assert np.ptp(ours.lateral_force) > 0.1
+        assert {"line": "excision"} | {name: theirs.metadata[name] for name in set(noted) - {"line"}} == noted
 
 
 def test_a_cut_that_has_ended_stays_as_it_is() -> None:

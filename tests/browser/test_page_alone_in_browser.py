@@ -5,14 +5,13 @@ from __future__ import annotations
 import json
 import re
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
-import chromium
-import firefox
 import measure_page
 import numpy as np
 import pytest
+from opened_page import Browser, fits_and_can_be_read, open_on_telephone, start, wait
 
 pytest.importorskip("jinja2", reason="pages are an extra: pip install 'cutenv[view]'")
 
@@ -24,24 +23,12 @@ from cutenv.plant.protocol import recorded_trace
 from cutenv.recording import load
 from cutenv.scoring import score
 
-Browser = chromium.Browser | firefox.Browser
-
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("page") / "cut.html"
     write_page_alone(path, count=1)
     return path
-
-
-@pytest.fixture
-def page(browser: Browser, written: Path) -> Iterator[Browser]:
-    browser.open(written, 1100)
-    wait(browser, "Boolean(window.cutenvPage?.page?.cut)")
-    yield browser
-    assert browser.errors() == []
-    assert browser.complaints() == []
-    assert [asked for asked in browser.requests() if not asked.startswith(("file:", "blob:", "data:"))] == []
 
 
 def hands(seed: int, count: int) -> list[list[float]]:
@@ -88,23 +75,8 @@ def test_the_score_of_the_page_is_pythons_by_the_true_tip(page: Browser, seed: i
     assert shown == pytest.approx(known, abs=1e-9)
 
 
-def start(page: Browser) -> tuple[float, float]:
-    """Press Start and wait for the countdown; a place in the picture."""
-    page.value("document.getElementById('start').click()")
-    wait(page, "cutenvPage.page.phase === 'cutting'")
-    left, top = page.value("(r => [r.left, r.top])(document.getElementById('picture').getBoundingClientRect())")
-    return left + 60, top + 60
-
-
 def give_up(page: Browser) -> None:
     page.value("document.getElementById('stop').click()")
-
-
-def wait(page: Browser, condition: str) -> None:
-    until = time.monotonic() + chromium.PATIENCE_S
-    while not page.value(condition):
-        assert time.monotonic() < until, condition
-        time.sleep(0.05)
 
 
 BLADE = "cutenvPage.page.cut.blade"
@@ -285,18 +257,12 @@ def test_near_the_target_it_says_what_is_still_missing(page: Browser) -> None:
 @pytest.mark.parametrize("language", ["en", "de"])
 @pytest.mark.parametrize("dark", [False, True])
 def test_it_fits_a_telephone_and_can_be_read(browser: Browser, written: Path, language: str, dark: bool) -> None:
-    browser.open(written, 400, dark=dark)
-    wait(browser, "window.cutenvPage !== undefined")
-    chosen = f"e.value = '{language}'; e.dispatchEvent(new Event('change'));"
-    browser.value(f"(e => {{ {chosen} }})(document.getElementById('language'))")
+    open_on_telephone(browser, written, language, dark)
     assert browser.value("document.documentElement.lang") == language
-    assert browser.value("document.documentElement.scrollWidth") <= 400
-    assert browser.value(chromium.LEAST_CONTRAST) >= 4.5
     start(browser)
     wait(browser, "cutenvPage.page.cut.count > 100")
     give_up(browser)
-    assert browser.value("document.documentElement.scrollWidth") <= 400
-    assert browser.value(chromium.LEAST_CONTRAST) >= 4.5
+    fits_and_can_be_read(browser)
     paper = "getComputedStyle(document.documentElement).getPropertyValue('--paper').trim()"
     assert (browser.value(paper) != "#fff") == dark
     browser.value("dispatchEvent(new Event('beforeprint'))")

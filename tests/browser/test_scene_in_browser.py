@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import json
-import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import chromium
-import firefox
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from opened_page import Browser
 
 pytest.importorskip("jinja2", reason="pages are an extra: pip install 'cutenv[view]'")
 
@@ -27,7 +24,6 @@ from cutenv.viewer.scene import derived_quantities, quantities_of_depth, rest_pl
 from cutenv.viewer.scene_parts import PARTS, WORDS
 from cutenv.viewer.views import tint
 
-Browser = chromium.Browser | firefox.Browser
 Array = NDArray[np.float64]
 
 CUT = """(() => {
@@ -55,17 +51,6 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("page") / "cut.html"
     write_page_alone(path, count=1, tasks=("gentle", "depth"))
     return path
-
-
-@pytest.fixture
-def page(browser: Browser, written: Path) -> Iterator[Browser]:
-    browser.open(written, 1100)
-    until = time.monotonic() + chromium.PATIENCE_S
-    while not browser.value("Boolean(window.cutenvPage?.page.cut)"):
-        assert time.monotonic() < until
-        time.sleep(0.05)
-    yield browser
-    assert browser.errors() == []
 
 
 def moment(told: dict[str, Any]) -> dict[str, Any]:

@@ -5,9 +5,8 @@ from __future__ import annotations
 import signal
 import ssl
 import subprocess
-import zlib
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -22,7 +21,7 @@ pytest.importorskip("httpx2", reason="asks the server in its tests: pip install 
 import httpx2
 from class_attacks import ATTACKS
 from class_load import Served
-from class_room import Room, cut_once, hand
+from class_room import Room, cut_once, hand, message, to_the_end
 from malformed_messages import malformed_message
 from sqlalchemy import event
 
@@ -42,18 +41,10 @@ specimen_class = "liver"
 """
 
 
-@pytest.fixture
-def room(tmp_path: Path) -> Iterator[Room]:
-    made = Room(tmp_path)
-    yield made
-    made.store.close()
-
-
 def sent(client: Any, handed_out: dict[str, Any]) -> Any:
     """Finish a cut that was handed out before, as the page does."""
     made = HandCut(specimen_class=handed_out["specimen_class"], seed=handed_out["seed"])
-    digest = f"{zlib.crc32(made.follow(hand()).tobytes()):08x}"
-    return client.post(f"/cuts/{handed_out['id']}", content=hand().tobytes(), headers={"X-Readings": digest})
+    return client.post(f"/cuts/{handed_out['id']}", **message(made, hand()))
 
 
 def records(room: Room) -> list[Path]:
@@ -134,7 +125,6 @@ def test_a_clock_that_is_set_back_loses_nothing(tmp_path: Path, monkeypatch: pyt
     (tmp_path / "course.toml").write_text(TWO_TASKS)
     room = Room(tmp_path, str(tmp_path / "course.toml"))
     client = room.person("P01")
-    stylus = np.concatenate([hand(4000, 3e-5), np.full((26_000, 2), [0.12, np.pi / 2])])
     for back in (timedelta(0), timedelta(days=1)):
 
         class Set(datetime):
@@ -145,7 +135,7 @@ def test_a_clock_that_is_set_back_loses_nothing(tmp_path: Path, monkeypatch: pyt
         for module in (class_store, lesson):
             monkeypatch.setattr(module, "datetime", Set)
         seed = client.post("/cuts").json()["seed"]
-        whole = stylus[: len(HandCut(specimen_class="uniform", seed=seed).follow(stylus))]
+        whole = to_the_end()[: len(HandCut(specimen_class="uniform", seed=seed).follow(to_the_end()))]
         assert cut_once(client, whole)[0].status_code == 200
     monkeypatch.undo()
     assert [cut.state for cut in room.store.cuts("P01")] == ["saved", "saved"]
@@ -162,9 +152,14 @@ def test_a_clock_that_is_set_back_loses_nothing(tmp_path: Path, monkeypatch: pyt
 # Two servers on one folder
 
 
+def two_rooms(folder: Path) -> list[Room]:
+    """A class on two servers, with a course of two tasks."""
+    (folder / "course.toml").write_text(TWO_TASKS.replace("repetitions = 2\n", ""))
+    return [Room(folder, str(folder / "course.toml")) for _ in range(2)]
+
+
 def test_a_record_that_another_server_is_still_writing_is_not_taken_for_one(tmp_path: Path) -> None:
-    (tmp_path / "course.toml").write_text(TWO_TASKS.replace("repetitions = 2\n", ""))
-    writer, reader = (Room(tmp_path, str(tmp_path / "course.toml")) for _ in range(2))
+    writer, reader = two_rooms(tmp_path)
     person = writer.person("P01")
     answer, _ = cut_once(person)
     assert answer.status_code == 200
@@ -182,19 +177,13 @@ def test_a_record_that_another_server_is_still_writing_is_not_taken_for_one(tmp_
 
 
 def test_two_servers_on_one_folder_keep_a_cut_once_and_know_each_others(tmp_path: Path) -> None:
-    (tmp_path / "course.toml").write_text(TWO_TASKS.replace("repetitions = 2\n", ""))
-    rooms = [Room(tmp_path, str(tmp_path / "course.toml")) for _ in range(2)]
+    rooms = two_rooms(tmp_path)
     first = rooms[0].person("P01")
     second = rooms[1].client()
     second.cookies = first.cookies
-    stylus = np.concatenate([hand(4000, 3e-5), np.full((26_000, 2), [0.12, np.pi / 2])])
     handed_out = first.post("/cuts").json()
     assert second.post("/cuts").json()["id"] == handed_out["id"]
-    readings = HandCut(specimen_class="uniform", seed=handed_out["seed"]).follow(stylus)
-    request = {
-        "content": stylus[: len(readings)].tobytes(),
-        "headers": {"X-Readings": f"{zlib.crc32(readings.tobytes()):08x}"},
-    }
+    request = message(HandCut(specimen_class="uniform", seed=handed_out["seed"]), to_the_end())
     with ThreadPoolExecutor(2) as pool:
         answers = list(pool.map(lambda client: client.post(f"/cuts/{handed_out['id']}", **request), (first, second)))
     assert sorted(answer.status_code for answer in answers) == [200, 422]
@@ -208,17 +197,11 @@ def test_two_servers_on_one_folder_keep_a_cut_once_and_know_each_others(tmp_path
 
 
 def test_a_server_that_is_too_late_leaves_the_record_of_the_other_one(tmp_path: Path) -> None:
-    (tmp_path / "course.toml").write_text(TWO_TASKS.replace("repetitions = 2\n", ""))
-    quick, late = (Room(tmp_path, str(tmp_path / "course.toml")) for _ in range(2))
+    quick, late = two_rooms(tmp_path)
     person, again = quick.person("P01"), late.client()
     again.cookies = person.cookies
     handed_out = person.post("/cuts").json()
-    stylus = np.concatenate([hand(4000, 3e-5), np.full((26_000, 2), [0.12, np.pi / 2])])
-    readings = HandCut(specimen_class="uniform", seed=handed_out["seed"]).follow(stylus)
-    request = {
-        "content": stylus[: len(readings)].tobytes(),
-        "headers": {"X-Readings": f"{zlib.crc32(readings.tobytes()):08x}"},
-    }
+    request = message(HandCut(specimen_class="uniform", seed=handed_out["seed"]), to_the_end())
     assert person.post(f"/cuts/{handed_out['id']}", **request).status_code == 200
     (record,) = records(quick)
     kept = record.read_bytes()
@@ -275,28 +258,9 @@ def test_every_attack_of_the_table_has_its_test(attack: str, test: str) -> None:
 
 def test_a_certificate_encrypts_and_guesses_are_slowed_down_whatever_they_call_themselves(tmp_path: Path) -> None:
     certificate, key = tmp_path / "cert.pem", tmp_path / "key.pem"
-    made = [
-        "openssl",
-        "req",
-        "-x509",
-        "-newkey",
-        "ec",
-        "-pkeyopt",
-        "ec_paramgen_curve:prime256v1",
-        "-nodes",
-        "-days",
-        "2",
-    ]
-    made += [
-        "-subj",
-        "/CN=class",
-        "-addext",
-        "subjectAltName=IP:127.0.0.1",
-        "-keyout",
-        str(key),
-        "-out",
-        str(certificate),
-    ]
+    curve = "ec_paramgen_curve:prime256v1"
+    made = ["openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", curve, "-nodes", "-days", "2"]
+    made += ["-subj", "/CN=class", "-addext", "subjectAltName=IP:127.0.0.1", "-keyout", key, "-out", certificate]
     subprocess.run(made, check=True, capture_output=True)
     served = Served(tmp_path / "class", "--certificate", str(certificate), "--key", str(key))
     try:

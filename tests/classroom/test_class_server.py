@@ -6,8 +6,6 @@ import csv
 import io
 import re
 import zipfile
-import zlib
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +15,7 @@ import pytest
 pytest.importorskip("starlette", reason="the server is an extra: pip install 'cutenv[serve]'")
 pytest.importorskip("httpx2", reason="asks the server in its tests: pip install 'cutenv[dev]'")
 
-from class_room import Room, cut_once, hand
+from class_room import Room, cut_once, hand, message, to_the_end
 
 from cutenv.browser import HandCut
 from cutenv.browser.stylus_steps import HandDepthCut, HandPathCut
@@ -26,13 +24,6 @@ from cutenv.classroom.request_guard import LARGEST_BODY, Trials
 from cutenv.play.course import named_course
 from cutenv.recording import load_one
 from cutenv.scoring import score
-
-
-@pytest.fixture
-def room(tmp_path: Path) -> Iterator[Room]:
-    made = Room(tmp_path)
-    yield made
-    made.lesson.close()
 
 
 def test_a_cut_is_repeated_scored_and_kept(room: Room) -> None:
@@ -64,12 +55,8 @@ def test_a_course_leads_from_task_to_task_and_hides_what_it_is_to_hide(tmp_path:
     client = room.person("P01")
     first = client.post("/cuts").json()
     assert (first["specimen_class"], first["seed"], first["feedback"]) == ("uniform", 5, "never")
-    stylus = np.concatenate([hand(4000, 3e-5), np.full((26_000, 2), [0.12, np.pi / 2])])
-    made = HandCut(specimen_class="uniform", seed=5)
-    readings = made.follow(stylus)
-    digest = f"{zlib.crc32(readings.tobytes()):08x}"
-    content = stylus[: len(readings)].tobytes()
-    answer = client.post(f"/cuts/{first['id']}", content=content, headers={"X-Readings": digest}).json()
+    sent = message(HandCut(specimen_class="uniform", seed=5), to_the_end())
+    answer = client.post(f"/cuts/{first['id']}", **sent).json()
     assert (answer["score"], answer["outcome"], answer["points"]) == (None, "", [])
     assert client.post("/cuts").json()["feedback"] == "above-limit"
     again = Lesson(room.store, room.lesson.folder, named_course(str(course))).progress("P01")
@@ -105,9 +92,8 @@ def test_a_cut_of_another_task_is_repeated_scored_and_kept(
         if line is None
         else HandPathCut(specimen_class="liver", seed=5, line=line)
     )
-    readings = made.follow(stylus)
-    sent = {"X-Readings": f"{zlib.crc32(readings.tobytes()):08x}"}
-    answer = client.post(f"/cuts/{handed_out['id']}", content=stylus.tobytes(), headers=sent)
+    sent = message(made, stylus)
+    answer = client.post(f"/cuts/{handed_out['id']}", **sent)
     assert answer.status_code == 200, answer.text
     assert [each["part"] for each in answer.json()["points"]].count(task) == 1
     assert answer.json()["verdict"]["en"] == "Mark missed: given up."
@@ -117,7 +103,7 @@ def test_a_cut_of_another_task_is_repeated_scored_and_kept(
     assert getattr(trace, channel).tobytes() == kept.tobytes()
     assert {name: trace.metadata[name] for name in made.noted} == made.noted
     other = client.post("/cuts").json()
-    flat = client.post(f"/cuts/{other['id']}", content=hand(1001).tobytes(), headers=sent)
+    flat = client.post(f"/cuts/{other['id']}", **(sent | {"content": hand(1001).tobytes()}))
     assert flat.status_code == 422
     assert "milliseconds of 24 bytes" in flat.json()["error"]
     room.store.close()
@@ -342,6 +328,5 @@ def test_a_full_disk_is_told_and_the_cut_can_be_sent_again(room: Room, monkeypat
     assert answer.status_code == 507
     assert "No space left" in answer.json()["error"]
     made = HandCut(specimen_class=handed_out["specimen_class"], seed=handed_out["seed"])
-    headers = {"X-Readings": f"{zlib.crc32(made.follow(hand()).tobytes()):08x}"}
-    assert client.post(f"/cuts/{handed_out['id']}", content=hand().tobytes(), headers=headers).status_code == 200
+    assert client.post(f"/cuts/{handed_out['id']}", **message(made, hand())).status_code == 200
     assert len(list(room.lesson.folder.rglob("*.csv"))) == 1

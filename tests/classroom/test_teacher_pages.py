@@ -7,7 +7,6 @@ import json
 import re
 import time
 import zipfile
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -44,13 +43,6 @@ print("reading:  40%|####      | 2/5", file=sys.stderr)
 sys.exit("cutenv study: these cuts are no study.")
 """
 WAITS = "import time\ntime.sleep(600)"
-
-
-@pytest.fixture
-def room(tmp_path: Path) -> Iterator[Room]:
-    made = Room(tmp_path)
-    yield made
-    made.lesson.close()
 
 
 def full(room: Room, people: int = 4) -> TestClient:

@@ -31,7 +31,6 @@ def blocks_of(text: str) -> list[str]:
 
 
 def test_every_block_is_on_its_page_once() -> None:
-    assert set(update_docs.BLOCKS) == set(update_docs.PAGES)
     pages = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
     found = Counter(
         (name, page.relative_to(ROOT).as_posix())

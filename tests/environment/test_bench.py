@@ -6,7 +6,6 @@ import gc
 import math
 import subprocess
 import sys
-from types import ModuleType
 
 import bench
 import numpy as np
@@ -15,7 +14,6 @@ from speed import (
     BENCHMARKS,
     batch,
     calibration,
-    depth_environment,
     environment,
     factorisation,
     field,
@@ -23,8 +21,8 @@ from speed import (
     freehand,
     gymnasium_vectors,
     limits,
+    measurement,
     models,
-    path_environment,
     picture,
     ppo,
     reading,
@@ -39,24 +37,7 @@ from cutenv.plant import SimulatedPlant
 from cutenv.tissue import Specimen
 from cutenv.tissue.lines import half_ellipse
 
-MODULES: dict[str, ModuleType] = {
-    "first": first_use,
-    "reading": reading,
-    "step": environment,
-    "batch": batch,
-    "descent": vertical_motion,
-    "depth": depth_environment,
-    "steering": steering,
-    "path": path_environment,
-    "freehand": freehand,
-    "tick": tick,
-    "picture": picture,
-    "field": field,
-    "models": models,
-    "factorisation": factorisation,
-    "calibration": calibration,
-    "ppo": ppo,
-}
+THIRD_ACTIONS = [(task, name) for task, motions in third_action.MOTIONS.items() for name in motions]
 
 
 def test_rates_are_of_whole_batches():
@@ -86,14 +67,9 @@ def test_loops_of_a_plant_are_timed_beside_an_empty_one():
     assert freehand.node_times((8, 15)).min() > 0.0
 
 
-def test_depth_is_measured_in_whole_batches():
-    for motion in depth_environment.MOTIONS.values():
-        assert min(depth_environment.depth_rates(motion, 64, steps=3, rounds=1)) > 0.0
-
-
-def test_a_steered_task_is_measured_beside_gentle_cutting():
-    for motion in path_environment.MOTIONS.values():
-        assert min(path_environment.path_rates(motion, 64, steps=3, rounds=1)) > 0.0
+@pytest.mark.parametrize(("task", "motion"), THIRD_ACTIONS)
+def test_third_actions_are_measured_in_whole_batches_beside_gentle_cutting(task, motion):
+    assert min(third_action.rates_beside(task, third_action.MOTIONS[task][motion], 64, steps=3, rounds=1)) > 0.0
 
 
 @pytest.mark.parametrize("other", [gymnasium_vectors.SYNC, gymnasium_vectors.ASYNC, gymnasium_vectors.NATIVE])
@@ -204,8 +180,7 @@ def made_up(monkeypatch):
     late = {freehand.EMPTY: 2e-6, "stiffness from a table": 2e-5, freehand.THREADED: 9e-5}
     monkeypatch.setattr(freehand, "loops", lambda: {name: np.full(100, value) for name, value in late.items()})
     whole = third_action.RatesBeside(4.0e5, 1.0e6)
-    monkeypatch.setattr(depth_environment, "depth_rates", lambda motion: whole)
-    monkeypatch.setattr(path_environment, "path_rates", lambda motion: whole)
+    monkeypatch.setattr(third_action, "rates_beside", lambda task, motion: whole)
     monkeypatch.setattr(tick, "durations", lambda: (np.full(1000, 50_000), np.full(1000, 100), 0))
     monkeypatch.setattr(picture, "picture_times", lambda: {"render": 0.01, "play": 0.02, "copy": 0.001})
     slow = np.full(100, 3000.0)
@@ -270,7 +245,7 @@ def test_each_prints_a_verdict_by_its_own_numbers(name, missed, said, capsys):
 @pytest.mark.usefixtures("made_up")
 @pytest.mark.parametrize("name", BENCHMARKS)
 def test_each_has_finite_numbers_with_units_beside_its_lines(name):
-    measured = MODULES[name].measure()
+    measured = measurement(name)()
     assert measured.numbers
     assert all(math.isfinite(number.value) and number.unit for number in measured.numbers.values())
 

@@ -1,74 +1,26 @@
-"""cutenv/DepthCut-v1: depth is an action, and no trick of the third axis pays."""
+"""cutenv/DepthCut-v1: depth is an action."""
 
 from __future__ import annotations
 
 import math
 
-import gymnasium
 import numpy as np
 import pytest
+from map_tasks import cut
 
 import cutenv  # noqa: F401
 from cutenv.envs.batch import CutBatch
 from cutenv.envs.depth_cut import DepthCutEnv, to_depth_action
 from cutenv.learning.evaluation import Contestant, evaluate
-from cutenv.policy.depth_planner import DepthPlanner
-from cutenv.policy.depth_scripts import DEPTH_SCRIPTS, FollowDepth, HoldDepth
+from cutenv.policy.depth_scripts import FollowDepth, HoldDepth
 from cutenv.task.depth import DEPTH_CUT
-from cutenv.task.observation import COMPONENTS
-from cutenv.task.registry import task_of
 from cutenv.task.wanted_depth import DEEP, LEAST_BELOW, LEAST_CHANGE, MOST_BELOW, SHALLOW
 
 UPRIGHT = math.pi / 2
-SPECIMENS = range(7000, 7030)
-
-
-def cut(policy, seed, *, env=None, **keywords):
-    """Cut the first specimen of a seed; return the environment, the return and the last info."""
-    env = env or DepthCutEnv(**keywords)
-    observation, info = env.reset(seed=seed)
-    policy.reset(np.random.default_rng(seed))
-    total, ended = 0.0, False
-    while not ended:
-        observation, reward, ended, _, info = env.step(policy(observation))
-        total += reward
-    return env, total, info
-
-
-def returns(policy, seeds=SPECIMENS, **keywords):
-    """Return of a policy on the first specimen of each seed."""
-    rows = evaluate({"it": Contestant(policy)}, seeds, {"task": "depth", **keywords}, processes=1)
-    return np.array([row["return"] for row in rows])
-
-
-@pytest.fixture(scope="module")
-def honest():
-    """Returns of the script that follows the wanted depth."""
-    return returns(FollowDepth())
-
-
-def test_at_level_0_it_is_gentle_cut_to_the_last_bit():
-    gentle = gymnasium.make("cutenv/GentleCut-v1")
-    deep = gymnasium.make("cutenv/DepthCut-v1", wanted="profile")
-    rng = np.random.default_rng(0)
-    for episode in range(4):
-        seen, info = gentle.reset(seed=3 if episode == 0 else None)
-        shown, _ = deep.reset(seed=3 if episode == 0 else None)
-        ended = False
-        while not ended:
-            np.testing.assert_array_equal(shown[: len(COMPONENTS)], seen)
-            action = np.array([rng.uniform(-0.3, 1.0), rng.uniform(-1.0, 1.0)], np.float32)
-            seen, reward, ended, _, info = gentle.step(action)
-            shown, same, too, _, found = deep.step(np.append(action, np.float32(0.0)))
-            assert (same, too) == (reward, ended)
-            for group in ("truth", "energy", "cost_terms"):
-                assert {name: found[group][name] for name in info[group]} == info[group]
-        assert (found["end"], found["is_success"]) == (info["end"], info["is_success"])
-        assert set(found["depth"].values()) == {0.0}
 
 
 def test_the_map_is_the_floor_of_the_cut():
-    env, _, info = cut(FollowDepth(), 6)
+    env, _, info = cut("depth", FollowDepth(), 6)
     descent = env.cutting.motion[0]
     passed = slice(0, descent["cell"] + 1)
     error = (env.cutting.floor - env.cutting.whole["wanted"][0])[passed]
@@ -125,50 +77,6 @@ def test_the_layer_below_is_hidden_at_the_start():
     np.testing.assert_array_equal(*shown)
 
 
-class Tricked(FollowDepth):
-    """It follows, but for one trick."""
-
-    def __init__(self, trick):
-        super().__init__()
-        self._trick = trick
-
-    def start(self, count):
-        self._decided = 0
-
-    def act(self, observations):
-        actions = super().act(observations)
-        self._trick(self._decided, actions)
-        self._decided += 1
-        return actions
-
-
-def hover(_, actions):
-    actions[:, 2] = np.where(_ < 100, -1.0, 0.0)
-
-
-def dip(decided, actions):
-    actions[:, 2] = 1.0 if decided % 2 == 0 else -1.0
-
-
-def saw(decided, actions):
-    actions[:, 0] = 0.5 if decided % 20 < 12 else -0.5
-    actions[:, 2] += 0.1
-
-
-def lean(_, actions):
-    actions[:, 1], actions[:, 2] = -1.0, np.minimum(actions[:, 2], 0.0)
-
-
-def dip_at_the_end(decided, actions):
-    actions[:, 2] = np.where(actions[:, 0] > 0.0, np.minimum(actions[:, 2], 0.0), 1.0)
-
-
-@pytest.mark.parametrize("trick", [hover, dip, saw, lean, dip_at_the_end])
-def test_no_trick_of_the_third_axis_pays(trick, honest):
-    gained = returns(Tricked(trick)) - honest
-    assert gained.mean() + 1.96 * gained.std() / math.sqrt(len(gained)) < 0.0
-
-
 def test_a_dip_between_decisions_is_not_forgotten():
     """The map does not depend on how often decisions are made: a floor that was cut stays cut."""
     found = []
@@ -199,26 +107,12 @@ def test_pressing_on_ends_in_the_layer_and_costs_more_than_stopping():
 
 
 def test_success_asks_for_the_depth():
-    shallow = [cut(HoldDepth(), seed, wanted="step")[2] for seed in range(20)]
+    shallow = [cut("depth", HoldDepth(), seed, wanted="step")[2] for seed in range(20)]
     assert any(info["end"] == "finished" for info in shallow)
     for info in shallow:
         if info["is_success"]:
             assert info["depth"]["mean_error_mm"] <= 1.5
         assert info["is_success"] == (info["reward_terms"]["success"] > 0.0)
-
-
-def test_following_beats_holding_and_the_planner_beats_both(honest):
-    gained = honest - returns(HoldDepth())
-    assert gained.mean() - 1.96 * gained.std() / math.sqrt(len(gained)) > 0.0
-    seeds = list(SPECIMENS)[:6]
-    planned = returns(DepthPlanner(rounds=4), seeds)
-    assert planned.mean() > honest[: len(seeds)].mean()
-
-
-@pytest.mark.parametrize("name", DEPTH_SCRIPTS)
-def test_scripts_cut_alone_as_in_a_batch(name):
-    alone = [cut(DEPTH_SCRIPTS[name](), seed)[1] for seed in (1, 2)]
-    np.testing.assert_allclose(returns(DEPTH_SCRIPTS[name](), (1, 2), specimen_class="mixed"), alone, atol=1e-12)
 
 
 def test_rows_have_the_depth_in_numbers():
@@ -239,26 +133,3 @@ def test_a_cut_that_is_begun_is_as_deep_as_wanted():
     assert begun > 50
     assert np.abs(error).max() < 3e-3  # the surface was measured with an error of 0.5 mm
     assert info["depth"]["mean_error_mm"] > 0.0
-
-
-@pytest.mark.parametrize(
-    ("keywords", "message"),
-    [
-        ({"wanted": "deep"}, "wanted"),
-        ({"layer": 3}, "layer"),
-        ({"drive": "foot"}, "drive must be one of 'rig', 'pd', 'hand', got 'foot'"),
-        ({"reward_from": "guess"}, "reward_from"),
-        ({"layer_limit": -1.0}, "layer_limit"),
-        ({"surface_spread": 2.0}, "surface_spread"),
-        ({"weight_uncat": 1.0}, "weight_uncut"),
-        ({"edge_length": 5.0}, "edge_length"),
-    ],
-)
-def test_bad_keywords_are_refused_by_name(keywords, message):
-    with pytest.raises(ValueError, match=message):
-        DepthCutEnv(**keywords)
-
-
-def test_unknown_tasks_are_refused():
-    with pytest.raises(ValueError, match="task"):
-        task_of({"task": "depht"})

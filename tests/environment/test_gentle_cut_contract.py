@@ -16,13 +16,17 @@ from gymnasium.utils.env_checker import check_env as gymnasium_check
 from stable_baselines3.common.env_checker import check_env as sb3_check
 from whole_cut import cut, make, steady
 
+from cutenv.envs.depth_cut import DepthCutEnv
+from cutenv.envs.gentle_cut import GentleCutEnv
+from cutenv.envs.path_cut import PathCutEnv
 from cutenv.policy import ConstantFeed
 from cutenv.policy.signals import to_actions
 from cutenv.task.observation import DEAD_ZONE, commanded_speed, in_units, to_action
 from cutenv.tissue.specimen import CLASSES
 
-MODES = list(itertools.product(CLASSES, ("free", "fixed"), ("truth", "estimate"), ("rig", "hand")))
 NAMES = ("specimen_class", "angle_mode", "reward_from", "drive")
+MODES = list(itertools.product(CLASSES, ("free", "fixed"), ("truth", "estimate"), ("rig", "hand")))
+CHECKED = [(GentleCutEnv, dict(zip(NAMES, mode, strict=True))) for mode in MODES]
 
 
 def actions(count: int, seed: int = 0) -> np.ndarray:
@@ -50,12 +54,12 @@ def play(env, commands):
     return record
 
 
-@pytest.mark.parametrize("mode", MODES, ids="-".join)
+@pytest.mark.parametrize(("environment", "keywords"), [*CHECKED, (DepthCutEnv, {}), (PathCutEnv, {})])
 @pytest.mark.filterwarnings("error")
-def test_both_checkers_pass_without_a_warning(mode):
-    env = make(**dict(zip(NAMES, mode, strict=True)))
-    gymnasium_check(env.unwrapped, skip_render_check=True)
-    sb3_check(env.unwrapped)
+def test_both_checkers_pass_without_a_warning(environment, keywords):
+    env = environment(**keywords)
+    gymnasium_check(env, skip_render_check=True)
+    sb3_check(env)
     env.close()
 
 

@@ -1,4 +1,4 @@
-"""Rewards and ends: every cost as the task words it, at every rate of decision, at every end."""
+"""Rewards, costs and ends: as the task words them, at every rate of decision, whoever cuts."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ import math
 import gymnasium
 import numpy as np
 import pytest
+from hacks import HACKS
 from reference_assessment import WEIGHTS, check_assessment
-from whole_cut import ENVIRONMENT, FASTEST, INCLINED, UPRIGHT, Cut, Script, cut, go_on, legs, make, steady
+from whole_cut import FASTEST, INCLINED, UPRIGHT, Cut, Script, cut, go_on, legs, make, steady
 
-from cutenv.policy import ConstantFeed, FastThenSlow, NoAction, RandomAction
-from cutenv.task.observation import to_action
+from cutenv.learning.batched_rollout import batched_rollout
+from cutenv.policy import BASELINES, ConstantFeed, FastThenSlow, NoAction, RandomAction
 from cutenv.task.reward import GAINS
 from cutenv.tissue import Specimen
 from cutenv.tissue.specimen import CLASSES, N_POINTS, SPACING
@@ -182,29 +183,6 @@ def test_drawing_back_far_from_the_target_does_not():
     assert record.end == "deadline"
 
 
-@pytest.mark.parametrize(("turn", "end"), [(0.003, "finished"), (-0.03, "deadline")])
-def test_a_batch_ends_by_drawing_back_where_a_single_cut_does(turn, end):
-    count, target = 3, 0.06
-    keywords = {"target_length": target, "deadline_s": 12.0, "specimen_class": "uniform"}
-    batch = gymnasium.make_vec(ENVIRONMENT, num_envs=count, **keywords)
-    batch.reset(seed=list(range(count)))
-    singles = [make(**keywords) for _ in range(count)]
-    for seed, env in enumerate(singles):
-        env.reset(seed=seed)
-    ends, step = [""] * count, 0
-    while not all(ends):
-        speed = 0.0127 if step < 50 * (target + turn) / 0.0127 else -0.01
-        action = to_action(speed, UPRIGHT)
-        _, rewards, ended, *_ = batch.step(np.tile(action, (count, 1)))
-        for k, env in enumerate(singles):
-            if not ends[k]:
-                _, reward, over, _, info = env.step(action)
-                ends[k] = info.get("end", "")
-                assert (rewards[k], ended[k]) == (reward, over)
-        step += 1
-    assert ends == [end] * count
-
-
 @pytest.mark.parametrize(("policy", "end"), [(ConstantFeed(speed=0.0127), "finished"), (NoAction(), "deadline")])
 def test_an_end_that_fails_charges_nothing_at_once_but_wedge_and_stored_energy(policy, end):
     """Else a learner that discounts would gain by putting it off."""
@@ -254,3 +232,62 @@ def test_an_end_for_safety_costs_more_than_any_stop_from_the_same_state(breach, 
     stopping, breaching = returns_of_stopping_and_of_the_breach(breach, seed)
     assert stopping, "at least one stop must succeed"
     assert breaching < min(stopping) - 0.3
+
+
+QUIET = {"specimen_class": "uniform", "force_noise": 0.0, "force_resolution": 0.0}
+BLIND = [  # those that do not look into the hidden state, which a rollout does not show
+    ("crossing the line with small force", "at full speed"),
+    ("ending early", "by a low limit of force"),
+    ("leaving the tissue loaded", "creeping on"),
+    ("pumping speed", "every second, fast"),
+    ("jitter", "large"),
+]
+CUTTERS = {"/".join(names): HACKS[names[0]][names[1]] for names in BLIND} | {
+    name: BASELINES[name]() for name in ("probe and creep", "return stroke", "force feedback", "random")
+}
+
+
+def by_trace(readings: np.ndarray, target: float) -> dict[str, float]:
+    """Return what the cost of a cut consists of, by its trace [mm]."""
+    return {
+        "overshoot_mm": 1e3 * max(readings["tip"][-1] - target, 0.0),
+        "long_runs_mm": 1e3 * np.maximum(readings["jump"] - 0.004, 0.0).sum(),
+    }
+
+
+def summed(record: Cut) -> dict[str, float]:
+    """Return the sums of the parts of the cost, of which each step's is checked to consist."""
+    for info in record.infos:
+        assert info["cost"] == sum(info["cost_terms"].values())
+        assert min(info["cost_terms"].values()) >= 0.0
+    return {name: sum(info["cost_terms"][name] for info in record.infos) for name in record.infos[0]["cost_terms"]}
+
+
+@pytest.mark.parametrize("control_hz", [10, 50])
+@pytest.mark.parametrize("name", CUTTERS)
+def test_it_adds_up_to_the_overshoot_and_the_long_parts_of_the_runs_in_the_trace(name, control_hz):
+    arguments = {"specimen_class": "mixed", "deadline_s": 15.0, "control_hz": control_hz}
+    for found in batched_rollout(CUTTERS[name], range(12), arguments, readings=True):
+        expected = by_trace(found.readings, found.truth["target_length_m"])
+        assert found.cost_totals == pytest.approx(expected, abs=1e-9)
+        row = found.scores()
+        assert row["cost_mm"] == pytest.approx(row["overshoot_mm"] + row["long_runs_mm"], abs=1e-12)
+
+
+def test_both_parts_occur_and_force_is_no_cost():
+    assert summed(cut(make(specimen_class="vascular"), steady(0.01), seed=1))["long_runs_mm"] > 1.0
+    assert summed(cut(make(**QUIET), steady(0.01)))["overshoot_mm"] > 5.0
+    strong = cut(make(force_limit_per_depth=160.0, **QUIET), steady(0.01))
+    assert strong.end == "force_limit"
+    assert summed(strong) == {"overshoot_mm": 0.0, "long_runs_mm": 0.0}
+
+
+def test_it_is_zero_at_the_start_and_by_the_estimate_where_the_reward_is():
+    env = make(specimen_class="liver", reward_from="estimate")
+    _, info = env.reset(seed=1)
+    assert info["cost"] == 0.0
+    assert info["cost_terms"] == {"overshoot_mm": 0.0, "long_runs_mm": 0.0}
+    record, cutting = cut(env, steady(FASTEST, INCLINED), seed=1), env.unwrapped.cutting
+    found = summed(record)["overshoot_mm"]
+    assert found == pytest.approx(1e3 * max(cutting.tip - cutting.target_length, 0.0))
+    assert found != pytest.approx(by_trace(record.readings, cutting.target_length)["overshoot_mm"], abs=1e-3)

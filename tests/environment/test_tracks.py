@@ -5,6 +5,7 @@ from __future__ import annotations
 import gymnasium
 import numpy as np
 import pytest
+from batches import both, run_both
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 from whole_cut import ENVIRONMENT
@@ -46,34 +47,8 @@ def test_it_cuts_as_the_task_does_with_the_settings_of_the_protocol(track, keywo
 @pytest.mark.parametrize("mode", AutoresetMode)
 @pytest.mark.parametrize(("track", "keywords"), TRACKS)
 def test_a_batch_is_bit_for_bit_single_ones_over_episodes(track, keywords, mode):
-    count = 3
-    envs = gymnasium.make_vec(track, num_envs=count, autoreset_mode=mode, **keywords)
-    alone = [gymnasium.make(track, **keywords) for _ in range(count)]
-    seen, _ = envs.reset(seed=7)
-    assert seen.shape == envs.observation_space.shape
-    for number, env in enumerate(alone):
-        assert np.array_equal(seen[number], env.reset(seed=7 + number)[0])
-    ended, ends = np.zeros(count, bool), 0
-    for chosen in actions(200, count):
-        was_ended = ended
-        if mode == AutoresetMode.DISABLED and was_ended.any():
-            seen, _ = envs.reset(options={"reset_mask": was_ended})
-            for number in np.flatnonzero(was_ended):
-                assert np.array_equal(seen[number], alone[number].reset()[0])
-        seen, rewards, ended, _, infos = envs.step(chosen)
-        for number, env in enumerate(alone):
-            if mode == AutoresetMode.NEXT_STEP and was_ended[number]:
-                assert np.array_equal(seen[number], env.reset()[0])
-                continue
-            observation, reward, over, _, info = env.step(chosen[number])
-            shown = infos["final_info"] if over and mode == AutoresetMode.SAME_STEP else infos
-            assert (rewards[number], ended[number], shown["cost"][number]) == (reward, over, info["cost"])
-            if over and mode == AutoresetMode.SAME_STEP:
-                assert np.array_equal(infos["final_obs"][number], observation)
-                observation = env.reset()[0]
-            assert np.array_equal(seen[number], observation)
-            ends += over
-    assert ends >= count
+    ended, _ = run_both(*both(mode, 3, track, **keywords), steps=200)
+    assert ended >= 3
 
 
 def test_the_fully_observed_twin_shows_the_way_from_the_tip_to_the_target():

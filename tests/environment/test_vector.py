@@ -8,72 +8,17 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
+from batches import ENVIRONMENT, SEED, SHORT, N, actions, both, check_same, run_both
 from gymnasium.vector import AutoresetMode
 from numpy.testing import assert_array_equal
 
 import cutenv  # noqa: F401  registers the environment
 from cutenv._engine import parallel
 from cutenv.cutting.row import LANES
-from cutenv.envs.vector import GentleCutVectorEnv
 from cutenv.task.observation import in_units, to_action
 from cutenv.tissue import Specimen, measured_liver
 
-ENVIRONMENT = "cutenv/GentleCut-v1"
-N, STEPS, SEED = 5, 160, 7
-SHORT = {"deadline_s": 2.0, "control_hz": 20}  # so that every environment is begun anew several times
 MODES = ["NextStep", "SameStep"]
-
-
-def both(mode: str = "NextStep", num_envs: int = N, **keywords: Any) -> tuple[Any, Any]:
-    """The native batch, and single environments one after the other."""
-    native = gymnasium.make_vec(ENVIRONMENT, num_envs=num_envs, autoreset_mode=mode, **keywords)
-    assert isinstance(native.unwrapped, GentleCutVectorEnv)
-    singles = gymnasium.make_vec(
-        ENVIRONMENT,
-        num_envs=num_envs,
-        vectorization_mode="sync",
-        vector_kwargs={"autoreset_mode": AutoresetMode(mode)},
-        **keywords,
-    )
-    return native, singles
-
-
-def actions(rng: np.random.Generator, num_envs: int = N) -> np.ndarray:
-    """Mostly forward, some beyond the reach, so that cuts end in different ways."""
-    return rng.normal((0.5, 0.0), (0.6, 0.8), (num_envs, 2)).astype(np.float32)
-
-
-def check_same(one: Any, other: Any, where: str = "info") -> None:
-    """Equal to the last bit: nested dicts of arrays, of numbers, of objects."""
-    if isinstance(other, dict):
-        assert set(one) == set(other), where
-        for name in other:
-            check_same(one[name], other[name], f"{where}[{name!r}]")
-        return
-    if isinstance(other, np.ndarray) and other.dtype == object and any(isinstance(v, np.ndarray) for v in other):
-        assert [v is None for v in one] == [v is None for v in other], where
-        for a, b in zip(one, other, strict=True):
-            if b is not None:
-                assert_array_equal(a, b, err_msg=where)
-        return
-    assert one.dtype == other.dtype, where
-    assert_array_equal(one, other, err_msg=where)
-
-
-def run_both(native: Any, singles: Any, *, steps: int = STEPS, num_envs: int = N) -> tuple[int, set[str]]:
-    """Step both with the same actions, comparing everything; how many cuts ended, and how."""
-    rng = np.random.default_rng(1)
-    check_same(*(dict(zip(("obs", "info"), env.reset(seed=SEED), strict=True)) for env in (native, singles)))
-    ended, ends = 0, set()
-    for _ in range(steps):
-        action = actions(rng, num_envs)
-        ours, theirs = native.step(action), singles.step(action)
-        names = ("observation", "reward", "terminated", "truncated", "info")
-        check_same(*(dict(zip(names, answer, strict=True)) for answer in (ours, theirs)))
-        ended += int(ours[2].sum())
-        last = ours[4].get("final_info", ours[4])
-        ends |= {end for end in last.get("end", ()) if end}
-    return ended, ends
 
 
 KEYWORDS = [
@@ -97,7 +42,7 @@ def test_a_batch_is_bit_for_bit_single_environments_over_whole_episodes(keywords
 
 
 def test_it_stays_so_with_the_default_rate_and_deadline_to_all_ends():
-    ended, ends = run_both(*both(num_envs=3, force_limit_per_depth=500.0), steps=2500, num_envs=3)
+    ended, ends = run_both(*both(num_envs=3, force_limit_per_depth=500.0), steps=2500)
     assert ended >= 6
     assert {"overshoot", "force_limit"} <= ends
 
@@ -118,7 +63,7 @@ def test_it_is_so_for_rows_of_cuts_and_for_every_drive_and_sensor(keywords):
     count = LANES + 5
     keywords = SHORT | keywords
     steps = round(1.5 * keywords["deadline_s"] * keywords["control_hz"])
-    ended, _ = run_both(*both("NextStep", count, **keywords), steps=steps, num_envs=count)
+    ended, _ = run_both(*both("NextStep", count, **keywords), steps=steps)
     assert ended >= count
 
 

@@ -32,6 +32,21 @@ def run(played: Session, *, until: str = "ended", frame: float = 1.0 / 60.0, clo
     raise AssertionError(f"still {played.phase!r} after a minute")
 
 
+def begun(folder: Path | None = None, **changes: Any) -> tuple[Session, float]:
+    """A session as :func:`session` makes it, where cutting has just begun, and the clock."""
+    played = session(folder, **changes)
+    played.begin()
+    return played, run(played, until="cutting")
+
+
+def whole(folder: Path | None = None, **changes: Any) -> Session:
+    """A session as :func:`session` makes it, after its first cut."""
+    played = session(folder, **changes)
+    played.begin()
+    run(played)
+    return played
+
+
 class Pushing(ScriptedDevice):
     """A scripted hand on a device that pushes, and that has to be opened."""
 

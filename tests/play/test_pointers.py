@@ -1,6 +1,10 @@
-"""Mouse, pen and fingers lead the hand, whatever the size of the window; none of them runs the cut away."""
+"""Mouse, pen and fingers lead the hand, whatever the size of the window; without a display it is refused at once."""
 
 from __future__ import annotations
+
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -111,3 +115,22 @@ def test_a_window_opens_at_a_size_that_the_screen_has_room_for(
     opened = Window(LAYOUT.width, LAYOUT.height, 0.0)
     assert opened.size == size
     opened.close()
+
+
+pytest.importorskip("pygame", reason="playing is an extra: pip install 'cutenv[play]'")
+pytest.importorskip("pymunk", reason="playing is an extra: pip install 'cutenv[play]'")
+DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER")
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="elsewhere there always is a display")
+
+
+@pytest.mark.parametrize("driver", [None, "x11"])
+def test_play_without_a_display_ends_at_once_with_the_cure(driver: str | None) -> None:
+    environment = {name: value for name, value in os.environ.items() if name not in DISPLAYS}
+    environment |= {} if driver is None else {"SDL_VIDEODRIVER": driver}
+    command = [sys.executable, "-m", "cutenv", "play"]
+    ran = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=30, check=False)
+    assert ran.returncode == 2, ran.stderr
+    line = ran.stderr.strip().splitlines()[-1]  # SDL may have written above it
+    assert "Traceback" not in ran.stderr
+    assert line.startswith("cutenv play: no window can be opened: ")
+    assert "SDL_VIDEODRIVER=dummy" in line

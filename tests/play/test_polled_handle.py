@@ -1,15 +1,26 @@
-"""A haptic handle pushes only while force and samples are fresh; one that is lost ends the session with a reason."""
+"""Haptic handles: pushes only while force and samples are fresh; Inverse3 and devices of Force Dimension, emulated."""
 
 from __future__ import annotations
 
+import importlib.util
+import json
+import os
+import random
+import subprocess
+import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
 
+from cutenv.play.force_dimension import ForceDimensionLink
 from cutenv.play.haptics import HapticDevice, VirtualCoupling
+from cutenv.play.inverse3 import INVERSE3_COUPLING, Inverse3Link, inverse3_sample
+from cutenv.play.inverse3_emulator import EmulatedHandle, state_message
+from cutenv.play.named_devices import emulated_inverse3, named_device
 from cutenv.play.polled_handle import FIRST_SAMPLE, LOST, STALE, HandleAxes, HandleSample, PolledHandle, checked_sample
 
 COUPLING = VirtualCoupling(stiffness=100.0, period=0.005)
@@ -173,3 +184,178 @@ def test_a_position_that_no_handle_has_is_no_sample() -> None:
     for value in (float("nan"), float("inf"), 2.0):
         with pytest.raises(ValueError, match="outside 1 m, or no number"):
             checked_sample((value, 0.0, 0.0))
+
+
+STATE = state_message(EmulatedHandle(lambda now: 0.0), "049D", inventory=False, modern=True, pressed=True)
+
+
+def pushed_on(device: PolledHandle, seconds: float = 2.5) -> None:
+    """Push without an end, as a session does."""
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline:
+        device.read()
+        device.push(1.0)
+        time.sleep(0.001)
+
+
+@pytest.fixture
+def device() -> Iterator[PolledHandle]:
+    with emulated_inverse3("--wait", "0.3") as address:
+        made = PolledHandle(Inverse3Link(address), INVERSE3_COUPLING)
+        made.open()
+        yield made
+        made.close()
+
+
+def test_the_hand_is_followed_its_button_seen_and_a_force_holds_it_back(device: PolledHandle) -> None:
+    start, pressed, held = time.monotonic(), False, []
+    while time.monotonic() - start < 2.0:
+        stylus = device.read()
+        pressed |= "next" in stylus.buttons
+        now = time.monotonic() - start
+        device.push(2.0 if 1.3 < now < 1.9 else 0.0)
+        if 1.0 < now < 1.25 or 1.7 < now < 1.85:
+            held.append((now, stylus.position))
+        time.sleep(0.001)
+    free = [position - 0.0127 * (now - 0.3) for now, position in held if now < 1.25]
+    pushed = [position - 0.0127 * (now - 0.3) for now, position in held if now > 1.7]
+    assert pressed
+    assert sum(pushed) / len(pushed) - sum(free) / len(free) == pytest.approx(-2.0 / 400.0, abs=0.0015)
+    assert device.stale == 0
+
+
+def test_the_older_protocol_is_spoken_to_an_older_service() -> None:
+    with emulated_inverse3("--service", "3.1", "--wait", "0") as address:
+        link = Inverse3Link(address)
+        link.open()
+        for _ in range(20):
+            sample = link.exchange((-1.0, 0.0, 0.0))
+            time.sleep(0.002)
+        link.close()
+    assert abs(sample.position[0]) < 0.02
+
+
+@pytest.mark.parametrize(
+    ("fault", "said"),
+    [
+        ("freeze", "sent nothing sound"),
+        ("garbage", "sent nothing sound"),
+        ("unplugged", "sent nothing sound"),
+        ("slow", "sent nothing sound"),
+        ("hang up", "is lost: the Inverse Service ended the connection"),
+    ],
+)
+def test_every_fault_of_the_service_lets_go_and_ends_with_a_reason(fault: str, said: str) -> None:
+    with emulated_inverse3("--fault", fault, "--after", "0.3") as address:
+        device = PolledHandle(Inverse3Link(address), INVERSE3_COUPLING)
+        device.open()
+        with pytest.raises(OSError, match=said):
+            pushed_on(device)
+        assert fault == "hang up" or device.stale > 10
+        device.close()
+
+
+def test_no_service_is_refused_with_the_cure() -> None:
+    with (
+        named_device("inverse3", target=0.08, url="ws://127.0.0.1:9") as device,
+        pytest.raises(OSError, match=r"no Inverse Service answers at ws://127\.0\.0\.1:9 .*Start Haply's first"),
+    ):
+        device.open()
+    with pytest.raises(OSError, match="is no Inverse Service"):
+        Inverse3Link("http://nonsense").open()
+
+
+def test_the_sample_of_a_state_is_read_as_it_is() -> None:
+    sample = inverse3_sample(STATE, "049D")
+    assert sample.position == (0.0, -0.12, 0.15)
+    assert sample.buttons == {"next"}
+    by_cable = json.loads(STATE) | {"wireless_verse_grip": [], "verse_grip": [{"state": {"button": True}}]}
+    assert inverse3_sample(json.dumps(by_cable), "049D").buttons == {"next"}
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"inverse3": []}, "it reports none. Connect the device 049D"),
+        ({"inverse3": [{"device_id": "1"}]}, "it reports 1. Connect the device 049D"),
+        ({"inverse3": [{"device_id": "049D", "status": {"power_supply": False}}]}, "plug in its power supply"),
+        ({"inverse3": [{"device_id": "049D", "status": {"ready": False}}]}, "calibrate it and wait"),
+        ({"inverse3": [{"device_id": "049D", "state": {}}]}, "has no cursor_position"),
+        ({"inverse3": [{"device_id": "049D", "state": {"cursor_position": {"x": "1"}}}]}, "holds no three numbers"),
+        (
+            {"inverse3": [{"device_id": "049D", "state": {"cursor_position": {"x": 5, "y": 0, "z": 0}}}]},
+            "outside 1 m",
+        ),
+    ],
+)
+def test_a_state_that_is_none_says_why(changed: dict[str, object], said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        inverse3_sample(json.dumps(json.loads(STATE) | changed), "049D")
+
+
+def test_a_hundred_thousand_damaged_messages_are_samples_or_refused() -> None:
+    rng, text, refused = random.Random(0), STATE.encode(), 0
+    odd = [b"1e999", b"-1e999", b"null", b"[]", b"{}", b"NaN", b'"x"', b"9" * 400, b"true", b"\xff", b"[" * 2000]
+    for _ in range(100_000):
+        start = rng.randrange(len(text))
+        stop = start + rng.choice((0, 1, 1, 2, 5, 40, 400))
+        damaged = text[:start] + rng.choice((rng.randbytes(rng.randrange(3)), rng.choice(odd), b"")) + text[stop:]
+        try:
+            sample = inverse3_sample(damaged, "049D")
+        except ValueError:
+            refused += 1
+        else:
+            assert all(abs(value) <= 1.0 for value in sample.position)
+    assert 50_000 < refused < 100_000
+
+
+SCRIPT = Path(__file__).parents[2] / "scripts/emulated_force_dimension.py"
+PLAYED = """
+import json, sys, time
+from cutenv.play.force_dimension import FORCE_DIMENSION_AXES, FORCE_DIMENSION_COUPLING, ForceDimensionLink
+from cutenv.play.polled_handle import PolledHandle
+device = PolledHandle(ForceDimensionLink(), FORCE_DIMENSION_COUPLING, FORCE_DIMENSION_AXES)
+device.open()
+start, pressed, free, held, lost = time.monotonic(), False, [], [], None
+while (now := time.monotonic() - start) < 3.6 and lost is None:
+    try:
+        stylus = device.read()
+        device.push(2.0 if now > 1.2 else 0.0)
+    except OSError as error:
+        lost = str(error)
+    pressed |= "next" in stylus.buttons
+    off = stylus.position - 0.0127 * (now - 0.3)
+    (free if 0.9 < now < 1.15 else held if 1.5 < now < 1.75 else []).append(off)
+    time.sleep(0.001)
+stale = device.stale
+device.close()
+print(json.dumps([pressed, sum(free) / len(free), sum(held) / len(held), lost, stale]))
+"""
+
+
+def test_without_package_or_library_it_is_refused_with_the_cure(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "forcedimension_core", None)
+    with pytest.raises(OSError, match=r"forcedimension_core.* is not installed|libdrd of the Force Dimension SDK"):
+        ForceDimensionLink().open()
+
+
+@pytest.mark.skipif(
+    importlib.util.find_spec("forcedimension_core") is None or sys.platform != "linux",
+    reason="forcedimension_core wants a Python below 3.13",
+)
+def test_the_hand_is_followed_a_force_holds_it_back_and_a_silent_device_is_lost(tmp_path: Path) -> None:
+    subprocess.run([sys.executable, SCRIPT, "--build", tmp_path], check=True, capture_output=True)
+    command = [sys.executable, SCRIPT, "--port", "0", "--wait", "0.3", "--freeze", "1.8"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as emulator:
+        assert emulator.stdout is not None
+        try:
+            there = os.environ | {"FDSDK": str(tmp_path), "DHD_PORT": emulator.stdout.readline().strip()}
+            ran = subprocess.run([sys.executable, "-c", PLAYED], env=there, capture_output=True, text=True)
+        finally:
+            emulator.kill()
+    assert ran.returncode == 0, ran.stderr
+    pressed, free, held, lost, stale = json.loads(ran.stdout.splitlines()[-1])
+    assert pressed
+    assert held - free == pytest.approx(-2.0 / 400.0, abs=0.0015)
+    assert "sent nothing sound for 1 s" in lost
+    assert stale > 10

@@ -1,20 +1,22 @@
-"""A session without a window: countdown, cut, record and score by a fake clock."""
+"""A session without a window: countdown, cut, record and score by a fake clock; and a listener that is told of it."""
 
 from __future__ import annotations
 
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from played import DATE, TARGET, run, session
+from played import DATE, TARGET, begun, run, session, whole
 
 from cutenv import cli
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.play import played_cut as played_cut
 from cutenv.play.devices import HandMotion, MouseDevice, ScriptedDevice, simple_hand
 from cutenv.play.hand_model import FASTEST
+from cutenv.play.listened_session import ListenedSession
 from cutenv.play.play_session import GIVEN_UP, LONGEST_STALL, Session, SessionPlan
 from cutenv.recording import load_one
 
@@ -39,9 +41,7 @@ def test_a_whole_cut_is_counted_down_cut_recorded_and_scored(tmp_path: Path) -> 
 
 
 def test_the_record_says_what_was_cut_by_whom_and_when(tmp_path: Path) -> None:
-    played = session(tmp_path)
-    played.begin()
-    run(played)
+    played = whole(tmp_path)
     told = load_one(played.saved).metadata
     assert told["operator"] == "P07"
     assert told["date"] == DATE.isoformat()
@@ -52,9 +52,7 @@ def test_the_record_says_what_was_cut_by_whom_and_when(tmp_path: Path) -> None:
 
 
 def test_from_the_record_the_specimen_can_be_drawn_again(tmp_path: Path) -> None:
-    played = session(tmp_path, target_length=None)
-    played.begin()
-    run(played)
+    played = whole(tmp_path, target_length=None)
     told = load_one(played.saved).metadata
     env = GentleCutEnv(specimen_class=told["specimen_class"])
     env.reset(seed=told["specimen_seed"], options={"episode": told["specimen_episode"]})
@@ -66,9 +64,7 @@ def test_the_command_that_scores_takes_the_record_and_gives_the_same_score(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     pytest.importorskip("tqdm", reason="reading records by command is an extra")
-    played = session(tmp_path)
-    played.begin()
-    run(played)
+    played = whole(tmp_path)
     assert cli.main(["score", str(played.saved), "--out", str(tmp_path)]) == 0
     assert played.card is not None
     assert played.card.headline() in capsys.readouterr().out
@@ -109,18 +105,14 @@ def test_a_stall_is_made_up_for_in_part_and_the_record_tells_the_rest(tmp_path: 
 
 
 def test_a_clock_that_stands_or_goes_back_moves_nothing() -> None:
-    played = session()
-    played.begin()
-    run(played, until="cutting")
+    played, _ = begun()
     readings = len(played.cut.readings)
     assert played.advance(0.0) == 0
     assert len(played.cut.readings) == readings
 
 
 def test_closing_in_the_middle_of_a_cut_keeps_what_was_cut(tmp_path: Path) -> None:
-    played = session(tmp_path)
-    played.begin()
-    clock = run(played, until="cutting")
+    played, clock = begun(tmp_path)
     for k in range(120):
         played.advance(clock + k / 60.0)
     felt = played.cut.readings.copy()
@@ -135,9 +127,7 @@ def test_closing_in_the_middle_of_a_cut_keeps_what_was_cut(tmp_path: Path) -> No
 
 
 def test_closing_before_a_cut_leaves_no_record(tmp_path: Path) -> None:
-    played = session(tmp_path)
-    played.begin()
-    run(played, until="cutting")
+    played, _ = begun(tmp_path)
     played.advance(1.01)
     played.close()
     assert list(tmp_path.iterdir()) == []
@@ -183,9 +173,7 @@ def test_the_next_specimen_is_another_and_repeating_brings_the_same() -> None:
 
 
 def test_repeating_amid_a_cut_keeps_the_record_of_both(tmp_path: Path) -> None:
-    played = session(tmp_path)
-    played.begin()
-    clock = run(played, until="cutting")
+    played, clock = begun(tmp_path)
     for k in range(60):
         played.advance(clock + k / 60.0)
     played.repeat()
@@ -196,16 +184,12 @@ def test_repeating_amid_a_cut_keeps_the_record_of_both(tmp_path: Path) -> None:
 
 def test_no_record_takes_the_place_of_another(tmp_path: Path) -> None:
     for _ in range(2):
-        played = session(tmp_path)
-        played.begin()
-        run(played)
+        whole(tmp_path)
     assert len(list(tmp_path.iterdir())) == 2
 
 
 def test_a_class_chosen_amid_a_cut_is_that_of_the_next_specimen_and_not_of_a_repeated_one() -> None:
-    played = session()
-    played.begin()
-    clock = run(played, until="cutting")
+    played, clock = begun()
     played.choose_class("uniform")
     assert played.cut.specimen_class == "liver"
     played.repeat()
@@ -216,18 +200,14 @@ def test_a_class_chosen_amid_a_cut_is_that_of_the_next_specimen_and_not_of_a_rep
 
 
 def test_keys_that_would_begin_a_cut_do_nothing_while_one_goes_on() -> None:
-    played = session()
-    played.begin()
-    run(played, until="cutting")
+    played, _ = begun()
     cut = played.cut
     played.go_on()
     assert (played.phase, played.cut) == ("cutting", cut)
 
 
 def test_after_as_many_cuts_as_there_were_to_be_none_begins() -> None:
-    played = session(cuts=1)
-    played.begin()
-    run(played)
+    played = whole(cuts=1)
     played.go_on()
     assert (played.done, played.phase) == (True, "ended")
 
@@ -306,9 +286,58 @@ def test_a_session_needs_neither_pygame_nor_pymunk_before_there_is_a_window() ->
 def test_the_score_of_a_cut_is_taken_from_its_record(monkeypatch: pytest.MonkeyPatch) -> None:
     seen = []
     monkeypatch.setattr(played_cut, "score", lambda trace, **rest: seen.append((trace, rest)))
-    played = session()
-    played.begin()
-    run(played)
+    played = whole()
     ((trace, rest),) = seen
     assert len(trace) == len(played.cut.readings)
     assert "truth" not in rest
+
+
+class Heard:
+    def __init__(self) -> None:
+        self.told: list[str] = []
+        self.parts: list[tuple[Any, Any, float]] = []
+
+    def began(self, name: str) -> None:
+        self.told.append(f"begin {name}")
+
+    def readings(self, readings: Any, depth: Any, origin: float) -> None:
+        self.parts.append((readings, depth, origin))
+
+    def ended(self, cause: str) -> None:
+        self.told.append(f"end {cause}")
+
+
+def listened(clock: list[float]) -> tuple[Session, Heard]:
+    played, heard = session(cuts=1), Heard()
+    played.after_advance = ListenedSession(played, heard, clock=lambda: clock[0])
+    return played, heard
+
+
+def test_every_reading_of_a_cut_is_told_once_and_its_end() -> None:
+    clock = [0.0]
+    played, heard = listened(clock)
+    played.begin()
+    while played.phase != "ended":
+        clock[0] += 1 / 60
+        played.advance(clock[0])
+    told = np.concatenate([part for part, _, _ in heard.parts])
+    assert np.array_equal(told, played.cut.readings)
+    assert all(len(part) == len(depth) for part, depth, _ in heard.parts)
+    assert len({origin for _, _, origin in heard.parts}) == 1
+    assert heard.parts[-1][2] + told["time"][-1] == pytest.approx(clock[0], abs=0.02)
+    assert heard.told == ["begin liver seed 6 number 0", "end finished"]
+
+
+def test_a_stall_moves_the_stamps_and_a_closed_session_ends_its_cut() -> None:
+    clock = [0.0]
+    played, heard = listened(clock)
+    played.begin()
+    run(played, until="cutting")
+    for step in (1.1, 1.2, 4.0, 4.1):  # the third lost more than two seconds
+        clock[0] = step
+        played.advance(step)
+    played.close()
+    assert heard.told[-1] == "end given up"
+    first, last = heard.parts[0], heard.parts[-1]
+    assert last[2] - first[2] > 2.0
+    assert last[2] + last[0]["time"][-1] == pytest.approx(4.1, abs=0.11)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from played import TARGET, Pushing, run, session
+from played import TARGET, Pushing, begun, run, session, whole
 from played_window import FRAME, FakeClock, begin, post, press, show
 
 from cutenv import cli
@@ -168,9 +168,7 @@ def picture_of(played: Session) -> np.ndarray:
 
 
 def cut_halfway(**changes: Any) -> Session:
-    played = session(handle=True, **changes)
-    played.begin()
-    clock = run(played, until="cutting")
+    played, clock = begun(handle=True, **changes)
     for k in range(200):
         played.advance(clock + k * FRAME)
     return played
@@ -208,17 +206,13 @@ def test_each_phase_has_a_card_of_its_own(phase: str) -> None:
 
 
 def test_the_head_of_the_picture_tells_success_by_its_colour() -> None:
-    played = session(handle=True)
-    played.begin()
-    run(played)
+    played = whole(handle=True)
     colour = palette.SUCCESS if played.cut.cutting.success else palette.FAILURE
     assert picture_of(played)[2, 2].tolist() == list(colour)
 
 
 def test_the_same_advice_is_given_once() -> None:
-    played = session(handle=True)
-    played.begin()
-    run(played)
+    played = whole(handle=True)
     lurches = [
         TechniqueFault(kind="lurch", time=t, position=0.05, says=f"lurched at {t:.0f} s", try_next="lean more")
         for t in (1.0, 2.0)

@@ -1,4 +1,4 @@
-"""Cuts by a person along a line: the blade points where the hand moves, the record holds it, the card tells it."""
+"""Cuts by a person along a wanted depth or a line: the hand leads level or direction, record and card hold it."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import dataclasses
 import math
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,26 +14,37 @@ from played import Pushing
 from played_window import begin, post, press, show
 
 from cutenv.commands import play
-from cutenv.play.devices import KEY_SPEED, LEAD, GamepadDevice, MouseDevice
+from cutenv.play.devices import (
+    KEY_SPEED,
+    LEAD,
+    LOWERED_BY_NOTCH,
+    GamepadDevice,
+    MouseDevice,
+    ScriptedDevice,
+    simple_hand,
+)
 from cutenv.play.hand_model import turn_toward
 from cutenv.play.haptics import Stylus
 from cutenv.play.picture import LAYOUT
 from cutenv.play.play_session import Session, SessionPlan
 from cutenv.play.played_cut import PlayedCut
+from cutenv.play.played_depth_cut import PlayedDepthCut
 from cutenv.play.played_path_cut import PlayedPathCut
 from cutenv.recording import load_one
 from cutenv.scoring.cut_map import LINE_KEY
+from cutenv.task.depth import DESCENT_SCALE
 from cutenv.task.path import TURN_SCALE
 from cutenv.tissue.grid import SPACING
+from cutenv.trace import Trace
 from cutenv.viewer.scene import Moment
 
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 UPRIGHT = math.pi / 2
 
 
-def whole(cut: PlayedCut) -> PlayedCut:
-    """Lead a cut to its end by its simple hand."""
-    hand = cut.simple_hand()
+def whole(cut: PlayedCut, hand: ScriptedDevice | None = None) -> PlayedCut:
+    """Lead a cut to its end by a hand, by default its simple one."""
+    hand = hand or cut.simple_hand()
     while not cut.end:
         cut.tick(hand.read())
     return cut
@@ -52,6 +64,18 @@ def test_on_the_straight_line_the_hand_is_that_of_gentle_cutting_to_the_last_bit
     assert len(gentle.readings) > 4000
     assert np.array_equal(gentle.readings, straight.readings)
     assert gentle.end == straight.end
+
+
+def test_a_hand_that_follows_the_dashed_depth_cuts_as_deep_as_wanted() -> None:
+    followed = whole(PlayedDepthCut(seed=3, target_length=0.06))
+    held = whole(PlayedDepthCut(seed=3, target_length=0.06), simple_hand(0.06, level=lambda position: 0.0))
+    assert followed.cutting.errors["mean_error_mm"] < 1.0
+    ended = Moment.of(held.plant, held.cutting)
+    assert ended.verdict == "stopped: the layer below was opened too deep"
+    there = dataclasses.replace(ended, end="finished", tip=ended.target, angle=np.pi / 2)
+    assert there.verdict == "finished: not as deep as wanted"
+    assert dataclasses.replace(there, angle=1.2).verdict == "finished: blade at 69°, not upright"
+    assert held.end == "layer"  # the surface rises, so that a blade at one level gets too deep
 
 
 @pytest.mark.parametrize("line", ["arc", "s", "excision", "random"])
@@ -92,9 +116,10 @@ def test_the_hand_stands_before_the_blade_where_it_points() -> None:
     assert ahead[0] * heading[1] == pytest.approx(ahead[1] * heading[0], abs=1e-9)
 
 
-def test_the_record_holds_places_lateral_force_and_the_line(tmp_path: Path) -> None:
+def recorded(task: str, folder: Path, **plan: Any) -> tuple[Session, Trace]:
+    """A session of one cut of a task by its simple hand, and the record of it."""
     session = Session(
-        MouseDevice(), SessionPlan(task="path", line="s", seed=3, target_length=0.06, countdown=0.0), folder=tmp_path
+        MouseDevice(), SessionPlan(task=task, seed=3, target_length=0.06, countdown=0.0, **plan), folder=folder
     )
     session.device = session.cut.simple_hand()
     session.begin()
@@ -102,7 +127,22 @@ def test_the_record_holds_places_lateral_force_and_the_line(tmp_path: Path) -> N
         session.advance(0.02 * k)
         if session.phase == "ended":
             break
-    trace, cut = load_one(session.records[0]), session.cut
+    return session, load_one(session.records[0])
+
+
+def test_the_record_holds_height_and_vertical_force(tmp_path: Path) -> None:
+    session, trace = recorded("depth", tmp_path)
+    assert trace.vertical_force is not None
+    assert np.ptp(trace.height) > 0.005
+    assert trace.metadata["environment"] == "cutenv/DepthCut-v1"
+    assert trace.metadata["mean_error_mm"] < 1.0
+    (words,) = session.sight().verdict
+    assert words.startswith(f"Depth: {trace.metadata['mean_error_mm']:.1f} mm off")
+
+
+def test_the_record_holds_places_lateral_force_and_the_line(tmp_path: Path) -> None:
+    session, trace = recorded("path", tmp_path, line="s")
+    cut = session.cut
     assert isinstance(cut, PlayedPathCut)
     assert np.array_equal(np.column_stack((trace.blade_x, trace.blade_y)), cut.places)
     assert np.array_equal(trace.lateral_force, cut.lateral_force)
@@ -134,6 +174,17 @@ def test_an_end_off_the_line_is_told_in_words() -> None:
     assert there.verdict == "finished: not along the line"
 
 
+def test_the_wheel_lowers_the_blade_by_half_a_millimetre_a_notch() -> None:
+    mouse, cut = MouseDevice(), PlayedDepthCut(seed=3, target_length=0.06)
+    start = cut.level
+    mouse.lower(-2.0)
+    for _ in range(400):
+        cut.tick(mouse.read())
+    assert cut.level == pytest.approx(start - 2.0 * LOWERED_BY_NOTCH, abs=2e-5)
+    mouse.open()
+    assert mouse.read() == Stylus(0.0, np.pi / 2)
+
+
 def test_a_mouse_leads_in_the_plane_by_three_millimetres_at_most_and_keeps_its_direction() -> None:
     mouse = MouseDevice()
     mouse.move(0.03, 0.04)
@@ -151,6 +202,35 @@ def test_a_stick_moves_the_hand_across_and_away_is_to_the_left() -> None:
     assert pad.across == pytest.approx(0.5 * 0.0254, rel=0.01)
     with pytest.raises(ValueError, match="sideways"):
         pad.hold(0.0, 0.0, 0.0, 3.0)
+
+
+def test_wheel_finger_and_second_stick_lead_the_depth_and_with_shift_the_wheel_tilts() -> None:
+    pygame = pytest.importorskip("pygame")
+    from cutenv.play.play_window import PlayWindow
+
+    session = Session(MouseDevice(), SessionPlan(task="depth", seed=3, target_length=0.06, countdown=0.0))
+    window = PlayWindow(session, scripted=False)
+    window._window._fps = 0.0
+    begin(window)
+    post(pygame.MOUSEWHEEL, x=0, y=-1)
+    window.take_events()
+    assert window.mouse.read().level == -LOWERED_BY_NOTCH
+    pygame.key.set_mods(pygame.KMOD_SHIFT)
+    post(pygame.MOUSEWHEEL, x=0, y=-1)
+    window.take_events()
+    pygame.key.set_mods(0)
+    assert window.mouse.read().level == -LOWERED_BY_NOTCH
+    assert window.mouse.read().angle < np.pi / 2
+    width, height = window._window.size
+    for kind, finger, y in ((pygame.FINGERDOWN, 1, 90), (pygame.FINGERDOWN, 2, 90), (pygame.FINGERMOTION, 2, 90 + 24)):
+        told = {"finger_id": finger, "touch_id": 1, "x": 100 / width, "y": y / height, "dx": 0.0, "dy": 0.0}
+        post(kind, **told)
+    window.take_events()
+    assert window.mouse.read().level == pytest.approx(-3 * LOWERED_BY_NOTCH), "a second finger turns the wheel, too"
+    post(pygame.CONTROLLERAXISMOTION, axis=pygame.CONTROLLER_AXIS_RIGHTY, value=32767)
+    window.take_events()
+    assert window.gamepad.read().level == pytest.approx(-1e-3 * DESCENT_SCALE, rel=0.01)
+    session.close()
 
 
 def test_mouse_arrow_keys_and_stick_lead_the_hand_across_in_the_window() -> None:
@@ -178,9 +258,10 @@ def test_mouse_arrow_keys_and_stick_lead_the_hand_across_in_the_window() -> None
     session.close()
 
 
-def test_the_command_plays_a_cut_along_a_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    arguments = ["--task", "path", "--line", "excision", "--scripted", "--seed", "3", "--target-length", "60mm"]
-    assert play.main([*arguments, "--out", str(tmp_path), "--picture", str(tmp_path / "cut.png")]) == 0
+@pytest.mark.parametrize("task", [["depth"], ["path", "--line", "excision"]])
+def test_the_command_plays_a_cut(task: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["--task", *task, "--scripted", "--seed", "3", "--target-length", "60mm", "--out", str(tmp_path)]
+    assert play.main([*arguments, "--picture", str(tmp_path / "cut.png")]) == 0
     assert (tmp_path / "cut.png").stat().st_size > 20_000
     assert "record: " in capsys.readouterr().out
 
@@ -188,14 +269,13 @@ def test_the_command_plays_a_cut_along_a_line(tmp_path: Path, capsys: pytest.Cap
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
+        (["--task", "depth", "--course", "first", "--operator", "P07"], "--task"),
         (["--line", "arc"], "--line arc is for cuts along a drawn line"),
         (["--task", "path", "--device", "inverse3"], "--task path is steered by mouse, keys or gamepad"),
         (["--course", "first", "--operator", "P07", "--line", "arc"], "--line cannot be given with --course"),
     ],
 )
-def test_what_does_not_fit_a_line_is_refused(
-    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_does_not_fit_is_refused(arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert play.main(arguments) == 2
     assert message in capsys.readouterr().err
 

@@ -6,16 +6,16 @@ import math
 
 import numpy as np
 import pytest
-from knowledge_ladder import START, KnowledgeLadder
-from path_ladder import LADDER, RUNGS, Rung
+from knowledge_ladder import LADDERS, START, KnowledgeLadder, PathRung
 
 from cutenv.learning.seeds import VALIDATION_SEEDS
 from cutenv.policy.path_scripts import SteerByForce
 
 SEEDS = VALIDATION_SEEDS[:6]
+LADDER = LADDERS["path"]
 
 
-class Watching(Rung):
+class Watching(PathRung):
     """A rung that compares what it steers by with the truth."""
 
     def __init__(self) -> None:
@@ -42,7 +42,7 @@ def rows(make) -> list[dict]:
 
 
 def test_a_rung_that_is_told_nothing_cuts_as_the_script_does():
-    assert rows(Rung) == rows(SteerByForce)
+    assert rows(PathRung) == rows(SteerByForce)
 
 
 def test_a_rung_steers_by_the_truth_that_it_is_told():
@@ -71,11 +71,11 @@ def test_the_table_has_a_row_for_every_rung_and_compares_it_with_the_script():
     }
     measured = [
         {"policy": name, "seed": seed, "return": 0.5 + 0.1 * k, **values}
-        for k, name in enumerate(RUNGS)
+        for k, name in enumerate(LADDER.rungs)
         for seed in SEEDS
     ]
     lines = LADDER.report(measured).splitlines()
     assert lines[3].startswith("| true tip along the line | 0.600 [0.600, 0.600] | 100.0 % | 0.25 mm | 1.50 mm | 0.010")
     assert lines[3].endswith("| 2.00 mm | +0.100 [+0.100, +0.100] |")
     assert lines[-1].startswith("6 validation specimens")
-    assert len(lines) == 2 + len(RUNGS) + 2
+    assert len(lines) == 2 + len(LADDER.rungs) + 2
