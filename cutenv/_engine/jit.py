@@ -7,85 +7,25 @@ folder that is named after the source of all that it imports.
 
 from __future__ import annotations
 
-import gc
 import hashlib
 import os
 import re
 import shutil
-import signal
 import sys
-import threading
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
-from numba.core import compiler, event, targetconfig, types
+
+from cutenv._engine import shortcuts
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-
-def _compare_flags_fast() -> None:
-    """Let Numba compare its compiler flags by what was set, not by reading each of 30 options: a fifth of compiling.
-
-    Equal flags stay equal; the hash was that of the options' names, the same for all flags.
-    """
-    flags: Any = targetconfig.TargetConfig
-    by_options, name_hash = flags.__eq__, hash("flags")
-    flags.__eq__ = lambda own, other: own._values == getattr(other, "_values", None) or by_options(own, other)
-    flags.__hash__ = lambda own: name_hash
-
-
-_compare_flags_fast()
-
-
-def _remember_operators() -> None:
-    """Let Numba remember what an operator of given types is: at each ``a[n]`` it tries up to 16 templates."""
-    function: Any = types.functions.BaseFunction
-    resolve = function.get_call_type
-
-    def remembered(own: Any, context: Any, args: Any, kws: Any) -> Any:
-        if kws or getattr(own.typing_key, "__module__", "") != "_operator":
-            return resolve(own, context, args, kws)
-        known = own.__dict__.setdefault("_cutenv_known", {})
-        if (found := known.get((context, args))) is None:
-            found = known[context, args] = resolve(own, context, args, kws)
-        return found
-
-    function.get_call_type = remembered
-
-
-_remember_operators()
-
-
-class _Lean(compiler.CompilerBase):
-    """Numba's pipeline without the passes for what kernels do not contain, a tenth of the time.
-
-    Kernels have no closures, no ``with``, no loops over tuples of different types, and nobody reads type annotations.
-    """
-
-    _UNUSED = (
-        "WithLifting",
-        "InlineClosureLikes",
-        "FindLiterallyCalls",
-        "LiteralUnroll",
-        "LiteralPropagationSubPipelinePass",
-        "MakeFunctionToJitFunction",
-        "InlineInlinables",
-        "AnnotateTypes",
-    )
-
-    def define_pipelines(self) -> list[Any]:
-        builder: Any = compiler.DefaultPassBuilder  # has no types
-        passes = builder.define_nopython_pipeline(self.state)
-        passes.passes[:] = [step for step in passes.passes if step[0].__name__ not in self._UNUSED]
-        return [passes]
-
-
 _PACKAGE = Path(__file__).parents[1]
-_events: Any = event  # has no types
 _PREFIX = "kernels-"
+_DOCUMENTED = ("nogil",)  # of the options that the decorators below give to Numba
 
 
 def sources(module: str, package: Path = _PACKAGE) -> set[Path]:
@@ -146,7 +86,7 @@ def kernel_folder(module: str, package: Path = _PACKAGE, maker: str | None = Non
     name = module if maker is None else f"{module}-{maker.rpartition('.')[2]}"
     digest = "".join(source_digest(each, package) for each in (module, maker) if each is not None)
     given = os.environ.get("NUMBA_CACHE_DIR")
-    places = [Path(given) / package.name] if given else [package / "__pycache__", _user_cache() / package.name]
+    places = [Path(given) / package.name] if given else [package / "__pycache__", *_user_caches(package.name)]
     for place in places:
         folder = place / f"{_PREFIX}{name}-{digest}"
         try:
@@ -162,11 +102,12 @@ def kernel_folder(module: str, package: Path = _PACKAGE, maker: str | None = Non
     return None
 
 
-def _user_cache() -> Path:
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-
-
-_announced = bool(os.environ.get("NUMBA_DISABLE_JIT"))
+def _user_caches(name: str) -> list[Path]:
+    """Return the folder of a package in the user's cache; none for a user without a home, as in a container."""
+    try:
+        return [Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / name]
+    except RuntimeError:
+        return []
 
 
 def njit(function: Function) -> Function:
@@ -205,129 +146,75 @@ def njit_fused(function: Function) -> Function:
     return _compile_internal(function, forceinline=True, cache=False)
 
 
-class WithoutCollection(event.Listener):
-    """Listener that keeps garbage collection away while functions of this package compile: 5 % less time."""
-
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._going_on = 0
-        self._collects = False
-
-    def on_start(self, event: Any) -> None:
-        if not self._concerns(event):
-            return
-        with self._lock:
-            if self._going_on == 0:
-                self._collects = gc.isenabled()
-                gc.disable()
-            self._going_on += 1
-
-    def on_end(self, event: Any) -> None:
-        if not self._concerns(event):
-            return
-        with self._lock:
-            self._going_on -= 1
-            if self._going_on == 0 and self._collects:
-                gc.enable()
-
-    def _concerns(self, event: Any) -> bool:
-        function = event.data["dispatcher"].py_func
-        return bool(function.__module__.split(".")[0] == _PACKAGE.name)
-
-
-class Uninterrupted(event.Listener):
-    """Listener that lets a Ctrl-C wait until the function at hand is compiled or loaded, mostly under a second.
-
-    In a callback from LLVM the KeyboardInterrupt would be lost, or Numba would end in an error of its own.
-    """
-
-    COMPILING, WORKING = "numba:compile", "numba:compiler_lock"
-    """Events of one function, and of all that Numba does, loading among it."""
-
-    def __init__(self) -> None:
-        self._going_on = 0
-        self._interrupted = False
-        self._handler: Any = None
-
-    def on_start(self, event: Any) -> None:
-        if event.kind != self.WORKING or not _in_main_thread():
-            return
-        if self._going_on == 0:
-            self._handler = signal.signal(signal.SIGINT, self._remember)
-        self._going_on += 1
-
-    def on_end(self, event: Any) -> None:
-        if self._going_on == 0 or not _in_main_thread():
-            return
-        if event.kind == self.WORKING:
-            self._going_on -= 1
-            if self._going_on > 0:
-                return
-            if self._handler is not None:  # None: not set from Python
-                signal.signal(signal.SIGINT, self._handler)
-        if self._interrupted:
-            self._interrupted = False
-            if callable(self._handler):  # not SIG_IGN
-                self._handler(signal.SIGINT, None)
-
-    def _remember(self, number: int, frame: Any) -> None:
-        self._interrupted = True
-
-
-def _in_main_thread() -> bool:
-    """Return True in the thread that receives the signals."""
-    return threading.current_thread() is threading.main_thread()
-
-
-_events.register("numba:compile", WithoutCollection())
-_uninterrupted = Uninterrupted()
-for _kind in (Uninterrupted.COMPILING, Uninterrupted.WORKING):
-    _events.register(_kind, _uninterrupted)
-
-
 def warn_before_first_compile(*kernels: Callable[..., Any]) -> None:
-    """Print on stderr, once, that the first use compiles for some seconds, if one of ``kernels`` is not on disk."""
-    global _announced
-    if _announced or all(_is_compiled(kernel) for kernel in kernels):
+    """Print on stderr, once, that the first use compiles for some seconds, if one of ``kernels`` is not on disk.
+
+    A line before it tells of a Numba with which this package was not tested, and is slower.
+    """
+    if os.environ.get("NUMBA_DISABLE_JIT"):
         return
-    _announced = True
-    notice = f"{_PACKAGE.name}: compiling for this machine; takes about half a minute, once."
+    if not shortcuts.are_tested():
+        major, minor = shortcuts.TESTED
+        _print_once(
+            f"Numba {numba.__version__} is newer than {major}.{minor}, which was tested: compiling and steps take "
+            f"longer. To avoid that: pip install 'numba<{major}.{minor + 1}'."
+        )
+    waiting = [kernel for kernel in kernels if not _is_compiled(kernel)]
+    if any(_folder_of(kernel) is None for kernel in waiting):
+        _print_once(
+            "compiling for this machine; takes about half a minute, at every start, for nothing can be kept: set "
+            "NUMBA_CACHE_DIR to a folder that can be written to."
+        )
+    elif waiting:
+        _print_once("compiling for this machine; takes about half a minute, once.")
+
+
+@cache
+def _print_once(notice: str) -> None:
+    line = f"{_PACKAGE.name}: {notice}"
     if (progress := sys.modules.get("tqdm")) is not None:  # a bar of it may stand on the line
-        progress.tqdm.write(notice, file=sys.stderr)
+        progress.tqdm.write(line, file=sys.stderr)
     else:
-        print(notice, file=sys.stderr, flush=True)
+        print(line, file=sys.stderr, flush=True)
 
 
 def _is_compiled(kernel: Any) -> bool:
-    """Return True if a kernel is on disk, or cannot be kept there."""
-    folder = kernel_folder(kernel.__module__, maker=getattr(kernel, "made_in", None))
-    return folder is None or (hasattr(kernel, "py_func") and any(folder.rglob(f"*.{kernel.__name__}-*.nbi")))
+    """Return True if a kernel is on disk, or has no source there to be kept with."""
+    folder = _folder_of(kernel)
+    if folder is None:
+        return not sources(kernel.__module__)
+    return hasattr(kernel, "py_func") and any(folder.rglob(f"*.{kernel.__name__}-*.nbi"))
+
+
+def _folder_of(kernel: Any) -> Path | None:
+    return kernel_folder(kernel.__module__, maker=getattr(kernel, "made_in", None))
 
 
 def _compile_internal(function: Function, **options: bool) -> Function:
     inside: Any = _compile(function, no_cpython_wrapper=True, **options)
-    if inside is not function:  # Python must not call what lacks the wrapper; Numba looks for the type
-        shown: Any = function
-        shown._numba_type_, shown._inside = numba.types.Dispatcher(inside), inside  # the type refers to it weakly
+    if inside is function or not shortcuts.are_tested():
+        return cast(Function, inside)
+    shown: Any = function  # Python must not call what lacks the wrapper; Numba looks for the type
+    shown._numba_type_, shown._inside = numba.types.Dispatcher(inside), inside  # the type refers to it weakly
     return function
 
 
-def _compile(function: Function, cache: bool = True, **options: bool) -> Function:
+def _compile(function: Function, cache: bool = True, **options: Any) -> Function:
     # Numba reads the folder once, when it decorates; the caches of other packages stay where they are.
     settings: Any = numba.config
     njit: Any = numba.njit  # whose types lack the wrappers
     before = settings.CACHE_DIR
-    folder = kernel_folder(function.__module__, maker=getattr(function, "made_in", None))
+    folder = _folder_of(function)
     settings.CACHE_DIR = str(folder or "")
+    if tested := shortcuts.are_tested():
+        options |= {"no_cfunc_wrapper": True, "pipeline_class": shortcuts.KernelCompiler}
+    else:
+        options = {name: value for name, value in options.items() if name in _DOCUMENTED}
     try:
-        decorate = njit(
-            cache=cache and folder is not None,
-            fastmath=False,
-            error_model="numpy",
-            no_cfunc_wrapper=True,
-            pipeline_class=_Lean,
-            **options,
-        )
-        return cast(Function, decorate(function))
+        decorate = njit(cache=cache and folder is not None, fastmath=False, error_model="numpy", **options)
+        compiled = decorate(function)
     finally:
         settings.CACHE_DIR = before
+    if tested and compiled is not function:  # as where NUMBA_DISABLE_JIT is set
+        shortcuts.interrupt_late(compiled)
+    return cast(Function, compiled)

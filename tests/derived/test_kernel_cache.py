@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-import gc
 import importlib
 import os
 import re
-import signal
 import subprocess
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
-from numba.core import event as numba_event
-from numba.core.compiler_lock import global_compiler_lock
 
 import cutenv._engine.jit
 import cutenv.task.stepper
-from cutenv._engine.jit import Uninterrupted, WithoutCollection, kernel_folder, source_digest
+from cutenv._engine import shortcuts
+from cutenv._engine.jit import kernel_folder, source_digest
 
 LAW = """
 from package._engine.jit import {door}
@@ -219,76 +215,107 @@ def test_importing_compiles_nothing(tmp_path):
     assert not list(tmp_path.rglob("*.nbi"))
 
 
-def test_where_nothing_can_be_written_nothing_is_kept(package, tmp_path):
-    blocked = tmp_path / "blocked"
-    blocked.touch()  # a file where the folder should be
-    assert answer(package, NUMBA_CACHE_DIR=str(blocked)) == 6.0
+@pytest.fixture
+def blocked(tmp_path: Path) -> str:
+    """A folder that nobody can write to, the superuser included: a file is in its place."""
+    (tmp_path / "blocked").touch()
+    return str(tmp_path / "blocked")
+
+
+def test_where_nothing_can_be_written_nothing_is_kept(package, tmp_path, blocked):
+    assert answer(package, NUMBA_CACHE_DIR=blocked) == 6.0
     assert not list(tmp_path.rglob("*.nbi"))
 
 
-def test_nothing_is_collected_while_a_kernel_compiles():
-    compiling, nested = (
-        WithoutCollection(),
-        SimpleNamespace(data={"dispatcher": SimpleNamespace(py_func=kernel_folder)}),
+def printed(program: str, **environment: str) -> list[str]:
+    """Lines on stderr of a program in a new process."""
+    inherited = {key: value for key, value in os.environ.items() if not key.startswith("NUMBA")}
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True, env=inherited | environment
     )
-    compiling.on_start(nested)
-    compiling.on_start(nested)
-    compiling.on_end(nested)
-    assert not gc.isenabled()
-    compiling.on_end(nested)
-    assert gc.isenabled()
+    return done.stderr.splitlines()
 
 
-def test_ctrl_c_while_a_kernel_compiles_or_is_loaded_waits_until_it_is():
-    compiling, event = Uninterrupted(), SimpleNamespace(kind=Uninterrupted.WORKING)
-    before = signal.getsignal(signal.SIGINT)
-    compiling.on_start(event)
-    compiling.on_start(event)
-    signal.raise_signal(signal.SIGINT)  # as in a callback from LLVM, where an exception would be lost
-    compiling.on_end(event)
-    with pytest.raises(KeyboardInterrupt):
-        compiling.on_end(event)
-    assert signal.getsignal(signal.SIGINT) is before
+def test_where_nothing_can_be_written_one_line_says_what_to_set(blocked):
+    use = (
+        "from cutenv._engine.jit import warn_before_first_compile; from cutenv.cutting.motion import STRAIGHT; from "
+        "cutenv.cutting.simulate import follow, hold\n"
+        "for kernel in (hold, follow): warn_before_first_compile(kernel(STRAIGHT))"
+    )
+    (line,) = printed(use, NUMBA_CACHE_DIR=blocked)
+    assert "at every start" in line
+    assert "NUMBA_CACHE_DIR" in line
 
 
-def test_ctrl_c_does_not_wait_for_the_other_functions_that_a_kernel_calls():
-    compiling, working = Uninterrupted(), SimpleNamespace(kind=Uninterrupted.WORKING)
-    one = SimpleNamespace(kind=Uninterrupted.COMPILING)
-    before = signal.getsignal(signal.SIGINT)
-    compiling.on_start(working)
-    compiling.on_start(one)
-    signal.raise_signal(signal.SIGINT)
-    with pytest.raises(KeyboardInterrupt):
-        compiling.on_end(one)
-    compiling.on_end(working)  # as the exception passes
-    assert signal.getsignal(signal.SIGINT) is before
+def test_a_user_without_a_home_can_import(package, blocked, monkeypatch):
+    """As in a container with a number for a user; there is no package folder to write to, either."""
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setattr(Path, "home", homeless)
+    (package / "__pycache__").touch()
+    kernel_folder.cache_clear()
+    assert kernel_folder("package.law", package) is None
 
 
-def test_loading_a_kernel_holds_the_lock_that_is_listened_to():
-    held = []
-    original = signal.getsignal(signal.SIGINT)
-
-    class Watch(numba_event.Listener):
-        def on_start(self, event):
-            held.append(signal.getsignal(signal.SIGINT) is not original)
-
-        def on_end(self, event):
-            pass
-
-    with numba_event.install_listener("numba:compiler_lock", Watch()), global_compiler_lock:
-        pass
-    assert held == [True]
+def homeless() -> Path:
+    raise RuntimeError("Could not determine home directory.")
 
 
-def test_ctrl_c_while_a_kernel_compiles_obeys_a_handler_of_ones_own():
-    compiling, event = Uninterrupted(), SimpleNamespace(kind=Uninterrupted.WORKING)
-    told = []
-    before = signal.signal(signal.SIGINT, lambda number, frame: told.append(number))
-    try:
-        compiling.on_start(event)
-        signal.raise_signal(signal.SIGINT)
-        assert not told
-        compiling.on_end(event)
-        assert told == [signal.SIGINT]
-    finally:
-        signal.signal(signal.SIGINT, before)
+def test_nothing_is_said_of_a_kernel_that_was_typed_into_a_shell():
+    use = (
+        "from cutenv._engine.jit import njit, warn_before_first_compile\n"
+        "@njit\n"
+        "def twice(x): return 2.0 * x\n"
+        "warn_before_first_compile(twice)"
+    )
+    assert printed(use) == []
+
+
+NEWER = "import numba; numba.__version__ = '9.0'; numba.version_info = numba.version_info._replace(short=(9, 0))\n"
+
+
+def test_a_newer_numba_steps_to_the_same_numbers_with_one_line_that_tells_of_it(tmp_path):
+    use = (
+        "import gymnasium, cutenv\n"
+        "for _ in range(2):\n"
+        "    env = gymnasium.make('cutenv/GentleCut-v1'); env.reset(seed=3)\n"
+        "    for _ in range(9): seen, *_ = env.step(env.action_space.high)\n"
+        "print(*map(float.hex, map(float, seen)))"
+    )
+    kept = kernel_folder("cutenv._engine.shortcuts") or tmp_path  # compiles for half a minute, once
+    seen, told = [], []
+    for program, environment in ((use, {}), (NEWER + use, {"NUMBA_CACHE_DIR": str(kept / "newer")})):
+        done = subprocess.run(
+            [sys.executable, "-c", program],
+            capture_output=True,
+            text=True,
+            check=True,
+            env=os.environ | environment,
+        )
+        seen.append(done.stdout)
+        told.append([line for line in done.stderr.splitlines() if "compiling for this machine" not in line])
+    assert seen[0] == seen[1]
+    assert told[0] == []
+    (line,) = told[1]
+    assert line.startswith("cutenv: Numba 9.0 is newer than")
+
+
+def test_a_newer_numba_gets_none_of_the_shortcuts():
+    """Nor options that its documentation does not name."""
+    plain = (
+        "from cutenv._engine.jit import njit, njit_inline, njit_internal, njit_nogil\n"
+        "for door in (njit, njit_inline, njit_internal, njit_nogil):\n"
+        "    kernel = door(lambda x: 2.0 * x)\n"
+        "    assert kernel(1.0) == 2.0\n"
+        "    assert 'compile' not in vars(kernel)\n"
+        "    assert kernel._compiler.pipeline_class is numba.core.compiler.Compiler\n"
+        "    assert not {'forceinline', 'no_cpython_wrapper', 'no_cfunc_wrapper'} & kernel.targetoptions.keys()\n"
+    )
+    assert printed(NEWER + plain) == []
+
+
+def test_the_shortcuts_were_tested_with_the_numba_of_the_constraints():
+    pins = (Path(__file__).parents[2] / "constraints.txt").read_text(encoding="utf-8")
+    pinned = re.search(r"^numba==(\d+)\.(\d+)", pins, re.MULTILINE)
+    assert pinned is not None
+    assert tuple(map(int, pinned.groups())) == shortcuts.TESTED
