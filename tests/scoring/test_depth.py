@@ -6,17 +6,15 @@ import csv
 import dataclasses
 import json
 
-import check_score
 import numpy as np
 import pytest
+from map_cuts import map_cut, without
 from recorded_cut import recorded_cut
 from scored_cuts import check_card
 
 from cutenv.commands import score as command
-from cutenv.envs.depth_cut import DepthCutEnv
 from cutenv.measurement import DepthProfile
 from cutenv.measurement.depth import LAYER_DEPTH_KEY, WANTED_DEPTH_KEY, corners, wanted_depth, with_blade_depth
-from cutenv.policy.depth_scripts import HoldDepth
 from cutenv.recording import load, save
 from cutenv.report.score_page import ScoredRecord, write_score_page, write_summary
 from cutenv.scoring import DEPTH_METRICS, METRICS, DepthMap, ScoredCut, score
@@ -28,16 +26,9 @@ from cutenv.tissue.floor import FLOOR_EVERY, BladePath, expected_floor
 from cutenv.tissue.grid import N_POINTS, SPACING
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def depth_cut():
-    """A cut by a script that holds one depth where a step is wanted: return, record, and errors by the task."""
-    env = DepthCutEnv(wanted="step", target_length=0.06)
-    total, trace = check_score.depth_cut(env, HoldDepth(), seed=4)
-    return total, trace, env.cutting
-
-
-def without(trace, *keys, **more):
-    return trace.with_metadata({key: value for key, value in trace.metadata.items() if key not in keys} | more)
+    return map_cut("depth")
 
 
 def test_without_what_a_simulator_notes_the_depth_is_near(depth_cut):

@@ -6,15 +6,13 @@ import dataclasses
 import json
 import re
 
-import check_score
 import numpy as np
 import pytest
+from map_cuts import LINE, map_cut, without
 
 from cutenv.commands import score as command
 from cutenv.envs.difficulty import scripts_on_specimen_of
 from cutenv.envs.gentle_cut import GentleCutEnv
-from cutenv.envs.path_cut import PathCutEnv
-from cutenv.policy.path_scripts import PATH_SCRIPTS
 from cutenv.recording import load, save
 from cutenv.recording.line_file import read_line
 from cutenv.scoring import PATH_METRICS, score
@@ -24,23 +22,15 @@ from cutenv.scoring.truth import ASIDE_AT_END, TIP_AT_END
 from cutenv.task_quantities import LINE_LIMIT
 from cutenv.tissue import measured_liver
 from cutenv.tissue.grid import N_POINTS, SPACING, depth_below
-from cutenv.tissue.lines import arc, bent, half_ellipse, mirrored, places_within, straight, through
+from cutenv.tissue.lines import arc, bent, mirrored, places_within, straight, through
 from cutenv.tissue.path_model import along_line, expected_cut
 
-LINE = half_ellipse(0.11, 0.015)
 GRID = np.arange(N_POINTS) * SPACING
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def path_cut():
-    """A cut behind a blade that keeps to the line, and so cuts the corner: return, record and cutting of the task."""
-    env = PathCutEnv(line=LINE, target_length=0.07)
-    total, trace = check_score.path_cut(env, PATH_SCRIPTS["blade on the line"](), seed=4)
-    return total, trace, env.cutting
-
-
-def without(trace, *keys):
-    return trace.with_metadata({key: value for key, value in trace.metadata.items() if key not in keys})
+    return map_cut("path")
 
 
 def test_without_the_notes_the_cut_is_expected_from_the_blades_motion(path_cut):
