@@ -17,8 +17,8 @@ import pytest
 pytest.importorskip("matplotlib", reason="pictures are an extra: pip install 'cutenv[view]'")
 
 from reading import Page
-from test_page_in_browser import check_fetches_nothing as check_only_itself_was_read
-from test_page_in_browser import check_fits
+from test_pages_in_browser import check_fetches_nothing as check_only_itself_was_read
+from test_pages_in_browser import check_fits
 from virtual_session import MODEL, cuts, silent
 
 from cutenv.measurement import MeasuredCut, leave_one_out, tissue_of
