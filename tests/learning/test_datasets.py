@@ -17,7 +17,6 @@ pytest.importorskip("h5py", reason="data sets are an extra: pip install 'cutenv[
 
 from cutenv.commands.datasets import Arguments, cuts_of  # noqa: E402
 from cutenv.cutting.dtypes import TICK  # noqa: E402
-from cutenv.learning.added_infos import DEPTH_INFOS, PATH_INFOS  # noqa: E402
 from cutenv.learning.demonstration import ESTIMATED, FELT, HIDDEN, recorded  # noqa: E402
 from cutenv.learning.minari_datasets import (  # noqa: E402
     cloning_data,
@@ -29,6 +28,7 @@ from cutenv.plant import Leg, SimulatedPlant, run, to_trace  # noqa: E402
 from cutenv.policy import Features  # noqa: E402
 from cutenv.recording import save  # noqa: E402
 from cutenv.task.observation import commanded_speed, in_units  # noqa: E402
+from cutenv.task.registry import task_made_as  # noqa: E402
 from cutenv.tissue import Specimen  # noqa: E402
 from cutenv.trace import Trace  # noqa: E402
 
@@ -68,36 +68,33 @@ def test_a_round_trip_loses_nothing(kept: Path, policy: str) -> None:
         assert not episode.truncations.any()
 
 
-def test_a_cut_along_a_wanted_depth_comes_back_with_its_vertical_force(kept: Path) -> None:
-    keywords, cuts = cuts_of(Arguments(dataset=ID, policy="follow the depth", **SHORT))
-    write(ID, "follow the depth", keywords, cuts)
+@pytest.mark.parametrize(
+    ("policy", "environment", "components"),
+    [("follow the depth", "cutenv/DepthCut-v1", 22), ("steer by force", "cutenv/PathCut-v1", 28)],
+)
+def test_a_cut_along_a_depth_or_a_line_comes_back_with_what_its_task_adds(
+    kept: Path, policy: str, environment: str, components: int
+) -> None:
+    keywords, cuts = cuts_of(Arguments(dataset=ID, policy=policy, **SHORT))
+    write(ID, policy, keywords, cuts)
     loaded = minari.load_dataset(ID)
-    assert loaded.env_spec.id == "cutenv/DepthCut-v1"
+    assert loaded.env_spec.id == environment
     env = loaded.recover_environment()
     for cut, episode in zip(cuts, loaded.iterate_episodes(), strict=True):
-        assert episode.observations.shape[1:] == (22,)
+        assert (episode.observations == cut.observations).all()
+        assert episode.observations.shape[1:] == (components,)
         assert episode.actions.shape[1:] == (3,)
-        assert set(episode.infos) == set(FELT | HIDDEN | DEPTH_INFOS.meanings)
-        assert episode.infos["vertical_force_N"].max() > 0.1
-        assert np.abs(episode.infos["floor_depth_m"] - episode.infos["wanted_depth_m"]).max() < 0.01
+        assert set(episode.infos) == set(FELT | HIDDEN | task_made_as(environment).infos.meanings)
+        if environment == "cutenv/DepthCut-v1":
+            assert episode.infos["vertical_force_N"].max() > 0.1
+            assert np.abs(episode.infos["floor_depth_m"] - episode.infos["wanted_depth_m"]).max() < 0.01
+        else:
+            assert episode.infos["tip_x_m"].max() > 0.03
         env.reset(seed=cut.seed)
         assert [env.step(action)[1] for action in episode.actions] == cut.rewards.tolist()
     written = loaded.storage.metadata["cutenv"]
-    assert len(written["observations"]) == 22
-    assert len(written["actions"]) == 3
-
-
-def test_a_cut_along_a_line_comes_back_with_its_lateral_force(kept: Path) -> None:
-    keywords, cuts = cuts_of(Arguments(dataset=ID, policy="steer by force", **SHORT))
-    write(ID, "steer by force", keywords, cuts)
-    loaded = minari.load_dataset(ID)
-    assert loaded.env_spec.id == "cutenv/PathCut-v1"
-    for cut, episode in zip(cuts, loaded.iterate_episodes(), strict=True):
-        assert (episode.observations == cut.observations).all()
-        assert episode.observations.shape[1:] == (28,)
-        assert set(episode.infos) == set(FELT | HIDDEN | PATH_INFOS.meanings)
-        assert episode.infos["tip_x_m"].max() > 0.03
-    assert "rad/s" in loaded.storage.metadata["cutenv"]["actions"][2]
+    assert (len(written["observations"]), len(written["actions"])) == (components, 3)
+    assert environment == "cutenv/DepthCut-v1" or "rad/s" in written["actions"][2]
 
 
 def test_replayed_in_the_recovered_environment_the_actions_earn_the_recorded_rewards(kept: Path) -> None:

@@ -1,4 +1,4 @@
-"""R of single units from probes: a blade on a spring whose tip jumps by the energy balance, and the law."""
+"""R of single units from probes; the record reduced to hilltops and valleys; ramps that tell a wrong slope."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from cutenv._engine.randomness import generator
-from cutenv.measurement import UnitResistances, estimate_unit_resistances
+from cutenv.measurement import Segment, UnitResistances, estimate_unit_resistances, filtered, loading_segments
+from cutenv.measurement.modulus import telling
 from cutenv.plant.protocol import to_trace
 from cutenv.plant.simulator import SimulatedPlant
 from cutenv.tissue import Specimen, measured_liver
@@ -156,3 +157,91 @@ def test_units_of_a_drawn_liver_come_out_within_5_percent() -> None:
     assert found.end == pytest.approx(nearest, abs=0.2e-3)
     with pytest.raises(AssertionError):
         check_units_of_the_law(found, specimen, np.full(len(found), found.resistance.mean()))
+
+
+@pytest.fixture
+def sawtooth():
+    time = np.arange(6000) / 1000.0
+    position = 0.02 + 0.01 * time
+    clean = 2.0 + 0.8 * (time % 1.0)
+    noisy = clean + np.random.default_rng(0).normal(0.0, 0.02, len(time))
+    return clean, Trace(time=time, position=position, force=noisy)
+
+
+def test_noise_goes_and_hilltops_and_valleys_stay(sawtooth):
+    clean, trace = sawtooth
+    found = filtered(trace)
+    away_from_drops = np.abs((trace.time % 1.0) - 0.5) < 0.45
+    inside = away_from_drops & (trace.time > 0.1) & (trace.time < 5.9)
+    assert np.abs(found.force - clean)[inside].max() < 0.03
+    assert np.abs(trace.force - clean)[inside].max() > 0.06
+    falling = found.time[1:][np.diff(found.force) < -0.005]
+    assert np.unique(np.round(falling[falling > 0.1])).tolist() == [1.0, 2.0, 3.0, 4.0, 5.0]
+
+
+def test_the_filtered_record_has_the_same_segments(sawtooth):
+    _, trace = sawtooth
+    before, after = loading_segments(trace), loading_segments(filtered(trace))
+    assert len(before) == len(after) == 6
+    assert [s.slope for s in after] == pytest.approx([s.slope for s in before], rel=0.05)
+
+
+def test_a_stroke_back_stays_as_recorded(sawtooth):
+    _, trace = sawtooth
+    back = Trace(time=trace.time, position=trace.position[::-1], force=trace.force)
+    assert np.array_equal(filtered(back).force, back.force)
+
+
+def test_a_drop_below_the_noise_is_refused(sawtooth):
+    with pytest.raises(ValueError, match="smallest_drop"):
+        filtered(sawtooth[1], smallest_drop=-1.0)
+
+
+NOISE = 0.025  # [N]
+SPEED = 0.0127  # [m/s]
+
+
+def saw(kink: float = 0.0, *, rate: float = 1000.0, noise: float = NOISE, repeated: int = 1) -> list[Segment]:
+    """Three ramps of 0.4 s from 1 N to 3 N; from the middle on the last one rises by ``kink`` less [N/s].
+
+    ``repeated`` readings share their noise, as an interpolated record's do.
+    """
+    time = np.arange(round(1.3 * rate)) / rate
+    force = 1.0 + 5.0 * (time % 0.4)
+    force -= np.where((time > 1.0) & (time < 1.2), kink * (time - 1.0), 0.0)
+    rng = np.random.default_rng(1)
+    disturbed = np.repeat(rng.normal(0.0, noise, len(time) // repeated + 1), repeated)[: len(time)]
+    return loading_segments(Trace(time=time, force=force + disturbed, position=SPEED * time, angle=None))
+
+
+def test_straight_ramps_are_restless_by_one_at_any_noise() -> None:
+    for noise in (0.01, 0.025, 0.05):
+        assert [ramp.restlessness for ramp in saw(noise=noise)[:3]] == pytest.approx([1.0] * 3, abs=0.2)
+
+
+def test_a_bent_ramp_is_restless_and_tells_nothing() -> None:
+    straight, bent = (saw(kink)[:3] for kink in (0.0, 4.0))
+    assert [ramp.start for ramp in bent] == [ramp.start for ramp in straight]
+    assert [ramp.is_steady for ramp in bent] == [ramp.is_steady for ramp in straight] == [False, True, True]
+    assert [ramp.restlessness > 1.3 for ramp in bent] == [False, False, True]
+    assert telling(straight) == straight[1:]
+    assert telling(bent) == bent[1:2]
+
+
+def test_a_bent_ramp_tells_nothing_though_it_is_the_only_one() -> None:
+    """Beside itself it is as restless as usual."""
+    assert telling(saw(4.0)[2:3]) == []
+    assert telling(saw()[2:3]) == saw()[2:3]
+
+
+def test_noise_that_lasts_is_no_bend() -> None:
+    assert max(ramp.restlessness for ramp in saw(rate=10_000.0, repeated=10)[:3]) < 1.3
+
+
+def test_a_ramp_without_noise_may_bend_with_the_depth() -> None:
+    time = np.arange(1300) / 1000.0
+    part = time % 0.4
+    trace = Trace(time=time, force=1.0 + 4.0 * part + 3.0 * part**2, position=SPEED * time)
+    ramps = [ramp for ramp in loading_segments(trace) if ramp.is_steady]
+    assert all(ramp.restlessness > 1.3 for ramp in ramps)
+    assert telling(ramps) == ramps != []

@@ -1,14 +1,20 @@
-"""What is saved comes back: every number to the last bit, every field, every cut, every word of the metadata."""
+"""What is saved comes back; a damaged file loads or ends in a clear error."""
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
+import record_trials
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_up import FULL, traces
+from record_trials import KINDS, damaged, sound
+from speed import reading
 
-from cutenv.recording import SCHEMA, load, load_one, save
+from cutenv.recording import SCHEMA, RecordError, load, load_one, save
 from cutenv.trace import Reading, Trace
 
 SUFFIXES = (".csv", ".parquet", ".h5", ".hdf5", ".CSV", ".mcap")
@@ -124,3 +130,82 @@ def test_a_file_of_another_program_reads_the_same(tmp_path):
 
 def test_every_field_is_written():
     assert FULL.known == Reading._fields
+
+
+DAMAGED = (".csv", ".parquet", ".h5", ".mcap")
+
+
+@pytest.fixture(scope="module")
+def damaged_folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("damaged")
+
+
+@given(number=st.integers(0, 2**32 - 1))
+@settings(max_examples=800)
+def test_damage_of_any_kind_ends_in_clear_errors_only(damaged_folder, number):
+    suffix, _, content, file = record_trials.case(number)
+    assert record_trials.ending(damaged_folder / f"damaged{suffix}", content, file) in record_trials.CLEAR
+
+
+@pytest.mark.parametrize("suffix", DAMAGED)
+@given(file=st.integers(0, 2), share=st.floats(0.0, 1.0, exclude_max=True))
+@settings(max_examples=60)
+def test_a_file_that_lost_its_end_never_loads(damaged_folder, suffix, file, share):
+    content = sound(suffix)[file].content
+    path = damaged_folder / f"part{suffix}"
+    path.write_bytes(content[: int(share * len(content))])
+    with pytest.raises(RecordError):
+        load(path)
+
+
+@pytest.mark.parametrize("suffix", DAMAGED)
+def test_the_last_bytes_count_too(damaged_folder, suffix):
+    content, traces, _ = sound(suffix)[0]
+    path = damaged_folder / f"last{suffix}"
+    for lost in range(1, 12):
+        path.write_bytes(content[:-lost])
+        with pytest.raises(RecordError):
+            load(path)
+    path.write_bytes(content)
+    assert load(path) == traces
+
+
+def test_every_kind_of_damage_changes_the_file():
+    for suffix, kinds in KINDS.items():
+        for kind in kinds:
+            content = sound(suffix)[1].content
+            changed = [damaged(content, kind, np.random.default_rng(seed)) != content for seed in range(20)]
+            needs_comments = kind in ("comments lost", "JSON damaged")
+            assert sum(changed) >= 10 or (suffix == ".txt" and needs_comments), (suffix, kind)
+
+
+def test_an_unclear_ending_is_noticed(damaged_folder):
+    file = sound(".csv")[0]
+
+    def ends(error: Exception) -> str:
+        def fail(path: Path) -> None:
+            raise error
+
+        return record_trials.ending(damaged_folder / "damaged.csv", file.content, file._replace(read=fail))
+
+    assert ends(KeyError("x")) == "KeyError: 'x'"
+    assert ends(RecordError("elsewhere", "a reason of some length")).startswith("unclear")
+    assert ends(RecordError(damaged_folder / "damaged.csv", "bad")).startswith("unclear")
+    assert ends(RecordError(damaged_folder / "damaged.csv", "a reason of some length")) == "refused"
+
+
+def test_the_script_prints_its_tables(capsys, monkeypatch):
+    monkeypatch.setattr(sys, "argv", ["record_trials.py", "--files", "60", "--flawed", "2", "--valid", "4"])
+    assert record_trials.main() == 0
+    said = capsys.readouterr().out
+    (counted,) = [line.split() for line in said.splitlines() if line.startswith("all")]
+    assert sum(map(int, counted[1:])) == 60
+    assert counted[-1] == "0"
+    for part in ("injected flaw", "4 valid records", "false alarms"):
+        assert part in said
+
+
+def test_reading_takes_at_most_three_times_as_long_as_loadtxt():
+    seconds = reading.reading_times(reading.cuts(readings=10_000, count=2), rounds=3)
+    for suffix in (".csv", ".parquet", ".h5"):
+        assert seconds[suffix] <= reading.TIMES_LOADTXT * seconds["numpy.loadtxt"], (suffix, seconds)
