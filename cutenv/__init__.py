@@ -10,37 +10,28 @@ from typing import Any
 
 import gymnasium
 
+from cutenv.task.registry import TASKS, RegisteredTask
+
 __version__ = "0.1.0"
 
-gymnasium.register(
-    id="cutenv/GentleCut-v1",
-    entry_point="cutenv.envs.gentle_cut:GentleCutEnv",
-    vector_entry_point="cutenv.envs.vector:GentleCutVectorEnv",
-)
-gymnasium.register(
-    id="cutenv/DepthCut-v1",
-    entry_point="cutenv.envs.depth_cut:DepthCutEnv",
-    vector_entry_point="cutenv.envs.depth_cut:DepthCutVectorEnv",
-)
-gymnasium.register(
-    id="cutenv/PathCut-v1",
-    entry_point="cutenv.envs.path_cut:PathCutEnv",
-    vector_entry_point="cutenv.envs.path_cut:PathCutVectorEnv",
-)
+
+def register(task: RegisteredTask) -> None:
+    """Add a task: Gymnasium makes its environments, and commands, reports and learners know it by its name."""
+    TASKS[task.name] = task
+    places = task.places
+    gymnasium.register(id=task.id, entry_point=places["single"], vector_entry_point=places["vector"])
+    if task.rig_id:
+        gymnasium.register(id=task.rig_id, entry_point=places["rig"], nondeterministic=True)
+
+
+for _task in TASKS.values():
+    register(_task)
 for _track in ("SafeCut", "GentleCutRaw"):
     gymnasium.register(
         id=f"cutenv/{_track}-v1",
         entry_point=f"cutenv.envs.tracks:{_track}Env",
         vector_entry_point=f"cutenv.envs.tracks:{_track}VectorEnv",
     )
-gymnasium.register(id="cutenv/RigCut-v1", entry_point="cutenv.envs.rig_cut:RigCutEnv", nondeterministic=True)
-gymnasium.register(
-    id="cutenv/RigDepthCut-v1", entry_point="cutenv.envs.rig_depth_cut:RigDepthCutEnv", nondeterministic=True
-)
-gymnasium.register(
-    id="cutenv/RigPathCut-v1", entry_point="cutenv.envs.rig_path_cut:RigPathCutEnv", nondeterministic=True
-)
-
 _LAZY = (
     "envs",
     "measurement",
@@ -66,4 +57,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted(["__version__", "make", *_LAZY])
+    return sorted(["__version__", "make", "register", *_LAZY])

@@ -24,8 +24,10 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecEnv
 
 from cutenv._base.validation import in_range
-from cutenv.envs.learned_tasks import task_of
+from cutenv.envs.vector import GentleCutVectorEnv
+from cutenv.policy.interface import script_of
 from cutenv.task.info import INFO
+from cutenv.task.registry import task_of
 
 __all__ = ["FeatureVecEnv", "NativeVecEnv"]
 
@@ -46,8 +48,8 @@ class NativeVecEnv(VecEnv):
         Whether the hidden state of the simulator follows the observation, for a critic such as that of
         :mod:`cutenv.learning.asymmetric_actor_critic` or the fully observed twin of ``cutenv/GentleCutRaw-v1``.  A
         policy that reads it cannot be used on a rig.
-    task : {"gentle", "depth", "path"}
-        Name of the task: ``cutenv/GentleCut-v1``, ``cutenv/DepthCut-v1`` or ``cutenv/PathCut-v1``.
+    task : str
+        Name of the task, of :data:`cutenv.task.registry.TASKS`.
     **arguments
         Keyword arguments of the environment; :data:`cutenv.envs.tracks.PROTOCOL` are those of the tracks.
     """
@@ -60,7 +62,7 @@ class NativeVecEnv(VecEnv):
         self.specimen_seeds = list(range(seeds) if isinstance(seeds, int) else seeds)  # SB3 has a _seeds of its own
         """Seed of each environment."""
         count = len(self.specimen_seeds)
-        self.native = self._task.vector(count, autoreset_mode=AutoresetMode.DISABLED, **arguments)
+        self.native: GentleCutVectorEnv = self._task.vector(count, autoreset_mode=AutoresetMode.DISABLED, **arguments)
         self.first_episode = 0
         """Number of the episode with which :meth:`reset` begins every environment."""
         self.seconds = 0.0
@@ -85,8 +87,9 @@ class NativeVecEnv(VecEnv):
 
     @property
     def observations(self) -> np.ndarray:
-        """Observations of the environments, shape (n, 12), or (n, 22) with depth; the next step overwrites them."""
-        return self._batch.observations
+        """Observations of the environments, shape (n, k); the next step overwrites them."""
+        observations: np.ndarray = self._batch.observations
+        return observations
 
     def _observe(self) -> np.ndarray:
         """Return the observations after a step; called once for each decision."""
@@ -168,9 +171,8 @@ class FeatureVecEnv(NativeVecEnv):
     """Environments of ``cutenv train``: the observations are features.
 
     An observation is the output of :class:`cutenv.policy.Features`: forces by depth, an estimate of the crack tip, the
-    distance to the target; with depth, that of :class:`cutenv.policy.depth_features.DepthFeatures`, along a line that
-    of :class:`cutenv.policy.path_features.PathFeatures`.  The action of the ``script`` follows, if there is one.  The
-    attribute ``features`` is the size of both.
+    distance to the target; or of the task's own class of features.  The action of the ``script`` follows, if there is
+    one.  The attribute ``features`` is the size of both.
 
     Parameters
     ----------
@@ -207,14 +209,14 @@ class FeatureVecEnv(NativeVecEnv):
         task: str = "gentle",
         **arguments: Any,
     ) -> None:
-        count, space = seeds if isinstance(seeds, int) else len(seeds), task_of({"task": task})[0].space
+        count, (learned, _) = seeds if isinstance(seeds, int) else len(seeds), task_of({"task": task})
         if in_range("hold", hold, 1, 1000, "1", "Give the number of decisions.") % 1.0:
             raise ValueError(f"hold = {hold} is not a whole number of decisions.")
         if hold > 1 and script is None:
             raise ValueError(f"hold = {hold} has no effect without a script. Give script, or leave hold out.")
-        self._features = space.features(count, history=history, force=force)
-        self._script, self._hold = None if script is None else space.script(script), hold
-        self._scripted = np.zeros((count, 0 if script is None else len(space.actions)), np.float32)
+        self._features = learned.features(count, history=history, force=force)
+        self._script, self._hold = None if script is None else script_of(learned, script), hold
+        self._scripted = np.zeros((count, 0 if script is None else len(learned.task.action_names)), np.float32)
         self.features = self._features.size + self._scripted.shape[1]
         self._all = np.arange(count)
         super().__init__(seeds, hidden_state=hidden_state, task=task, **arguments)

@@ -24,9 +24,9 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+from cutenv.task.registry import TASKS, tasks_with
+
 BUILT = Path(__file__).parents[1] / "assets" / "browser"
-PROGRAMS = {"gentle": "law.wasm", "depth": "depth_law.wasm", "path": "path_law.wasm"}
-"""Program of each task."""
 _ENTRY = "follow"
 _LAYOUT = "e-m:e-p:32:32-p10:8:8-p20:8:8-i64:64-i128:128-n32:64-S128-ni:1:10:20"  # of data, for wasm32
 _TRIPLE = "wasm32-unknown-unknown"
@@ -38,14 +38,14 @@ def main() -> int:
     """Build; return 1 if a result is to be compared and differs."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--check", action="store_true", help="compare with the files that are kept")
-    parser.add_argument("--task", choices=PROGRAMS, help="the only one to build")
+    parser.add_argument("--task", choices=tasks_with("hand"), help="the only one to build")
     parser.add_argument("--out", type=Path, default=BUILT, metavar="FOLDER", help="folder to write to")
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
     differ = False
-    for task in [arguments.task] if arguments.task else PROGRAMS:
+    for task in [arguments.task] if arguments.task else tasks_with("hand"):
         content = linked(compiled(intermediate_code(task)))
-        name = PROGRAMS[task]
+        name = f"{task}_law.wasm"
         if arguments.check:
             same = (BUILT / name).read_bytes() == content
             differ |= not same
@@ -68,16 +68,16 @@ def intermediate_code(task: str) -> str:
         from numba.core import types
         from numba.np.numpy_support import from_dtype
 
-        from cutenv.browser.page_alone import HAND_CUTS, SHARED_RECORDS
         from cutenv.browser.stylus_steps import follow_hand
         from cutenv.cutting.dtypes import READING
 
         library: Any = numba  # which has no types
         carray, pointer = library.carray, library.types.CPointer
-        led = HAND_CUTS[task].led
+        kind = TASKS[task].hand
+        led = kind.led
         follow_led, numbers, components = follow_hand(led), len(led.task.action_names), len(led.task.all_components)
-        channels = len(HAND_CUTS[task].channel_fields)
-        kinds = led.task.motion.cut, SHARED_RECORDS[task], led.task.episode, READING
+        channels = len(kind.channel_fields)
+        kinds = led.task.motion.cut, kind.shared, led.task.episode, READING
         cut, share, episode, reading = (pointer(from_dtype(kind)) for kind in kinds)
         number, single, real, whole = pointer(types.float64), pointer(types.float32), types.float64, types.int32
 

@@ -17,10 +17,10 @@ import numpy as np
 import wasmtime
 from tqdm import tqdm
 
-from cutenv._base import resources
-from cutenv.browser.page_alone import HAND_CUTS, LAW_PROGRAMS, shared_part
+from cutenv.browser.page_alone import law_of, shared_part
 from cutenv.browser.stylus_steps import HandCut, HandDepthCut, HandPathCut
 from cutenv.cutting.dtypes import READING
+from cutenv.task.registry import TASKS, tasks_with
 from cutenv.tissue.grid import depth_below
 
 CLASSES = ("uniform", "liver", "vascular", "mixed")
@@ -37,7 +37,7 @@ class CompiledCut:
     """
 
     def __init__(self, cut: HandCut, program: bytes | None = None) -> None:
-        task = next(name for name, kind in HAND_CUTS.items() if type(cut) is kind)
+        task = next(name for name in tasks_with("hand") if type(cut) is TASKS[name].hand)
         self._store = wasmtime.Store(_ENGINE)
         module = CARRIED[task] if program is None else wasmtime.Module(_ENGINE, program)
         instance = wasmtime.Instance(self._store, module, [])
@@ -81,9 +81,7 @@ class CompiledCut:
 
 
 _ENGINE = wasmtime.Engine()
-CARRIED = {
-    task: wasmtime.Module(_ENGINE, resources.path(program).read_bytes()) for task, program in LAW_PROGRAMS.items()
-}
+CARRIED = {task: wasmtime.Module(_ENGINE, law_of(task)) for task in tasks_with("hand")}
 """The programs that the page carries."""
 
 
@@ -118,13 +116,13 @@ def main() -> int:
     """Compare; return 1 if a cut differs."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cuts", type=int, default=1000, metavar="N", help="number of cuts; default 1000")
-    parser.add_argument("--task", choices=HAND_CUTS, default="gentle", help="task to cut; default gentle")
+    parser.add_argument("--task", choices=tasks_with("hand"), default="gentle", help="task to cut; default gentle")
     arguments = parser.parse_args()
     ends: Counter[str] = Counter()
     different = []
     milliseconds = 0
     for seed in tqdm(range(arguments.cuts), unit="cut", disable=None):
-        cut = HAND_CUTS[arguments.task](specimen_class=CLASSES[seed % len(CLASSES)], seed=seed)
+        cut = TASKS[arguments.task].hand(specimen_class=CLASSES[seed % len(CLASSES)], seed=seed)
         if not same(cut, wandering(cut, seed)):
             different.append(seed)
         ends[cut.end or "still going on"] += 1

@@ -32,16 +32,14 @@ from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.measurement.depth import LAYER_DEPTH_KEY
 from cutenv.plant.protocol import recorded_trace, to_trace
 from cutenv.policy import NULL_POLICIES, ORACLE, SCRIPTS
-from cutenv.policy.depth_planner import DepthPlanner
-from cutenv.policy.depth_scripts import DEPTH_SCRIPTS, FollowDepth
+from cutenv.policy.depth_scripts import FollowDepth
 from cutenv.policy.interface import PrivilegedPolicy
-from cutenv.policy.path_planner import PathPlanner
-from cutenv.policy.path_scripts import PATH_SCRIPTS
 from cutenv.scoring import score
 from cutenv.scoring.cut_map import LINE_KEY
 from cutenv.scoring.truth import ASIDE_AT_END, FLOOR_AT_END, TIP_AT_END
 from cutenv.task.depth import DEPTH_COMPONENTS
 from cutenv.task.observation import COMPONENTS
+from cutenv.task.registry import TASKS
 from cutenv.tissue.lines import places_within
 from cutenv.trace import Trace
 
@@ -146,31 +144,29 @@ def path_cut(env: PathCutEnv, policy: Any, seed: int) -> tuple[float, Trace]:
 
 
 class MapTask(NamedTuple):
-    """Task whose score has a map of the cut: who cuts, and which metric of the card is which error of the task."""
+    """Task whose score has a map of the cut: how it is cut, and which metric of the card is which error of the task."""
 
-    players: Mapping[str, Callable[[], Any]]
-    env: Callable[..., Any]
     cut: Callable[[Any, Any, int], tuple[float, Trace]]
-    errors: str
-    """Name of the errors of the task's cutting."""
     compared: Mapping[str, tuple[str, str, float, str]]
     """Name of the error, words for it, its units in one of the metric's, and its unit, by metric."""
     end: str
     """End for safety that the task adds."""
     ended: str
+    further: Mapping[str, Callable[[], Any]] = {}
+    """Those who cut besides planner and scripts."""
 
 
 MAP_TASKS = {
     "depth": MapTask(
-        {ORACLE: DepthPlanner, **DEPTH_SCRIPTS, TOO_DEEP: Deeper}, DepthCutEnv, depth_cut, "depth_errors",
+        depth_cut,
         {
             "mean_depth_error": ("mean_error_mm", "the mean error of the depth", 1e3, "mm"),
             "layer_depth": ("layer_mm", "the depth into the layer", 1e3, "mm"),
         },
-        "layer", "in the layer below",
+        "layer", "in the layer below", {TOO_DEEP: Deeper},
     ),
     "path": MapTask(
-        {ORACLE: PathPlanner, **PATH_SCRIPTS}, PathCutEnv, path_cut, "path_errors",
+        path_cut,
         {
             "largest_line_distance": ("largest_distance_mm", "the largest distance to the line", 1e3, "mm"),
             "line_area": ("area_mm2", "the area between cut and line", 1e6, "mm2"),
@@ -181,18 +177,20 @@ MAP_TASKS = {
 """Tasks along a wanted depth, and along a line."""
 
 
-def measure_map(task: MapTask, specimens: int) -> list[dict[str, Any]]:
+def measure_map(name: str, specimens: int) -> list[dict[str, Any]]:
     """Let scripts and planner cut the first held-out specimens of a task, and score the records."""
-    env, rows = task.env(specimen_class="mixed"), []
+    learned, task, rows = TASKS[name], MAP_TASKS[name], []
+    env = learned.single(specimen_class="mixed")
     same, (known, _, scale, _) = next(iter(task.compared.items()))
-    for name, make in task.players.items():
+    players = {ORACLE: learned.planner, **learned.scripts, **task.further}
+    for player, make in players.items():
         for seed in TEST_SEEDS[:specimens]:
             total, trace = task.cut(env, make(), seed)
             card = score(trace)
             hidden = (TIP_AT_END, FLOOR_AT_END, ASIDE_AT_END)
             alone = score(trace.with_metadata({k: v for k, v in trace.metadata.items() if k not in hidden}))
-            errors = getattr(env.cutting, task.errors)
-            row = {"class": "mixed", "seed": seed, "policy": name, "return": total, "success": env.cutting.success}
+            errors = env.cutting.errors
+            row = {"class": "mixed", "seed": seed, "policy": player, "return": total, "success": env.cutting.success}
             row |= {"score": card.overall_score or 0.0, "from_record": alone.overall_score or 0.0}
             row |= {"success": float(env.cutting.success), "end": env.cutting.end}
             for metric, (error, _, units, _) in task.compared.items():
@@ -306,7 +304,7 @@ def main() -> None:
         task, file = MAP_TASKS[arguments.task], f"{arguments.task}.csv"
         if not arguments.print:
             arguments.out.mkdir(parents=True, exist_ok=True)
-            write_csv(arguments.out / file, measure_map(task, arguments.specimens))
+            write_csv(arguments.out / file, measure_map(arguments.task, arguments.specimens))
         print(map_report(task, kept(arguments.out, file)), flush=True)
         return
     if not arguments.print:

@@ -15,13 +15,10 @@ from task_table import TaskTable
 
 from cutenv.envs.depth_cut import DepthCutEnv
 from cutenv.learning.seeds import TEST_SEEDS
-from cutenv.policy.depth_planner import DepthPlanner
 from cutenv.policy.depth_scripts import DEPTH_SCRIPTS
 
 TABLE = TaskTable(
     task="depth",
-    scripts=DEPTH_SCRIPTS,
-    planner=DepthPlanner,
     errors=(
         ("mean_error_mm", "mean error of the depth", "{:.2f} mm"),
         ("layer_mm", "into the layer below", "{:.3f} mm"),

@@ -31,13 +31,11 @@ import numpy as np
 
 import cutenv  # noqa: F401  registers the environments
 from cutenv.plant import DescendingPlant, FreehandPlant, SimulatedPlant, SteeredPlant
-from cutenv.policy import ConstantFeed, PlannerNominal, PlannerWithTruth, ProbeAndCreep
-from cutenv.policy.depth_planner import DepthPlanner
+from cutenv.policy import ConstantFeed, PlannerNominal, ProbeAndCreep
 from cutenv.policy.depth_scripts import FollowDepth
-from cutenv.policy.interface import ArrayPolicy
-from cutenv.policy.path_planner import PathPlanner
+from cutenv.policy.interface import ArrayPolicy, script_of
 from cutenv.policy.path_scripts import BladeOnLine
-from cutenv.policy.policy_space import space_of
+from cutenv.task import registry
 from cutenv.tissue import Specimen
 from cutenv.tissue.lines import arc, s_shape
 
@@ -48,13 +46,16 @@ Digests = Iterator[tuple[str, str]]
 
 
 class Task(NamedTuple):
-    """Task: id, number of actions, its simplest script, its planner with truth, and arguments of its variants."""
+    """Task: its entry, its simplest script, rounds of its planner with truth, and arguments of its variants."""
 
-    id: str
-    actions: int
+    entry: registry.RegisteredTask
     script: Callable[[], ArrayPolicy]
-    planner: Callable[[], Any]
+    rounds: int
     variants: Mapping[str, dict[str, Any]]
+
+    def held(self) -> HeldRandomActions:
+        """Return random actions that are held."""
+        return HeldRandomActions(len(self.entry.task.action_names))
 
 
 _OF_EVERY_TASK: dict[str, dict[str, Any]] = {
@@ -71,7 +72,7 @@ _OF_EVERY_TASK: dict[str, dict[str, Any]] = {
 _GIVEN_LINE = [(0.0, 0.0), (0.05, 0.002), (0.1, 0.008), (0.149, 0.012)]
 TASKS = {
     "gentle": Task(
-        "cutenv/GentleCut-v1", 2, partial(ConstantFeed, speed=0.0127), partial(PlannerWithTruth, rounds=2),
+        registry.TASKS["gentle"], partial(ConstantFeed, speed=0.0127), 2,
         {
             "SafeCut": {"id": "cutenv/SafeCut-v1"},
             "GentleCutRaw": {"id": "cutenv/GentleCutRaw-v1"},
@@ -80,7 +81,7 @@ TASKS = {
         },
     ),
     "depth": Task(
-        "cutenv/DepthCut-v1", 3, FollowDepth, partial(DepthPlanner, rounds=1),
+        registry.TASKS["depth"], FollowDepth, 1,
         {
             **{f"wanted {kind}": {"wanted": kind} for kind in ("constant", "ramp", "step", "profile")},
             "no layer": {"layer": False},
@@ -88,7 +89,7 @@ TASKS = {
         },
     ),
     "path": Task(
-        "cutenv/PathCut-v1", 3, BladeOnLine, partial(PathPlanner, rounds=1),
+        registry.TASKS["path"], BladeOnLine, 1,
         {
             **{f"line {kind}": {"line": kind} for kind in ("straight", "arc", "s", "excision", "random")},
             "given line": {"line": _GIVEN_LINE},
@@ -265,7 +266,7 @@ def differing_row(many: ManyCuts, cuts: Sequence[SingleCut]) -> str:
 def both(task: Task, keywords: Mapping[str, Any], policy: ArrayPolicy, singles: int, count: int, most: int) -> Digests:
     """Yield the digests of single environments and of a vector of them, and whether they agree."""
     own = dict(keywords)
-    name = own.pop("id", task.id)
+    name = own.pop("id", task.entry.id)
     env = gymnasium.make(name, **own)
     cuts = [single_cut(env, policy, seed, most) for seed in range(singles)]
     for part, found in single_digests(cuts):
@@ -280,7 +281,7 @@ def both(task: Task, keywords: Mapping[str, Any], policy: ArrayPolicy, singles: 
 def random_digests(task: Task, quick: bool) -> Digests:
     """Yield the digests of cuts by random actions."""
     count = 50 if quick else 1000
-    return both(task, {"control_hz": 10}, HeldRandomActions(task.actions), count, count, DECISIONS)
+    return both(task, {"control_hz": 10}, task.held(), count, count, DECISIONS)
 
 
 def script_digests(task: Task, quick: bool) -> Digests:
@@ -294,21 +295,21 @@ def variant_digests(task: Task, quick: bool) -> Digests:
     count = 2 if quick else 10
     for name, keywords in {**_OF_EVERY_TASK, **task.variants}.items():
         rate = {} if "id" in keywords else {"control_hz": 10}
-        found = dict(both(task, {**rate, **keywords}, HeldRandomActions(task.actions), count, count, DECISIONS))
+        found = dict(both(task, {**rate, **keywords}, task.held(), count, count, DECISIONS))
         yield f"{name}/rows", found.pop("vector/rows")
         yield name, digest(found)
 
 
 def reset_digests(task: Task, quick: bool) -> Digests:
     """Yield digests of options of a reset, and of vector environments that begin the next cut in their own ways."""
-    policy, short = HeldRandomActions(task.actions), {"control_hz": 10, "deadline_s": 2.0}
-    env = gymnasium.make(task.id, **short)
+    policy, short = task.held(), {"control_hz": 10, "deadline_s": 2.0}
+    env = gymnasium.make(task.entry.id, **short)
     options = {"specimen": Specimen.drawn(3, 4).to_json(), "target_length": 0.065, "episode": 7}
     for name, value in options.items():
         yield f"option {name}", digest(*single_cut(env, policy, 11, DECISIONS, **{name: value}))
     count = 4 if quick else 32
     for mode in ("NextStep", "SameStep"):
-        envs = gymnasium.make_vec(task.id, num_envs=count, autoreset_mode=mode, **short)
+        envs = gymnasium.make_vec(task.entry.id, num_envs=count, autoreset_mode=mode, **short)
         observations, info = envs.reset(seed=5)
         policy.begin([np.random.default_rng(seed) for seed in range(count)])
         content = Content()
@@ -320,14 +321,13 @@ def reset_digests(task: Task, quick: bool) -> Digests:
 
 def feature_digests(task: Task, quick: bool) -> Digests:
     """Yield digests of features along a cut, and of the actions of every script on the same observations."""
-    space = space_of(task.id)
     for seed in range(1 if quick else 3):
-        seen = single_cut(gymnasium.make(task.id, control_hz=10), task.script(), seed, 300).observations
+        seen = single_cut(gymnasium.make(task.entry.id, control_hz=10), task.script(), seed, 300).observations
         for history in (0, 6):
-            features = space.features(history=history)
+            features = task.entry.features(history=history)
             yield f"features/history {history}/seed {seed}", digest([features(each) for each in seen])
-        for name in space.scripts:
-            script = space.script(name)
+        for name in task.entry.scripts:
+            script = script_of(task.entry, name)
             script.reset(np.random.default_rng(seed))
             yield f"scripts/{name}/seed {seed}", digest([script(each) for each in seen])
 
@@ -386,8 +386,9 @@ def freehand_digests(quick: bool) -> Digests:
 
 def rig_digests(quick: bool) -> Digests:
     """Yield digests of cuts on rigs in memory."""
-    for name, script in (("RigCut", ProbeAndCreep), ("RigDepthCut", FollowDepth), ("RigPathCut", BladeOnLine)):
-        env = gymnasium.make(f"cutenv/{name}-v1", rig="fake", target_length=0.06)
+    for task, script in zip(TASKS.values(), (ProbeAndCreep, FollowDepth, BladeOnLine), strict=True):
+        name = task.entry.rig_id.removeprefix("cutenv/").removesuffix("-v1")
+        env = gymnasium.make(task.entry.rig_id, rig="fake", target_length=0.06)
         most = 150 if quick else 2000
         cuts = [single_cut(env, script(), 5, most, readings=True, episode=n) for n in range(1 if quick else 2)]
         for part, found in single_digests(cuts):
@@ -397,14 +398,12 @@ def rig_digests(quick: bool) -> Digests:
 
 def browser_digests(name: str, quick: bool) -> Digests:
     """Yield digests of a task's cuts by hand as the page makes them."""
-    from cutenv.browser.page_alone import HAND_CUTS
-
     milliseconds = np.arange(4000 if quick else 12_000)
     place = np.minimum(1.2e-5 * milliseconds, 0.1) - 0.004 * (milliseconds % 3000 > 2500)
     angle = 1.2 + 0.3 * (milliseconds // 700 % 2)
     third = 1e-6 * (milliseconds % 1000) - 5e-4
     for seed, specimen_class in enumerate(("liver", "vascular", "uniform")[: 1 if quick else 3]):
-        cut = HAND_CUTS[name](specimen_class=specimen_class, seed=seed)
+        cut = registry.TASKS[name].hand(specimen_class=specimen_class, seed=seed)
         readings = cut.follow(np.stack([place, angle, third], axis=1)[:, : len(cut.led.task.action_names)])
         yield f"readings/{seed}", digest(readings, cut.channels, cut.end, cut.success)
         trace = cut.trace(readings, **cut.noted)
@@ -415,11 +414,10 @@ def program_digests(quick: bool) -> Digests:
     """Yield digests of the programs that the page carries, and of the names that they export."""
     import wasmtime
 
-    from cutenv._base import resources
-    from cutenv.browser.page_alone import LAW_PROGRAMS
+    from cutenv.browser.page_alone import law_of
 
     for name in TASKS:
-        program = resources.path(LAW_PROGRAMS[name]).read_bytes()
+        program = law_of(name)
         yield f"{name}/bytes", digest(program)
         exports = wasmtime.Module(wasmtime.Engine(), program).exports
         yield f"{name}/exports", digest(sorted(each.name for each in exports))
@@ -450,10 +448,10 @@ def learner_digests(quick: bool) -> Digests:
 def planner_digests(quick: bool) -> Digests:
     """Yield digests of the actions of planners."""
     for name, task in TASKS.items():
-        env = gymnasium.make(task.id, control_hz=10)
+        env = gymnasium.make(task.entry.id, control_hz=10)
         for seed in range(1 if quick else 3):
             observation, _ = env.reset(seed=seed)
-            planner = task.planner()
+            planner = task.entry.planner(rounds=task.rounds)
             planner.reset(np.random.default_rng(seed))
             planner.set_state(env.unwrapped.cutting)
             yield f"{name}/with truth/{seed}", digest([planner(observation) for _ in range(100)])
@@ -467,7 +465,7 @@ def score_digests(quick: bool) -> Digests:
 
     for name, task in TASKS.items():
         for seed in range(1 if quick else 3):
-            cut = cut_once(gymnasium.make(task.id).unwrapped, task.script(), seed=seed, episode=0)
+            cut = cut_once(gymnasium.make(task.entry.id).unwrapped, task.script(), seed=seed, episode=0)
             yield f"{name}/card/{seed}", digest(cut.card.to_json())
         arguments = {"task": name, "control_hz": 10}
         cuts = batched_rollout(task.script(), range(4 if quick else 100), arguments, readings=True)
@@ -479,11 +477,11 @@ def estimated_digests(quick: bool) -> Digests:
     """Yield digests of cuts in the simulator that are assessed as a rig's."""
     from cutenv.sim_to_real.paired_experiment import cut_once, simulator_like
 
-    for name, rig in (("gentle", "RigCut"), ("depth", "RigDepthCut"), ("path", "RigPathCut")):
-        with_rig = gymnasium.make(f"cutenv/{rig}-v1", rig="fake").unwrapped
+    for name, task in TASKS.items():
+        with_rig = gymnasium.make(task.entry.rig_id, rig="fake").unwrapped
         env = simulator_like(with_rig, target_length=0.06)
         for episode in range(1 if quick else 4):
-            cut = cut_once(env, TASKS[name].script(), seed=5, episode=episode, noise=episode)
+            cut = cut_once(env, task.script(), seed=5, episode=episode, noise=episode)
             yield f"{name}/{episode}", digest(cut.value, cut.end, cut.success, cut.card.to_json())
         with_rig.close()
 

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 
 from cutenv.envs.batch import CutBatch
-from cutenv.envs.learned_tasks import TASKS
 from cutenv.learning.result_tables import rows_of, write_csv
 from cutenv.learning.seeds import TEST_SEEDS, VALIDATION_SEEDS
 from cutenv.learning.statistics import by_policy, mean_with_interval
 from cutenv.policy.interface import ArrayPolicy
 from cutenv.task.info import GROUPS, INFO, column
+from cutenv.task.registry import TASKS
 
 START = "as the script has it"
 """Name of the first rung."""

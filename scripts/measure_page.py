@@ -26,19 +26,19 @@ from benchmark.table import markdown_table
 from tqdm import tqdm
 
 from cutenv.browser import HandCut, write_page_alone
-from cutenv.browser.page_alone import HAND_CUTS, OFFERED, specimen_data
+from cutenv.browser.page_alone import OFFERED, specimen_data
 from cutenv.browser.stylus_steps import HandDepthCut, HandPathCut
 from cutenv.scoring import Truth, score
-from cutenv.scoring.metric import METRICS, PATH_METRICS
+from cutenv.scoring.metric import MAP_METRICS, METRICS
 from cutenv.scoring.points import task_points
 from cutenv.scoring.scored_cut import ScoredCut
 from cutenv.scoring.truth import TIP_AT_END
 from cutenv.scoring.unavailable import Unavailable
+from cutenv.task.registry import TASKS, tasks_with
 from cutenv.tissue.grid import depth_below
 from cutenv.trace import Trace
 
 DEFAULT = Path("runs") / "measure_page.json"
-WHERE = {"gentle": "at constant height", "depth": "along a wanted depth", "path": "along a drawn line"}
 BROWSERS = {"Chromium": chromium, "Firefox": firefox}
 TIMED = """(() => {
   const kept = { pictures: [], drawing: [], delays: [] }, native = requestAnimationFrame;
@@ -107,9 +107,9 @@ def led(cut: HandCut, seed: int) -> list[list[float]]:
 def scores(page: chromium.Browser | firefox.Browser, seed: int, task: str = "gentle") -> tuple[float, float, float]:
     """Return the score of one cut: of the page, of Python by the true tip, and of Python by the record alone."""
     key: dict[str, Any] = {"specimen_class": OFFERED[seed % len(OFFERED)], "seed": seed, "episode": 0}
-    cut = HAND_CUTS[task](**key)
+    cut = TASKS[task].hand(**key)
     stylus = np.array(led(cut, seed))
-    again = HAND_CUTS[task](**key)
+    again = TASKS[task].hand(**key)
     readings = again.follow(stylus)
     facts = {"end": again.end or "given up", TIP_AT_END: round(float(readings["tip"][-1]), 6)}
     trace = again.trace(readings, **facts, **again.noted)
@@ -136,7 +136,7 @@ def points_beside(cut: HandPathCut, trace: Trace, truth: Truth) -> float:
     """Return the points of a cut beside its own line; a record's is one through rounded places."""
     scored = ScoredCut(trace=trace, target_length=cut.target_length, truth=truth, line=cut.cutting.line)
     values = {}
-    for each in (METRICS | PATH_METRICS).values():
+    for each in (METRICS | MAP_METRICS["path"]).values():
         with contextlib.suppress(Unavailable):
             values[each.name] = each.function(scored)
     return sum(each.points for each in task_points(scored, values))
@@ -178,10 +178,10 @@ def measure(cuts: int, seconds: float) -> dict[str, Any]:
     if not installed:
         raise SystemExit("no browser: apt-get install chromium firefox-esr")
     with tempfile.TemporaryDirectory() as folder:
-        for task in HAND_CUTS:
+        for task in tasks_with("hand"):
             kept["bytes"][task] = write_page_alone(Path(folder) / f"{task}.html", tasks=(task,))
         path = Path(folder) / "cut.html"
-        write_page_alone(path, count=1, tasks=tuple(HAND_CUTS))
+        write_page_alone(path, count=1, tasks=tasks_with("hand"))
         for name, browser in installed.items():
             profile = Path(folder) / name
             profile.mkdir()
@@ -194,7 +194,7 @@ def measure(cuts: int, seconds: float) -> dict[str, Any]:
         profile.mkdir(exist_ok=True)
         with browser.browser(profile) as page:
             page.open(path, 1100)
-            for task in HAND_CUTS:
+            for task in tasks_with("hand"):
                 found = np.array([scores(page, seed, task) for seed in tqdm(range(cuts), unit="cut", disable=None)])
                 kept["off_truth"][task] = float(np.abs(found[:, 0] - found[:, 1]).max())
                 kept["off_record"][task] = np.percentile(np.abs(found[:, 0] - found[:, 2]), (50, 95)).tolist()
@@ -211,15 +211,16 @@ def markdown(kept: dict[str, Any]) -> str:
         (name, f"{each['pictures_per_s']:.1f}", both(each["drawing_ms"]), both(each["delay_ms"]))
         for name, each in kept["pictures"].items()
     ]
+    where = {name: TASKS[name].along or "at constant height" for name in kept["bytes"]}
     columns = ("window of", "pictures a second", "drawing one [ms]", "input to picture [ms]")
     sentences = [
-        f"In {kept['cuts']} seeded cuts {where} the page's score differs from Python's by the true tip by "
+        f"In {kept['cuts']} seeded cuts {words} the page's score differs from Python's by the true tip by "
         f"{kept['off_truth'][task]:.0e} points at most. From that of `cutenv score`, by the record alone, it differs "
         f"by {off[0]:.1f} points in the median, and by {off[1]:.1f} at most in 95 % of the cuts."
-        for task, where in WHERE.items()
+        for task, words in where.items()
         for off in [kept["off_record"][task]]
     ]
-    sizes = ", ".join(f"{kept['bytes'][task] / 1e6:.1f} MB {where}" for task, where in WHERE.items())
+    sizes = ", ".join(f"{kept['bytes'][task] / 1e6:.1f} MB {words}" for task, words in where.items())
     sentences.append(f"A page of twelve specimens has {sizes}.")
     return f"{markdown_table(columns, rows)}\n\n" + "\n".join(sentences)
 

@@ -15,14 +15,11 @@ from task_table import TaskTable
 
 from cutenv.envs.path_cut import PathCutEnv
 from cutenv.learning.seeds import TEST_SEEDS
-from cutenv.policy.path_planner import PathPlanner
 from cutenv.policy.path_scripts import PATH_SCRIPTS
 from cutenv.tissue.grid import SPACING
 
 TABLE = TaskTable(
     task="path",
-    scripts=PATH_SCRIPTS,
-    planner=PathPlanner,
     errors=(
         ("mean_distance_mm", "mean distance to the line", "{:.2f} mm"),
         ("largest_distance_mm", "largest", "{:.2f} mm"),

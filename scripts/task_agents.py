@@ -22,6 +22,7 @@ from cutenv.learning.evaluation import Contestant, contestant, evaluate
 from cutenv.learning.result_tables import rows_of, write_csv
 from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.learning.statistics import by_policy, differences, mean_with_interval
+from cutenv.task.registry import TASKS
 
 TABLES: dict[str, TaskTable] = {"depth": depth_table.TABLE, "path": path_table.TABLE}
 
@@ -33,9 +34,9 @@ def file_of(task: str) -> Path:
 
 def measure(task: str, folders: Sequence[Path], specimens: int, processes: int | None) -> list[dict[str, Any]]:
     """Return one row for each cut of every agent and script."""
-    table = TABLES[task]
+    table, known = TABLES[task], TASKS[task].scripts
     agents = {f"PPO, run {number}": contestant(str(folder)) for number, folder in enumerate(folders, 1)}
-    scripts = {name: Contestant(make()) for name, make in table.scripts.items()}
+    scripts = {name: Contestant(make()) for name, make in known.items()}
     shared = {"task": task, "specimen_class": "mixed"}
     rows = evaluate({**agents, **scripts}, TEST_SEEDS[:specimens], shared, processes=processes)
     scores = ("return", "success", *(name for name, _, _ in table.errors))
@@ -44,7 +45,7 @@ def measure(task: str, folders: Sequence[Path], specimens: int, processes: int |
 
 def report(task: str, rows: Sequence[Mapping[str, Any]]) -> str:
     """Return the comparison as a Markdown table, with the script that comes nearest to each agent."""
-    scripts, (error, heading, shown) = TABLES[task].scripts, TABLES[task].errors[0]
+    scripts, (error, heading, shown) = TASKS[task].scripts, TABLES[task].errors[0]
     lines = [
         f"| policy | return | success | {heading} | minus the script that comes nearest |",
         "| --- | --- | --- | --- | --- |",

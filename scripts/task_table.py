@@ -12,7 +12,7 @@ from cutenv.learning.evaluation import Contestant, evaluate
 from cutenv.learning.result_tables import rows_of, write_csv
 from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.learning.statistics import differences, summarise
-from cutenv.policy import Policy
+from cutenv.task.registry import TASKS
 
 ORACLE = "planner with truth"
 _TEXTS = ("policy", "specimen_class", "end")
@@ -23,8 +23,6 @@ class TaskTable:
     """One task's table."""
 
     task: str
-    scripts: Mapping[str, Callable[[], Policy]]
-    planner: Callable[[], Policy]
     errors: tuple[tuple[str, str, str], ...]
     """Scores that the task adds: name, heading, format with unit."""
     ends: tuple[tuple[str, str], ...]
@@ -37,8 +35,8 @@ class TaskTable:
 
     def measure(self, specimens: int, processes: int | None) -> list[dict[str, Any]]:
         """Return one row for each cut of every script and of the planner."""
-        contestants = {name: Contestant(make()) for name, make in self.scripts.items()}
-        contestants[ORACLE] = Contestant(self.planner())
+        contestants = {name: Contestant(make()) for name, make in TASKS[self.task].scripts.items()}
+        contestants[ORACLE] = Contestant(TASKS[self.task].planner())
         keywords = {"task": self.task, "specimen_class": "mixed"}
         return evaluate(contestants, TEST_SEEDS[:specimens], keywords, processes=processes, description=self.task)
 

@@ -15,7 +15,6 @@
     python scripts/update_docs.py rig-faults-grbl           what scripts/rig_faults.py --grbl left in runs/ (--json)
     python scripts/update_docs.py slow-rig-agents           what scripts/slow_rig_agents.py left in runs/slow-rig
     python scripts/update_docs.py errata tissue-file rig-file slow-rig metrics weights ends class-attacks
-    python scripts/update_docs.py --docstring               tables in the docstring of cutenv/envs/gentle_cut.py
     python scripts/update_docs.py --check parameters        fails if a block is not what it would print
     python scripts/update_docs.py --picture                 draws assets/pictures/cut.png
 
@@ -45,7 +44,6 @@ import check_steering
 import class_attacks
 import class_load
 import curved_cuts
-import declared_tables
 import depth_ladder
 import depth_table
 import fit_layers
@@ -87,7 +85,7 @@ from cutenv.report import CutPicture, draw_cut
 from cutenv.rig.devices.serial.slow_profile import RATES, grbl_settings, slow_settings
 from cutenv.rig.operation.suitability import suitability_lines
 from cutenv.rig.toml_text import template
-from cutenv.scoring import DEPTH_METRICS, INVARIANCES, METRICS, PATH_METRICS, Metric
+from cutenv.scoring import INVARIANCES, MAP_METRICS, METRICS, Metric
 from cutenv.task.depth import DepthConstants
 from cutenv.task.path import PathConstants
 from cutenv.task.reward import CUT_ENDS, REWARD
@@ -100,7 +98,6 @@ from cutenv.tissue.specimen import CLASSES
 from cutenv.tissue.surface import SurfaceSpread
 
 ROOT = Path(__file__).parents[1]
-SPECIFICATION = ROOT / "cutenv" / "envs" / "gentle_cut.py"
 SCORES = ("return", "success", "tip_error_mm", "peak_force_N", "time_s")
 
 
@@ -467,8 +464,7 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "benchmark": benchmark,
     "depth-cut": lambda _: "\n".join(depth_table.TABLE.lines(depth_table.TABLE.kept())),
     "depth-ladder": lambda _: depth_ladder.LADDER.report(depth_ladder.LADDER.kept()),
-    "depth-agents": lambda _: task_agents.report("depth", task_agents.kept("depth")),
-    "path-agents": lambda _: task_agents.report("path", task_agents.kept("path")),
+    **{f"{task}-agents": lambda _, task=task: task_agents.report(task, task_agents.kept(task)) for task in MAP_METRICS},
     "path-cut": lambda _: "\n".join(path_table.TABLE.lines(path_table.TABLE.kept())),
     "path-ladder": lambda _: path_ladder.LADDER.report(path_ladder.LADDER.kept()),
     "path-speed": lambda _: speed_of("path"),
@@ -481,16 +477,14 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "freehand-speed": lambda _: speed_of("freehand"),
     "curved-benchmark": lambda _: curved_cuts.table(),
     "check-score": lambda _: check_score.report(check_score.kept(ROOT / check_score.FOLDER)),
-    "check-depth-score": lambda _: map_score("depth"),
-    "check-path-score": lambda _: map_score("path"),
+    **{f"check-{task}-score": lambda _, task=task: map_score(task) for task in MAP_METRICS},
     "layers-recovered": lambda _: recover_layers.tables(recover_layers.left()),
     "depth": lambda _: measure_depth_accuracy.report(measure_depth_accuracy.kept(ROOT / measure_depth_accuracy.KEPT)),
     "seen-runs": lambda _: measure_seen_runs.report(measure_depth_accuracy.kept(ROOT / measure_seen_runs.KEPT)),
     "live-camera": lambda _: camera_beside_rig.markdown(left_by(camera_beside_rig)),
     "errata": errata,
     "metrics": metrics,
-    "depth-metrics": lambda _: metric_table(DEPTH_METRICS),
-    "path-metrics": lambda _: metric_table(PATH_METRICS),
+    **{f"{task}-metrics": lambda _, own=own: metric_table(own) for task, own in MAP_METRICS.items()},
     "weights": weights,
     "ends": ends,
     "tip-errors": lambda _: tip_errors.report(),
@@ -570,12 +564,9 @@ def main() -> None:
     parser.add_argument("--runs", type=Path, nargs="+", help="folders of the runs to quote, for training one a seed")
     parser.add_argument("--check", action="store_true", help="compare instead of writing")
     parser.add_argument("--picture", action="store_true", help="draw the picture")
-    parser.add_argument("--docstring", action="store_true", help="rewrite the tables in the environment's docstring")
     arguments = parser.parse_args()
     if arguments.picture:
         draw_picture(ROOT / "assets" / "pictures" / "cut.png")
-    if arguments.docstring:
-        update(SPECIFICATION, declared_tables.with_tables, "--docstring", check=arguments.check)
     for name in arguments.blocks:
         block = BLOCKS[name](arguments)
         update(ROOT / PAGES[name], partial(replaced, name=name, block=block), name, check=arguments.check)

@@ -21,17 +21,15 @@ from cutenv._base.atomic_file import atomic_write
 from cutenv._base.document import render
 from cutenv._base.languages import LANGUAGES, texts_by_key
 from cutenv._base.validation import in_range, one_of
-from cutenv.browser.stylus_steps import HandCut, HandDepthCut, HandPathCut
 from cutenv.cutting.dtypes import READING
-from cutenv.cutting.motion import NOTHING
 from cutenv.measurement.strokes import STANDSTILL_SPEED
 from cutenv.play.devices import INCLINED, LEAD, LEVEL_REACH, LOWERED_BY_NOTCH, NOTCH, TRAVEL
 from cutenv.play.hand_model import PLAYED_HAND
 from cutenv.scoring import points
 from cutenv.scoring.even_samples import BANDWIDTH, RATE, SHORTEST_FORCE
 from cutenv.task.assessment import NEAR_TARGET
-from cutenv.task.depth import DEPTH_CUT, DESCENT_SCALE
-from cutenv.task.path import PATH_CUT
+from cutenv.task.depth import DESCENT_SCALE
+from cutenv.task.registry import TASKS, tasks_with
 from cutenv.task.reward import FORCE_ALLOWED, TERMS, TIME_AT_REST
 from cutenv.task_quantities import (
     ANGLE_TOLERANCE,
@@ -49,23 +47,11 @@ from cutenv.task_quantities import (
 )
 from cutenv.tissue import measured_liver
 from cutenv.tissue.drawn_lines import KINDS
-from cutenv.tissue.slab import SLAB
 from cutenv.tissue.specimen import CLASSES, LENGTH, SPACING
 from cutenv.trace import SPEED_WINDOW
 from cutenv.viewer.drawn_slab import Slab
 from cutenv.viewer.scene_parts import WORDS, scene_data
 
-LAW_PROGRAMS = {"gentle": "browser/law.wasm", "depth": "browser/depth_law.wasm", "path": "browser/path_law.wasm"}
-"""The compiled tasks, below ``assets``."""
-_TABLES: np.dtype[Any] = np.dtype((np.record, [(name, SLAB[name]) for name in ("ratio", "share")]))
-SHARED_RECORDS: dict[str, np.dtype[Any]] = {
-    "gentle": NOTHING,
-    "depth": np.dtype((np.record, [("slab", _TABLES, (1,))])),
-    "path": NOTHING,
-}
-"""Part of what all cuts of a task share that its law needs: while a blade descends, the table of partial depth."""
-HAND_CUTS: dict[str, type[HandCut]] = {"gentle": HandCut, "depth": HandDepthCut, "path": HandPathCut}
-"""Cut of each task, in Python."""
 OFFERED = ("liver", "uniform", "vascular")
 """Classes of specimens that a page offers by default."""
 OFFERED_LINES = ("arc", "s", "excision", "random")
@@ -114,9 +100,9 @@ def page_alone(
     Parameters
     ----------
     tasks : sequence of str
-        Tasks to offer: "gentle", "depth" for cuts along a wanted depth, and "path" for cuts along a drawn line.
+        Tasks to offer, of :data:`cutenv.task.registry.TASKS`.
     lines : sequence of str
-        Kinds of lines of "path", which its specimens have in turn.
+        Kinds of lines of a task along one, which its specimens have in turn.
     specimen_classes : sequence of str
         Classes of specimens to offer.
     count : int
@@ -136,7 +122,7 @@ def page_alone(
         If Jinja2 is not installed.
     """
     for each in tasks:
-        one_of("task", each, tuple(HAND_CUTS))
+        one_of("task", each, tasks_with("hand"))
     for each in specimen_classes:
         one_of("specimen_class", each, CLASSES)
     for each in lines:
@@ -152,7 +138,7 @@ def page_alone(
         "platform": platform,
         "scoring": scoring_data(),
         "specimens": [
-            specimen_data(each, seed, k, task=task, line=lines[k % len(lines)] if task == "path" else None)
+            specimen_data(each, seed, k, task=task, line=lines[k % len(lines)] if TASKS[task].line else None)
             for task, each, k in itertools.product(tasks, dict.fromkeys(specimen_classes), numbers)
         ],
     }
@@ -163,7 +149,7 @@ def page_text(template: str, told: dict[str, Any], **values: Any) -> str:
     """Return a page that cuts, filled with what it is told, laws, scripts and further values of its template."""
     filled = {
         "data": json.dumps(told, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c"),
-        "laws": {task: _base64(resources.path(LAW_PROGRAMS[task]).read_bytes()) for task in told["tasks"]},
+        "laws": {task: _base64(law_of(task)) for task in told["tasks"]},
         "code": "\n".join((_HERE / name).read_text(encoding="utf-8") for name in _SCRIPTS),
         "words": told["texts"][told["language"]],
         **values,
@@ -171,11 +157,16 @@ def page_text(template: str, told: dict[str, Any], **values: Any) -> str:
     return render(_HERE / template, filled, filters={"digest": script_digest})
 
 
+def law_of(task: str) -> bytes:
+    """Return the compiled law of a task, WebAssembly."""
+    return resources.path(f"browser/{task}_law.wasm").read_bytes()
+
+
 def page_data(tasks: Sequence[str] = ("gentle",)) -> dict[str, Any]:
     """Return what a page of ``tasks`` needs to know, whatever the specimen: layouts, hand, limits, texts; SI units."""
     kinds = {"reading": READING}
     for task in tasks:
-        led = HAND_CUTS[task].led.task
+        led = TASKS[task].hand.led.task
         kinds |= {f"{task}_cut": led.motion.cut, f"{task}_episode": led.episode}
     return {
         "version": cutenv.__version__,
@@ -194,8 +185,6 @@ def page_data(tasks: Sequence[str] = ("gentle",)) -> dict[str, Any]:
         "level_notch": LOWERED_BY_NOTCH,
         "level_reach": LEVEL_REACH,
         "fastest_descent": DESCENT_SCALE,
-        "depth_terms": tuple(cost.name for cost in DEPTH_CUT.costs),
-        "path_terms": tuple(cost.name for cost in PATH_CUT.costs),
         "depth_tolerance": DEPTH_TOLERANCE,
         "layer_tolerance": LAYER_TOLERANCE,
         "line_tolerance": LINE_TOLERANCE,
@@ -217,7 +206,7 @@ def page_texts(language: str) -> dict[str, str]:
 
 def _task_data(task: str) -> dict[str, Any]:
     """Return how a task's law is called: numbers of the hand in a millisecond, records, and sizes of memory [bytes]."""
-    kind = HAND_CUTS[task]
+    kind = TASKS[task].hand
     led = kind.led.task
     numbers = len(led.action_names)
     return {
@@ -225,6 +214,7 @@ def _task_data(task: str) -> dict[str, Any]:
         "memory": [8 * numbers, 4 * len(led.all_components), 8],  # of action, observation and force across the cut
         "channels": kind.channel_fields,
         "ends": led.ends,
+        "terms": tuple(cost.name for cost in led.costs),
         "shared": _base64(shared_part(task, measured_liver().slab()).tobytes()),
     }
 
@@ -244,8 +234,8 @@ def specimen_data(
     """
     key: dict[str, Any] = {"specimen_class": specimen_class, "seed": seed, "episode": episode}
     of_task: dict[str, Any] = {} if line is None else {"line": line}
-    cut = HAND_CUTS[task](**key, **of_task, target_length=target_length)
-    told = {"line": cut.noted["line"]} if isinstance(cut, HandPathCut) else {}
+    cut = TASKS[task].hand(**key, **of_task, target_length=target_length)
+    told = {"line": cut.noted["line"]} if TASKS[task].line else {}
     records = {name: _base64(record.tobytes()) for name, record in cut.records.items()}
     return {"task": task} | key | told | {"records": records, "facts": cut.facts}
 
@@ -286,10 +276,11 @@ def scoring_data() -> dict[str, Any]:
 
 
 def shared_part(task: str, slab: StructArray) -> StructArray:
-    """Return the part of a slab, shape (1,), that all cuts of a task share, see :data:`SHARED_RECORDS`."""
-    part: StructArray = np.zeros(1, SHARED_RECORDS[task])
-    for name in _TABLES.names or () if task == "depth" else ():
-        part["slab"][name] = slab[name]
+    """Return the part of a slab, shape (1,), that all cuts of a task share and its law needs."""
+    part: StructArray = np.zeros(1, TASKS[task].hand.shared)
+    if "slab" in (part.dtype.names or ()):
+        for name in part["slab"].dtype.names or ():
+            part["slab"][name] = slab[name]
     return part
 
 

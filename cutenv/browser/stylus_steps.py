@@ -14,6 +14,7 @@ from cutenv._engine.declared import compiled_for
 from cutenv._engine.jit import njit, njit_inline
 from cutenv.cutting.drive import Hand
 from cutenv.cutting.dtypes import READING, TICK
+from cutenv.cutting.motion import NOTHING
 from cutenv.envs.depth_cut import DepthCutEnv
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.envs.path_cut import PathCutEnv
@@ -27,6 +28,7 @@ from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, SPEED_SCALE, spee
 from cutenv.task.path import PATH_CUT, TURN_SCALE
 from cutenv.task.stepper import step_one
 from cutenv.tissue.drawn_lines import kind_of
+from cutenv.tissue.slab import SLAB
 from cutenv.trace import Trace
 
 _LATERAL = [each.name for each in PATH_CUT.all_components].index("lateral")
@@ -178,6 +180,8 @@ class HandCut:
     """Its task, and how the hand leads it."""
     channel_fields: ClassVar[tuple[str, ...]] = ()
     """Fields of a trace that its law fills besides the readings."""
+    shared: ClassVar[np.dtype[Any]] = NOTHING
+    """Part of what all cuts of the task share that its law needs."""
 
     def __init__(
         self,
@@ -249,8 +253,9 @@ class HandCut:
 
     @property
     def noted(self) -> dict[str, Any]:
-        """Notes of a record on this cut, by key of its metadata; nothing where no depth is wanted."""
-        return {}
+        """Notes of a record on another task than gentle cutting, by key of its metadata: environment, errors, map."""
+        noted: dict[str, Any] = self.cutting.noted_map
+        return noted and {"environment": self.led.task.environment, **noted}
 
     def follow(self, stylus: Any) -> StructArray:
         """Advance by a millisecond for each row of ``stylus``, until the cut ends; return the readings.
@@ -291,6 +296,7 @@ class HandDepthCut(HandCut):
 
     environment = DepthCutEnv
     led = LED_DEEP
+    shared = np.dtype((np.record, [("slab", [(name, SLAB[name]) for name in ("ratio", "share")], (1,))]))
     channel_fields = ("height", "vertical_force")
 
     def __init__(self, **keywords: Any) -> None:
@@ -302,11 +308,6 @@ class HandDepthCut(HandCut):
         """Wanted depth and layer below, by key of a record's metadata."""
         facts: dict[str, Any] = self.cutting.given_depth
         return facts
-
-    @property
-    def noted(self) -> dict[str, Any]:
-        """Notes of a record on this cut, by key of its metadata: environment, errors, wanted depth, layer, floor."""
-        return {"environment": DEPTH_CUT.environment, **self.cutting.noted_depth}
 
 
 class HandPathCut(HandCut):
@@ -330,10 +331,10 @@ class HandPathCut(HandCut):
     @property
     def facts(self) -> dict[str, Any]:
         """Line to cut along, by key of a record's metadata."""
-        return {LINE_KEY: self.cutting.noted_path[LINE_KEY]}
+        return {LINE_KEY: self.cutting.noted_map[LINE_KEY]}
 
     @property
     def noted(self) -> dict[str, Any]:
         """Notes of a record on this cut, by key of its metadata: environment, kind of line, errors, line, cut."""
         line = kind_of(int(self.cutting.whole["line"][0]))
-        return {"environment": PATH_CUT.environment, "line": line, **self.cutting.noted_path}
+        return {"environment": PATH_CUT.environment, "line": line, **self.cutting.noted_map}

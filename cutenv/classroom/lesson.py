@@ -21,7 +21,7 @@ import numpy as np
 
 import cutenv
 from cutenv._base.atomic_file import put_in_place, whole_files
-from cutenv.browser.page_alone import HAND_CUTS, specimen_data
+from cutenv.browser.page_alone import specimen_data
 from cutenv.browser.stylus_steps import HandCut
 from cutenv.classroom.analysis import Analyses
 from cutenv.classroom.class_store import (
@@ -47,6 +47,7 @@ from cutenv.report.score_page import ScoredRecord, write_score_page
 from cutenv.scoring import ReferenceSet, ScoreCard, score
 from cutenv.scoring.reference import fitting_reference
 from cutenv.scoring.truth import TIP_AT_END
+from cutenv.task.registry import TASKS
 from cutenv.trace import Trace
 
 LONGEST_CUT = 30_000
@@ -244,7 +245,7 @@ class Lesson:
 
     def _repeated(self, handed_out: HandedOutCut, movements: bytes, digest: str) -> tuple[HandCut, Any]:
         task = self._task(handed_out.code, handed_out)
-        kind = HAND_CUTS[task.task]
+        kind = TASKS[task.task].hand
         numbers = len(kind.led.task.action_names)
         size = 8 * numbers
         if len(movements) % size or not FEWEST_MOVEMENTS <= len(movements) // size <= LONGEST_CUT:
@@ -268,7 +269,7 @@ class Lesson:
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Tasks that are cut in the class, "gentle", "depth" and "path"."""
+        """Tasks that are cut in the class."""
         return ("gentle",) if self.course is None else self.course.kinds
 
     def _task(self, code: str, cut: HandedOutCut) -> CourseTask:

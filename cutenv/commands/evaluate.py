@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cutenv.commands.options import command_parser, reports_errors
+from cutenv.task.registry import TASKS
 from cutenv.tissue.specimen import CLASSES
 
 
@@ -33,19 +34,17 @@ def _evaluate(arguments: argparse.Namespace) -> None:
     from cutenv.policy import BASELINES
 
     if arguments.list or not arguments.policies:
-        from cutenv.envs.learned_tasks import TASKS
         from cutenv.policy import SHIPPED
 
         feeds = [name for name in BASELINES if name.startswith("constant ")]
         print("gentle cutting:")
         print("\n".join(f"  {name}" for name in BASELINES if name not in feeds))
         print(f"  constant V cm/s A deg ({len(feeds)} of them): {feeds[0]} ... {feeds[-1]}")
-        for key, one in TASKS.items():
-            if key != "gentle":
-                print("\n".join([f"task {key}:", *(f"  {name}" for name in one.scripts)]))
+        for task in TASKS.values():
+            if not set(BASELINES).issuperset(task.scripts):
+                print("\n".join([f"task {task.name}:", *(f"  {name}" for name in task.scripts)]))
         print("\n".join(["shipped agents:", *(f"  {name}" for name in SHIPPED)]))
         return
-    from cutenv.envs.learned_tasks import TASKS
     from cutenv.learning.evaluation import contestant, evaluate
     from cutenv.learning.result_tables import print_differences, print_table, write_csv
     from cutenv.learning.seeds import TEST_SEEDS, VALIDATION_SEEDS

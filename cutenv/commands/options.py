@@ -124,6 +124,15 @@ def add_line(parser: argparse.ArgumentParser, of: str, default: str) -> None:
     )
 
 
+def check_line(line: str, tasks: Iterable[str]) -> None:
+    """Raise ValueError for a ``--line`` if none of these tasks is along one."""
+    from cutenv.task.registry import TASKS
+
+    if not any(TASKS[name].line for name in tasks):
+        along = " or ".join(name for name, task in TASKS.items() if task.line)
+        raise ValueError(f"--line {line} is for cuts along a drawn line. Give --task {along} too.")
+
+
 def line_given(arguments: argparse.Namespace) -> CutLine | None:
     """Return ``--line``, None if it is not given.
 
@@ -205,15 +214,14 @@ def add_specimen_class(parser: argparse.ArgumentParser, default: str) -> None:
     )
 
 
-def add_task(parser: argparse.ArgumentParser, *more: str) -> None:
-    """Add ``--task`` of a rig, with ``more`` tasks than that of the depth."""
-    line = "; or along a line, on a rig with an axis to the side" if "path" in more else ""
-    parser.add_argument(
-        "--task",
-        choices=("gentle", "depth", *more),
-        default="gentle",
-        help=f"gentle cutting (the default), or along a wanted depth, on a rig with a height axis{line}",
-    )
+def add_task(parser: argparse.ArgumentParser, part: str, more: str = "", *, several: bool = False) -> None:
+    """Add ``--task`` with the tasks that have a part of their entry in the registry; ``more`` follows in the help."""
+    from cutenv.task.registry import tasks_in_words, tasks_with
+
+    names = tasks_with(part)
+    action, default = ("append", None) if several else ("store", names[0])
+    about = f"{tasks_in_words(names)}{more}; default {names[0]}"
+    parser.add_argument("--task", choices=names, action=action, default=default, help=about)
 
 
 def add_watch(parser: argparse.ArgumentParser, about: str) -> None:

@@ -14,11 +14,15 @@ from cutenv.commands.options import (
     add_lsl,
     add_specimen_class,
     add_target_length,
+    add_task,
+    check_line,
     command_parser,
     made_folder,
     reports_errors,
     target_length,
 )
+from cutenv.task.registry import TASKS
+from cutenv.tissue.drawn_lines import KINDS
 
 if TYPE_CHECKING:
     from cutenv.play.course_progress import CourseProgress
@@ -51,13 +55,13 @@ def main(argv: Sequence[str]) -> int:
     by_itself = arguments.scripted or arguments.device == _EMULATED
     if arguments.scripted and arguments.device != "mouse":
         raise ValueError(f"--scripted moves the hand by itself, and --device {arguments.device} has one. Give either.")
-    if arguments.task == "path" and arguments.device != "mouse":
+    if TASKS[arguments.task].line and arguments.device != "mouse":
         raise ValueError(
-            f"--task path is steered by mouse, keys or gamepad: the force of --device {arguments.device} would have to "
-            "act in the plane. Leave --device out."
+            f"--task {arguments.task} is steered by mouse, keys or gamepad: the force of --device {arguments.device} "
+            "would have to act in the plane. Leave --device out."
         )
-    if arguments.line is not None and arguments.task != "path":
-        raise ValueError(f"--line {arguments.line} needs --task path.")
+    if arguments.line is not None:
+        check_line(arguments.line, [arguments.task])
     agent = _agent_of(arguments)
     axes = None if arguments.axes is None else HandleAxes.parse(arguments.axes)
     open_display()  # before what takes half a minute where it has to be compiled
@@ -177,15 +181,10 @@ def _parser() -> argparse.ArgumentParser:
         "F11 fills the screen, esc ends.\n"
         "Training feedback for research; not validated for assessment or credentialing of people.",
     )
+    add_task(parser, "played", "; a blade that also moves up and down is led by the wheel")
     parser.add_argument(
-        "--task", choices=("gentle", "depth", "path"), default="gentle",
-        help="depth: the blade also moves up and down, by the wheel, and a depth is wanted; path: it is steered along "
-        "a drawn line; default gentle",
-    )  # fmt: skip
-    parser.add_argument(
-        "--line", choices=("straight", "arc", "s", "excision", "random", "mixed"),
-        help="line of --task path; default mixed, which is any of them",
-    )  # fmt: skip
+        "--line", choices=(*KINDS, "mixed"), help="drawn line to cut along; default mixed, which is any of them"
+    )
     parser.add_argument(
         "--policy", metavar="POLICY",
         help="share the cut with an agent, named as for 'cutenv evaluate': it cuts, and you lead while you hold space, "

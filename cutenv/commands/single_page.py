@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cutenv._base.languages import LANGUAGES
-from cutenv.browser.page_alone import HAND_CUTS, OFFERED, OFFERED_LINES, write_page_alone
+from cutenv.browser.page_alone import OFFERED, OFFERED_LINES, write_page_alone
 from cutenv.browser.scorm_package import write_scorm_package
-from cutenv.commands.options import command_parser, made_folder, reports_errors
+from cutenv.commands.options import add_task, check_line, command_parser, made_folder, reports_errors
 from cutenv.tissue.drawn_lines import KINDS
 from cutenv.tissue.specimen import CLASSES
 
@@ -21,8 +21,8 @@ def main(argv: Sequence[str]) -> int:
     if arguments.pass_mark is not None and arguments.scorm is None:
         raise ValueError("--pass-mark is for a learning platform's package: give --scorm PACKAGE too.")
     tasks = tuple(arguments.task or ("gentle",))
-    if arguments.line and "path" not in tasks:
-        raise ValueError(f"--line {arguments.line[0]} is for cuts along a drawn line: give --task path too.")
+    if arguments.line:
+        check_line(arguments.line[0], tasks)
     made_folder("PAGE", arguments.page.parent)
     options = {
         "tasks": tasks,
@@ -60,18 +60,12 @@ def _parser() -> argparse.ArgumentParser:
         note="The page saves records that 'cutenv score' and 'cutenv study' read.",
     )
     parser.add_argument("page", type=Path, metavar="PAGE", help="page to write (.html)")
-    parser.add_argument(
-        "--task",
-        action="append",
-        choices=HAND_CUTS,
-        help="depth: cuts along a wanted depth, with a blade that also moves up and down; path: along a drawn line, "
-        "with a blade that is steered; may be repeated; default gentle",
-    )
+    add_task(parser, "hand", "; may be repeated", several=True)
     parser.add_argument(
         "--line",
         action="append",
         choices=KINDS,
-        help="kind of line of --task path, may be repeated: the specimens of a class have them in turn; default "
+        help="kind of line to cut along, may be repeated: the specimens of a class have them in turn; default "
         f"{', '.join(OFFERED_LINES)}",
     )
     parser.add_argument(

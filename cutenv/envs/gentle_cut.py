@@ -18,6 +18,7 @@ from cutenv._base.validation import in_range, one_of
 from cutenv._engine.jit import warn_before_first_compile
 from cutenv.cutting.drive import DRIVES
 from cutenv.envs.constants import Constants, rig_constants
+from cutenv.envs.described import described
 from cutenv.envs.tissue_source import TissueSource
 from cutenv.plant.simulator import ANGLE_RANGE, SimulatedPlant
 from cutenv.task.beginning import LONGEST, SHORTEST, drawn_length
@@ -36,6 +37,7 @@ _UPDATES_HZ = 1000
 _GROUPS = tuple((group, tuple(field.name for field in fields), PLACES[group]) for group, fields in GROUPS.items())
 
 
+@described
 class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """Cut from the clamp to a target length, gently: the crack tip is scored, not the blade, which leads it.
 
@@ -48,12 +50,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ------
     ``Box(-1, 1, (2,), float32)``; values outside are clipped, NaN is refused with a ValueError.
 
-    === =============== ====================== ======
-    Num Action          -1 to 1 is             Unit
-    === =============== ====================== ======
-    0   target speed    -2.54 to 2.54          cm/s
-    1   target angle    45 to 90 (upright)     deg
-    === =============== ====================== ======
+    {actions}
 
     A speed action has a dead zone, so that noise about 0 does not move the blade: -1 to -0.1: 2.54 to 0 cm/s back;
     -0.1 to 0.1: rest; 0.1 to 1: 0 to 2.54 cm/s forward.  ``cutenv.task.observation.to_action`` gives the action for
@@ -61,47 +58,16 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     Observation
     -----------
-    ``Box(-10, 10, (12,), float32)``: (value - offset) / scale, clipped; only what a rig can know.
+    ``{space}``: (value - offset) / scale, clipped; only what a rig can know.
 
-    === ========== =========================================== ==== ====== ======
-    Num Name       Meaning                                     Unit Scale  Offset
-    === ========== =========================================== ==== ====== ======
-    0   force      force now                                   N    5      0
-    1   force_mean its mean since the last decision            N    5      0
-    2   force_min  its minimum since the last decision         N    5      0
-    3   force_max  its maximum since the last decision         N    5      0
-    4   position   blade, from the clamp                       m    0.1    0
-    5   speed      of the blade                                m/s  0.0254 0
-    6   angle      of the blade; 90 degrees is upright         rad  0.3927 1.1781
-    7   depth      of cut at the blade, as measured beforehand m    0.02   0
-    8   distance   from blade to target                        m    0.1    0
-    9   time_left  until the deadline                          s    30     0
-    10  last_speed last action: target speed                   1    1      0
-    11  last_angle last action: target angle                   1    1      0
-    === ========== =========================================== ==== ====== ======
+    {components}
 
     Reward
     ------
     What is gained, at most 1 in all (progress, accuracy, success), less costs that add up at every millisecond, less a
     cost at the end.
 
-    ============ ====== ====================================================================================
-    Term         Weight Charged for
-    ============ ====== ====================================================================================
-    progress     0.6    tip gained / L, up to the target
-    accuracy     0.2    1 - tip error / 9 mm where positive: gained on the way to the target, lost beyond it
-    success      0.2    at the end, if it is a success
-    uncontrolled 0.1    unstable growth / L
-    jump         0.03   sum of (run / 10 mm)^2
-    force        0.012  integral of force per depth above 400 N/m, / (100 N/m s)
-    lag          0.02   integral of the tip's lag above 10 mm, / (10 mm s)
-    backward     0.1    backward travel after first contact / L
-    haste        0.06   integral over travel of stopping distance / 3 mm, / L
-    time         0.1    time / 30 s
-    wedge        0.12   at the end: uncut wedge / B = cot(angle)
-    stored       0.06   at the end: min(stored energy / (R B 3 mm), 2)
-    safety       1      at an end for safety: the worst that stopping could still have cost
-    ============ ====== ====================================================================================
+    {terms}
 
     The stopping distance is v^2 / (2 x 0.1 m/s2): a blade that needs longer to stop than success allows for is not
     under control, whatever it meets.
@@ -116,14 +82,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     All are ``terminated``; ``truncated`` is always False; ``info["end"]`` names which: of several in one millisecond,
     the first counts.
 
-    =========== ================================================================================================
-    End         When
-    =========== ================================================================================================
-    force_limit force per depth above ``force_limit_per_depth``; an end for safety
-    overshoot   tip more than 5 mm beyond the target; an end for safety
-    finished    blade has been within 10 mm of the target; then, unloaded, at rest for 0.3 s or drawn back 20 mm
-    deadline    ``deadline_s`` have passed
-    =========== ================================================================================================
+    {ends}
 
     Unloaded is a force below friction + 0.1 N, at rest a speed below 0.5 mm/s.  Drawing back counts from where the
     tissue was last loaded; so an agent whose actions are noisy can finish too.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from cutenv.envs.described import described
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.envs.vector import GentleCutVectorEnv
 from cutenv.task.path import PathOptions, to_path_action
@@ -9,6 +10,7 @@ from cutenv.task.path import PathOptions, to_path_action
 __all__ = ["PathCutEnv", "PathCutVectorEnv", "to_path_action"]
 
 
+@described
 class PathCutEnv(GentleCutEnv):
     """Cut from the clamp to a target length along a drawn line, gently.
 
@@ -23,42 +25,17 @@ class PathCutEnv(GentleCutEnv):
     ------
     ``Box(-1, 1, (3,), float32)``; values outside are clipped, NaN is refused with a ValueError.
 
-    === =============== ====================== ======
-    Num Action          -1 to 1 is             Unit
-    === =============== ====================== ======
-    0   target speed    -2.54 to 2.54          cm/s
-    1   target angle    45 to 90 (upright)     deg
-    2   rate of turn    -1.5 to 1.5 (left)     rad/s
-    === =============== ====================== ======
+    {actions}
 
     Speed and turn have a dead zone: -0.1 to 0.1 is rest.  ``cutenv.envs.path_cut.to_path_action`` gives the action for
     a speed, an angle and a rate of turn.  The blade moves where it points; the rate of turn has no lag.
 
     Observation
     -----------
-    ``Box(-10, 10, (28,), float32)``: (value - offset) / scale, clipped; only what a rig can know.  The first 12
+    ``{space}``: (value - offset) / scale, clipped; only what a rig can know.  The first 12
     are those of ``cutenv/GentleCut-v1``.
 
-    === ================= ========================================================== ==== ===== ======
-    Num Name              Meaning                                                    Unit Scale Offset
-    === ================= ========================================================== ==== ===== ======
-    12  lateral           force on the blade to its right, now                       N    5     0
-    13  lateral_mean      its mean since the last decision                           N    5     0
-    14  lateral_peak      largest size of it since the last decision                 N    5     0
-    15  aside             line to the left of the blade, at the blade                m    0.005 0
-    16  direction         sine of the turn from blade to line there, to the left     1    0.5   0
-    17  bend              curvature of the line there, to the left                   1/m  25    0
-    18  aside_near        line to the left of the blade's course, 5 mm further       m    0.005 0
-    19  direction_near    direction there                                            1    0.5   0
-    20  bend_near         curvature there                                            1/m  25    0
-    21  aside_further     line to the left of the blade's course, 10 mm further      m    0.005 0
-    22  direction_further direction there                                            1    0.5   0
-    23  bend_further      curvature there                                            1/m  25    0
-    24  aside_far         line to the left of the blade's course, 20 mm further      m    0.005 0
-    25  direction_far     direction there                                            1    0.5   0
-    26  bend_far          curvature there                                            1/m  25    0
-    27  last_turn         last action: turn                                          1    1     0
-    === ================= ========================================================== ==== ===== ======
+    {components}
 
     Tip, tissue and the cut are hidden.
 
@@ -68,17 +45,15 @@ class PathCutEnv(GentleCutEnv):
     tip has passed.  Cost and limit of force are of the force in the plane, whose part to the side counts too; so does
     tissue that is left loaded to the side.
 
-    ======== ====== ==========================================
-    Term     Weight Charged for
-    ======== ====== ==========================================
-    off_line 0.2    area between cut and line / (L x 1 mm)
-    farthest 0.05   largest distance between cut and line / 1 mm
-    ======== ====== ==========================================
+    {terms}
 
     Ends
     ----
-    Those of ``cutenv/GentleCut-v1``, and "off_line", an end for safety: the cut is farther than ``line_limit``, 8 mm,
-    from the line.
+    Those of ``cutenv/GentleCut-v1``, and
+
+    {ends}
+
+    The limit is 8 mm.
 
     Success is that of ``cutenv/GentleCut-v1`` with a mean distance between cut and line of at most 1 mm along the
     target length, and a largest one of at most 3 mm.
@@ -96,9 +71,8 @@ class PathCutEnv(GentleCutEnv):
     drawn; one that turns back, bends too far or leaves the slab less than 30 mm beyond the target is refused with the
     place.
 
-    The others are those of ``cutenv/GentleCut-v1``, of which ``relaxing_share`` cannot be changed,
-    and ``crack_curvature``, ``response_time``, ``line_limit``, ``lateral_noise``, ``lateral_resolution``,
-    ``weight_off_line``, ``weight_farthest``.
+    The others are those of ``cutenv/GentleCut-v1``, of which ``relaxing_share`` cannot be changed, and
+    {keywords}.
 
     Info
     ----

@@ -131,6 +131,8 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """Keywords with which the simulator's specimens are like those of an imitated rig."""
     needs_axis: ClassVar[str] = ""
     """Name of the axis across the cut that the task needs, "height" or "side"; empty if it needs none."""
+    unseen: ClassVar[tuple[str, ...]] = ()
+    """Errors of the whole cut that no rig can tell."""
     task_name: ClassVar[str] = "cutenv/RigCut-v1"
     """Id of the environment."""
 
@@ -268,7 +270,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         cutting.assess(practice.advance(0.0, _UPRIGHT, self.ticks), {}, np.zeros((self.ticks, WAYS)))
         cutting.charge_stop()
 
-    def _cutting(self, plant: Plant, tissue: TissueDescription, length: float, key: SpecimenKey) -> Episode:
+    def _cutting(self, plant: Plant, tissue: TissueDescription, length: float, key: SpecimenKey) -> Any:
         goal = Goal(
             tissue=tissue,
             weights=self.constants.weights,
@@ -355,7 +357,8 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._source.end_record(plant, end=end, success=self.cutting.success, stop=self._stop)
 
     def _info(self) -> dict[str, Any]:
-        plant = self._plant
+        plant, group = self._plant, self.task.shown_as
+        errors = {name: error for name, error in self.cutting.errors.items() if name not in self.unseen}
         return {
             "estimated": True,
             "reward_terms": self.cutting.reward_terms,
@@ -367,6 +370,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
                 "period_s": plant.timing.periods[-1] if plant.timing.periods else None,
                 "limited": self._reduced + plant.supervisor.limited,
             },
+            **({group: errors} if group else {}),
         }
 
     @property

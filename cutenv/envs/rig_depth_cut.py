@@ -5,13 +5,14 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from cutenv.envs.depth_cut import DepthCutEnv
+from cutenv.envs.described import described
 from cutenv.envs.rig_cut import RigCutEnv
-from cutenv.plant import Plant, SimulatedPlant
+from cutenv.plant import SimulatedPlant
 from cutenv.rig.contradictions import AHEAD
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.specimen_source import SpecimenKey
 from cutenv.task.depth import DepthConstants, DepthEpisode, DepthOptions
-from cutenv.tissue.description import TissueDescription, measured_liver
+from cutenv.tissue.description import measured_liver
 from cutenv.tissue.grid import POINTS_PER_METRE
 from cutenv.tissue.layers import Layers
 from cutenv.tissue.specimen import Specimen
@@ -19,6 +20,7 @@ from cutenv.tissue.specimen import Specimen
 _DEPTH_WEIGHTS = tuple(name for name in DepthConstants.__dataclass_fields__ if name.startswith("weight_"))
 
 
+@described
 class RigDepthCutEnv(RigCutEnv):
     """Cut along a wanted depth on a rig that a policy of ``cutenv/DepthCut-v1`` can use unchanged.
 
@@ -41,8 +43,8 @@ class RigDepthCutEnv(RigCutEnv):
     layer     None    another layer below, of drawn specimens; None: unless ``wanted`` is "profile"
     ========= ======= =================================================================================
 
-    The others are those of ``cutenv/RigCut-v1``, and ``edge_length``, ``bedding``, ``weight_too_deep``,
-    ``weight_uncut``, ``weight_layer_area``, ``weight_layer_depth``.
+    The others are those of ``cutenv/RigCut-v1``, and
+    {keywords}.
 
     Info
     ----
@@ -59,6 +61,7 @@ class RigDepthCutEnv(RigCutEnv):
     simulated = DepthCutEnv
     as_simulated: ClassVar[dict[str, Any]] = {"surface_spread": 0.0}  # they have the mean liver's surface
     needs_axis = "height"
+    unseen = ("layer_mm2", "layer_mm")
     task_name = "cutenv/RigDepthCut-v1"
     options: DepthOptions
     cutting: DepthEpisode
@@ -96,15 +99,3 @@ class RigDepthCutEnv(RigCutEnv):
         super()._warm_up()
         practice = SimulatedPlant(Specimen.drawn(0, 0))
         self._cutting(practice, practice.specimen.tissue, 0.06, SpecimenKey(seed=0, episode=0)).layers_below()
-
-    def _cutting(self, plant: Plant, tissue: TissueDescription, length: float, key: SpecimenKey) -> DepthEpisode:
-        cutting = super()._cutting(plant, tissue, length, key)
-        assert isinstance(cutting, DepthEpisode)
-        return cutting
-
-    def _info(self) -> dict[str, Any]:
-        errors = self.cutting.errors
-        return super()._info() | {"depth": {name: errors[name] for name in _KNOWN}}
-
-
-_KNOWN = ("too_deep_mm2", "uncut_mm2", "mean_error_mm")

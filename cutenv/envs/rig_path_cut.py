@@ -4,21 +4,22 @@ from __future__ import annotations
 
 from typing import Any
 
+from cutenv.envs.described import described
 from cutenv.envs.path_cut import PathCutEnv
 from cutenv.envs.rig_cut import RigCutEnv
-from cutenv.plant import Plant
 from cutenv.rig.contradictions import AHEAD
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.specimen_source import SpecimenKey
 from cutenv.task.beginning import LONGEST
 from cutenv.task.path import PathEpisode, PathOptions
-from cutenv.tissue.description import TissueDescription, measured_liver
+from cutenv.tissue.description import measured_liver
 from cutenv.tissue.grid import POINTS_PER_METRE
 from cutenv.tissue.lines import CutLine
 
 _ROOM = 1e-3  # [m] between the line and an end of the rig's travel
 
 
+@described
 class RigPathCutEnv(RigCutEnv):
     """Cut along a line on a rig that a policy of ``cutenv/PathCut-v1`` can use unchanged.
 
@@ -43,8 +44,8 @@ class RigPathCutEnv(RigCutEnv):
     line      "mixed" as for ``cutenv/PathCut-v1``
     ========= ======= =================================================================================
 
-    The others are those of ``cutenv/RigCut-v1``, and ``crack_curvature``, ``line_limit``, ``weight_off_line``,
-    ``weight_farthest``.
+    The others are those of ``cutenv/RigCut-v1``, and
+    {keywords}.
 
     Info
     ----
@@ -92,11 +93,3 @@ class RigPathCutEnv(RigCutEnv):
                 f"blade is stopped at {1e3 * low:g} and {1e3 * high:g} (side.rightmost_mm, leftmost_mm). Take another "
                 "line, or an axis that reaches there."
             )
-
-    def _cutting(self, plant: Plant, tissue: TissueDescription, length: float, key: SpecimenKey) -> PathEpisode:
-        cutting = super()._cutting(plant, tissue, length, key)
-        assert isinstance(cutting, PathEpisode)
-        return cutting
-
-    def _info(self) -> dict[str, Any]:
-        return super()._info() | {"path": self.cutting.errors}

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cutenv.policy.policy_space import space_of
 from cutenv.task.observation import COMPONENTS
+from cutenv.task.registry import task_made_as
 
 
 class AddedInfos(NamedTuple):
@@ -20,8 +20,6 @@ class AddedInfos(NamedTuple):
     """Components of the observation that these are, in order."""
     hidden: Mapping[str, str]
     """Meaning of what only the simulator knows, by its name in ``info["truth"]``."""
-    action: str
-    """Meaning of the third number of an action."""
 
     @property
     def meanings(self) -> dict[str, str]:
@@ -29,44 +27,46 @@ class AddedInfos(NamedTuple):
         return {**self.felt, **self.hidden}
 
 
-ADDED = {
-    "cutenv/DepthCut-v1": AddedInfos(
-        felt={
-            "vertical_force_N": "measured vertical force at the decision, upwards",
-            "blade_depth_m": "blade's lower end below the surface, as measured before the cut",
-            "wanted_depth_m": "wanted depth at the blade",
-        },
-        shown=("vertical", "blade_depth", "wanted"),
-        hidden={"floor_depth_m": "depth of the cut at the tip", "layer_m": "depth of the layer below"},
-        action="descent speed: 0 within 0.1, 10 mm/s down at 1",
-    ),
-    "cutenv/PathCut-v1": AddedInfos(
-        felt={
-            "lateral_force_N": "measured force on the blade to its right, at the decision",
-            "line_aside_m": "line to the left of the blade",
-            "line_direction": "sine of the turn from blade to line, to the left",
-            "line_bend_1_m": "curvature of the line at the blade, to the left",
-        },
-        shown=("lateral", "aside", "direction", "bend"),
-        hidden={
-            "blade_x_m": "place of the blade along the slab",
-            "blade_y_m": "place of the blade across the slab, to the left",
-            "tip_x_m": "place of the crack tip along the slab",
-            "tip_y_m": "place of the crack tip across the slab, to the left",
-            "aside_m": "distance of the tip to the left of the line, where the crack last turned",
-        },
-        action="rate of turn: 0 within 0.1, 1.5 rad/s to the left at 1",
-    ),
-}
-"""Added infos by id of the environment."""
+DEPTH_INFOS = AddedInfos(
+    felt={
+        "vertical_force_N": "measured vertical force at the decision, upwards",
+        "blade_depth_m": "blade's lower end below the surface, as measured before the cut",
+        "wanted_depth_m": "wanted depth at the blade",
+    },
+    shown=("vertical", "blade_depth", "wanted"),
+    hidden={"floor_depth_m": "depth of the cut at the tip", "layer_m": "depth of the layer below"},
+)
+"""Added infos of cuts along a wanted depth."""
+PATH_INFOS = AddedInfos(
+    felt={
+        "lateral_force_N": "measured force on the blade to its right, at the decision",
+        "line_aside_m": "line to the left of the blade",
+        "line_direction": "sine of the turn from blade to line, to the left",
+        "line_bend_1_m": "curvature of the line at the blade, to the left",
+    },
+    shown=("lateral", "aside", "direction", "bend"),
+    hidden={
+        "blade_x_m": "place of the blade along the slab",
+        "blade_y_m": "place of the blade across the slab, to the left",
+        "tip_x_m": "place of the crack tip along the slab",
+        "tip_y_m": "place of the crack tip across the slab, to the left",
+        "aside_m": "distance of the tip to the left of the line, where the crack last turned",
+    },
+)
+"""Added infos of cuts along a line."""
+_NONE = AddedInfos(felt={}, shown=(), hidden={})
+
+
+def infos_of(environment: str) -> AddedInfos:
+    """Return what the data sets of an environment with this id add; nothing for one of gentle cutting."""
+    return task_made_as(environment).infos or _NONE
 
 
 def added_infos(environment: str, observation: np.ndarray, info: Mapping[str, Any]) -> dict[str, float]:
     """Return the added infos of one decision; nothing for an environment that adds none."""
-    added = ADDED.get(environment)
-    if added is None:
+    added, components = infos_of(environment), task_made_as(environment).task.all_components
+    if added is _NONE:
         return {}
-    components = space_of(environment).components
     seen = {one.name: value * one.scale for one, value in zip(components, observation.tolist(), strict=True)}
     felt = zip(added.felt, added.shown, strict=True)
     assert not {one.name for one in COMPONENTS}.intersection(added.shown), "an offset would be missing"

@@ -6,14 +6,14 @@ Nothing here loads torch, so that ``cutenv train --help`` answers at once.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from cutenv.envs.constants import rig_constants
-from cutenv.envs.learned_tasks import TASKS, LearnedTask
 from cutenv.learning.options import check_ranges, flag_of, option
 from cutenv.learning.seeds import TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
+from cutenv.task.registry import TASKS, RegisteredTask, task_of, tasks_in_words
 from cutenv.tissue.specimen import CLASSES
 
 if TYPE_CHECKING:
@@ -30,10 +30,6 @@ QUICKLY: Mapping[str, Any] = {"validations": 4, "validation_specimens": 50, "spe
 
 class BadArguments(ValueError):
     """Options that contradict each other, are out of range or do not fit a data set; the message names the cure."""
-
-
-KNOWN_SCRIPTS = tuple(name for one in TASKS.values() for name in one.scripts)
-"""Names of the scripts that learners can imitate, or correct."""
 
 
 def for_rig(chosen: Mapping[str, Any]) -> dict[str, Any]:
@@ -66,12 +62,12 @@ def for_rig(chosen: Mapping[str, Any]) -> dict[str, Any]:
     return {**rate, **chosen, **implied}
 
 
-def actor_critic_inputs(task: LearnedTask, history: int, critic: str, base: str = "none") -> dict[str, int]:
+def actor_critic_inputs(task: RegisteredTask, history: int, critic: str, base: str = "none") -> dict[str, int]:
     """Return the input sizes of an actor with this history, and of a critic that sees "truth" or "features".
 
     With the ``base`` "script", both see the script's action as well.
     """
-    features = task.space.features(history=history).size + (len(task.space.actions) if base == "script" else 0)
+    features = task.features(history=history).size + (len(task.task.action_names) if base == "script" else 0)
     return {"features": features, "critic": features + (len(task.privileged) if critic == "truth" else 0)}
 
 
@@ -87,14 +83,10 @@ class LearnerArguments:
 
     quick: ClassVar[Mapping[str, Any]] = {}
     """Values that ``--quick`` sets."""
-    tasks: ClassVar[tuple[str, ...]] = ("gentle",)
+    tasks: ClassVar[Collection[str]] = ("gentle",)
     """Names of the tasks that the learner is for."""
 
-    task: str = option(
-        "gentle",
-        "task to learn: to cut gently (gentle), along a wanted depth as well (depth), or along a drawn line (path)",
-        tuple(TASKS),
-    )
+    task: str = option("gentle", f"task to learn, {tasks_in_words(TASKS)}", TASKS)
     name: str = option("", "name of the run's folder below runs/; default date and time", metavar="NAME")
     seed: int = option(
         0, "seed of networks, exploration and training specimens", (0, len(TRAINING_SEEDS) // MAX_ENVIRONMENTS - 1)
@@ -129,7 +121,6 @@ class LearnerArguments:
         "return stroke",
         "script to imitate, or to correct (--base script); for --task "
         + "; for --task ".join(f"{name}: {', '.join(one.scripts)}" for name, one in TASKS.items()),
-        KNOWN_SCRIPTS,
         metavar="SCRIPT",
     )
     demonstration_noise: float = option(
@@ -160,11 +151,11 @@ class LearnerArguments:
             raise BadArguments("--specimens 1 gives no interval; give 2 or more, or 0 for no evaluation")
         if self.task not in self.tasks:
             raise BadArguments(f"--task {self.task} is learned by PPO alone; leave it out, or give --learner ppo")
-        other = [name for name, one in TASKS.items() if name != self.task and self.script in one.scripts]
-        if other:
+        if self.script not in self.learned_task.scripts:
+            others = [f"for --task {name}" for name, one in TASKS.items() if self.script in one.scripts]
             own = ", ".join(repr(name) for name in self.learned_task.scripts)
             raise BadArguments(
-                f"--script {self.script!r} is for --task {other[0]}; those for --task {self.task} are {own}"
+                f"--script {self.script!r} is {(others or ['not known'])[0]}; those for --task {self.task} are {own}"
             )
 
     @classmethod
@@ -176,7 +167,8 @@ class LearnerArguments:
         BadArguments
             For options that contradict each other.
         """
-        options = TASKS[chosen.get("task", "gentle")].options
+        task, _ = task_of(chosen)
+        options = {"script": task.script, **task.options}
         own = {name: value for name, value in options.items() if name in cls.__dataclass_fields__}
         merged = {**own, **(cls.quick if quick else {}), **chosen}
         if merged.get("base") == "script":
@@ -186,7 +178,7 @@ class LearnerArguments:
         return merged
 
     @property
-    def learned_task(self) -> LearnedTask:
+    def learned_task(self) -> RegisteredTask:
         """The task to learn."""
         return TASKS[self.task]
 
@@ -275,7 +267,7 @@ class TrialArguments(LearnerArguments):
 class PPOArguments(TrialArguments):
     """Options of PPO."""
 
-    tasks: ClassVar[tuple[str, ...]] = tuple(TASKS)
+    tasks: ClassVar[Collection[str]] = TASKS
     quick: ClassVar[Mapping[str, Any]] = {"demonstrations": 100_000, "timesteps": 400_000, **QUICKLY}
 
     rollout: int = option(64, "number of decisions of each environment between updates", (2, 10**6))
@@ -316,7 +308,7 @@ class PPOArguments(TrialArguments):
 class RecurrentPPOArguments(PPOArguments):
     """Options of recurrent PPO."""
 
-    tasks: ClassVar[tuple[str, ...]] = ("gentle",)
+    tasks: ClassVar[Collection[str]] = ("gentle",)
     environments: int = 64
     rollout: int = 128
     batch_size: int = 1024

@@ -11,12 +11,12 @@ import numpy as np
 from cutenv.cutting.dtypes import READING, TICK
 from cutenv.envs.batch import CutBatch
 from cutenv.envs.gentle_cut import GentleCutEnv
-from cutenv.envs.learned_tasks import task_of
 from cutenv.learning.finished_cut import FinishedCut
 from cutenv.policy import Policy
 from cutenv.policy.interface import as_array_policy
 from cutenv.task.episode import Episode
 from cutenv.task.info import GROUPS, INFO, column
+from cutenv.task.registry import task_of
 from cutenv.task.reward import TERMS
 
 _SCORED = np.dtype([("true_force", "f8")])

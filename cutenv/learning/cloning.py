@@ -176,7 +176,7 @@ def script_demonstrations(environments: FeatureVecEnv | RandomisedRigs, argument
     """Let the script of the options cut in all environments, as often and with as much noise as they say."""
     return demonstrations(
         environments,
-        arguments.learned_task.policies[arguments.script],
+        arguments.learned_task.scripts[arguments.script],
         decisions=arguments.demonstrations,
         noise=arguments.demonstration_noise,
         seed=arguments.seed,

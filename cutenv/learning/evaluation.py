@@ -17,13 +17,12 @@ from typing import Any
 from tqdm import tqdm
 
 from cutenv.envs import set_cores
-from cutenv.envs.learned_tasks import TASKS
 from cutenv.learning.batched_rollout import batched_rollout
 from cutenv.policy import BASELINES, SHIPPED, ArrayPolicy, Policy, PrivilegedPolicy, named_policy
 from cutenv.policy.shipped import policy_of_class
+from cutenv.task.registry import TASKS, task_made_as
 
 _BATCH, _SMALL_BATCH = 200, 100  # cuts simulated together; fewer where all readings are kept, or a policy is copied
-_OTHERS = {key: one for key, one in TASKS.items() if key != "gentle"}
 _FEWEST = 2000  # cuts, below which starting processes takes longer than they save
 
 
@@ -160,17 +159,16 @@ def contestant(name: str) -> Contestant:
     """
     if name in BASELINES:
         return Contestant(BASELINES[name]())
-    for key, one in _OTHERS.items():
+    for one in TASKS.values():
         if name in one.scripts:
-            return Contestant(one.policies[name](), {"task": key})
+            return Contestant(one.scripts[name](), {"task": one.name})
     if name in SHIPPED or Path(name).is_dir():
         policy = named_policy(name)
-        task = next((key for key, one in TASKS.items() if one.id == policy.card.environment), "gentle")
-        return Contestant(policy, policy.environment_arguments | ({} if task == "gentle" else {"task": task}))
+        return Contestant(policy, policy.environment_arguments | {"task": task_made_as(policy.card.environment).name})
     own = policy_of_class(name)
     if own is not None:
         return Contestant(own, dict(getattr(own, "environment_arguments", {})))
-    known = [*BASELINES, *(script for one in _OTHERS.values() for script in one.scripts), *SHIPPED]
+    known = [*BASELINES, *(script for one in TASKS.values() for script in one.scripts), *SHIPPED]
     nearest = difflib.get_close_matches(name.lower(), known, n=1)
     hint = f"Did you mean {nearest[0]!r}? " if nearest else ""
     raise ValueError(

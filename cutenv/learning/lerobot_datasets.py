@@ -21,11 +21,11 @@ from numpy.typing import NDArray
 
 import cutenv
 from cutenv._base.imports import optional_import
-from cutenv.envs.learned_tasks import task_of
-from cutenv.learning.added_infos import ADDED
+from cutenv.learning.added_infos import infos_of
 from cutenv.learning.demonstration import FELT, INTERVENED, Demonstration
-from cutenv.learning.minari_datasets import ACTIONS
+from cutenv.learning.minari_datasets import actions_of
 from cutenv.policy.trained import observation_scaling
+from cutenv.task.registry import task_of
 
 LEROBOT_FORMAT = "v3.0"
 """Version of LeRobot's format that is written."""
@@ -33,12 +33,7 @@ ENV_FILE = "env.py"
 """File in which LeRobot looks for the environment of a repository of its hub."""
 INSTRUCTION = "Cut the slice of liver gently to the target length, and unload the blade there."
 """Task of every cut in words, as LeRobot gives it to policies that read."""
-_MEASURED = tuple(
-    name
-    for name in (*FELT, *(name for one in ADDED.values() for name in one.felt))
-    if name not in ("time_s", "is_success")
-)
-_ELSEWHERE = (*_MEASURED, "time_s", "is_success", *INTERVENED)
+_ELSEWHERE = ("time_s", "is_success", *INTERVENED)
 _FRAMES_IN_FILE, _FILES_IN_CHUNK, _MEGABYTES = (
     200_000,
     1000,
@@ -74,8 +69,7 @@ def lerobot_folder(dataset_id: str) -> Path:
 
 def measured_names(environment: str) -> tuple[str, ...]:
     """Return the names of ``observation.state`` in an environment, by its id."""
-    added = ADDED[environment].felt if environment in ADDED else ()
-    return tuple(name for name in _MEASURED if name in FELT or name in added)
+    return tuple(name for name in (*FELT, *infos_of(environment).felt) if name not in _ELSEWHERE)
 
 
 def write_lerobot(
@@ -102,7 +96,9 @@ def write_lerobot(
         If the folder cannot be written.
     """
     parquet = optional_import("pyarrow.parquet", "pyarrow", "A LeRobot data set")
-    episodes = _episodes(demonstrations, float(keywords["control_hz"]))
+    task, _ = task_of(dict(keywords))
+    measured = measured_names(task.id)
+    episodes = _episodes(demonstrations, float(keywords["control_hz"]), measured)
     features = _features(episodes[0], keywords, demonstrations[0])
     part = folder.with_name(f"{folder.name}.part")
     shutil.rmtree(part, ignore_errors=True)
@@ -132,18 +128,17 @@ def write_lerobot(
         raise
 
 
-def _episodes(demonstrations: Sequence[Demonstration], rate: float) -> list[Columns]:
+def _episodes(demonstrations: Sequence[Demonstration], rate: float, measured: Sequence[str]) -> list[Columns]:
     """Return the columns of each cut, one row for each decision."""
     episodes: list[Columns] = []
     before = 0
     for number, cut in enumerate(demonstrations):
         n = len(cut.rewards)
         infos = {name: values[:-1] for name, values in cut.infos.items()}
-        hidden = [name for name in infos if name not in _ELSEWHERE]
-        measured = [infos[name] for name in _MEASURED if name in infos]
+        hidden = [name for name in infos if name not in (*measured, *_ELSEWHERE)]
         episodes.append(
             {
-                "observation.state": np.column_stack(measured).astype(np.float32),
+                "observation.state": np.column_stack([infos[name] for name in measured]).astype(np.float32),
                 "observation.environment_state": cut.observations[:-1].astype(np.float32),
                 "action": cut.actions.astype(np.float32),
                 "next.reward": cut.rewards.astype(np.float32),
@@ -166,11 +161,12 @@ def _episodes(demonstrations: Sequence[Demonstration], rate: float) -> list[Colu
 def _features(episode: Columns, keywords: Mapping[str, Any], cut: Demonstration) -> dict[str, dict[str, Any]]:
     """Return LeRobot's description of every column."""
     task, _ = task_of(dict(keywords))
+    measured = measured_names(task.id)
     names: dict[str, list[str] | None] = {
-        "observation.state": [name for name in _MEASURED if name in cut.infos],
+        "observation.state": list(measured),
         "observation.environment_state": [each["name"] for each in observation_scaling(task.id)],
-        "action": list(task.single.options_class.task.action_names),
-        "info": [name for name in cut.infos if name not in _ELSEWHERE],
+        "action": list(task.task.action_names),
+        "info": [name for name in cut.infos if name not in (*measured, *_ELSEWHERE)],
     }
     kinds = {"f": "float32", "i": "int64", "b": "bool"}
     return {
@@ -276,7 +272,7 @@ def _info(
             "source": source,
             "environment": {"id": task.id, **keywords},
             "observations": observation_scaling(task.id),  # value = number x scale + offset
-            "actions": list(ACTIONS[: len(task.single.options_class.task.action_names)]),
+            "actions": actions_of(task),
             "actions_are": "commands" if cut.seed is not None else "motion of the blade until the next decision",
         },
     }

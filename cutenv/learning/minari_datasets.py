@@ -20,8 +20,7 @@ from tqdm import tqdm
 
 import cutenv
 from cutenv.envs.gentle_cut import GentleCutEnv
-from cutenv.envs.learned_tasks import task_of
-from cutenv.learning.added_infos import ADDED
+from cutenv.learning.added_infos import infos_of
 from cutenv.learning.demonstration import (
     ESTIMATED,
     FELT,
@@ -37,16 +36,19 @@ from cutenv.policy import Features
 from cutenv.policy.trained import observation_scaling
 from cutenv.recording import load
 from cutenv.task.observation import COMPONENTS
+from cutenv.task.registry import RegisteredTask, task_of
 
 if TYPE_CHECKING:
     from minari import MinariDataset
 
-ACTIONS = (
-    "target speed: 0 within 0.25, 2.54 cm/s at 1",
-    "(target angle - 67.5 deg) / 22.5 deg",
-)
-"""Meaning of the numbers of an action."""
 _UNSET = "`(author|author_email|code_permalink|eval_env)` is set to None"  # Minari warns of each
+
+
+def actions_of(task: RegisteredTask) -> list[str]:
+    """Return the meaning of each number of a task's action."""
+    named = ["target speed: 0 within 0.1, 2.54 cm/s at 1", "(target angle - 67.5 deg) / 22.5 deg"]
+    axis = task.task.axis
+    return named if axis is None else [*named, f"{axis.meaning}: 0 within 0.1, then {axis.shown} {axis.unit}"]
 
 
 def simulated_cuts(
@@ -161,7 +163,6 @@ def write(
     ]
     task, own = task_of(keywords)
     env = gymnasium.make(task.id, **own)
-    added = ADDED.get(task.id)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=_UNSET)
         dataset = create_dataset_from_buffers(
@@ -179,10 +180,10 @@ def write(
                 "source": source,
                 "infos": FELT
                 | (HIDDEN if is_simulated else ESTIMATED)
-                | ({} if added is None else added.meanings)
+                | infos_of(task.id).meanings
                 | (INTERVENED if "is_intervention" in demonstrations[0].infos else {}),
                 "observations": observation_scaling(task.id),  # value = number x scale + offset
-                "actions": [*ACTIONS, *([] if added is None else [added.action])],
+                "actions": actions_of(task),
                 "actions_are": "commands" if is_simulated else "motion of the blade until the next decision",
             }
         }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any, TypeVar
 
 T = TypeVar("T")
@@ -15,7 +15,7 @@ _KINDS = {"str": str, "int": int, "float": float}
 def option(
     default: Any,
     meaning: str,
-    allowed: tuple[str, ...] | tuple[float, float] | None = None,
+    allowed: Collection[str] | tuple[float, float] | None = None,
     *,
     metavar: str | None = None,
     resumable: bool = False,
@@ -28,7 +28,7 @@ def option(
         A tuple makes an option that takes several texts.
     meaning : str
         The help text.
-    allowed : tuple of str or pair of float, optional
+    allowed : collection of str or pair of float, optional
         Every text that is allowed, or the smallest and the largest number, which :func:`check_ranges` checks.
     metavar : str, optional
         Placeholder of the value in the help; by default every text that is allowed, or TEXT, N, X or FILE.

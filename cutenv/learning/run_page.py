@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from cutenv.envs.learned_tasks import task_of
 from cutenv.learning.batched_rollout import batched_rollout
 from cutenv.learning.evaluation import Contestant
 from cutenv.report import CutPicture
+from cutenv.task.registry import task_of
 
 
 def typical(rows: Sequence[Mapping[str, Any]], seeds: Sequence[int], agent: str) -> int:

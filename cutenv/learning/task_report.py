@@ -6,7 +6,6 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from cutenv.envs.learned_tasks import task_of
 from cutenv.learning.evaluation import Contestant, contestant, evaluate
 from cutenv.learning.result_tables import print_differences, print_table, read_rows, write_csv
 from cutenv.learning.run_page import chosen_at, cut_picture, shown_facts, typical
@@ -14,9 +13,9 @@ from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.learning.statistics import best_script, differences, summarise
 from cutenv.policy import ORACLE
 from cutenv.report import TrainingResult, write_training_page
-from cutenv.report.training_result import MORE_COLUMNS
+from cutenv.report.training_result import columns_of
+from cutenv.task.registry import task_of
 
-_ALONG = {"depth": "a wanted depth", "path": "a drawn line"}
 _MORE = 5  # times as many specimens for agent and scripts, so that chance does not hide their differences
 
 
@@ -34,7 +33,6 @@ def compare_task(run: Path, facts: Mapping[str, Any], *, processes: int | None =
     """
     arguments, agent = facts["arguments"], facts["agent"]
     task, _ = task_of({"task": arguments["task"]})
-    assert task.planner is not None
     learned = {agent: contestant(str(run / "policy"))}
     if (run / "untrained" / "card.json").is_file():
         learned[f"{agent} untrained"] = contestant(str(run / "untrained"))
@@ -43,9 +41,10 @@ def compare_task(run: Path, facts: Mapping[str, Any], *, processes: int | None =
         shared["fixed_angle_deg"] = arguments["fixed_angle_deg"]
     if facts.get("simulated_rig"):
         shared |= {**facts["simulated_rig"], "control_hz": arguments["control_hz"]}
-    scripts = {name: Contestant(task.policies[name]()) for name in task.scripts}
+    scripts = {name: Contestant(task.scripts[name]()) for name in task.scripts}
     few = TEST_SEEDS[: arguments["specimens"]]
-    rows = evaluate({**learned, **scripts, ORACLE: Contestant(task.planner())}, few, shared, processes=processes)
+    planner = {ORACLE: Contestant(task.planner())} if task.planner else {}
+    rows = evaluate({**learned, **scripts, **planner}, few, shared, processes=processes)
     write_csv(run / "scores.csv", rows)
     summary = summarise(rows)
     write_csv(run / "summary.csv", summary)
@@ -100,7 +99,7 @@ def write_run_page(
     write_training_page(
         run / "report.html",
         TrainingResult(
-            title=f"Learning to cut along {_ALONG[shared['task']]}: {run.name}",
+            title=f"Learning to cut {task.along}: {run.name}",
             subtitle=f"{agent} on simulated slices of measured liver, class {arguments['specimen_class']}",
             facts=shown_facts(facts),
             summary=summary,
@@ -108,12 +107,12 @@ def write_run_page(
             agent=agent,
             best_script=script,
             rival_script=None,
-            bound=ORACLE,
+            bound=ORACLE if task.planner else None,
             grid=(),
             cuts=[cut_picture(name, contestants[name], seed, shared) for name in (agent, script)],
             curve=curve,
             chosen_at=chosen_at(curve),
-            columns=MORE_COLUMNS[shared["task"]],
+            columns=columns_of(task),
         ),
     )
 

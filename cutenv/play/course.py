@@ -15,10 +15,10 @@ from cutenv._base.unit_table import Unit, shown_unit
 from cutenv._base.validation import in_range, one_of
 from cutenv.play.course_words import course_words
 from cutenv.recording.provenance import check_operator
-from cutenv.scoring import DEPTH_METRICS, METRICS, ScoreCard
-from cutenv.scoring.metric import PATH_METRICS
+from cutenv.scoring import MAP_METRICS, ScoreCard, all_metrics
 from cutenv.scoring.score_card import whole_score
 from cutenv.task.beginning import LONGEST
+from cutenv.task.registry import TASKS, RegisteredTask, tasks_with
 from cutenv.tissue.drawn_lines import KINDS
 from cutenv.tissue.specimen import CLASSES
 
@@ -69,7 +69,7 @@ class MarkedMetric:
 
 def _marked_metrics() -> dict[str, MarkedMetric]:
     marked = {_SCORE: MarkedMetric(name=_SCORE, unit=Unit("1", "1"), more=True)}
-    for name, metric in {**METRICS, **DEPTH_METRICS, **PATH_METRICS}.items():
+    for name, metric in all_metrics().items():
         unit = shown_unit(metric.unit.replace("F", "N"))
         suffix = "" if unit.sign == "1" else "_" + unit.sign.replace("/", "_per_").replace(" ", "_")
         if metric.direction != "none":
@@ -91,10 +91,10 @@ class CourseTask:
         Name, which no other task of the course has.
     specimen_class : str
         "uniform", "liver", "vascular" or "mixed".
-    task : {"gentle", "depth", "path"}
-        "depth": the blade also moves up and down, and a depth is wanted; "path": it is steered along a drawn line.
+    task : str
+        Name of the task, of :data:`cutenv.task.registry.TASKS`.
     line : str
-        Kind of line of "path": "straight", "arc", "s", "excision", "random", or "mixed", any of these.
+        Kind of line of a task along one: "straight", "arc", "s", "excision", "random", or "mixed", any of these.
     feedback : str
         One of :data:`FEEDBACK`.
     repetitions : int
@@ -123,7 +123,7 @@ class CourseTask:
     @property
     def of_line(self) -> dict[str, Any]:
         """Kind of line as a keyword of a cut; nothing for a task without a line."""
-        return {"line": self.line} if self.task == "path" else {}
+        return {"line": self.line} if TASKS[self.task].line else {}
 
     def misses(self, card: ScoreCard, language: str = "en") -> tuple[str, ...]:
         """Return in words by what a cut misses the mark; () if it reaches it."""
@@ -148,7 +148,7 @@ class Course:
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Tasks that are cut in it, "gentle", "depth" and "path", each once."""
+        """Tasks that are cut in it, each once."""
         return tuple(dict.fromkeys(task.task for task in self.tasks))
 
     def for_operator(self, operator: str) -> Course:
@@ -232,20 +232,24 @@ def _task(number: int, given: Mapping[str, Any]) -> CourseTask:
         if "specimen_class" not in given:
             raise ValueError(f"specimen_class is missing. Give one of {', '.join(CLASSES)}.")
         _text("name", given)
-        kind = given.get("task", "gentle")
+        kind = _TASK_KEYS["task"](given.get("task", "gentle"))
         for key in given.get("mark", {}):
-            for other, (words, metrics) in _OWN_METRICS.items():
+            for other, metrics in MAP_METRICS.items():
                 if kind != other and key in MARKED_METRICS and MARKED_METRICS[key].name in metrics:
-                    raise ValueError(f'mark {key} is of cuts {words}. Write task = "{other}", or leave it out.')
-        if "line" in given and kind != "path":
-            named = f"line = {given['line']!r}"
-            raise ValueError(f'{named} is of cuts along a drawn line. Write task = "path", or leave it out.')
-        if kind == "path" and "target_length_mm" in given:
+                    raise ValueError(_of_another(f"mark {key}", TASKS[other]))
+        if "line" in given and not TASKS[kind].line:
+            other_task = next(task for task in TASKS.values() if task.line)
+            raise ValueError(_of_another(f"line = {given['line']!r}", other_task))
+        if TASKS[kind].line and "target_length_mm" in given:
             longest = f"A drawn line is long enough for cuts of at most {1e3 * LONGEST:.0f} mm."
             in_range("target_length_mm", given["target_length_mm"], 15.0, 1e3 * LONGEST, "mm", longest)
         return CourseTask(**{_FIELDS.get(key, key): _TASK_KEYS[key](given[key]) for key in given})
     except (TypeError, ValueError) as error:
         raise ValueError(f"task {number}{called}: {error}") from None
+
+
+def _of_another(key: str, task: RegisteredTask) -> str:
+    return f'{key} is of cuts {task.along}. Write task = "{task.name}", or leave it out.'
 
 
 def _known_keys(given: Mapping[str, Any], known: Mapping[str, Any] | tuple[str, ...]) -> None:
@@ -297,11 +301,10 @@ def _crossover(value: Any) -> bool:
     return value
 
 
-_OWN_METRICS = {"depth": ("along a wanted depth", DEPTH_METRICS), "path": ("along a drawn line", PATH_METRICS)}
 _FIELDS = {"target_length_mm": "target_length"}
 _TASK_KEYS: Mapping[str, Callable[[Any], Any]] = {
     "name": str.strip,
-    "task": lambda value: one_of("task", value, ("gentle", "depth", "path")),
+    "task": lambda value: one_of("task", value, tasks_with("played")),
     "line": lambda value: one_of("line", value, (*KINDS, "mixed")),
     "specimen_class": lambda value: one_of("specimen_class", value, CLASSES),
     "feedback": lambda value: one_of("feedback", value, FEEDBACK),

@@ -12,6 +12,7 @@ from cutenv.play.course import Course, CourseTask
 from cutenv.play.course_words import COURSE_WORDS, course_words
 from cutenv.recording import load_one, read_metadata
 from cutenv.scoring import ScoreCard, score
+from cutenv.task.registry import TASKS
 
 GIVEN_UP = "given up"
 """End of a cut that the person abandoned: repeated, or the window closed."""
@@ -112,7 +113,7 @@ class CourseProgress:
         force = course_words(language, task.feedback)
         facts = {"number": number, "count": count, "name": task.name, "so_far": so_far, "force": force}
         said = course_words(language, "ahead", demand=task.demand(language), **facts)
-        return said if task.task == "gentle" else f"{said} {course_words(language, f'along a {task.task}')}"
+        return f"{said} {course_words(language, along)}" if (along := TASKS[task.task].along) else said
 
     def _is_ours(self, facts: dict[str, Any]) -> bool:
         named = (facts.get("course"), facts.get("operator"))

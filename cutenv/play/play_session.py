@@ -20,12 +20,12 @@ from cutenv.play.devices import LedHand
 from cutenv.play.hand_model import PLAYED_HAND
 from cutenv.play.handle_body import Handle
 from cutenv.play.haptics import FeltForce, HapticDevice, Stylus
-from cutenv.play.played_cut import FEWEST_READINGS, UPDATES_HZ
-from cutenv.play.played_tasks import PLAYED_TASKS
-from cutenv.play.shared_cut import SharingAgent
+from cutenv.play.played_cut import FEWEST_READINGS, UPDATES_HZ, PlayedCut
+from cutenv.play.shared_cut import SharedCut, SharingAgent
 from cutenv.play.view_state import PlayPhase, ViewState
 from cutenv.recording import Provenance, save
 from cutenv.scoring import ScoreCard
+from cutenv.task.registry import TASKS, tasks_with
 from cutenv.tissue.grid import depth_below
 from cutenv.tissue.specimen import CLASSES
 from cutenv.viewer.scene import Moment
@@ -34,6 +34,16 @@ COUNTDOWN = 3.0
 """Duration of the countdown before every cut [s]."""
 LONGEST_STALL = 0.25
 """Longest stall that is made up for [s]; time beyond it is lost to the cut, and the record states it."""
+SHARED_TASK = "shared"
+"""Name of the task of gentle cutting that is shared with an agent."""
+
+
+def _kind_of_cut(task: str) -> type[PlayedCut]:
+    return SharedCut if task == SHARED_TASK else TASKS[task].played
+
+
+def _has_line(task: str) -> bool:
+    return task != SHARED_TASK and TASKS[task].line
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,11 +52,11 @@ class SessionPlan:
 
     Attributes
     ----------
-    task : {"gentle", "depth", "path", "shared"}
-        "depth": the blade also moves up and down, and a depth is wanted. "path": it is steered along a drawn line.
-        "shared": an agent cuts, and the person takes over while a button is held.
+    task : str
+        A task of :data:`cutenv.task.registry.TASKS` that can be played, or "shared": an agent cuts, and the person
+        takes over while a button is held.
     line : str, optional
-        Kind of line of the task "path", as of :class:`~cutenv.envs.path_cut.PathCutEnv`; default "mixed".
+        Kind of line of a task along one, as of :class:`~cutenv.envs.path_cut.PathCutEnv`; default "mixed".
     agent : SharingAgent, optional
         Agent of the task "shared".
     specimen_class : str
@@ -79,10 +89,10 @@ class SessionPlan:
     countdown: float = COUNTDOWN
 
     def __post_init__(self) -> None:
-        one_of("task", self.task, tuple(PLAYED_TASKS))
-        if self.line is not None and self.task != "path":
-            raise ValueError(f'line = {self.line!r} needs task="path": task={self.task!r} has no line.')
-        if (self.agent is not None) != (self.task == "shared"):
+        one_of("task", self.task, (*tasks_with("played"), SHARED_TASK))
+        if self.line is not None and not _has_line(self.task):
+            raise ValueError(f"line = {self.line!r} needs a task along a line: task={self.task!r} has no line.")
+        if (self.agent is not None) != (self.task == SHARED_TASK):
             raise ValueError('an agent and task="shared" belong together, and no course has them.')
         one_of("specimen_class", self.specimen_class, CLASSES)
         if self.cuts is not None:
@@ -137,8 +147,8 @@ class Session:
         if plan.agent is not None and course is not None:
             raise ValueError('an agent and task="shared" belong together, and no course has them.')
         kinds = (self.task,) if course is None else course.course.kinds
-        if "path" in kinds and device.coupling is not None:
-            raise ValueError('task="path" takes no device that pushes: its force would be one in the plane.')
+        if device.coupling is not None and any(map(_has_line, kinds)):
+            raise ValueError("a cut along a line takes no device that pushes: its force would be one in the plane.")
         operator = operator if course is None else course.operator
         self.chosen_class, self.seed, self._target_length = plan.specimen_class, plan.seed, plan.target_length
         self.folder = folder
@@ -169,7 +179,7 @@ class Session:
         self._task, self._feedback = "", "always"
         # Compile now, on cuts that are discarded, rather than while the clock of the first one runs.
         for kind in kinds:
-            PLAYED_TASKS[kind](**self._of_task).tick(Stylus(0.0, float(np.pi / 2)))
+            _kind_of_cut(kind)(**self._of_task).tick(Stylus(0.0, float(np.pi / 2)))
         self._prepare()
         if folder is not None:
             folder.mkdir(parents=True, exist_ok=True)
@@ -300,7 +310,7 @@ class Session:
             self._task, self._feedback = self.course.ahead(), self.course.metadata()["feedback"]
             assert self.course.task is not None  # else there is no specimen
             self.task, self._of_task = self.course.task.task, self.course.task.of_line
-        self.cut = PLAYED_TASKS[self.task](
+        self.cut = _kind_of_cut(self.task)(
             specimen_class=specimen_class or self.chosen_class,
             seed=self.seed,
             episode=self.number,

@@ -10,7 +10,7 @@ from typing import Any
 from cutenv.play.devices import GamepadDevice, MouseDevice
 from cutenv.play.haptics import HapticDevice
 from cutenv.play.picture import LAYOUT, PlayPicture
-from cutenv.play.play_session import Session
+from cutenv.play.play_session import SHARED_TASK, Session
 from cutenv.play.servo import Servo
 from cutenv.viewer.canvas import import_pygame
 from cutenv.viewer.window import Window
@@ -119,9 +119,10 @@ class PlayWindow:
 
     def _take(self, event: Any) -> None:
         pygame = self._pygame
-        if self.session.task == "path" and event.type in (pygame.KEYDOWN, pygame.KEYUP) and event.key in self._ways():
+        of_key = event.type in (pygame.KEYDOWN, pygame.KEYUP)
+        if of_key and self.session.cut.third == "across" and event.key in self._ways():
             self._take_arrow(event)
-        elif self.session.task == "shared" and self._takes_over(event):
+        elif self.session.task == SHARED_TASK and self._takes_over(event):
             pass
         elif event.type == pygame.KEYDOWN:
             self._take_key(event.key)
@@ -195,7 +196,7 @@ class PlayWindow:
 
     def _turn_wheel(self, notches: float) -> None:
         """Lean or raise the blade; where a depth is wanted, lower or raise it, unless shift is held."""
-        if self.session.task == "depth" and not self._pygame.key.get_mods() & self._pygame.KMOD_SHIFT:
+        if self.session.cut.third == "level" and not self._pygame.key.get_mods() & self._pygame.KMOD_SHIFT:
             self.mouse.lower(notches)
         else:
             self.mouse.turn(notches)
@@ -240,13 +241,13 @@ class PlayWindow:
     def _lead(self, across: float, down: float) -> None:
         """Move the hand by pixels of the picture; up and down only where the blade is steered."""
         if self.session.phase == "cutting":
-            aside = -down / LAYOUT.scale if self.session.task == "path" else 0.0
+            aside = -down / LAYOUT.scale if self.session.cut.third == "across" else 0.0
             self.mouse.move(across / LAYOUT.scale, aside)
 
     def _take_axis(self, axis: int, value: int) -> None:
         if axis == self._pygame.CONTROLLER_AXIS_LEFTX:
             self._stick = value / _FULL_STICK
-        elif axis == self._pygame.CONTROLLER_AXIS_LEFTY and self.session.task == "path":
+        elif axis == self._pygame.CONTROLLER_AXIS_LEFTY and self.session.cut.third == "across":
             self._sideways = value / _FULL_STICK
         elif axis == self._pygame.CONTROLLER_AXIS_TRIGGERRIGHT:
             self._trigger = max(value, 0) / _FULL_TRIGGER

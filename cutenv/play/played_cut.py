@@ -25,7 +25,6 @@ from cutenv.scoring import ReferenceSet, ScoreCard, score
 from cutenv.scoring.points import DEADLINE
 from cutenv.scoring.truth import TIP_AT_END
 from cutenv.task.assessment import NEAR_TARGET
-from cutenv.task.episode import Episode
 from cutenv.task.observation import COMPONENTS, to_action
 from cutenv.task_quantities import TIP_TOLERANCE
 from cutenv.tissue.grid import depth_below
@@ -66,6 +65,8 @@ class PlayedCut:
     """Environment whose episode it is."""
     channels: tuple[str, ...] = ()
     """Channels of the record that a cut straight on has not, as fields of a trace."""
+    third: str = ""
+    """Way of the hand besides the position and the angle: "level", "across" or none."""
 
     def __init__(
         self,
@@ -107,7 +108,7 @@ class PlayedCut:
         return self._env.plant
 
     @property
-    def cutting(self) -> Episode:
+    def cutting(self) -> Any:
         """Task of this cut."""
         return self._env.cutting
 
@@ -125,7 +126,7 @@ class PlayedCut:
     @property
     def target_length(self) -> float:
         """Target length [m]."""
-        return self.cutting.target_length
+        return float(self.cutting.target_length)
 
     @property
     def hand(self) -> float:
@@ -177,7 +178,8 @@ class PlayedCut:
 
     def _noted(self) -> dict[str, Any]:
         """Return what the record notes of another task."""
-        return {}
+        noted = self.cutting.noted_map
+        return noted and {"environment": self.cutting.task.environment, **noted}
 
     def _channel(self, name: str) -> Array:
         return self._further[: self._count, self.channels.index(name)]

@@ -12,7 +12,6 @@ from cutenv.play.devices import ScriptedDevice, simple_hand
 from cutenv.play.hand_model import descent_toward
 from cutenv.play.haptics import Stylus
 from cutenv.play.played_cut import PlayedCut
-from cutenv.task.depth import DEPTH_CUT, DepthEpisode
 from cutenv.tissue.grid import depth_below
 
 
@@ -25,17 +24,11 @@ class PlayedDepthCut(PlayedCut):
 
     environment = DepthCutEnv
     channels = ("height", "vertical_force")
+    third = "level"
 
     def __init__(self, **keywords: Any) -> None:
         super().__init__(**keywords)
         self._start = self.level
-
-    @property
-    def cutting(self) -> DepthEpisode:
-        """Task of this cut."""
-        cutting = self._env.cutting
-        assert isinstance(cutting, DepthEpisode)
-        return cutting
 
     @property
     def level(self) -> float:
@@ -57,9 +50,6 @@ class PlayedDepthCut(PlayedCut):
 
     def _sampled(self) -> tuple[float, ...]:
         return self.level, float(self.cutting.across[0])
-
-    def _noted(self) -> dict[str, Any]:
-        return {"environment": DEPTH_CUT.environment, **self.cutting.noted_depth}
 
     @property
     def map_words(self) -> str:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,7 +11,7 @@ from cutenv.play.devices import ScriptedDevice, simple_hand
 from cutenv.play.hand_model import PLAYED_HAND, hand_over_slab, steered_toward
 from cutenv.play.haptics import Stylus
 from cutenv.play.played_cut import PlayedCut
-from cutenv.task.path import PATH_CUT, PathEpisode
+from cutenv.task.path import PATH_CUT
 
 _AT = [each.name for each in PATH_CUT.all_components].index("lateral")
 _LATERAL = PATH_CUT.all_components[_AT]
@@ -28,13 +26,7 @@ class PlayedPathCut(PlayedCut):
 
     environment = PathCutEnv
     channels = ("blade_x", "blade_y", "lateral_force")
-
-    @property
-    def cutting(self) -> PathEpisode:
-        """Task of this cut."""
-        cutting = self._env.cutting
-        assert isinstance(cutting, PathEpisode)
-        return cutting
+    third = "across"
 
     @property
     def places(self) -> Array:
@@ -66,9 +58,6 @@ class PlayedPathCut(PlayedCut):
 
     def _sampled(self) -> tuple[float, ...]:
         return *self.cutting.blade_place, _LATERAL.scale * float(self._observation[_AT])
-
-    def _noted(self) -> dict[str, Any]:
-        return {"environment": PATH_CUT.environment, **self.cutting.noted_path}
 
     @property
     def map_words(self) -> str:

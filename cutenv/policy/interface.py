@@ -10,7 +10,9 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from cutenv._base.arrays import Array32, Indices
+from cutenv._base.validation import one_of
 from cutenv.task.episode import Episode
+from cutenv.task.registry import RegisteredTask
 
 
 class Policy(Protocol):
@@ -96,3 +98,14 @@ class CopiedPolicy(ArrayPolicy):
 def as_array_policy(policy: Policy) -> ArrayPolicy:
     """Return a policy for many cuts at once: itself, or copies of one that was written for single cuts."""
     return policy if isinstance(policy, ArrayPolicy) else CopiedPolicy(policy)
+
+
+def script_of(task: RegisteredTask, name: str) -> ArrayPolicy:
+    """Make the script of a task that has this name.
+
+    Raises
+    ------
+    ValueError
+        If there is none.
+    """
+    return as_array_policy(task.scripts[one_of("script", name, task.scripts)]())

@@ -11,8 +11,8 @@ from typing import Any, ClassVar
 
 from cutenv._base.validation import one_of
 from cutenv.policy.actor_network import ACTIVATIONS, OUTPUTS
-from cutenv.policy.policy_space import space_of
 from cutenv.task.observation import DEAD_ZONE
+from cutenv.task.registry import task_made_as
 from cutenv.tissue.description import checked_fields
 
 POLICY_SCHEMA = "cutenv-policy/1"
@@ -26,7 +26,8 @@ def observation_scaling(environment: str = "cutenv/GentleCut-v1") -> list[dict[s
 
     The components are in order.
     """
-    return [{key: getattr(component, key) for key in _SCALING} for component in space_of(environment).components]
+    components = task_made_as(environment).task.all_components
+    return [{key: getattr(component, key) for key in _SCALING} for component in components]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,9 +48,7 @@ class PolicyCard:
     output : {"linear", "tanh"}
         What follows the last layer: nothing, or tanh.  A card without this field has nothing.
     features : dict
-        Keyword arguments of :class:`cutenv.policy.features.Features`, or for ``cutenv/DepthCut-v1`` of
-        :class:`cutenv.policy.depth_features.DepthFeatures`, for ``cutenv/PathCut-v1`` of
-        :class:`cutenv.policy.path_features.PathFeatures`.
+        Keyword arguments of :class:`cutenv.policy.features.Features`, or of the task's own class of features.
     sha256 : str
         SHA-256 of ``policy.safetensors``, in hexadecimal digits.
     training : dict
@@ -95,7 +94,7 @@ class PolicyCard:
         one_of("output", self.output, OUTPUTS)
         one_of("memory", self.memory, MEMORIES)
         if self.script is not None:
-            one_of("script", self.script, space_of(self.environment).scripts)
+            one_of("script", self.script, task_made_as(self.environment).scripts)
         if type(self.hold) is not int or self.hold < 1:
             raise ValueError(f"hold must be a whole number of decisions, 1 or more, got {self.hold!r}.")
         if (self.script is None and self.hold > 1) or (self.script is not None and self.memory is not None):
@@ -144,7 +143,7 @@ def check_scaling(scaling: list[dict[str, Any]], environment: str = "cutenv/Gent
     """Raise if observations of an environment were scaled differently from this version of cutenv."""
     if not isinstance(scaling, list):
         raise TypeError(f"scaling must be a list with {', '.join(_SCALING)} of each component, got {scaling!r}.")
-    components = space_of(environment).components
+    components = task_made_as(environment).task.all_components
     for given, component, ours in itertools.zip_longest(scaling, components, observation_scaling(environment)):
         if given != ours:  # exactly: JSON keeps every digit
             name = f"component {component.name!r}" if component else f"a component after {components[-1].name!r}"

@@ -9,8 +9,8 @@ from pathlib import Path
 from cutenv._base import resources
 from cutenv._base.validation import one_of
 from cutenv.policy.interface import Policy
-from cutenv.policy.policy_space import GENTLE_SPACE, space_of
 from cutenv.policy.trained import CARD, TrainedPolicy
+from cutenv.task.registry import TASKS, task_made_as
 
 _FOLDER = "policies"
 
@@ -100,10 +100,10 @@ def gentle_policy(name: str | Path) -> TrainedPolicy:
         As :func:`named_policy`.
     """
     policy = named_policy(name)
-    space = space_of(policy.card.environment)
-    if space is not GENTLE_SPACE:
+    task = task_made_as(policy.card.environment)
+    if task is not TASKS["gentle"]:
         raise ValueError(
             f"policy {str(name)!r} was trained in {policy.card.environment}, which has a third action, "
-            f"{space.actions[2]}. Give one of cutenv/GentleCut-v1, or compare it by 'cutenv evaluate'."
+            f"{task.task.action_names[2]}. Give one of cutenv/GentleCut-v1, or compare it by 'cutenv evaluate'."
         )
     return policy

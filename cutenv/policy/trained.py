@@ -14,13 +14,10 @@ import numpy as np
 from cutenv._base.arrays import Array32, Indices
 from cutenv._base.atomic_file import atomic_write
 from cutenv.policy.actor_network import Network
-from cutenv.policy.depth_features import DepthFeatures
-from cutenv.policy.features import Features
-from cutenv.policy.interface import ArrayPolicy
-from cutenv.policy.path_features import PathFeatures
+from cutenv.policy.interface import ArrayPolicy, script_of
 from cutenv.policy.policy_card import PolicyCard, check_scaling, observation_scaling
-from cutenv.policy.policy_space import space_of
 from cutenv.policy.recurrent import RecurrentNetwork
+from cutenv.task.registry import task_made_as
 
 __all__ = ["PolicyCard", "TrainedPolicy", "observation_scaling", "save_policy"]
 
@@ -50,21 +47,21 @@ class TrainedPolicy(ArrayPolicy):
     def __init__(self, card: PolicyCard, network: Network | RecurrentNetwork) -> None:
         check_scaling(card.scaling, card.environment)
         self._card, self._network = card, network
-        space = space_of(card.environment)
-        size = _features(card, 1).size + (0 if card.script is None else len(space.actions))
+        task = task_made_as(card.environment)
+        size = _features(card, 1).size + (0 if card.script is None else len(task.task.action_names))
         if isinstance(network, RecurrentNetwork) != (card.memory is not None):
             kind = "one" if isinstance(network, RecurrentNetwork) else "none"
             raise ValueError(f"memory is {card.memory!r}, but the network has {kind}. {_AGAIN}")
         if network.sizes != card.layers:
             found = _shown(network.sizes)
             raise ValueError(f"layers is {_shown(card.layers)}, but the network's are {found}. {_AGAIN}")
-        needed = (size, len(space.actions))
+        needed = (size, len(task.task.action_names))
         if (network.sizes[0], network.sizes[-1]) != needed:
             raise ValueError(
                 f"layers is {_shown(card.layers)}; with features {card.features} it must begin with {needed[0]} and "
                 f"end with {needed[1]}. Train with the features that the card names."
             )
-        self._script = None if card.script is None else space.script(card.script)
+        self._script = None if card.script is None else script_of(task, card.script)
         self.begin([np.random.default_rng()])
 
     @property
@@ -88,7 +85,7 @@ class TrainedPolicy(ArrayPolicy):
         if self._script is not None:
             self._script.begin(rngs)
         self._features = _features(self._card, count)
-        self._added = np.zeros((count, len(space_of(self._card.environment).actions)), np.float32)
+        self._added = np.zeros((count, len(task_made_as(self._card.environment).task.action_names)), np.float32)
         self._decided = np.zeros(count, int)
         self._state = self._network.start(count) if isinstance(self._network, RecurrentNetwork) else None
 
@@ -231,10 +228,10 @@ def _clipped(actions: Array32) -> Array32:
     return np.clip(actions, np.float32(-1.0), np.float32(1.0))
 
 
-def _features(card: PolicyCard, count: int) -> Features | DepthFeatures | PathFeatures:
+def _features(card: PolicyCard, count: int) -> Any:
     """Build the features described by a card; the only place that knows their keywords."""
     try:
-        return space_of(card.environment).features(count, **card.features)
+        return task_made_as(card.environment).features(count, **card.features)
     except (TypeError, ValueError) as error:
         raise ValueError(f"features {card.features} are not understood: {error} {_AGAIN}") from None
 

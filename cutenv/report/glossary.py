@@ -4,24 +4,26 @@ from __future__ import annotations
 
 import math
 
+from cutenv.task.registry import TASKS
 from cutenv.task.reward import FORCE_ALLOWED, LAG_ALLOWED, REWARD
 from cutenv.task.weights import RewardWeights
 from cutenv.task_quantities import (
     ANGLE_TOLERANCE,
-    DEPTH_COSTS,
     DEPTH_TOLERANCE,
     FARTHEST_TOLERANCE,
     LAYER_TOLERANCE,
     LINE_TOLERANCE,
-    PATH_COSTS,
     TIP_TOLERANCE,
 )
 
 _IDLE_COST = RewardWeights().time
 """Cost of doing nothing: the whole time."""
 
-TERM_MEANINGS = {one.name: one.title for one in (*REWARD, *DEPTH_COSTS, *PATH_COSTS)}
-"""Title of each term of the reward."""
+
+def term_meanings() -> dict[str, str]:
+    """Return the title of each term of the reward, of every task."""
+    return {one.name: one.title for one in (*REWARD, *(cost for task in TASKS.values() for cost in task.task.costs))}
+
 
 MEANINGS = (
     (

@@ -10,7 +10,7 @@ from typing import Any
 from cutenv._base.unit_table import shown_unit
 from cutenv.report.page import number, write_page, write_table, write_text
 from cutenv.report.score_figure import score_figure, summary_figure
-from cutenv.scoring import DEPTH_METRICS, METRICS, PATH_METRICS, ScoreCard
+from cutenv.scoring import MAP_METRICS, ScoreCard, all_metrics
 from cutenv.scoring.score_card import DISCLAIMER
 from cutenv.scoring.score_notes import DOUBT
 from cutenv.trace import Trace
@@ -36,8 +36,6 @@ METRIC_GROUPS = {
     "Time": ("duration", "idle_time", "reversals"),
 }  # fmt: skip
 """Metrics of every record by what they tell, in the order of the page; those of the depth follow."""
-_OF_TASKS = {"Depth": DEPTH_METRICS, "Path": PATH_METRICS}
-"""Groups of the metrics that a wanted depth, or a line to cut along, adds."""
 _SPOILS = {"short", "overshoot", "force"}
 """Kinds of faults that no score compensates: a target missed, a force above the limit."""
 
@@ -102,7 +100,7 @@ def write_summary(folder: Path, records: Sequence[tuple[ScoredRecord, str]]) -> 
     table, page : Path
     """
     valued = {name for r, _ in records for name, scored in r.card.metrics.items() if scored.value is not None}
-    columns = [name for name in (*METRICS, *DEPTH_METRICS, *PATH_METRICS) if name in valued]
+    columns = [name for name in all_metrics() if name in valued]
     data = folder / "scores.csv"
     cards = [record.card for record, _ in records]
     rows = [
@@ -172,7 +170,7 @@ _SHARED: dict[str, Any] = {
     "disclaimer": DISCLAIMER,
     "handy": _handy,
     "leading": ON_TOP,
-    "metrics": METRICS | DEPTH_METRICS | PATH_METRICS,
+    "metrics": all_metrics(),
 }
 """Context of both pages."""
 
@@ -180,8 +178,8 @@ _SHARED: dict[str, Any] = {
 def _shared(cards: Sequence[ScoreCard]) -> dict[str, Any]:
     """Return the context of a page; depth and path are groups of their own where a card has them."""
     added = {
-        group: tuple(found)
-        for group, found in _OF_TASKS.items()
+        part.capitalize(): tuple(found)
+        for part, found in MAP_METRICS.items()
         if any(name in card.metrics for card in cards for name in found)
     }
     return _SHARED | {"groups": METRIC_GROUPS | added}

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from cutenv.report.cut_figure import cut_figure, floor_figure, mean_depth_error_mm
-from cutenv.report.glossary import FURTHER_MEANINGS, LIMITS, MEANINGS, TERM_MEANINGS
+from cutenv.report.glossary import FURTHER_MEANINGS, LIMITS, MEANINGS, term_meanings
 from cutenv.report.page import estimate_text, number, write_page
 from cutenv.report.training_figures import costs_figure, curve_figure, returns_figure
 from cutenv.report.training_result import (
@@ -197,7 +197,7 @@ def _costs(result: TrainingResult) -> dict[str, Any]:
 
 def _title(term: str) -> str:
     """Return what a term of the reward is called on pages."""
-    title: str = TERM_MEANINGS[term]
+    title: str = term_meanings()[term]
     return title
 
 

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from cutenv._base.arrays import StructArray
 from cutenv._base.validation import array_in_range, in_range, one_of
 from cutenv.cutting.dtypes import READING
+from cutenv.report.glossary import term_meanings
 from cutenv.report.training_figures import Bar
-from cutenv.task.depth import DEPTH_CUT
 from cutenv.task.episode import ShownDepth
-from cutenv.task.path import PATH_CUT
+from cutenv.task.registry import RegisteredTask
 
 Rows = Sequence[Mapping[str, Any]]
 
@@ -54,27 +54,16 @@ COLUMNS = (
 )
 """Scores of the comparison, in its order."""
 
-MORE_COLUMNS = {
-    "depth": (
-        *COLUMNS[:2],
-        Score("mean_error_mm", "error of the depth", "mm", 2),
-        Score("layer_mm", "into the layer below", "mm", 3),
-        *COLUMNS[2:5],
-    ),
-    "path": (
-        *COLUMNS[:2],
-        Score("mean_distance_mm", "mean distance to the line", "mm", 2),
-        Score("largest_distance_mm", "largest distance to the line", "mm", 2),
-        *COLUMNS[2:5],
-    ),
-}
-"""Scores of the comparison on the other tasks, by task, in their order."""
-
 DIFFERENCES = (
     Score("return", "return", "", 3),
     Score("success", "success", "percentage points", 0),
 )
 """Scores of the paired differences, in their order."""
+
+
+def columns_of(task: RegisteredTask) -> tuple[Score, ...]:
+    """Return the scores of the comparison on another task than gentle cutting, in their order."""
+    return (*COLUMNS[:2], *(Score(*error) for error in task.errors), *COLUMNS[2:5])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -220,11 +209,7 @@ class TrainingResult:
             in_range(f"success of {policy!r}", self.score(policy, "success")["mean"], 0.0, 1.0, "1", _SHARE)
         for policy in self.compared():
             for term in self.terms():
-                one_of(
-                    "summary: term of the reward",
-                    term,
-                    (*DEPTH_CUT.all_terms, *PATH_CUT.all_terms),
-                )
+                one_of("summary: term of the reward", term, term_meanings())
                 self.score(policy, f"reward_{term}")
 
     def _check_differences(self) -> None:

@@ -2,7 +2,7 @@
 
 from cutenv.scoring import force, map_metrics, motion, outcome  # noqa: F401  they enter their metrics
 from cutenv.scoring.cut_map import DepthMap, PathMap
-from cutenv.scoring.metric import DEPTH_METRICS, INVARIANCES, METRICS, PATH_METRICS, Metric
+from cutenv.scoring.metric import INVARIANCES, MAP_METRICS, METRICS, Metric, all_metrics
 from cutenv.scoring.points import ScorePoints
 from cutenv.scoring.reference import ReferenceSet
 from cutenv.scoring.score_card import ScoreCard, Scored, score
@@ -12,10 +12,9 @@ from cutenv.scoring.truth import Truth
 from cutenv.scoring.unavailable import Unavailable
 
 __all__ = [
-    "DEPTH_METRICS",
     "INVARIANCES",
+    "MAP_METRICS",
     "METRICS",
-    "PATH_METRICS",
     "DepthMap",
     "Metric",
     "PathMap",
@@ -27,5 +26,6 @@ __all__ = [
     "TechniqueFault",
     "Truth",
     "Unavailable",
+    "all_metrics",
     "score",
 ]

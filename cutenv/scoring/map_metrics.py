@@ -11,19 +11,19 @@ from typing import Any
 import numpy as np
 
 from cutenv._base.arrays import Array
-from cutenv.scoring.metric import DEPTH_METRICS, PATH_METRICS, metric
+from cutenv.scoring.metric import MAP_METRICS, metric
 from cutenv.scoring.scored_cut import ScoredCut
 from cutenv.scoring.unavailable import Unavailable
 from cutenv.tissue.grid import SPACING
 
 _FLOOR: dict[str, Any] = {
-    "among": DEPTH_METRICS,
+    "among": MAP_METRICS["depth"],
     "validity": "floor as known: truth; with height, that of mean tissue under this blade; else the recorded depth",
     "needs": ("position", "depth", "newtons", "tip"),
     "invariances": ("time_shift",),
 }
 _PATH: dict[str, Any] = {
-    "among": PATH_METRICS,
+    "among": MAP_METRICS["path"],
     "validity": "cut as known: truth; else that of mean tissue behind this blade",
     "needs": ("position", "tip"),
     "invariances": ("time_shift",),
@@ -78,7 +78,7 @@ def layer_depth(cut: ScoredCut) -> float:
     return float(cut.depth_map.opened.max())
 
 
-@metric("F", "lower", formula="max V, upwards on the blade", among=DEPTH_METRICS, **_FORCE)
+@metric("F", "lower", formula="max V, upwards on the blade", among=MAP_METRICS["depth"], **_FORCE)
 def peak_vertical_force(cut: ScoredCut) -> float:
     """Largest force with which the blade pressed down on the tissue."""
     return max(float(_usable(cut, cut.trace.vertical_force, "vertical").max()), 0.0)
@@ -102,7 +102,7 @@ def line_area(cut: ScoredCut) -> float:
     return cut.path_map.area
 
 
-@metric("F", "lower", formula="max abs(lateral force)", among=PATH_METRICS, **_FORCE)
+@metric("F", "lower", formula="max abs(lateral force)", among=MAP_METRICS["path"], **_FORCE)
 def peak_lateral_force(cut: ScoredCut) -> float:
     """Largest force across the blade, to either side."""
     return float(abs(_usable(cut, cut.trace.lateral_force, "lateral")).max())

@@ -66,10 +66,8 @@ class Metric:
 
 METRICS: dict[str, Metric] = {}
 """Metrics of every record by name, in the order of the score card."""
-DEPTH_METRICS: dict[str, Metric] = {}
-"""Metrics that a record with height, or a wanted depth, adds; in the order of the score card."""
-PATH_METRICS: dict[str, Metric] = {}
-"""Metrics that a line to cut along adds; in the order of the score card."""
+MAP_METRICS: dict[str, dict[str, Metric]] = {"depth": {}, "path": {}}
+"""Metrics that a record of a task adds, which has a map of the cut, by the task; in the order of the score card."""
 FORCE_WEIGHTS: Mapping[str, float] = {
     "force_rate": 0.30,
     "force_jerk": 0.20,
@@ -89,8 +87,7 @@ def metric(
 ) -> Callable[[Callable[[ScoredCut], float]], Callable[[ScoredCut], float]]:
     """Register a function of a cut in :data:`METRICS` by its name; its docstring's first line is the meaning.
 
-    ``among`` is :data:`DEPTH_METRICS` or :data:`PATH_METRICS` for one of depth or path; ``about`` are the other fields
-    of a :class:`Metric`.
+    ``among`` is one of :data:`MAP_METRICS` for a metric of a map; ``about`` are the other fields of a :class:`Metric`.
     """
 
     def enter(function: Callable[[ScoredCut], float]) -> Callable[[ScoredCut], float]:
@@ -103,4 +100,9 @@ def metric(
 
 def metric_named(name: str) -> Metric:
     """Return a metric of any record by its name."""
-    return (METRICS | DEPTH_METRICS | PATH_METRICS)[name]
+    return all_metrics()[name]
+
+
+def all_metrics() -> dict[str, Metric]:
+    """Return the metrics of every record and of every task, by name in the order of the score card."""
+    return {name: each for metrics in (METRICS, *MAP_METRICS.values()) for name, each in metrics.items()}

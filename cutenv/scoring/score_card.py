@@ -14,7 +14,7 @@ from typing import TypeVar
 from cutenv.measurement import DepthProfile
 from cutenv.measurement.depth import LAYER_DEPTH_KEY, WANTED_DEPTH_KEY, wanted_depth
 from cutenv.scoring.cut_map import LINE_KEY, DepthMap, PathMap
-from cutenv.scoring.metric import DEPTH_METRICS, FORCE_WEIGHTS, METRICS, PATH_METRICS, Metric, metric_named
+from cutenv.scoring.metric import FORCE_WEIGHTS, MAP_METRICS, METRICS, Metric, metric_named
 from cutenv.scoring.points import ScorePoints, outcome_of, task_points
 from cutenv.scoring.reference import ReferenceSet
 from cutenv.scoring.score_notes import doubted_depth, score_notes
@@ -276,10 +276,9 @@ def score(
     )
     fits = reference is not None and reference.force_unit == trace.force_unit
     metrics = {each.name: _scored(each, cut, reference if fits else None) for each in METRICS.values()}
-    if cut.tells_depth:  # no reference set holds such cuts
-        metrics |= {each.name: _scored(each, cut, None) for each in DEPTH_METRICS.values()}
-    if cut.line is not None:
-        metrics |= {each.name: _scored(each, cut, None) for each in PATH_METRICS.values()}
+    for part, told in (("depth", cut.tells_depth), ("path", cut.line is not None)):
+        if told:  # no reference set holds such cuts
+            metrics |= {each.name: _scored(each, cut, None) for each in MAP_METRICS[part].values()}
     points, outcome, no_score = _overall(cut, metrics, reference)
     faults = () if cut.twofold else tuple(technique_faults(cut))
     return ScoreCard(

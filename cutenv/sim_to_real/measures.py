@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cutenv.scoring import DEPTH_METRICS, METRICS, PATH_METRICS
+from cutenv.scoring import MAP_METRICS, METRICS
 from cutenv.scoring.metric import metric_named
 from cutenv.sim_to_real.compared_cut import FORCE_RESOLUTION, ComparedCut
 from cutenv.sim_to_real.curves import force_offset, force_rmse, height_rmse, place_rmse, position_rmse
@@ -154,31 +154,38 @@ _BESIDE = (
 
 MEASURES: Mapping[str, Measure] = {each.name: each for each in (*_TASK, *_BESIDE, *map(_metric, METRICS))}
 """Everything that is compared, by name: task, curves, and every metric of a score card."""
-_HEIGHT = Measure(
-    name="height_rmse",
-    unit="m",
-    meaning="Difference of the blade's height at equal times from the simulator's cuts of the same specimen.",
-    least_margin=_LENGTH,
-    paired=True,
-    value=_beside(lambda cut, other: height_rmse(cut.trace, other.trace)),
-)
-_SEEN = [name for name in DEPTH_METRICS if not name.startswith("layer_")]  # no rig sees a layer below
-DEPTH_MEASURES: Mapping[str, Measure] = {each.name: each for each in (_HEIGHT, *map(_metric, _SEEN))}
-"""Further measures of cuts with height: its curve, and the metrics of the depth that a rig can tell."""
-_PLACE = Measure(
-    name="place_rmse",
-    unit="m",
-    meaning="Distance of the blade in the plane at equal times from the simulator's cuts of the same specimen.",
-    least_margin=_LENGTH,
-    paired=True,
-    value=_beside(lambda cut, other: place_rmse(cut.trace, other.trace)),
-)
-PATH_MEASURES: Mapping[str, Measure] = {each.name: each for each in (_PLACE, *map(_metric, PATH_METRICS))}
-"""Further measures of cuts along a line: the blade's way, and the metrics of the path."""
+_APART = {
+    "depth": Measure(
+        name="height_rmse",
+        unit="m",
+        meaning="Difference of the blade's height at equal times from the simulator's cuts of the same specimen.",
+        least_margin=_LENGTH,
+        paired=True,
+        value=_beside(lambda cut, other: height_rmse(cut.trace, other.trace)),
+    ),
+    "path": Measure(
+        name="place_rmse",
+        unit="m",
+        meaning="Distance of the blade in the plane at equal times from the simulator's cuts of the same specimen.",
+        least_margin=_LENGTH,
+        paired=True,
+        value=_beside(lambda cut, other: place_rmse(cut.trace, other.trace)),
+    ),
+}
+MAP_MEASURES: Mapping[str, Mapping[str, Measure]] = {
+    task: {_APART[task].name: _APART[task]}
+    | {name: _metric(name) for name in metrics if not name.startswith("layer_")}  # no rig sees a layer below
+    for task, metrics in MAP_METRICS.items()
+}
+"""Further measures of a task, by task: the blade's way, and the metrics of the map that a rig can tell."""
 
 
 def measures_of(cuts: Sequence[ComparedCut]) -> Mapping[str, Measure]:
     """Return everything that is compared of these cuts, by name."""
-    deep = cuts and all(cut.trace.height is not None for cut in cuts)
-    steered = cuts and all(cut.trace.blade_x is not None for cut in cuts)
-    return {**MEASURES, **(DEPTH_MEASURES if deep else {}), **(PATH_MEASURES if steered else {})}
+    fields = {"depth": "height", "path": "blade_x"}
+    told = [
+        MAP_MEASURES[task]
+        for task, field in fields.items()
+        if cuts and all(getattr(cut.trace, field) is not None for cut in cuts)
+    ]
+    return {name: each for measures in (MEASURES, *told) for name, each in measures.items()}

@@ -684,7 +684,7 @@ class DepthEpisode(Episode):
         return given | ({LAYER_DEPTH_KEY: boundary} if boundary < float(self.motion["thickness"][0]) else {})
 
     @property
-    def noted_depth(self) -> dict[str, Any]:
+    def noted_map(self) -> dict[str, Any]:
         """Notes of a simulated record on its depth, by key of its metadata: errors, given depths, floor at the end."""
         from cutenv.scoring.truth import FLOOR_AT_END
 

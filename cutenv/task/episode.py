@@ -290,6 +290,11 @@ class Episode:
         return self._across
 
     @property
+    def noted_map(self) -> dict[str, Any]:
+        """Notes of a simulated record on the map of the cut, by key of its metadata; none where nothing is followed."""
+        return {}
+
+    @property
     def noted(self) -> dict[str, Any]:
         """Facts about the task for the metadata of a record, by key."""
         return {"target_length_m": self.target_length}

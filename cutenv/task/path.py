@@ -726,7 +726,7 @@ class PathEpisode(Episode):
         return {LINE_KEY: np.round(places_within(self.line), 6).tolist()}
 
     @property
-    def noted_path(self) -> dict[str, Any]:
+    def noted_map(self) -> dict[str, Any]:
         """Notes of a simulated record on its path, by key of its metadata: errors, line, and the cut beside it [m]."""
         from cutenv.scoring.truth import ASIDE_AT_END
 

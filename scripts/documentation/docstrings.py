@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import inspect
+import pydoc
 from typing import Any
 
 import griffe
@@ -14,4 +16,6 @@ class Docstrings(griffe.Extension):
     def on_object(self, *, obj: griffe.Object, **kwargs: Any) -> None:
         """Rewrite the docstring of ``obj``, where it has one."""
         if obj.docstring is not None:
-            obj.docstring.value = with_tables(with_links(obj.docstring.value))
+            described = obj.is_class and obj.path.startswith("cutenv.envs.")  # is filled in when it is imported
+            text = inspect.getdoc(pydoc.locate(obj.path)) if described else obj.docstring.value
+            obj.docstring.value = with_tables(with_links(text or ""))

@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import importlib
 import inspect
+import re
 from collections.abc import Iterator
 
 import gymnasium
 from restructured import markdown
 
-import cutenv  # noqa: F401  registers the environments
+from cutenv.task.registry import TASKS
 
 IDS = {
-    "gentle-cut": "cutenv/GentleCut-v1",
-    "depth-cut": "cutenv/DepthCut-v1",
-    "path-cut": "cutenv/PathCut-v1",
-    "rig-cut": "cutenv/RigCut-v1",
-    "rig-depth-cut": "cutenv/RigDepthCut-v1",
-    "rig-path-cut": "cutenv/RigPathCut-v1",
+    "-".join(re.findall("[A-Z][a-z]+", environment_id)).lower(): environment_id
+    for task in TASKS.values()
+    for environment_id in (task.id, task.rig_id)
 }
 """Name of the page and id of the environment."""
 

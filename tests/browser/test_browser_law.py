@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cutenv.browser.page_alone import HAND_CUTS
 from cutenv.browser.stylus_steps import HandCut, HandDepthCut, HandPathCut
 from cutenv.play import PlayedCut, Stylus
 from cutenv.play.played_depth_cut import PlayedDepthCut
 from cutenv.play.played_path_cut import PlayedPathCut
+from cutenv.task.registry import TASKS, tasks_with
 
 pytest.importorskip("wasmtime", reason="runs WebAssembly in the tests: pip install 'cutenv[dev]'")
 
@@ -24,7 +24,7 @@ import check_browser_law
 ROOT = Path(__file__).parents[2]
 
 
-@pytest.mark.parametrize("task", HAND_CUTS)
+@pytest.mark.parametrize("task", tasks_with("hand"))
 def test_the_program_asks_its_surroundings_for_nothing(task: str) -> None:
     assert list(check_browser_law.CARRIED[task].imports) == []
 
@@ -38,7 +38,7 @@ def test_the_program_asks_its_surroundings_for_nothing(task: str) -> None:
     ],
 )
 def test_a_cut_in_webassembly_is_pythons_to_the_last_bit(task: str, seed: int) -> None:
-    kind = HAND_CUTS[task]
+    kind = TASKS[task].hand
     cut = kind(specimen_class=check_browser_law.CLASSES[seed % 4], seed=seed, episode=seed // 4)
     assert check_browser_law.same(cut, check_browser_law.wandering(cut, seed))
     if isinstance(cut, HandPathCut):
@@ -98,13 +98,13 @@ def test_a_cut_that_has_ended_stays_as_it_is() -> None:
 
 
 @pytest.mark.skipif(importlib.util.find_spec("ziglang") is None, reason="its linker: pip install 'cutenv[dev]'")
-@pytest.mark.parametrize("task", HAND_CUTS)
+@pytest.mark.parametrize("task", tasks_with("hand"))
 def test_it_can_be_built_anew_from_the_kernels_and_is_the_same_law(tmp_path: Path, task: str) -> None:
     build = [sys.executable, "scripts/build_browser_law.py", "--task", task, "--out", str(tmp_path)]
     done = subprocess.run(build, cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, f"the kept one still serves: {done.stdout[-500:]}{done.stderr[-500:]}"
     (built,) = tmp_path.glob("*.wasm")
     for seed in (20, 21):
-        cut = HAND_CUTS[task](specimen_class=check_browser_law.CLASSES[seed % 4], seed=seed)
+        cut = TASKS[task].hand(specimen_class=check_browser_law.CLASSES[seed % 4], seed=seed)
         stylus = check_browser_law.wandering(cut, seed, 6000)
         assert check_browser_law.same(cut, stylus, built.read_bytes())

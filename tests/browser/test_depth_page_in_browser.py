@@ -92,7 +92,7 @@ def test_a_led_cut_is_pythons_and_ends_with_a_card_of_its_depth(page: Browser, t
     path.write_text(told["csv"], encoding="utf-8")
     (trace,) = load(path)
     again = HandDepthCut()
-    known = again.trace(again.follow(stylus), **again.cutting.noted_depth)
+    known = again.trace(again.follow(stylus), **again.cutting.noted_map)
     for name in ("time", "force", "position", "speed", "angle", "depth", "height", "vertical_force"):
         assert getattr(trace, name).tobytes() == getattr(known, name).tobytes(), name
     assert {name: trace.metadata[name] for name in known.metadata} == known.metadata

@@ -7,11 +7,15 @@ from typing import Any
 import numpy as np
 
 from cutenv._engine.jit import njit_inline, njit_internal
+from cutenv.envs.described import described
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.envs.vector import GentleCutVectorEnv
+from cutenv.play.played_cut import PlayedCut
+from cutenv.policy import ConstantFeed, Features
 from cutenv.task.declare import Task, whole_fields
 from cutenv.task.episode import TaskOptions
 from cutenv.task.observation import COMPONENTS, Component
+from cutenv.task.registry import RegisteredTask
 from cutenv.task_quantities import WholeCutTerm
 
 GROWTH = (Component(name="largest", meaning="largest growth of the tip in one decision", unit="m", scale=0.01),)
@@ -94,8 +98,18 @@ class SteadyOptions(TaskOptions):
         return record
 
 
+@described
 class SteadyCutEnv(GentleCutEnv):
-    """The environment ``own/SteadyCut-v0``."""
+    """The environment ``own/SteadyCut-v0``, with the further component, the cost, the end and the keyword
+
+    {components}
+
+    {terms}
+
+    {ends}
+
+    {keywords}
+    """
 
     options_class = SteadyOptions
 
@@ -104,3 +118,39 @@ class SteadyCutVectorEnv(GentleCutVectorEnv):
     """Many of them."""
 
     single_class = SteadyCutEnv
+
+
+class SteadyFeatures(Features):
+    """Features of gentle cutting, which leave out the component that the task adds."""
+
+    components = len(COMPONENTS) + 1
+
+
+class SteadyFeed(ConstantFeed):
+    """Script that goes on at one speed, whatever the component that the task adds."""
+
+    def act(self, observations):
+        """Return the actions, shape (n, 2)."""
+        return super().act(observations[:, : len(COMPONENTS)])
+
+
+class PlayedSteadyCut(PlayedCut):
+    """Cut of it by a person."""
+
+    environment = SteadyCutEnv
+
+
+ENTRY = RegisteredTask(
+    name="steady",
+    id=STEADY_CUT.environment,
+    task=STEADY_CUT,
+    single=SteadyCutEnv,
+    vector=SteadyCutVectorEnv,
+    along="without a surge",
+    features=SteadyFeatures,
+    scripts={"steady feed": lambda: SteadyFeed(speed=0.01)},
+    script="steady feed",
+    options={"control_hz": 20},
+    played=PlayedSteadyCut,
+)
+"""Its entry in the registry."""

@@ -1,13 +1,20 @@
-"""A task that is declared in a file of its own has everything: single, batch, estimates, costs, an end, a component."""
+"""A task that is declared in a file of its own has everything that its declaration and its entry say."""
 
 from __future__ import annotations
 
+import gymnasium
 import numpy as np
 import pytest
-from steady_cut import LIMIT, SURGE, SteadyCutEnv, SteadyCutVectorEnv
+from steady_cut import ENTRY, LIMIT, SURGE, SteadyCutEnv, SteadyCutVectorEnv
 
+import cutenv
+from cutenv import cli
+from cutenv.commands.options import add_task, command_parser
 from cutenv.envs.gentle_cut import GentleCutEnv
+from cutenv.play.haptics import Stylus
+from cutenv.report.glossary import term_meanings
 from cutenv.task.declare import Task
+from cutenv.task.registry import TASKS
 
 FEED = np.array([0.5, 1.0], np.float32)
 
@@ -76,3 +83,54 @@ def test_it_is_assessed_by_what_a_rig_sees_as_well():
     found = cut(SteadyCutEnv(specimen_class="uniform", reward_from="estimate"))
     assert found[-1][0][-1] > 0.0
     assert "surge" in found[-1][2]["reward_terms"]
+
+
+@pytest.fixture
+def registered():
+    cutenv.register(ENTRY)
+    yield
+    del TASKS[ENTRY.name], gymnasium.registry[ENTRY.id]
+
+
+def test_its_docstring_has_what_it_declares():
+    doc = SteadyCutEnv.__doc__
+    assert "12  largest largest growth of the tip in one decision m    0.01  0" in doc
+    assert "surge 0.3    largest growth of the tip in one decision / 10 mm" in doc
+    assert "surge the tip has grown by more than 6 mm" in doc
+    assert "``weight_surge``" in doc
+
+
+@pytest.mark.usefixtures("registered")
+def test_once_it_is_registered_gymnasium_makes_it_and_reports_know_its_cost():
+    assert isinstance(gymnasium.make(ENTRY.id).unwrapped, SteadyCutEnv)
+    assert isinstance(gymnasium.make_vec(ENTRY.id, num_envs=2), SteadyCutVectorEnv)
+    assert term_meanings()["surge"] == "surge of the tip"
+
+
+@pytest.mark.usefixtures("registered")
+def test_a_person_can_cut_it_and_commands_offer_it():
+    cut = TASKS["steady"].played(specimen_class="uniform")
+    cut.tick(Stylus(0.0, float(np.pi / 2)))
+    assert len(cut.readings) == 1
+    parser = command_parser("play", "")
+    add_task(parser, "played")
+    assert parser.parse_args(["--task", "steady"]).task == "steady"
+    assert "steady (without a surge)" in parser.format_help()
+
+
+@pytest.mark.usefixtures("registered")
+def test_an_agent_learns_it_and_is_compared_with_its_script(tmp_path, monkeypatch, capsys):
+    pytest.importorskip("stable_baselines3", reason="the learner is an extra: pip install 'cutenv[rl]'")
+    monkeypatch.chdir(tmp_path)
+    small = ["--environments", "4", "--rollout", "32", "--batch-size", "64", "--timesteps", "128"]
+    few = ["--demonstrations", "64", "--validations", "1", "--validation-specimens", "2", "--specimens", "2"]
+    assert cli.main(["train", "--task", "steady", "--name", "small", *small, *few]) == 0
+    page = (tmp_path / "runs" / "small" / "report.html").read_text(encoding="utf-8")
+    assert "Learning to cut without a surge" in page
+    assert "surge of the tip" in page
+    assert cli.main(["evaluate", "--list"]) == 0
+    assert "task steady:\n  steady feed\n" in capsys.readouterr().out
+    assert cli.main(["evaluate", "steady feed", "runs/small", "--specimens", "2"]) == 0
+    printed = capsys.readouterr().out
+    assert "runs/small" in printed
+    assert "steady feed minus each other" in printed

@@ -36,9 +36,9 @@ COMPONENT = """    Component(
 """
 PROGRAM = """
 import dataclasses, json
-import declared_tables, gymnasium, numpy as np
+import gymnasium, numpy as np
 import cutenv
-from cutenv.report.glossary import TERM_MEANINGS
+from cutenv.report.glossary import term_meanings
 from cutenv.task.weights import RewardWeights
 
 STEPS, ACTION = 3, np.float32([0.5, -0.5])
@@ -69,8 +69,8 @@ print(json.dumps({
     "same": [bool(one) for one in same],
     "space": env.observation_space.shape,
     "weights": dataclasses.asdict(RewardWeights()),
-    "title": TERM_MEANINGS.get("tremble"),
-    "tables": {name: rows() for name, rows in declared_tables.SECTIONS.items()},
+    "title": term_meanings().get("tremble"),
+    "doc": env.unwrapped.__doc__.splitlines(),
 }))
 """
 
@@ -127,7 +127,7 @@ def test_a_declared_term_is_charged_and_told(extended):
 def test_it_has_a_weight_a_title_and_a_row_of_the_documentation(extended):
     assert extended["weights"]["tremble"] == 0.3
     assert extended["title"] == "trembling"
-    assert ["tremble", "0.3", "integral of speed and travel, / 10 mm"] in extended["tables"]["Reward"]
+    assert "tremble      0.3    integral of speed and travel, / 10 mm" in extended["doc"]
 
 
 def test_a_declared_component_is_observed_and_documented(extended):
@@ -135,7 +135,7 @@ def test_a_declared_component_is_observed_and_documented(extended):
     for step in extended["steps"]:
         assert len(step["seen"]) == 13
         assert step["seen"][-1] == pytest.approx((step["speed"] - 0.002) / 0.1, rel=1e-6)
-    assert extended["tables"]["Observation"][-1][:2] == ["12", "speed_mean"]
+    assert any(row.startswith("12  speed_mean of the blade since") for row in extended["doc"])
 
 
 def test_one_cut_and_a_batch_still_agree_to_the_last_bit(extended):

@@ -11,12 +11,12 @@ import pytest
 import cutenv  # noqa: F401
 from cutenv.envs.batch import CutBatch
 from cutenv.envs.depth_cut import DepthCutEnv, to_depth_action
-from cutenv.envs.learned_tasks import task_of
 from cutenv.learning.evaluation import Contestant, evaluate
 from cutenv.policy.depth_planner import DepthPlanner
 from cutenv.policy.depth_scripts import DEPTH_SCRIPTS, FollowDepth, HoldDepth
 from cutenv.task.depth import DEPTH_CUT
 from cutenv.task.observation import COMPONENTS
+from cutenv.task.registry import task_of
 from cutenv.task.wanted_depth import DEEP, LEAST_BELOW, LEAST_CHANGE, MOST_BELOW, SHALLOW
 
 UPRIGHT = math.pi / 2

@@ -33,7 +33,8 @@ def test_what_moved_is_named_and_so_is_what_is_missing_or_new() -> None:
 
 def test_a_row_that_differs_from_its_single_cut_is_found() -> None:
     task, policy = digests.TASKS["gentle"], digests.HeldRandomActions(2)
-    env, envs = gymnasium.make(task.id, control_hz=10), gymnasium.make_vec(task.id, num_envs=2, control_hz=10)
+    env = gymnasium.make(task.entry.id, control_hz=10)
+    envs = gymnasium.make_vec(task.entry.id, num_envs=2, control_hz=10)
     cuts = [digests.single_cut(env, policy, seed, 20) for seed in range(2)]
     many = digests.many_cuts(envs, policy, 20, {n: len(cut.rewards) for n, cut in enumerate(cuts)})
     assert digests.differing_row(many, cuts) == "rows equal single cuts"

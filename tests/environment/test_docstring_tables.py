@@ -7,11 +7,9 @@ import dataclasses
 import inspect
 import math
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
-from declared_tables import with_tables
 from whole_cut import FASTEST, INCLINED, UPRIGHT, cut, legs, make
 
 from cutenv.cutting.drive import DRIVES, Rig
@@ -89,17 +87,6 @@ def test_a_table_that_disagreed_would_be_noticed(check):
     assert DOC.count(printed) == 1
     with pytest.raises(AssertionError):
         check(DOC.replace(printed, wrong))
-
-
-def test_the_declared_tables_stand_in_the_docstring():
-    source = Path(inspect.getsourcefile(GentleCutEnv)).read_text(encoding="utf-8")
-    assert with_tables(source) == source, "run scripts/update_docs.py --docstring"
-
-
-@pytest.mark.parametrize("printed", ["0.3927 1.1781", "jump         0.03", "force_limit force per depth"])
-def test_a_declared_table_that_disagreed_would_be_written_anew(printed):
-    assert DOC.count(printed) == 1
-    assert with_tables(DOC.replace(printed, printed[::-1])) == DOC
 
 
 def test_the_spaces_are_those_of_the_docstring():

@@ -8,12 +8,12 @@ import json
 
 import pytest
 
-from cutenv.envs.learned_tasks import TASKS
 from cutenv.learning.arguments import BadArguments, PPOArguments, RecurrentPPOArguments
 from cutenv.learning.command_line import add_run_options, run_request
 from cutenv.learning.imitation_arguments import BCArguments, IQLArguments
 from cutenv.learning.off_policy_arguments import CrossQArguments, SACArguments, TQCArguments
 from cutenv.learning.options import declared
+from cutenv.task.registry import TASKS
 
 
 def parsed(*given, kind=PPOArguments):

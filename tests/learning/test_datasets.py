@@ -17,7 +17,7 @@ pytest.importorskip("h5py", reason="data sets are an extra: pip install 'cutenv[
 
 from cutenv.commands.datasets import Arguments, cuts_of  # noqa: E402
 from cutenv.cutting.dtypes import TICK  # noqa: E402
-from cutenv.learning.added_infos import ADDED  # noqa: E402
+from cutenv.learning.added_infos import DEPTH_INFOS, PATH_INFOS  # noqa: E402
 from cutenv.learning.demonstration import ESTIMATED, FELT, HIDDEN, recorded  # noqa: E402
 from cutenv.learning.minari_datasets import (  # noqa: E402
     cloning_data,
@@ -77,7 +77,7 @@ def test_a_cut_along_a_wanted_depth_comes_back_with_its_vertical_force(kept: Pat
     for cut, episode in zip(cuts, loaded.iterate_episodes(), strict=True):
         assert episode.observations.shape[1:] == (22,)
         assert episode.actions.shape[1:] == (3,)
-        assert set(episode.infos) == set(FELT | HIDDEN | ADDED["cutenv/DepthCut-v1"].meanings)
+        assert set(episode.infos) == set(FELT | HIDDEN | DEPTH_INFOS.meanings)
         assert episode.infos["vertical_force_N"].max() > 0.1
         assert np.abs(episode.infos["floor_depth_m"] - episode.infos["wanted_depth_m"]).max() < 0.01
         env.reset(seed=cut.seed)
@@ -95,7 +95,7 @@ def test_a_cut_along_a_line_comes_back_with_its_lateral_force(kept: Path) -> Non
     for cut, episode in zip(cuts, loaded.iterate_episodes(), strict=True):
         assert (episode.observations == cut.observations).all()
         assert episode.observations.shape[1:] == (28,)
-        assert set(episode.infos) == set(FELT | HIDDEN | ADDED["cutenv/PathCut-v1"].meanings)
+        assert set(episode.infos) == set(FELT | HIDDEN | PATH_INFOS.meanings)
         assert episode.infos["tip_x_m"].max() > 0.03
     assert "rad/s" in loaded.storage.metadata["cutenv"]["actions"][2]
 

@@ -20,12 +20,12 @@ from cutenv.policy.depth_scripts import DEPTH_SCRIPTS, DepthByTwoForces
 stable_baselines3 = pytest.importorskip("stable_baselines3", reason="the learner is an extra: pip install 'cutenv[rl]'")
 
 from cutenv.envs.depth_cut import DepthCutEnv  # noqa: E402
-from cutenv.envs.learned_tasks import TASKS  # noqa: E402
 from cutenv.learning.arguments import BadArguments, PPOArguments, RecurrentPPOArguments  # noqa: E402
 from cutenv.learning.evaluation import contestant  # noqa: E402
 from cutenv.learning.imitation_arguments import BCArguments, IQLArguments  # noqa: E402
 from cutenv.learning.off_policy_arguments import SACArguments  # noqa: E402
 from cutenv.learning.task_report import task_headline  # noqa: E402
+from cutenv.task.registry import TASKS  # noqa: E402
 
 SMALL = (
     "--task", "depth", "--name", "small", "--environments", "4", "--rollout", "32", "--batch-size", "64",

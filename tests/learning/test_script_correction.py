@@ -16,12 +16,12 @@ from cutenv.policy.path_scripts import SteerByForce
 
 stable_baselines3 = pytest.importorskip("stable_baselines3", reason="the learner is an extra: pip install 'cutenv[rl]'")
 
-from cutenv.envs.learned_tasks import TASKS  # noqa: E402
 from cutenv.envs.path_cut import PathCutEnv  # noqa: E402
 from cutenv.learning.arguments import BadArguments, PPOArguments, RecurrentPPOArguments  # noqa: E402
 from cutenv.learning.evaluation import Contestant, evaluate  # noqa: E402
 from cutenv.policy.path_planner import PathPlanner  # noqa: E402
 from cutenv.sb3 import FeatureVecEnv  # noqa: E402
+from cutenv.task.registry import TASKS  # noqa: E402
 
 SCRIPT, HOLD, SEEDS = "steer by force", 3, (5, 6, 8)
 TASK = {"task": "path", "specimen_class": "mixed", "control_hz": 25}

@@ -188,7 +188,7 @@ def test_the_command_plays_a_cut_along_a_line(tmp_path: Path, capsys: pytest.Cap
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--line", "arc"], "--line arc needs --task path"),
+        (["--line", "arc"], "--line arc is for cuts along a drawn line"),
         (["--task", "path", "--device", "inverse3"], "--task path is steered by mouse, keys or gamepad"),
         (["--course", "first", "--operator", "P07", "--line", "arc"], "--line cannot be given with --course"),
     ],
@@ -201,7 +201,7 @@ def test_what_does_not_fit_a_line_is_refused(
 
 
 def test_a_session_refuses_a_line_without_its_task_and_a_device_that_pushes() -> None:
-    with pytest.raises(ValueError, match='needs task="path"'):
+    with pytest.raises(ValueError, match="needs a task along a line"):
         Session(MouseDevice(), SessionPlan(line="arc"))
     with pytest.raises(ValueError, match="takes no device that pushes"):
         Session(Pushing(), SessionPlan(task="path"))

@@ -19,9 +19,9 @@ MEANINGS = dict(glossary.MEANINGS)
 
 
 def test_every_term_of_the_reward_has_a_title_of_its_own():
-    assert tuple(glossary.TERM_MEANINGS) == (*DEPTH_CUT.all_terms, *tuple(cost.name for cost in PATH_CUT.costs))
-    assert all(glossary.TERM_MEANINGS.values())
-    assert len(set(glossary.TERM_MEANINGS.values())) == len(glossary.TERM_MEANINGS)
+    assert tuple(glossary.term_meanings()) == (*DEPTH_CUT.all_terms, *tuple(cost.name for cost in PATH_CUT.costs))
+    assert all(glossary.term_meanings().values())
+    assert len(set(glossary.term_meanings().values())) == len(glossary.term_meanings())
 
 
 def test_the_return_of_doing_nothing_is_that_of_the_environment_s_docstring():

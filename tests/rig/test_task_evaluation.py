@@ -13,10 +13,10 @@ from cutenv.envs.depth_cut import DepthCutEnv
 from cutenv.envs.path_cut import PathCutEnv
 from cutenv.policy.depth_scripts import FollowDepth
 from cutenv.policy.path_scripts import SteerByForce
-from cutenv.scoring import DEPTH_METRICS, PATH_METRICS
+from cutenv.scoring import MAP_METRICS
 from cutenv.sim_to_real.compared_cut import ComparedCut
 from cutenv.sim_to_real.curves import height_rmse, place_rmse, position_rmse
-from cutenv.sim_to_real.measures import DEPTH_MEASURES, MEASURES, PATH_MEASURES, measures_of
+from cutenv.sim_to_real.measures import MAP_MEASURES, MEASURES, measures_of
 from cutenv.sim_to_real.paired_experiment import cut_once, simulator_like
 
 SEED, EPISODE = 5, 1
@@ -47,12 +47,12 @@ TASKS = {
     "depth": Task(
         lambda: RigDepthCutEnv(rig="fake", wanted="ramp", target_length=0.06), DepthCutEnv,
         FollowDepth, {"wanted": "step"}, "wanted_depth_m", {"height", "vertical_force"}, "vertical_force", height_rmse,
-        0.5e-3, "mean_depth_error", DEPTH_MEASURES, "height_rmse",
+        0.5e-3, "mean_depth_error", MAP_MEASURES["depth"], "height_rmse",
     ),
     "path": Task(
         lambda: RigPathCutEnv(rig="fake", line="s", target_length=0.06), PathCutEnv,
         SteerByForce, {"line": "arc"}, "line_m", {"blade_x", "blade_y", "lateral_force"}, "lateral_force", place_rmse,
-        5e-3, "mean_line_distance", PATH_MEASURES, "place_rmse",
+        5e-3, "mean_line_distance", MAP_MEASURES["path"], "place_rmse",
     ),
 }  # fmt: skip
 Cuts = tuple[ComparedCut, list[ComparedCut]]
@@ -111,8 +111,8 @@ def test_the_third_axis_is_compared_where_it_is_recorded_and_only_there(task: Ta
 
 
 def test_what_no_rig_sees_is_not_compared() -> None:
-    assert set(DEPTH_METRICS) - set(DEPTH_MEASURES) == {"layer_area", "layer_depth"}
-    assert set(PATH_METRICS) < set(PATH_MEASURES)
+    assert set(MAP_METRICS["depth"]) - set(MAP_MEASURES["depth"]) == {"layer_area", "layer_depth"}
+    assert set(MAP_METRICS["path"]) < set(MAP_MEASURES["path"])
 
 
 def test_estimates_are_not_the_truth_of_the_simulator(task: Task) -> None:

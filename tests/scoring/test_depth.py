@@ -19,7 +19,7 @@ from cutenv.measurement.depth import LAYER_DEPTH_KEY, WANTED_DEPTH_KEY, corners,
 from cutenv.policy.depth_scripts import HoldDepth
 from cutenv.recording import load, save
 from cutenv.report.score_page import ScoredRecord, write_score_page, write_summary
-from cutenv.scoring import DEPTH_METRICS, METRICS, DepthMap, ScoredCut, score
+from cutenv.scoring import MAP_METRICS, METRICS, DepthMap, ScoredCut, score
 from cutenv.scoring.score_notes import EXPECTED_FLOOR
 from cutenv.scoring.truth import FLOOR_AT_END, TIP_AT_END
 from cutenv.task_quantities import LAYER_LIMIT
@@ -110,7 +110,7 @@ def test_the_clock_may_start_anywhere(depth_cut):
     trace = without(depth_cut[1], FLOOR_AT_END, TIP_AT_END)
     later = dataclasses.replace(trace, time=trace.time + 77.7)
     before, after = score(trace), score(later)
-    for name, each in DEPTH_METRICS.items():
+    for name, each in MAP_METRICS["depth"].items():
         assert "time_shift" in each.invariances
         assert before.metrics[name].value == pytest.approx(after.metrics[name].value, rel=1e-6, abs=1e-9)
 

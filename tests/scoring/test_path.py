@@ -17,7 +17,7 @@ from cutenv.envs.path_cut import PathCutEnv
 from cutenv.policy.path_scripts import PATH_SCRIPTS
 from cutenv.recording import load, save
 from cutenv.recording.line_file import read_line
-from cutenv.scoring import PATH_METRICS, score
+from cutenv.scoring import MAP_METRICS, score
 from cutenv.scoring.cut_map import LINE_KEY, PathMap
 from cutenv.scoring.score_notes import EXPECTED_CUT
 from cutenv.scoring.truth import ASIDE_AT_END, TIP_AT_END
@@ -130,7 +130,7 @@ def test_the_command_scores_beside_a_file_of_places_and_shows_it_on_its_page(pat
     (page,) = tmp_path.glob("*_score.html")
     assert "istance between cut and line" in page.read_text()
     kept = json.loads(page.with_suffix(".json").read_text())
-    assert set(PATH_METRICS) <= set(kept["metrics"])
+    assert set(MAP_METRICS["path"]) <= set(kept["metrics"])
     (again,) = load(tmp_path / "cut.csv")
     assert again.blade_x.tobytes() == trace.blade_x.tobytes()
 

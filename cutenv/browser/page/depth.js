@@ -36,6 +36,6 @@ class CutDepth {
 
   // Costs of the depth since the start, which the return holds beside those of gentle cutting.
   get costs() {
-    return this.law.told.depth_terms.reduce((sum, name) => sum + this.law.number("episode", `wholes.total_${name}`), 0);
+    return this.law.terms.reduce((sum, name) => sum + this.law.number("episode", `wholes.total_${name}`), 0);
   }
 }

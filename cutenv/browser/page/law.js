@@ -8,8 +8,8 @@ const MOST_MILLISECONDS = 250; // made up for after a stall
 
 class Law {
   constructor(program, told, task) {
-    const { numbers, memory, shared, channels, ends } = told.tasks[task];
-    Object.assign(this, { told, channels, ends });
+    const { numbers, memory, shared, channels, ends, terms } = told.tasks[task];
+    Object.assign(this, { told, channels, ends, terms });
     this.layout = { reading: told.layout.reading, cut: told.layout[`${task}_cut`], episode: told.layout[`${task}_episode`] };
     this.memory = program.memory;
     this.follow = program.follow;

@@ -67,6 +67,6 @@ class CutPath {
   }
 
   get costs() {
-    return this.law.told.path_terms.reduce((sum, name) => sum + this.law.number("episode", `wholes.total_${name}`), 0);
+    return this.law.terms.reduce((sum, name) => sum + this.law.number("episode", `wholes.total_${name}`), 0);
   }
 }

@@ -20,6 +20,7 @@ from cutenv.commands.options import (
     target_length,
 )
 from cutenv.rig.errors import RigError
+from cutenv.task.registry import TASKS
 
 if TYPE_CHECKING:
     from cutenv.envs.rig_cut import RigCutEnv
@@ -28,10 +29,6 @@ if TYPE_CHECKING:
 
 AGREE, DIFFER = 0, 1
 _OF_BOTH = ("control_hz", "deadline_s", "angle_mode", "fixed_angle_deg")
-_ESTIMATED = {
-    "depth": ["the task is to cut along a wanted depth; tip and floor are estimates on both sides"],
-    "path": ["the task is to cut along a line; tip and cut are estimates on both sides"],
-}
 _PAGE, _RECORDS = "evaluation.html", "records"
 
 
@@ -47,7 +44,6 @@ def main(argv: Sequence[str]) -> int:
 
 def _evaluated(arguments: argparse.Namespace) -> Evaluation:
     from cutenv.commands.rig.run import chosen_policy, paced
-    from cutenv.envs import RigCutEnv, RigDepthCutEnv, RigPathCutEnv
     from cutenv.rig.connection import settings_of
     from cutenv.rig.operation.suitability import simulator_keywords
     from cutenv.sim_to_real import FEWEST_SPECIMENS
@@ -56,6 +52,7 @@ def _evaluated(arguments: argparse.Namespace) -> Evaluation:
 
     _check_out(arguments)
     policy, wanted = chosen_policy(arguments.policy, arguments.task)
+    task = TASKS[arguments.task]
     changed: dict[str, Any] = dict(_constant(text) for text in arguments.change)
     out: Path | None = arguments.out
     shared: dict[str, Any] = {"specimen_class": arguments.specimen_class, "tissue": arguments.tissue}
@@ -67,8 +64,7 @@ def _evaluated(arguments: argparse.Namespace) -> Evaluation:
         print(f"cutenv rig evaluate: {note}", file=sys.stderr)
     with ExitStack() as stack:
         records = None if out is None else out / _RECORDS / "rig"
-        tasks = {"gentle": RigCutEnv, "depth": RigDepthCutEnv, "path": RigPathCutEnv}
-        rig: RigCutEnv = tasks[arguments.task](rig=arguments.rig, records=records, **shared, **changed)
+        rig: RigCutEnv = task.rig(rig=arguments.rig, records=records, **shared, **changed)
         stack.callback(rig.close)
         if changed and not rig.draws_specimens:
             raise ValueError("--change is for an emulated or fake rig: a real one is described by its file.")
@@ -95,7 +91,7 @@ def _evaluated(arguments: argparse.Namespace) -> Evaluation:
         given=given,
         changed=changed,
         notes=tuple(
-            _ESTIMATED.get(arguments.task, [])
+            [f"the task is to cut {task.along}; tip and cut are estimates on both sides"] * bool(task.along)
             + cuts.between
             + ["constants of the rig were changed: " + ", ".join(f"{k} = {v:g}" for k, v in changed.items())]
             * bool(changed)
@@ -172,7 +168,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--policy", required=True, metavar="POLICY", help="name of a script or of a shipped policy, or folder of a "
         "trained policy")  # fmt: skip
     add("--rig", required=True, metavar="RIG", help=RIG)
-    add_task(parser, "path")
+    add_task(parser, "rig")
     add("--specimens", type=int, default=20, metavar="N", help="number of specimens, 6 or more; default 20")
     add_specimen_class(parser, "mixed")
     add_target_length(parser, "drawn from 60mm to 100mm")

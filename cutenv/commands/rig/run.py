@@ -23,12 +23,14 @@ from cutenv.commands.options import (
     add_target_length,
     add_task,
     add_watch,
+    check_line,
     command_parser,
     line_given,
     reports_errors,
     target_length,
 )
 from cutenv.rig.errors import RigError
+from cutenv.task.registry import TASKS, RegisteredTask, task_made_as
 
 if TYPE_CHECKING:
     from cutenv.envs.rig_cut import RigCutEnv
@@ -59,28 +61,27 @@ def chosen_policy(name: str, task: str = "gentle") -> tuple[Policy, dict[str, An
         Name; ``MODULE:CLASS`` is a :class:`~cutenv.policy.Policy` of your own, in the present folder or an installed
         module.
     task : str
-        Task that it is for, of :data:`cutenv.envs.learned_tasks.TASKS`.
+        Task that it is for, of :data:`cutenv.task.registry.TASKS`.
 
     Raises
     ------
     ValueError, FileNotFoundError
         If there is no such policy, or it is for another task.
     """
-    from cutenv.envs.learned_tasks import TASKS
     from cutenv.policy import gentle_policy, named_policy
     from cutenv.policy.interface import PrivilegedPolicy
-    from cutenv.policy.policy_space import space_of
     from cutenv.policy.shipped import policy_of_class
 
     chosen = TASKS[task]
-    if name in chosen.policies:
-        policy = chosen.policies[name]()
+    own_policies = chosen.policies or chosen.scripts
+    if name in own_policies:
+        policy = own_policies[name]()
         if isinstance(policy, PrivilegedPolicy):
             raise ValueError(f"policy {name!r} is shown the hidden state, which no rig knows. Take another.")
         return policy, {}
     for other in TASKS.values():
-        if name in other.policies:
-            listed = ", ".join(chosen.policies)
+        if name in (other.policies or other.scripts):
+            listed = ", ".join(own_policies)
             raise ValueError(f"policy {name!r} is a script of {other.id}, and the task is {task}. Give {listed}.")
     own = policy_of_class(name)
     if own is not None:
@@ -88,11 +89,11 @@ def chosen_policy(name: str, task: str = "gentle") -> tuple[Policy, dict[str, An
     try:
         learned = gentle_policy(name) if task == "gentle" else named_policy(name)
     except ValueError as error:
-        raise ValueError(f"{error} Or a script: {', '.join(chosen.policies)}.") from None
-    if space_of(learned.card.environment) is not chosen.space:
+        raise ValueError(f"{error} Or a script: {', '.join(own_policies)}.") from None
+    if task_made_as(learned.card.environment) is not chosen:
         raise ValueError(
             f"policy {name!r} was trained in {learned.card.environment}, and the task {task} is {chosen.id}. Give one "
-            f"of that, or a script: {', '.join(chosen.policies)}."
+            f"of that, or a script: {', '.join(own_policies)}."
         )
     return learned, {key: value for key, value in learned.environment_arguments.items() if key != "task"}
 
@@ -114,24 +115,21 @@ def paced(keywords: dict[str, Any], settings: RigSettings) -> tuple[dict[str, An
 
 
 def _environment(arguments: argparse.Namespace, keywords: dict[str, Any], **more: Any) -> RigCutEnv:
-    from cutenv.envs import RigCutEnv, RigDepthCutEnv, RigPathCutEnv
     from cutenv.rig.connection import settings_of
     from cutenv.tissue.drawn_lines import KINDS
 
     keywords, note = paced(keywords, settings_of(arguments.rig))
     if note:
         print(f"cutenv rig run: {note}", file=sys.stderr)
-    tasks: dict[str, type[RigCutEnv]] = {"gentle": RigCutEnv, "depth": RigDepthCutEnv, "path": RigPathCutEnv}
     if arguments.line is not None:
-        if arguments.task != "path":
-            raise ValueError(f"--line {arguments.line}: the task is {arguments.task}. Give --task path too.")
+        check_line(arguments.line, [arguments.task])
         keywords = {**keywords, "line": arguments.line if arguments.line in KINDS else line_given(arguments)}
     lower = {
         "force": arguments.force_limit_N,
         "speed": None if arguments.speed_limit_cm_s is None else 1e-2 * arguments.speed_limit_cm_s,
         "high": None if arguments.travel_limit_mm is None else 1e-3 * arguments.travel_limit_mm,
     }
-    return tasks[arguments.task](
+    env: RigCutEnv = TASKS[arguments.task].rig(
         rig=arguments.rig,
         specimen_class=arguments.specimen_class,
         target_length=target_length(arguments),
@@ -140,6 +138,7 @@ def _environment(arguments: argparse.Namespace, keywords: dict[str, Any], **more
         **keywords,
         **more,
     )
+    return env
 
 
 def _dry_run(arguments: argparse.Namespace) -> int:
@@ -190,7 +189,7 @@ def _run(arguments: argparse.Namespace) -> int:
                 print(f"cut {number + 1} of {arguments.cuts} ...", file=sys.stderr, flush=True)
                 told = cut_and_report(env, policy, seed=arguments.seed, episode=number)
                 stopped += told["end"] == "stopped"
-                print(_line(number, told, env), flush=True)
+                print(_line(number, told, env, TASKS[arguments.task]), flush=True)
                 if arguments.json is not None:
                     with arguments.json.open("a") as file:
                         file.write(json.dumps(told) + "\n")
@@ -224,11 +223,8 @@ def cut_and_report(env: RigCutEnv, policy: Policy, *, seed: int, episode: int) -
         observation, reward, ended, _, info = env.step(policy(observation))
         total += reward
     timing, cutting = env.session.plant.timing, env.cutting
-    maps: dict[str, Any] = {
-        name: {f"{each}_estimated": value for each, value in info[name].items()}
-        for name in ("depth", "path")
-        if name in info
-    }
+    group = env.task.shown_as
+    found = {f"{name}_estimated": value for name, value in info.get(group, {}).items()}
     return {
         "seed": seed,
         "episode": episode,
@@ -236,7 +232,7 @@ def cut_and_report(env: RigCutEnv, policy: Policy, *, seed: int, episode: int) -
         "success_estimated": info["is_success"],
         "return_estimated": total,
         "tip_error_estimated_mm": 1e3 * abs(cutting.tip - cutting.target_length),
-        **maps,
+        **({group: found} if found else {}),
         "time_s": cutting.time,
         "overruns": timing.overruns,
         "longest_period_s": max(timing.periods, default=math.nan),
@@ -245,20 +241,17 @@ def cut_and_report(env: RigCutEnv, policy: Policy, *, seed: int, episode: int) -
     }
 
 
-def _line(number: int, told: dict[str, Any], env: RigCutEnv) -> str:
+def _line(number: int, told: dict[str, Any], env: RigCutEnv, task: RegisteredTask) -> str:
     line = (
         f"cut {number + 1}: {told['end']} after {told['time_s']:.1f} s, "
         f"{'a success' if told['success_estimated'] else 'no success'} as estimated: return "
         f"{told['return_estimated']:.3f}, tip error {told['tip_error_estimated_mm']:.1f} mm; "
         f"{told['overruns']} commands more than 2 ms late"
     )
-    if "depth" in told:
-        line += f"; estimated mean error of the depth {told['depth']['mean_error_mm_estimated']:.2f} mm"
-    if "path" in told:
-        line += (
-            f"; estimated distance of the cut to the line {told['path']['mean_distance_mm_estimated']:.2f} mm in the "
-            f"mean, {told['path']['largest_distance_mm_estimated']:.2f} mm at most"
-        )
+    errors = told.get(env.task.shown_as, {})
+    for name, words, unit, decimals in task.errors:
+        if f"{name}_estimated" in errors:
+            line += f"; estimated {words} {errors[f'{name}_estimated']:.{decimals}f} {unit}"
     if told["stop"] is not None:
         stop = told["stop"]
         line += f"\n  STOPPED, {stop['cause']}: {stop['detail']}"
@@ -291,8 +284,8 @@ def _parser() -> argparse.ArgumentParser:
     add("--policy", required=True, metavar="POLICY", help="name of a script or of a shipped policy, folder of a "
         "trained policy, or MODULE:CLASS of your own")  # fmt: skip
     add("--rig", required=True, metavar="RIG", help=RIG)
-    add_task(parser, "path")
-    add_line(parser, "with --task path: a kind that is drawn, arc, s, excision, random; or", "any that is drawn")
+    add_task(parser, "rig")
+    add_line(parser, "of a task along one: a kind that is drawn, arc, s, excision, random; or", "any that is drawn")
     add("--cuts", type=int, default=1, metavar="N", help="number of cuts, one after the other; default 1")
     add("--seed", type=int, default=0, metavar="N", help="seed of target lengths and of drawn specimens; default 0")
     add_target_length(parser, "drawn from 60mm to 100mm")

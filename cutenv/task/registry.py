@@ -1,0 +1,191 @@
+"""Tasks by name: one entry for each, by which it is made, learned, scripted, played, shown and documented.
+
+An entry names objects by their places, and each is imported when it is first read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import Any
+
+from cutenv._base.validation import one_of
+
+
+class ImportedField:
+    """Field of an entry that is given as a place, "package.module:NAME", and read as the object there; or given so."""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name = name
+
+    def __set__(self, entry: RegisteredTask, given: Any) -> None:
+        entry.places[self._name] = given
+
+    def __get__(self, entry: RegisteredTask | None, owner: type) -> Any:
+        if entry is None:
+            return ""  # the default: there is none
+        given = entry.places[self._name]
+        module, _, name = given.partition(":") if isinstance(given, str) else ("", "", "")
+        return getattr(import_module(module), name) if module else given or ()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class RegisteredTask:
+    """One task, and all that the package knows of it; what is left out, the task has not."""
+
+    places: dict[str, Any] = field(default_factory=dict, init=False)
+    """Imported fields as they were given, by name."""
+    name: str
+    id: str
+    """Id of the environment."""
+    task: ImportedField = ImportedField()
+    """Declaration."""
+    single: ImportedField = ImportedField()
+    """Environment."""
+    vector: ImportedField = ImportedField()
+    """Vector environment."""
+    rig_id: str = ""
+    """Id of the environment on a rig."""
+    rig: ImportedField = ImportedField()
+    """That environment."""
+    along: str = ""
+    """Words for what the cuts follow, such as "along a drawn line"."""
+    line: bool = False
+    """True if they follow one of the drawn lines, and take the keyword ``line``."""
+    errors: tuple[tuple[str, str, str, int], ...] = ()
+    """Scores that tell how well they follow it: name, words, unit, and number of decimals."""
+
+    features: ImportedField = ImportedField()
+    """Class of what a learner is shown, such as :class:`cutenv.policy.Features`."""
+    scripts: ImportedField = ImportedField()
+    """Scripts that learners imitate, correct and are compared with: makers by name."""
+    script: str = ""
+    """Name of the one that is imitated or corrected by default."""
+    policies: ImportedField = ImportedField()
+    """Policies without a network that cut on a rig, as far as they are more than the scripts: makers by name."""
+    planner: ImportedField = ImportedField()
+    """Class of the planner with truth."""
+    options: Mapping[str, Any] = field(default_factory=dict)
+    """Options of PPO that differ from its defaults."""
+    infos: ImportedField = ImportedField()
+    """Infos of data sets besides those of gentle cutting, :class:`cutenv.learning.added_infos.AddedInfos`."""
+
+    played: ImportedField = ImportedField()
+    """Class of a cut by a person in a window, a :class:`cutenv.play.played_cut.PlayedCut`."""
+    hand: ImportedField = ImportedField()
+    """Class of a cut by a person in a page, a :class:`cutenv.browser.stylus_steps.HandCut`."""
+
+    @property
+    def privileged(self) -> tuple[str, ...]:
+        """Names of the hidden state that a critic is shown."""
+        from cutenv.task.privileged import privileged_names
+
+        return privileged_names(self.task)
+
+    @property
+    def shown(self) -> tuple[str, ...]:
+        """Scores in printed tables."""
+        return ("return", "success", *(error[0] for error in self.errors), "peak_force_N", "time_s")
+
+
+_CORRECTING: Mapping[str, Any] = {
+    "base": "script", "hold": 2, "control_hz": 25, "epochs": 4, "batch_size": 8000, "critic_first": 0.05,
+    "validation_specimens": 1000,
+}  # fmt: skip
+_SHIPPED = (
+    RegisteredTask(
+        name="gentle",
+        id="cutenv/GentleCut-v1",
+        task="cutenv.task.gentle:GENTLE_CUT",
+        single="cutenv.envs.gentle_cut:GentleCutEnv",
+        vector="cutenv.envs.vector:GentleCutVectorEnv",
+        rig_id="cutenv/RigCut-v1",
+        rig="cutenv.envs.rig_cut:RigCutEnv",
+        errors=(("tip_error_mm", "tip error", "mm", 2), ("largest_jump_mm", "largest jump", "mm", 2)),
+        features="cutenv.policy:Features",
+        scripts="cutenv.policy:SCRIPTS",
+        script="return stroke",
+        policies="cutenv.policy:BASELINES",
+        planner="cutenv.policy:PlannerWithTruth",
+        played="cutenv.play.played_cut:PlayedCut",
+        hand="cutenv.browser.stylus_steps:HandCut",
+    ),
+    RegisteredTask(
+        name="depth",
+        id="cutenv/DepthCut-v1",
+        task="cutenv.task.depth:DEPTH_CUT",
+        single="cutenv.envs.depth_cut:DepthCutEnv",
+        vector="cutenv.envs.depth_cut:DepthCutVectorEnv",
+        rig_id="cutenv/RigDepthCut-v1",
+        rig="cutenv.envs.rig_depth_cut:RigDepthCutEnv",
+        along="along a wanted depth",
+        errors=(("mean_error_mm", "mean error of the depth", "mm", 2), ("layer_mm", "into the layer below", "mm", 3)),
+        features="cutenv.policy.depth_features:DepthFeatures",
+        scripts="cutenv.policy.depth_scripts:DEPTH_SCRIPTS",
+        script="depth by two forces",
+        planner="cutenv.policy.depth_planner:DepthPlanner",
+        options={
+            **_CORRECTING, "timesteps": 12_000_000, "exploration": 0.05,
+            "last_exploration": 0.02, "learning_rate": 5e-4,
+        },
+        infos="cutenv.learning.added_infos:DEPTH_INFOS",
+        played="cutenv.play.played_depth_cut:PlayedDepthCut",
+        hand="cutenv.browser.stylus_steps:HandDepthCut",
+    ),
+    RegisteredTask(
+        name="path",
+        id="cutenv/PathCut-v1",
+        task="cutenv.task.path:PATH_CUT",
+        single="cutenv.envs.path_cut:PathCutEnv",
+        vector="cutenv.envs.path_cut:PathCutVectorEnv",
+        rig_id="cutenv/RigPathCut-v1",
+        rig="cutenv.envs.rig_path_cut:RigPathCutEnv",
+        along="along a drawn line",
+        line=True,
+        errors=(
+            ("mean_distance_mm", "mean distance to the line", "mm", 2),
+            ("largest_distance_mm", "largest distance to the line", "mm", 2),
+        ),
+        features="cutenv.policy.path_features:PathFeatures",
+        scripts="cutenv.policy.path_scripts:PATH_SCRIPTS",
+        script="steer by force",
+        planner="cutenv.policy.path_planner:PathPlanner",
+        options={
+            **_CORRECTING, "timesteps": 24_000_000, "exploration": 0.15,
+            "last_exploration": 0.05, "learning_rate": 7e-4,
+        },
+        infos="cutenv.learning.added_infos:PATH_INFOS",
+        played="cutenv.play.played_path_cut:PlayedPathCut",
+        hand="cutenv.browser.stylus_steps:HandPathCut",
+    ),
+)  # fmt: skip
+TASKS = {each.name: each for each in _SHIPPED}
+"""Tasks by name; :func:`cutenv.register` adds one."""
+
+
+def task_of(arguments: Mapping[str, Any]) -> tuple[RegisteredTask, dict[str, Any]]:
+    """Return the task that ``arguments["task"]`` names, by default "gentle", and the environment's own arguments.
+
+    Raises
+    ------
+    ValueError
+        If there is no such task.
+    """
+    own = dict(arguments)
+    return TASKS[one_of("task", own.pop("task", "gentle"), tuple(TASKS))], own
+
+
+def task_made_as(environment: str) -> RegisteredTask:
+    """Return the task whose environment has this id; gentle cutting for every other id, as those of its tracks."""
+    return next((task for task in TASKS.values() if task.id == environment), TASKS["gentle"])
+
+
+def tasks_in_words(names: Iterable[str]) -> str:
+    """Return names of tasks, each with what its cuts follow, for a list of choices."""
+    return ", ".join(name + (f" ({TASKS[name].along})" if TASKS[name].along else "") for name in names)
+
+
+def tasks_with(part: str) -> tuple[str, ...]:
+    """Return the names of the tasks that have a part, an imported field of an entry."""
+    return tuple(name for name, task in TASKS.items() if task.places[part])
