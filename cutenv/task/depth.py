@@ -47,6 +47,7 @@ from cutenv.task.declare import (
 from cutenv.task.episode import Episode, Goal, ShownDepth, TaskOptions
 from cutenv.task.observation import COMPONENTS, SPEED_SCALE, Component, speed_action, to_action
 from cutenv.task.wanted_depth import AT_LEVEL, WANTED_KINDS, draw_layer, draw_wanted
+from cutenv.task.weights import with_weights
 from cutenv.task_quantities import (
     DEPTH_COSTS,
     DEPTH_TOLERANCE,
@@ -89,6 +90,7 @@ DEPTH_COMPONENTS = (
 """Components of the observation that follow the 12 of gentle cutting, in order."""
 
 
+@with_weights(DEPTH_COSTS)
 @dataclass(frozen=True, kw_only=True)
 class DepthConstants:
     """Constants of the depth: weights of its costs, limit of the layer, sensor of the vertical force."""
@@ -103,18 +105,6 @@ class DepthConstants:
     vertical_resolution: float = parameter(
         0.05, unit="N", low=0.0, high=10.0, provenance="assumed", source="as along the cut", sensitivity=(0.0, 0.1),
     )  # fmt: skip
-    weight_too_deep: float = parameter(
-        DEPTH_COSTS[0].weight, unit="1", low=0.0, high=100.0, provenance="choice", source=DEPTH_COSTS[0].per
-    )
-    weight_uncut: float = parameter(
-        DEPTH_COSTS[1].weight, unit="1", low=0.0, high=100.0, provenance="choice", source=DEPTH_COSTS[1].per
-    )
-    weight_layer_area: float = parameter(
-        DEPTH_COSTS[2].weight, unit="1", low=0.0, high=100.0, provenance="choice", source=DEPTH_COSTS[2].per
-    )
-    weight_layer_depth: float = parameter(
-        DEPTH_COSTS[3].weight, unit="1", low=0.0, high=100.0, provenance="choice", source=DEPTH_COSTS[3].per
-    )
 
     def __post_init__(self) -> None:
         check_parameters(self)

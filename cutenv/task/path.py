@@ -52,6 +52,7 @@ from cutenv.task.declare import (
 )
 from cutenv.task.episode import Episode, Goal, ShownPath, TaskOptions
 from cutenv.task.observation import SPEED_SCALE, Component, speed_action, to_action
+from cutenv.task.weights import with_weights
 from cutenv.task_quantities import (
     FARTHEST_TOLERANCE,
     LINE_LIMIT,
@@ -102,6 +103,7 @@ PATH_COMPONENTS = (
 """Components of the observation that follow the 12 of gentle cutting, in order."""
 
 
+@with_weights(PATH_COSTS)
 @dataclass(frozen=True, kw_only=True)
 class PathConstants:
     """Constants of the path: weights of its costs, limit of the distance, sensor of the lateral force."""
@@ -116,12 +118,6 @@ class PathConstants:
     lateral_resolution: float = parameter(
         0.05, unit="N", low=0.0, high=10.0, provenance="assumed", source="as along the cut", sensitivity=(0.0, 0.1),
     )  # fmt: skip
-    weight_off_line: float = parameter(
-        PATH_COSTS[0].weight, unit="1", low=0.0, high=100.0, provenance="choice", source=PATH_COSTS[0].per
-    )
-    weight_farthest: float = parameter(
-        PATH_COSTS[1].weight, unit="1", low=0.0, high=100.0, provenance="choice", source=PATH_COSTS[1].per
-    )
 
     def __post_init__(self) -> None:
         check_parameters(self)

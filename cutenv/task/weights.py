@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -12,8 +13,34 @@ from cutenv._base.arrays import StructArray
 from cutenv._base.parameter import check_parameters, parameter
 from cutenv.task.episode_dtypes import TASK
 from cutenv.task.observation import SPEED_SCALE, speed_action
-from cutenv.task.reward import REWARD
-from cutenv.task_quantities import FORCE_LIMIT_PER_DEPTH
+from cutenv.task.reward import REWARD, Term
+from cutenv.task_quantities import FORCE_LIMIT_PER_DEPTH, WholeCutTerm
+
+T = TypeVar("T")
+
+
+def _weight_fields(terms: Sequence[Term] | Sequence[WholeCutTerm], prefix: str = "") -> list[tuple[str, type, Any]]:
+    """Return a field of a dataclass for each term whose weight can be changed."""
+    about: dict[str, Any] = {"unit": "1", "low": 0.0, "high": 100.0, "provenance": "choice"}
+    return [
+        (prefix + term.name, float, parameter(term.weight, source=term.per, title=term.title, **about))
+        for term in terms
+        if term.weight is not None
+    ]
+
+
+def with_weights(costs: Sequence[WholeCutTerm]) -> Callable[[type[T]], type[T]]:
+    """Return a decorator that adds the weight of each cost to a dataclass of a task's constants, as ``weight_NAME``."""
+
+    def extended(kind: type[T]) -> type[T]:
+        names = {"__module__": kind.__module__, "__doc__": kind.__doc__}
+        fields = _weight_fields(costs, "weight_")
+        return dataclasses.make_dataclass(
+            kind.__name__, fields, bases=(kind,), namespace=names, frozen=True, kw_only=True
+        )
+
+    return extended
+
 
 if TYPE_CHECKING:
 
@@ -28,17 +55,7 @@ if TYPE_CHECKING:
 else:
     RewardWeights = dataclasses.make_dataclass(
         "RewardWeights",
-        [
-            (
-                term.name,
-                float,
-                parameter(
-                    term.weight, unit="1", low=0.0, high=100.0, provenance="choice", source=term.per, title=term.title
-                ),
-            )
-            for term in REWARD
-            if term.weight is not None
-        ],
+        _weight_fields(REWARD),
         namespace={
             "__module__": __name__,
             "__doc__": "Weights of the reward's terms; each cost is charged as it occurs: ending early saves nothing.",
