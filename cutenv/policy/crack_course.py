@@ -68,22 +68,24 @@ class CrackCourse:
         force : tuple of array
             Elastic force along the blade, and force on the blade to its right [N].
         """
-        _follow_all(self.courses, position, line[0], line[1], tip, force[0], force[1])
+        _follow_all(self.courses, position, line, tip, force)
 
 
 @njit
 def _follow_all(
-    courses: StructArray, position: Array, bend: Array, blade: Array, tip: Array, elastic: Array, lateral: Array
+    courses: StructArray, position: Array, line: tuple[Array, Array], tip: Array, force: tuple[Array, Array]
 ) -> None:
+    (bend, blade), (elastic, lateral) = line, force
     for n in range(len(courses)):
-        follow_course(courses[n], position[n], bend[n], blade[n], tip[n], elastic[n], lateral[n])
+        follow_course(courses[n], position[n], (bend[n], blade[n]), tip[n], (elastic[n], lateral[n]))
 
 
 @njit_internal
 def follow_course(
-    course: Struct, position: float, bend: float, blade: float, tip: float, elastic: float, lateral: float
+    course: Struct, position: float, line: tuple[float, float], tip: float, force: tuple[float, float]
 ) -> None:
     """Reckon one course on, see :meth:`CrackCourse.follow`."""
+    (bend, blade), (elastic, lateral) = line, force
     reached = min(max(int(position / SPACING + 0.5), 0), N_POINTS - 1)
     for i in range(course.passed + 1, reached + 1):
         course.turned[i] = course.turned[i - 1] + bend * SPACING

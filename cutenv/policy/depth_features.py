@@ -21,6 +21,7 @@ from cutenv.policy.two_forces import feel_two_forces, nothing_felt
 from cutenv.task.depth import DEPTH_COMPONENTS, DEPTH_CUT
 from cutenv.task.observation import CLIP, COMPONENTS, SCALES
 from cutenv.task_quantities import SHALLOWEST
+from cutenv.tissue.crack_tip import BladeReading
 from cutenv.tissue.description import measured_liver
 from cutenv.tissue.grid import N_POINTS, SPACING
 from cutenv.tissue.nominal import nominal_tissue
@@ -136,10 +137,12 @@ def _add_depth(
     pressed = _PER_FORCE * observation[_VERTICAL_MEAN] * _SCALES[_VERTICAL_MEAN]
     features[k] = tanh(pressed / _FINE)
 
-    lag = feel_two_forces(
-        felt, nominal, position, observation[SPEED_COLUMN] * _SCALES[SPEED_COLUMN], max(blade, SHALLOWEST),
+    reading = BladeReading(
+        position, observation[SPEED_COLUMN] * _SCALES[SPEED_COLUMN], max(blade, SHALLOWEST),
         observation[FORCE_MEAN_COLUMN] * _SCALES[FORCE_MEAN_COLUMN],
-        observation[_VERTICAL_MEAN] * _SCALES[_VERTICAL_MEAN],
+    )  # fmt: skip
+    lag = feel_two_forces(
+        felt, nominal, reading, observation[_VERTICAL_MEAN] * _SCALES[_VERTICAL_MEAN],
         observation[_DESCENT_SPEED] * _SCALES[_DESCENT_SPEED],
     )  # fmt: skip
     features[k + 1], features[k + 2], features[k + 3] = lag / _LAG, felt.stiffness, felt.friction

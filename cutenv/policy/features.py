@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -32,6 +32,7 @@ from cutenv.policy.tip_estimate import CUT_ESTIMATE, estimate_cut, nothing_yet
 from cutenv.task.observation import CLIP, COMPONENTS, SCALES, checked_observation
 from cutenv.task.reward import DECELERATION
 from cutenv.task_quantities import SHALLOWEST
+from cutenv.tissue.crack_tip import BladeReading
 from cutenv.tissue.description import measured_liver
 from cutenv.tissue.nominal import nominal_tissue
 
@@ -41,6 +42,17 @@ _LENGTH = 0.010  # [m], scale of lengths
 _FINE = 0.002  # [m], scale of lengths that decide whether a cut is a success
 _NEAR = 0.010  # [m] before the target, where a cut calls for care
 _FORCE_PER_DEPTH = 300.0  # [N/m]
+
+
+class Remembered(NamedTuple):
+    """Memory of n cuts: records and arrays of shape (n, ...)."""
+
+    memory: StructArray
+    """:data:`~cutenv.policy.tip_estimate.CUT_MEMORY`."""
+    estimates: StructArray
+    """Last estimate of each, :data:`~cutenv.policy.tip_estimate.CUT_ESTIMATE`."""
+    frames: StructArray
+    """History, shape (n, decisions, 5)."""
 
 
 class Features:
@@ -80,9 +92,10 @@ class Features:
             raise ValueError(f"history = {history} is not a whole number of decisions.")
         if not isinstance(force, bool):
             raise TypeError(f"force = {force!r} must be True (used) or False (not used).")
-        self._memory = np.repeat(nothing_yet(measured_liver()), int(count))
-        self._estimates = np.zeros(int(count), CUT_ESTIMATE)
-        self._frames = np.zeros((int(count), int(history), _CHANNELS))
+        self._remembered = Remembered(
+            np.repeat(nothing_yet(measured_liver()), int(count)), np.zeros(int(count), CUT_ESTIMATE),
+            np.zeros((int(count), int(history), _CHANNELS)),
+        )  # fmt: skip
         self._force = force
         self.size = feature_count(int(history)) + self.added
         self._all = np.arange(int(count))
@@ -93,18 +106,18 @@ class Features:
 
     def forget(self, cuts: int | Indices) -> None:
         """Forget one of the cuts, or several, given by index."""
-        self._memory[cuts] = nothing_yet(measured_liver())[0]
-        self._frames[cuts] = 0.0
+        self._remembered.memory[cuts] = nothing_yet(measured_liver())[0]
+        self._remembered.frames[cuts] = 0.0
 
     @property
     def memory(self) -> StructArray:
         """Memory of each cut, :data:`~cutenv.policy.tip_estimate.CUT_MEMORY`, shape (count,)."""
-        return self._memory
+        return self._remembered.memory
 
     @property
     def estimates(self) -> StructArray:
         """Last estimate of each cut, :data:`~cutenv.policy.tip_estimate.CUT_ESTIMATE`, shape (count,)."""
-        return self._estimates
+        return self._remembered.estimates
 
     def __call__(self, observations: ArrayLike, cuts: Indices | None = None) -> Array32:
         """Return the features, float32, clipped like observations.
@@ -139,7 +152,7 @@ class Features:
             seen[:, self.forces] = 0.0
         features = np.empty((len(seen), self.size - self.added), np.float32)
         nominal, along = nominal_tissue(measured_liver()), self.seen_along(seen)
-        if not extract_some(self._memory, self._estimates, self._frames, cuts, nominal, along, features):
+        if not extract_some(self._remembered, cuts, nominal, along, features):
             checked_observation(observations)  # raises with the reason
         if self.added:
             features = np.concatenate([features, np.empty((len(seen), self.added), np.float32)], axis=1)
@@ -162,15 +175,9 @@ def feature_count(history: int) -> int:
 
 @njit
 def extract_some(
-    memory: StructArray,
-    estimates: StructArray,
-    frames: StructArray,
-    cuts: StructArray,
-    nominals: StructArray,
-    observations: StructArray,
-    features: StructArray,
+    remembered: Remembered, cuts: StructArray, nominals: StructArray, observations: StructArray, features: StructArray
 ) -> bool:
-    """Fill ``features``, shape (n, size), and update memory and estimates of the n cuts given by index.
+    """Fill ``features``, shape (n, size), and update what is remembered of the n cuts given by index.
 
     Returns False, and changes nothing, if an observation is not finite.
     """
@@ -179,20 +186,13 @@ def extract_some(
             if not math.isfinite(observations[k, i]):
                 return False
     for k in range(len(cuts)):
-        n = cuts[k]
-        _extract(memory[n], estimates[n], frames[n], nominals[0], observations[k], features[k])
+        _extract(remembered, cuts[k], nominals[0], observations[k], features[k])
     return True
 
 
 @njit_internal
-def _extract(
-    memory: Struct,
-    estimate: Struct,
-    frames: StructArray,
-    nominal: Struct,
-    observation: StructArray,
-    features: StructArray,
-) -> None:
+def _extract(remembered: Remembered, n: int, nominal: Struct, observation: StructArray, features: StructArray) -> None:
+    memory, estimate, frames = remembered.memory[n], remembered.estimates[n], remembered.frames[n]
     force = observation[FORCE_COLUMN] * SCALES[FORCE_COLUMN]
     mean_force = observation[FORCE_MEAN_COLUMN] * SCALES[FORCE_MEAN_COLUMN]
     position = max(observation[POSITION_COLUMN] * SCALES[POSITION_COLUMN], 0.0)
@@ -200,7 +200,7 @@ def _extract(
     depth = max(observation[DEPTH_COLUMN] * SCALES[DEPTH_COLUMN], SHALLOWEST)
     target = position + observation[DISTANCE_COLUMN] * SCALES[DISTANCE_COLUMN]
 
-    estimate_cut(memory, nominal, position, speed, depth, force, mean_force, estimate)
+    estimate_cut(memory, nominal, BladeReading(position, speed, depth, force), mean_force, estimate)
     left = target - estimate.tip
     reach = left - max(speed, 0.0) ** 2 / (2.0 * DECELERATION)  # less the way that the blade needs to stop
 

@@ -76,7 +76,7 @@ def _add_path(course: Struct, estimate: Struct, observation: StructArray, featur
     speed = observation[SPEED_COLUMN] * _SCALES[SPEED_COLUMN]
     blade, bend = 0.0 - observation[_DIRECTION] * _SCALES[_DIRECTION], observation[_BEND] * _SCALES[_BEND]
     lateral = observation[_LATERAL_MEAN] * _SCALES[_LATERAL_MEAN]
-    follow_course(course, position, bend, blade, estimate.tip, estimate.elastic, lateral)
+    follow_course(course, position, (bend, blade), estimate.tip, (estimate.elastic, lateral))
     wanted = 0.0 - min(max(course.aside / BACK, -1.0), 1.0)
     turned = min(max(_GAIN * (wanted - course.crack), -_LARGEST), _LARGEST)
     rate = speed * (bend + (turned - blade) / _RETURN)  # by which the tip would come back

@@ -130,39 +130,30 @@ def nothing_yet(tissue: TissueDescription) -> StructArray:
 @njit
 def _estimate_all(memory: StructArray, nominals: StructArray, seen: StructArray, estimates: StructArray) -> None:
     for n in range(len(memory)):
-        estimate_cut(
-            memory[n], nominals[0], max(seen[n, POSITION_COLUMN], 0.0), seen[n, SPEED_COLUMN],
-            max(seen[n, DEPTH_COLUMN], SHALLOWEST), seen[n, FORCE_COLUMN], seen[n, FORCE_MEAN_COLUMN], estimates[n],
+        reading = BladeReading(
+            max(seen[n, POSITION_COLUMN], 0.0), seen[n, SPEED_COLUMN], max(seen[n, DEPTH_COLUMN], SHALLOWEST),
+            seen[n, FORCE_COLUMN],
         )  # fmt: skip
+        estimate_cut(memory[n], nominals[0], reading, seen[n, FORCE_MEAN_COLUMN], estimates[n])
 
 
 @njit_internal
-def estimate_cut(
-    memory: Struct,
-    nominal: Struct,
-    position: float,
-    speed: float,
-    depth: float,
-    force: float,
-    mean_force: float,
-    estimate: Struct,
-) -> None:
+def estimate_cut(memory: Struct, nominal: Struct, reading: BladeReading, mean_force: float, estimate: Struct) -> None:
     """Fill ``estimate`` from an observation, and remember what it shows.
 
     Parameters
     ----------
     memory, nominal : Record
         :data:`CUT_MEMORY`, changed in place; :data:`cutenv.tissue.nominal.NOMINAL`.
-    position, speed, depth : float
-        Of the blade [m], [m/s]; depth of cut there [m].
-    force, mean_force : float
-        Measured force, and its mean since the last observation [N].
+    reading, mean_force : BladeReading, float
+        Reading at the observation, and the mean force since the last one [N].
     estimate : Record
         :data:`CUT_ESTIMATE`, filled.
     """
+    position, _, depth, force = reading
     remember_stiffness(memory, nominal, position, depth)
     mean = MeanTissue(memory.stiffness, memory.passed, nominal.friction_per_depth)
-    tip, elastic = follow_tip(memory, mean, BladeReading(position, speed, depth, force))
+    tip, elastic = follow_tip(memory, mean, reading)
     new_ground = position - max(memory.furthest, _CUTTING_FROM)
     memory.furthest = max(memory.furthest, position)
 

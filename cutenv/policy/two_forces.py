@@ -14,7 +14,7 @@ It needs no return stroke.  Once one has measured the stiffness, that measuremen
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from cutenv._base.arrays import Array, Indices, Struct, StructArray
 from cutenv._engine.elementary import exp
 from cutenv._engine.jit import njit, njit_internal
 from cutenv.task_quantities import SHALLOWEST
+from cutenv.tissue.crack_tip import BladeReading
 from cutenv.tissue.description import measured_liver
 from cutenv.tissue.grid import N_POINTS, POINTS_PER_METRE
 from cutenv.tissue.nominal import nominal_stiffness, nominal_tissue
@@ -94,22 +95,13 @@ class TwoForces:
 @njit
 def _feel_all(felt: StructArray, nominals: StructArray, values: Array, lags: Array) -> None:
     for n in range(len(felt)):
-        lags[n] = feel_two_forces(
-            felt[n], nominals[0], max(values[n, 0], 0.0), values[n, 1], max(values[n, 2], SHALLOWEST), values[n, 3],
-            values[n, 4], values[n, 5],
-        )  # fmt: skip
+        reading = BladeReading(max(values[n, 0], 0.0), values[n, 1], max(values[n, 2], SHALLOWEST), values[n, 3])
+        lags[n] = feel_two_forces(felt[n], nominals[0], reading, values[n, 4], values[n, 5])
 
 
 @njit_internal
 def feel_two_forces(
-    felt: Struct,
-    nominal: Struct,
-    position: float,
-    speed: float,
-    depth: float,
-    force: float,
-    upwards: float,
-    descent_speed: float,
+    felt: Struct, nominal: Struct, reading: BladeReading, upwards: float, descent_speed: float
 ) -> float:
     """Update what is known of one cut by a decision's forces; return the lag of the tip behind the blade [m].
 
@@ -117,11 +109,12 @@ def feel_two_forces(
     ----------
     felt, nominal : Record
         :data:`TWO_FORCES`, changed in place; :data:`cutenv.tissue.nominal.NOMINAL`.
-    position, speed, depth : float
-        Of the blade [m], [m/s]; depth to which it is in the tissue [m].
-    force, upwards, descent_speed : float
-        Means since the last decision of the force along the cut and of that upwards [N]; speed downwards [m/s].
+    reading : BladeReading
+        Reading with the depth to which the blade is in the tissue, and the mean force since the last decision.
+    upwards, descent_speed : float
+        Mean of the force upwards since the last decision [N]; speed downwards [m/s].
     """
+    position, speed, depth, force = reading
     sense = 0.0 if abs(descent_speed) < _MOVING else (1.0 if descent_speed > 0.0 else -1.0)
     grown = max(position - felt.furthest, 0.0)
     felt.furthest = max(felt.furthest, position)
@@ -132,24 +125,34 @@ def feel_two_forces(
     rise = (nominal_stiffness(nominal, i, depth + _ASIDE) - nominal_stiffness(nominal, i, low)) / (depth + _ASIDE - low)
     # While the blade presses on the floor of the cut, or turns from down to up, the floor's push is not known.
     if speed > _ADVANCING and position > _FROM and sense <= 0.0 and sense == felt.sense:
-        _correct(felt, nominal.friction_per_depth * depth, stiffness, rise, force, upwards, sense)
+        mean = _MeanCut(nominal.friction_per_depth * depth, stiffness, rise)
+        _correct(felt, mean, force, upwards, sense)
     felt.sense = sense
     elastic = max(force - nominal.friction_per_depth * exp(felt.friction) * depth, 0.0)
     felt.lag = min(elastic / (stiffness * exp(felt.stiffness)), _LONGEST_LAG)
     return felt.lag  # type: ignore[no-any-return]
 
 
+class _MeanCut(NamedTuple):
+    """Forces of the mean tissue on this blade."""
+
+    friction: float
+    """[N]."""
+    stiffness: float
+    """[N/m]."""
+    rise: float
+    """Rise of the stiffness with depth [N/m2]."""
+
+
 @njit_internal
-def _correct(
-    felt: Struct, friction: float, stiffness: float, rise: float, force: float, upwards: float, sense: float
-) -> None:
-    """Correct stiffness and friction by the upward force; the arguments are the mean tissue's, and forces [N]."""
-    rubbing = friction * exp(felt.friction)
+def _correct(felt: Struct, mean: _MeanCut, force: float, upwards: float, sense: float) -> None:
+    """Correct stiffness and friction by the upward force; forces in N."""
+    rubbing = mean.friction * exp(felt.friction)
     elastic = max(force - rubbing, 0.0)
     if elastic == 0.0:
         return
-    lag = elastic / (stiffness * exp(felt.stiffness))
-    push = 0.5 * rise / stiffness * elastic * lag
+    lag = elastic / (mean.stiffness * exp(felt.stiffness))
+    push = 0.5 * mean.rise / mean.stiffness * elastic * lag
     by_stiffness, by_friction = -push, sense * rubbing - 2.0 * push * rubbing / elastic  # derivatives by the logarithms
     first = felt.stiffness_variance * by_stiffness + felt.covariance * by_friction
     second = felt.covariance * by_stiffness + felt.friction_variance * by_friction
