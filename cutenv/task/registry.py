@@ -52,7 +52,7 @@ class RegisteredTask:
     along: str = ""
     """Words for what the cuts follow, such as "along a drawn line"."""
     line: bool = False
-    """Whether they follow one of the drawn lines, and take the keyword ``line``."""
+    """True if they follow one of the drawn lines, and take the keyword ``line``."""
     errors: tuple[tuple[str, str, str, int], ...] = ()
     """Scores that tell how well they follow it: name, words, unit, and number of decimals."""
 

@@ -173,6 +173,7 @@ def test_nothing_hidden_reaches_them():
         "cutenv.policy.signals",
         "cutenv.policy.tip_estimate",
         "cutenv.task.observation",
+        "cutenv.tissue.crack_tip",
         "cutenv.tissue.description",
         "cutenv.task.reward",
         "cutenv.tissue.nominal",
