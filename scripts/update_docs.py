@@ -14,6 +14,7 @@
     python scripts/update_docs.py rig-faults-serial         what scripts/rig_faults.py --serial left in runs/ (--json)
     python scripts/update_docs.py rig-faults-grbl           what scripts/rig_faults.py --grbl left in runs/ (--json)
     python scripts/update_docs.py slow-rig-agents           what scripts/slow_rig_agents.py left in runs/slow-rig
+    python scripts/update_docs.py test-times                what a whole run of the tests left (--times tests/times.csv)
     python scripts/update_docs.py errata tissue-file rig-file slow-rig metrics weights ends class-attacks
     python scripts/update_docs.py --docstring               tables in the docstring of cutenv/envs/gentle_cut.py
     python scripts/update_docs.py --check parameters        fails if a block is not what it would print
@@ -68,6 +69,7 @@ import rig_soak
 import safe_cut
 import slow_rig_agents
 import stock_learners
+import suite_times
 import task_agents
 import tip_errors
 import wear_series
@@ -165,6 +167,7 @@ PAGES = {
     "browser-page": "docs/how-to/browser.md",
     "class-load": "docs/validation/class-server.md",
     "class-attacks": "docs/validation/class-server.md",
+    "test-times": "docs/development/testing.md",
 }
 """Block and the page that holds it."""
 
@@ -509,6 +512,7 @@ BLOCKS: dict[str, Callable[[argparse.Namespace], str]] = {
     "browser-page": lambda _: measure_page.markdown(left_by(measure_page)),
     "class-load": lambda _: class_load.markdown(left_by(class_load)),
     "class-attacks": lambda _: class_attacks.markdown(),
+    "test-times": lambda _: suite_times.tables(suite_times.read()),
 }
 
 
