@@ -48,15 +48,18 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--allowed-skips", metavar="FILE", type=Path, help="fail on a skip that FILE does not list")
     parser.addoption("--installed", metavar="NAME,...", default="", help="programs for want of which nothing may skip")
     parser.addoption("--times", metavar="FILE", type=Path, help="write what the tests take to FILE; print the slowest")
-    parser.addoption("--within", metavar="SECONDS", type=float, help="begin no test later than this, and say how many")
+    parser.addoption("--within", metavar="SECONDS", type=float, help="begin no test so long after the first")
     parser.addoption("--at-most", metavar="SECONDS", type=float, help="leave out those that tests/times.csv has longer")
+
+
+FIRST = pytest.StashKey[float]()
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """Skip a test that needs a program which is not there (scripts/test_programs.py), or time that is over."""
-    within = item.config.getoption("--within")
-    if within is not None and time.monotonic() - LOADED > within:
+    within, first = item.config.getoption("--within"), item.session.stash.setdefault(FIRST, time.monotonic())
+    if within is not None and time.monotonic() - first >= within:
         pytest.skip("needs more time: python3 scripts/start.py test")
     for name in (name for mark in item.iter_markers("needs") for name in mark.args):
         import test_programs  # from scripts/, which a copy of this file elsewhere does not have
@@ -80,7 +83,6 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     items[:] = kept
 
 
-LOADED = time.monotonic()
 BEGUN = pytest.StashKey[tuple[float, float]]()
 
 
