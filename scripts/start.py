@@ -1,12 +1,13 @@
 #!/usr/bin/env python3
 """Set up cutenv in .venv, then train an agent or run the tests. Needs nothing but Python.
 
-usage: python3 scripts/start.py COMMAND [--torch-index URL] [--accept-cuda] [--long] [ARGUMENT ...]
+usage: python3 scripts/start.py COMMAND [--torch-index URL] [--accept-cuda] [--fast | --long] [ARGUMENT ...]
 
   train   set up what training needs, then run "cutenv train" with the arguments (--quick: about two minutes)
   test    set up everything, and Ray in .venv-ray, then run pytest with the arguments
   setup   set up everything but Ray, and stop
 
+  --fast              with "test": run for about two minutes what concerns a change (scripts/fast_tests.py)
   --long              with "test": run the checks that take hours (scripts/long_checks.py) and go on where they stopped
 
   --torch-index URL   at the first set-up, take torch from this package index (of CPU builds, for instance)
@@ -238,10 +239,11 @@ def main(argv: list[str]) -> int:
     parser.add_argument("command", choices=PROGRAMS)
     parser.add_argument("--torch-index", metavar="URL")
     parser.add_argument("--accept-cuda", action="store_true")
-    parser.add_argument("--long", action="store_true")
+    parser.add_argument("--fast", action="append_const", dest="instead", const="scripts/fast_tests.py")
+    parser.add_argument("--long", action="append_const", dest="instead", const="scripts/long_checks.py")
     options, passed_on = parser.parse_known_args(argv)
-    if options.long and options.command != "test":
-        parser.error("--long is for the command 'test'")
+    if options.instead and (options.command != "test" or len(options.instead) > 1):
+        parser.error("--fast or --long is for the command 'test'")
     venv = ROOT / ".venv"
     if {"-h", "--help"} & set(passed_on) and not (venv / "cutenv-setup.txt").exists():
         print(f"{__doc__}\nThe options of '{options.command}' itself: the same line again, after 'setup'.")
@@ -261,7 +263,7 @@ def main(argv: list[str]) -> int:
     if options.command == "setup":
         print(f"cutenv: {venv} is ready")
         return 0
-    program = ["scripts/long_checks.py"] if options.long else PROGRAMS[options.command]
+    program = options.instead or PROGRAMS[options.command]
     command = [python_of(venv), *program, *passed_on]
     os.chdir(ROOT)
     sys.stdout.flush()

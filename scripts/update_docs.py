@@ -14,6 +14,7 @@
     python scripts/update_docs.py rig-faults-serial         what scripts/rig_faults.py --serial left in runs/ (--json)
     python scripts/update_docs.py rig-faults-grbl           what scripts/rig_faults.py --grbl left in runs/ (--json)
     python scripts/update_docs.py slow-rig-agents           what scripts/slow_rig_agents.py left in runs/slow-rig
+    python scripts/update_docs.py test-times                what a whole run of the tests left (--times tests/times.csv)
     python scripts/update_docs.py errata tissue-file rig-file slow-rig metrics weights ends class-attacks
     python scripts/update_docs.py --check parameters        fails if a block is not what it would print
     python scripts/update_docs.py --picture                 draws assets/pictures/cut.png
@@ -64,6 +65,7 @@ import rig_soak
 import safe_cut
 import slow_rig_agents
 import stock_learners
+import suite_times
 import task_table
 import tip_errors
 import wear_series
@@ -414,6 +416,7 @@ ON_PAGES: dict[str, dict[str, Callable[[argparse.Namespace], str]]] = {
         "path-ladder": lambda _: knowledge_ladder.LADDERS["path"].kept_report(),
         "path-speed": lambda _: speed_of("path"),
     },
+    "docs/development/testing.md": {"test-times": lambda _: suite_times.tables(suite_times.read())},
     "docs/development/measures.md": {"measures": lambda _: measure_codebase.comparison()},
     "docs/validation/descent.md": {
         "descent": lambda _: promises.markdown(check_descent.CHECKS, 4),

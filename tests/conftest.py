@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import threading
 import time
 from collections import Counter
@@ -19,6 +20,10 @@ os.environ.setdefault("MPLBACKEND", "Agg")
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 os.environ.setdefault("SDL_AUDIODRIVER", "dummy")
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # torch's pool beside Numba's is a hundred times slower
+
+# Tests start some hundred programs, which should not translate the same modules each time.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 # A shell's background ignores Ctrl-C, and so would every program that a test starts and interrupts.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -42,16 +47,72 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--allowed-skips", metavar="FILE", type=Path, help="fail on a skip that FILE does not list")
     parser.addoption("--installed", metavar="NAME,...", default="", help="programs for want of which nothing may skip")
+    parser.addoption("--times", metavar="FILE", type=Path, help="write what the tests take to FILE; print the slowest")
+    parser.addoption("--within", metavar="SECONDS", type=float, help="begin no test so long after the first")
+    parser.addoption("--at-most", metavar="SECONDS", type=float, help="leave out those that tests/times.csv has longer")
+
+
+FIRST = pytest.StashKey[float]()
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Skip a test that needs a program which is not there; scripts/test_programs.py lists them."""
+    """Skip a test that needs a program which is not there (scripts/test_programs.py), or time that is over."""
+    within, first = item.config.getoption("--within"), item.session.stash.setdefault(FIRST, time.monotonic())
+    if within is not None and time.monotonic() - first >= within:
+        pytest.skip("needs more time: python3 scripts/start.py test")
     for name in (name for mark in item.iter_markers("needs") for name in mark.args):
         import test_programs  # from scripts/, which a copy of this file elsewhere does not have
 
         if test_programs.GROUPS[name].found() is None:
             pytest.skip(test_programs.reason(name))
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out the tests that take longer than --at-most."""
+    if config.getoption("--at-most") is None:
+        return
+    import suite_times  # from scripts/, which a copy of this file elsewhere does not have
+
+    times = suite_times.read(Path(__file__).with_name("times.csv"))
+    longer = {name for name, took in times.items() if max(took) > config.getoption("--at-most")}
+    kept, left_out = [], []
+    for item in items:
+        (left_out if item.nodeid.partition("[")[0] in longer else kept).append(item)
+    config.hook.pytest_deselected(items=left_out)
+    items[:] = kept
+
+
+BEGUN = pytest.StashKey[tuple[float, float]]()
+
+
+def spent() -> tuple[float, float]:
+    """Processor seconds of this process and of its ended children, and the clock on the wall [s]."""
+    return sum(os.times()[:4]), time.monotonic()
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Any:
+    item.stash[BEGUN] = spent()
+    return (yield)
+
+
+def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> None:
+    """Tell what the whole test has taken, with its fixtures, to the process that sums up."""
+    if call.when == "teardown":
+        took = tuple(now - begun for now, begun in zip(spent(), item.stash[BEGUN], strict=True))
+        item.user_properties.append(("took", took))
+
+
+def taken(reporter: pytest.TerminalReporter) -> dict[str, tuple[float, float]]:
+    """Processor and wall seconds of each test; of one that was run again, together."""
+    ended = (report for reports in reporter.stats.values() for report in reports)
+    return {
+        report.nodeid: value
+        for report in ended
+        for name, value in getattr(report, "user_properties", ())
+        if name == "took"
+    }
 
 
 LATE = 0.02
@@ -136,6 +197,12 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+    if file := config.getoption("--times"):
+        import suite_times  # from scripts/, which a copy of this file elsewhere does not have
+
+        rows = suite_times.summed(taken(terminalreporter))
+        suite_times.write(file, rows)
+        terminalreporter.write_line(f"{suite_times.tables(rows)}\n")
     groups = Counter(reason for reason in skips(terminalreporter).values() if reason.startswith("needs "))
     for reason, count in sorted(groups.items()):
         name, _, cure = reason.removeprefix("needs ").partition(": ")

@@ -20,7 +20,7 @@ RECORDS = (ROOT / "docs" / "reference" / "files" / "records.md").read_text(encod
 
 CHEAP = (
     "parameters", "benchmark", "results", "errata", "metrics", "weights", "ends", "tissue-file", "rig-file",
-    "slow-rig", "class-attacks",
+    "slow-rig", "class-attacks", "test-times",
 )  # fmt: skip
 """Blocks that are printed from what is in the repository, in a second."""
 

@@ -303,12 +303,15 @@ def test_arguments_are_passed_on_in_order(monkeypatch: pytest.MonkeyPatch) -> No
     assert became[0][1:] == ["-m", "cutenv", "train", "--quick", "--seed", "3"]
     assert became[1][1:] == ["-m", "pytest", "-n", "2", "--dist", "worksteal", "-k", "packaging", "tests/packaging"]
     assert became[2][1:] == ["scripts/long_checks.py", "--list"]
+    start.main(["test", "--fast", "--since", "HEAD~1"])
+    assert became[3][1:] == ["scripts/fast_tests.py", "--since", "HEAD~1"]
 
 
-def test_long_is_for_the_tests(capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("line", [["train", "--long"], ["train", "--fast"], ["test", "--fast", "--long"]])
+def test_fast_or_long_is_for_the_tests(line: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
-        start.main(["train", "--long"])
-    assert "--long is for the command 'test'" in capsys.readouterr().err
+        start.main(line)
+    assert "--fast or --long is for the command 'test'" in capsys.readouterr().err
 
 
 def test_rays_environment_is_asked_for_with_its_own_constraints(venv: Path, monkeypatch: pytest.MonkeyPatch) -> None:
