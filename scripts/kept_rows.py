@@ -1,4 +1,4 @@
-"""What a script has measured and keeps, rows as CSV and all else as JSON, and the means of columns as text."""
+"""Kept results of scripts: rows as CSV and all else as JSON, and the means of columns as text."""
 
 from __future__ import annotations
 
