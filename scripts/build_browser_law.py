@@ -69,8 +69,9 @@ def intermediate_code(task: str) -> str:
         from numba.np.numpy_support import from_dtype
 
         from cutenv.browser.page_alone import HAND_CUTS, SHARED_RECORDS
-        from cutenv.browser.stylus_steps import follow_hand
+        from cutenv.browser.stylus_steps import LeadingHand, follow_hand
         from cutenv.cutting.dtypes import READING
+        from cutenv.task.declare import OneCut
 
         library: Any = numba  # which has no types
         carray, pointer = library.carray, library.types.CPointer
@@ -86,10 +87,10 @@ def intermediate_code(task: str) -> str:
             action: Any, observation: Any, across: Any, readings: Any, noted: Any, outcome: Any,
         ) -> Any:  # fmt: skip
             return follow_led(
-                carray(cuts, (1,)), carray(shared, (1,)), carray(episodes, (1,)), carray(stylus, (count, numbers)),
-                (lag, acceleration), start,
+                OneCut(carray(cuts, (1,)), carray(shared, (1,)), carray(episodes, (1,))),
+                carray(stylus, (count, numbers)), LeadingHand(lag, acceleration, start),
                 (carray(action, (1, numbers)), carray(observation, (1, components)), carray(across, (1,))),
-                (carray(readings, (count, 1)), carray(noted, (channels, count))), carray(outcome, (2,)),
+                (carray(readings, (count, 1)), carray(noted, (channels, count)), carray(outcome, (2,))),
             )  # fmt: skip
 
         arguments = (

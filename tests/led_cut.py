@@ -177,7 +177,7 @@ class PulledBlade:
         """Move the hand at a commanded ``speed`` [m/s]; the blade's displacement [m]."""
         s = self.state
         advance_command(s, self.drive, lag_gain(self.drive, TICK), speed, TICK)
-        dx = coupling_step(self.drive, s.hand, s.hand_speed, s.blade, s.speed, 0.0, friction, TICK)
+        dx = coupling_step(self.drive, s, 0.0, friction, TICK)
         s.speed = dx / TICK
         s.blade += dx
         return float(dx)

@@ -4,16 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache, wraps
-from typing import Any, Protocol
+from importlib import import_module
+from operator import attrgetter
+from typing import Any
 
 
-class Declaration(Protocol):
-    """Object of a module from which kernels are made."""
+class Declaration:
+    """Object of a module from which kernels are made; copied or unpickled, it is the same object."""
 
-    @property
-    def place(self) -> str:
-        """Module and name of the object, "package.module:NAME"."""
-        ...
+    place: str
+    """Module and name of the object, "package.module:NAME"."""
+
+    def __reduce__(self) -> tuple[Callable[[str], Any], tuple[str]]:
+        return _object_at, (self.place,)
+
+
+def _object_at(place: str) -> Any:
+    module, _, name = place.partition(":")
+    return attrgetter(name)(import_module(module))
 
 
 def compiled_for(decorate: Callable[[Any], Any]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:

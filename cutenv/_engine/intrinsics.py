@@ -113,7 +113,7 @@ def _kept(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
 
 
 def without_refcount(arrays: Arrays) -> Arrays:
-    """Return a tuple of array views without reference counting; the caller must keep the arrays alive.
+    """Return a tuple of arrays, numbers among them, without reference counting; the caller must keep the arrays alive.
 
     It avoids contention between threads that count references to the same array.  Plain Python still counts them.
     """
@@ -129,6 +129,9 @@ def _type_of_borrowed(_: Any) -> Any:
 def _borrowed(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
     uncounted = []
     for kind, counted in zip(signature.args[0], _llvm.unpack_tuple(builder, arguments[0]), strict=True):
+        if not isinstance(kind, numba.types.Array):
+            uncounted.append(counted)
+            continue
         array = context.make_array(kind)(context, builder, counted)
         array.meminfo = _llvm.get_null_value(array.meminfo.type)
         array.parent = _llvm.get_null_value(array.parent.type)

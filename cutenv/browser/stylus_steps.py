@@ -5,12 +5,12 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from cutenv._base.arrays import Array, Struct, StructArray
-from cutenv._engine.declared import compiled_for
+from cutenv._engine.declared import Declaration, compiled_for
 from cutenv._engine.jit import njit, njit_inline
 from cutenv.cutting.drive import Hand
 from cutenv.cutting.dtypes import READING, TICK
@@ -20,7 +20,7 @@ from cutenv.envs.path_cut import PathCutEnv
 from cutenv.plant.protocol import recorded_trace
 from cutenv.play.hand_model import PLAYED_HAND, descent_toward, speed_over, steered_toward
 from cutenv.scoring.cut_map import LINE_KEY
-from cutenv.task.declare import Task
+from cutenv.task.declare import OneCut, Task
 from cutenv.task.depth import DEPTH_CUT
 from cutenv.task.gentle import GENTLE_CUT
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, SPEED_SCALE, speed_action
@@ -33,29 +33,35 @@ _LATERAL = [each.name for each in PATH_CUT.all_components].index("lateral")
 _NEWTONS = PATH_CUT.all_components[_LATERAL].scale
 
 
+class LeadingHand(NamedTuple):
+    """Constants of the hand that leads a cut."""
+
+    lag: float
+    """[s]."""
+    acceleration: float
+    """[m/s2]."""
+    start: float
+    """Level of the blade at the start [m]."""
+
+
 @njit_inline
-def lead_along(cut: Struct, start: float, stylus: Array, hand: tuple[float, float], actions: Array) -> None:
+def lead_along(cut: Struct, stylus: Array, hand: LeadingHand, actions: Array) -> None:
     """Fill an action with that of a hand along the cut."""
-    actions[0] = speed_action(speed_over(stylus[0] - cut.states[0].hand, hand[0], hand[1]))
+    actions[0] = speed_action(speed_over(stylus[0] - cut.states[0].hand, hand.lag, hand.acceleration))
 
 
 @njit_inline
-def lead_deep(cut: Struct, start: float, stylus: Array, hand: tuple[float, float], actions: Array) -> None:
-    """Fill an action with that of a hand along the cut, which brings the blade to a level above the ``start`` [m]."""
-    lead_along(cut, start, stylus, hand, actions)
-    actions[2] = descent_toward(cut.motions[0].level, start + stylus[2])
+def lead_deep(cut: Struct, stylus: Array, hand: LeadingHand, actions: Array) -> None:
+    """Fill an action with that of a hand along the cut, which brings the blade to a level above the start [m]."""
+    lead_along(cut, stylus, hand, actions)
+    actions[2] = descent_toward(cut.motions[0].level, hand.start + stylus[2])
 
 
 @njit_inline
-def lead_in_plane(cut: Struct, start: float, stylus: Array, hand: tuple[float, float], actions: Array) -> None:
+def lead_in_plane(cut: Struct, stylus: Array, hand: LeadingHand, actions: Array) -> None:
     """Fill an action with that of a hand over the slab."""
-    speed, turn = steered_toward(cut.states[0], cut.motions[0], stylus[0], stylus[2], hand[0], hand[1])
+    speed, turn = steered_toward(cut.states[0], cut.motions[0], (stylus[0], stylus[2]), hand.lag, hand.acceleration)
     actions[0], actions[2] = speed_action(speed), speed_action(turn * (SPEED_SCALE / TURN_SCALE))
-
-
-@njit_inline
-def note_nothing(cut: Struct, across: float, observation: StructArray, channels: Array, i: int) -> None:
-    """Note nothing beyond the readings."""
 
 
 @njit_inline
@@ -72,15 +78,15 @@ def note_place(cut: Struct, across: float, observation: StructArray, channels: A
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LedTask:
+class LedTask(Declaration):
     """A task that a hand leads."""
 
     place: str
     """Module and name of this object, "package.module:NAME"."""
     task: Task
     lead: Callable[..., None]
-    """Fill speed and third action: takes the cut, start, numbers of the hand, its lag and acceleration, an action."""
-    note: Callable[..., None] = note_nothing
+    """Fill speed and third action: takes the cut, numbers of the stylus, the hand, an action."""
+    note: Callable[..., None] | None = None
     """Note further channels of a record at a reading."""
 
 
@@ -95,50 +101,44 @@ def follow_hand(led: LedTask) -> Callable[..., int]:
     step, lead, note, numbers = step_one(led.task), led.lead, led.note, len(led.task.action_names)
 
     def follow_hand(
-        cuts: StructArray,
-        shared: StructArray,
-        episodes: StructArray,
+        one: OneCut,
         stylus: Array,
-        hand: tuple[float, float],
-        start: float,
+        hand: LeadingHand,
         memory: tuple[Array, StructArray, Array],
-        filled: tuple[StructArray, Array],
-        outcome: Array,
+        filled: tuple[StructArray, Array, Array],
     ) -> int:
         """Advance one cut by a millisecond for each place of a person's hand, until it ends; return their number.
 
         Parameters
         ----------
-        cuts, shared, episodes : Records, shape (1,)
-            See :func:`cutenv.task.stepper.step_one`.
+        one : OneCut
+            The cut, changed in place.
         stylus : array, shape (n, k)
             Wanted position of the hand [m], angle of the blade [rad], level above ``start`` or place across [m].
-        hand : tuple of float
-            Its lag [s] and acceleration [m/s2].
-        start : float
-            Level of the blade at the start [m].
+        hand : LeadingHand
+            Constants of the hand.
         memory : tuple of array, shape (1, k), (1, components) float32, (1,)
             Memory of the calls: action, observation, force across the cut.
-        filled : tuple of Records and array, shape (n, 1), (m, n)
-            :data:`~cutenv.cutting.dtypes.READING`, and further channels of a record, filled up to the end.
-        outcome : array, shape (2,)
-            Filled: index of the end in :attr:`~cutenv.task.declare.Task.ends`, 0 before it; 1 for a success.
+        filled : tuple of Records and arrays, shape (n, 1), (m, n), (2,)
+            :data:`~cutenv.cutting.dtypes.READING`, and further channels of a record, filled up to the end.  Outcome:
+            index of the end in :attr:`~cutenv.task.declare.Task.ends`, 0 before it; 1 for a success.
         """
         actions, observations, across = memory
-        readings, channels = filled
+        readings, channels, outcome = filled
         done = end = 0
         for i in range(len(stylus)):
-            lead(cuts[0], start, stylus[i], hand, actions[0])
+            lead(one.cut[0], stylus[i], hand, actions[0])
             actions[0, 1] = (stylus[i, 1] - ANGLE_CENTRE) / ANGLE_SCALE
             for k in range(numbers):  # an action is of single precision, as an agent's
                 actions[0, k] = min(max(float(np.float32(actions[0, k])), -1.0), 1.0)
             done = i + 1
-            end = step(cuts, shared, episodes, 1, actions, observations, readings[i:done], across)[1]
-            note(cuts[0], across[0], observations[0], channels, i)
+            end = step(one, 1, actions, observations, (readings[i:done], across))[1]
+            if note is not None:
+                note(one.cut[0], across[0], observations[0], channels, i)
             if end != 0:
                 break
         outcome[0] = end
-        outcome[1] = 1.0 if end != 0 and episodes[0].wholes[0].success == 1 else 0.0
+        outcome[1] = 1.0 if end != 0 and one.episode[0].wholes[0].success == 1 else 0.0
         return done
 
     return follow_hand
@@ -266,8 +266,9 @@ class HandCut:
             return readings[:0, 0]
         channels = np.zeros((len(self.channel_fields), len(places)))
         done: int = follow_hand(self.led)(
-            self.cuts, self.cutting.shared, self.episodes, places, (self.hand.motor_lag, self.hand.acceleration),
-            self._start, self._memory, (readings, channels), outcome,
+            OneCut(self.cuts, self.cutting.shared, self.episodes), places,
+            LeadingHand(self.hand.motor_lag, self.hand.acceleration, self._start), self._memory,
+            (readings, channels, outcome),
         )  # fmt: skip
         self._channels.append(channels[:, :done])
         self.end, self.success = self.led.task.ends[int(outcome[0])], bool(outcome[1])

@@ -34,11 +34,11 @@ from cutenv._base.arrays import Struct, StructArray
 from cutenv._base.parameter import check_parameters, parameter
 from cutenv._engine.jit import njit, njit_inline, njit_internal
 from cutenv._engine.randomness import Integer
-from cutenv.cutting.drive import velocity_loop_step
+from cutenv.cutting.drive import VelocityLoop, velocity_loop_step
 from cutenv.cutting.dtypes import PROFILE, TICK
-from cutenv.cutting.lanes import gather, scatter
 from cutenv.cutting.law import LONGEST_ADVANCE, depth_at, grid_index, stiffness_at, toughness_at
 from cutenv.cutting.motion import Motion, Moving
+from cutenv.cutting.row import gather, scatter
 from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.floor import BEDDING, EDGE_LENGTH, press
 from cutenv.tissue.grid import N_POINTS, POINTS_PER_METRE
@@ -244,9 +244,8 @@ def lower_row(row: Struct, moving: Moving, profiles: StructArray, dt: float) -> 
     levels = moving.lanes
     for n in range(len(levels.level)):
         level, speed, wanted = levels.level[n], levels.level_speed[n], -levels.descent_speed[n]
-        height, next_speed = velocity_loop_step(
-            level - LOWEST, speed, wanted, levels.gain[n], levels.acceleration[n], HIGHEST - LOWEST, TICK
-        )
+        loop = VelocityLoop(levels.gain[n], levels.acceleration[n], HIGHEST - LOWEST)
+        height, next_speed = velocity_loop_step(loop, level - LOWEST, speed, wanted, TICK)
         rests = wanted == 0.0 and speed == 0.0
         levels.level_speed[n] = speed if rests else next_speed
         levels.next_level[n] = level if rests or next_speed == 0.0 else height + LOWEST
@@ -284,7 +283,6 @@ def respond_row(row: Struct, moving: Moving, profiles: StructArray, dt: float) -
     levels = moving.lanes
     due = 0
     for n in range(len(row.blade)):
-        row.force[n] = row.elastic[n] + row.rubbing[n]
         levels.waiting[n] -= 1
         due += 1 if levels.waiting[n] <= 0 else 0
     move_to_level(row, levels)

@@ -10,6 +10,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 
@@ -222,30 +223,35 @@ def delayed_command(state: Struct, drive: Struct, target: float) -> float:
     return state.target  # type: ignore[no-any-return]
 
 
-@njit_inline
-def velocity_loop_step(
-    hand: float, speed: float, target: float, share: float, acceleration: float, travel: float, dt: float
-) -> tuple[float, float]:
-    """Return position [m] and speed [m/s] of the carriage after ``dt`` under a commanded speed ``target``.
+class VelocityLoop(NamedTuple):
+    """First-order lag with an acceleration limit and end stops."""
 
-    A first-order lag with gain ``share`` (:func:`lag_gain`), an acceleration limit, and end stops.
-    """
-    limit = acceleration * dt
-    next_speed = speed + min(max((target - speed) * share, -limit), limit)
+    gain: float
+    """Gain in an update, :func:`lag_gain`."""
+    acceleration: float
+    """Limit [m/s2]."""
+    travel: float
+    """The carriage stays within 0 to this [m]."""
+
+
+@njit_inline
+def velocity_loop_step(loop: VelocityLoop, hand: float, speed: float, target: float, dt: float) -> tuple[float, float]:
+    """Return position [m] and speed [m/s] of the carriage after ``dt`` under a commanded speed ``target``."""
+    limit = loop.acceleration * dt
+    next_speed = speed + min(max((target - speed) * loop.gain, -limit), limit)
     if target == 0.0 and abs(next_speed) < _AT_REST:
         next_speed = 0.0  # a lag alone would creep for ever, and friction with it
     end = hand + 0.5 * (speed + next_speed) * dt
-    if end < 0.0 or end > travel:  # the end stop
-        return min(max(end, 0.0), travel), 0.0
+    if end < 0.0 or end > loop.travel:  # the end stop
+        return min(max(end, 0.0), loop.travel), 0.0
     return end, next_speed
 
 
 @njit
 def advance_command(state: Struct, drive: Struct, share: float, target: float, dt: float) -> None:
     """Advance a state's carriage, or hand, by :func:`velocity_loop_step`."""
-    state.hand, state.hand_speed = velocity_loop_step(
-        state.hand, state.hand_speed, target, share, drive.acceleration, drive.travel, dt
-    )
+    loop = VelocityLoop(share, drive.acceleration, drive.travel)
+    state.hand, state.hand_speed = velocity_loop_step(loop, state.hand, state.hand_speed, target, dt)
 
 
 @njit_inline
@@ -262,25 +268,16 @@ def backlash_motion(hand: float, blade: float, backlash: float) -> float:
 
 
 @njit_internal
-def coupling_step(
-    drive: Struct,
-    hand: float,
-    hand_speed: float,
-    blade: float,
-    speed: float,
-    elastic: float,
-    friction: Grip,
-    dt: float,
-) -> float:
+def coupling_step(drive: Struct, state: Struct, elastic: float, friction: Grip, dt: float) -> float:
     """Return the displacement [m] of a blade on a spring and a damper, those of PD control or of a hand's grip.
 
-    By semi-implicit Euler.
+    By semi-implicit Euler.  ``state`` has position and speed of hand and blade.
     The tissue's ``elastic`` force [N] pulls it back.  Friction sticks like a spring or slips: the solution is the
     sticking speed, clipped to the speeds of slipping forward and backward, however stiff the bristles are.
     """
-    coupling = drive.coupling_stiffness * (hand - blade) + drive.coupling_damping * hand_speed
+    coupling = drive.coupling_stiffness * (state.hand - state.blade) + drive.coupling_damping * state.hand_speed
     answer = dt / drive.mass  # change of speed per force [s/kg]
-    pushed = speed + (coupling - elastic) * answer
+    pushed = state.speed + (coupling - elastic) * answer
     slowed = 1.0 + (drive.coupling_damping + friction.damping + drive.drag) * answer
     sticking = (pushed - friction.held * answer) / (slowed + friction.stiffness * dt * answer)
     slipping_on, slipping_back = (
@@ -288,7 +285,7 @@ def coupling_step(
         (pushed + friction.limit * answer) / slowed,
     )
     speed = min(max(sticking, slipping_on), slipping_back)
-    return min(max(blade + speed * dt, 0.0), drive.travel) - blade  # type: ignore[no-any-return]
+    return min(max(state.blade + speed * dt, 0.0), drive.travel) - state.blade  # type: ignore[no-any-return]
 
 
 _NO_GRIP = Grip(0.0, 0.0, 0.0, 0.0)
@@ -299,7 +296,7 @@ def advance_in_air(state: Struct, drive: Struct, share: float, target: float, dt
     """Advance a state's carriage and, where PD control or a hand moves it, its blade in free air."""
     advance_command(state, drive, share, target, dt)
     if drive.mass > 0.0:
-        dx = coupling_step(drive, state.hand, state.hand_speed, state.blade, state.speed, 0.0, _NO_GRIP, dt)
+        dx = coupling_step(drive, state, 0.0, _NO_GRIP, dt)
         state.blade += dx
         state.speed = dx / dt
     else:

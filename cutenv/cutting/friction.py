@@ -55,13 +55,14 @@ def friction_force(law: Struct, depth: float, bristle: float, speed: float) -> f
 
 @njit_inline
 def friction_work(
-    law: Struct, depth: float, next_depth: float, bristle: float, next_bristle: float, dx: float, speed: float
+    law: Struct, depths: tuple[float, float], bristles: tuple[float, float], dx: float, speed: float
 ) -> float:
-    """Return the work [J] against friction over a motion ``dx`` [m] from ``depth`` to ``next_depth`` [m].
+    """Return the work [J] against friction over a motion ``dx`` [m]; depths and deflections are before and after it.
 
     For bristles that do not slip it is the integral of their force over a depth that changes linearly, so that back and
     forth, in steps of any size, they give back the energy that they took.
     """
+    (depth, next_depth), (bristle, next_bristle) = depths, bristles
     stretch, mean_depth = next_bristle - bristle, 0.5 * (depth + next_depth)
     slip = abs(dx - stretch)
     sprung = 0.5 * (bristle + next_bristle) * mean_depth + _TWELFTH * stretch * (next_depth - depth)

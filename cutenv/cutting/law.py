@@ -17,6 +17,7 @@ measured, derived or assumed.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from cutenv._base.arrays import Struct, StructArray
 from cutenv._engine.jit import njit, njit_inline, njit_internal
@@ -26,6 +27,49 @@ LONGEST_ADVANCE = 1e-4
 """Stable growth [m] that is integrated in one piece: over it R B is taken to change linearly."""
 _MOST_PARTS = 1024  # limit on the parts of a longer one: even across the whole specimen, each stays below 0.15 mm
 _SOFTEST = 0.1  # share of K: if force hardly falls with growth, the tip would have to leap; loading is then elastic
+
+
+class Loading(NamedTuple):
+    """Motion of a blade that loads the tissue."""
+
+    x: float
+    """Position of the blade at its end [m]."""
+    length: float
+    """Length of the motion [m]."""
+    speed: float
+    """Speed of the blade [m/s]."""
+    angle: float
+    """Angle of the blade [rad]."""
+
+
+class Loaded(NamedTuple):
+    """Crack tip and tissue before a step of loading."""
+
+    a: float
+    """Tip [m]."""
+    F: float
+    """Elastic force [N]."""
+    U: float
+    """Stored energy [J]."""
+    K: float
+    """Stiffness at the tip [N/m]."""
+    toughness: float
+    """R B there [N]."""
+    ledger: float
+    """Ledger [J]."""
+
+
+class RunningCrack(NamedTuple):
+    """Tip of a crack that runs, and the energies that its growth changes."""
+
+    tip: float
+    """Tip [m]."""
+    ledger: float
+    """Ledger [J]."""
+    fracture: float
+    """Fracture energy so far [J]."""
+    loss: float
+    """Loss so far [J]."""
 
 
 @njit_inline
@@ -153,94 +197,76 @@ def elastic_part(x: float, a: float, K: float, F_start: float, dx: float) -> flo
 
 
 @njit_inline
-def stable_growth(law: Struct, K: float, dK: float, lag: float, loading: float, speed: float, angle: float) -> float:
-    """Return the advance da [m] of the tip with which the force over ``loading`` rises r times its elastic rise."""
+def stable_growth(law: Struct, K: float, dK: float, lag: float, loading: Loading) -> float:
+    """Return the advance da [m] of the tip with which the force over a ``loading`` rises r times its elastic rise."""
     softening = K - dK * lag  # -dF/da at fixed x
-    if loading > 0.0 and softening > _SOFTEST * K:
-        return (1.0 - loading_ratio(law, speed, angle)) * K * loading / softening
+    if loading.length > 0.0 and softening > _SOFTEST * K:
+        return (1.0 - loading_ratio(law, loading.speed, loading.angle)) * K * loading.length / softening
     return 0.0
 
 
 @njit_inline
 def loading_step(
-    law: Struct,
-    x: float,
-    a: float,
-    da: float,
-    loading: float,
-    F: float,
-    U: float,
-    K: float,
-    toughness: float,
-    next_K: float,
-    next_toughness: float,
-    ledger: float,
+    law: Struct, loading: Loading, before: Loaded, da: float, ahead: tuple[float, float]
 ) -> tuple[float, float, float, float, float, float]:
-    """Compute one loading step: the blade moved by ``loading`` to ``x``, the tip by ``da`` if the ledger admits it.
+    """Compute one loading step: the blade moved by ``loading``, the tip by ``da`` if the ledger admits it.
 
-    ``F`` [N] and ``U`` [J] are those before the step.  Returns the tip, F, R B, work, change of the ledger and energy
-    of fracture; if the tip may not follow, those of elastic motion.
+    ``ahead`` are K [N/m] and R B [N] where the tip would come to.  Returns the tip, F, R B, work, change of the ledger
+    and energy of fracture; if the tip may not follow, those of elastic motion.
     """
+    (next_K, next_toughness), x, a = ahead, loading.x, before.a
     next_F = next_K * max(x - (a + da), 0.0)
     next_U = 0.5 * next_K * max(x - (a + da), 0.0) ** 2
-    spent = 0.5 * (toughness + next_toughness) * da
-    work = 0.5 * (F + next_F) * loading
-    change = work - (next_U - U) - spent
-    if da > 0.0 and may_grow(ledger, change, 0.5 * (toughness + next_toughness), law.debt_length):
+    spent = 0.5 * (before.toughness + next_toughness) * da
+    work = 0.5 * (before.F + next_F) * loading.length
+    change = work - (next_U - before.U) - spent
+    if da > 0.0 and may_grow(before.ledger, change, 0.5 * (before.toughness + next_toughness), law.debt_length):
         return a + da, next_F, next_toughness, work, change, spent
     lag = max(x - a, 0.0)
-    return a, K * lag, toughness, 0.5 * K * lag**2 - U, 0.0, 0.0
+    return a, before.K * lag, before.toughness, 0.5 * before.K * lag**2 - before.U, 0.0, 0.0
 
 
 @njit_internal
-def in_parts(
-    profile: Struct,
-    law: Struct,
-    x: float,
-    a: float,
-    loading: float,
-    speed: float,
-    angle: float,
-    F: float,
-    U: float,
-    ledger: float,
-) -> tuple[float, float, float, float, float, float, float]:
-    """Divide stable growth over a long ``loading`` that ends at ``x`` into advances of :data:`LONGEST_ADVANCE`.
+def in_parts(profile: Struct, law: Struct, loading: Loading, before: Loaded) -> tuple[Loading, Loaded, float, float]:
+    """Divide stable growth over a long ``loading`` into advances of :data:`LONGEST_ADVANCE`.
 
-    All parts but the last are integrated here.  Returns the loading that is left, the tip, F, U and ledger before it,
-    and the work and fracture energy [J] until then.  A crack that such a motion would start runs afterwards.
+    All parts but the last are integrated here.  Returns the loading that is left, crack and tissue before it, and the
+    work and fracture energy [J] until then.  A crack that such a motion would start runs afterwards.
     """
-    shortest = loading / _MOST_PARTS
+    shortest = loading.length / _MOST_PARTS
     work = fracture = 0.0
+    a, F, U, ledger = before.a, before.F, before.U, before.ledger
     K, dK = stiffness_at(profile, a)
-    da = stable_growth(law, K, dK, max(x - loading - a, 0.0), loading, speed, angle)
-    while da > LONGEST_ADVANCE and loading > shortest:
-        part = max(loading * (LONGEST_ADVANCE / da), shortest)
-        advance = da * (part / loading)
-        loading -= part
+    da = stable_growth(law, K, dK, max(loading.x - loading.length - a, 0.0), loading)
+    while da > LONGEST_ADVANCE and loading.length > shortest:
+        length, speed, angle = loading.length, loading.speed, loading.angle
+        part = max(length * (LONGEST_ADVANCE / da), shortest)
+        advance = da * (part / length)
+        left = Loading(loading.x, length - part, speed, angle)
         i, share = grid_index(a + advance)
+        ahead = lerp(profile.stiffness, i, share), lerp(profile.toughness, i, share)
+        step = Loading(left.x - left.length, part, speed, angle)
         a, F, _, cutting_work, change, spent = loading_step(
-            law, x - loading, a, advance, part, F, U, K, toughness_at(profile, a),
-            lerp(profile.stiffness, i, share), lerp(profile.toughness, i, share), ledger,
-        )  # fmt: skip
+            law, step, Loaded(a, F, U, K, toughness_at(profile, a), ledger), advance, ahead
+        )
         ledger += change
         work += cutting_work
         fracture += spent
         K, dK = stiffness_at(profile, a)
-        lag = max(x - loading - a, 0.0)
+        lag = max(step.x - a, 0.0)
         U = 0.5 * K * lag**2
-        da = stable_growth(law, K, dK, lag, loading, speed, angle)
-    return loading, a, F, U, ledger, work, fracture
+        da = stable_growth(law, K, dK, lag, left)
+        loading = left
+    return loading, Loaded(a, F, U, K, toughness_at(profile, a), ledger), work, fracture
 
 
 @njit_internal
-def run_crack(
-    profile: Struct, law: Struct, x: float, a: float, ledger: float, fracture: float, loss: float
-) -> tuple[float, float, float, float, float, float]:
-    """Run the crack from ``a`` under a fixed blade ``x`` whose force has reached (1 + eta) R B, until it arrests.
+def run_crack(profile: Struct, law: Struct, x: float, crack: RunningCrack) -> tuple[RunningCrack, float, float]:
+    """Run a crack under a fixed blade ``x`` whose force has reached (1 + eta) R B, until it arrests.
 
-    Returns the tip, ledger, energy of fracture, loss, force and R B where it comes to rest.
+    Returns the crack, and force and R B where it comes to rest.
     """
+    a, ledger, fracture, loss = crack
     toughness = toughness_at(profile, a)
     U = stored_energy(profile, x, a)
     F = elastic_force(profile, x, a)
@@ -263,4 +289,4 @@ def run_crack(
             break
         if ledger <= 0.0 and F < toughness:
             break
-    return a, ledger, fracture, loss, F, toughness
+    return RunningCrack(a, ledger, fracture, loss), F, toughness

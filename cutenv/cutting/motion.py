@@ -1,7 +1,7 @@
 """Motions of a blade: what a further axis, downwards or to the side, adds to the law of a straight cut.
 
 A :class:`Motion` declares a record of each cut and the functions, its hooks, that the law calls within an update.  The
-straight cut is the motion whose hooks are empty; compiled, nothing of them is left.
+straight cut is the motion without hooks.
 """
 
 from __future__ import annotations
@@ -14,11 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cutenv._base.arrays import Struct, StructArray
-from cutenv._engine.jit import njit_inline
-from cutenv._engine.randomness import Integer
+from cutenv._engine.declared import Declaration
 from cutenv.cutting.dtypes import DRIVE, LAW, PROFILE, STATE
-from cutenv.cutting.lanes import LaneViews, count_scalars, lane_dtype
-from cutenv.cutting.row import ONE
+from cutenv.cutting.row import ONE, LaneViews, count_scalars, lane_dtype
 from cutenv.cutting.sensor import SENSOR
 
 NOTHING: np.dtype[Any] = np.dtype((np.record, [("nothing", "i8")]))
@@ -37,47 +35,12 @@ class Moving(NamedTuple):
     """Record that all cuts share, shape (1,)."""
 
 
-@njit_inline
-def no_hook(row: Struct, moving: Moving, profiles: StructArray, dt: float) -> None:
-    """Add nothing to the law."""
-
-
-@njit_inline
-def add_up_force(row: Struct, moving: Moving, profiles: StructArray, dt: float) -> None:
-    """Add up the force of the tissue and of friction on each blade."""
-    for n in range(len(row.blade)):
-        row.force[n] = row.elastic[n] + row.rubbing[n]
-
-
-@njit_inline
-def no_command(lanes: Struct, n: Integer, command: float) -> None:
-    """Ignore the command of a further axis."""
-
-
-@njit_inline
-def lead_straight(row: Struct, lanes: Struct, wanted: float) -> float:
-    """Return the position [m] of the blade in a row of one, which has no further axis to be led."""
-    return row.blade[0]  # type: ignore[no-any-return]
-
-
-@njit_inline
-def no_force(lanes: Struct, n: Integer) -> float:
-    """Return no force across the cut [N]."""
-    return 0.0
-
-
-@njit_inline
-def nothing_stored(record: Struct) -> float:
-    """Return no further stored energy [J]."""
-    return 0.0
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Motion:
+class Motion(Declaration):
     """Declaration of a motion of the blade, whose hooks are compiled by :func:`~cutenv._engine.jit.njit_inline`.
 
     Unless said otherwise, a hook takes a row of cuts (:data:`~cutenv.cutting.row.ROW`), its :class:`Moving`, the cuts'
-    profiles and the duration of the update [s].
+    profiles and the duration of the update [s].  One that is None is not called.
     """
 
     place: str
@@ -89,25 +52,25 @@ class Motion:
     shared: np.dtype[Any] = NOTHING
     """Record that all cuts share."""
 
-    command: Callable[..., None] = no_command
+    command: Callable[..., None] | None = None
     """Give a lane its command of the further axis; takes lanes, number of the lane, command."""
-    drive: Callable[..., None] = no_hook
+    drive: Callable[..., None] | None = None
     """Advance the drive of the further axis."""
-    aim: Callable[..., None] = no_hook
+    aim: Callable[..., None] | None = None
     """Reduce the motion to that along the crack, before the tissue is loaded."""
-    move: Callable[..., None] = no_hook
+    move: Callable[..., None] | None = None
     """Move the blade by what the law has not seen, after the tissue is loaded."""
-    renew: Callable[..., None] = no_hook
+    renew: Callable[..., None] | None = None
     """Bring the profiles up to date where tip and blade come to another point."""
-    renew_runs: Callable[..., None] = no_hook
+    renew_runs: Callable[..., None] | None = None
     """Bring the profiles up to date where cracks are about to run."""
-    respond: Callable[..., None] = add_up_force
-    """Let the tissue respond to the motion, and add up the forces on the blade."""
-    force: Callable[..., float] = no_force
+    respond: Callable[..., None] | None = None
+    """Let the tissue respond to the motion, and change ``row.force``, that of tissue and friction along the cut."""
+    force: Callable[..., float] | None = None
     """Return the force on the blade across the cut [N]; takes lanes and number of the lane."""
-    stored: Callable[..., float] = nothing_stored
+    stored: Callable[..., float] | None = None
     """Return the energy that is stored besides that of the law [J]; takes the record of a cut."""
-    lead: Callable[..., float] = lead_straight
+    lead: Callable[..., float] | None = None
     """Lead the further axis of a row of one to a wanted place; return the blade's position [m]."""
     stops_at_ends: bool = False
     """True: a blade that is led beyond the specimen stops there; false: that is an error."""

@@ -31,17 +31,11 @@ def energy_of_creep(law: Struct, K: float, creep: float) -> float:
 
 
 @njit_inline
-def relaxed(
-    law: Struct, K: float, reach: float, creep: float, locked: float, ledger: float, loss: float, dt: float
-) -> tuple[float, float, float, float]:
-    """Return creep [m], its energy, ledger and loss [J] after ``dt``, for a blade ``reach`` [m] ahead of the tip.
-
-    ``locked`` is the energy of the creep where the tip stood at the last update: what the crack's growth has released
-    of it since then, because the stiffness fell, goes to the ledger, like all energy that growth releases.
-    """
+def relaxed(law: Struct, K: float, reach: float, creep: float, dt: float) -> tuple[float, float, float, float]:
+    """Return creep [m] after ``dt``, its energy before and then, and the loss [J]; the blade is ``reach`` [m] ahead."""
     here = energy_of_creep(law, K, creep)
     next_creep = crept(law, reach, creep, dt)
     next_locked = energy_of_creep(law, K, next_creep)
     before = 0.5 * K * max(reach - creep, 0.0) ** 2 + here
     after = 0.5 * K * max(reach - next_creep, 0.0) ** 2 + next_locked
-    return next_creep, next_locked, ledger + (locked - here), loss + (before - after)
+    return next_creep, here, next_locked, before - after

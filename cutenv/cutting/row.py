@@ -2,10 +2,14 @@
 
 The number of lanes is part of a row's type: kernels are compiled once for :data:`ROW`, whose loops become vector
 instructions, and once for :data:`ONE`, where they vanish.
+
+A motion adds lanes of its own: of a record of each cut that begins with scalars, 8 bytes wide each, and ends with
+profiles along the cut.  A row gathers the scalars; the profiles stay in the records.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -143,6 +147,15 @@ class DriveInRow(NamedTuple):
     drag: float
 
 
+class BladeInRow(NamedTuple):
+    """The fields of a state that :func:`cutenv.cutting.drive.coupling_step` reads."""
+
+    hand: float
+    hand_speed: float
+    blade: float
+    speed: float
+
+
 @njit_inline
 def law_in_row(row: Struct, n: int) -> LawInRow:
     """Gather the law of the cut in lane ``n``."""
@@ -189,12 +202,12 @@ def take_tissue(row: Struct, plain: Plain, profile: Struct, n: Integer, cut: Int
 
 
 @njit_inline
-def take(row: Struct, plain: Plain, profile: Struct, drive: Struct, sensor: Struct, n: Integer, cut: Integer) -> None:
+def take(row: Struct, plain: Plain, cuts: Any, n: Integer, cut: Integer) -> None:
     """Load cut number ``cut``, its drive and its sensor into lane ``n`` of a row (gather)."""
-    take_tissue(row, plain, profile, n, cut)
-    take_sensor(row, sensor, n)
+    take_tissue(row, plain, cuts.profiles[cut], n, cut)
+    take_sensor(row, cuts.sensors[cut], n)
     # The exponential in the gain costs more than the rest of the loading, and neighbours seldom differ.
-    row.share[n] = row.share[n - 1] if n > 0 and row.lag[n] == row.lag[n - 1] else lag_gain(drive, TICK)
+    row.share[n] = row.share[n - 1] if n > 0 and row.lag[n] == row.lag[n - 1] else lag_gain(cuts.drives[cut], TICK)
 
 
 @njit_inline
@@ -234,6 +247,60 @@ def put(row: Struct, plain: Plain, n: int, cut: int) -> None:
     lanes = len(row.blade)
     for k in range(_N_STATE):
         plain.states[cut * _N_STATE + k] = plain.row[k * lanes + n]
+
+
+def lane_dtype(record: np.dtype[Any], scratch: Sequence[tuple[str, str]], lanes: int) -> np.dtype[Any]:
+    """Return the structured dtype of the lanes: the scalars that begin a ``record``, and scratch, for each of them."""
+    names = (record.names or ())[: count_scalars(record)]
+    own = [(name, record[name].base, (lanes,)) for name in names]
+    return np.dtype((np.record, [*own, *((name, kind, (lanes,)) for name, kind in scratch)]))
+
+
+def count_scalars(record: np.dtype[Any]) -> int:
+    """Return how many scalars a record begins with."""
+    names = record.names or ()
+    return next((k for k, name in enumerate(names) if record[name].shape != ()), len(names))
+
+
+class LaneViews(NamedTuple):
+    """Lanes and the cuts' records as flat arrays of float64, as :class:`Plain`."""
+
+    lanes: StructArray
+    records: StructArray
+    width: Integer
+    """Number of lanes."""
+    scalars: Integer
+    size: Integer
+    """64-bit numbers in a record."""
+
+
+@njit_inline
+def lane_views(lanes: StructArray, records: StructArray, count: Integer, scalars: Integer) -> LaneViews:
+    """Return flat views of ``count`` lanes, shape (1,), and of the cuts' records, shape (n,)."""
+    numbers = as_float64_view(records)
+    return LaneViews(as_float64_view(lanes), numbers, count, scalars, len(numbers) // len(records))
+
+
+@njit_inline
+def gather(views: LaneViews, n: Integer, cut: Integer) -> None:
+    """Load the scalars of cut number ``cut`` into lane ``n``."""
+    for k in range(views.scalars):
+        views.lanes[k * views.width + n] = views.records[cut * views.size + k]
+
+
+@njit_inline
+def pad(views: LaneViews, taken: Integer) -> None:
+    """Fill the lanes after the first ``taken`` ones with the scalars of the first."""
+    for n in range(taken, views.width):
+        for k in range(views.scalars):
+            views.lanes[k * views.width + n] = views.lanes[k * views.width]
+
+
+@njit_inline
+def scatter(views: LaneViews, n: Integer, cut: Integer) -> None:
+    """Store the scalars in lane ``n`` back to their cut."""
+    for k in range(views.scalars):
+        views.records[cut * views.size + k] = views.lanes[k * views.width + n]
 
 
 @njit_inline

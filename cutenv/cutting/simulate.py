@@ -14,10 +14,22 @@ from cutenv._engine.jit import njit, njit_inline, njit_nogil
 from cutenv._engine.lanes import first_row
 from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
 from cutenv.cutting.dtypes import TICK
-from cutenv.cutting.lanes import gather, lane_views, pad, scatter
 from cutenv.cutting.law import stored_energy
 from cutenv.cutting.motion import STRAIGHT, Motion, Moving
-from cutenv.cutting.row import LANES, ROW, begin, note, plain_views, put, take, take_tissue
+from cutenv.cutting.row import (
+    LANES,
+    ROW,
+    begin,
+    gather,
+    lane_views,
+    note,
+    pad,
+    plain_views,
+    put,
+    scatter,
+    take,
+    take_tissue,
+)
 from cutenv.cutting.update import cut_row, update_row
 from cutenv.tissue.specimen import LENGTH
 
@@ -69,7 +81,10 @@ def account_one(motion: Motion) -> Callable[..., EnergyAccount]:
     def account_one(cuts: StructArray) -> EnergyAccount:
         """Return the energy account of one cut, :attr:`~cutenv.cutting.motion.Motion.cut` of shape (1,)."""
         c = cuts[0]
-        found, further = account(c.states[0], c.profiles[0]), stored(c.motions[0])
+        found = account(c.states[0], c.profiles[0])
+        if stored is None:
+            return found
+        further = stored(c.motions[0])
         return EnergyAccount(
             found.work, found.stored + further, found.fracture, found.friction, found.loss, found.ledger,
             found.residual - further,
@@ -86,9 +101,7 @@ def hold(motion: Motion) -> Callable[..., None]:
     def hold(
         cuts: StructArray,
         shared: StructArray,
-        speed: float,
-        angle: float,
-        further: float,
+        commanded: tuple[float, float, float],
         readings: StructArray,
         across: Array,
     ) -> None:
@@ -98,8 +111,8 @@ def hold(motion: Motion) -> Callable[..., None]:
         ----------
         cuts, shared : Records, shape (1,)
             The cut, :attr:`~cutenv.cutting.motion.Motion.cut`, changed in place; what all cuts of its motion share.
-        speed, angle, further : float
-            Command [m/s], [rad], and that of the motion's further axis.
+        commanded : tuple of float
+            Speed [m/s], angle [rad], and command of the motion's further axis.
         readings : Records
             :data:`~cutenv.cutting.dtypes.READING`, filled, one for each millisecond.
         across : array, shape (n,) or (0,)
@@ -108,15 +121,16 @@ def hold(motion: Motion) -> Callable[..., None]:
         c = cuts[0]
         row, plain = first_row(c.rows), plain_views(c.rows, c.states, c.laws, c.drives)
         motions = Moving(first_row(c.lanes), lane_views(c.lanes, c.motions, 1, scalars), c.motions, shared)
-        take(row, plain, c.profiles[0], c.drives[0], c.sensors[0], 0, 0)
+        take(row, plain, c, 0, 0)
         gather(motions.views, 0, 0)
-        row.given[0], row.aim[0] = speed, angle
-        command(motions.lanes, 0, further)
+        row.given[0], row.aim[0] = commanded[0], commanded[1]
+        if command is not None:
+            command(motions.lanes, 0, commanded[2])
         begin(row, plain, 1)
         for i in range(len(readings)):
-            update(row, motions, c.profiles, c.sensors, TICK, i == 0)
+            update(row, motions, c.profiles, c.sensors, i == 0)
             note(row, 0, readings[i], TICK)
-            if len(across) > 0:
+            if force is not None and len(across) > 0:
                 across[i] = force(motions.lanes, 0)
         put(row, plain, 0, 0)
         scatter(motions.views, 0, 0)
@@ -163,12 +177,13 @@ def follow(motion: Motion) -> Callable[..., None]:
         for i in range(len(path)):
             if bounded and not 0.0 <= path[i, 0] <= LENGTH:
                 raise ValueError("positions leave the specimen: give metres from the clamp, 0 to 0.15")
-            row.dx[0], row.next_angle[0] = path[i, 0] - lead(row, motions.lanes, path[i, 2]), path[i, 1]
+            led_from = row.blade[0] if lead is None else lead(row, motions.lanes, path[i, 2])
+            row.dx[0], row.next_angle[0] = path[i, 0] - led_from, path[i, 1]
             row.turns = 1 if path[i, 1] != row.angle[0] else 0
             cut(row, motions, c.profiles, dt)
             row.felt[0] = row.force[0]
             note(row, 0, readings[i], dt)
-            if len(across) > 0:
+            if force is not None and len(across) > 0:
                 across[i] = force(motions.lanes, 0)
         put(row, plain, 0, 0)
         scatter(motions.views, 0, 0)
@@ -209,18 +224,20 @@ def hold_some(motion: Motion) -> Callable[..., None]:
             taken = end - begun
             for k in range(taken):
                 n = begun + k
-                take(row, plain, cuts.profiles[n], cuts.drives[n], cuts.sensors[n], k, n)
+                take(row, plain, cuts, k, n)
                 gather(motions.views, k, n)
                 row.given[k], row.aim[k] = commands[n, 0], commands[n, 1]
-                command(motions.lanes, k, commands[n, 2])
+                if command is not None:
+                    command(motions.lanes, k, commands[n, 2])
             begin(row, plain, taken)
             pad(motions.views, taken)
             for i in range(ticks):
-                update(row, motions, cuts.profiles, cuts.sensors, TICK, i == 0)
+                update(row, motions, cuts.profiles, cuts.sensors, i == 0)
             for k in range(taken):
                 put(row, plain, k, begun + k)
                 scatter(motions.views, k, begun + k)
-                felt[begun + k, 0], felt[begun + k, 1] = row.felt[k], force(motions.lanes, k)
+                felt[begun + k, 0] = row.felt[k]
+                felt[begun + k, 1] = 0.0 if force is None else force(motions.lanes, k)
             mark_done(passed, core, taken)
             begun, end = next_chunk(passed, core, LANES)
         keep_alive(rows)

@@ -182,20 +182,31 @@ class CrackFrame(NamedTuple):
     """Length of crack per length of line [1]."""
 
 
+class LineStiffness(NamedTuple):
+    """Direction of a line at one of its points, its curvature [1/m], and the stiffness along and across it [N/m]."""
+
+    cosine: float
+    sine: float
+    curvature: float
+    along: float
+    coupled: float
+    sideways: float
+
+
 @njit_inline
 def frame_at(steering: Struct, i: int, share: float) -> CrackFrame:
     """Return the stiffness at grid index ``i`` and a fraction ``share`` of the way to the next point."""
-    return _frame(
-        steering, lerp(steering.cosine, i, share), lerp(steering.sine, i, share), lerp(steering.curvature, i, share),
+    line = LineStiffness(
+        lerp(steering.cosine, i, share), lerp(steering.sine, i, share), lerp(steering.curvature, i, share),
         lerp(steering.along, i, share), lerp(steering.coupled, i, share), lerp(steering.sideways, i, share),
     )  # fmt: skip
+    return _frame(steering, line)
 
 
 @njit_inline
-def _frame(
-    steering: Struct, t_x: float, t_y: float, curvature: float, along: float, coupled: float, sideways: float
-) -> CrackFrame:
-    """Turn a stiffness along, coupled and across a line in the direction (t_x, t_y) into the frame of the crack."""
+def _frame(steering: Struct, line: LineStiffness) -> CrackFrame:
+    """Turn the stiffness along and across a line into the frame of the crack."""
+    t_x, t_y, curvature, along, coupled, sideways = line
     e_x, e_y = steering.tip_ahead, steering.tip_across
     cosine, sine = e_x * t_x + e_y * t_y, t_x * e_y - t_y * e_x  # of the angle from the line to the crack
     both = cosine * sine
@@ -213,10 +224,11 @@ def renew_point(profile: Struct, steering: Struct, i: int) -> None:
     if steering.belongs[i] == steering.version:
         return
     steering.belongs[i] = steering.version
-    frame = _frame(
-        steering, steering.cosine[i], steering.sine[i], steering.curvature[i], steering.along[i], steering.coupled[i],
+    line = LineStiffness(
+        steering.cosine[i], steering.sine[i], steering.curvature[i], steering.along[i], steering.coupled[i],
         steering.sideways[i],
     )  # fmt: skip
+    frame = _frame(steering, line)
     profile.stiffness[i] = frame.stiffness * frame.stretch**2
     profile.toughness[i] = steering.toughness[i] * frame.stretch
 
@@ -254,12 +266,21 @@ def advanced(place: Struct, steering: Struct, a: float, i: int, share: float) ->
     return advance, east, north, aside
 
 
+class CutPoint(NamedTuple):
+    """Point of a cut: cell of the grid, place along the line and distance to its left [m]."""
+
+    cell: int
+    place: float
+    aside: float
+
+
 @njit_inline
-def lay_cut(steering: Struct, cell: int, start: float, aside: float, a: float, next_aside: float, i: int) -> None:
-    """Lay the cut from ``start``, where it is ``aside`` to the left [m], to ``a``, in the cell ``i``."""
-    for k in range(cell + 1, i + 1):
-        steering.cut[k] = aside + (next_aside - aside) * ((k * SPACING - start) / (a - start))
-    steering.cut[i + 1] = next_aside
+def lay_cut(steering: Struct, last: CutPoint, tip: CutPoint) -> None:
+    """Lay the cut from the ``last`` point to the ``tip``."""
+    for k in range(last.cell + 1, tip.cell + 1):
+        share = (k * SPACING - last.place) / (tip.place - last.place)
+        steering.cut[k] = last.aside + (tip.aside - last.aside) * share
+    steering.cut[tip.cell + 1] = tip.aside
 
 
 @njit_inline
@@ -267,7 +288,7 @@ def advance_tip(steering: Struct, a: float) -> float:
     """Advance one tip in its direction to ``a`` [m] of the line; return by how much crack [m]."""
     i, share = grid_index(a)
     advance, east, north, aside = advanced(steering, steering, a, i, share)
-    lay_cut(steering, steering.cell, steering.settled, steering.tip_aside, a, aside, i)
+    lay_cut(steering, CutPoint(steering.cell, steering.settled, steering.tip_aside), CutPoint(i, a, aside))
     steering.tip_east, steering.tip_north, steering.tip_aside = east, north, aside
     steering.settled, steering.cell = a, i
     return advance
@@ -482,9 +503,9 @@ def turn_crack(row: Struct, places: Struct, profile: Struct, steering: Struct, n
     stored = 0.5 * K * max(lag, 0.0) ** 2 + places.held[n]
 
     i, share = grid_index(a)
-    start, aside = places.settled[n], places.tip_aside[n]
     advance, east, north, next_aside = advanced(place_in_row(places, n), steering, a, i, share)
-    lay_cut(steering, places.cell[n], start, aside, a, next_aside, i)
+    last = CutPoint(places.cell[n], places.settled[n], places.tip_aside[n])
+    lay_cut(steering, last, CutPoint(i, a, next_aside))
     places.tip_east[n], places.tip_north[n], places.tip_aside[n] = east, north, next_aside
     places.settled[n], places.cell[n] = a, i
     mean_pull = 0.5 * (places.pull[n] + pull)

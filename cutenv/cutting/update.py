@@ -16,10 +16,21 @@ from cutenv._base.arrays import Struct, StructArray
 from cutenv._engine.declared import compiled_for
 from cutenv._engine.jit import njit_inline
 from cutenv.cutting.blade import leaning, sweeping
-from cutenv.cutting.drive import backlash_motion, coupling_step, dead_time_step, rate_limited, velocity_loop_step
+from cutenv.cutting.drive import (
+    VelocityLoop,
+    backlash_motion,
+    coupling_step,
+    dead_time_step,
+    rate_limited,
+    velocity_loop_step,
+)
+from cutenv.cutting.dtypes import TICK
 from cutenv.cutting.friction import deflected, friction_force, friction_work, grip
 from cutenv.cutting.law import (
     LONGEST_ADVANCE,
+    Loaded,
+    Loading,
+    RunningCrack,
     at_share,
     elastic_part,
     force_to_grow,
@@ -33,12 +44,11 @@ from cutenv.cutting.law import (
     slope,
     stable_growth,
     stiffness_at,
-    toughness_at,
     value_and_rise,
 )
 from cutenv.cutting.motion import Motion, Moving
 from cutenv.cutting.relaxation import relaxed
-from cutenv.cutting.row import DriveInRow, law_in_row
+from cutenv.cutting.row import BladeInRow, DriveInRow, law_in_row
 from cutenv.cutting.sensor import feel_row
 
 
@@ -47,16 +57,15 @@ def update_row(motion: Motion) -> Callable[..., None]:
     """Return the function that advances a row of cuts by an update."""
     drive, cut = motion.drive, cut_row(motion)
 
-    def update_row(
-        row: Struct, moving: Moving, profiles: StructArray, sensors: StructArray, dt: float, first: bool
-    ) -> None:
-        """Advance every cut in a row by ``dt`` [s] under its commanded speed and angle, ``row.given`` and ``row.aim``.
+    def update_row(row: Struct, moving: Moving, profiles: StructArray, sensors: StructArray, first: bool) -> None:
+        """Advance every cut in a row by a millisecond under its commanded speed and angle, ``given`` and ``aim``.
 
         ``first`` is True for the first update since the row was loaded.
         """
-        drive_row(row, dt)
-        drive(row, moving, profiles, dt)
-        cut(row, moving, profiles, dt)
+        drive_row(row, TICK)
+        if drive is not None:
+            drive(row, moving, profiles, TICK)
+        cut(row, moving, profiles, TICK)
         feel_row(row, sensors, first)
 
     return update_row
@@ -78,10 +87,12 @@ def cut_row(motion: Motion) -> Callable[..., None]:
             turn_row(row, profiles)
         if row.relaxing > 0:
             relax_row(row, dt)
-        aim(row, moving, profiles, dt)
+        if aim is not None:
+            aim(row, moving, profiles, dt)
         load_row(row, dt)
-        move(row, moving, profiles, dt)
-        if row.points > 0 or row.leaps > 0:
+        if move is not None:
+            move(row, moving, profiles, dt)
+        if renew is not None and (row.points > 0 or row.leaps > 0):
             renew(row, moving, profiles, dt)
         if row.leaps > 0:
             leap_row(row, profiles)
@@ -89,9 +100,13 @@ def cut_row(motion: Motion) -> Callable[..., None]:
             look_row(row, profiles)
         grow_row(row)
         if row.runs > 0:
-            renew_runs(row, moving, profiles, dt)
+            if renew_runs is not None:
+                renew_runs(row, moving, profiles, dt)
             run_row(row, profiles)
-        respond(row, moving, profiles, dt)
+        for n in range(len(row.blade)):
+            row.force[n] = row.elastic[n] + row.rubbing[n]
+        if respond is not None:
+            respond(row, moving, profiles, dt)
 
     return cut_row
 
@@ -110,9 +125,8 @@ def drive_row(row: Struct, dt: float) -> None:
                 row.command[n] = row.target[n]
     turns = 0
     for n in range(len(row.blade)):
-        hand, hand_speed = velocity_loop_step(
-            row.hand[n], row.hand_speed[n], row.command[n], row.share[n], row.acceleration[n], row.travel[n], dt
-        )
+        loop = VelocityLoop(row.share[n], row.acceleration[n], row.travel[n])
+        hand, hand_speed = velocity_loop_step(loop, row.hand[n], row.hand_speed[n], row.command[n], dt)
         row.hand[n], row.hand_speed[n] = hand, hand_speed
         row.dx[n] = backlash_motion(hand, row.blade[n], row.backlash[n])
         row.next_angle[n] = rate_limited(row.angle[n], row.aim[n], row.rotation_rate[n], dt)
@@ -125,7 +139,7 @@ def drive_row(row: Struct, dt: float) -> None:
                     row.travel[n], row.mass[n], row.coupling_stiffness[n], row.coupling_damping[n], row.drag[n]
                 )
                 row.dx[n] = coupling_step(
-                    drive, row.hand[n], row.hand_speed[n], row.blade[n], row.speed[n],
+                    drive, BladeInRow(row.hand[n], row.hand_speed[n], row.blade[n], row.speed[n]),
                     row.K[n] * max(row.blade[n] - row.creep[n] - row.tip[n], 0.0),
                     grip(law_in_row(row, n), row.depth[n], row.bristle[n]), dt,
                 )  # fmt: skip
@@ -152,10 +166,14 @@ def relax_row(row: Struct, dt: float) -> None:
     """Let relaxing tissue creep."""
     for n in range(row.taken):
         if row.relaxing_share[n] > 0.0:
-            row.creep[n], row.locked[n], row.ledger[n], row.loss[n] = relaxed(
-                law_in_row(row, n), row.K[n], row.blade[n] - row.tip[n], row.creep[n], row.locked[n],
-                row.ledger[n], row.loss[n], dt,
-            )  # fmt: skip
+            row.creep[n], here, locked, lost = relaxed(
+                law_in_row(row, n), row.K[n], row.blade[n] - row.tip[n], row.creep[n], dt
+            )
+            # What the crack's growth has released of the creep's energy since the last update, because the stiffness
+            # fell, goes to the ledger, like all energy that growth releases.
+            row.ledger[n] += row.locked[n] - here
+            row.locked[n] = locked
+            row.loss[n] += lost
 
 
 @njit_inline
@@ -182,7 +200,7 @@ def load_row(row: Struct, dt: float) -> None:
 
         loading = dx - elastic
         x += loading
-        da = stable_growth(law, K, row.dK[n], lag, loading, speed, row.angle[n])
+        da = stable_growth(law, K, row.dK[n], lag, Loading(x, loading, speed, row.angle[n]))
         row.x[n], row.blade[n], row.loading[n], row.da[n] = x, x + row.creep[n], loading, da
         row.tip_point[n], row.tip_share[n] = grid_index(a + da)
         row.blade_point[n], row.blade_share[n] = grid_index(row.blade[n])
@@ -193,27 +211,33 @@ def load_row(row: Struct, dt: float) -> None:
 
 
 @njit_inline
+def loading_in_row(row: Struct, n: int) -> Loading:
+    """Gather the loading of the cut in lane ``n``."""
+    return Loading(row.x[n], row.loading[n], row.speed[n], row.angle[n])
+
+
+@njit_inline
+def loaded_in_row(row: Struct, n: int) -> Loaded:
+    """Gather crack tip and tissue of the cut in lane ``n`` before its loading."""
+    return Loaded(row.tip[n], row.F[n], row.U[n], row.K[n], row.toughness[n], row.ledger[n])
+
+
+@njit_inline
 def leap_row(row: Struct, profiles: StructArray) -> None:
     """Integrate all but the last part of long advances of the tip."""
     for n in range(row.taken):
         if row.going[n] == 0 or row.da[n] <= LONGEST_ADVANCE:
             continue
-        law, profile, x, speed, angle = (
-            law_in_row(row, n),
-            profiles[row.cut[n]],
-            row.x[n],
-            row.speed[n],
-            row.angle[n],
-        )
-        loading, a, row.F[n], row.U[n], row.ledger[n], work, spent = in_parts(
-            profile, law, x, row.tip[n], row.loading[n], speed, angle, row.F[n], row.U[n], row.ledger[n]
-        )
+        law, profile = law_in_row(row, n), profiles[row.cut[n]]
+        loading, loaded, work, spent = in_parts(profile, law, loading_in_row(row, n), loaded_in_row(row, n))
         row.elastic_work[n] += work
         row.fracture[n] += spent
+        a, row.F[n], row.U[n], row.toughness[n], row.ledger[n] = (
+            loaded.a, loaded.F, loaded.U, loaded.toughness, loaded.ledger,
+        )  # fmt: skip
         row.K[n], row.dK[n] = stiffness_at(profile, a)
-        row.toughness[n] = toughness_at(profile, a)
-        da = stable_growth(law, row.K[n], row.dK[n], max(x - loading - a, 0.0), loading, speed, angle)
-        row.tip[n], row.loading[n], row.da[n] = a, loading, da
+        da = stable_growth(law, row.K[n], row.dK[n], max(loading.x - loading.length - a, 0.0), loading)
+        row.tip[n], row.loading[n], row.da[n] = a, loading.length, da
         row.tip_point[n], row.tip_share[n] = grid_index(a + da)
         row.points = 1
 
@@ -243,9 +267,8 @@ def grow_row(row: Struct) -> None:
         next_K = at_share(row.point_K[n], row.rise_K[n], share)
         next_toughness = at_share(row.point_toughness[n], row.rise_toughness[n], share)
         tip, F, toughness, work, change, spent = loading_step(
-            law, row.x[n], a, row.da[n], row.loading[n], row.F[n], row.U[n], K, row.toughness[n],
-            next_K, next_toughness, row.ledger[n],
-        )  # fmt: skip
+            law, loading_in_row(row, n), loaded_in_row(row, n), row.da[n], (next_K, next_toughness)
+        )
         row.K[n] = next_K if tip > a else K
         row.dK[n] = slope(row.rise_K[n]) if tip > a else dK
         row.tip[n], row.elastic[n], row.toughness[n] = tip, F, toughness
@@ -269,7 +292,7 @@ def _rub(row: Struct, n: int) -> None:
     law, dx, speed, bristle, depth = law_in_row(row, n), row.dx[n], row.speed[n], row.bristle[n], row.depth[n]
     next_depth = at_share(row.point_depth[n], row.rise_depth[n], row.blade_share[n])
     next_bristle = deflected(law, bristle, dx)
-    rubbed = friction_work(law, depth, next_depth, bristle, next_bristle, dx, speed)
+    rubbed = friction_work(law, (depth, next_depth), (bristle, next_bristle), dx, speed)
     row.work[n] += rubbed
     row.friction[n] += rubbed
     row.depth[n], row.bristle[n] = next_depth, next_bristle
@@ -283,9 +306,9 @@ def run_row(row: Struct, profiles: StructArray) -> None:
         if row.going[n] == 0 or row.waits[n] == 1:
             continue
         law, start, profile = law_in_row(row, n), row.tip[n], profiles[row.cut[n]]
-        row.tip[n], row.ledger[n], row.fracture[n], row.loss[n], row.elastic[n], row.toughness[n] = run_crack(
-            profile, law, row.blade[n] - row.creep[n], start, row.ledger[n], row.fracture[n], row.loss[n]
-        )
+        crack = RunningCrack(start, row.ledger[n], row.fracture[n], row.loss[n])
+        crack, row.elastic[n], row.toughness[n] = run_crack(profile, law, row.blade[n] - row.creep[n], crack)
+        row.tip[n], row.ledger[n], row.fracture[n], row.loss[n] = crack
         row.jump[n] = row.tip[n] - start
         if row.jump[n] > 0.0:
             row.K[n], row.dK[n] = stiffness_at(profile, row.tip[n])

@@ -187,8 +187,8 @@ class CutBatch:
         rewards, ends = np.empty(count), np.empty(count, np.int64)
         readings = _NO_READINGS if readings is None else readings
         parallel_for(
-            step_some(self.task), count, self.cuts, self.single.ticks,
-            Decision(waiting, commands, self.observations, rewards, ends, infos, readings),
+            step_some(self.task), count, self.cuts,
+            Decision(self.single.ticks, waiting, commands, self.observations, rewards, ends, infos, readings),
             fewest=max(MIN_CHUNK, _FEWEST_TICKS // self.single.ticks), meanwhile=meanwhile,
         )  # fmt: skip
         return rewards, ends

@@ -50,7 +50,8 @@ class Knowledge:
     def measure_depth(self, depth: NDArray[np.float64], seed: int, episode: int) -> NDArray[np.float64]:
         """Return the depth of cut as measured beforehand, shape (301,) [m]: the true one with a smooth error."""
         measured = np.empty(N_POINTS)
-        measure_depth(np.uint64(seed), np.uint64(episode), self.depth_noise, self.depth_modes(), depth, measured)
+        key = np.uint64(seed), np.uint64(episode)
+        measure_depth(key, self.depth_noise, self.depth_modes(), depth, measured)
         return measured
 
 

@@ -195,6 +195,8 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.from_truth = reward_from == "truth"
         self.options = self.options_class(constants)
         """Options that the task adds."""
+        self.task: Task = self.options.task if self.from_truth else self.options.task.seen
+        """The task, as its reward is assessed."""
         one_of("specimen_class", specimen_class, CLASSES)
         one_of("angle_mode", angle_mode, ("free", "fixed"))
         one_of("reward_from", reward_from, ("truth", "estimate"))
@@ -233,11 +235,6 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.plant: SimulatedPlant
         self.cutting: Episode
         self.specimen: Specimen
-
-    @property
-    def task(self) -> Task:
-        """The task, as its reward is assessed."""
-        return self.options.task if self.from_truth else self.options.task.seen
 
     def _check_dead_time(self) -> None:
         dead_time = getattr(self.constants.drive, "dead_time", 0.0)

@@ -110,7 +110,7 @@ class SimulatedPlant:
             raise ValueError(f"ticks = {ticks:g} is not a whole number of milliseconds.")
         readings = np.zeros(int(ticks), READING)
         self._across = np.zeros(0 if self.motion is STRAIGHT else int(ticks))
-        hold(self.motion)(self.cuts, self.shared, speed, angle, further, readings, self._across)
+        hold(self.motion)(self.cuts, self.shared, (speed, angle, further), readings, self._across)
         return readings
 
     def lead(

@@ -57,11 +57,11 @@ def hand_over_slab(state: Struct, steering: Struct) -> tuple[float, float]:
 
 @njit_internal
 def steered_toward(
-    state: Struct, steering: Struct, along: float, across: float, lag: float, acceleration: float
+    state: Struct, steering: Struct, place: tuple[float, float], lag: float, acceleration: float
 ) -> tuple[float, float]:
     """Return speed [m/s] and rate of turn [rad/s] that bring the hand of a steered blade to a place on the slab [m]."""
     here = hand_over_slab(state, steering)
-    east, north = along - here[0], across - here[1]
+    east, north = place[0] - here[0], place[1] - here[1]
     ahead = east * steering.ahead + north * steering.across
     return speed_over(ahead, lag, acceleration), turn_toward(ahead, north * steering.ahead - east * steering.across)
 

@@ -55,7 +55,7 @@ class PlayedPathCut(PlayedCut):
     def action(self, stylus: Stylus) -> NDArray[np.float32]:
         """Return the environment's action, which moves the hand along the blade and turns it toward the place."""
         speed, turn = steered_toward(
-            self.plant.states[0], self.cutting.motion[0], stylus.position, stylus.across, PLAYED_HAND.motor_lag,
+            self.plant.states[0], self.cutting.motion[0], (stylus.position, stylus.across), PLAYED_HAND.motor_lag,
             PLAYED_HAND.acceleration,
         )  # fmt: skip
         return to_path_action(float(speed), stylus.angle, float(turn))

@@ -75,12 +75,12 @@ class MapSearch:
         observations, infos = np.zeros((count, len(self.task.all_components)), np.float32), np.zeros(count, INFO)
         rewards, ends = np.zeros(count), np.zeros(count, np.int64)
         kept = np.zeros((count, self._decisions, 3), np.float32) if recorded else np.zeros((0, 0, 3), np.float32)
-        decided = Decision(waits, actions, observations, rewards, ends, infos, _NO_READINGS)
+        decided = Decision(self._ticks, waits, actions, observations, rewards, ends, infos, _NO_READINGS)
         for decision in range(self._decisions):
             self.choose(plans, third, cuts, waits, actions)
             if recorded:
                 kept[:, decision] = actions
-            parallel_for(step_some(self.task), count, cuts, self._ticks, decided)
+            parallel_for(step_some(self.task), count, cuts, decided)
             returns += rewards
             waits |= ends != 0
             if waits.all():

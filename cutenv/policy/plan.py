@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,15 +13,14 @@ from cutenv._engine.jit import njit, njit_internal, njit_nogil
 from cutenv._engine.lanes import first_row
 from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
 from cutenv.cutting.dtypes import READING
-from cutenv.cutting.lanes import lane_views
 from cutenv.cutting.motion import STRAIGHT, Moving
-from cutenv.cutting.row import LANES, ROW, plain_views
+from cutenv.cutting.row import LANES, ROW, lane_views, plain_views
 from cutenv.task.assessment import COUNT
 from cutenv.task.declare import Cuts, Stepping
 from cutenv.task.gentle import GENTLE_CUT
 from cutenv.task.info import INFO
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, COMPONENTS, speed_action
-from cutenv.task.stepper import Decision, flat_views, step_row
+from cutenv.task.stepper import Ahead, Decision, flat_views, step_row
 
 N_COMPONENTS = len(COMPONENTS)
 KNOTS = 28
@@ -63,18 +62,23 @@ _step_row, _SCALARS = step_row(GENTLE_CUT), STRAIGHT.scalars
 _LANES, _COUNTS = STRAIGHT.lanes(LANES), GENTLE_CUT.counts(LANES)
 
 
+class RollOut(NamedTuple):
+    """Settings of following n plans, and what is filled."""
+
+    together: int
+    """Number of plans that one thread follows at a time; a plan and its leader are among the same ones."""
+    ticks: int
+    """Milliseconds between decisions."""
+    decisions: int
+    """Largest number of decisions."""
+    returns: StructArray
+    """Filled with the return of each plan, shape (n,)."""
+    actions: StructArray
+    """Filled with the actions taken, shape (n, decisions, 2), unless it has no rows; not for plans with a leader."""
+
+
 @njit_nogil
-def roll_out_some(
-    passed: WorkQueue,
-    core: int,
-    cuts: Cuts,
-    plans: StructArray,
-    together: int,
-    ticks: int,
-    decisions: int,
-    returns: StructArray,
-    actions: StructArray,
-) -> None:
+def roll_out_some(passed: WorkQueue, core: int, cuts: Cuts, plans: StructArray, roll_out: RollOut) -> None:
     """Follow n plans, each to the end of its own cut, with the reward assessed from hidden state.
 
     A plan with a leader takes over its cut where it stops, so that what they share is simulated once.
@@ -82,21 +86,16 @@ def roll_out_some(
     Parameters
     ----------
     passed, core : WorkQueue, int
-        Work queue, of ``together`` plans each, and number of the thread, see
+        Work queue, of as many plans each as are followed together, and number of the thread, see
         :func:`cutenv._engine.parallel.parallel_for`.
     cuts : Cuts
         n straight cuts at their start, changed in place.
     plans : Records
         :data:`PLAN`, shape (n,).
-    together : int
-        Number of plans that one thread follows at a time; a plan and its leader are among the same ones.
-    ticks, decisions : int
-        Milliseconds between decisions; largest number of decisions.
-    returns : array, shape (n,)
-        Filled with the return of each plan.
-    actions : array, shape (n, decisions, 2) or (0, 0, 2)
-        Filled with the actions taken, unless it has no rows; not for plans with a leader.
+    roll_out : RollOut
+        Settings, and what is filled.
     """
+    together, ticks, decisions, returns, actions = roll_out
     count = len(plans)
     action, observations, rewards = np.zeros((count, 2)), np.zeros((count, N_COMPONENTS), np.float32), np.zeros(count)
     ends, waits, infos = np.zeros(count, np.int64), np.zeros(count, np.bool_), np.zeros(count, INFO)
@@ -104,9 +103,9 @@ def roll_out_some(
     rows, counts, lanes, steps = np.zeros(1, ROW), np.zeros(1, COUNT), np.zeros(1, _LANES), np.zeros(1, _COUNTS)
     plain = plain_views(rows, cuts.states, cuts.laws, cuts.drives)
     moving = Moving(first_row(lanes), lane_views(lanes, cuts.motions, LANES, _SCALARS), cuts.motions, cuts.shared)
-    stepping = Stepping(cuts, first_row(rows), moving, first_row(counts), first_row(steps))
-    decided = Decision(waits, action, observations, rewards, ends, infos, readings)
-    fetched = flat_views(cuts, plain, infos)
+    stepping = Stepping(cuts, first_row(rows), plain, moving, first_row(counts), first_row(steps))
+    decided = Decision(ticks, waits, action, observations, rewards, ends, infos, readings)
+    ahead = Ahead(flat_views(cuts, plain, infos), 0, 0)  # none
     group, none = next_chunk(passed, core, 1)
     while group < none:
         first, last = group * together, min((group + 1) * together, count)
@@ -125,7 +124,7 @@ def roll_out_some(
             begun = first
             while begun < last:
                 end = _row_from(waits, begun, last)
-                _step_row(stepping, plain, (begun, end), ticks, decided, fetched, (0, 0))
+                _step_row(stepping, (begun, end), decided, ahead)
                 begun = end
             for n in range(first, last):
                 returns[n] += rewards[n]

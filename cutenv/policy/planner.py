@@ -13,7 +13,7 @@ from cutenv._engine.parallel import parallel_for
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.plant.simulator import SimulatedPlant
 from cutenv.policy.interface import ArrayPolicy
-from cutenv.policy.plan import KNOTS, PLAN, STRETCH, UPRIGHT, roll_out_some
+from cutenv.policy.plan import KNOTS, PLAN, STRETCH, UPRIGHT, RollOut, roll_out_some
 from cutenv.policy.scripted import INCLINED, Script
 from cutenv.policy.signals import DISTANCE_COLUMN, POSITION_COLUMN, to_actions
 from cutenv.policy.unloading import StopAndUnload
@@ -71,9 +71,8 @@ class Search:
         actions = np.zeros((len(every), self._decisions, 2) if recorded else (0, 0, 2))
         together = 3 * len(plans[0]) if every["leader"].any() else _TOGETHER  # leaders of three cuts fill a row
         groups = math.ceil(len(every) / together)
-        parallel_for(
-            roll_out_some, groups, cuts, every, together, self._ticks, self._decisions, returns, actions, fewest=1
-        )
+        roll_out = RollOut(together, self._ticks, self._decisions, returns, actions)
+        parallel_for(roll_out_some, groups, cuts, every, roll_out, fewest=1)
         return returns, actions
 
     def best(

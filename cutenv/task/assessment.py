@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from cutenv.cutting.row import LANES
 from cutenv.cutting.simulate import account
 from cutenv.task import info, observation, reward
 from cutenv.task.info import INFO_FIELDS, column
-from cutenv.task.observation import CLIP, COMPONENTS
+from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, CLIP, COMPONENTS
 from cutenv.task.reward import CUT_ENDS, ENDS, OF_MILLISECOND, REWARD
 from cutenv.task_quantities import ANGLE_TOLERANCE, SHALLOWEST, TIP_TOLERANCE, lag, tip_error
 from cutenv.tissue.grid import N_POINTS, POINTS_PER_METRE
@@ -165,11 +165,14 @@ def _info_lines(groups: set[str], quantities: Iterable[str]) -> list[str]:
 
 _start = _fused("_start", ("count", "k"), _start_lines())
 _add = _fused("_add", ("count", "k", *OF_MILLISECOND), [*_add_lines(), *_end_lines()])
-_charge = _fused("_charge", ("count", "k", "task", *reward.OF_STEP, "info"), _charge_lines())
+_charge = _fused(
+    "_charge",
+    ("count", "k", "task", *reward.OF_STEP, "info"),
+    [*_charge_lines(), *_info_lines({"cost_terms", ""}, info.OF_COST)],
+)
 _charge_end = _fused("_charge_end", ("task", "progress", *reward.OF_END, "info"), _charge_end_lines())
 _charge_stored = _fused("_charge_stored", ("task", "stored", "toughness", "info"), _stored_lines())
 _fill = _fused("_fill", ("count", "k", *observation.QUANTITIES, "observation"), _observe_lines())
-_tell_cost = _fused("_tell_cost", ("count", "k", *info.OF_COST), _info_lines({"cost_terms", ""}, info.OF_COST))
 _tell = _fused(
     "_tell",
     ("state", "law", "task", "energy", "modulus", "resistance", "info"),
@@ -194,33 +197,32 @@ def begin_count(count: Struct, k: Integer, task: Struct, progress: Struct) -> No
     _start(count, k)
 
 
-@njit_inline
-def count_lane(
-    count: Struct,
-    k: Integer,
-    position: float,
-    velocity: float,
-    force: float,
-    felt: float,
-    tip: float,
-    jump: float,
-    depth: float,
-) -> None:
-    """Count one millisecond of lane ``k``; sets ``count.end``, an index in :data:`~cutenv.task.reward.ENDS`.
+class Millisecond(NamedTuple):
+    """A millisecond of a cut, as it is counted."""
 
-    Parameters
-    ----------
-    count, k : Record, int
-        Accumulators of a row (:func:`count_dtype`), and the lane.
-    position, velocity : float
-        Position [m] and velocity [m/s] of the blade.
-    force, felt : float
-        Force on the blade, true or measured; measured force [N].
-    tip, jump : float
-        Crack tip and unstable growth, true or estimated [m].
-    depth : float
-        Depth of cut at the blade [m].
+    position: float
+    """Position of the blade [m]."""
+    velocity: float
+    """Velocity of the blade [m/s]."""
+    force: float
+    """Force on the blade, true or measured [N]."""
+    felt: float
+    """Measured force [N]."""
+    tip: float
+    """Crack tip, true or estimated [m]."""
+    jump: float
+    """Unstable growth, true or estimated [m]."""
+    depth: float
+    """Depth of cut at the blade [m]."""
+
+
+@njit_inline
+def count_lane(count: Struct, k: Integer, now: Millisecond) -> None:
+    """Count a millisecond of lane ``k``; sets ``count.end``, an index in :data:`~cutenv.task.reward.ENDS`.
+
+    ``count`` are the accumulators of a row (:func:`count_dtype`).
     """
+    position, velocity, force, felt, tip, jump, depth = now
     moved, speed, size = position - count.position[k], abs(velocity), abs(force)
     depth = max(depth, SHALLOWEST)
     furthest = max(count.furthest[k], position)
@@ -242,50 +244,31 @@ def count_lane(
 
 
 @njit_inline
-def conclude(
-    count: Struct,
-    k: Integer,
-    task: Struct,
-    progress: Struct,
-    profile: Struct,
-    measured: Struct,
-    felt: float,
-    angle: float,
-    action: StructArray,
-    info: Struct,
-    observation: StructArray,
-) -> None:
+def conclude(stepping: Any, k: Integer, action: StructArray, observation: StructArray, info: Struct) -> None:
     """Conclude the step of lane ``k``: charge the reward's terms, remember the progress, fill the observation.
 
     Parameters
     ----------
-    count, k : Record, int
-        Accumulators of a row, and the lane.
-    task, progress : Record
-        :data:`~cutenv.task.episode_dtypes.TASK` and :data:`~cutenv.task.episode_dtypes.PROGRESS`; the latter is
-        changed.
-    profile, measured : Record
-        :data:`~cutenv.cutting.dtypes.PROFILE`: the tissue as assessed, true or nominal; that with the depth measured
-        beforehand.
-    felt, angle : float
-        Measured force [N] and angle of the blade [rad] at the end of the step.
+    stepping, k : Stepping, int
+        Row of cuts (:class:`cutenv.task.declare.Stepping`), and the lane;
+        :data:`~cutenv.task.episode_dtypes.PROGRESS` of its cut is changed.
     action : array, shape (2,)
         The step's action.
-    info, observation : Record, array of shape (12,)
-        Terms and cost of :data:`~cutenv.task.info.INFO`, and the observation: filled.
+    observation, info : array of shape (12,), Record
+        Observation, and terms and cost of :data:`~cutenv.task.info.INFO`: filled.
     """
-    tip_before, tip = progress.tip, count.tip[k]
+    cuts, row, count = stepping.cuts, stepping.row, stepping.count
+    c = row.cut[k]
+    task, progress, measured = cuts.tasks[c], cuts.progresses[c], cuts.nominals[c]
+    tip_before, tip, angle = progress.tip, count.tip[k], row.angle[k]
     progress.position, progress.touched, progress.furthest = count.position[k], count.touched[k], count.furthest[k]
     progress.time, progress.quiet, progress.end = count.time[k], count.quiet[k], count.end[k]
     progress.loaded_at = count.loaded_at[k]
     progress.tip, progress.angle, progress.updates = tip, angle, count.updates[k]
     time_left = max(task.deadline - progress.time, 0.0)
     _charge(count, k, task, progress.updates, task.target, tip, tip_before, time_left, info)
-    if progress.end != 0:
-        charge_end(task, progress, profile, info)
-    _tell_cost(count, k, task, tip, tip_before, info)
     _fill(
-        count, k, felt, progress.updates, progress.position, count.speed[k], angle,
+        count, k, row.felt[k], progress.updates, progress.position, count.speed[k], angle,
         depth_at(measured, progress.position), progress.time, task.target, task.deadline, action[0], action[1],
         observation,
     )  # fmt: skip
@@ -329,27 +312,23 @@ def add_terms(numbers: StructArray, totals: StructArray) -> float:
 
 
 @njit_inline
-def tell(state: Struct, profile: Struct, law: Struct, task: Struct, specimen: Struct, info: Struct) -> None:
-    """Fill hidden state and energies of an :data:`~cutenv.task.info.INFO`."""
+def tell(cuts: Any, c: Integer, info: Struct) -> None:
+    """Fill hidden state and energies of cut ``c`` of :class:`cutenv.task.declare.Cuts` in an info's record."""
+    state, specimen = cuts.states[c], cuts.specimens[c]
     place = min(int(state.tip * POINTS_PER_METRE + 0.5), N_POINTS - 1)
-    _tell(state, law, task, account(state, profile), specimen.modulus[place], specimen.fracture_resistance[place], info)
+    _tell(
+        state, cuts.laws[c], cuts.tasks[c], account(state, cuts.profiles[c]), specimen.modulus[place],
+        specimen.fracture_resistance[place], info,
+    )  # fmt: skip
 
 
 @njit_inline
-def observe_rest(
-    counts: StructArray,
-    task: Struct,
-    progress: Struct,
-    measured: Struct,
-    angle: float,
-    last_angle: float,
-    observation: StructArray,
-) -> None:
+def observe_rest(counts: StructArray, cuts: Any, c: Integer, angle: float, observation: StructArray) -> None:
     """Fill the observation at the start: the blade at rest, force tared to zero; ``counts`` are zeros."""
-    position = progress.position
+    task, position = cuts.tasks[c], cuts.progresses[c].position
     _fill(
-        first_row(counts), 0, 0.0, 1, position, 0.0, angle, depth_at(measured, position), 0.0, task.target,
-        task.deadline, 0.0, last_angle, observation,
+        first_row(counts), 0, 0.0, 1, position, 0.0, angle, depth_at(cuts.nominals[c], position), 0.0, task.target,
+        task.deadline, 0.0, (angle - ANGLE_CENTRE) / ANGLE_SCALE, observation,
     )  # fmt: skip
 
 

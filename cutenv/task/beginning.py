@@ -13,8 +13,7 @@ from cutenv._engine.jit import njit, njit_internal, njit_nogil
 from cutenv._engine.randomness import DEPTH_ERROR, LENGTH_DRAW, TASK, Integer, uniform_at
 from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
 from cutenv.task.assessment import COUNT_ONE, observe_rest
-from cutenv.task.declare import Cuts, Task
-from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE
+from cutenv.task.declare import Cuts, OneCut, Task
 from cutenv.task.stepper import batch_of_one
 from cutenv.task_quantities import MEASURABLE_DEPTH
 from cutenv.tissue.grid import N_POINTS
@@ -39,9 +38,9 @@ def drawn_length(seed: Integer, episode: Integer) -> float:
 
 
 @njit
-def measure_depth(seed: Integer, episode: Integer, noise: float, modes: Array, depth: Array, measured: Array) -> None:
+def measure_depth(key: tuple[Integer, Integer], noise: float, modes: Array, depth: Array, measured: Array) -> None:
     """Fill ``measured``, shape (301,), with the measured depth of cut [m]: true depth plus a smooth error."""
-    smooth_field((seed, episode), DEPTH_ERROR, _FIRST, modes, measured)
+    smooth_field(key, DEPTH_ERROR, _FIRST, modes, measured)
     for i in range(len(depth)):
         measured[i] = max(depth[i] + noise * measured[i], MEASURABLE_DEPTH)
 
@@ -114,19 +113,15 @@ def begin_one(task: Task) -> Callable[..., None]:
     """Return the function that begins what a task adds to a cut of gentle cutting."""
     begin, expect, from_truth = task.begin, task.expect, task.from_truth
 
-    def begin_one(
-        cuts: StructArray,
-        shared: StructArray,
-        episodes: StructArray,
-        given: tuple[Any, ...],
-        key: tuple[Integer, Integer],
-    ) -> None:
-        """Begin one cut, records of shape (1,), from what is ``given`` and a key: seed and episode."""
-        one = batch_of_one(cuts[0], shared, episodes[0])
-        begin(one, 0, given, key)
+    def begin_one(one: OneCut, given: tuple[Any, ...], key: tuple[Integer, Integer]) -> None:
+        """Begin one cut from what is ``given`` and a key: seed and episode."""
+        cuts = batch_of_one(one)
+        if begin is not None:
+            begin(cuts, 0, given, key)
         if not from_truth:
-            know_start(one, 0)
-            expect(one, 0, given, key)
+            know_start(cuts, 0)
+            if expect is not None:
+                expect(cuts, 0, given, key)
 
     return begin_one
 
@@ -136,15 +131,10 @@ def expect_one(task: Task) -> Callable[..., None]:
     """Return the function that begins what a rig knows of a cut."""
     expect = task.expect
 
-    def expect_one(
-        cuts: StructArray,
-        shared: StructArray,
-        episodes: StructArray,
-        given: tuple[Any, ...],
-        key: tuple[Integer, Integer],
-    ) -> None:
-        """Begin what is known of one cut, records of shape (1,), at the clamp."""
-        expect(batch_of_one(cuts[0], shared, episodes[0]), 0, given, key)
+    def expect_one(one: OneCut, given: tuple[Any, ...], key: tuple[Integer, Integer]) -> None:
+        """Begin what is known of one cut at the clamp."""
+        if expect is not None:
+            expect(batch_of_one(one), 0, given, key)
 
     return expect_one
 
@@ -228,19 +218,18 @@ def begin_some(task: Task) -> Callable[..., None]:
                     vary_surface((seed, episode), spread, deepest, surfaces, profile.depth)
                 for i in range(N_POINTS):
                     profile.toughness[i] = fracture_share * along.fracture_resistance[i] * profile.depth[i]
-            measure_depth(seed, episode, drawing.depth_noise, drawing.depth_modes, profile.depth, nominal.depth)
+            key = seed, episode
+            measure_depth(key, drawing.depth_noise, drawing.depth_modes, profile.depth, nominal.depth)
             expect(start.expected[0], nominal)
-            begin_task(cuts, n, given, (seed, episode))
+            if begin_task is not None:
+                begin_task(cuts, n, given, key)
             if not from_truth:
                 know_start(cuts, n)
-                know(cuts, n, given, (seed, episode))
-            angle = cuts.states[n].angle
-            last_angle = (angle - ANGLE_CENTRE) / ANGLE_SCALE
-            observe_rest(counts, cuts.tasks[n], cuts.progresses[n], nominal, angle, last_angle, observations[n])
-            if from_truth:
-                observe(cuts, n, cuts.motions[n], observations[n])
-            else:
-                observe(cuts, n, cuts.known[n].motion[0], observations[n])
+                if know is not None:
+                    know(cuts, n, given, key)
+            observe_rest(counts, cuts, n, cuts.states[n].angle, observations[n])
+            if observe is not None:
+                observe(cuts, n, cuts.motions[n] if from_truth else cuts.known[n].motion[0], observations[n])
             mark_done(passed, core, 1)
             k, end = next_chunk(passed, core, 1)
 

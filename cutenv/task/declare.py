@@ -18,12 +18,12 @@ import numpy as np
 
 from cutenv import task_quantities
 from cutenv._base.arrays import Struct, StructArray
-from cutenv._engine.declared import compiled_for
+from cutenv._engine.declared import Declaration, compiled_for
 from cutenv._engine.fuse import expression, fuse
 from cutenv._engine.jit import njit_fused, njit_inline, njit_internal
-from cutenv._engine.randomness import Integer
 from cutenv.cutting.dtypes import DRIVE, LAW, PROFILE, STATE
 from cutenv.cutting.motion import NOTHING, STRAIGHT, Motion, Moving
+from cutenv.cutting.row import Plain
 from cutenv.cutting.sensor import SENSOR, WRAP
 from cutenv.task.assessment import COUNT_ONE
 from cutenv.task.episode_dtypes import PROGRESS, SPECIMEN, TASK
@@ -88,92 +88,28 @@ class Cuts(NamedTuple):
         )
 
 
+class OneCut(NamedTuple):
+    """One cut and its episode: records of shape (1,)."""
+
+    cut: StructArray
+    """:attr:`~cutenv.cutting.motion.Motion.cut`."""
+    shared: StructArray
+    """Record that all cuts of the task and tissue share."""
+    episode: StructArray
+    """:attr:`Task.episode`."""
+
+
 class Stepping(NamedTuple):
     """Row of cuts within a step."""
 
     cuts: Cuts
     row: Struct
+    plain: Plain
     moving: Moving
     count: Struct
     """Accumulators of gentle cutting, :data:`~cutenv.task.assessment.COUNT`."""
     step: Struct
     """Counts that the task adds, :attr:`Task.counted`."""
-
-
-@njit_inline
-def size_along(force: float, across: float) -> float:
-    """Return the force that is charged and limited [N]: that along the cut."""
-    return force
-
-
-@njit_inline
-def count_nothing(step: Struct, k: Integer, place: float, tip: float, across: float) -> None:
-    """Count nothing more in a millisecond."""
-
-
-@njit_inline
-def fetch_nothing(cuts: Cuts, i: int, first: Integer, last: Integer) -> None:
-    """Prefetch no further records."""
-
-
-@njit_inline
-def survey_nothing(whole: Struct, motion: Struct, step: Struct, k: Integer, tip: float) -> None:
-    """Survey nothing of the whole cut."""
-
-
-@njit_inline
-def always(whole: Struct, target: float) -> bool:
-    """Return True: nothing more is asked of a success."""
-    return True
-
-
-@njit_inline
-def never(whole: Struct) -> bool:
-    """Return False: there is no further end for safety."""
-    return False
-
-
-@njit_inline
-def charged_along(cuts: Cuts, c: Integer) -> tuple[float, float]:
-    """Return no other stored energy than that along the cut: -1, and 1."""
-    return -1.0, 1.0
-
-
-@njit_inline
-def observe_nothing(
-    cuts: Cuts, c: Integer, step: Struct, k: Integer, action: StructArray, observation: StructArray
-) -> None:
-    """Observe nothing more."""
-
-
-@njit_inline
-def measure_nothing(stepping: Stepping, k: Integer) -> None:
-    """Measure nothing more."""
-
-
-@njit_inline
-def expect_nothing(cuts: Cuts, c: Integer, first: bool, tick: int, position: float) -> None:
-    """Expect nothing more before the tip is estimated."""
-
-
-@njit_inline
-def learn_nothing(known: Struct, tick: int, position: float, tip: float) -> None:
-    """Learn nothing more from an estimated tip."""
-
-
-@njit_inline
-def begin_nothing(cuts: Cuts, c: Integer, given: Any, key: tuple[Integer, Integer]) -> None:
-    """Begin nothing more."""
-
-
-@njit_inline
-def observe_nothing_at_start(cuts: Cuts, c: Integer, motion: Struct, observation: StructArray) -> None:
-    """Observe nothing more at the start."""
-
-
-@njit_inline
-def no_count(step: Struct, k: Integer, place: float) -> None:
-    """Prepare no further counts."""
 
 
 @njit_inline
@@ -206,8 +142,10 @@ class ActionAxis:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Task:
+class Task(Declaration):
     """Declaration of a task; its hooks are compiled by :func:`~cutenv._engine.jit.njit_inline`, or for kernels.
+
+    A hook that is None is not called.
 
     The whole cut is assessed by a record: settings, sums over the places that the tip has passed, and what
     :func:`whole_fields` gives.
@@ -244,39 +182,39 @@ class Task:
     hidden: tuple[str, ...] = ()
     """Names of the privileged features that the task adds to those of gentle cutting."""
 
-    begin: Callable[..., None] = begin_nothing
+    begin: Callable[..., None] | None = None
     """Begin a cut whose records were begun as those of gentle cutting, from what is given and a key."""
-    expect: Callable[..., None] = begin_nothing
+    expect: Callable[..., None] | None = None
     """Begin what a rig knows of it."""
-    observe_start: Callable[..., None] = observe_nothing_at_start
+    observe_start: Callable[..., None] | None = None
     """Fill the components that the task adds at the start; takes cuts, number of the cut, its motion, observation."""
-    fetch: Callable[..., None] = fetch_nothing
+    fetch: Callable[..., None] | None = None
     """Prefetch records of the next row of cuts."""
-    begin_step: Callable[..., None] = no_count
+    begin_step: Callable[..., None] | None = None
     """Prepare the counts of a step; takes them, number of the lane, and place of the blade's leading end [m]."""
-    count: Callable[..., None] = count_nothing
+    count: Callable[..., None] | None = None
     """Count a millisecond: counts, number of the lane, place of the blade, tip [m], force across the cut [N]."""
-    size: Callable[..., float] = size_along
-    """Return the force that is charged and limited, from those along and across the cut [N]."""
-    survey: Callable[..., None] = survey_nothing
+    size: Callable[..., float] | None = None
+    """Return the force that is charged and limited, from those along and across the cut [N]; None: that along it."""
+    survey: Callable[..., None] | None = None
     """Bring the record of the whole cut up to date: record, motion, counts, number of the lane, tip [m]."""
-    breached: Callable[..., bool] = never
+    breached: Callable[..., bool] | None = None
     """Return whether the cut ends for safety, from the record of the whole cut."""
-    achieved: Callable[..., bool] = always
+    achieved: Callable[..., bool] | None = None
     """Return whether the whole cut is within the tolerances of a success, from its record and target length [m]."""
-    left_loaded: Callable[..., tuple[float, float]] = charged_along
+    left_loaded: Callable[..., tuple[float, float]] | None = None
     """Return the energy that an end leaves stored [J], or -1 for that along the cut, and R B at the tip [N]."""
-    left_loaded_seen: Callable[..., tuple[float, float]] = charged_along
+    left_loaded_seen: Callable[..., tuple[float, float]] | None = None
     """The same of a cut that is seen as on a rig."""
-    observe: Callable[..., None] = observe_nothing
-    """Fill the components that the task adds; takes cuts, number of the cut, counts, lane, action, observation."""
-    observe_seen: Callable[..., None] = observe_nothing
+    observe: Callable[..., None] | None = None
+    """Fill the components that the task adds; takes a :class:`Stepping`, number of the lane, action, observation."""
+    observe_seen: Callable[..., None] | None = None
     """The same of a cut that is seen as on a rig."""
-    measure: Callable[..., None] = measure_nothing
+    measure: Callable[..., None] | None = None
     """Let a simulated rig measure; what it reads are the ``ways`` of what is known."""
-    expect_at: Callable[..., None] = expect_nothing
+    expect_at: Callable[..., None] | None = None
     """Bring the profile that a rig expects up to date, before the tip is estimated."""
-    learn: Callable[..., None] = learn_nothing
+    learn: Callable[..., None] | None = None
     """Let what is expected follow an estimated tip."""
     hide: Callable[..., None] | None = None
     """Fill the privileged features that the task adds to those of gentle cutting."""
@@ -290,22 +228,22 @@ class Task:
         """The same task, assessed by what a rig sees: tip, runs and the whole cut are estimates."""
         return self if not self.from_truth else replace(self, place=f"{self.place}.seen", from_truth=False)
 
-    @property
+    @cached_property
     def action_names(self) -> tuple[str, ...]:
         """Names of the numbers of an action."""
         return ("speed", "angle", *(() if self.axis is None else (self.axis.name,)))
 
-    @property
+    @cached_property
     def all_components(self) -> tuple[Component, ...]:
         """All components of the observation."""
         return (*COMPONENTS, *self.components)
 
-    @property
+    @cached_property
     def all_terms(self) -> tuple[str, ...]:
         """Names of all terms of the reward."""
         return (*TERMS, *(cost.name for cost in self.costs))
 
-    @property
+    @cached_property
     def ends(self) -> tuple[str, ...]:
         """Names of the ends by code; code 0: not ended."""
         return (*ENDS, self.end) if self.end else ENDS
@@ -347,7 +285,7 @@ class Task:
 @compiled_for(njit_fused)
 def charge(task: Task) -> Any:
     """Return the function that charges the costs of a step in the record of the whole cut, for a target length [m]."""
-    lines = ["pass"]
+    lines = []
     for cost in task.costs:
         value = expression(cost.value, task.quantities, {name: f"whole.{name}" for name in task.quantities[:-1]})
         lines += [
@@ -361,7 +299,7 @@ def charge(task: Task) -> Any:
 @compiled_for(njit_fused)
 def terms(task: Task) -> Any:
     """Return the function that adds up the costs of a step in the record of the whole cut."""
-    total = " + ".join(f"whole.term_{cost.name}" for cost in task.costs) or "0.0"
+    total = " + ".join(f"whole.term_{cost.name}" for cost in task.costs)
     return fuse("terms", ["whole"], [f"return {total}"], [__name__])
 
 

@@ -241,8 +241,9 @@ def fill_depth(
 
 
 @njit_internal
-def observe(cuts: Cuts, c: Integer, step: Struct, k: Integer, action: StructArray, observation: StructArray) -> None:
+def observe(stepping: Stepping, k: Integer, action: StructArray, observation: StructArray) -> None:
     """Fill the components that depth adds; the sensor's noise is drawn once for each decision."""
+    cuts, step, c = stepping.cuts, stepping.step, stepping.row.cut[k]
     depth, descent, sensor, tick = cuts.wholes[c], cuts.motions[c], cuts.sensors[c], cuts.states[c].tick
     counter, updates = _NORMALS * tick, cuts.progresses[c].updates
     first = normal_at(sensor.seed, sensor.episode, VERTICAL_NOISE, counter)
@@ -392,10 +393,9 @@ def learn(known: Struct, tick: int, position: float, tip: float) -> None:
 
 
 @njit_internal
-def observe_seen(
-    cuts: Cuts, c: Integer, step: Struct, k: Integer, action: StructArray, observation: StructArray
-) -> None:
+def observe_seen(stepping: Stepping, k: Integer, action: StructArray, observation: StructArray) -> None:
     """Fill the components that depth adds, and the depth of cut at level 0, from what a rig has measured."""
+    cuts, step, c = stepping.cuts, stepping.step, stepping.row.cut[k]
     depth, known, position = cuts.wholes[c], cuts.known[c], cuts.progresses[c].position
     descent, updates = known.motion[0], max(step.updates[k], 1.0)
     span = min(updates, float(RESPONSE))

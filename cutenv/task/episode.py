@@ -14,7 +14,7 @@ from cutenv.cutting.dtypes import PROFILE, READING
 from cutenv.plant.simulator import SimulatedPlant
 from cutenv.task.assessment import charge_end
 from cutenv.task.beginning import begin_at, begin_one, expect, expect_one
-from cutenv.task.declare import WAYS, Cuts, Task, command_of
+from cutenv.task.declare import WAYS, Cuts, OneCut, Task, command_of
 from cutenv.task.gentle import GENTLE_CUT
 from cutenv.task.info import COST, GROUPS, OUT_OF_RANGE, PLACES, WHOLE_NUMBERS
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, commanded_speed
@@ -176,21 +176,21 @@ class Episode:
         key = None if goal.key is None else (np.uint64(goal.key[0]), np.uint64(goal.key[1]))
         beginning = self.options.beginning(goal.tissue)
         if not self.simulated:
-            self._cut = np.zeros(1, self.task.motion.cut)
-            expect_one(self.task)(self._cut, self.shared, self.record, beginning, key)
+            self._one = OneCut(np.zeros(1, self.task.motion.cut), self.shared, self.record)
+            expect_one(self.task)(self._one, beginning, key)
             return
         plant: SimulatedPlant = self.plant
-        self._cut = plant.cuts
+        self._one = OneCut(plant.cuts, self.shared, self.record)
         _fill(plant.cuts["motions"], self.options.motion(plant.specimen))
         plant.shared = self.shared
-        self._recorded: StructArray = np.zeros((1, self.ticks), READING)
-        self._across: Array = np.zeros(self.ticks if self.task.axis is not None else 0)
+        readings: StructArray = np.zeros((1, self.ticks), READING)
+        self._recorded = readings, np.zeros(self.ticks if self.task.axis is not None else 0)
         self.record["specimens"]["modulus"] = plant.specimen.modulus
         self.record["specimens"]["fracture_resistance"] = plant.specimen.fracture_resistance
         if goal.start > 0.0:
             begin_at(plant.states[0], self.progress[0], goal.start)
         if key is not None:
-            begin_one(self.task)(plant.cuts, self.shared, self.record, beginning, key)
+            begin_one(self.task)(self._one, beginning, key)
 
     def step(self, action: NDArray[np.float64]) -> tuple[NDArray[np.float32], float]:
         """Command an action, numbers in [-1, 1], for one decision; return observation, shape (k,), and reward."""
@@ -201,16 +201,9 @@ class Episode:
             return self._assess(self._advance(*commanded, *(float(command_of(self.task)(each)) for each in further)))
         observation = np.empty((1, len(self.task.all_components)), np.float32)
         reward, self._end = step_one(self.task)(
-            self.plant.cuts,
-            self.shared,
-            self.record,
-            self.ticks,
-            action.reshape(1, -1),
-            observation,
-            self._recorded,
-            self._across,
+            self._one, self.goal.ticks, action.reshape(1, -1), observation, self._recorded
         )
-        self._felt = self._recorded[0]
+        self._felt = self._recorded[0][0]
         return observation[0], reward
 
     def _advance(self, speed: float, angle: float) -> StructArray:
@@ -256,9 +249,7 @@ class Episode:
         """
         self._felt, self._channels = readings, channels
         observation = np.empty(len(self.task.all_components), np.float32)
-        reward, self._end = assess_readings(self.task)(
-            self._cut, self.shared, self.record, readings, ways, self.last_action, observation
-        )
+        reward, self._end = assess_readings(self.task)(self._one, readings, ways, self.last_action, observation)
         return observation, reward
 
     def rest(self, angle: float) -> NDArray[np.float32]:
@@ -267,8 +258,8 @@ class Episode:
         self.last_action = np.array([0.0, last_angle, *np.zeros(len(self.task.action_names) - 2)])
         observation = np.empty(len(self.task.all_components), np.float32)
         if self.simulated:
-            tell_one(self.plant.cuts, self.record)
-        observe_one(self.task)(self._cut, self.shared, self.record, angle, last_angle, observation)
+            tell_one(self._one)
+        observe_one(self.task)(self._one, angle, observation)
         return observation
 
     @property
@@ -287,7 +278,7 @@ class Episode:
 
         It is the true one, or as measured where a rig sees the cut.
         """
-        return self._across
+        return self._recorded[1]
 
     @property
     def noted(self) -> dict[str, Any]:
@@ -343,7 +334,9 @@ class Episode:
     @property
     def motion(self) -> StructArray:
         """The motion of the blade, shape (1,): true and hidden, or expected where the cut is seen as on a rig."""
-        motion: StructArray = self._cut["motions"][0] if self.task.from_truth else self.record["known"]["motion"][0, 0]
+        motion: StructArray = (
+            self._one.cut["motions"][0] if self.task.from_truth else self.record["known"]["motion"][0, 0]
+        )
         return motion
 
     @property
@@ -375,7 +368,7 @@ class Episode:
     def __setstate__(self, state: dict[str, object]) -> None:
         self.__dict__.update(state)
         if self.simulated:
-            self._cut = self.plant.cuts
+            self._one = OneCut(self.plant.cuts, self.shared, self.record)
 
     @property
     def end(self) -> str:

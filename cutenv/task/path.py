@@ -272,8 +272,9 @@ def fill_path(
 
 
 @njit_internal
-def observe(cuts: Cuts, c: Integer, step: Struct, k: Integer, action: StructArray, observation: StructArray) -> None:
+def observe(stepping: Stepping, k: Integer, action: StructArray, observation: StructArray) -> None:
     """Fill the components that the path adds; the sensor's noise is drawn once for each decision."""
+    cuts, step, c = stepping.cuts, stepping.step, stepping.row.cut[k]
     path, steering, sensor, state = cuts.wholes[c], cuts.motions[c], cuts.sensors[c], cuts.states[c]
     updates = cuts.progresses[c].updates
     first, second, third = three_normals_at(sensor.seed, sensor.episode, LATERAL_NOISE, state.tick)
@@ -424,10 +425,9 @@ def left_loaded_seen(cuts: Cuts, c: Integer) -> tuple[float, float]:
 
 
 @njit_internal
-def observe_seen(
-    cuts: Cuts, c: Integer, step: Struct, k: Integer, action: StructArray, observation: StructArray
-) -> None:
+def observe_seen(stepping: Stepping, k: Integer, action: StructArray, observation: StructArray) -> None:
     """Fill the components that the path adds from what a rig has measured."""
+    cuts, step, c = stepping.cuts, stepping.step, stepping.row.cut[k]
     known, progress = cuts.known[c], cuts.progresses[c]
     steering = known.motion[0]
     steering.ahead, steering.across = known.ways[_EAST], known.ways[_NORTH]

@@ -19,17 +19,18 @@ from cutenv._engine.lanes import first_row
 from cutenv._engine.randomness import Integer
 from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
 from cutenv.cutting.dtypes import DRIVE, LAW, STATE, TICK
-from cutenv.cutting.lanes import gather, lane_views, pad, scatter
 from cutenv.cutting.law import depth_at, grid_index
 from cutenv.cutting.motion import Moving
-from cutenv.cutting.row import LANES, ROW, Plain, begin, note, plain_views, put, take
+from cutenv.cutting.row import LANES, ROW, Plain, begin, gather, lane_views, note, pad, plain_views, put, scatter, take
 from cutenv.cutting.sensor import SENSOR, WRAP
 from cutenv.cutting.update import update_row
 from cutenv.task.assessment import (
     COUNT,
     N_FIELDS,
+    Millisecond,
     add_terms,
     begin_count,
+    charge_end,
     charge_stored,
     conclude,
     count_lane,
@@ -38,11 +39,13 @@ from cutenv.task.assessment import (
     succeeded,
     tell,
 )
-from cutenv.task.declare import WAYS, Cuts, Stepping, Task, charge, command_of, terms
+from cutenv.task.declare import WAYS, Cuts, OneCut, Stepping, Task, charge, command_of, terms
 from cutenv.task.episode_dtypes import PROGRESS, TASK
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, commanded_speed
 from cutenv.task.reward import ENDS, SAFETY_ENDS
 from cutenv.task.tip_estimation import estimated_tip
+from cutenv.task_quantities import SHALLOWEST
+from cutenv.tissue.crack_tip import BladeReading
 
 # Sizes of records in numbers.  Numba compiles a kernel anew for each literal integer argument, but not for these.
 _NONE = np.int64(0)
@@ -57,10 +60,11 @@ _FURTHER_END = len(ENDS)  # code of the end that a task adds
 
 
 @njit_inline
-def batch_of_one(cut: Struct, shared: StructArray, episode: Struct) -> Cuts:
+def batch_of_one(one: OneCut) -> Cuts:
     """Return one cut and its episode as a batch of one."""
+    cut, episode = one.cut[0], one.episode[0]
     return Cuts(
-        cut.states, cut.profiles, cut.laws, cut.drives, cut.sensors, cut.motions, shared, episode.tasks,
+        cut.states, cut.profiles, cut.laws, cut.drives, cut.sensors, cut.motions, one.shared, episode.tasks,
         episode.progresses, episode.nominals, episode.specimens, episode.known, episode.wholes,
     )  # fmt: skip
 
@@ -68,52 +72,46 @@ def batch_of_one(cut: Struct, shared: StructArray, episode: Struct) -> Cuts:
 @compiled_for(njit)
 def step_one(task: Task) -> Callable[..., tuple[float, int]]:
     """Return the function that steps one cut by one decision."""
-    begin_one, advance, finish, total = begin_lane(task), advance_row(task), conclude_lane(task), terms(task)
+    begin_one, advance, finish = begin_lane(task), advance_row(task), conclude_lane(task)
     scalars, force, from_truth, last = task.motion.scalars, task.motion.force, task.from_truth, WAYS - 1
+    total = terms(task) if task.costs else None
 
     def step_one(
-        cuts: StructArray,
-        shared: StructArray,
-        episodes: StructArray,
-        ticks: int,
-        action: StructArray,
-        observations: StructArray,
-        readings: StructArray,
-        across: Array,
+        one: OneCut, ticks: int, action: StructArray, observations: StructArray, recorded: tuple[StructArray, Array]
     ) -> tuple[float, int]:
         """Step one cut by one decision; return its reward and end.
 
         Parameters
         ----------
-        cuts, shared, episodes : Records, shape (1,)
-            :attr:`~cutenv.cutting.motion.Motion.cut`, what all cuts share, and
-            :attr:`~cutenv.task.declare.Task.episode`; but for what is shared, changed in place.
+        one : OneCut
+            The cut; but for what is shared, changed in place.
         ticks : int
             Milliseconds until the next decision.
-        action, observations, readings : array, shape (1, m), (1, components) float32, Records of shape (1, ticks)
-            Action within [-1, 1]; observation and readings: filled.
-        across : array, shape (ticks,) or (0,)
-            Filled with the force across the cut [N], true or as it is measured, if it is not empty.
+        action, observations : array, shape (1, m), (1, components) float32
+            Action within [-1, 1]; observation, filled.
+        recorded : tuple of Records and array, shape (1, ticks), (ticks,) or (0,)
+            Filled with the readings, and the force across the cut [N], true or as it is measured, if it is not empty.
         """
-        c, e = cuts[0], episodes[0]
-        one = batch_of_one(c, shared, e)
+        c, e = one.cut[0], one.episode[0]
         row, plain = first_row(c.rows), plain_views(c.rows, c.states, c.laws, c.drives)
-        moving = Moving(first_row(c.lanes), lane_views(c.lanes, c.motions, 1, scalars), c.motions, shared)
-        stepping = Stepping(one, row, moving, first_row(e.counts), first_row(e.steps))
-        begin_one(stepping, plain, action, 0, 0)
+        moving = Moving(first_row(c.lanes), lane_views(c.lanes, c.motions, 1, scalars), c.motions, one.shared)
+        stepping = Stepping(batch_of_one(one), row, plain, moving, first_row(e.counts), first_row(e.steps))
+        readings, across = recorded
+        begin_one(stepping, action, 0, 0)
         begin(row, plain, 1)
         for i in range(ticks):
             advance(stepping, readings, i)
-            if len(across) > 0:
-                across[i] = force(moving.lanes, 0)
-                if not from_truth:
-                    across[i] = e.known[0].ways[last]
+            if force is not None and len(across) > 0:
+                across[i] = force(moving.lanes, 0) if from_truth else e.known[0].ways[last]
             if stepping.count.end[0] != 0:
                 break
         put(row, plain, 0, 0)
         scatter(moving.views, 0, 0)
         end = finish(stepping, 0, action[0], observations[0], e.infos[0])
-        return add_terms(as_float64_view(e.infos), e.totals) + total(e.wholes[0]), end
+        reward = add_terms(as_float64_view(e.infos), e.totals)
+        if total is not None:
+            reward += total(e.wholes[0])
+        return reward, end
 
     return step_one
 
@@ -121,6 +119,8 @@ def step_one(task: Task) -> Callable[..., tuple[float, int]]:
 class Decision(NamedTuple):
     """One decision for n cuts."""
 
+    ticks: int
+    """Milliseconds until the next one."""
     waiting: StructArray
     """Mask of cuts to skip because they have ended, array of bool, shape (n,)."""
     actions: StructArray
@@ -137,13 +137,23 @@ class Decision(NamedTuple):
     """Filled up to the end of a cut, :data:`~cutenv.cutting.dtypes.READING` of shape (n, ticks), or (0, 0) for none."""
 
 
+class Ahead(NamedTuple):
+    """Cuts that are stepped next, whose records are prefetched meanwhile."""
+
+    records: tuple[StructArray, ...]
+    """Flat views of the records of all cuts, :func:`flat_views`."""
+    first: int
+    """Number of the first of them, and that after the last."""
+    last: int
+
+
 @compiled_for(njit_nogil)
 def step_some(task: Task) -> Callable[..., None]:
     """Return the function that steps many cuts by one decision."""
     step, scalars = step_row(task), task.motion.scalars
     lanes_of_row, counts_of_row = task.motion.lanes(LANES), task.counts(LANES)
 
-    def step_some(passed: WorkQueue, core: int, cuts: Cuts, ticks: int, decision: Decision) -> None:
+    def step_some(passed: WorkQueue, core: int, cuts: Cuts, decision: Decision) -> None:
         """Step n cuts by one decision.
 
         Parameters
@@ -152,8 +162,6 @@ def step_some(task: Task) -> Callable[..., None]:
             Work queue and number of the thread, see :func:`cutenv._engine.parallel.parallel_for`.
         cuts : Cuts
             The cuts, changed in place.
-        ticks : int
-            Milliseconds until the next decision.
         decision : Decision
             Actions, and what is filled.
         """
@@ -163,12 +171,12 @@ def step_some(task: Task) -> Callable[..., None]:
         lanes, steps = np.zeros(1, lanes_of_row), np.zeros(1, counts_of_row)
         row, plain = first_row(rows), plain_views(rows, cuts.states, cuts.laws, cuts.drives)
         moving = Moving(first_row(lanes), lane_views(lanes, cuts.motions, LANES, scalars), cuts.motions, cuts.shared)
-        stepping = Stepping(cuts, row, moving, first_row(counts), first_row(steps))
+        stepping = Stepping(cuts, row, plain, moving, first_row(counts), first_row(steps))
         fetched = flat_views(cuts, plain, decision.infos)
         span = next_chunk(passed, core, LANES)
         while span[0] < span[1]:
             following = next_chunk(passed, core, LANES)
-            step(stepping, plain, span, ticks, decision, fetched, following)
+            step(stepping, span, decision, Ahead(fetched, following[0], following[1]))
             mark_done(passed, core, span[1] - span[0])
             span = following
         keep_alive(rows)
@@ -182,36 +190,29 @@ def step_some(task: Task) -> Callable[..., None]:
 @compiled_for(njit_inline)
 def step_row(task: Task) -> Callable[..., None]:
     """Return the function that steps a row of cuts by one decision."""
-    begin_one, advance, finish, total = begin_lane(task), advance_row(task), conclude_lane(task), terms(task)
-    fetch = task.fetch
+    begin_one, advance, finish = begin_lane(task), advance_row(task), conclude_lane(task)
+    fetch, total = task.fetch, terms(task) if task.costs else None
 
-    def step_row(
-        stepping: Stepping,
-        plain: Plain,
-        span: tuple[int, int],
-        ticks: int,
-        decision: Decision,
-        fetched: tuple[StructArray, ...],
-        following: tuple[int, int],
-    ) -> None:
+    def step_row(stepping: Stepping, span: tuple[int, int], decision: Decision, ahead: Ahead) -> None:
         """Step the cuts from the first number of ``span`` to before the second, at most a row; see :func:`step_some`.
 
-        ``fetched`` are flat views of the records, of which those of the ``following`` row are prefetched meanwhile.
+        Records of the cuts that are ``ahead`` are prefetched meanwhile.
         """
-        cuts, row, count, infos = stepping.cuts, stepping.row, stepping.count, decision.infos
+        cuts, row, count, infos, ticks = stepping.cuts, stepping.row, stepping.count, decision.infos, decision.ticks
         taken: Integer = _NONE
         for n in range(span[0], span[1]):
             if decision.waiting[n]:
                 decision.rewards[n], decision.ends[n] = 0.0, 0
             else:
-                begin_one(stepping, plain, decision.actions, taken, n)
+                begin_one(stepping, decision.actions, taken, n)
                 taken += 1
         if taken > 0:
-            begin(row, plain, taken)
+            begin(row, stepping.plain, taken)
             pad(stepping.moving.views, taken)
         for i in range(ticks + 1 if taken > 0 else 0):
-            fetch_some(cuts, fetched, i, following[0], following[1])
-            fetch(cuts, i, following[0], following[1])
+            fetch_some(cuts, ahead, i)
+            if fetch is not None:
+                fetch(cuts, i, ahead.first, ahead.last)
             over = taken  # after the last millisecond, all of them
             if i < ticks:
                 over = advance(stepping, decision.readings, i)
@@ -219,10 +220,12 @@ def step_row(task: Task) -> Callable[..., None]:
                 if row.going[k] == 1 and (i == ticks or count.end[k] != 0):
                     c = row.cut[k]
                     row.going[k] = 0
-                    put(row, plain, k, c)
+                    put(row, stepping.plain, k, c)
                     scatter(stepping.moving.views, k, c)
                     decision.ends[c] = finish(stepping, k, decision.actions[c], decision.observations[c], infos[c])
-                    decision.rewards[c] = reward_of(fetched[-1], c) + total(cuts.wholes[c])
+                    decision.rewards[c] = reward_of(ahead.records[-1], c)
+                    if total is not None:
+                        decision.rewards[c] += total(cuts.wholes[c])
 
     return step_row
 
@@ -230,19 +233,20 @@ def step_row(task: Task) -> Callable[..., None]:
 @compiled_for(njit_inline)
 def begin_lane(task: Task) -> Callable[..., None]:
     """Return the function that loads a cut and its action into a lane."""
-    give, commanded, begin_step, further = task.motion.command, command_of(task), task.begin_step, task.axis is not None
+    give, commanded, begin_step = task.motion.command, command_of(task), task.begin_step
 
-    def begin_lane(stepping: Stepping, plain: Plain, actions: StructArray, k: Integer, n: Integer) -> None:
+    def begin_lane(stepping: Stepping, actions: StructArray, k: Integer, n: Integer) -> None:
         """Load cut number ``n`` and its action into lane ``k``."""
         cuts, row = stepping.cuts, stepping.row
-        take(row, plain, cuts.profiles[n], cuts.drives[n], cuts.sensors[n], k, n)
+        take(row, stepping.plain, cuts, k, n)
         gather(stepping.moving.views, k, n)
         begin_count(stepping.count, k, cuts.tasks[n], cuts.progresses[n])
         row.given[k] = commanded_speed(actions[n, 0])
         row.aim[k] = ANGLE_CENTRE + ANGLE_SCALE * actions[n, 1]
-        if further:
+        if give is not None:
             give(stepping.moving.lanes, k, commanded(actions[n, 2]))
-        begin_step(stepping.step, k, cuts.states[n].tip)
+        if begin_step is not None:
+            begin_step(stepping.step, k, cuts.states[n].tip)
 
     return begin_lane
 
@@ -257,32 +261,38 @@ def advance_row(task: Task) -> Callable[..., int]:
     def advance_row(stepping: Stepping, readings: StructArray, i: int) -> int:
         """Advance and count millisecond ``i`` of a row; return how many of its cuts end with it."""
         row, cuts, counts, lanes = stepping.row, stepping.cuts, stepping.count, stepping.moving.lanes
-        update(row, stepping.moving, cuts.profiles, cuts.sensors, TICK, i == 0)
+        update(row, stepping.moving, cuts.profiles, cuts.sensors, i == 0)
         over = 0
         if from_truth and row.slack == 0:
             for k in range(len(row.blade)):
-                count_lane(
-                    counts, k, row.blade[k], row.speed[k], size(row.force[k], force(lanes, k)), row.felt[k],
-                    row.tip[k], row.jump[k], row.depth[k],
-                )  # fmt: skip
+                across = 0.0 if force is None else force(lanes, k)
+                charged = row.force[k] if size is None else size(row.force[k], across)
+                now = Millisecond(
+                    row.blade[k], row.speed[k], charged, row.felt[k], row.tip[k], row.jump[k], row.depth[k]
+                )
+                count_lane(counts, k, now)
                 over += 1 if row.going[k] == 1 and counts.end[k] != 0 else 0
         else:
             for k in range(row.taken):
-                c, position, speed = row.cut[k], row.blade[k], row.speed[k]
+                position, speed = row.blade[k], row.speed[k]
                 if row.backlash[k] > 0.0:  # the encoder sits at the motor
                     position, speed = row.hand[k], row.hand_speed[k]
                 if from_truth:
+                    across = 0.0 if force is None else force(lanes, k)
+                    charged = row.force[k] if size is None else size(row.force[k], across)
+                    depth = depth_at(cuts.profiles[row.cut[k]], position)
                     count_lane(
-                        counts, k, position, speed, size(row.force[k], force(lanes, k)), row.felt[k], row.tip[k],
-                        row.jump[k], depth_at(cuts.profiles[c], position),
-                    )  # fmt: skip
+                        counts, k, Millisecond(position, speed, charged, row.felt[k], row.tip[k], row.jump[k], depth)
+                    )
                 elif row.going[k] == 1:
-                    measure(stepping, k)
-                    see(stepping, k, position, speed, row.felt[k], i == 0)
+                    if measure is not None:
+                        measure(stepping, k)
+                    see(stepping, k, position, speed)
                 over += 1 if row.going[k] == 1 and counts.end[k] != 0 else 0
-        if from_truth:
+        if from_truth and count is not None:
             for k in range(len(row.blade)):
-                count(stepping.step, k, row.blade[k] - row.creep[k], row.tip[k], force(lanes, k))
+                across = 0.0 if force is None else force(lanes, k)
+                count(stepping.step, k, row.blade[k] - row.creep[k], row.tip[k], across)
         for k in range(row.taken if len(readings) > 0 else 0):
             if row.going[k] == 1:
                 note(row, k, readings[row.cut[k], i], TICK)
@@ -296,22 +306,25 @@ def count_seen(task: Task) -> Callable[..., None]:
     """Return the function that counts a reading, whose further measurements are in what is known of the cut."""
     expect, learn, count, size, across = task.expect_at, task.learn, task.count, task.size, WAYS - 1
 
-    def count_seen(
-        seen: Stepping | Seeing, k: Integer, position: float, speed: float, felt: float, first: bool
-    ) -> None:
-        """Count a reading of the cut in lane ``k``: tip and runs are estimated from the force [N] that is ``felt``.
+    def count_seen(stepping: Stepping, k: Integer, position: float, speed: float) -> None:
+        """Count a reading of the cut in lane ``k``: tip and runs are estimated from the force that is ``felt``.
 
-        ``position`` [m] and ``speed`` [m/s] are those of the motor; ``first`` is True for the first of a step.
+        ``position`` [m] and ``speed`` [m/s] are those of the motor.
         """
-        cuts, c, counts = seen.cuts, seen.row.cut[k], seen.count
+        cuts, counts, c, felt = stepping.cuts, stepping.count, stepping.row.cut[k], stepping.row.felt[k]
         known, nominal = cuts.known[c], cuts.nominals[c]
         tick = round(counts.time[k] / TICK) + 1
-        expect(cuts, c, first, tick, position)
-        tip, jump = estimated_tip(known.tip[0], cuts.tasks[c], nominal, tick, position, speed, felt)
-        learn(known, tick, position, tip)
-        force = size(felt, known.ways[across])
-        count_lane(counts, k, position, speed, force, felt, tip, jump, depth_at(nominal, position))
-        count(seen.step, k, position, tip, known.ways[across])
+        if expect is not None:
+            expect(cuts, c, counts.updates[k] == 0, tick, position)
+        depth = max(depth_at(nominal, position), SHALLOWEST)
+        reading = BladeReading(position, speed, depth, felt)
+        tip, jump = estimated_tip(known.tip[0], cuts.tasks[c], nominal, tick, reading)
+        if learn is not None:
+            learn(known, tick, position, tip)
+        force = felt if size is None else size(felt, known.ways[across])
+        count_lane(counts, k, Millisecond(position, speed, force, felt, tip, jump, depth))
+        if count is not None:
+            count(stepping.step, k, position, tip, known.ways[across])
 
     return count_seen
 
@@ -325,12 +338,13 @@ def conclude_lane(task: Task) -> Callable[..., int]:
         stepping: Stepping, k: Integer, action: StructArray, observation: StructArray, info: Struct
     ) -> int:
         """Compute reward terms, observation and info for the step of the cut in lane ``k``; return its end."""
-        cuts, row, c = stepping.cuts, stepping.row, stepping.row.cut[k]
-        end: int = conclude_cut(stepping, k, (row.felt[k], row.angle[k]), action, observation, info)
-        tell(cuts.states[c], cuts.profiles[c], cuts.laws[c], cuts.tasks[c], cuts.specimens[c], info)
-        further = stored(cuts.motions[c])
-        info.energy_stored += further
-        info.energy_residual -= further
+        cuts, c = stepping.cuts, stepping.row.cut[k]
+        end: int = conclude_cut(stepping, k, action, observation, info)
+        tell(cuts, c, info)
+        if stored is not None:
+            further = stored(cuts.motions[c])
+            info.energy_stored += further
+            info.energy_residual -= further
         return end
 
     return conclude_lane
@@ -339,82 +353,62 @@ def conclude_lane(task: Task) -> Callable[..., int]:
 @compiled_for(njit_inline)
 def assess_step(task: Task) -> Callable[..., int]:
     """Return the function that assesses and observes a step, all of whose milliseconds are counted."""
-    survey, charge_whole, breached, achieved = task.survey, charge(task), task.breached, task.achieved
-    from_truth = task.from_truth
+    survey, breached, achieved, from_truth = task.survey, task.breached, task.achieved, task.from_truth
+    charge_whole = charge(task) if task.costs else None
     left = task.left_loaded if from_truth else task.left_loaded_seen
     observe = task.observe if from_truth else task.observe_seen
 
-    def assess_step(
-        seen: Stepping | Seeing,
-        k: Integer,
-        felt: tuple[float, float],
-        action: StructArray,
-        observation: StructArray,
-        info: Struct,
-    ) -> int:
-        """Compute reward terms and observation for the step of the cut in lane ``k``; return its end.
-
-        ``felt`` are the measured force [N] and the angle of the blade [rad] at the end of the step.
-        """
-        cuts, count, c = seen.cuts, seen.count, seen.row.cut[k]
-        whole, wanted, nominal, progress = cuts.wholes[c], cuts.tasks[c], cuts.nominals[c], cuts.progresses[c]
-        if from_truth:
-            survey(whole, cuts.motions[c], seen.step, k, count.tip[k])
-        else:
-            survey(whole, cuts.known[c].motion[0], seen.step, k, count.tip[k])
-        charge_whole(whole, wanted.target)
+    def assess_step(stepping: Stepping, k: Integer, action: StructArray, observation: StructArray, info: Struct) -> int:
+        """Compute reward terms and observation for the step of the cut in lane ``k``; return its end."""
+        cuts, count, c = stepping.cuts, stepping.count, stepping.row.cut[k]
+        whole, wanted, progress = cuts.wholes[c], cuts.tasks[c], cuts.progresses[c]
+        if survey is not None:
+            motion = cuts.motions[c] if from_truth else cuts.known[c].motion[0]
+            survey(whole, motion, stepping.step, k, count.tip[k])
+        if charge_whole is not None:
+            charge_whole(whole, wanted.target)
         # A further end for safety is charged as one at the limit of force: for all that stopping could still have cost.
-        breach = breached(whole) and (count.end[k] == 0 or count.end[k] > _SAFETY_CODES)
+        breach = False
+        if breached is not None:
+            breach = breached(whole) and (count.end[k] == 0 or count.end[k] > _SAFETY_CODES)
         if breach:
             count.end[k] = _SAFETY
-        if from_truth:
-            profile = cuts.profiles[c]
-            conclude(count, k, wanted, progress, profile, nominal, felt[0], felt[1], action, info, observation)
-        else:
-            conclude(count, k, wanted, progress, nominal, nominal, felt[0], felt[1], action, info, observation)
-        energy, toughness = left(cuts, c)
-        if progress.end != 0 and energy >= 0.0:
-            charge_stored(wanted, energy, toughness, info)
-        whole.success = 1 if succeeded(wanted, progress) and achieved(whole, wanted.target) else 0
-        if whole.success == 0:
+        conclude(stepping, k, action, observation, info)
+        if progress.end != 0:
+            charge_end(wanted, progress, cuts.profiles[c] if from_truth else cuts.nominals[c], info)
+            if left is not None:
+                energy, toughness = left(cuts, c)
+                if energy >= 0.0:
+                    charge_stored(wanted, energy, toughness, info)
+        success = succeeded(wanted, progress)
+        if achieved is not None:
+            success = success and achieved(whole, wanted.target)
+        whole.success = 1 if success else 0
+        if not success:
             info.reward_terms_success = 0.0
         progress.end = _FURTHER_END if breach else progress.end
-        observe(cuts, c, seen.step, k, action, observation)
+        if observe is not None:
+            observe(stepping, k, action, observation)
         return progress.end  # type: ignore[no-any-return]
 
     return assess_step
 
 
-class Seeing(NamedTuple):
-    """One cut on a rig within a step: what is assessed of it, and its number in place of a row."""
-
-    cuts: Cuts
-    row: Struct
-    count: Struct
-    step: Struct
-
-
 @compiled_for(njit)
 def assess_readings(task: Task) -> Callable[..., tuple[float, int]]:
     """Return the function that assesses and observes a rig's readings since the last decision."""
-    see, begin_step, finish, total = count_seen(task), task.begin_step, assess_step(task), terms(task)
+    see, begin_step, finish, scalars = count_seen(task), task.begin_step, assess_step(task), task.motion.scalars
+    total = terms(task) if task.costs else None
 
     def assess_readings(
-        cuts: StructArray,
-        shared: StructArray,
-        episodes: StructArray,
-        readings: StructArray,
-        ways: Array,
-        action: StructArray,
-        observation: StructArray,
+        one: OneCut, readings: StructArray, ways: Array, action: StructArray, observation: StructArray
     ) -> tuple[float, int]:
         """Assess and observe readings, with tip, runs and the whole cut estimated from what was measured.
 
         Parameters
         ----------
-        cuts, shared, episodes : Records, shape (1,)
-            :attr:`~cutenv.cutting.motion.Motion.cut`, as memory alone, what all cuts share, and
-            :attr:`~cutenv.task.declare.Task.episode`, changed in place.
+        one : OneCut
+            The cut, as memory alone, and its episode, changed in place.
         readings : Records, shape (n,)
             :data:`~cutenv.cutting.dtypes.READING`; those after an end do not count.
         ways : array, shape (n, WAYS)
@@ -427,23 +421,28 @@ def assess_readings(task: Task) -> Callable[..., tuple[float, int]]:
         reward, end : float, int
             The latter an index in :attr:`~cutenv.task.declare.Task.ends`.
         """
-        c, e = cuts[0], episodes[0]
-        seen = Seeing(batch_of_one(c, shared, e), first_row(c.rows), first_row(e.counts), first_row(e.steps))
+        c, e = one.cut[0], one.episode[0]
+        row, plain = first_row(c.rows), plain_views(c.rows, c.states, c.laws, c.drives)
+        moving = Moving(first_row(c.lanes), lane_views(c.lanes, c.motions, 1, scalars), c.motions, one.shared)
+        stepping = Stepping(batch_of_one(one), row, plain, moving, first_row(e.counts), first_row(e.steps))
         progress, known = e.progresses[0], e.known[0]
-        seen.row.cut[0] = 0
-        begin_count(seen.count, 0, e.tasks[0], progress)
-        begin_step(seen.step, 0, min(progress.position, known.tip[0].tip))
-        felt = angle = 0.0
+        row.cut[0], row.felt[0], row.angle[0] = 0, 0.0, 0.0
+        begin_count(stepping.count, 0, e.tasks[0], progress)
+        if begin_step is not None:
+            begin_step(stepping.step, 0, min(progress.position, known.tip[0].tip))
         for i in range(len(readings)):
             reading = readings[i]
-            felt, angle = reading.force, reading.angle
+            row.felt[0], row.angle[0] = reading.force, reading.angle
             for m in range(WAYS):
                 known.ways[m] = ways[i, m]
-            see(seen, 0, reading.position, reading.speed, felt, i == 0)
-            if seen.count.end[0] != 0:
+            see(stepping, 0, reading.position, reading.speed)
+            if stepping.count.end[0] != 0:
                 break
-        end = finish(seen, 0, (felt, angle), action, observation, e.infos[0])
-        return add_terms(as_float64_view(e.infos), e.totals) + total(e.wholes[0]), end
+        end = finish(stepping, 0, action, observation, e.infos[0])
+        reward = add_terms(as_float64_view(e.infos), e.totals)
+        if total is not None:
+            reward += total(e.wholes[0])
+        return reward, end
 
     return assess_readings
 
@@ -453,38 +452,27 @@ def observe_one(task: Task) -> Callable[..., None]:
     """Return the function that observes one cut at its start."""
     observe, from_truth = task.observe_start, task.from_truth
 
-    def observe_one(
-        cuts: StructArray,
-        shared: StructArray,
-        episodes: StructArray,
-        angle: float,
-        last_angle: float,
-        observation: StructArray,
-    ) -> None:
-        """Fill the observation of one cut at its start, before any step: angle of the blade [rad], and as an action."""
-        c, e = cuts[0], episodes[0]
-        observe_rest(e.counts, e.tasks[0], e.progresses[0], e.nominals[0], angle, last_angle, observation)
-        one = batch_of_one(c, shared, e)
-        if from_truth:
-            observe(one, 0, c.motions[0], observation)
-        else:
-            observe(one, 0, e.known[0].motion[0], observation)
+    def observe_one(one: OneCut, angle: float, observation: StructArray) -> None:
+        """Fill the observation of one cut at its start, before any step, for a blade at an ``angle`` [rad]."""
+        cuts = batch_of_one(one)
+        observe_rest(one.episode[0].counts, cuts, 0, angle, observation)
+        if observe is not None:
+            observe(cuts, 0, cuts.motions[0] if from_truth else cuts.known[0].motion[0], observation)
 
     return observe_one
 
 
 @njit
-def tell_one(cuts: StructArray, episodes: StructArray) -> None:
+def tell_one(one: OneCut) -> None:
     """Fill the `info` of one cut at its start: no reward yet."""
-    c, e = cuts[0], episodes[0]
-    tell(c.states[0], c.profiles[0], c.laws[0], e.tasks[0], e.specimens[0], e.infos[0])
+    tell(batch_of_one(one), 0, one.episode[0].infos[0])
 
 
 @njit
 def tell_of_all(cuts: Cuts, which: StructArray, infos: StructArray) -> None:
     """Fill ``infos`` for the cuts with indices ``which`` at their start: no reward yet."""
     for n in which:
-        tell(cuts.states[n], cuts.profiles[n], cuts.laws[n], cuts.tasks[n], cuts.specimens[n], infos[n])
+        tell(cuts, n, infos[n])
 
 
 @njit_inline
@@ -497,12 +485,13 @@ def flat_views(cuts: Cuts, plain: Plain, infos: StructArray) -> tuple[StructArra
 
 
 @njit_inline
-def fetch_some(cuts: Cuts, fetched: tuple[StructArray, ...], i: int, first: int, last: int) -> None:
-    """Prefetch part of the next row, cuts ``first`` to before ``last``, during millisecond ``i`` of this row.
+def fetch_some(cuts: Cuts, ahead: Ahead, i: int) -> None:
+    """Prefetch part of the cuts that are ``ahead`` during millisecond ``i`` of this row.
 
     Thousands of cuts do not fit into the first-level cache.  Their records come first, because these contain the grid
     indices of tip and blade, and then the profiles there.
     """
+    fetched, first, last = ahead
     for c in range(first + _AT_A_TIME * i, min(first + _AT_A_TIME * (i + 1), last)):
         _fetch_records(fetched, c)
     later = first + _AT_A_TIME * i - LANES

@@ -5,8 +5,7 @@ from __future__ import annotations
 from cutenv._base.arrays import Struct
 from cutenv._engine.jit import njit_internal
 from cutenv.cutting.dtypes import TICK
-from cutenv.cutting.law import depth_at
-from cutenv.task_quantities import SHALLOWEST, SMALLEST_RUN
+from cutenv.task_quantities import SMALLEST_RUN
 from cutenv.tissue.crack_tip import ESTIMATED_EVERY, BladeReading, MeanTissue, assess_tip
 
 _UPDATES = round(ESTIMATED_EVERY / TICK)  # whatever the decision rate
@@ -14,7 +13,7 @@ _UPDATES = round(ESTIMATED_EVERY / TICK)  # whatever the decision rate
 
 @njit_internal
 def estimated_tip(
-    memory: Struct, task: Struct, nominal: Struct, tick: int, x: float, speed: float, force: float
+    memory: Struct, task: Struct, nominal: Struct, tick: int, reading: BladeReading
 ) -> tuple[float, float]:
     """Return tip and unstable growth [m] at update ``tick`` (from 1 at reset); both change every 20 ms.
 
@@ -23,7 +22,7 @@ def estimated_tip(
     """
     if tick % _UPDATES != 0:
         return memory.tip, 0.0
-    advance, depth = max(x - memory.position, 0.0), max(depth_at(nominal, x), SHALLOWEST)
+    advance = max(reading.position - memory.position, 0.0)
     mean = MeanTissue(nominal.stiffness, len(nominal.stiffness), task.friction_per_depth)
-    run = assess_tip(memory, mean, BladeReading(x, speed, depth, force)) - advance
+    run = assess_tip(memory, mean, reading) - advance
     return memory.tip, run if run > SMALLEST_RUN else 0.0

@@ -14,10 +14,8 @@ from cutenv._engine.jit import njit_nogil
 from cutenv._engine.lanes import first_row
 from cutenv._engine.parallel import cores, parallel_for
 from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
-from cutenv.cutting.dtypes import TICK
-from cutenv.cutting.lanes import lane_views
 from cutenv.cutting.motion import STRAIGHT, Moving
-from cutenv.cutting.row import ONE, begin, plain_views, put, take
+from cutenv.cutting.row import ONE, begin, lane_views, plain_views, put, take
 from cutenv.cutting.simulate import Physics, hold_some
 from cutenv.cutting.update import update_row
 from cutenv.envs.vector import GentleCutVectorEnv
@@ -67,11 +65,11 @@ def hold_in_single_file(
     moving = Moving(first_row(lanes), lane_views(lanes, cuts.motions, 1, _SCALARS), cuts.motions, cuts.shared)
     n, end = next_chunk(passed, core, 1)
     while n < end:
-        take(row, plain, cuts.profiles[n], cuts.drives[n], cuts.sensors[n], 0, n)
+        take(row, plain, cuts, 0, n)
         row.given[0], row.aim[0] = commands[n, 0], commands[n, 1]
         begin(row, plain, 1)
         for i in range(ticks):
-            _update_row(row, moving, cuts.profiles, cuts.sensors, TICK, i == 0)
+            _update_row(row, moving, cuts.profiles, cuts.sensors, i == 0)
         put(row, plain, 0, n)
         felt[n, 0] = row.felt[0]
         mark_done(passed, core, 1)

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from cutenv.cutting import simulate
-from cutenv.cutting.dtypes import TICK
 from cutenv.cutting.motion import STRAIGHT
 from cutenv.cutting.row import ONE, begin, plain_views, take
 from cutenv.cutting.update import update_row
@@ -79,7 +78,7 @@ def operations_per_update(speed: float = 0.01, angle: float = math.radians(45.0)
     plant.advance(speed, angle, 1000)
     c, rows = plant.cuts[0], np.zeros(1, ONE)
     plain = plain_views(rows, c.states, c.laws, c.drives)
-    take(rows[0], plain, c.profiles[0], c.drives[0], c.sensors[0], 0, 0)
+    take(rows[0], plain, c, 0, 0)
     rows[0].given[0], rows[0].aim[0] = speed, angle
     begin(rows[0], plain, 1)
     row = _in_counting(rows[0])
@@ -88,7 +87,7 @@ def operations_per_update(speed: float = 0.01, angle: float = math.radians(45.0)
     update, nothing = update_row(STRAIGHT), SimpleNamespace(lanes=None)
     _counted.clear()
     for i in range(_UPDATES):
-        update(row, nothing, tissue, sensor, TICK, i == 0)
+        update(row, nothing, tissue, sensor, i == 0)
     return {kind: count / _UPDATES for kind, count in _counted.items()}
 
 

@@ -86,7 +86,7 @@ def one_by_one(cases: Cases, pieces: int = 1) -> Cases:
             c["speeds"][n], c["angles"][n], np.split(c["readings"][n], c["speeds"].shape[1]), strict=True
         ):
             for piece in np.array_split(readings, pieces):
-                HOLD(cut, NOT_SHARED, float(speed), float(angle), 0.0, piece, NO_FORCES)
+                HOLD(cut, NOT_SHARED, (float(speed), float(angle), 0.0), piece, NO_FORCES)
         for name in ("states", "sensors"):
             c[name][n] = cut[name][0, 0]
     return c
@@ -107,7 +107,7 @@ def instants(cases: Cases) -> Cases:
                 now |= {"speeds": [[speed]], "angles": [[angle]], "readings": np.zeros((1, 1), READING)}
                 for name, values in now.items():
                     picked[name].append(values)
-            HOLD(cut, NOT_SHARED, speed, angle, 0.0, reading, NO_FORCES)
+            HOLD(cut, NOT_SHARED, (speed, angle, 0.0), reading, NO_FORCES)
     return {name: np.concatenate(values) for name, values in picked.items()}
 
 

@@ -56,7 +56,7 @@ def test_tissue_of_twice_the_stiffness_fails_the_mean_lag() -> None:
     ("of", "expected", "old", "new"),
     [
         (PEAK, INCLINED, "law.eta90 * pushing", "law.eta90"),
-        (SLOPE, FAST, "* K * loading / softening", "* loading"),
+        (SLOPE, FAST, "* K * loading.length / softening", "* loading.length"),
         (SHARE, FAST, "ratio: float = min(1.0, modulus / law.quasi_static_modulus)", "ratio = 1.0"),
         (SLOPE, FAST, "ratio: float = min(1.0, modulus / law.quasi_static_modulus)", "ratio = 1.0"),
         (RESIDUAL, FAST, "change = U - next_U - spent", "change = F * (tip - a) - spent"),

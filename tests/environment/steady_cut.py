@@ -48,9 +48,9 @@ def breached(whole):
 
 
 @njit_inline
-def observe(cuts, c, step, k, action, observation):
+def observe(stepping, k, action, observation):
     """Fill the component that the task adds."""
-    observation[_NUMBER] = cuts.wholes[c].largest / 0.01
+    observation[_NUMBER] = stepping.cuts.wholes[stepping.row.cut[k]].largest / 0.01
 
 
 @njit_internal

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import math
+import pickle
 
 import gymnasium
 import numpy as np
@@ -110,6 +112,22 @@ def test_bad_actions_are_refused(task, action):
     batch.begin(np.arange(1))
     with pytest.raises(ValueError, match="speed, angle"):
         batch.decide(np.array([action], np.float32))
+
+
+@both
+@pytest.mark.parametrize("duplicate", [lambda env: pickle.loads(pickle.dumps(env)), copy.deepcopy])
+def test_a_copied_cut_goes_on_as_the_same_task(task, duplicate):
+    """A copy of the declaration would have its kernels made again, and its formulas cannot be pickled."""
+    env = TASKS[task]()
+    env.reset(seed=1)
+    env.step(np.array([0.5, 1.0, 0.1], np.float32))
+    twin = duplicate(env)
+    assert twin.task is env.task
+    assert twin.cutting.task is env.cutting.task
+    assert twin.plant.motion is env.plant.motion
+    for each in (env, twin):
+        each.step(np.array([0.5, 1.0, -0.1], np.float32))
+    assert twin.cutting.record.tobytes() == env.cutting.record.tobytes()
 
 
 @both

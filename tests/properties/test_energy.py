@@ -154,7 +154,7 @@ def strokes(*, step: float, friction_share: float, turning: bool) -> tuple[Speci
         (check_identity, "row.friction[n] += rubbed\n", "row.friction[n] += 1.01 * rubbed\n"),
         (check_recorded_work, "mean_depth * slip", "0.9 * mean_depth * slip"),
         (check_recorded_work, "row.work[n] += energy\n", "row.work[n] += 2.0 * energy\n"),
-        (check_recorded_work, "    work = 0.5 * (F", "    work = 0.45 * (F"),
+        (check_recorded_work, "    work = 0.5 * (before.F", "    work = 0.45 * (before.F"),
         (check_second_law, "row.U[n] - U\n", "row.U[n] - 1.001 * U\n"),
         (check_second_law, "mean_depth * slip", "mean_depth * slip * (1.0 if dx > 0.0 else -1.0)"),
         (check_loss_never_decreases, "loss + max(ledger, 0.0)", "loss - ledger"),
