@@ -267,7 +267,7 @@ def fill_path(
     )  # fmt: skip
 
 
-@njit_inline
+@njit_internal
 def observe(stepping: Stepping, k: Integer, action: StructArray, observation: StructArray) -> None:
     """Fill the components that the path adds; the sensor's noise is drawn once for each decision."""
     cuts, step, c = stepping.cuts, stepping.step, stepping.row.cut[k]
