@@ -151,7 +151,8 @@ class LearnerArguments:
             raise BadArguments("--specimens 1 gives no interval; give 2 or more, or 0 for no evaluation")
         if self.task not in self.tasks:
             raise BadArguments(f"--task {self.task} is learned by PPO alone; leave it out, or give --learner ppo")
-        if self.script not in self.learned_task.scripts:
+        by_script = not getattr(self, "dataset", "")  # else there is none
+        if by_script and self.script not in self.learned_task.scripts:
             others = [f"for --task {name}" for name, one in TASKS.items() if self.script in one.scripts]
             own = ", ".join(repr(name) for name in self.learned_task.scripts)
             raise BadArguments(

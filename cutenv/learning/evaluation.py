@@ -164,7 +164,9 @@ def contestant(name: str) -> Contestant:
             return Contestant(one.scripts[name](), {"task": one.name})
     if name in SHIPPED or Path(name).is_dir():
         policy = named_policy(name)
-        return Contestant(policy, policy.environment_arguments | {"task": task_made_as(policy.card.environment).name})
+        task = task_made_as(policy.card.environment)
+        named = {} if task is TASKS["gentle"] else {"task": task.name}
+        return Contestant(policy, policy.environment_arguments | named)
     own = policy_of_class(name)
     if own is not None:
         return Contestant(own, dict(getattr(own, "environment_arguments", {})))

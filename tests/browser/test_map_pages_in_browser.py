@@ -303,7 +303,7 @@ def test_it_fits_a_telephone_and_can_be_read(browser: Browser, written: Path, la
 
 def test_bad_lines_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert single_page.main([str(tmp_path / "new" / "cut.html"), "--line", "arc"]) == 2
-    assert "--line arc is for cuts along a drawn line: Give --task path too" in capsys.readouterr().err
+    assert "--line arc is for cuts along a drawn line. Give --task path too" in capsys.readouterr().err
     assert not (tmp_path / "new").exists()
     with pytest.raises(ValueError, match="line must be one of"):
         page_alone(tasks=("path",), lines=("spiral",))

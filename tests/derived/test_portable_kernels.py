@@ -15,6 +15,7 @@ from numba import carray, types
 from cutenv.cutting.dtypes import READING
 from cutenv.cutting.simulate import CUT
 from cutenv.envs.gentle_cut import GentleCutEnv
+from cutenv.task.declare import OneCut
 from cutenv.task.gentle import GENTLE_CUT
 from cutenv.task.observation import COMPONENTS
 from cutenv.task.stepper import step_one
@@ -65,14 +66,11 @@ def callback() -> Any:
     @numba.cfunc(types.float64(cut, episode, types.int64, numbers, singles, readings), error_model="numpy")
     def step(cut: Any, episode: Any, ticks: int, action: Any, observation: Any, readings: Any) -> float:
         reward, _ = STEP_ONE(
-            carray(cut, (1,)),
-            carray(cut, (1,))[0].motions,
-            carray(episode, (1,)),
+            OneCut(carray(cut, (1,)), carray(cut, (1,))[0].motions, carray(episode, (1,))),
             ticks,
             carray(action, (1, 2)),
             carray(observation, (1, COMPONENT_COUNT)),
-            carray(readings, (1, ticks)),
-            carray(action, (0,)),
+            (carray(readings, (1, ticks)), carray(action, (0,))),
         )
         return reward  # type: ignore[no-any-return]
 

@@ -396,7 +396,7 @@ def test_honest_records_with_mild_noise_are_scored(count: int) -> None:
     accepted = 0
     for seed in range(count):
         trace = honest(np.random.default_rng(seed), cut_livers())
-        card = score(trace, target_length=WILD_TARGET, reference_in=reference_in(trace.force_unit))
+        card = score(trace, target_length=WILD_TARGET, reference=reference_in(trace.force_unit))
         check_card(card)
         accepted += card.overall_score is not None
     assert accepted >= ACCEPTED * count
