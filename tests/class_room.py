@@ -46,7 +46,7 @@ def hand(count: int = 900, speed: float = 2e-5) -> Any:
 
 
 def message(made: HandCut, stylus: Any) -> dict[str, Any]:
-    """What the page sends of movements that a cut has followed, up to its end."""
+    """Message by which the page sends the movements that a cut has followed, up to its end."""
     readings = made.follow(stylus)
     content = stylus[: len(readings)].astype("<f8").tobytes()
     return {"content": content, "headers": {"X-Readings": f"{zlib.crc32(readings.tobytes()):08x}"}}

@@ -1,4 +1,4 @@
-"""What two benches make of the same cuts: agreement, shifts and their intervals."""
+"""Agreement of two benches that cut the same: shifts and their intervals."""
 
 from __future__ import annotations
 
@@ -151,7 +151,7 @@ TRIALS = 1500
 
 
 def shares(shift: float, margin: float, n: int = 12) -> tuple[float, float, float]:
-    """How often samples about ``shift`` are within and beyond, and the interval holds it, at 5 %."""
+    """Shares of samples about ``shift`` that are found within, beyond, and in whose interval it lies, at 5 %."""
     rng = np.random.default_rng(8)
     found = [signed_rank_shift(shift + rng.standard_normal(n), margin) for _ in range(TRIALS)]
     held = np.mean([each.low <= shift <= each.high for each in found])

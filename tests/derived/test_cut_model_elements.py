@@ -172,7 +172,7 @@ PLANE_STRAIN = 16.4326 * SHEAR * 2 * (1 + NEARLY_HALF)  # per unit Young's modul
 
 
 def deflection(kind: ElementKind, divisions: int, formulation: str, poisson: float) -> float:
-    """Of the corner (x, y) of a unit square mapped to the tapered panel (48 (44 to 16)); clamped at y = 0."""
+    """Deflection in the middle of the free end of Cook's panel: 48 long, 44 high where clamped, 16 at that end."""
     square, panel = (CutMesh(kind=kind, divisions=(divisions, divisions), size=(1.0, 1.0)) for _ in range(2))
     up, along = 0.5 - square.corners[:, 0], square.corners[:, 1]
     panel.__dict__["corners"] = np.column_stack([48 * along, 44 * along + up * (44 - 28 * along)])

@@ -248,7 +248,7 @@ def test_where_nothing_can_be_written_one_line_says_what_to_set(blocked):
 
 
 def test_a_user_without_a_home_can_import(package, blocked, monkeypatch):
-    """As in a container with a number for a user; there is no package folder to write to, either."""
+    """A container may run as a number without a home; here the package's folder cannot be written to either."""
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
     monkeypatch.setattr(Path, "home", homeless)

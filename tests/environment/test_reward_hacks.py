@@ -225,7 +225,7 @@ SLOW = [(0.0038, INCLINED), (0.0038, UPRIGHT), (0.0089, UPRIGHT)]
 
 @functools.cache
 def toughest(specimen_class: str, count: int = 4) -> list[Specimen]:
-    """Of forty drawn, those with the greatest resistance where the cut goes; still tougher ones score less."""
+    """Specimens of forty drawn with the greatest resistance along the cut; still tougher ones score less."""
     if specimen_class == "uniform":
         return [Specimen.draw(generator(0), specimen_class="uniform")]
     drawn = [Specimen.draw(generator(seed), specimen_class=specimen_class) for seed in DRAWN]
