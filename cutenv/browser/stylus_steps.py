@@ -134,7 +134,7 @@ def follow_hand(led: LedTask) -> Callable[..., int]:
             for k in range(numbers):  # an action is of single precision, as an agent's
                 actions[0, k] = min(max(float(np.float32(actions[0, k])), -1.0), 1.0)
             done = i + 1
-            end = step(one, 1, actions, observations, (readings[i:done], across))[1]
+            end = step(one.cut, one.shared, one.episode, 1, actions[0], observations[0], readings[i:done], across)[1]
             if note is not None:
                 note(one.cut[0], across[0], observations[0], channels, i)
             if end != 0:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from cutenv._base.arrays import StructArray
-from cutenv.cutting.blade import leaning
+from cutenv.cutting.law import leaning
 from cutenv.tissue.specimen import N_POINTS
 
 TICK = 1e-3

@@ -20,6 +20,7 @@ import math
 from typing import NamedTuple
 
 from cutenv._base.arrays import Struct, StructArray
+from cutenv._engine.elementary import cotangent
 from cutenv._engine.jit import njit, njit_inline, njit_internal
 from cutenv.tissue.specimen import N_POINTS, POINTS_PER_METRE
 
@@ -290,3 +291,40 @@ def run_crack(profile: Struct, law: Struct, x: float, crack: RunningCrack) -> tu
         if ledger <= 0.0 and F < toughness:
             break
     return RunningCrack(a, ledger, fracture, loss), F, toughness
+
+
+@njit_inline
+def leaning(angle: float) -> tuple[float, float]:
+    """Return cotangent and sin^2 of the ``angle`` [rad] of a blade."""
+    lean = cotangent(angle)
+    return lean, 1.0 / (1.0 + lean**2)
+
+
+@njit_inline
+def sweeping(lean: float, next_lean: float, toughness: float, depth: float) -> float:
+    """Return the energy [J] of turning a blade from one cotangent to the next in tissue of R B ``toughness`` [N].
+
+    Toward upright, its inclined edge sweeps B^2 |d cot(theta)| / 2 and pays R for it.
+    """
+    return 0.5 * toughness * depth * max(lean - next_lean, 0.0)
+
+
+class EnergyAccount(NamedTuple):
+    """Energies since reset [J]."""
+
+    work: float
+    stored: float
+    fracture: float
+    friction: float
+    loss: float
+    ledger: float
+    residual: float
+    """Work minus all the others."""
+
+
+@njit_inline
+def account(state: Struct, profile: Struct) -> EnergyAccount:
+    """Return the energy account of a cut, but for what a motion stores besides."""
+    stored = stored_energy(profile, state.blade - state.creep, state.tip) + state.locked
+    residual = state.work - stored - state.fracture - state.friction - state.loss - state.ledger
+    return EnergyAccount(state.work, stored, state.fracture, state.friction, state.loss, state.ledger, residual)

@@ -7,14 +7,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cutenv._base.arrays import Array, Struct, StructArray
+from cutenv._base.arrays import Array, StructArray
 from cutenv._engine.declared import compiled_for
 from cutenv._engine.intrinsics import keep_alive, without_refcount
-from cutenv._engine.jit import njit, njit_inline, njit_nogil
+from cutenv._engine.jit import njit, njit_nogil
 from cutenv._engine.lanes import first_row
 from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
 from cutenv.cutting.dtypes import TICK
-from cutenv.cutting.law import stored_energy
+from cutenv.cutting.law import EnergyAccount, account
 from cutenv.cutting.motion import STRAIGHT, Motion, Moving
 from cutenv.cutting.row import (
     LANES,
@@ -50,27 +50,6 @@ class Physics(NamedTuple):
 
 CUT = STRAIGHT.cut
 """One straight cut in one record."""
-
-
-class EnergyAccount(NamedTuple):
-    """Energies since reset [J]."""
-
-    work: float
-    stored: float
-    fracture: float
-    friction: float
-    loss: float
-    ledger: float
-    residual: float
-    """Work minus all the others."""
-
-
-@njit_inline
-def account(state: Struct, profile: Struct) -> EnergyAccount:
-    """Return the energy account of a cut, but for what a motion stores besides."""
-    stored = stored_energy(profile, state.blade - state.creep, state.tip) + state.locked
-    residual = state.work - stored - state.fracture - state.friction - state.loss - state.ledger
-    return EnergyAccount(state.work, stored, state.fracture, state.friction, state.loss, state.ledger, residual)
 
 
 @compiled_for(njit)

@@ -15,7 +15,6 @@ from collections.abc import Callable
 from cutenv._base.arrays import Struct, StructArray
 from cutenv._engine.declared import compiled_for
 from cutenv._engine.jit import njit_inline
-from cutenv.cutting.blade import leaning, sweeping
 from cutenv.cutting.drive import (
     VelocityLoop,
     backlash_motion,
@@ -37,6 +36,7 @@ from cutenv.cutting.law import (
     grid_index,
     in_parts,
     initiation_excess,
+    leaning,
     lerp,
     loading_step,
     on_unload,
@@ -44,6 +44,7 @@ from cutenv.cutting.law import (
     slope,
     stable_growth,
     stiffness_at,
+    sweeping,
     value_and_rise,
 )
 from cutenv.cutting.motion import Motion, Moving

@@ -143,8 +143,8 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
             actions, waiting, infos, meanwhile=lambda: info.update(_by_name(infos, present))
         )
         ended = ends != 0
-        finished = np.flatnonzero(ended)
-        began = np.flatnonzero(waiting) if waiting is self._ended else finished[:0]
+        finished = ended.nonzero()[0]  # np.flatnonzero takes a microsecond longer
+        began = waiting.nonzero()[0] if waiting is self._ended else finished[:0]
         final: dict[str, Any] = {}
         if self.autoreset_mode == AutoresetMode.SAME_STEP and len(finished):
             final = self._final(finished, ended, ends, infos)
@@ -242,7 +242,7 @@ def _by_name(infos: StructArray, present: Flags) -> dict[str, Any]:
 
 def _where(present: Flags, values: NDArray[Any]) -> NDArray[Any]:
     """Return the objects that are present; None elsewhere."""
-    if present.all():
+    if np.count_nonzero(present) == len(present):  # faster than all()
         return values
     chosen = np.full(len(values), None, dtype=object)
     chosen[present] = values[present]

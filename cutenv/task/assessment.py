@@ -18,9 +18,8 @@ from cutenv._engine.jit import njit, njit_fused, njit_inline
 from cutenv._engine.lanes import first_row
 from cutenv._engine.randomness import Integer
 from cutenv.cutting.dtypes import TICK
-from cutenv.cutting.law import depth_at, stiffness_at, toughness_at
+from cutenv.cutting.law import account, depth_at, stiffness_at, toughness_at
 from cutenv.cutting.row import LANES
-from cutenv.cutting.simulate import account
 from cutenv.task import info, observation, reward
 from cutenv.task.info import INFO_FIELDS, column
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, CLIP, COMPONENTS

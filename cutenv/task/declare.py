@@ -133,6 +133,8 @@ class ActionAxis:
 
     name: str
     meaning: str
+    command: str
+    """Keyword of a rig's plant that commands it."""
     scale: float
     """Command of action 1, in SI units; it is 0 in the dead zone, and linear beyond."""
     shown: str

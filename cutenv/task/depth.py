@@ -442,7 +442,12 @@ DEPTH_CUT = Task(
     environment="cutenv/DepthCut-v1",
     motion=DESCENDING,
     axis=ActionAxis(
-        name="descent", meaning="descent speed", scale=DESCENT_SCALE, shown="-10 to 10 (down)", unit="mm/s"
+        name="descent",
+        meaning="descent speed",
+        command="descent_speed",
+        scale=DESCENT_SCALE,
+        shown="-10 to 10 (down)",
+        unit="mm/s",
     ),
     components=DEPTH_COMPONENTS,
     costs=DEPTH_COSTS,
@@ -472,18 +477,6 @@ DEPTH_CUT = Task(
     hide=hide,
 )
 """Gentle cutting along a wanted depth."""
-
-
-def depth_errors(depths: StructArray, targets: Array) -> dict[str, Any]:
-    """Return the depth of n cuts in numbers, each of shape (n,): areas [mm2], depth into the layer, mean error [mm]."""
-    areas = [np.maximum(depths[name], 0.0) for name in ("deep", "uncut", "layer")]  # rounding may leave -1e-20
-    return {
-        "too_deep_mm2": 1e6 * areas[0],
-        "uncut_mm2": 1e6 * areas[1],
-        "layer_mm2": 1e6 * areas[2],
-        "layer_mm": 1e3 * np.maximum(depths["deepest"], 0.0),
-        "mean_error_mm": 1e3 * (areas[0] + areas[1]) / targets,
-    }
 
 
 class DepthOptions(TaskOptions):
@@ -550,11 +543,25 @@ class DepthOptions(TaskOptions):
 
     def errors(self, cuts: Cuts) -> dict[str, Any]:
         """Return the depth of n cuts in numbers, by name with unit; each of shape (n,)."""
-        return depth_errors(cuts.wholes, cuts.tasks["target"])
+        depths = cuts.wholes
+        areas = [np.maximum(depths[name], 0.0) for name in ("deep", "uncut", "layer")]  # rounding may leave -1e-20
+        return {
+            "too_deep_mm2": 1e6 * areas[0],
+            "uncut_mm2": 1e6 * areas[1],
+            "layer_mm2": 1e6 * areas[2],
+            "layer_mm": 1e3 * np.maximum(depths["deepest"], 0.0),
+            "mean_error_mm": 1e3 * (areas[0] + areas[1]) / cuts.tasks["target"],
+        }
 
     def truth(self, cuts: Cuts) -> dict[str, Any]:
         """Return level of the blade, depth of the cut at the tip, and of the layer below [m], each of shape (n,)."""
-        return depth_truth(cuts.motions)
+        descents = cuts.motions
+        at_tip = np.arange(len(descents)), descents["cell"]
+        return {
+            "level_m": descents["level"],
+            "floor_depth_m": descents["surface"][at_tip] - descents["floor"][at_tip],
+            "layer_m": descents["boundary"],
+        }
 
     def shown_depth(self, cuts: Cuts, number: int) -> ShownDepth:
         """Return a copy of the depth of one of n cuts as a picture shows it."""
@@ -574,16 +581,6 @@ def depth_shown(descent: Struct, depth: Struct) -> ShownDepth:
     )  # fmt: skip
 
 
-def depth_truth(descents: StructArray) -> dict[str, Any]:
-    """Return the hidden state of n cuts that depth adds, each of shape (n,) [m]."""
-    at_tip = np.arange(len(descents)), descents["cell"]
-    return {
-        "level_m": descents["level"],
-        "floor_depth_m": descents["surface"][at_tip] - descents["floor"][at_tip],
-        "layer_m": descents["boundary"],
-    }
-
-
 class DepthEpisode(Episode):
     """An episode along a wanted depth; its floor is the true one, or that which a rig expects."""
 
@@ -594,10 +591,6 @@ class DepthEpisode(Episode):
         """Command an action (3 numbers in [-1, 1]) for one decision; return observation, shape (22,), and reward."""
         self._level_before = float(self.motion["level"][0])
         return super().step(action)
-
-    def _advance(self, speed: float, angle: float, descent: float = 0.0) -> StructArray:
-        readings: StructArray = self.plant.advance(speed, angle, self.ticks, descent)
-        return readings
 
     def _measured(self, count: int) -> tuple[dict[str, Array], Array]:
         channels = {name: self.plant.beside[name].copy() for name in self.task.measured}
@@ -613,17 +606,6 @@ class DepthEpisode(Episode):
             return super().channels
         heights = np.linspace(self._level_before, float(self.plant.cuts["motions"]["level"][0, 0]), self.updates + 1)
         return {"height": heights[1:], "vertical_force": self.across[: self.updates].copy()}
-
-    @property
-    def errors(self) -> dict[str, float]:
-        """The depth of the cut in numbers: areas [mm2], depth into the layer below and mean error [mm]."""
-        found = depth_errors(self.whole, np.array([self.target_length]))
-        return {name: float(value[0]) for name, value in found.items()}
-
-    @property
-    def truth(self) -> dict[str, float]:
-        """Level of the blade, depth of the cut at the tip, and of the layer below [m], by name."""
-        return {name: float(value[0]) for name, value in depth_truth(self.plant.cuts["motions"][0]).items()}
 
     @property
     def shown_depth(self) -> ShownDepth:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from cutenv._base.arrays import Array, StructArray
 from cutenv._engine.jit import njit
 from cutenv.cutting.dtypes import PROFILE, READING
+from cutenv.cutting.simulate import Physics
 from cutenv.plant.simulator import SimulatedPlant
 from cutenv.task.assessment import charge_end
 from cutenv.task.beginning import begin_at, begin_one, expect, expect_one
@@ -150,7 +151,9 @@ class Episode:
         self.plant, self.goal, self.options = plant, goal, options or TaskOptions({})
         self.simulated = from_truth is not None
         self.task = self.options.task if from_truth else self.options.task.seen
-        self._views: tuple[NDArray[np.float64], NDArray[np.int64]] | None = None
+        self._components = len(self.task.all_components)
+        self._numbers: tuple[NDArray[np.float64], NDArray[np.int64]]  # the last info's record
+        self._cuts: Cuts  # both are views, kept, because making one takes as long as a step
         self.last_action = np.zeros(len(self.task.action_names))
         self.record = np.zeros(1, self.task.episode)
         """Record of the episode, :attr:`~cutenv.task.declare.Task.episode` of shape (1,)."""
@@ -177,10 +180,12 @@ class Episode:
         beginning = self.options.beginning(goal.tissue)
         if not self.simulated:
             self._one = OneCut(np.zeros(1, self.task.motion.cut), self.shared, self.record)
+            self._view()
             expect_one(self.task)(self._one, beginning, key)
             return
         plant: SimulatedPlant = self.plant
-        self._one = OneCut(plant.cuts, self.shared, self.record)
+        self._one, self._step = OneCut(plant.cuts, self.shared, self.record), step_one(self.task)
+        self._view()
         _fill(plant.cuts["motions"], self.options.motion(plant.specimen))
         plant.shared = self.shared
         readings: StructArray = np.zeros((1, self.ticks), READING)
@@ -192,23 +197,31 @@ class Episode:
         if key is not None:
             begin_one(self.task)(self._one, beginning, key)
 
+    def _view(self) -> None:
+        cut, infos = self._one.cut[0], self.record["infos"][0]
+        self._numbers = infos.view(np.float64), infos.view(np.int64)
+        self._cuts = Cuts(
+            **{name: cut[name] for name in Physics._fields if name != "shared"}, shared=self.shared,
+            **{name: self.record[name][0] for name in Cuts._fields if name not in Physics._fields},
+        )  # fmt: skip
+
     def step(self, action: NDArray[np.float64]) -> tuple[NDArray[np.float32], float]:
         """Command an action, numbers in [-1, 1], for one decision; return observation, shape (k,), and reward."""
         self.last_action = action
         if not self.simulated:
-            speed, angle, *further = action.tolist()
-            commanded = float(commanded_speed(speed)), ANGLE_CENTRE + ANGLE_SCALE * angle
-            return self._assess(self._advance(*commanded, *(float(command_of(self.task)(each)) for each in further)))
-        observation = np.empty((1, len(self.task.all_components)), np.float32)
-        reward, self._end = step_one(self.task)(
-            self._one, self.goal.ticks, action.reshape(1, -1), observation, self._recorded
-        )
-        self._felt = self._recorded[0][0]
-        return observation[0], reward
+            return self._assess(self._advance(*action.tolist()))
+        observation = np.empty(self._components, np.float32)
+        reward, self._end = self._step(*self._one, self.goal.ticks, action, observation, *self._recorded)
+        self._felt = self._recorded[0]
+        return observation, reward
 
-    def _advance(self, speed: float, angle: float) -> StructArray:
-        """Command a rig for one decision; returns its readings."""
-        readings: StructArray = self.plant.advance(speed, angle, self.ticks)
+    def _advance(self, speed: float, angle: float, third: float = 0.0) -> StructArray:
+        """Command an action's numbers to a rig for one decision; returns its readings."""
+        axis = self.task.axis
+        further = {} if axis is None else {axis.command: float(command_of(self.task)(third))}
+        readings: StructArray = self.plant.advance(
+            float(commanded_speed(speed)), ANGLE_CENTRE + ANGLE_SCALE * angle, self.ticks, **further
+        )
         return readings
 
     def _measured(self, count: int) -> tuple[dict[str, Array], Array]:
@@ -248,7 +261,7 @@ class Episode:
         take them.
         """
         self._felt, self._channels = readings, channels
-        observation = np.empty(len(self.task.all_components), np.float32)
+        observation = np.empty(self._components, np.float32)
         reward, self._end = assess_readings(self.task)(self._one, readings, ways, self.last_action, observation)
         return observation, reward
 
@@ -256,7 +269,7 @@ class Episode:
         """Return the observation at the start: the blade at rest, force tared to zero."""
         last_angle = (angle - ANGLE_CENTRE) / ANGLE_SCALE
         self.last_action = np.array([0.0, last_angle, *np.zeros(len(self.task.action_names) - 2)])
-        observation = np.empty(len(self.task.all_components), np.float32)
+        observation = np.empty(self._components, np.float32)
         if self.simulated:
             tell_one(self._one)
         observe_one(self.task)(self._one, angle, observation)
@@ -265,7 +278,7 @@ class Episode:
     @property
     def readings(self) -> StructArray | None:
         """Readings since the last decision that count; None before the first."""
-        return None if self._felt is None else self._felt[: self.updates]
+        return None if self._felt is None else self._felt.reshape(-1)[: self.updates]
 
     @property
     def channels(self) -> dict[str, Array]:
@@ -310,70 +323,57 @@ class Episode:
         """Milliseconds of the last decision that count: all, or those up to the end."""
         return int(self.progress["updates"][0])
 
-    # Properties, not attributes: a deep copy must not refer to the original's arrays.
-
     @property
     def settings(self) -> StructArray:
         """Limits, weights and target of the task, shape (1,)."""
-        settings: StructArray = self.record["tasks"][0]
-        return settings
+        return self._cuts.tasks
 
     @property
     def progress(self) -> StructArray:
         """State of the assessment, shape (1,)."""
-        progress: StructArray = self.record["progresses"][0]
-        return progress
+        return self._cuts.progresses
 
     @property
     def nominal(self) -> StructArray:
         """The profile that a rig expects, shape (1,)."""
-        nominal: StructArray = self.record["nominals"][0]
-        return nominal
+        return self._cuts.nominals
 
     @property
     def whole(self) -> StructArray:
         """Assessment of the whole cut, :attr:`~cutenv.task.declare.Task.whole`, shape (1,)."""
-        whole: StructArray = self.record["wholes"][0]
-        return whole
+        return self._cuts.wholes
 
     @property
     def motion(self) -> StructArray:
         """The motion of the blade, shape (1,): true and hidden, or expected where the cut is seen as on a rig."""
-        motion: StructArray = (
-            self._one.cut["motions"][0] if self.task.from_truth else self.record["known"]["motion"][0, 0]
-        )
+        motion: StructArray = self._cuts.motions if self.task.from_truth else self._cuts.known["motion"][0]
         return motion
 
     @property
     def terms(self) -> NDArray[np.float64]:
         """The reward of the last step by term of gentle cutting, shape (13,): a view."""
-        return self._numbers()[0][PLACES["reward_terms"]]
+        return self._numbers[0][PLACES["reward_terms"]]
 
     def info(self) -> list[float]:
         """Return the fields of the last step's info, :data:`cutenv.task.info.INFO_FIELDS`, whole numbers as int.
 
         Hidden state and energies are those of a simulated cut; 0 for others.
         """
-        floats, whole = self._numbers()
+        floats, whole = self._numbers
         numbers: list[float] = floats.tolist()
         for place in WHOLE_NUMBERS:
             numbers[place] = int(whole[place])
         return numbers
 
-    def _numbers(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Return the last info's record seen as float64 and as int64; kept: making a view takes as long as a step."""
-        if self._views is None:
-            record = self.record["infos"][0]
-            self._views = record.view(np.float64), record.view(np.int64)
-        return self._views
-
     def __getstate__(self) -> dict[str, object]:
-        return {**self.__dict__, "_views": None}  # those of a copy would refer to the original's record
+        # A deep copy must not refer to the original's arrays.
+        return {name: value for name, value in self.__dict__.items() if name not in ("_numbers", "_cuts", "_step")}
 
     def __setstate__(self, state: dict[str, object]) -> None:
         self.__dict__.update(state)
         if self.simulated:
-            self._one = OneCut(self.plant.cuts, self.shared, self.record)
+            self._one, self._step = OneCut(self.plant.cuts, self.shared, self.record), step_one(self.task)
+        self._view()
 
     @property
     def end(self) -> str:
@@ -440,12 +440,12 @@ class Episode:
     @property
     def errors(self) -> dict[str, float]:
         """Errors of the whole cut in numbers, by name with unit; none where nothing is wanted of it."""
-        return {}
+        return {name: float(value[0]) for name, value in self.options.errors(self._cuts).items()}
 
     @property
     def truth(self) -> dict[str, float]:
         """Hidden state that the task adds to the info, by name."""
-        return {}
+        return {name: float(value[0]) for name, value in self.options.truth(self._cuts).items()}
 
     @property
     def shown_depth(self) -> ShownDepth | None:
@@ -464,8 +464,7 @@ class Episode:
 
     def snapshot(self) -> Cuts:
         """Return copies of everything about a simulated cut, each of shape (1,); hidden truth included."""
-        names = ("tasks", "progresses", "nominals", "specimens", "known", "wholes")
-        return Cuts(*self.plant.snapshot(), *(self.record[name][0].copy() for name in names))
+        return Cuts(*(part.copy() for part in self._cuts))._replace(shared=self.shared)
 
 
 def info_group(numbers: list[float], group: str) -> dict[str, float]:

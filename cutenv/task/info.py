@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 
 from cutenv._engine.fuse import Formula
-from cutenv.cutting.law import initiation_excess  # used by a formula
-from cutenv.cutting.simulate import EnergyAccount
+from cutenv.cutting.law import (
+    EnergyAccount,
+    initiation_excess,  # used by a formula
+)
 from cutenv.task.reward import TERMS
 from cutenv.task_quantities import RUN_ALLOWED, overshoot
 

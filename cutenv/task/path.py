@@ -474,7 +474,14 @@ PATH_CUT = Task(
     place=f"{__name__}:PATH_CUT",
     environment="cutenv/PathCut-v1",
     motion=STEERED,
-    axis=ActionAxis(name="turn", meaning="rate of turn", scale=TURN_SCALE, shown="-1.5 to 1.5 (left)", unit="rad/s"),
+    axis=ActionAxis(
+        name="turn",
+        meaning="rate of turn",
+        command="turn_rate",
+        scale=TURN_SCALE,
+        shown="-1.5 to 1.5 (left)",
+        unit="rad/s",
+    ),
     components=PATH_COMPONENTS,
     costs=PATH_COSTS,
     quantities=OF_PATH,
@@ -506,19 +513,6 @@ PATH_CUT = Task(
     hide=hide,
 )
 """Gentle cutting along a drawn line."""
-
-
-def path_errors(paths: StructArray, tips: StructArray) -> dict[str, Any]:
-    """Return the path of n cuts so far in numbers, each of shape (n,), for tips on their lines [m].
-
-    They are the area between cut and line [mm2], and mean and largest distance between them [mm].
-    """
-    cut = np.maximum(tips - paths["begun"], 1e-9)
-    return {
-        "area_mm2": 1e6 * paths["area"],
-        "mean_distance_mm": 1e3 * paths["distance"] / cut,
-        "largest_distance_mm": 1e3 * paths["farthest"],
-    }
 
 
 ROOM = LEAST_LENGTH - LONGEST
@@ -628,29 +622,33 @@ class PathOptions(TaskOptions):
         return self.line.lines_for(tissue).records, self.line.kind
 
     def errors(self, cuts: Cuts) -> dict[str, Any]:
-        """Return the path of n cuts so far in numbers, by name with unit; each of shape (n,)."""
-        return path_errors(cuts.wholes, cuts.progresses["tip"])
+        """Return the path of n cuts so far in numbers, each of shape (n,).
+
+        They are the area between cut and line [mm2], and mean and largest distance between them [mm].
+        """
+        paths = cuts.wholes
+        cut = np.maximum(cuts.progresses["tip"] - paths["begun"], 1e-9)
+        return {
+            "area_mm2": 1e6 * paths["area"],
+            "mean_distance_mm": 1e3 * paths["distance"] / cut,
+            "largest_distance_mm": 1e3 * paths["farthest"],
+        }
 
     def truth(self, cuts: Cuts) -> dict[str, Any]:
         """Return places of blade and tip, and distance of the tip to the left of the line [m], each of shape (n,)."""
-        return path_truth(cuts.states, cuts.motions)
+        states, steerings = cuts.states, cuts.motions
+        way = (states["tip"] - steerings["settled"]) * steerings["stretch"]
+        return {
+            "blade_x_m": states["blade"] + steerings["east"],
+            "blade_y_m": steerings["north"].copy(),
+            "tip_x_m": steerings["settled"] + steerings["tip_east"] + steerings["tip_ahead"] * way,
+            "tip_y_m": steerings["tip_north"] + steerings["tip_across"] * way,
+            "aside_m": steerings["tip_aside"].copy(),
+        }
 
     def episode(self, plant: Any, goal: Goal, *, from_truth: bool | None = None) -> PathEpisode:
         """Return a new episode along a line."""
         return PathEpisode(plant, goal, self, from_truth=from_truth)
-
-
-def path_truth(states: StructArray, steerings: StructArray) -> dict[str, Any]:
-    """Return the hidden state of n cuts that the path adds, each of shape (n,) [m]."""
-    grown = states["tip"] - steerings["settled"]
-    way = grown * steerings["stretch"]
-    return {
-        "blade_x_m": states["blade"] + steerings["east"],
-        "blade_y_m": steerings["north"].copy(),
-        "tip_x_m": steerings["settled"] + steerings["tip_east"] + steerings["tip_ahead"] * way,
-        "tip_y_m": steerings["tip_north"] + steerings["tip_across"] * way,
-        "aside_m": steerings["tip_aside"].copy(),
-    }
 
 
 class PathEpisode(Episode):
@@ -658,10 +656,6 @@ class PathEpisode(Episode):
 
     options: PathOptions
     _before = (0.0, 0.0)
-
-    def _advance(self, speed: float, angle: float, turn_rate: float = 0.0) -> StructArray:
-        readings: StructArray = self.plant.advance(speed, angle, self.ticks, turn_rate=turn_rate)
-        return readings
 
     def _measured(self, count: int) -> tuple[dict[str, Array], Array]:
         channels = {name: self.plant.beside[name].copy() for name in self.task.measured}
@@ -689,18 +683,6 @@ class PathEpisode(Episode):
     def line(self) -> CutLine:
         """The line to cut along."""
         return self.options.line.lines_for(self.goal.tissue).lines[int(self.whole["line"][0])]
-
-    @property
-    def errors(self) -> dict[str, float]:
-        """The path of the cut so far in numbers: area [mm2], mean and largest distance to the line [mm]."""
-        found = path_errors(self.whole, np.array([self.tip]))
-        return {name: float(value[0]) for name, value in found.items()}
-
-    @property
-    def truth(self) -> dict[str, float]:
-        """Places of blade and tip, and distance of the tip to the left of the line [m], by name."""
-        found = path_truth(self.plant.states, self.plant.cuts["motions"][0])
-        return {name: float(value[0]) for name, value in found.items()}
 
     @property
     def noted(self) -> dict[str, Any]:
@@ -732,12 +714,12 @@ class PathEpisode(Episode):
     @property
     def blade_place(self) -> tuple[float, float]:
         """Place of the blade, along and across the slab [m]."""
-        return place_of_blade(self.plant.states, self.plant.cuts["motions"][0])
+        return place_of_blade(self._cuts.states, self._cuts.motions)
 
     @property
     def tip_place(self) -> tuple[float, float]:
         """Place of the crack tip, along and across the slab [m]; hidden."""
-        return place_of_tip(self.plant.states, self.motion)
+        return place_of_tip(self._cuts.states, self.motion)
 
     @property
     def shown_path(self) -> ShownPath:

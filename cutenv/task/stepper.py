@@ -77,26 +77,36 @@ def step_one(task: Task) -> Callable[..., tuple[float, int]]:
     total = terms(task) if task.costs else None
 
     def step_one(
-        one: OneCut, ticks: int, action: StructArray, observations: StructArray, recorded: tuple[StructArray, Array]
+        cut: StructArray,
+        shared: StructArray,
+        episode: StructArray,
+        ticks: int,
+        action: StructArray,
+        observation: StructArray,
+        readings: StructArray,
+        across: Array,
     ) -> tuple[float, int]:
         """Step one cut by one decision; return its reward and end.
 
+        Its arguments are those of :class:`~cutenv.task.declare.OneCut`, one by one: a call from Python takes a
+        microsecond longer with tuples of arrays.
+
         Parameters
         ----------
-        one : OneCut
+        cut, shared, episode : Records, shape (1,)
             The cut; but for what is shared, changed in place.
         ticks : int
             Milliseconds until the next decision.
-        action, observations : array, shape (1, m), (1, components) float32
+        action, observation : array, shape (m,), (components,) float32
             Action within [-1, 1]; observation, filled.
-        recorded : tuple of Records and array, shape (1, ticks), (ticks,) or (0,)
+        readings, across : Records and array, shape (1, ticks), (ticks,) or (0,)
             Filled with the readings, and the force across the cut [N], true or as it is measured, if it is not empty.
         """
-        c, e = one.cut[0], one.episode[0]
+        c, e = cut[0], episode[0]
         row, plain = first_row(c.rows), plain_views(c.rows, c.states, c.laws, c.drives)
-        moving = Moving(first_row(c.lanes), lane_views(c.lanes, c.motions, 1, scalars), c.motions, one.shared)
-        stepping = Stepping(batch_of_one(one), row, plain, moving, first_row(e.counts), first_row(e.steps))
-        readings, across = recorded
+        moving = Moving(first_row(c.lanes), lane_views(c.lanes, c.motions, 1, scalars), c.motions, shared)
+        cuts = batch_of_one(OneCut(cut, shared, episode))
+        stepping = Stepping(cuts, row, plain, moving, first_row(e.counts), first_row(e.steps))
         begin_one(stepping, action, 0, 0)
         begin(row, plain, 1)
         for i in range(ticks):
@@ -107,7 +117,7 @@ def step_one(task: Task) -> Callable[..., tuple[float, int]]:
                 break
         put(row, plain, 0, 0)
         scatter(moving.views, 0, 0)
-        end = finish(stepping, 0, action[0], observations[0], e.infos[0])
+        end = finish(stepping, 0, action, observation, e.infos[0])
         reward = add_terms(as_float64_view(e.infos), e.totals)
         if total is not None:
             reward += total(e.wholes[0])
@@ -204,7 +214,7 @@ def step_row(task: Task) -> Callable[..., None]:
             if decision.waiting[n]:
                 decision.rewards[n], decision.ends[n] = 0.0, 0
             else:
-                begin_one(stepping, decision.actions, taken, n)
+                begin_one(stepping, decision.actions[n], taken, n)
                 taken += 1
         if taken > 0:
             begin(row, stepping.plain, taken)
@@ -235,16 +245,16 @@ def begin_lane(task: Task) -> Callable[..., None]:
     """Return the function that loads a cut and its action into a lane."""
     give, commanded, begin_step = task.motion.command, command_of(task), task.begin_step
 
-    def begin_lane(stepping: Stepping, actions: StructArray, k: Integer, n: Integer) -> None:
+    def begin_lane(stepping: Stepping, action: StructArray, k: Integer, n: Integer) -> None:
         """Load cut number ``n`` and its action into lane ``k``."""
         cuts, row = stepping.cuts, stepping.row
         take(row, stepping.plain, cuts, k, n)
         gather(stepping.moving.views, k, n)
         begin_count(stepping.count, k, cuts.tasks[n], cuts.progresses[n])
-        row.given[k] = commanded_speed(actions[n, 0])
-        row.aim[k] = ANGLE_CENTRE + ANGLE_SCALE * actions[n, 1]
+        row.given[k] = commanded_speed(action[0])
+        row.aim[k] = ANGLE_CENTRE + ANGLE_SCALE * action[1]
         if give is not None:
-            give(stepping.moving.lanes, k, commanded(actions[n, 2]))
+            give(stepping.moving.lanes, k, commanded(action[2]))
         if begin_step is not None:
             begin_step(stepping.step, k, cuts.states[n].tip)
 

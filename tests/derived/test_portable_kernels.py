@@ -15,7 +15,6 @@ from numba import carray, types
 from cutenv.cutting.dtypes import READING
 from cutenv.cutting.simulate import CUT
 from cutenv.envs.gentle_cut import GentleCutEnv
-from cutenv.task.declare import OneCut
 from cutenv.task.gentle import GENTLE_CUT
 from cutenv.task.observation import COMPONENTS
 from cutenv.task.stepper import step_one
@@ -66,11 +65,14 @@ def callback() -> Any:
     @numba.cfunc(types.float64(cut, episode, types.int64, numbers, singles, readings), error_model="numpy")
     def step(cut: Any, episode: Any, ticks: int, action: Any, observation: Any, readings: Any) -> float:
         reward, _ = STEP_ONE(
-            OneCut(carray(cut, (1,)), carray(cut, (1,))[0].motions, carray(episode, (1,))),
+            carray(cut, (1,)),
+            carray(cut, (1,))[0].motions,
+            carray(episode, (1,)),
             ticks,
-            carray(action, (1, 2)),
-            carray(observation, (1, COMPONENT_COUNT)),
-            (carray(readings, (1, ticks)), carray(action, (0,))),
+            carray(action, (2,)),
+            carray(observation, (COMPONENT_COUNT,)),
+            carray(readings, (1, ticks)),
+            carray(action, (0,)),
         )
         return reward  # type: ignore[no-any-return]
 
@@ -85,13 +87,13 @@ def test_a_step_needs_nothing_from_outside(callback):
 def test_the_callback_steps_a_cut_on_raw_memory_bit_for_bit(callback):
     env = GentleCutEnv()
     env.reset(seed=3)
-    cutting, action = env.cutting, np.array([[0.7, -0.5]])
+    cutting, action = env.cutting, np.array([0.7, -0.5])
     c_cut, c_episode = cutting.plant.cuts.copy(), cutting.record.copy()
     c_observation, c_readings = np.zeros((1, COMPONENT_COUNT), np.float32), np.zeros((1, env.ticks), READING)
     places = (ctypes.c_void_p,) * 3
     call = ctypes.CFUNCTYPE(ctypes.c_double, *places[:2], ctypes.c_int64, *places)(callback.address)
     for _ in range(100):
-        expected, reward = cutting.step(action[0])
+        expected, reward = cutting.step(action)
         filled = (c_cut, c_episode, env.ticks, action, c_observation, c_readings)
         pointers = [part if isinstance(part, int) else part.ctypes.data for part in filled]
         assert call(*pointers) == reward

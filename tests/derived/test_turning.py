@@ -25,7 +25,7 @@ from led_cut import (
     through,
 )
 
-from cutenv.cutting.blade import leaning, sweeping
+from cutenv.cutting.law import leaning, sweeping
 from cutenv.tissue.specimen import LENGTH, N_POINTS
 
 R_B, B = 211.0 * 0.02, 0.02
