@@ -227,14 +227,14 @@ class CutBatch:
 
     def further_scores(self) -> dict[str, NDArray[np.float64]]:
         """Return scores that the task adds to those of gentle cutting, by name; each of shape (count,)."""
-        return self.single.options.errors(self.cuts)
+        return self.task.numbers_of(self.cuts)[1]
 
     def further_infos(self) -> dict[str, dict[str, NDArray[np.float64]]]:
         """Return what the task adds to the info, by group and name; each of shape (count,)."""
         if not (group := self.task.shown_as):
             return {}
-        truth = self.single.options.truth(self.cuts)
-        return {"truth": truth, "reward_terms": self.extra_terms(), group: self.further_scores()}
+        truth, errors = self.task.numbers_of(self.cuts)
+        return {"truth": truth, "reward_terms": self.extra_terms(), group: errors}
 
     def shown_depth(self, cut: int) -> ShownDepth | None:
         """Return a copy of the depth of a cut as a picture shows it; None where no depth is wanted."""

@@ -76,10 +76,13 @@ class DepthCutEnv(GentleCutEnv):
 
     Info
     ----
-    That of ``cutenv/GentleCut-v1``; ``reward_terms`` has the four costs; ``truth`` has ``level_m``, ``floor_depth_m``
-    (depth of the cut at the tip) and ``layer_m`` (depth of the layer below); ``depth`` has the areas cut too deep, left
-    uncut and opened in the layer (``too_deep_mm2``, ``uncut_mm2``, ``layer_mm2``), the depth into it (``layer_mm``) and
-    the mean error (``mean_error_mm``), of the cut so far.
+    That of ``cutenv/GentleCut-v1``; ``reward_terms`` has the four costs; ``truth`` also has
+
+    {truth}
+
+    and ``depth`` has the errors of the cut so far:
+
+    {errors}
 
     Version history
     ---------------

@@ -9,7 +9,7 @@ import textwrap
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 
-from cutenv.task.declare import Task
+from cutenv.task.declare import CutNumber, Task
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, CLIP, COMPONENTS, SPEED_SCALE
 from cutenv.task.reward import CUT_ENDS, REWARD
 
@@ -66,8 +66,15 @@ def end_rows(task: Task) -> _Rows:
     return [("End", "When"), *ends]
 
 
+def number_rows(numbers: Sequence[CutNumber]) -> _Rows:
+    """Return numbers of a cut."""
+    return [("Name", "Meaning"), *((f"``{one.name}``", one.meaning) for one in numbers)]
+
+
 TABLES: dict[str, Callable[[Task], _Rows]] = {
     "{actions}": action_rows, "{components}": component_rows, "{terms}": term_rows, "{ends}": end_rows,
+    "{truth}": lambda task: number_rows(task.truth), "{errors}": lambda task: number_rows(task.errors),
+    "{errors on a rig}": lambda task: number_rows([one for one in task.errors if one.on_rig]),
 }  # fmt: skip
 """Tables of a task by how a docstring names them."""
 
@@ -75,8 +82,8 @@ TABLES: dict[str, Callable[[Task], _Rows]] = {
 def described(environment: type[E]) -> type[E]:
     """Fill the tables of the task into the docstring of an environment.
 
-    ``{actions}``, ``{components}``, ``{terms}`` and ``{ends}`` stand for tables, ``{space}`` for the space of the
-    observations, and ``{keywords}`` for the names of the task's keywords of which the docstring has no row.
+    The names in :data:`TABLES` stand for tables, ``{space}`` for the space of the observations, and ``{keywords}`` for
+    the names of the task's keywords of which the docstring has no row.
     """
     if environment.__doc__ is None:  # python -OO
         return environment

@@ -339,9 +339,9 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         info["truth"]["specimen_class"] = self.specimen.specimen_class
         info["cost"], info["speed_out_of_range"] = numbers[COST], numbers[OUT_OF_RANGE] > 0
         if group := self.task.shown_as:
-            info["truth"] |= self.cutting.truth
+            truth, info[group] = self.cutting.truth_and_errors
+            info["truth"] |= truth
             info["reward_terms"] |= self.cutting.whole_terms
-            info[group] = self.cutting.errors
         return info
 
     @property

@@ -76,10 +76,13 @@ class PathCutEnv(GentleCutEnv):
 
     Info
     ----
-    That of ``cutenv/GentleCut-v1``; ``reward_terms`` has the two costs; ``truth`` has places of blade and tip
-    (``blade_x_m``, ``blade_y_m``, ``tip_x_m``, ``tip_y_m``) and ``aside_m`` (distance of the tip to the left of the
-    line); ``path`` has the area between cut and line (``area_mm2``), mean and largest distance
-    (``mean_distance_mm``, ``largest_distance_mm``), of the cut so far.
+    That of ``cutenv/GentleCut-v1``; ``reward_terms`` has the two costs; ``truth`` also has
+
+    {truth}
+
+    and ``path`` has the errors of the cut so far:
+
+    {errors}
 
     Version history
     ---------------

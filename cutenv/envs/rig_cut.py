@@ -131,8 +131,6 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """Keywords with which the simulator's specimens are like those of an imitated rig."""
     needs_axis: ClassVar[str] = ""
     """Name of the axis across the cut that the task needs, "height" or "side"; empty if it needs none."""
-    unseen: ClassVar[tuple[str, ...]] = ()
-    """Errors of the whole cut that no rig can tell."""
     task_name: ClassVar[str] = "cutenv/RigCut-v1"
     """Id of the environment."""
 
@@ -357,8 +355,8 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._source.end_record(plant, end=end, success=self.cutting.success, stop=self._stop)
 
     def _info(self) -> dict[str, Any]:
-        plant, group = self._plant, self.task.shown_as
-        errors = {name: error for name, error in self.cutting.errors.items() if name not in self.unseen}
+        plant, group, found = self._plant, self.task.shown_as, self.cutting.errors
+        errors = {one.name: found[one.name] for one in self.task.errors if one.on_rig}
         return {
             "estimated": True,
             "reward_terms": self.cutting.reward_terms,

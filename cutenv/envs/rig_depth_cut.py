@@ -48,8 +48,9 @@ class RigDepthCutEnv(RigCutEnv):
 
     Info
     ----
-    That of ``cutenv/RigCut-v1``; ``reward_terms`` has the costs of the depth, and ``depth`` the areas cut too deep and
-    left uncut and the mean error by the expected floor (``too_deep_mm2``, ``uncut_mm2``, ``mean_error_mm``).
+    That of ``cutenv/RigCut-v1``; ``reward_terms`` has the costs of the depth, and ``depth``, by the expected floor,
+
+    {errors on a rig}
 
     Version history
     ---------------
@@ -61,7 +62,6 @@ class RigDepthCutEnv(RigCutEnv):
     simulated = DepthCutEnv
     as_simulated: ClassVar[dict[str, Any]] = {"surface_spread": 0.0}  # they have the mean liver's surface
     needs_axis = "height"
-    unseen = ("layer_mm2", "layer_mm")
     task_name = "cutenv/RigDepthCut-v1"
     options: DepthOptions
     cutting: DepthEpisode

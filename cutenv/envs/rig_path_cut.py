@@ -49,9 +49,9 @@ class RigPathCutEnv(RigCutEnv):
 
     Info
     ----
-    That of ``cutenv/RigCut-v1``; ``reward_terms`` has the costs of the path, and ``path`` the area between the
-    estimated cut and the line (``area_mm2``), mean and largest distance (``mean_distance_mm``,
-    ``largest_distance_mm``).
+    That of ``cutenv/RigCut-v1``; ``reward_terms`` has the costs of the path, and ``path``, of the estimated cut,
+
+    {errors on a rig}
 
     Version history
     ---------------

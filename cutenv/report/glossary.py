@@ -3,18 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 from cutenv.task.registry import TASKS
 from cutenv.task.reward import FORCE_ALLOWED, LAG_ALLOWED, REWARD
 from cutenv.task.weights import RewardWeights
-from cutenv.task_quantities import (
-    ANGLE_TOLERANCE,
-    DEPTH_TOLERANCE,
-    FARTHEST_TOLERANCE,
-    LAYER_TOLERANCE,
-    LINE_TOLERANCE,
-    TIP_TOLERANCE,
-)
+from cutenv.task_quantities import ANGLE_TOLERANCE, TIP_TOLERANCE
 
 _IDLE_COST = RewardWeights().time
 """Cost of doing nothing: the whole time."""
@@ -23,6 +17,12 @@ _IDLE_COST = RewardWeights().time
 def term_meanings() -> dict[str, str]:
     """Return the title of each term of the reward, of every task."""
     return {one.name: one.title for one in (*REWARD, *(cost for task in TASKS.values() for cost in task.task.costs))}
+
+
+def further_meanings(scores: Iterable[str]) -> list[tuple[str, str]]:
+    """Return titles and meanings of those of the ``scores`` that a task declares besides gentle cutting."""
+    declared = {one.name: one.glossary for task in TASKS.values() for one in task.task.errors if one.glossary}
+    return [declared[name] for name in scores if name in declared]
 
 
 MEANINGS = (
@@ -72,26 +72,6 @@ MEANINGS = (
     ),
 )
 """Terms with their meanings, for a reader who did not write the task."""
-
-FURTHER_MEANINGS = {
-    "mean_error_mm": (
-        "Error of the depth",
-        "By how much the floor of the cut lies above or below the wanted one, on average along the cut. A success errs "
-        f"by at most {1e3 * DEPTH_TOLERANCE:g} mm, besides all that is said above.",
-    ),
-    "layer_mm": (
-        "Into the layer below",
-        "How deep the layer below the tissue was opened at the worst place. Nobody sees where it lies. A success opens "
-        f"it by at most {1e3 * LAYER_TOLERANCE:g} mm.",
-    ),
-    "mean_distance_mm": (
-        "Distance to the line",
-        "How far the cut lies from the drawn line, on average along the cut and at the farthest place. A success is "
-        f"off by at most {1e3 * LINE_TOLERANCE:g} mm on average and {1e3 * FARTHEST_TOLERANCE:g} mm anywhere, besides "
-        "all that is said above.",
-    ),
-}
-"""Terms of the other tasks, by the score that they explain."""
 
 LIMITS = (
     "The tissue is simulated. Its stiffness and its resistance to cutting are drawn from measured values of pig liver; "

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from cutenv.report.cut_figure import cut_figure, floor_figure, mean_depth_error_mm
-from cutenv.report.glossary import FURTHER_MEANINGS, LIMITS, MEANINGS, term_meanings
+from cutenv.report.glossary import LIMITS, MEANINGS, further_meanings, term_meanings
 from cutenv.report.page import estimate_text, number, write_page
 from cutenv.report.training_figures import costs_figure, curve_figure, returns_figure
 from cutenv.report.training_result import (
@@ -58,7 +58,7 @@ def write_training_page(path: Path, result: TrainingResult) -> None:
         best=max(grid, key=lambda row: float(row["mean"]), default=None),
         grid_heads=[("speed", "cm/s"), *(f"{angle:g}\u00b0" for angle in sorted({row["angle_deg"] for row in grid}))],
         shade=partial(grid_shade, [row["mean"] for row in grid]),
-        meanings=(*MEANINGS, *(FURTHER_MEANINGS[one.name] for one in result.columns if one.name in FURTHER_MEANINGS)),
+        meanings=(*MEANINGS, *further_meanings(one.name for one in result.columns)),
         limits=LIMITS,
         returns_figure=returns_figure,
         costs_figure=costs_figure,

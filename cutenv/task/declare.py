@@ -17,10 +17,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cutenv import task_quantities
-from cutenv._base.arrays import Struct, StructArray
+from cutenv._base.arrays import Array, Struct, StructArray
 from cutenv._engine.declared import Declaration, compiled_for
-from cutenv._engine.fuse import expression, fuse
-from cutenv._engine.jit import njit_fused, njit_inline, njit_internal
+from cutenv._engine.fuse import Formula, expression, fuse
+from cutenv._engine.jit import njit, njit_fused, njit_inline, njit_internal
 from cutenv.cutting.dtypes import DRIVE, LAW, PROFILE, STATE
 from cutenv.cutting.motion import NOTHING, STRAIGHT, Motion, Moving
 from cutenv.cutting.row import Plain
@@ -143,6 +143,25 @@ class ActionAxis:
     """Unit of that range."""
 
 
+OF_CUT = ("state", "motion", "whole", "target", "tip")
+"""Quantities of such a number: records of the cut, its motion and the whole cut; target length and assessed tip [m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CutNumber:
+    """Number of a cut so far that a task adds to the info: an error of the whole cut, or hidden state."""
+
+    name: str
+    """Name with unit."""
+    meaning: str
+    value: Formula
+    """Its value, of quantities of :data:`OF_CUT`."""
+    on_rig: bool = True
+    """False: no rig can tell it."""
+    glossary: tuple[str, str] | None = None
+    """Title and meaning in the glossary of a report, for a reader who does not know the task."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Task(Declaration):
     """Declaration of a task; its hooks are compiled by :func:`~cutenv._engine.jit.njit_inline`, or for kernels.
@@ -181,6 +200,10 @@ class Task(Declaration):
     """When a cut ends so."""
     shown_as: str = ""
     """Group of the info that has the errors of the whole cut, and line of a picture that has its costs."""
+    errors: tuple[CutNumber, ...] = ()
+    """Errors of the whole cut."""
+    truth: tuple[CutNumber, ...] = ()
+    """Hidden state that the task adds to the truth in the info."""
     hidden: tuple[str, ...] = ()
     """Names of the privileged features that the task adds to those of gentle cutting."""
 
@@ -279,6 +302,23 @@ class Task(Declaration):
         totals = ("totals", "f8", (len(TERMS),))  # sum of the reward's terms since reset
         return np.dtype((np.record, [*((name, kind, (1,)) for name, kind in parts.items()), totals]))
 
+    @cached_property
+    def numbers(self) -> tuple[CutNumber, ...]:
+        """Numbers of a cut that the task adds to the info: hidden state, then errors of the whole cut."""
+        return (*self.truth, *self.errors)
+
+    def numbers_of(self, cuts: Cuts) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Return hidden state and errors of n cuts by name, each of shape (n,)."""
+        if not self.numbers:
+            return {}, {}
+        values = np.empty((len(self.numbers), len(cuts.states)))
+        number_cuts(self)(cuts.states, cuts.motions, cuts.wholes, cuts.tasks, cuts.progresses, values)
+        split = len(self.truth)
+        return (
+            {one.name: value for one, value in zip(self.truth, values[:split], strict=True)},
+            {one.name: value for one, value in zip(self.errors, values[split:], strict=True)},
+        )
+
     def charges(self, wholes: StructArray, prefix: str = "term") -> dict[str, Any]:
         """Return the costs of the whole cut in the last step, or with "total" since reset, by name; each of (n,)."""
         return {cost.name: wholes[f"{prefix}_{cost.name}"] for cost in self.costs}
@@ -303,6 +343,29 @@ def terms(task: Task) -> Any:
     """Return the function that adds up the costs of a step in the record of the whole cut."""
     total = " + ".join(f"whole.term_{cost.name}" for cost in task.costs)
     return fuse("terms", ["whole"], [f"return {total}"], [__name__])
+
+
+@compiled_for(njit_fused)
+def number_cut(task: Task) -> Any:
+    """Return the function that computes a task's numbers of cut number n."""
+    lines = [f"values[{k}, n] = {expression(one.value, OF_CUT)}" for k, one in enumerate(task.numbers)]
+    return fuse("number_cut", [*OF_CUT, "values", "n"], lines, [__name__])
+
+
+@compiled_for(njit)
+def number_cuts(task: Task) -> Callable[..., None]:
+    """Return the function that computes a task's numbers of many cuts."""
+    number = number_cut(task)
+
+    def number_cuts(
+        states: StructArray, motions: StructArray, wholes: StructArray, tasks: StructArray, progresses: StructArray,
+        values: Array,
+    ) -> None:  # fmt: skip
+        """Compute :attr:`Task.numbers` of n cuts, records of shape (n,), into ``values``, shape (numbers, n)."""
+        for n in range(len(states)):
+            number(states[n], motions[n], wholes[n], tasks[n].target, progresses[n].tip, values, n)
+
+    return number_cuts
 
 
 @compiled_for(njit_internal)

@@ -35,6 +35,7 @@ from cutenv.cutting.law import grid_index, lerp
 from cutenv.task.declare import (
     WAYS,
     ActionAxis,
+    CutNumber,
     Cuts,
     Stepping,
     Task,
@@ -437,6 +438,46 @@ def hide(cuts: Cuts, which: StructArray, hidden: Array) -> None:
         hidden[m, 8] = depth.deepest / _FINE
 
 
+DEPTH_ERRORS = (  # rounding may leave an area of -1e-20
+    CutNumber(name="too_deep_mm2", meaning="area cut too deep", value=lambda whole: 1e6 * max(whole.deep, 0.0)),
+    CutNumber(name="uncut_mm2", meaning="area left uncut", value=lambda whole: 1e6 * max(whole.uncut, 0.0)),
+    CutNumber(
+        name="layer_mm2",
+        meaning="area opened in the layer below",
+        value=lambda whole: 1e6 * max(whole.layer, 0.0),
+        on_rig=False,
+    ),
+    CutNumber(
+        name="layer_mm",
+        meaning="greatest depth to which the layer below is opened",
+        value=lambda whole: 1e3 * max(whole.deepest, 0.0),
+        on_rig=False,
+        glossary=(
+            "Into the layer below",
+            "How deep the layer below the tissue was opened at the worst place. Nobody sees where it lies. A success "
+            f"opens it by at most {1e3 * LAYER_TOLERANCE:g} mm.",
+        ),
+    ),
+    CutNumber(
+        name="mean_error_mm",
+        meaning="mean error of the depth along the target length",
+        value=lambda whole, target: 1e3 * (max(whole.deep, 0.0) + max(whole.uncut, 0.0)) / target,
+        glossary=(
+            "Error of the depth",
+            "By how much the floor of the cut lies above or below the wanted one, on average along the cut. A success "
+            f"errs by at most {1e3 * DEPTH_TOLERANCE:g} mm, besides all that is said above.",
+        ),
+    ),
+)
+DEPTH_TRUTH = (
+    CutNumber(name="level_m", meaning="level of the blade", value=lambda motion: motion.level),
+    CutNumber(
+        name="floor_depth_m",
+        meaning="depth of the cut at the tip",
+        value=lambda motion: motion.surface[motion.cell] - motion.floor[motion.cell],
+    ),
+    CutNumber(name="layer_m", meaning="depth of the layer below", value=lambda motion: motion.boundary),
+)
 DEPTH_CUT = Task(
     place=f"{__name__}:DEPTH_CUT",
     environment="cutenv/DepthCut-v1",
@@ -459,6 +500,8 @@ DEPTH_CUT = Task(
     end="layer",
     end_text="the layer below is opened deeper than ``layer_limit``; an end for safety",
     shown_as="depth",
+    errors=DEPTH_ERRORS,
+    truth=DEPTH_TRUTH,
     hidden=_HIDDEN,
     begin=begin,
     expect=expect,
@@ -540,28 +583,6 @@ class DepthOptions(TaskOptions):
     def beginning(self, tissue: TissueDescription) -> tuple[float, float, int, int]:
         """Return what :func:`begin` takes."""
         return 1.0 - tissue.friction_share, self.descent.bedding, self.wanted, int(self.layer)
-
-    def errors(self, cuts: Cuts) -> dict[str, Any]:
-        """Return the depth of n cuts in numbers, by name with unit; each of shape (n,)."""
-        depths = cuts.wholes
-        areas = [np.maximum(depths[name], 0.0) for name in ("deep", "uncut", "layer")]  # rounding may leave -1e-20
-        return {
-            "too_deep_mm2": 1e6 * areas[0],
-            "uncut_mm2": 1e6 * areas[1],
-            "layer_mm2": 1e6 * areas[2],
-            "layer_mm": 1e3 * np.maximum(depths["deepest"], 0.0),
-            "mean_error_mm": 1e3 * (areas[0] + areas[1]) / cuts.tasks["target"],
-        }
-
-    def truth(self, cuts: Cuts) -> dict[str, Any]:
-        """Return level of the blade, depth of the cut at the tip, and of the layer below [m], each of shape (n,)."""
-        descents = cuts.motions
-        at_tip = np.arange(len(descents)), descents["cell"]
-        return {
-            "level_m": descents["level"],
-            "floor_depth_m": descents["surface"][at_tip] - descents["floor"][at_tip],
-            "layer_m": descents["boundary"],
-        }
 
     def shown_depth(self, cuts: Cuts, number: int) -> ShownDepth:
         """Return a copy of the depth of one of n cuts as a picture shows it."""

@@ -110,14 +110,6 @@ class TaskOptions:
         """Return a new episode of the task, see :class:`Episode`."""
         return Episode(plant, goal, self, from_truth=from_truth)
 
-    def errors(self, cuts: Cuts) -> dict[str, Any]:
-        """Return the errors of n whole cuts in numbers, by name with unit; each of shape (n,)."""
-        return {}
-
-    def truth(self, cuts: Cuts) -> dict[str, Any]:
-        """Return the hidden state of n cuts that the task adds to the info, by name; each of shape (n,)."""
-        return {}
-
     def shown_depth(self, cuts: Cuts, number: int) -> ShownDepth | None:
         """Return a copy of the depth of one of n cuts as a picture shows it; None where no depth is wanted."""
         return None
@@ -440,12 +432,15 @@ class Episode:
     @property
     def errors(self) -> dict[str, float]:
         """Errors of the whole cut in numbers, by name with unit; none where nothing is wanted of it."""
-        return {name: float(value[0]) for name, value in self.options.errors(self._cuts).items()}
+        return self.truth_and_errors[1]
 
     @property
-    def truth(self) -> dict[str, float]:
-        """Hidden state that the task adds to the info, by name."""
-        return {name: float(value[0]) for name, value in self.options.truth(self._cuts).items()}
+    def truth_and_errors(self) -> tuple[dict[str, float], dict[str, float]]:
+        """Hidden state that the task adds to the info, by name, and :attr:`errors`."""
+        truth, errors = self.task.numbers_of(self._cuts)
+        return {name: value.item() for name, value in truth.items()}, {
+            name: value.item() for name, value in errors.items()
+        }
 
     @property
     def shown_depth(self) -> ShownDepth | None:

@@ -41,6 +41,7 @@ from cutenv.task.beginning import LONGEST
 from cutenv.task.declare import (
     WAYS,
     ActionAxis,
+    CutNumber,
     Cuts,
     Stepping,
     Task,
@@ -470,6 +471,52 @@ def hide(cuts: Cuts, which: StructArray, hidden: Array) -> None:
         hidden[m, 7] = path.farthest / FARTHEST_TOLERANCE
 
 
+PATH_ERRORS = (
+    CutNumber(name="area_mm2", meaning="area between cut and line", value=lambda whole: 1e6 * whole.area),
+    CutNumber(
+        name="mean_distance_mm",
+        meaning="mean distance between cut and line",
+        value=lambda whole, tip: 1e3 * whole.distance / max(tip - whole.begun, 1e-9),
+        glossary=(
+            "Distance to the line",
+            "How far the cut lies from the drawn line, on average along the cut and at the farthest place. A success "
+            f"is off by at most {1e3 * LINE_TOLERANCE:g} mm on average and {1e3 * FARTHEST_TOLERANCE:g} mm anywhere, "
+            "besides all that is said above.",
+        ),
+    ),
+    CutNumber(
+        name="largest_distance_mm",
+        meaning="largest distance between cut and line",
+        value=lambda whole: 1e3 * whole.farthest,
+    ),
+)
+PATH_TRUTH = (
+    CutNumber(
+        name="blade_x_m",
+        meaning="place of the blade along the slab",
+        value=lambda state, motion: state.blade + motion.east,
+    ),
+    CutNumber(name="blade_y_m", meaning="place of the blade across it", value=lambda motion: motion.north),
+    CutNumber(
+        name="tip_x_m",
+        meaning="place of the tip along the slab",
+        value=lambda state, motion: (
+            motion.settled + motion.tip_east + motion.tip_ahead * ((state.tip - motion.settled) * motion.stretch)
+        ),
+    ),
+    CutNumber(
+        name="tip_y_m",
+        meaning="place of the tip across it",
+        value=lambda state, motion: (
+            motion.tip_north + motion.tip_across * ((state.tip - motion.settled) * motion.stretch)
+        ),
+    ),
+    CutNumber(
+        name="aside_m",
+        meaning="distance of the tip to the left of the line",
+        value=lambda motion: motion.tip_aside,
+    ),
+)
 PATH_CUT = Task(
     place=f"{__name__}:PATH_CUT",
     environment="cutenv/PathCut-v1",
@@ -492,6 +539,8 @@ PATH_CUT = Task(
     end="off_line",
     end_text="the cut is farther than ``line_limit`` from the line; an end for safety",
     shown_as="path",
+    errors=PATH_ERRORS,
+    truth=PATH_TRUTH,
     hidden=_HIDDEN,
     begin=begin,
     expect=expect,
@@ -620,31 +669,6 @@ class PathOptions(TaskOptions):
     def beginning(self, tissue: TissueDescription) -> tuple[StructArray, int]:
         """Return what :func:`begin` takes."""
         return self.line.lines_for(tissue).records, self.line.kind
-
-    def errors(self, cuts: Cuts) -> dict[str, Any]:
-        """Return the path of n cuts so far in numbers, each of shape (n,).
-
-        They are the area between cut and line [mm2], and mean and largest distance between them [mm].
-        """
-        paths = cuts.wholes
-        cut = np.maximum(cuts.progresses["tip"] - paths["begun"], 1e-9)
-        return {
-            "area_mm2": 1e6 * paths["area"],
-            "mean_distance_mm": 1e3 * paths["distance"] / cut,
-            "largest_distance_mm": 1e3 * paths["farthest"],
-        }
-
-    def truth(self, cuts: Cuts) -> dict[str, Any]:
-        """Return places of blade and tip, and distance of the tip to the left of the line [m], each of shape (n,)."""
-        states, steerings = cuts.states, cuts.motions
-        way = (states["tip"] - steerings["settled"]) * steerings["stretch"]
-        return {
-            "blade_x_m": states["blade"] + steerings["east"],
-            "blade_y_m": steerings["north"].copy(),
-            "tip_x_m": steerings["settled"] + steerings["tip_east"] + steerings["tip_ahead"] * way,
-            "tip_y_m": steerings["tip_north"] + steerings["tip_across"] * way,
-            "aside_m": steerings["tip_aside"].copy(),
-        }
 
     def episode(self, plant: Any, goal: Goal, *, from_truth: bool | None = None) -> PathEpisode:
         """Return a new episode along a line."""

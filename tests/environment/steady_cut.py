@@ -12,7 +12,7 @@ from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.envs.vector import GentleCutVectorEnv
 from cutenv.play.played_cut import PlayedCut
 from cutenv.policy import ConstantFeed, Features
-from cutenv.task.declare import Task, whole_fields
+from cutenv.task.declare import CutNumber, Task, whole_fields
 from cutenv.task.episode import TaskOptions
 from cutenv.task.observation import COMPONENTS, Component
 from cutenv.task.registry import RegisteredTask
@@ -71,6 +71,12 @@ STEADY_CUT = Task(
     quantities=("largest", "target"),
     whole=STEADY,
     shown_as="steady",
+    errors=(CutNumber(name="surge_mm", meaning="largest growth of the tip", value=lambda whole: 1e3 * whole.largest),),
+    truth=(
+        CutNumber(
+            name="ahead_m", meaning="way from the tip to the target", value=lambda state, target: target - state.tip
+        ),
+    ),
     end="surge",
     end_text="the tip has grown by more than 6 mm in one decision; an end for safety",
     survey=survey,
@@ -100,13 +106,17 @@ class SteadyOptions(TaskOptions):
 
 @described
 class SteadyCutEnv(GentleCutEnv):
-    """The environment ``own/SteadyCut-v0``, with the further component, the cost, the end and the keyword
+    """The environment ``own/SteadyCut-v0``, with the further component, cost, end, numbers in the info and keyword
 
     {components}
 
     {terms}
 
     {ends}
+
+    {truth}
+
+    {errors}
 
     {keywords}
     """

@@ -38,7 +38,10 @@ def test_its_cost_is_charged_as_it_grows_and_its_component_shows_it():
         assert info["reward_terms"]["surge"] == pytest.approx(-0.3 * grown / 0.01, abs=1e-6)
         assert reward == pytest.approx(gentle + info["reward_terms"]["surge"], abs=1e-12)
         largest += grown
+        assert info["steady"]["surge_mm"] == pytest.approx(1e3 * largest, abs=1e-3)
+        assert info["truth"]["ahead_m"] == info["truth"]["target_length_m"] - info["truth"]["tip_m"]
     assert largest > 0.001
+    assert "``surge_mm``" in SteadyCutEnv.__doc__
 
 
 def test_its_end_and_its_weight_hold():
@@ -66,12 +69,13 @@ def test_a_batch_of_it_equals_single_ones():
     for single, seed, observation in zip(singles, (3, 4), observations, strict=True):
         np.testing.assert_array_equal(single.reset(seed=seed)[0], observation)
     for _ in range(60):
-        observations, rewards, ended, *_ = env.step(np.tile(FEED, (2, 1)))
+        observations, rewards, ended, _, infos = env.step(np.tile(FEED, (2, 1)))
         assert not ended.any()
         for single, observation, reward in zip(singles, observations, rewards, strict=True):
-            own, own_reward, *_ = single.step(FEED)
+            own, own_reward, _, _, info = single.step(FEED)
             np.testing.assert_array_equal(own, observation)
             assert own_reward == reward
+            assert info["steady"]["surge_mm"] in infos["steady"]["surge_mm"]
 
 
 def test_costs_without_a_group_of_the_info_are_refused():
