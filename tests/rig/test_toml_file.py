@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 from hypothesis import given
+from hypothesis import settings as examples
 from hypothesis import strategies as st
 from made_up_settings import measured, nearly_usual
 
@@ -206,6 +207,7 @@ def any_settings(draw: st.DrawFn) -> RigSettings:
 
 
 @given(settings=any_settings())
+@examples(max_examples=40)
 def test_what_is_written_is_read_back(tmp_path_factory: pytest.TempPathFactory, settings: RigSettings) -> None:
     file = tmp_path_factory.mktemp("rig") / "rig.toml"
     file.write_text(to_toml(settings), encoding="utf-8")
