@@ -14,7 +14,6 @@ import numpy as np
 from hypothesis import strategies as st
 
 from cutenv._engine.randomness import generator
-from cutenv.cutting import blade as cutting_blade
 from cutenv.cutting import friction as cutting_friction
 from cutenv.cutting import law as cutting_law
 from cutenv.cutting import relaxation as cutting_relaxation
@@ -115,7 +114,7 @@ def _lead(cuts, shared, states, path, dt, readings):
         states[i + 1] = cuts[0].states[0]
 
 
-_PARTS = (cutting_blade, cutting_friction, cutting_relaxation, cutting_law, cutting_row, cutting_update)
+_PARTS = (cutting_friction, cutting_relaxation, cutting_law, cutting_row, cutting_update)
 _IMPORT = rf"^from ({'|'.join(part.__name__ for part in _PARTS)}) import (\([^)]*\)|.*)\n"
 
 

@@ -61,7 +61,11 @@ def package(tmp_path: Path) -> Path:
 
 
 def write_law(package: Path, factor: float, door: str = "njit") -> None:
-    (package / "law.py").write_text(LAW.format(factor=factor, door=door))
+    """As if a minute lay between two edits: Python takes one of the same size and second for none."""
+    path = package / "law.py"
+    edited = path.stat().st_mtime + 60.0 if path.exists() else 1e9
+    path.write_text(LAW.format(factor=factor, door=door))
+    os.utime(path, (edited, edited))
 
 
 def answer(package: Path, kernel: str = "caller.twice", **environment: str) -> float:

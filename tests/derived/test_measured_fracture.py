@@ -27,31 +27,26 @@ def check_resistance_comes_back(cut: RecordedCut, tolerance: float, **changes: A
     assert estimate.corrected == pytest.approx(cut.true_resistance(), rel=tolerance)
 
 
+@pytest.mark.parametrize("kind", ["2 cm", "bulge", "liver"])
 @pytest.mark.parametrize("angle_deg", [90.0, 45.0])
 @pytest.mark.parametrize("speed", SPEEDS)
 @pytest.mark.parametrize("inches", [1.0, 2.0, 4.0])
-def test_resistance_comes_back_within_5_percent_by_a_return_stroke(
-    inches: float, speed: float, angle_deg: float
+def test_resistance_comes_back_by_a_return_stroke_and_half_as_well_without_and_flagged(
+    inches: float, speed: float, angle_deg: float, kind: str
 ) -> None:
-    cut = there_and_back(inches, speed=speed, angle_deg=angle_deg)
-    check_resistance_comes_back(cut, 0.03)  # the design asks for 0.05
-    estimate = estimate_fracture_resistance(cut.trace)
-    assert estimate.flags == ()
-    assert estimate.cut_length == pytest.approx(cut.tip.max(), abs=0.4e-3)
-    assert estimate.friction_per_depth == pytest.approx(cut.specimen.friction_per_depth, rel=0.02)
-
-
-@pytest.mark.parametrize("angle_deg", [90.0, 45.0])
-@pytest.mark.parametrize("speed", SPEEDS)
-@pytest.mark.parametrize("inches", [1.0, 2.0, 4.0])
-def test_resistance_comes_back_within_10_percent_without_and_flagged(
-    inches: float, speed: float, angle_deg: float
-) -> None:
-    cut = there_and_back(inches, speed=speed, angle_deg=angle_deg).forward()
-    check_resistance_comes_back(cut, 0.05)
-    flags = " ".join(estimate_fracture_resistance(cut.trace).flags)
-    assert "no return stroke" in flags
-    assert "friction assumed" in flags
+    """Worst in a fast short cut of tissue that varies: there the law may owe what no measurement can know."""
+    cut = there_and_back(inches, kind=kind, speed=speed, angle_deg=angle_deg)
+    even = kind == "2 cm"
+    check_resistance_comes_back(cut, 0.03 if even else 0.06 if inches == 1.0 else 0.05)  # the design asks for 0.05
+    check_resistance_comes_back(cut.forward(), 0.05 if even else 0.10)
+    if even:
+        estimate = estimate_fracture_resistance(cut.trace)
+        assert estimate.flags == ()
+        assert estimate.cut_length == pytest.approx(cut.tip.max(), abs=0.4e-3)
+        assert estimate.friction_per_depth == pytest.approx(cut.specimen.friction_per_depth, rel=0.02)
+        flags = " ".join(estimate_fracture_resistance(cut.forward().trace).flags)
+        assert "no return stroke" in flags
+        assert "friction assumed" in flags
 
 
 @pytest.mark.parametrize("share", [0.0, 0.4])
@@ -62,19 +57,6 @@ def test_another_share_of_friction_than_assumed_stays_within_the_bounds(
 ) -> None:
     cut = there_and_back(inches, speed=speed, friction_share=share)
     check_resistance_comes_back(cut, 0.05)
-    check_resistance_comes_back(cut.forward(), 0.10)
-
-
-@pytest.mark.parametrize("kind", ["bulge", "liver"])
-@pytest.mark.parametrize("angle_deg", [90.0, 45.0])
-@pytest.mark.parametrize("speed", SPEEDS)
-@pytest.mark.parametrize("inches", [1.0, 2.0, 4.0])
-def test_resistance_comes_back_where_depth_and_tissue_vary(
-    inches: float, speed: float, angle_deg: float, kind: str
-) -> None:
-    """Worst in a fast short cut: there the law may owe a few per cent, which no measurement can know."""
-    cut = there_and_back(inches, kind=kind, speed=speed, angle_deg=angle_deg)
-    check_resistance_comes_back(cut, 0.06 if inches == 1.0 else 0.05)
     check_resistance_comes_back(cut.forward(), 0.10)
 
 
@@ -235,17 +217,13 @@ def test_work_that_is_all_stored_is_no_resistance() -> None:
         estimate_fracture_resistance(pressing)
 
 
-@pytest.mark.parametrize("missing", ["position", "depth"])
-def test_a_missing_field_is_named(missing: str) -> None:
-    trace = dataclasses.replace(there_and_back(1.0).trace, **{missing: None})
-    with pytest.raises(ValueError, match=f"estimate_fracture_resistance needs {missing}"):
-        estimate_fracture_resistance(trace)
-
-
-def test_a_normalised_force_is_refused() -> None:
-    trace = dataclasses.replace(there_and_back(1.0).trace, force_unit="1")
-    with pytest.raises(ValueError, match="estimate_fracture_resistance needs force in newtons"):
-        estimate_fracture_resistance(trace)
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [({"position": None}, "position"), ({"depth": None}, "depth"), ({"force_unit": "1"}, "force in newtons")],
+)
+def test_a_missing_field_is_named(changes: dict[str, Any], says: str) -> None:
+    with pytest.raises(ValueError, match=f"estimate_fracture_resistance needs {says}"):
+        estimate_fracture_resistance(dataclasses.replace(there_and_back(1.0).trace, **changes))
 
 
 def test_a_blade_that_does_not_cut_or_creeps_is_refused() -> None:

@@ -61,27 +61,16 @@ def test_without_pages_it_says_how_to_build_them(
     assert docs.BUILD in printed.err
 
 
-def test_the_browser_gets_the_first_page(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize("browser", [True, False])
+def test_the_browser_gets_the_first_page_and_without_one_its_path_is_printed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], browser: bool
 ) -> None:
     page = tmp_path / "site" / "index.html"
     page.parent.mkdir()
     page.touch()
     opened: list[str] = []
     monkeypatch.setattr(resources, "_CHECKOUT", tmp_path)
-    monkeypatch.setattr(docs.webbrowser, "open", lambda address: opened.append(address) is None)
+    monkeypatch.setattr(docs.webbrowser, "open", lambda address: opened.append(address) is None and browser)
     assert main(["docs"]) == 0
     assert opened == [page.as_uri()]
-    assert capsys.readouterr().out == ""
-
-
-def test_without_a_browser_it_prints_the_path(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    page = tmp_path / "site" / "index.html"
-    page.parent.mkdir()
-    page.touch()
-    monkeypatch.setattr(resources, "_CHECKOUT", tmp_path)
-    monkeypatch.setattr(docs.webbrowser, "open", lambda address: False)
-    assert main(["docs"]) == 0
-    assert capsys.readouterr().out.strip() == str(page)
+    assert capsys.readouterr().out.strip() == ("" if browser else str(page))

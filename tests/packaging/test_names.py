@@ -1,4 +1,4 @@
-"""One word, one thing: no public name is defined in two modules of the package without a reason given here."""
+"""One word, one thing: no public name has two definitions without a reason; docstrings begin with their subject."""
 
 from __future__ import annotations
 
@@ -6,6 +6,9 @@ import ast
 from collections import defaultdict
 from dataclasses import fields
 from pathlib import Path
+
+import measure_codebase
+import pytest
 
 from cutenv.cutting.motion import Motion
 from cutenv.task.declare import Task
@@ -113,3 +116,18 @@ def test_no_file_name_stands_for_two_things_without_a_reason() -> None:
     twice = files_twice(ROOT / "cutenv")
     assert {name: places for name, places in twice.items() if name not in SAME_FILE_NAMES} == {}
     assert sorted(set(SAME_FILE_NAMES) - set(twice)) == []
+
+
+FOLDERS = ("cutenv", "agents", "scripts", "examples")
+
+
+@pytest.mark.parametrize("folder", FOLDERS)
+def test_every_docstring_names_its_subject(folder: str) -> None:
+    found, wrong = 0, []
+    for path in sorted((ROOT / folder).rglob("*.py")):
+        for line, text in measure_codebase.docstrings(ast.parse(path.read_text(encoding="utf-8"))):
+            found += 1
+            if measure_codebase.FRAGMENT.match(text.strip()):
+                wrong.append(f"{path.relative_to(ROOT)}:{line}: {text.strip().splitlines()[0]}")
+    assert found > 0, f"no docstring found in {folder}: nothing was checked"
+    assert not wrong, "begin with the noun or verb instead:\n" + "\n".join(wrong)

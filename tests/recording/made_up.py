@@ -28,7 +28,7 @@ def some(first: int, count: int = 20) -> list[Reading]:
 
 PLAIN = st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text()
 JSON = st.recursive(PLAIN, lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(), inner, max_size=3))
-# An operator's code is checked when it is saved: tests/recording/test_provenance.py.
+# An operator's code is checked when it is saved: tests/recording/test_record.py.
 METADATA = st.dictionaries(st.text().filter(lambda name: name != "operator"), JSON, max_size=4)
 
 

@@ -1,11 +1,12 @@
-"""A fake rig with a specimen, released and ready to cut."""
+"""Fake rigs with a specimen, one also with a height axis, released and ready to cut."""
 
 from __future__ import annotations
 
 import dataclasses
 from typing import Any
 
-from cutenv.rig.config.imitated_rig import fake_settings
+from cutenv.rig.config.imitated_rig import HEIGHT, fake_settings
+from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.fake.fake_rig import FakeRig, fake_rig
 from cutenv.tissue.specimen import Specimen
 
@@ -28,3 +29,21 @@ def release(rig: FakeRig) -> None:
     rig.clock.sleep_until(rig.clock.now() + SETTLE)
     rig.plant.supervisor.release()
     rig.plant.begin()
+
+
+def height_settings(**axis: Any) -> RigSettings:
+    """Settings of a fake rig with a height axis, some of whose values are replaced."""
+    return fake_settings(height=dataclasses.replace(HEIGHT, **axis))
+
+
+def descending_rig(seed: int = 3, **axis: Any) -> FakeRig:
+    """A fake rig at the clamp, at height 0; not yet open."""
+    return fake_rig(Specimen.drawn(seed, 0, specimen_class="liver"), height_settings(**axis), seed=seed)
+
+
+def ready_to_descend(seed: int = 3, **axis: Any) -> FakeRig:
+    """The same, released."""
+    rig = descending_rig(seed, **axis)
+    rig.plant.open()
+    release(rig)
+    return rig

@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from made_ready import SETTLE, ready_rig, release
-from made_to_descend import height_settings, ready_to_descend
+from made_ready import SETTLE, height_settings, ready_rig, ready_to_descend, release
 from scripted_operator import ScriptedOperator
 
 from cutenv.rig.config.imitated_rig import SIDE, across, fake_settings

@@ -1,17 +1,28 @@
-"""A measured depth profile is told every half millimetre, and covers the whole cut or is refused."""
+"""A rig's file tells depth and height: a profile covers the whole cut, the section [height] is read in SI."""
 
 from __future__ import annotations
+
+import dataclasses
+import re
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from made_up_settings import FREE, USUAL, with_value
 from scripted_operator import ScriptedOperator
 
+from cutenv.rig.config.axes import HeightAxis
 from cutenv.rig.config.depth_profile import measured_depth
+from cutenv.rig.config.imitated_rig import HEIGHT
 from cutenv.rig.config.settings import RigSettings, SafetyLimits
+from cutenv.rig.contradictions import contradictions, refuse_contradictions
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.specimen_source import SpecimenKey, SpecimensByHand
+from cutenv.rig.toml_file import read_rig_file
+from cutenv.rig.toml_text import template, to_toml
 
 
 def of(*points: tuple[float, float]) -> RigSettings:
@@ -72,3 +83,107 @@ def test_every_specimen_has_the_profile_that_stands_in_the_file_when_it_is_laid(
         assert laid[0] == depth
     with pytest.raises(RigError, match=r"depth of the specimen is not known.* ends at 70 mm"):
         supply.mount(SpecimenKey(seed=0, episode=2, target=0.08))
+
+
+DESCENDS = dataclasses.replace(FREE, height=HEIGHT)
+
+
+def test_a_file_with_a_height_axis_comes_back(tmp_path: Path) -> None:
+    file = tmp_path / "rig.toml"
+    odd = dataclasses.replace(
+        DESCENDS, height=dataclasses.replace(HEIGHT, direction=-1, lowest=-0.0125, force_axis="y", force_sign=-1)
+    )
+    file.write_text(to_toml(odd))
+    assert read_rig_file(file).height == odd.height
+    assert "\nlowest_mm = -12.5\n" in file.read_text()
+    assert list(odd.axes) == ["blade", "angle", "height"]
+
+
+def test_a_file_without_it_reads_as_before_and_the_template_has_it_commented_out(tmp_path: Path) -> None:
+    file = tmp_path / "rig.toml"
+    file.write_text(to_toml(USUAL))
+    assert read_rig_file(file) == USUAL
+    assert USUAL.height is None
+    assert list(USUAL.axes) == ["blade"]
+    lines = template().splitlines()
+    assert "# [height]" in lines
+    assert "[height]" not in lines
+
+
+def test_the_commented_section_is_read_when_its_comment_marks_are_taken_off(tmp_path: Path) -> None:
+    block = to_toml(USUAL).split("# # The axis that raises", 1)[1].split("\n\n", 1)[0]
+    block = re.sub(r"^# (FILL IN: )?", "", re.sub(r"^# ", "", block, flags=re.M), flags=re.M)
+    block = "\n".join(line for line in block.splitlines() if re.match(r"\[height\]|\w+ = ", line))
+    (tmp_path / "rig.toml").write_text(f"{to_toml(USUAL)}\n{block}\n")
+    assert read_rig_file(tmp_path / "rig.toml").height == HeightAxis()
+
+
+def test_only_a_person_knows_its_mechanics_and_ends(tmp_path: Path) -> None:
+    (tmp_path / "rig.toml").write_text(to_toml(USUAL) + "\n[height]\n")
+    listed = r"height\.node, height\.gear, height\.lead_mm, height\.pulses, height\.low_mm, height\.high_mm\."
+    with pytest.raises(ValueError, match=f"only a person can supply {listed}"):
+        read_rig_file(tmp_path / "rig.toml")
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("lowest_mm = -12.0", "must be below highest_mm = -13|highest_mm = -13 mm is outside 0"),
+        ("vertical_force_N = 0", "vertical_force_N = 0 N is outside 0.1 to 1000 N"),
+        ("fastest_cm_s = true", "fastest_cm_s must be one real number in cm/s, got True"),
+        ('force_axis = "up"', "force_axis"),
+        ("force_sign = 2", "force_sign"),
+        ('homing = "no"', "homing"),
+        ("depth_mm = 3", "depth_mm"),
+    ],
+)
+def test_a_wrong_value_is_refused_by_file_section_and_key(tmp_path: Path, line: str, message: str) -> None:
+    text, name = to_toml(DESCENDS), line.split(" = ")[0]
+    head, section = text.split("[height]", 1)
+    changed = re.sub(rf"^{name} = .*$", line, section, count=1, flags=re.M)
+    if changed == section:
+        changed = f"\n{line}{section}"
+    if line.startswith("lowest"):
+        changed = re.sub(r"^highest_mm = .*$", "highest_mm = -13.0", changed, count=1, flags=re.M)
+    (tmp_path / "rig.toml").write_text(f"{head}[height]{changed}")
+    with pytest.raises(ValueError, match=message) as caught:
+        read_rig_file(tmp_path / "rig.toml")
+    assert "height" in str(caught.value)
+
+
+CONTRADICTORY: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
+    "node of the blade": ({"node": 1}, ("blade.node = 1", "height.node = 1")),
+    "node of the hinge": ({"node": 2}, ("angle.node = 2", "height.node = 2")),
+    "a cut cannot begin": ({"lowest": 0.0}, ("height.lowest_mm = 0",)),
+    "raised beyond its end": ({"raised": 0.025}, ("height.raised_mm = 25", "height.highest_mm = 25")),
+    "raised by nothing": ({"raised": 0.0}, ("height.raised_mm = 0",)),
+    "the drive's lower end first": ({"low": -0.01}, ("height.low_mm = -10", "height.lowest_mm = -20")),
+    "the drive's upper end first": ({"high": 0.02}, ("height.high_mm = 20", "height.highest_mm = 25")),
+    "the drive's window": ({"following": 0.003}, ("height.following_error_mm = 2", "height.following_mm = 3")),
+    "following within a SYNC": ({"following": 1e-5}, ("height.following_mm = 0.01", "bus.sync_ms = 5")),
+    "faster than the drive": ({"fastest": 0.05}, ("height.fastest_cm_s = 5", "height.speed_cm_s = 3.81")),
+    "too slow to be raised": ({"fastest": 0.001}, ("height.fastest_cm_s = 0.1",)),
+    "jerks": ({"acceleration": 2.0, "quick_stop": 3.0}, ("height.most_acceleration_m_s2 = 1",)),
+    "a slow stop": ({"quick_stop": 0.11}, ("height.quick_stop_m_s2 = 0.11", "height.speed_cm_s = 3.81")),
+    "rest takes long": ({"acceleration": 0.009, "quick_stop": 1.0}, ("height.acceleration_m_s2 = 0.009",)),
+    "never counts": ({"vertical_force": 15.5}, ("height.vertical_force_N = 15.5", "limits.force_N = 15")),
+    "one axis for two": ({"force_axis": "x"}, ("height.force_axis = 'x'", "sensor.cut_axis = 'x'")),
+    "a coarse encoder": ({"pulses": 1, "gear": 1.0, "lead": 0.01}, ("height.pulses = 1",)),
+}
+
+
+@pytest.mark.parametrize("name", CONTRADICTORY)
+def test_keys_that_contradict_each_other_are_named_with_their_values(name: str) -> None:
+    changes, named = CONTRADICTORY[name]
+    settings = DESCENDS
+    for field, value in changes.items():
+        settings = with_value(settings, "height", field, value)
+    with pytest.raises(ValueError, match="height") as caught:
+        refuse_contradictions(settings)
+    for each in named:
+        assert each in str(caught.value)
+
+
+def test_the_usual_axis_contradicts_nothing() -> None:
+    assert not list(contradictions(DESCENDS))
+    assert not list(contradictions(dataclasses.replace(USUAL, height=HEIGHT)))

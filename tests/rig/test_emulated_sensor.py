@@ -72,9 +72,11 @@ def wire(server: SensorServer) -> Iterator[Wire]:
     wire.close()
 
 
-def test_an_independent_client_reads_what_is_sent():
+def of_independent_client(received, loss=0.0):
+    """Last sample and health of a client by others, when it has so many records."""
     pynetft = pytest.importorskip("pynetft", reason="the independent client comes with the extra dev")
     with SensorServer() as server:
+        server.faults.loss = loss
         page_port = int(server.page.split(":")[2].partition("/")[0])
         client = pynetft.Client(
             pynetft.Config(sensor_host="127.0.0.1", rdt_port=server.port, http_port=page_port, receive_timeout=1.0)
@@ -83,35 +85,24 @@ def test_an_independent_client_reads_what_is_sent():
         client.start()
         try:
             assert client.wait_for_first_sample(10.0)
-            wait_for(lambda: client.health().received_count > 100)
-            sample, health = client.latest_sample(), client.health()
+            wait_for(lambda: client.health().received_count > received)
+            return client.latest_sample(), client.health()
         finally:
             client.stop()
             feed.close()
+
+
+def test_an_independent_client_reads_what_is_sent():
+    sample, health = of_independent_client(100)
     assert sample.force == pytest.approx(LOADS[:3])
     assert sample.torque == pytest.approx(LOADS[3:])
-    assert sample.force_unit is pynetft.ForceUnit.NEWTON
-    assert sample.torque_unit is pynetft.TorqueUnit.NEWTON_METER
+    assert (sample.force_unit.name, sample.torque_unit.name) == ("NEWTON", "NEWTON_METER")
     assert sample.status == 0
     assert (health.lost_count, health.malformed_count, health.out_of_order_count, health.duplicate_count) == (0,) * 4
 
 
 def test_the_independent_client_sees_loss_as_loss():
-    pynetft = pytest.importorskip("pynetft", reason="the independent client comes with the extra dev")
-    with SensorServer() as server:
-        server.faults.loss = 0.2
-        page_port = int(server.page.split(":")[2].partition("/")[0])
-        client = pynetft.Client(
-            pynetft.Config(sensor_host="127.0.0.1", rdt_port=server.port, http_port=page_port, receive_timeout=1.0)
-        )
-        feed = Feed(server)
-        client.start()
-        try:
-            wait_for(lambda: client.health().received_count > 200)
-            health = client.health()
-        finally:
-            client.stop()
-            feed.close()
+    _, health = of_independent_client(200, loss=0.2)
     assert 0.1 < health.lost_count / (health.lost_count + health.received_count) < 0.3
 
 

@@ -1,6 +1,9 @@
 """In real time, on an emulated rig in a process of its own: every fault stops the blade, at once, and it stays stopped.
 
-``scripts/rig_faults.py`` makes many trials of each, and prints the table; here is one of each.
+``scripts/rig_faults.py`` makes many trials of each, and prints the table; here is one of each. Those that every run
+makes need wires, or a process that ends. Of the others the two halves are tested on a clock moved by hand: what the
+emulator then does (test_emulator_faults.py), and what the rig makes of it (test_every_fault_stops.py,
+test_cross_axes.py).
 """
 
 from __future__ import annotations
@@ -45,9 +48,19 @@ def test_every_fault_of_the_emulator_has_its_expected_causes():
 
 
 IN_ORDER = sorted(rig_trials.EXPECTED, key=lambda fault: (fault in rig_trials.IN_CHILD, fault == "slip"))
+OF_WIRES = (
+    *rig_trials.IN_CHILD, "bus_gap", "doubled_frames", "exception", "heartbeat_lost", "latency", "over_force",
+    "power_loss", "second_master",
+)  # fmt: skip
+OF_WIRES_ACROSS = ("no answer", "power loss", "quick stop not obeyed")
 
 
-@pytest.mark.parametrize("fault", IN_ORDER)
+def some(faults, of_every_run):
+    """The faults as cases, the others marked slow."""
+    return [pytest.param(each, marks=() if each in of_every_run else pytest.mark.slow) for each in faults]
+
+
+@pytest.mark.parametrize("fault", some(IN_ORDER, OF_WIRES))
 def test_it_is_found_out_stopped_and_stays_stopped(trials, fault):
     random = np.random.default_rng(list(fault.encode()))
     for _ in range(ATTEMPTS):
@@ -57,15 +70,22 @@ def test_it_is_found_out_stopped_and_stays_stopped(trials, fault):
     assert done.wrong() == []
 
 
-@pytest.fixture(scope="module", params=CROSS_FAULTS)
+@pytest.fixture(scope="module")
 def cross_trials(request) -> Iterator[rig_faults.Trials]:
     with rig_faults.Trials(kind=request.param) as made:
         yield made
 
 
-@pytest.mark.parametrize("number", range(len(CROSS_FAULTS["height"])))
-def test_a_fault_of_an_axis_across_the_cut_is_found_out_and_stops_both(cross_trials, number):
-    fault = list(CROSS_FAULTS[cross_trials.kind])[number]
+@pytest.mark.parametrize(
+    ("cross_trials", "fault"),
+    [
+        pytest.param(axis, *each.values, marks=each.marks)
+        for axis, own in (("height", "cannot be raised"), ("side", "force to the side"))
+        for each in some(CROSS_FAULTS[axis], (*OF_WIRES_ACROSS[:: 1 if axis == "height" else 2], own))
+    ],
+    indirect=["cross_trials"],
+)
+def test_a_fault_of_an_axis_across_the_cut_is_found_out_and_stops_both(cross_trials, fault):
     random = np.random.default_rng(list(fault.encode()))
     for _ in range(ATTEMPTS):
         done = cross_trials.one(fault, random)

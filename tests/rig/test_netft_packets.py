@@ -1,8 +1,11 @@
-"""Bytes of RDT, by hand and at random."""
+"""Bytes of RDT, by hand and at random; the sensor's page: units into SI, nothing assumed, and no page that harms."""
 
 from __future__ import annotations
 
+import http.server
 import random
+import threading
+import time
 
 import pytest
 from hypothesis import given
@@ -19,6 +22,9 @@ from cutenv.rig.devices.netft.packets import (
     request_bytes,
     status_meaning,
 )
+from cutenv.rig.devices.netft.settings_page import LARGEST, parse_page, read_page
+from cutenv.rig.emulator.sensor_server import SensorPage, SensorServer
+from cutenv.rig.errors import RigError
 
 UNSIGNED = st.integers(0, 2**32 - 1)
 SIGNED = st.integers(-(2**31), 2**31 - 1)
@@ -118,3 +124,183 @@ def test_a_status_is_told_in_words():
         == "0x88000000: error, strain gage out of range"
     )
     assert status_meaning(1 << 31 | 1 << 17) == "0x80020000: error, bits 17 (see the sensor's manual)"
+
+
+PAGE = (
+    "<?xml version='1.0'?><netft><cfgcpf>{cpf}</cfgcpf><cfgcpt>{cpt}</cfgcpt>"
+    "<scfgfu>{force}</scfgfu><scfgtu>{torque}</scfgtu>{more}</netft>"
+)
+
+
+def page(cpf="1000000", cpt="1000000", force="N", torque="Nm", more=""):
+    return PAGE.format(cpf=cpf, cpt=cpt, force=force, torque=torque, more=more).encode()
+
+
+@pytest.fixture
+def web():
+    """Return how to serve an answer; it gets the handler of the request."""
+    servers = []
+
+    def serve(answer):
+        class Handler(http.server.BaseHTTPRequestHandler):
+            def do_GET(self):
+                answer(self)
+
+            def log_message(self, format, *args):
+                pass
+
+        server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+        server.daemon_threads = True
+        threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True).start()
+        servers.append(server)
+        return f"http://127.0.0.1:{server.server_address[1]}/netftapi2.xml"
+
+    yield serve
+    for server in servers:
+        server.shutdown()
+        server.server_close()
+
+
+def answering(text):
+    def answer(handler):
+        handler.send_response(200)
+        handler.end_headers()
+        handler.wfile.write(text)
+
+    return answer
+
+
+@pytest.mark.parametrize(
+    ("unit", "newtons"),
+    [("N", 1.0), ("kN", 1000.0), ("lbf", 4.448222), ("klbf", 4448.222), ("kg", 9.80665), ("kgf", 9.80665),
+     ("g", 0.00980665)],
+)  # fmt: skip
+def test_forces_of_every_unit_become_newtons(unit, newtons):
+    assert parse_page(page(cpf="500", force=unit)).newtons_per_count == pytest.approx(newtons / 500, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("unit", "newton_metres"),
+    [("N-m", 1.0), ("Nm", 1.0), ("N-mm", 1e-3), ("kN-m", 1000.0), ("lbf-in", 0.1129848), ("lbf-ft", 1.355818),
+     ("kgf-cm", 0.0980665), ("kg-cm", 0.0980665)],
+)  # fmt: skip
+def test_torques_of_every_unit_become_newton_metres(unit, newton_metres):
+    found = parse_page(page(cpt="250", torque=unit)).newton_metres_per_count
+    assert found == pytest.approx(newton_metres / 250, rel=1e-6)
+
+
+def test_the_rate_is_what_the_page_says_and_none_where_it_says_nothing():
+    assert parse_page(page(more="<comrdtrate>7000</comrdtrate>")).rate == 7000.0
+    assert parse_page(page()).rate is None
+
+
+def test_a_page_in_another_encoding_or_with_a_namespace_is_read():
+    text = page().decode().replace("<netft>", '<netft xmlns="http://example.org/netft">')
+    assert parse_page(text.encode("utf-16")).newtons_per_count == 1e-6
+
+
+def test_what_is_missing_is_named_and_nothing_assumed_for_it():
+    with pytest.raises(RigError, match=r"lacks cfgcpf \(counts per force\), scfgtu \(unit of torque\)"):
+        parse_page(b"<netft><cfgcpt>1000</cfgcpt><scfgfu>N</scfgfu><scfgtu> </scfgtu></netft>")
+
+
+@pytest.mark.parametrize("counts", ["0", "-1", "nan", "inf", "1e-300", "many"])
+def test_counts_that_are_no_scale_are_refused(counts):
+    with pytest.raises(RigError, match=f"cfgcpf = '{counts}'"):
+        parse_page(page(cpf=counts))
+
+
+@pytest.mark.parametrize(("field", "value"), [("scfgfu", "stone"), ("scfgtu", "lbf-furlong")])
+def test_an_unknown_unit_is_refused_by_name(field, value):
+    with pytest.raises(RigError, match=f"{field} = '{value}', a unit that is not known"):
+        parse_page(page(**{"force" if field == "scfgfu" else "torque": value}))
+
+
+@pytest.mark.parametrize(
+    "text", [b"", b"<netft>", b"\x00\xff", b"<html><br></html>", b"<?xml version='1.0' encoding='x-no'?><a/>"]
+)
+def test_what_is_no_xml_is_refused(text):
+    with pytest.raises(RigError, match="is not XML"):
+        parse_page(text)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
+@pytest.mark.parametrize(
+    "declared",
+    [
+        '<!DOCTYPE a [<!ENTITY x "ha"><!ENTITY y "&x;&x;&x;&x;&x;&x;&x;&x;">]>',
+        '<!DOCTYPE a [<!ENTITY x SYSTEM "file:///etc/passwd">]>',
+        '<!DOCTYPE a SYSTEM "http://127.0.0.1:9/a.dtd">',
+    ],
+)
+def test_entities_are_refused_before_they_are_read(declared, encoding):
+    with pytest.raises(RigError, match="document type"):
+        parse_page(f"{declared}<a>&x;</a>".encode(encoding))
+
+
+def test_a_page_is_fetched_from_where_it_is(web):
+    assert read_page(web(answering(page(cpf="2000")))).newtons_per_count == pytest.approx(1 / 2000)
+
+
+def test_the_emulated_sensor_shows_a_page_that_is_read():
+    with SensorServer(
+        configuration=SensorPage(counts_per_newton=2000, counts_per_newton_metre=30_000, rate=500.0)
+    ) as server:
+        found = read_page(server.page)
+    assert (found.newtons_per_count, found.newton_metres_per_count, found.rate) == (1 / 2000, 1 / 30_000, 500.0)
+
+
+def test_a_page_that_is_too_large_is_refused(web):
+    with pytest.raises(RigError, match=f"more than {LARGEST} bytes"):
+        read_page(web(answering(b"<netft>" + b" " * LARGEST)))
+
+
+def test_a_page_that_says_no_is_refused_with_its_answer(web):
+    with pytest.raises(RigError, match="404"):
+        read_page(web(lambda handler: handler.send_error(404)))
+
+
+def test_a_page_elsewhere_is_not_followed(web):
+    def redirect(handler):
+        handler.send_response(302)
+        handler.send_header("Location", elsewhere)
+        handler.end_headers()
+
+    elsewhere = web(answering(page()))
+    with pytest.raises(RigError, match="302"):
+        read_page(web(redirect))
+
+
+def test_a_page_that_comes_in_drops_ends_with_the_time_limit(web):
+    def drip(handler):
+        handler.send_response(200)
+        handler.end_headers()
+        for _ in range(100):  # each byte in time, the whole not
+            handler.wfile.write(b" ")
+            handler.wfile.flush()
+            time.sleep(0.05)
+
+    address = web(drip)
+    begun = time.monotonic()
+    with pytest.raises(RigError, match=r"within 0\.3 s"):
+        read_page(address, timeout=0.3)
+    assert time.monotonic() - begun < 3.0  # time is the promise: five seconds of drops
+
+
+def test_where_nobody_answers_the_error_says_what_to_check():
+    with SensorServer() as server:
+        page_that_was = server.page
+    with pytest.raises(RigError, match=r"powered and on this network.*sensor\.address"):
+        read_page(page_that_was)
+
+
+@pytest.mark.parametrize("address", ["file:///etc/passwd", "ftp://127.0.0.1/a", "192.168.1.1", ""])
+def test_only_http_is_asked(address):
+    with pytest.raises(RigError, match="must begin with http://"):
+        read_page(address)
+
+
+@pytest.mark.parametrize("address", ["http://", "http://:x", "http://[::1", "http://a b/", "http://\u0000"])
+def test_an_address_that_is_none_is_a_readable_error(address):
+    with pytest.raises(RigError, match="cannot be read"):
+        read_page(address)

@@ -184,7 +184,7 @@ def test_a_wanted_cut_out_of_reach_is_refused_before_anything_moves(task, given,
 def test_it_shows_the_simulators_wanted_depth_and_lays_its_layer(made):
     env = made(DEPTH)
     simulated = DEPTH.simulated().unwrapped
-    for episode in range(4):
+    for episode in range(2):
         ours, _ = env.reset(seed=7, options={"episode": episode})
         theirs, _ = simulated.reset(seed=7, options={"episode": episode})
         assert ours[:12] == pytest.approx(theirs[:12], abs=1e-6)
@@ -198,7 +198,7 @@ def test_it_shows_the_simulators_wanted_depth_and_lays_its_layer(made):
 def test_the_same_script_follows_the_depth_as_in_the_simulator(made, name):
     env = made(DEPTH)
     simulated = DEPTH.simulated()
-    for episode in range(3):
+    for episode in range(2):
         ours, our_info, our_depths = cut(DEPTH, env, name, episode=episode)
         theirs, their_info, their_depths = cut(DEPTH, simulated, name, episode=episode)
         assert our_info["end"] == their_info["end"] == "finished"
@@ -260,7 +260,7 @@ def test_a_policy_of_another_task_is_refused(policy, said, capsys):
 
 def test_it_has_the_simulators_line(made):
     env, simulated = made(PATH), PATH.simulated()
-    for episode in range(4):
+    for episode in range(2):
         ours, _ = env.reset(seed=7, options={"episode": episode})
         theirs, _ = simulated.reset(seed=7, options={"episode": episode})
         # At rest, in the middle of the clamp, all but the stiffness's own numbers are the same.

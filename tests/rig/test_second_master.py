@@ -48,9 +48,12 @@ def cut_into(rig: HandMovedRig) -> RigStopped:
     return stopped.value
 
 
-@pytest.mark.parametrize("way", [0.0005, 0.001, 0.002])
-@pytest.mark.parametrize("every", [0.001, 0.005, 0.020])
-@pytest.mark.parametrize("moment", [0.503, 0.511, 0.519])
+WAYS, PERIODS, MOMENTS = (0.0005, 0.001, 0.002), (0.001, 0.005, 0.020), (0.503, 0.511, 0.519)
+SQUARE = [(way, every, MOMENTS[(i + j) % 3]) for i, way in enumerate(WAYS) for j, every in enumerate(PERIODS)]
+"""Nine of the 27, in which every two values meet."""
+
+
+@pytest.mark.parametrize(("way", "every", "moment"), SQUARE)
 @pytest.mark.parametrize(
     ("words", "allowed"), [((0x0F,), 0.00025), ((0x06, 0x07, 0x0F), ALLOWED)], ids=["0f", "06 07 0f"]
 )
