@@ -15,10 +15,9 @@ from tqdm import tqdm
 
 from cutenv.learning.bc import Clone
 from cutenv.learning.cloning import Cloning, script_demonstrations
-from cutenv.learning.command_line import run_program
 from cutenv.learning.imitation_arguments import BCArguments
 from cutenv.learning.progress import validate
-from cutenv.learning.run_folder import export, record_run
+from cutenv.learning.run_folder import export, record_run, run_program
 
 
 def train(arguments: BCArguments, run: Path) -> None:

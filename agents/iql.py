@@ -14,11 +14,10 @@ from pathlib import Path
 import torch
 from tqdm import tqdm
 
-from cutenv.learning.command_line import run_program
 from cutenv.learning.imitation_arguments import IQLArguments
 from cutenv.learning.iql import Agent, ImplicitQLearning, transition_data
 from cutenv.learning.progress import validate
-from cutenv.learning.run_folder import export, record_run
+from cutenv.learning.run_folder import export, record_run, run_program
 
 
 def train(arguments: IQLArguments, run: Path) -> None:

@@ -16,12 +16,11 @@ import torch
 from stable_baselines3 import PPO
 
 from cutenv.learning.arguments import PPOArguments
-from cutenv.learning.asymmetric_actor_critic import AsymmetricActorCritic
+from cutenv.learning.asymmetric_actors import AsymmetricActorCritic
 from cutenv.learning.cloning import Cloning, script_demonstrations
-from cutenv.learning.command_line import run_program
 from cutenv.learning.on_policy import FallingRate
 from cutenv.learning.progress import Progress
-from cutenv.learning.run_folder import export, record_run
+from cutenv.learning.run_folder import export, record_run, run_program
 from cutenv.policy import Network
 
 

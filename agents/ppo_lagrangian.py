@@ -23,13 +23,12 @@ from stable_baselines3.common.callbacks import BaseCallback
 
 from cutenv.envs.tracks import COST_BUDGET_MM
 from cutenv.learning.arguments import BadArguments, PPOArguments
-from cutenv.learning.asymmetric_actor_critic import AsymmetricActorCritic
+from cutenv.learning.asymmetric_actors import AsymmetricActorCritic
 from cutenv.learning.cloning import Cloning, demonstrations
-from cutenv.learning.command_line import run_program
 from cutenv.learning.on_policy import sb3_keywords
 from cutenv.learning.options import option
 from cutenv.learning.progress import Progress
-from cutenv.learning.run_folder import export, record_run
+from cutenv.learning.run_folder import export, record_run, run_program
 from cutenv.policy import Network, OneReturnStroke
 from cutenv.sb3 import FeatureVecEnv
 

@@ -15,12 +15,11 @@ import torch
 from sb3_contrib import RecurrentPPO
 
 from cutenv.learning.arguments import RecurrentPPOArguments
+from cutenv.learning.asymmetric_actors import RecurrentAsymmetricActorCritic
 from cutenv.learning.cloning import Cloning, script_demonstrations
-from cutenv.learning.command_line import run_program
 from cutenv.learning.on_policy import sb3_keywords
 from cutenv.learning.progress import Progress
-from cutenv.learning.recurrent_actor_critic import RecurrentAsymmetricActorCritic
-from cutenv.learning.run_folder import export, record_run
+from cutenv.learning.run_folder import export, record_run, run_program
 from cutenv.policy import RecurrentNetwork
 
 

@@ -15,14 +15,13 @@ import torch
 from stable_baselines3 import SAC
 from stable_baselines3.common.buffers import NStepReplayBuffer
 
+from cutenv.learning.arguments import SACArguments
 from cutenv.learning.asymmetric_actors import AsymmetricSACPolicy
 from cutenv.learning.cloning import script_demonstrations
-from cutenv.learning.command_line import run_program
 from cutenv.learning.off_policy import imitate, network, remember
-from cutenv.learning.off_policy_arguments import SACArguments
 from cutenv.learning.on_policy import FallingRate
 from cutenv.learning.progress import Progress
-from cutenv.learning.run_folder import export, record_run
+from cutenv.learning.run_folder import export, record_run, run_program
 
 
 def train(arguments: SACArguments, run: Path) -> None:

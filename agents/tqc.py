@@ -14,13 +14,12 @@ from pathlib import Path
 import torch
 from sb3_contrib import TQC
 
+from cutenv.learning.arguments import TQCArguments
 from cutenv.learning.asymmetric_actors import AsymmetricTQCPolicy
 from cutenv.learning.cloning import script_demonstrations
-from cutenv.learning.command_line import run_program
 from cutenv.learning.off_policy import imitate, network, off_policy_keywords, remember
-from cutenv.learning.off_policy_arguments import TQCArguments
 from cutenv.learning.progress import Progress
-from cutenv.learning.run_folder import export, record_run
+from cutenv.learning.run_folder import export, record_run, run_program
 
 
 def train(arguments: TQCArguments, run: Path) -> None:

@@ -46,7 +46,7 @@ class NativeVecEnv(VecEnv):
         specimens, one for each episode, from its own seed; ``PPO(..., seed=...)`` has no influence on them.
     hidden_state : bool
         Whether the hidden state of the simulator follows the observation, for a critic such as that of
-        :mod:`cutenv.learning.asymmetric_actor_critic` or the fully observed twin of ``cutenv/GentleCutRaw-v1``.  A
+        :mod:`cutenv.learning.asymmetric_actors` or the fully observed twin of ``cutenv/GentleCutRaw-v1``.  A
         policy that reads it cannot be used on a rig.
     task : str
         Name of the task, of :data:`cutenv.task.registry.TASKS`.

@@ -18,7 +18,7 @@ from cutting_rig import UPRIGHT
 
 from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.recording import load_one
-from cutenv.recording.record_errors import RecordError
+from cutenv.recording.schema import RecordError
 from cutenv.rig.errors import RigError
 from cutenv.rig.safety.stop_causes import RigStopped
 

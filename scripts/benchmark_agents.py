@@ -10,7 +10,7 @@
     python scripts/benchmark_agents.py --against    where it differs from the published one beyond both intervals
 
 Finished parts are not repeated: interrupt it at any time, publish what is done with scripts/leaderboard.py --publish,
-and start it again, there or on another machine.  cutenv/learning/benchmark_protocol.py defines the comparison, and
+and start it again, there or on another machine.  cutenv/learning/benchmark.py defines the comparison, and
 scripts/benchmark/protocol.py who takes part; the folder contains runs/ (one for each agent and training seed), cuts/
 (one file for each of them), sweeps/ (with other constants), summary.csv, leaderboard.md and leaderboard.html.
 """
@@ -26,7 +26,7 @@ from benchmark.protocol import ENTRIES, SCRIPTED, keep_protocol, kept_protocol
 from benchmark.runs import Benchmark, differs
 from benchmark.table import PUBLISHED, write_tables
 
-from cutenv.learning.benchmark_protocol import QUICK, Protocol
+from cutenv.learning.benchmark import QUICK, Protocol
 from cutenv.learning.evaluation import workers
 
 

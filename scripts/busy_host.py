@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 from cutting_rig import WATCHED, HostWatch
 
-from cutenv.rig.devices.clock import SystemClock
-from cutenv.rig.devices.real_time import PRIORITY, preferred
+from cutenv.rig.devices.host import PRIORITY, SystemClock, preferred
 
 LOOKED = 4.0
 """Duration of the check [s]."""

@@ -25,7 +25,7 @@ from tqdm import tqdm
 
 from cutenv import cli
 from cutenv._engine.randomness import generator
-from cutenv.measurement.variogram import Variogram, cv_of, fit_variances, mean_field_variance
+from cutenv.measurement.pooled_cuts import Variogram, cv_of, fit_variances, mean_field_variance
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
 from cutenv.recording import save
 from cutenv.tissue import Specimen, TissueDescription, draw_liver, load_description, measured_liver

@@ -36,7 +36,7 @@ class CrossFault(NamedTuple):
     Attributes
     ----------
     emulated : str
-        Name among :data:`cutenv.rig.emulator.faults.FAULTS`.
+        Name among :data:`cutenv.rig.emulator.emulated_bench.FAULTS`.
     given : dict
         Its parameters.
     forward : bool

@@ -12,8 +12,7 @@ from cutenv.rig.errors import RigError
 from cutenv.rig.hardware import rig_plant
 from cutenv.rig.operation.operator import AutomaticOperator
 from cutenv.rig.operation.preflight import SETTLE, return_inside
-from cutenv.rig.operation.session import RigSession
-from cutenv.rig.operation.specimen_source import SpecimenKey
+from cutenv.rig.operation.session import RigSession, SpecimenKey
 from cutenv.rig.safety.stop_causes import RigStopped, StopReport
 from cutenv.tissue.specimen import Specimen
 

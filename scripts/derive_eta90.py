@@ -22,10 +22,9 @@ from tqdm import tqdm
 
 from cutenv.cutting.dtypes import TICK
 from cutenv.plant import SimulatedPlant
-from cutenv.tissue.derivation import DerivedConstant, write_derived
 from cutenv.tissue.description import TissueDescription, following_means, tables_only
 from cutenv.tissue.specimen import Specimen
-from cutenv.tissue.tables import table
+from cutenv.tissue.tables import DerivedConstant, table, write_derived
 
 SPEED = 0.0038  # of the cut of Table 4.1, thesis 4.4 [m/s]
 THICKNESS = 0.01  # assumed by the table's moduli, thesis 4.2 [m]

@@ -30,13 +30,12 @@ from tqdm import tqdm
 
 from cutenv._base import resources
 from cutenv.tissue.cut_model import CutModel
-from cutenv.tissue.derivation import FOLDER
 from cutenv.tissue.description import measured_liver
 from cutenv.tissue.elasticity import elastic_form
-from cutenv.tissue.field import field_modes, lognormal_sigma
-from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING
+from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING, field_modes, lognormal_sigma
 from cutenv.tissue.slab import DEPTHS, ROWS, THICKNESS, local_modulus, row_means, stiffness_along
 from cutenv.tissue.specimen import Specimen
+from cutenv.tissue.tables import FOLDER
 
 Array = NDArray[np.float64]
 

@@ -13,11 +13,10 @@ import time
 import numpy as np
 
 from cutenv._base import resources
-from cutenv.tissue.condensation import condensed
 from cutenv.tissue.cut_model import CutModel
-from cutenv.tissue.derivation import FOLDER
-from cutenv.tissue.field import field_modes, lognormal_sigma
-from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING
+from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING, field_modes, lognormal_sigma
+from cutenv.tissue.tables import FOLDER
+from cutenv.tissue.varying_modulus import condensed
 
 FIELDS = 60
 MODEL = {"element": "quad8", "formulation": "plane_stress", "poisson": 0.3}
@@ -26,7 +25,7 @@ MODEL = {"element": "quad8", "formulation": "plane_stress", "poisson": 0.3}
 def write() -> None:
     """Condense the model and write the result."""
     content = {
-        "source": "CutModel condensed by rows of elements (cutenv.tissue.condensation)",
+        "source": "CutModel condensed by rows of elements (cutenv.tissue.varying_modulus)",
         "script": "scripts/derive_slab.py --write",
         **MODEL,
         **{name: values.tolist() for name, values in condensed(CutModel(**MODEL))._asdict().items()},

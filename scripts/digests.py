@@ -460,7 +460,7 @@ def planner_digests(quick: bool) -> Digests:
 
 def score_digests(quick: bool) -> Digests:
     """Yield digests of score cards, and of the scores of cuts in batches."""
-    from cutenv.learning.batched_rollout import batched_rollout
+    from cutenv.learning.evaluation import batched_rollout
     from cutenv.sim_to_real.paired_experiment import cut_once
 
     for name, task in TASKS.items():

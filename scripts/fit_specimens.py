@@ -29,9 +29,8 @@ from cutenv._engine.randomness import generator
 from cutenv.measurement import estimate_fracture_resistance, estimate_local_effective_moduli
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
 from cutenv.tissue import Specimen, draw_liver, measured_liver
-from cutenv.tissue.derivation import DerivedConstant, write_derived
 from cutenv.tissue.description import FITTED, TissueDescription
-from cutenv.tissue.tables import measured_fracture_resistance, table
+from cutenv.tissue.tables import DerivedConstant, measured_fracture_resistance, table, write_derived
 from cutenv.tissue.variance_components import (
     CUTS_PER_LIVER,
     depth_standard_error,

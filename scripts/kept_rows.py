@@ -7,9 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from cutenv._base.atomic_file import atomic_write
-from cutenv.learning.result_tables import rows_of, write_csv
-from cutenv.learning.statistics import mean_with_interval
+from cutenv._base.output import atomic_write
+from cutenv.learning.statistics import mean_with_interval, rows_of, write_csv
 
 
 def keep(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:

@@ -28,14 +28,13 @@ from ladder import TrueTip, rows_of_rung
 from cutenv._base.arrays import Array, Array32, Indices
 from cutenv._engine.jit import njit
 from cutenv.envs.batch import CutBatch
-from cutenv.learning.seeds import TEST_SEEDS, VALIDATION_SEEDS
 from cutenv.learning.statistics import by_policy
+from cutenv.learning.training_environments import TEST_SEEDS, VALIDATION_SEEDS
 from cutenv.policy import OneReturnStroke, StopAndUnload
 from cutenv.policy.depth_scripts import DepthByTwoForces, FollowDepth
-from cutenv.policy.interface import ArrayPolicy
-from cutenv.policy.path_planner import wanted_bend
+from cutenv.policy.interface import SPEED_COLUMN, ArrayPolicy
+from cutenv.policy.map_planner import wanted_bend
 from cutenv.policy.path_scripts import SeenPath, SteerByForce, course_back
-from cutenv.policy.signals import SPEED_COLUMN
 from cutenv.tissue.grid import N_POINTS, POINTS_PER_METRE
 
 START = "as the script has it"
@@ -134,7 +133,7 @@ DEPTH_RUNGS: dict[str, Callable[[], FollowDepth]] = {
 
 
 LENGTHS = (0.0053, 0.0055, 0.0029, 0.0011)
-"""Lengths [m] of :func:`~cutenv.policy.path_planner.wanted_bend`, chosen on training specimens."""
+"""Lengths [m] of :func:`~cutenv.policy.map_planner.wanted_bend`, chosen on training specimens."""
 
 
 class PathRung(SteerByForce):

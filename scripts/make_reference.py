@@ -16,8 +16,7 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from cutenv.learning.batched_rollout import batched_rollout
-from cutenv.learning.evaluation import contestant
+from cutenv.learning.evaluation import batched_rollout, contestant
 from cutenv.plant.protocol import recorded_trace
 from cutenv.policy import BASELINES, SCRIPTS
 from cutenv.scoring import METRICS, ReferenceSet, score

@@ -26,9 +26,8 @@ from cutenv.measurement.prediction import predicted_ramps
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
 from cutenv.tissue import CutModel, Specimen
 from cutenv.tissue.tables import table
-from cutenv.vision.field_comparison import compare_field
+from cutenv.vision.field_comparison import ZoneModuli, compare_field, estimate_zone_moduli
 from cutenv.vision.filmed_measurement import MeanModulus, measure_filmed_cut, zones_as_measured
-from cutenv.vision.zone_moduli import ZoneModuli, estimate_zone_moduli
 
 Array = NDArray[np.float64]
 FIELD_MARK, MODULUS_MARK = 0.15, 0.10  # RMS [mm]; relative error of a zone's modulus

@@ -36,14 +36,14 @@ from rendering.moved_tissue import MovedTissue
 from rendering.xray_session import THICKNESS, CutHistory, Session
 from tqdm import tqdm
 
-from cutenv._base.atomic_file import atomic_write
+from cutenv._base.output import atomic_write
 from cutenv.commands import depth, field
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
 from cutenv.recording import read_record, save
 from cutenv.tissue import CutModel, Specimen, quasi_static_modulus
 from cutenv.tissue.grid import LENGTH, N_POINTS
 from cutenv.vision.beads import track_beads
-from cutenv.vision.video import video_frames
+from cutenv.vision.film_source import video_frames
 
 OUT = Path("runs") / "one_cut_twice"
 SPEED, WAY_BACK, TRAVEL = 0.0038, 0.0127, 0.07  # of the blade [m/s], [m]

@@ -34,7 +34,7 @@ from cutenv.scoring.metric import MAP_METRICS, METRICS
 from cutenv.scoring.points import task_points
 from cutenv.scoring.scored_cut import ScoredCut
 from cutenv.scoring.truth import TIP_AT_END
-from cutenv.scoring.unavailable import Unavailable
+from cutenv.scoring.validity import Unavailable
 from cutenv.task.registry import TASKS, tasks_with
 from cutenv.tissue.grid import depth_below
 from cutenv.trace import Trace

@@ -26,12 +26,12 @@ from tqdm import tqdm
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
 from cutenv.tissue import CutModel, Specimen
 from cutenv.trace import Trace
-from cutenv.vision.blade_depth import BladeCameras
 from cutenv.vision.blade_mark import MarkedBlade
 from cutenv.vision.camera_calibration import calibrate_cameras
 from cutenv.vision.crack_runs import RunsAndDrops, runs_and_drops, seen_runs
 from cutenv.vision.depth_record import filmed_depth
-from cutenv.vision.video import VideoFrame
+from cutenv.vision.film_source import VideoFrame
+from cutenv.vision.marked_blade import BladeCameras
 
 KEPT = Path("runs") / "seen_runs.json"
 CUTS = ((90, 0.0038, 15.0), (45, 0.0038, 15.0), (90, 0.0127, 15.0), (45, 0.0127, 30.0))

@@ -21,7 +21,7 @@ from benchmark.table import markdown_table
 from stepped_cuts import DEPTHS, stepped_cut
 
 from cutenv.measurement.depth_sections import DepthSection, depth_sections, opened_resistance
-from cutenv.measurement.layered_cuts import find_layers
+from cutenv.measurement.measured_cut import find_layers
 from cutenv.tissue import CutModel, Layers, Specimen
 from cutenv.tissue.grid import SPACING
 from cutenv.trace import Trace

@@ -52,7 +52,7 @@ from rig_trials import (
 )
 from tqdm import tqdm
 
-from cutenv.rig.config.imitated_rig import EMULATOR
+from cutenv.rig.config.settings import EMULATOR
 from cutenv.rig.emulator.process import RunningEmulator, start
 from cutenv.rig.errors import RigError
 

@@ -32,7 +32,7 @@ from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.policy import Policy
 from cutenv.rig.devices.camera import RigCamera
 from cutenv.rig.devices.canopen import network
-from cutenv.rig.devices.samples import ForceSample, MotionSample
+from cutenv.rig.devices.drivers import ForceSample, MotionSample
 from cutenv.rig.errors import RigError
 from cutenv.rig.plant import RigPlant
 
@@ -174,7 +174,7 @@ def ordinary(real_time: bool) -> Any:
     if real_time:
         yield
         return
-    with mock.patch("cutenv.rig.devices.real_time.prefer", return_value=False):
+    with mock.patch("cutenv.rig.devices.host.prefer", return_value=False):
         yield
 
 

@@ -17,7 +17,7 @@ from cutting_rig import PERIOD, SLOW, SPEED, UPRIGHT, WATCHED, CuttingRig, pace_
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.canopen.network import DRIVE_PATIENCE
 from cutenv.rig.devices.serial.board import BOARD_PATIENCE
-from cutenv.rig.devices.serial.grbl_options import PIECE, SENT_AHEAD
+from cutenv.rig.devices.serial.grbl import PIECE, SENT_AHEAD
 from cutenv.rig.devices.serial.load_cell import sensor_delay
 from cutenv.rig.emulator.control import EmulatorControl
 from cutenv.rig.safety.stop_causes import Cause, RigStopped, StopReport, detection_times

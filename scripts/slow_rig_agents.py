@@ -24,15 +24,14 @@ from kept_rows import interval_text, keep_json, kept_json, mean_text
 
 from cutenv.envs import RigCutEnv
 from cutenv.learning.evaluation import Contestant, contestant, evaluate
-from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.learning.statistics import by_policy, differences
+from cutenv.learning.training_environments import TEST_SEEDS
 from cutenv.policy import SCRIPTS, ConstantFeed, Policy
 from cutenv.rig.config.settings import Identified, RigSettings
 from cutenv.rig.connection import settings_of
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.suitability import decisions, simulator_keywords, top_speed
-from cutenv.rig.toml_file import write_identified
-from cutenv.rig.toml_text import to_toml
+from cutenv.rig.toml_file import to_toml, write_identified
 from cutenv.sim_to_real import ComparedCut
 from cutenv.sim_to_real.paired_experiment import LOST_TIME, cut_once, simulator_like
 from cutenv.task.episode_dtypes import STOPPED

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from cutenv.learning.arguments import LearnerArguments
 from cutenv.learning.on_policy import time_to_threshold
-from cutenv.learning.result_tables import read_rows
+from cutenv.learning.statistics import read_rows
 
 
 def kept_arguments(run: Path) -> LearnerArguments:

@@ -72,20 +72,19 @@ import wear_series
 from benchmark.table import markdown_table
 from kept_rows import kept_json, kept_rows
 
-from cutenv._base.parameter import parameter_table
+from cutenv._base.validation import parameter_table
 from cutenv.cutting.descent import DescentParameters
 from cutenv.cutting.drive import PDRig, Rig
 from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.cutting.steering import SteeringParameters
 from cutenv.envs.constants import Knowledge
-from cutenv.learning.result_tables import rows_of
-from cutenv.learning.statistics import mean_with_interval
+from cutenv.learning.statistics import mean_with_interval, rows_of
 from cutenv.policy import CONSTANT_FEEDS, ORACLE, SCRIPTS, ConstantFeed
 from cutenv.report import CutPicture, draw_cut
 from cutenv.rig.devices.serial.slow_profile import RATES, grbl_settings, slow_settings
 from cutenv.rig.operation.suitability import suitability_lines
-from cutenv.rig.toml_text import template
+from cutenv.rig.toml_file import template
 from cutenv.scoring import INVARIANCES, MAP_METRICS, METRICS, Metric
 from cutenv.task.depth import DepthConstants
 from cutenv.task.path import PathConstants
@@ -95,8 +94,7 @@ from cutenv.tissue import Layers, measured_liver
 from cutenv.tissue import tables as thesis_tables
 from cutenv.tissue.blade_wear import BladeWear
 from cutenv.tissue.description import TissueDescription
-from cutenv.tissue.specimen import CLASSES
-from cutenv.tissue.surface import SurfaceSpread
+from cutenv.tissue.specimen import CLASSES, SurfaceSpread
 
 ROOT = Path(__file__).parents[1]
 SCORES = ("return", "success", "tip_error_mm", "peak_force_N", "time_s")

@@ -16,7 +16,7 @@ from cutenv.cutting.sensor import SensorParameters
 from cutenv.plant.protocol import Leg, run
 from cutenv.plant.simulator import SimulatedPlant
 from cutenv.recording.column_map import ColumnMap
-from cutenv.recording.columns import UNITS
+from cutenv.recording.schema import UNITS
 from cutenv.tissue.grid import depth_below
 from cutenv.tissue.specimen import Specimen
 from cutenv.trace import Trace

@@ -8,9 +8,9 @@ import time
 from collections.abc import Callable, Iterator
 
 from cutenv.rig.config.settings import SensorSettings
-from cutenv.rig.devices.clock import Clock, SystemClock
+from cutenv.rig.devices.drivers import ForceSample
+from cutenv.rig.devices.host import Clock, SystemClock
 from cutenv.rig.devices.netft.netft_sensor import NetftSensor
-from cutenv.rig.devices.samples import ForceSample
 from cutenv.rig.emulator.sensor_server import Loads, SensorServer
 
 LOADS: Loads = (1.5, -2.25, 3.0, 0.1, -0.2, 0.3)

@@ -1,9 +1,89 @@
-"""Standard output of a program, whose reader may end first."""
+"""Output: files written whole, to a temporary name, flushed (fsync) and renamed; a standard output that may end."""
 
 from __future__ import annotations
 
+import os
+import secrets
 import select
 import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+_SHOWN = 40  # characters of the name kept in the temporary one: a file name may have 255 bytes
+
+
+@contextmanager
+def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Yield a temporary path whose file replaces ``path`` when the block ends.
+
+    Until then `path` is unchanged or missing; an exception in the block removes the temporary file. A process
+    that is killed leaves it behind, as ``NAME.DIGITS.part.SUFFIX`` beside `path`; it may be deleted.
+
+    Parameters
+    ----------
+    path : path
+        The finished file; a link stays, and what it points to is replaced.
+
+    Yields
+    ------
+    Path
+        Temporary path in the same folder, with the same suffix and a random name: two processes that write the
+        same file do not mix, and the last one to finish wins.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written or put in place.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> target = Path(tempfile.mkdtemp()) / "numbers.txt"
+    >>> with atomic_write(target) as part:
+    ...     _ = part.write_text("1 2 3")
+    ...     print(target.exists())
+    False
+    >>> target.read_text()
+    '1 2 3'
+    """
+    target = Path(os.path.realpath(path))
+    part = target.with_name(f"{target.stem[:_SHOWN]}.{secrets.token_hex(4)}.part{target.suffix}")
+    try:
+        yield part
+        _flush(part)
+        put_in_place(part, target)
+    except BaseException:  # also when interrupted from the keyboard
+        part.unlink(missing_ok=True)
+        raise
+
+
+def put_in_place(part: Path, target: Path) -> None:
+    """Give a file that is whole, and flushed, the name of another one in its folder."""
+    part.replace(target)
+    _flush_folder(target.parent)
+
+
+def whole_files(paths: Iterable[Path]) -> list[Path]:
+    """Return the paths in order without the temporary files of :func:`atomic_write`, which may still be written."""
+    return sorted(path for path in paths if ".part" not in path.suffixes[-2:-1])
+
+
+def _flush(file: Path) -> None:
+    """Flush the content to the disk before the rename, so that after a power cut no name stands for a partial file."""
+    with file.open("r+b") as opened:
+        os.fsync(opened.fileno())
+
+
+def _flush_folder(folder: Path) -> None:
+    """Flush the directory (fsync), so that the rename survives a power cut (POSIX only; Windows does it itself)."""
+    if os.name == "nt":
+        return
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 def reader_has_gone() -> bool:

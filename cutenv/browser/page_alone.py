@@ -17,16 +17,15 @@ from scipy.signal import butter, sosfilt_zi
 import cutenv
 from cutenv._base import resources
 from cutenv._base.arrays import Array, StructArray
-from cutenv._base.atomic_file import atomic_write
-from cutenv._base.document import render
-from cutenv._base.languages import LANGUAGES, texts_by_key
+from cutenv._base.document import LANGUAGES, render, texts_by_key
+from cutenv._base.output import atomic_write
 from cutenv._base.validation import in_range, one_of
 from cutenv.cutting.dtypes import READING
 from cutenv.measurement.strokes import STANDSTILL_SPEED
 from cutenv.play.devices import INCLINED, LEAD, LEVEL_REACH, LOWERED_BY_NOTCH, NOTCH, TRAVEL
 from cutenv.play.hand_model import PLAYED_HAND
 from cutenv.scoring import points
-from cutenv.scoring.even_samples import BANDWIDTH, RATE, SHORTEST_FORCE
+from cutenv.scoring.validity import BANDWIDTH, RATE, SHORTEST_FORCE
 from cutenv.task.assessment import NEAR_TARGET
 from cutenv.task.depth import DESCENT_SCALE
 from cutenv.task.registry import TASKS, tasks_with

@@ -7,9 +7,8 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
-from cutenv._base.atomic_file import atomic_write
-from cutenv._base.document import render
-from cutenv._base.languages import texts_by_key
+from cutenv._base.document import render, texts_by_key
+from cutenv._base.output import atomic_write
 from cutenv._base.validation import in_range
 from cutenv.browser.page_alone import page_alone
 

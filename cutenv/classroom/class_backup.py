@@ -8,7 +8,7 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
-from cutenv._base.atomic_file import atomic_write
+from cutenv._base.output import atomic_write
 from cutenv.classroom.class_store import KEPT, ClassStore
 
 BACKUP_SCHEMA = "cutenv-class/1"

@@ -7,18 +7,128 @@ import sys
 
 from sqlalchemy.exc import SQLAlchemyError
 from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
 from starlette.requests import Request
-from starlette.responses import JSONResponse, Response
+from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
+from starlette.routing import Route
 
-from cutenv.classroom.class_site import ClassSite
+from cutenv.browser.page_alone import page_text
+from cutenv.classroom.class_overview import score_curve
+from cutenv.classroom.class_site import PERSON_COOKIE, TEACHER_COOKIE, ClassSite, Guard, Trials
+from cutenv.classroom.class_store import SAVED
+from cutenv.classroom.lesson import RefusedCut
 from cutenv.classroom.live_rig import LiveRig, live_routes
-from cutenv.classroom.people_pages import PeoplePages
-from cutenv.classroom.request_guard import Guard, Trials
-from cutenv.classroom.study_pages import StudyPages
-from cutenv.classroom.teacher_pages import TeacherPages
-from cutenv.classroom.upload_pages import UploadPages
+from cutenv.classroom.teacher_pages import StudyPages, TeacherPages, UploadPages
+
+
+class PeoplePages:
+    """Pages and answers for people who cut.
+
+    Parameters
+    ----------
+    site : ClassSite
+        Site of the class.
+    trials : Trials
+        Failed trials, by address.
+    """
+
+    def __init__(self, site: ClassSite, trials: Trials) -> None:
+        self._site, self._trials, self._lesson = site, trials, site.lesson
+
+    @property
+    def routes(self) -> list[Route]:
+        """Routes of these pages."""
+        return [
+            Route("/", self.enter_page, methods=["GET"]), Route("/", self.enter, methods=["POST"]),
+            Route("/leave", self.leave, methods=["POST"]), Route("/cut", self.cut_page, methods=["GET"]),
+            Route("/cuts", self.begin, methods=["POST"]), Route("/cuts", self.history, methods=["GET"]),
+            Route("/curve", self.curve, methods=["GET"]), Route("/cuts/{number:str}", self.finish, methods=["POST"]),
+            Route("/cuts/{number:str}/begun", self.begun, methods=["POST"]),
+        ]  # fmt: skip
+
+    async def enter_page(self, request: Request) -> Response:
+        """Show the page on which a code is entered."""
+        if await self._site.signed_in(request, PERSON_COOKIE):
+            return RedirectResponse("cut", 303)
+        return self._site.page("enter.html", trouble="")
+
+    async def enter(self, request: Request) -> Response:
+        """Sign a person in who has a code and consents."""
+        address = request.client.host if request.client else ""
+        self._trials.check(address)
+        form = await request.form()
+        code = str(form.get("code", "")).strip().upper()
+        if not (code and code.isprintable()) or not await run_in_threadpool(self._lesson.store.knows, code):
+            self._trials.failed(address)
+            return self._site.page("enter.html", 403, trouble=self._site.words["wrong_code"])
+        if form.get("consent") != "yes":
+            return self._site.page("enter.html", 403, trouble=self._site.words["no_consent"])
+        await run_in_threadpool(self._lesson.store.consent, code)
+        if self._site.courier is not None:
+            await run_in_threadpool(self._site.courier.queue.agree, code)
+        token = await run_in_threadpool(self._lesson.store.sign_in, code)
+        return self._site.sign(RedirectResponse("cut", 303), PERSON_COOKIE, token)
+
+    async def leave(self, request: Request) -> Response:
+        """Sign out."""
+        for name in (PERSON_COOKIE, TEACHER_COOKIE):
+            if token := request.cookies.get(name):
+                await run_in_threadpool(self._lesson.store.sign_out, token)
+        response = RedirectResponse(".", 303)
+        response.delete_cookie(PERSON_COOKIE)
+        response.delete_cookie(TEACHER_COOKIE)
+        return response
+
+    async def cut_page(self, request: Request) -> Response:
+        """Show the page that cuts."""
+        code = await self._site.signed_in(request, PERSON_COOKIE)
+        if not code:
+            return RedirectResponse(".", 303)
+        told = self._site.page_data | {"language": self._site.language, "specimens": [], "served": True}
+        text = await run_in_threadpool(page_text, "page_served.html", told, code_of_person=code)
+        return HTMLResponse(text, headers={"Content-Security-Policy": "frame-ancestors 'none'"})
+
+    async def begin(self, request: Request) -> Response:
+        """Hand out a cut."""
+        return JSONResponse(await run_in_threadpool(self._lesson.begin, await self._site.person(request)))
+
+    async def begun(self, request: Request) -> Response:
+        """Note that a cut has begun."""
+        code = await self._site.person(request)
+        await run_in_threadpool(self._lesson.store.begun, request.path_params["number"], code)
+        return JSONResponse({})
+
+    async def finish(self, request: Request) -> Response:
+        """Repeat, score and keep a cut that has ended."""
+        code = await self._site.person(request)
+        try:
+            stalled = float(request.headers.get("x-stalled", "0"))
+        except ValueError:
+            stalled = 0.0
+        number, digest = request.path_params["number"], request.headers.get("x-readings", "")
+        movements = await request.body()
+        try:
+            said = await run_in_threadpool(self._lesson.finish, code, number, movements, digest, stalled=stalled)
+        except RefusedCut as error:
+            raise HTTPException(422, str(error)) from None
+        except LookupError as error:
+            raise HTTPException(404, str(error)) from None
+        except OSError as error:
+            raise HTTPException(507, f"The record cannot be written: {error.strerror}.") from None
+        return JSONResponse(said)
+
+    async def history(self, request: Request) -> Response:
+        """Answer with the person's cuts."""
+        return JSONResponse(await run_in_threadpool(self._lesson.history, await self._site.person(request)))
+
+    async def curve(self, request: Request) -> Response:
+        """Answer with the person's learning curve."""
+        cuts = await run_in_threadpool(self._lesson.history, await self._site.person(request))
+        mark = await run_in_threadpool(lambda: self._lesson.pass_mark)
+        scores = [cut["score"] for cut in cuts if cut["state"] == SAVED]
+        return JSONResponse({"curve": score_curve([scores], mark=None if mark is None else mark.mark)})
 
 
 def class_app(

@@ -15,10 +15,10 @@ from typing import NamedTuple
 from cutenv._base.unit_table import Unit
 from cutenv._base.validation import in_range
 from cutenv.recording import ColumnMap, Imported, RecordError, read_record
-from cutenv.recording.columns import FIELD_UNITS
 from cutenv.recording.csv_file import is_own
 from cutenv.recording.csv_sniffer import SniffedTable, sniff_table, split_row
 from cutenv.recording.importers import guessed_columns
+from cutenv.recording.schema import FIELD_UNITS
 from cutenv.trace import Trace
 
 LARGEST_UPLOAD = 16 * 2**20

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 import cutenv
-from cutenv._base.atomic_file import put_in_place, whole_files
+from cutenv._base.output import put_in_place, whole_files
 from cutenv.browser.page_alone import specimen_data
 from cutenv.browser.stylus_steps import HandCut
 from cutenv.classroom.analysis import Analyses
@@ -39,16 +39,43 @@ from cutenv.classroom.class_store import (
     Place,
 )
 from cutenv.classroom.foreign_upload import Uploads
-from cutenv.classroom.shown_result import ahead_words, shown_card
 from cutenv.play.course import Course, CourseTask
 from cutenv.play.course_progress import GIVEN_UP, CourseProgress
+from cutenv.play.course_words import COURSE_WORDS
 from cutenv.recording import Provenance, load_one, save
 from cutenv.report.score_page import ScoredRecord, write_score_page
 from cutenv.scoring import ReferenceSet, ScoreCard, score
 from cutenv.scoring.reference import fitting_reference
+from cutenv.scoring.score_card import whole_score
 from cutenv.scoring.truth import TIP_AT_END
 from cutenv.task.registry import TASKS
 from cutenv.trace import Trace
+
+
+def shown_card(
+    card: ScoreCard, progress: CourseProgress | None, *, hidden: bool = False, mark: MarkInForce | None = None
+) -> dict[str, Any]:
+    """Return what the page shows of a card, whether it passes the ``mark``, and what comes next.
+
+    Of a card that is to be ``hidden`` nothing is shown but whether it passes.
+    """
+    overall = None if card.overall_score is None else whole_score(card.overall_score)  # what is shown decides
+    return {
+        "pass_mark": None if mark is None else mark.mark,
+        "passed": None if mark is None or overall is None else overall >= mark.mark,
+        "score": None if hidden else overall,
+        "outcome": "" if hidden else card.outcome,
+        "points": [] if hidden else [dataclasses.asdict(each) for each in card.points],
+        "verdict": {} if progress is None else progress.verdicts,
+        "ahead": ahead_words(progress),
+        "done": progress is not None and progress.task is None,
+    }
+
+
+def ahead_words(progress: CourseProgress | None) -> dict[str, str]:
+    """Return what comes next in a course, by language; empty without a course."""
+    return {} if progress is None else {language: progress.ahead(language) for language in COURSE_WORDS}
+
 
 LONGEST_CUT = 30_000
 """Longest cut [ms]: the deadline of the task."""

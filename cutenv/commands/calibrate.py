@@ -11,7 +11,7 @@ from importlib.util import find_spec
 from operator import attrgetter
 from pathlib import Path
 
-from cutenv._base.atomic_file import atomic_write
+from cutenv._base.output import atomic_write
 from cutenv.commands.inputs import read_records
 from cutenv.commands.options import (
     add_layer_depth,
@@ -24,8 +24,7 @@ from cutenv.commands.options import (
     watched,
 )
 from cutenv.measurement.calibration import RESAMPLES, check_resamples, measure_cuts, tissue_of, with_findings
-from cutenv.measurement.layered_cuts import in_layers
-from cutenv.measurement.measured_cut import MeasuredCut
+from cutenv.measurement.measured_cut import MeasuredCut, in_layers
 from cutenv.measurement.wear import blade_wear
 from cutenv.measurement.within_specimens import compare_settings
 from cutenv.recording import Provenance, TissueHandling

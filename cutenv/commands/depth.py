@@ -15,7 +15,7 @@ if TYPE_CHECKING:  # slow to import, and --help does not need it
     from cutenv.vision.cameras import GreyImage
     from cutenv.vision.crack_runs import RunsAndDrops
     from cutenv.vision.depth_record import FilmedDepth
-    from cutenv.vision.video import VideoFrame
+    from cutenv.vision.film_source import VideoFrame
 
 _MEASURING = ("calibration", "record")
 _CALIBRATING = ("board", "spacing")
@@ -42,7 +42,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _calibrate(arguments: argparse.Namespace) -> int:
-    from cutenv.recording.columns import parse_length
+    from cutenv.recording.schema import parse_length
     from cutenv.vision.camera_calibration import CalibrationBoard, calibrate_cameras, read_image
 
     if arguments.out is None or arguments.out.suffix != ".json":
@@ -72,14 +72,14 @@ def _calibrate(arguments: argparse.Namespace) -> int:
 
 def _measure(arguments: argparse.Namespace) -> int:
     from cutenv.recording import save
-    from cutenv.recording.columns import parse_length
+    from cutenv.recording.schema import parse_length
     from cutenv.report.depth_page import FilmedRecord, write_depth_page, write_frame_table
-    from cutenv.vision.blade_depth import BladeCameras
     from cutenv.vision.blade_mark import MarkedBlade
     from cutenv.vision.cameras import CalibratedCameras
     from cutenv.vision.crack_runs import runs_and_drops, seen_runs
     from cutenv.vision.depth_record import filmed_depth
-    from cutenv.vision.video import video_facts, video_frames
+    from cutenv.vision.film_source import video_facts, video_frames
+    from cutenv.vision.marked_blade import BladeCameras
 
     if len(arguments.files) != 1:
         raise ValueError(f"{len(arguments.files)} videos are given; give one, with a pair's images side by side.")

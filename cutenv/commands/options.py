@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeVar
 
-from cutenv._base.languages import LANGUAGES
+from cutenv._base.document import LANGUAGES
 from cutenv._base.output import reader_has_gone
 
 if TYPE_CHECKING:  # slow to import, and --help does not need it
@@ -96,7 +96,7 @@ def length_given(arguments: argparse.Namespace, name: str, limits: tuple[float, 
         If it is not a length with a unit, or outside the limits [m]; the message ends with the ``cure``.
     """
     from cutenv._base.validation import in_range
-    from cutenv.recording.columns import parse_length
+    from cutenv.recording.schema import parse_length
 
     text, option = getattr(arguments, name), "--" + name.replace("_", "-")
     return None if text is None else in_range(option, parse_length(option, text), *limits, "m", cure)
@@ -143,8 +143,7 @@ def line_given(arguments: argparse.Namespace) -> CutLine | None:
     OSError
         If the file cannot be read.
     """
-    from cutenv.recording.columns import parse_length
-    from cutenv.recording.line_file import read_line
+    from cutenv.recording.schema import parse_length, read_line
     from cutenv.tissue.lines import arc, half_ellipse, s_shape, straight
 
     given: str | None = arguments.line
@@ -180,7 +179,7 @@ def wanted_depth_given(arguments: argparse.Namespace) -> DepthProfile | None:
         If it is neither a length with a unit nor pairs of them, or out of range.
     """
     from cutenv.measurement.depth import wanted_depth
-    from cutenv.recording.columns import parse_length
+    from cutenv.recording.schema import parse_length
 
     given: str | None = arguments.wanted_depth
     if given is None:

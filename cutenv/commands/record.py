@@ -26,7 +26,7 @@ def main(argv: Sequence[str]) -> int:
     from cutenv._base.validation import in_range
     from cutenv.recording import ColumnMap
     from cutenv.recording.lsl import LslInlet, record_stream
-    from cutenv.recording.number_table import STAMP
+    from cutenv.recording.mapped_columns import STAMP
 
     items = [*arguments.map, f"time={STAMP}"]
     if any(item.partition("=")[0].strip() in ("time", "rate", "split_by") for item in arguments.map):

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from cutenv._base.languages import LANGUAGES
+from cutenv._base.document import LANGUAGES
 from cutenv._base.validation import in_range
 from cutenv.commands.options import add_watch, command_parser, made_folder, reports_errors
 from cutenv.play.course import SHIPPED_COURSES, named_course
@@ -48,8 +48,7 @@ def main(argv: Sequence[str]) -> int:
     from cutenv.classroom.class_store import ClassStore
     from cutenv.classroom.lesson import Lesson
     from cutenv.classroom.live_rig import LiveRig
-    from cutenv.classroom.statement_queue import StatementQueue
-    from cutenv.classroom.xapi_statements import Courier
+    from cutenv.classroom.xapi_statements import Courier, StatementQueue
 
     store = ClassStore(arguments.database or f"sqlite:///{arguments.folder / 'class.db'}")
     if arguments.backup is not None:

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from cutenv._base.languages import LANGUAGES
+from cutenv._base.document import LANGUAGES
 from cutenv.browser.page_alone import OFFERED, OFFERED_LINES, write_page_alone
 from cutenv.browser.scorm_package import write_scorm_package
 from cutenv.commands.options import add_task, check_line, command_parser, made_folder, reports_errors

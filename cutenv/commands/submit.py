@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from cutenv.commands.options import command_parser, reports_errors
 
 if TYPE_CHECKING:
-    from cutenv.learning.submission import Submission
+    from cutenv.learning.benchmark import Submission
 
 
 @reports_errors("submit")
@@ -42,7 +42,7 @@ def checked(path: Path) -> tuple[Submission, list[list[dict[str, Any]]]]:
     OSError, ValueError
         If the file cannot be read, is damaged, or a cut's return differs.
     """
-    from cutenv.learning.submission import read_submission, replayed
+    from cutenv.learning.benchmark import read_submission, replayed
 
     entry = read_submission(path)
     with _progress("repeating", len(entry.runs) * entry.protocol.specimens) as update:
@@ -59,11 +59,17 @@ def _submit(given: argparse.Namespace) -> None:
         raise ValueError("--author is missing; give the name that the leaderboard shows.")
     if not given.out.absolute().parent.is_dir() or given.out.is_dir():
         raise ValueError(f"--out {given.out}: give a file in a folder that exists.")
-    from cutenv.learning.benchmark_protocol import QUICK, Protocol
+    from cutenv.learning.benchmark import (
+        QUICK,
+        Protocol,
+        Submission,
+        check_text,
+        returns_after,
+        submitted_run,
+        write_submission,
+    )
     from cutenv.learning.evaluation import contestant
-    from cutenv.learning.result_tables import read_rows
-    from cutenv.learning.standing import returns_after
-    from cutenv.learning.submission import Submission, check_text, submitted_run, write_submission
+    from cutenv.learning.statistics import read_rows
     from cutenv.policy.shipped import policy_folder
 
     policy = given.name or Path(given.policies[0]).name
@@ -86,8 +92,8 @@ def _submit(given: argparse.Namespace) -> None:
 
 
 def _print_row(entry: Submission, runs: Sequence[Sequence[dict[str, Any]]]) -> None:
+    from cutenv.learning.benchmark import shown, standing
     from cutenv.learning.evaluation import contestant, evaluate
-    from cutenv.learning.standing import shown, standing
 
     protocol = entry.protocol
     best, shared = {protocol.script: contestant(protocol.script)}, {"specimen_class": protocol.training_class}

@@ -17,10 +17,17 @@ from pathlib import Path
 from typing import Any
 
 from cutenv.commands.options import command_parser
-from cutenv.learning.arguments import BadArguments, LearnerArguments, PPOArguments, RecurrentPPOArguments
-from cutenv.learning.command_line import RunRequest, add_run_options, run_request
+from cutenv.learning.arguments import (
+    BadArguments,
+    CrossQArguments,
+    LearnerArguments,
+    PPOArguments,
+    RecurrentPPOArguments,
+    SACArguments,
+    TQCArguments,
+)
 from cutenv.learning.imitation_arguments import BCArguments, IQLArguments
-from cutenv.learning.off_policy_arguments import CrossQArguments, SACArguments, TQCArguments
+from cutenv.learning.run_folder import RunRequest, add_run_options, run_request
 
 LEARNERS: dict[str, tuple[str, type[LearnerArguments]]] = {
     "ppo": ("PPO", PPOArguments),

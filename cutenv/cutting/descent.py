@@ -31,7 +31,7 @@ from typing import Any
 import numpy as np
 
 from cutenv._base.arrays import Struct, StructArray
-from cutenv._base.parameter import check_parameters, parameter
+from cutenv._base.validation import check_parameters, parameter
 from cutenv._engine.jit import njit, njit_inline, njit_internal
 from cutenv._engine.randomness import Integer
 from cutenv.cutting.drive import VelocityLoop, velocity_loop_step
@@ -43,9 +43,8 @@ from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.floor import BEDDING, EDGE_LENGTH, press
 from cutenv.tissue.grid import N_POINTS, POINTS_PER_METRE
 from cutenv.tissue.layers import Layers, layered_depth, summed_toughness
-from cutenv.tissue.nominal import NOMINAL, nominal_tissue
 from cutenv.tissue.slab import SLAB, at_depth, cut_through_along
-from cutenv.tissue.specimen import Specimen
+from cutenv.tissue.specimen import NOMINAL, Specimen, nominal_tissue
 
 LEAST_DEPTH = 5e-4
 """Depth [m] to which the blade stays engaged, however far it is raised."""

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cutenv._base.arrays import Struct, StructArray
-from cutenv._base.parameter import check_parameters, parameter
+from cutenv._base.validation import check_parameters, parameter
 from cutenv._engine.elementary import exp
 from cutenv._engine.jit import njit, njit_inline, njit_internal
 from cutenv.cutting.dtypes import DRIVE, TICK

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from cutenv._base.arrays import StructArray
-from cutenv._base.parameter import check_parameters, parameter
+from cutenv._base.validation import check_parameters, parameter
 from cutenv.cutting.dtypes import LAW, PROFILE
 from cutenv.tissue.crack_tip import PRESLIDING
-from cutenv.tissue.fall import end_of_fall
+from cutenv.tissue.effective_modulus import end_of_fall
 from cutenv.tissue.specimen import Specimen
 
 

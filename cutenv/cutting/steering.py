@@ -30,7 +30,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cutenv._base.arrays import Struct, StructArray
-from cutenv._base.parameter import check_parameters, parameter
+from cutenv._base.validation import check_parameters, parameter
 from cutenv._engine.jit import njit, njit_inline, njit_internal
 from cutenv._engine.randomness import Integer
 from cutenv.cutting.dtypes import TICK

@@ -28,9 +28,8 @@ from cutenv.task.observation import all_within_reach
 from cutenv.task.privileged import append_privileged
 from cutenv.task.stepper import Decision, step_some
 from cutenv.tissue.description import measured_liver
-from cutenv.tissue.nominal import nominal_tissue
 from cutenv.tissue.sampling import sampler, tissue_modes
-from cutenv.tissue.specimen import Specimen
+from cutenv.tissue.specimen import Specimen, nominal_tissue
 
 _SOURCES = {"liver": LIVER, "vascular": VASCULAR, "mixed": MIXED}
 _DRAWN = np.array(["liver", "vascular"], dtype=object)

@@ -21,13 +21,13 @@ import cv2
 from cutenv.recording import load_one, save
 from cutenv.rig.config.settings import CameraSettings, RigSettings
 from cutenv.rig.devices.camera import CAMERA_NOTE
-from cutenv.rig.devices.clock import SystemClock
 from cutenv.rig.devices.driver_registry import DriverKind, Mounting, mounted, traits_of
-from cutenv.vision.blade_depth import BladeCameras, DepthFrame
+from cutenv.rig.devices.host import SystemClock
 from cutenv.vision.blade_mark import MarkedBlade
 from cutenv.vision.cameras import CalibratedCameras
 from cutenv.vision.depth_record import filmed_depth
 from cutenv.vision.film_source import CameraDriver, newest_frames
+from cutenv.vision.marked_blade import BladeCameras, DepthFrame
 
 _NICE = 5  # below the rig's own program
 _TELLING = threading.Lock()

@@ -11,8 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv._base.parameter import check_parameters, parameter
-from cutenv._base.validation import one_of
+from cutenv._base.validation import check_parameters, one_of, parameter
 from cutenv.cutting.drive import DRIVES, Drive, Rig
 from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.sensor import SensorParameters
@@ -20,7 +19,7 @@ from cutenv.task.beginning import measure_depth
 from cutenv.task.weights import Limits, RewardWeights
 from cutenv.tissue.blade_wear import BladeWear
 from cutenv.tissue.description import TissueDescription
-from cutenv.tissue.field import field_modes
+from cutenv.tissue.grid import field_modes
 from cutenv.tissue.specimen import N_POINTS, SPACING
 
 _PREFIX = "weight_"

@@ -20,12 +20,11 @@ from cutenv.envs.rig_source import RigSource
 from cutenv.envs.rig_work import Work, action_text, blade_angle, numbers
 from cutenv.envs.tissue_source import TissueSource
 from cutenv.plant import Plant, SimulatedPlant
-from cutenv.recording.cut_listener import CutListener
+from cutenv.recording.appending import CutListener
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.contradictions import AHEAD
 from cutenv.rig.operation.operator import Operator
-from cutenv.rig.operation.session import RigSession
-from cutenv.rig.operation.specimen_source import SpecimenKey
+from cutenv.rig.operation.session import RigSession, SpecimenKey
 from cutenv.rig.operation.suitability import top_speed
 from cutenv.rig.plant import RigPlant
 from cutenv.rig.safety.guard import interrupt

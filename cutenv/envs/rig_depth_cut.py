@@ -10,7 +10,7 @@ from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.plant import SimulatedPlant
 from cutenv.rig.contradictions import AHEAD
 from cutenv.rig.errors import RigError
-from cutenv.rig.operation.specimen_source import SpecimenKey
+from cutenv.rig.operation.session import SpecimenKey
 from cutenv.task.depth import DepthConstants, DepthEpisode, DepthOptions
 from cutenv.tissue.description import measured_liver
 from cutenv.tissue.grid import POINTS_PER_METRE

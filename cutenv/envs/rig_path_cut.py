@@ -9,7 +9,7 @@ from cutenv.envs.path_cut import PathCutEnv
 from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.rig.contradictions import AHEAD
 from cutenv.rig.errors import RigError
-from cutenv.rig.operation.specimen_source import SpecimenKey
+from cutenv.rig.operation.session import SpecimenKey
 from cutenv.task.beginning import LONGEST
 from cutenv.task.path import PathEpisode, PathOptions
 from cutenv.tissue.description import measured_liver

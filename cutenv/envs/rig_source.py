@@ -18,20 +18,26 @@ from cutenv._base.arrays import StructArray
 from cutenv._base.unit_table import NAMED_UNITS
 from cutenv.cutting.drive import PDRig, Rig
 from cutenv.envs.constants import Constants
-from cutenv.recording.appending import AppendingRecord, RecordingFailed
-from cutenv.recording.cut_listener import CutListener
+from cutenv.recording.appending import AppendingRecord, CutListener, RecordingFailed
 from cutenv.recording.provenance import Provenance
-from cutenv.rig.config.imitated_rig import EMULATED, EMULATOR, FAKE, RIG_NAMES, across, fake_settings
-from cutenv.rig.config.laid import Laid
-from cutenv.rig.config.settings import PositionControl, RigSettings, SensorCalibration
+from cutenv.rig.config.laid_specimen import Laid
+from cutenv.rig.config.settings import (
+    EMULATED,
+    EMULATOR,
+    FAKE,
+    RIG_NAMES,
+    PositionControl,
+    RigSettings,
+    SensorCalibration,
+    across,
+    fake_settings,
+)
 from cutenv.rig.connection import operator_of, settings_of
 from cutenv.rig.contradictions import refuse_contradictions
 from cutenv.rig.devices.camera import CAMERA_NOTE, RigCamera
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.operator import AutomaticOperator, Operator
-from cutenv.rig.operation.recorded_rows import recorded_beside, recorded_rows
-from cutenv.rig.operation.session import RigSession
-from cutenv.rig.operation.specimen_source import SpecimenKey, SpecimensByHand
+from cutenv.rig.operation.session import RigSession, SpecimenKey, SpecimensByHand, recorded_beside, recorded_rows
 from cutenv.rig.plant import RigPlant
 from cutenv.rig.safety.stop_causes import Cause
 from cutenv.rig.toml_file import read_rig_file
@@ -40,7 +46,7 @@ from cutenv.tissue.grid import depth_below
 if TYPE_CHECKING:
     from cutenv.rig.emulator.control import EmulatorControl
     from cutenv.rig.emulator.process import RunningEmulator
-    from cutenv.rig.fake.air_plant import AirPlant
+    from cutenv.rig.fake.benches import AirPlant
     from cutenv.rig.fake.fake_rig import FakeRig
     from cutenv.tissue.layers import Layers
     from cutenv.tissue.lines import CutLine
@@ -56,8 +62,7 @@ class FakeSpecimens:
 
     def mount(self, key: SpecimenKey) -> NDArray[np.float64] | None:
         """Lay a specimen; return None, because the caller has drawn it and knows its depth."""
-        from cutenv.rig.fake.specimen_plant import SpecimenPlant
-        from cutenv.rig.fake.steered_bench import SteeredBench
+        from cutenv.rig.fake.benches import SpecimenPlant, SteeredBench
 
         constants, drive = self._constants, self._constants.drive
         if key.specimen is None:
@@ -364,6 +369,6 @@ def _forget(readings: StructArray) -> None:
 
 def _at_clamp(settings: RigSettings) -> AirPlant:
     """Return the bench of a fake rig before a specimen is laid."""
-    from cutenv.rig.fake.air_plant import AirPlant
+    from cutenv.rig.fake.benches import AirPlant
 
     return AirPlant(settings, start=0.0)

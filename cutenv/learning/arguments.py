@@ -1,4 +1,4 @@
-"""Options of all learners, and of PPO, a frozen dataclass each: the command line of ``cutenv train``, kept in run.json.
+"""Options of learners by trial (PPO, SAC, TQC, CrossQ), a dataclass each: the command line of ``cutenv train``.
 
 Nothing here loads torch, so that ``cutenv train --help`` answers at once.
 """
@@ -6,19 +6,21 @@ Nothing here loads torch, so that ``cutenv train --help`` answers at once.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from cutenv.envs.constants import rig_constants
 from cutenv.learning.options import check_ranges, flag_of, option
-from cutenv.learning.seeds import TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
+from cutenv.learning.training_environments import TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
 from cutenv.task.registry import TASKS, RegisteredTask, task_of, tasks_in_words
 from cutenv.tissue.specimen import CLASSES
 
 if TYPE_CHECKING:
-    from cutenv.learning.randomised_rigs import RandomisedRigs
+    from cutenv.learning.training_environments import RandomisedRigs
     from cutenv.sb3 import FeatureVecEnv
+
 
 MAX_ENVIRONMENTS = 1000
 """Number of training seeds that belong to one run: that with seed k has those from 1000 k on."""
@@ -231,7 +233,7 @@ class LearnerArguments:
         """Make the environments to train in; see :meth:`environments_at`."""
         if self.rigs == 1:
             return self.environments_at(self.training_seeds)
-        from cutenv.learning.randomised_rigs import RandomisedRigs, random_rigs
+        from cutenv.learning.training_environments import RandomisedRigs, random_rigs
 
         rigs = random_rigs(self.rigs, self.seed)
         return RandomisedRigs(rigs, self.training_seeds, **self._shown)
@@ -325,3 +327,63 @@ class RecurrentPPOArguments(PPOArguments):
         super().__post_init__()
         if self.correction:
             raise BadArguments("--base script is for --learner ppo; an actor with a memory acts alone")
+
+
+_ENTROPY_WEIGHT = re.compile(r"(auto_)?\d*\.?\d+(e-?\d+)?")
+
+
+@dataclass(frozen=True, kw_only=True)
+class OffPolicyArguments(TrialArguments):
+    """Options that SAC, TQC and CrossQ share."""
+
+    quick: ClassVar[Mapping[str, Any]] = {"timesteps": 30_000, "demonstrations": 50_000, **QUICKLY}
+
+    timesteps: int = 100_000
+    environments: int = 100
+    batch_size: int = 256
+    learning_rate: float = 3e-4
+    averaging: float = 0.05
+    critic_first: float = 0.5
+    train_freq: int = option(10, "number of decisions of each environment between updates", (1, 10**6))
+    gradient_steps: int = option(100, "number of gradient steps of an update", (1, 10**6))
+    buffer_size: int = option(1_000_000, "number of decisions that are kept, demonstrations included", (1, 10**9))
+    n_steps: int = option(10, "number of decisions whose rewards are summed before the critic's value", (1, 1000))
+    critic_hidden: int = option(128, "number of units in each layer of the critics", (1, 4096))
+    ent_coef: str = option("auto_0.001", "weight of the entropy: a number, or auto_ and the number to begin with")
+    target_entropy: float = option(-4.0, "entropy of the two actions that an automatic weight keeps", (-100.0, 2.0))
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not _ENTROPY_WEIGHT.fullmatch(self.ent_coef):
+            raise BadArguments(f"--ent-coef {self.ent_coef!r} is neither a number nor auto_NUMBER; give 0.001, say")
+        if self.buffer_size < self.demonstrations:
+            raise BadArguments(
+                f"--buffer-size {self.buffer_size} does not hold the {self.demonstrations} demonstrations; "
+                "give more, or fewer --demonstrations"
+            )
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Input sizes of actor and critic: keyword arguments of :mod:`cutenv.learning.asymmetric_actors`."""
+        return actor_critic_inputs(self.learned_task, self.history, self.critic)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SACArguments(OffPolicyArguments):
+    """Options of SAC."""
+
+    tau: float = option(0.02, "share of the critic that its target takes over at every gradient step", (1e-9, 1.0))
+
+
+@dataclass(frozen=True, kw_only=True)
+class TQCArguments(SACArguments):
+    """Options of TQC."""
+
+    top_quantiles_to_drop_per_net: int = option(2, "number of highest quantiles that each critic leaves out", (0, 24))
+
+
+@dataclass(frozen=True, kw_only=True)
+class CrossQArguments(OffPolicyArguments):
+    """Options of CrossQ."""
+
+    policy_delay: int = option(3, "number of gradient steps of the critic for one of the actor", (1, 10**6))

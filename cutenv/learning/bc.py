@@ -19,16 +19,14 @@ import safetensors.torch
 import torch
 from tqdm import tqdm
 
-from cutenv._base.atomic_file import atomic_write
+from cutenv._base.output import atomic_write
 from cutenv.learning.arguments import BadArguments
-from cutenv.learning.checkpoint import end_interrupted
 from cutenv.learning.cloning import Cloning, DecisionDataset, script_demonstrations
-from cutenv.learning.command_line import RunRequest
 from cutenv.learning.imitation_arguments import BCArguments
 from cutenv.learning.minari_datasets import cloning_data, opened
 from cutenv.learning.progress import validate
-from cutenv.learning.result_tables import read_rows, write_csv
-from cutenv.learning.run_folder import export, record_run, write_facts
+from cutenv.learning.run_folder import RunRequest, end_interrupted, export, record_run, write_facts
+from cutenv.learning.statistics import read_rows, write_csv
 from cutenv.learning.training_report import compare
 from cutenv.policy import Network
 from cutenv.policy.features import feature_count

@@ -1,4 +1,4 @@
-"""Demonstration: one cut, decision by decision, of a policy in the simulator or of a person as recorded.
+"""Demonstration: a cut, decision by decision, of a policy in the simulator or a person as recorded; infos of tasks.
 
 A person commands no speed.  The action is then the motion of the blade until the next decision: its mean speed and its
 angle at the end, which a rig that holds position can be commanded.  The reward is the one computed on a rig, from
@@ -8,21 +8,85 @@ estimates of the tip.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import gymnasium
 import numpy as np
 
 from cutenv.cutting.dtypes import TICK
-from cutenv.learning.added_infos import added_infos
 from cutenv.plant import ReplayPlant
 from cutenv.policy import Policy, PrivilegedPolicy
 from cutenv.task.episode import Episode, Goal
-from cutenv.task.observation import SPEED_SCALE, to_action
+from cutenv.task.observation import COMPONENTS, SPEED_SCALE, to_action
+from cutenv.task.registry import task_made_as
 from cutenv.tissue.description import measured_liver
 from cutenv.tissue.grid import depth_below
 from cutenv.trace import Trace
+
+
+class AddedInfos(NamedTuple):
+    """Infos that the data sets of one task add."""
+
+    felt: Mapping[str, str]
+    """Meaning of what is observed, by name with unit."""
+    shown: tuple[str, ...]
+    """Components of the observation that these are, in order."""
+    hidden: Mapping[str, str]
+    """Meaning of what only the simulator knows, by its name in ``info["truth"]``."""
+
+    @property
+    def meanings(self) -> dict[str, str]:
+        """All meanings by name."""
+        return {**self.felt, **self.hidden}
+
+
+DEPTH_INFOS = AddedInfos(
+    felt={
+        "vertical_force_N": "measured vertical force at the decision, upwards",
+        "blade_depth_m": "blade's lower end below the surface, as measured before the cut",
+        "wanted_depth_m": "wanted depth at the blade",
+    },
+    shown=("vertical", "blade_depth", "wanted"),
+    hidden={"floor_depth_m": "depth of the cut at the tip", "layer_m": "depth of the layer below"},
+)
+"""Added infos of cuts along a wanted depth."""
+PATH_INFOS = AddedInfos(
+    felt={
+        "lateral_force_N": "measured force on the blade to its right, at the decision",
+        "line_aside_m": "line to the left of the blade",
+        "line_direction": "sine of the turn from blade to line, to the left",
+        "line_bend_1_m": "curvature of the line at the blade, to the left",
+    },
+    shown=("lateral", "aside", "direction", "bend"),
+    hidden={
+        "blade_x_m": "place of the blade along the slab",
+        "blade_y_m": "place of the blade across the slab, to the left",
+        "tip_x_m": "place of the crack tip along the slab",
+        "tip_y_m": "place of the crack tip across the slab, to the left",
+        "aside_m": "distance of the tip to the left of the line, where the crack last turned",
+    },
+)
+"""Added infos of cuts along a line."""
+_NONE = AddedInfos(felt={}, shown=(), hidden={})
+
+
+def infos_of(environment: str) -> AddedInfos:
+    """Return what the data sets of an environment with this id add; nothing for one of gentle cutting."""
+    return task_made_as(environment).infos or _NONE
+
+
+def added_infos(environment: str, observation: np.ndarray, info: Mapping[str, Any]) -> dict[str, float]:
+    """Return the added infos of one decision; nothing for an environment that adds none."""
+    added, components = infos_of(environment), task_made_as(environment).task.all_components
+    if added is _NONE:
+        return {}
+    seen = {one.name: value * one.scale for one, value in zip(components, observation.tolist(), strict=True)}
+    felt = zip(added.felt, added.shown, strict=True)
+    assert not {one.name for one in COMPONENTS}.intersection(added.shown), "an offset would be missing"
+    return {name: seen[component] for name, component in felt} | {name: info["truth"][name] for name in added.hidden}
+
 
 _REST = 1e-6  # [m/s], below which a recorded blade rests: its noise must not become an action beyond the dead zone
 

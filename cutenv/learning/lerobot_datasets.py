@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 
 import cutenv
 from cutenv._base.imports import optional_import
-from cutenv.learning.added_infos import infos_of
-from cutenv.learning.demonstration import FELT, INTERVENED, Demonstration
+from cutenv.learning.demonstration import FELT, INTERVENED, Demonstration, infos_of
 from cutenv.learning.minari_datasets import actions_of
 from cutenv.policy.trained import observation_scaling
 from cutenv.task.registry import task_of

@@ -12,8 +12,7 @@ from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv, Vecto
 from numpy.typing import NDArray
 
 from cutenv._base.validation import in_range
-from cutenv.learning.added_infos import added_infos
-from cutenv.learning.demonstration import felt_at_rest, felt_now
+from cutenv.learning.demonstration import added_infos, felt_at_rest, felt_now
 from cutenv.learning.lerobot_datasets import INSTRUCTION, measured_names
 from cutenv.task.registry import task_of
 

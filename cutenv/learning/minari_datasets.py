@@ -20,18 +20,18 @@ from tqdm import tqdm
 
 import cutenv
 from cutenv.envs.gentle_cut import GentleCutEnv
-from cutenv.learning.added_infos import infos_of
 from cutenv.learning.demonstration import (
     ESTIMATED,
     FELT,
     HIDDEN,
     INTERVENED,
     Demonstration,
+    infos_of,
     recorded,
     simulated,
 )
 from cutenv.learning.evaluation import contestant
-from cutenv.learning.seeds import ENVIRONMENT
+from cutenv.learning.training_environments import ENVIRONMENT
 from cutenv.policy import Features
 from cutenv.policy.trained import observation_scaling
 from cutenv.recording import load

@@ -17,11 +17,11 @@ from sb3_contrib import TQC, CrossQ
 from stable_baselines3 import SAC
 from stable_baselines3.common.buffers import NStepReplayBuffer
 
+from cutenv.learning.arguments import CrossQArguments, OffPolicyArguments, SACArguments, TQCArguments
 from cutenv.learning.asymmetric_actors import AsymmetricCrossQPolicy, AsymmetricSACPolicy, AsymmetricTQCPolicy
 from cutenv.learning.cloning import Cloning, Demonstrations, script_demonstrations
-from cutenv.learning.off_policy_arguments import CrossQArguments, OffPolicyArguments, SACArguments, TQCArguments
 from cutenv.learning.on_policy import FallingRate
-from cutenv.learning.randomised_rigs import RandomisedRigs
+from cutenv.learning.training_environments import RandomisedRigs
 from cutenv.policy import Network
 from cutenv.sb3 import FeatureVecEnv
 

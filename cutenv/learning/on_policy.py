@@ -12,14 +12,12 @@ import numpy as np
 import torch
 
 from cutenv.learning.arguments import LearnerArguments, PPOArguments, TrialArguments
-from cutenv.learning.checkpoint import end_interrupted
 from cutenv.learning.cloning import Demonstrations, script_demonstrations
-from cutenv.learning.command_line import RunRequest
 from cutenv.learning.evaluation import contestant, evaluate
 from cutenv.learning.progress import CheckpointExtras, Progress, save_model
-from cutenv.learning.randomised_rigs import RandomisedRigs
-from cutenv.learning.result_tables import read_rows
-from cutenv.learning.run_folder import export, record_run, write_facts
+from cutenv.learning.run_folder import RunRequest, end_interrupted, export, record_run, write_facts
+from cutenv.learning.statistics import read_rows
+from cutenv.learning.training_environments import RandomisedRigs
 from cutenv.learning.training_report import compare
 from cutenv.policy import Network, RecurrentNetwork
 from cutenv.sb3 import FeatureVecEnv

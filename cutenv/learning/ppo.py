@@ -15,7 +15,7 @@ from __future__ import annotations
 from stable_baselines3 import PPO
 
 from cutenv.learning.arguments import PPOArguments
-from cutenv.learning.asymmetric_actor_critic import AsymmetricActorCritic
+from cutenv.learning.asymmetric_actors import AsymmetricActorCritic
 from cutenv.learning.cloning import Cloning, Demonstrations
 from cutenv.learning.on_policy import OnPolicyLearner
 from cutenv.policy import Network

@@ -19,9 +19,9 @@ import torch
 from stable_baselines3.common.callbacks import BaseCallback
 from tqdm import tqdm
 
-from cutenv._base.atomic_file import atomic_write
+from cutenv._base.output import atomic_write
 from cutenv.learning.arguments import LearnerArguments, PPOArguments, TrialArguments
-from cutenv.learning.result_tables import write_csv
+from cutenv.learning.statistics import write_csv
 
 
 def validate(model: Any, arguments: LearnerArguments) -> tuple[float, float]:

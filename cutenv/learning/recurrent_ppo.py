@@ -9,9 +9,9 @@ from __future__ import annotations
 from sb3_contrib import RecurrentPPO
 
 from cutenv.learning.arguments import RecurrentPPOArguments
+from cutenv.learning.asymmetric_actors import RecurrentAsymmetricActorCritic
 from cutenv.learning.cloning import Cloning, Demonstrations
 from cutenv.learning.on_policy import OnPolicyLearner
-from cutenv.learning.recurrent_actor_critic import RecurrentAsymmetricActorCritic
 from cutenv.policy import RecurrentNetwork
 
 

@@ -1,22 +1,25 @@
-"""Folder of a run: arguments, seeds, versions and commits in run.json, and the trained actor, which needs no torch."""
+"""Run of a training: its command line, and its folder: run.json, checkpoints, and the actor, which needs no torch."""
 
 from __future__ import annotations
 
+import argparse
 import dataclasses
 import importlib.metadata
 import json
 import platform
 import subprocess
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, NoReturn, TypeVar
 
 import gymnasium
 
 import cutenv
-from cutenv._base.atomic_file import atomic_write
-from cutenv.learning.arguments import LearnerArguments
-from cutenv.learning.seeds import TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
+from cutenv._base.output import atomic_write
+from cutenv.learning.arguments import BadArguments, LearnerArguments, for_rig
+from cutenv.learning.options import add_options, declared, flag_of, parse
+from cutenv.learning.training_environments import TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
 from cutenv.policy import Network, RecurrentNetwork, save_policy
 
 _CHECKOUT = Path(cutenv.__file__).parents[1]
@@ -112,3 +115,110 @@ def write_facts(run: Path, facts: Mapping[str, Any]) -> None:
     """Write ``run.json`` atomically."""
     with atomic_write(run / "run.json") as part:
         part.write_text(json.dumps(facts, indent=1) + "\n")
+
+
+NAMES = ("checkpoint.zip", "checkpoint.safetensors")
+"""File names of checkpoints, of Stable-Baselines3 and of behaviour cloning."""
+
+
+def checkpoint_of(run: Path) -> Path | None:
+    """Return the checkpoint of a run, or None; the unfinished file that a killed program leaves is no checkpoint."""
+    return next((run / name for name in NAMES if (run / name).is_file()), None)
+
+
+def end_interrupted(run: Path, resume_command: str) -> NoReturn:
+    """Print how to resume an interrupted run, or that it has no checkpoint, and exit with the status of Ctrl-C."""
+    checkpoint = checkpoint_of(run)
+    if checkpoint is not None:
+        print(f"\ninterrupted; {checkpoint} is usable.\nResume with: {resume_command}")
+    else:
+        print(f"\ninterrupted before the first checkpoint: there is nothing to resume. {run} may be deleted.")
+    raise SystemExit(130)
+
+
+Chosen = TypeVar("Chosen", bound=LearnerArguments)
+
+
+@dataclasses.dataclass(frozen=True)
+class RunRequest(Generic[Chosen]):
+    """Training run requested on a command line."""
+
+    arguments: Chosen
+    """Options of the run."""
+    run: Path
+    """Folder of the run."""
+    resume: bool
+    """True to resume an interrupted run in this folder."""
+
+
+def add_run_options(parser: argparse.ArgumentParser, kind: type[LearnerArguments]) -> None:
+    """Add the options of a run: those of its learner, ``--quick`` and ``--resume``."""
+    add_options(parser, kind)
+    replaced = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in kind.quick.items())
+    parser.add_argument("--quick", action="store_true", help=f"train for some two minutes: {replaced}")
+    parser.add_argument("--resume", type=Path, metavar="RUN", help="folder of an interrupted run to resume")
+
+
+def run_request(kind: type[Chosen], given: argparse.Namespace, prefix: str) -> RunRequest[Chosen]:
+    """Check the options of a run, and return the run that they request.
+
+    Parameters
+    ----------
+    kind : type
+        Class of the options.
+    given : argparse.Namespace
+        Result of a parser with :func:`add_run_options`, and no other option.
+    prefix : str
+        First part of the default name of a run.
+
+    Raises
+    ------
+    BadArguments
+        For an option out of range, a folder that exists, or an option without effect on a run that is resumed.
+    """
+    chosen = dict(vars(given))
+    is_quick, resume = chosen.pop("quick"), chosen.pop("resume")
+    if resume is not None:
+        if is_quick:
+            raise BadArguments(f"--quick is for a new run, and {resume} keeps its arguments; leave it out.")
+        return RunRequest(resumed(kind, resume, chosen), resume, resume=True)
+    arguments = kind(**kind.completed(for_rig(chosen), quick=is_quick))
+    name = arguments.name or time.strftime(f"{prefix}-%Y%m%d-%H%M%S")
+    run = Path("runs") / name
+    if run.exists():
+        raise BadArguments(f"{run} exists; give another --name, or --resume {run} to continue it.")
+    return RunRequest(dataclasses.replace(arguments, name=name), run, resume=False)
+
+
+def resumed(kind: type[Chosen], run: Path, chosen: Mapping[str, Any]) -> Chosen:
+    """Return the options of an interrupted run, updated with those chosen now.
+
+    Raises
+    ------
+    BadArguments
+        If there is no checkpoint, the run is another learner's, or an option would have no effect.
+    """
+    if checkpoint_of(run) is None:
+        raise BadArguments(f"{run} contains no {' or '.join(NAMES)}; give the folder of an interrupted run.")
+    kept = json.loads((run / "run.json").read_text())["arguments"]
+    if set(kept) != {field.name for field in dataclasses.fields(kind)}:
+        raise BadArguments(
+            f"{run} was made by another learner, or by another version; resume it with the one that made it."
+        )
+    free = [field.name for field in dataclasses.fields(kind) if declared(kind, field.name)["resumable"]]
+    for name, value in chosen.items():
+        if name not in free and value != kept.get(name):
+            raise BadArguments(
+                f"{flag_of(name)} {value} would have no effect: {run} continues with {kept.get(name)!r}. Leave it out "
+                f"or begin another run; a resumed run takes {', '.join(map(flag_of, free))}."
+            )
+    return kind(**(kept | chosen))
+
+
+def run_program(train: Callable[[Chosen, Path], None], kind: type[Chosen], prefix: str, about: str | None) -> None:
+    """Run one of the programs in ``agents/``: read its options, train into a new folder, print where the policy is."""
+    arguments = parse(kind, about)
+    arguments = dataclasses.replace(arguments, **for_rig({"rig": arguments.rig, "control_hz": arguments.control_hz}))
+    run = Path("runs") / (arguments.name or time.strftime(f"{prefix}-%Y%m%d-%H%M%S"))
+    train(arguments, run)
+    print(f"policy: {run / 'policy'}")

@@ -1,12 +1,80 @@
-"""Means of scores with 95 % intervals, and paired differences between policies on the same specimens."""
+"""Statistics of scores: means with 95 % intervals, paired differences of policies, interquartile means, and tables.
+
+Differences are on the same specimens.  Tables are CSV files, and text on the terminal.  Interquartile means with
+stratified bootstrap intervals are after Agarwal et al. 2021 (their library: rliable).
+
+*Deep Reinforcement Learning at the Edge of the Statistical Precipice*, NeurIPS 2021.  A score of an agent is an array
+of shape (training runs, specimens) for each stratum, a class of specimens.  A resample draws training runs and, crossed
+with them, specimens within each stratum, all with replacement; a script has one run.  Tasks in rliable have separate
+runs; strata share theirs: a run is the same agent in all strata, and is drawn in all or in none.
+The interquartile mean is that of the middle half of all cuts: robust against outliers, and less variable than the
+median.  With three runs an interval over runs is sometimes too narrow by chance; this is stated where intervals are
+shown.
+"""
 
 from __future__ import annotations
 
+import csv
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.stats import trim_mean
+
+from cutenv._base.output import atomic_write
+
+SHOWN = ("return", "success", "tip_error_mm", "peak_force_N", "largest_jump_mm", "time_s")
+"""Scores in printed tables."""
+
+
+def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write rows to a CSV file, atomically; missing values become empty cells."""
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    with atomic_write(path) as part, part.open("w", newline="") as file:
+        writer = csv.DictWriter(file, fieldnames=names, restval="")
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def print_table(summary: Sequence[Mapping[str, Any]], scores: Sequence[str] = SHOWN) -> None:
+    """Print the chosen scores of each policy with their intervals, the best return first."""
+    values = {(row["policy"], row["score"]): row for row in summary}
+    policies = sorted({row["policy"] for row in summary}, key=lambda name: -values[name, "return"]["mean"])
+    width = max(len(name) for name in policies) + 2
+    print("".ljust(width) + "".join(score.rjust(24) for score in scores))
+    for policy in policies:
+        cells = [values[policy, score] for score in scores]
+        shown = [f"{cell['mean']:.3f} [{cell['low_95']:.3f}, {cell['high_95']:.3f}]" for cell in cells]
+        print(policy.ljust(width) + "".join(text.rjust(24) for text in shown))
+
+
+def print_differences(rows: Sequence[Mapping[str, Any]]) -> None:
+    """Print paired differences of return and success."""
+    values = {(row["baseline"], row["score"]): row for row in rows}
+    print(f"\n{rows[0]['policy']} minus each other on the same specimens, mean [95 % interval]\n")
+    print("".ljust(30) + "".join(score.rjust(28) for score in ("return", "success")))
+    for baseline in dict.fromkeys(row["baseline"] for row in rows):
+        cells = [values[baseline, score] for score in ("return", "success")]
+        shown = "".join(
+            f"{cell['mean']:+.3f} [{cell['low_95']:+.3f}, {cell['high_95']:+.3f}]".rjust(28) for cell in cells
+        )
+        print(baseline.ljust(30) + shown)
+
+
+def rows_of(path: Path) -> list[dict[str, str]]:
+    """Return the rows of a CSV file as text, none if there is no file."""
+    if not path.is_file():
+        return []
+    with path.open(encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def read_rows(path: Path) -> list[dict[str, float]]:
+    """Read rows of numbers from a CSV file; an empty cell is an absent number, an absent file has no rows."""
+    return [{name: float(value) for name, value in row.items() if value} for row in rows_of(path)]
 
 
 def mean_with_interval(values: Iterable[float]) -> dict[str, float]:
@@ -72,3 +140,99 @@ def best_script(summary: Iterable[Mapping[str, Any]], candidates: Iterable[str])
     """Return the candidate with the highest mean return."""
     returns = {row["policy"]: row["mean"] for row in summary if row["score"] == "return"}
     return max((name for name in candidates if name in returns), key=returns.__getitem__)
+
+
+_TOGETHER = 100  # resamples computed at a time, to limit memory
+
+
+def interquartile_mean(values: np.ndarray) -> np.ndarray:
+    """Return the mean of the middle half along the last axis; a quarter, rounded down, is removed at either end."""
+    middle: np.ndarray = trim_mean(values, 0.25, axis=-1)
+    return middle
+
+
+@dataclass(frozen=True)
+class Interval:
+    """An estimate with its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+    def holds(self, number: float) -> bool:
+        """Return True if a number is within the interval."""
+        return self.low <= number <= self.high
+
+    def meets(self, other: Interval) -> bool:
+        """Return True if two intervals overlap."""
+        return self.low <= other.high and other.low <= self.high
+
+
+def mean(values: np.ndarray) -> np.ndarray:
+    """Return the mean along the last axis: a statistic for shares, whose middle half means little."""
+    found: np.ndarray = values.mean(axis=-1)
+    return found
+
+
+def stratified(
+    strata: Sequence[np.ndarray],
+    statistic: Callable[[np.ndarray], np.ndarray] = interquartile_mean,
+    *,
+    same_specimens: bool = False,
+    resamples: int = 2000,
+    seed: int = 0,
+) -> Interval:
+    """Compute the statistic of all strata together, with its 95 % percentile interval.
+
+    Parameters
+    ----------
+    strata : sequence of array, shape (training runs, specimens) each
+        Arrays of finite numbers; the rows of all strata are the same runs.
+    statistic : callable
+        Function along the last axis: :func:`interquartile_mean` or :func:`mean`.
+    same_specimens : bool
+        Whether the columns of all strata are paired too, as when one seed gives a specimen of each class.
+    resamples : int
+        Number of bootstrap resamples.
+    seed : int
+        Seed of the resampling; equal shapes are resampled equally.
+
+    Raises
+    ------
+    ValueError
+        For no strata, a stratum without two axes or without members, a NaN, and for strata of different runs or, with
+        ``same_specimens``, different numbers of specimens.
+    """
+    if not strata:
+        raise ValueError("strata is empty; give the scores of one class of specimens at least.")
+    for number, values in enumerate(strata):
+        if values.ndim != 2 or not values.size or not np.isfinite(values).all():
+            raise ValueError(
+                f"strata[{number}] has shape {values.shape} and {np.isnan(values).sum()} NaN; give finite numbers, "
+                "shape (training runs, specimens)."
+            )
+    together = slice(None) if same_specimens else slice(1)
+    if len({values.shape[together] for values in strata}) > 1:
+        raise ValueError(
+            f"strata have shapes {', '.join(str(values.shape) for values in strata)}; give the same training runs in "
+            f"each{', and the same specimens' if same_specimens else ''}."
+        )
+    rng = np.random.default_rng(seed)
+    found = []
+    for first in range(0, resamples, _TOGETHER):
+        count = min(_TOGETHER, resamples - first)
+        runs, drawn = _draw(rng, count, strata[0].shape[0]), []
+        specimens = _draw(rng, count, strata[0].shape[1])
+        for number, values in enumerate(strata):
+            if number and not same_specimens:
+                specimens = _draw(rng, count, values.shape[1])
+            drawn.append(values[runs[:, :, None], specimens[:, None, :]].reshape(count, -1))
+        found.append(statistic(np.concatenate(drawn, axis=1)))
+    low, high = np.percentile(np.concatenate(found), (2.5, 97.5))
+    whole = np.concatenate([values.ravel() for values in strata])
+    return Interval(float(statistic(whole)), float(low), float(high))
+
+
+def _draw(rng: np.random.Generator, resamples: int, size: int) -> np.ndarray:
+    """Return the members of each resample, drawn with replacement, shape (resamples, size)."""
+    return rng.integers(size, size=(resamples, size))

@@ -28,8 +28,8 @@ from scipy.special import fdtrc, stdtrit
 from cutenv._base.arrays import Array
 from cutenv.measurement.depth_sections import DepthSection
 from cutenv.tissue.cut_model import CutModel
+from cutenv.tissue.description import Evidence
 from cutenv.tissue.layers import Layers, layered_depth
-from cutenv.tissue.parameter_provenance import Evidence
 from cutenv.tissue.slab import effective_depth
 
 FEWEST_TOUCHED = 2

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from cutenv._base.arrays import Array
 from cutenv.tissue.description import measured_liver
-from cutenv.tissue.fall import speed_on_line
+from cutenv.tissue.effective_modulus import speed_on_line
 
 UPRIGHT, INCLINED = math.pi / 2, math.pi / 4
 BETWEEN = math.radians(67.5)
@@ -33,7 +33,8 @@ _ROUNDS = 3  # of re-weighting: the scatter is proportional to the modulus
 class SpeedDependence:
     """LEM(v, theta) = intercept + slope u(v) at 45 and at 90 degrees, linear in the angle between.
 
-    u is the speed at 45 degrees; at 90 it is :func:`cutenv.tissue.fall.speed_on_line` of pig liver's steps.
+    u is the speed at 45 degrees; at 90 it is :func:`~cutenv.tissue.effective_modulus.speed_on_line` of pig liver's
+    steps.
 
     Attributes
     ----------

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from cutenv._base.atomic_file import whole_files
+from cutenv._base.output import whole_files
 from cutenv.play.course import Course, CourseTask
 from cutenv.play.course_words import COURSE_WORDS, course_words
 from cutenv.recording import load_one, read_metadata

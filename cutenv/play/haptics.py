@@ -36,8 +36,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
-from cutenv._base.parameter import check_parameters, parameter
-from cutenv._base.validation import in_range
+from cutenv._base.validation import check_parameters, in_range, parameter
 from cutenv.cutting.dtypes import TICK
 
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from cutenv.play.course_progress import GIVEN_UP
 from cutenv.play.play_session import Session
 from cutenv.play.played_cut import PlayedCut
-from cutenv.recording.cut_listener import CutListener
+from cutenv.recording.appending import CutListener
 from cutenv.tissue.grid import depth_below
 
 _LOST = 0.1  # [s] by which a cut's time may lag behind the clock before the difference is a stall

@@ -10,12 +10,12 @@ import numpy as np
 from cutenv.play.overlays import draw_countdown, draw_end_card, draw_ready_card
 from cutenv.play.view_state import ViewState
 from cutenv.tissue.grid import depth_below
-from cutenv.viewer import chart, palette, plan_view, views
+from cutenv.viewer import palette, views
 from cutenv.viewer.canvas import Canvas, Points
 from cutenv.viewer.drawn_slab import Slab, drawn_slab_of
 from cutenv.viewer.palette import Colour
-from cutenv.viewer.readout import draw_rows
 from cutenv.viewer.scene import ForceTrace, Layout, Moment
+from cutenv.viewer.views import draw_rows
 
 LAYOUT = Layout(
     scale=3200.0, cut_line=214.0, blade_end=572.0, chart_top=618.0, chart_bottom=692.0, column=600.0
@@ -58,11 +58,11 @@ class PlayPicture:
         if moment.shown_path is None:
             views.draw_from_above(sheet, self._slab)
         else:
-            above = plan_view.TITLE if sight.practice else plan_view.GIVING_TITLE
-            plan_view.draw_plan(sheet, moment.shown_path, self._slab, truth=sight.practice, hand=sight.hand_place)
+            above = views.PLAN_TITLE if sight.practice else views.GIVING_TITLE
+            views.draw_plan(sheet, moment.shown_path, self._slab, truth=sight.practice, hand=sight.hand_place)
         views.draw_from_the_side(sheet, (_SIDE_TOP + 6.0, layout.column - 16))
         views.draw_titles(sheet, self._slab.model.width, _SIDE_TOP - 2, above=above)
-        chart.draw_present(canvas, layout, moment, self._trace, force_shown=sight.shown.trace)
+        views.draw_present(canvas, layout, moment, self._trace, force_shown=sight.shown.trace)
         _draw_header(canvas, layout, sight)
         _draw_title(canvas, layout, sight)
         if sight.shown.force:
@@ -104,9 +104,9 @@ class PlayPicture:
         self._drawn += len(new)
         if fresh or (self._trace.low, self._trace.high) != scale:
             self._standing = self._draw_standing(sight)
-            chart.draw_force(self._standing, self.layout, self._trace, self._trace.whole())
+            views.draw_force(self._standing, self.layout, self._trace, self._trace.whole())
         elif felt:
-            chart.draw_force(self._standing, self.layout, self._trace, self._trace.latest())
+            views.draw_force(self._standing, self.layout, self._trace, self._trace.latest())
 
     def _draw_standing(self, sight: ViewState) -> Canvas:
         layout, model, moment = self.layout, self._slab.model, sight.moment
@@ -115,7 +115,7 @@ class PlayPicture:
         shown = ("layer",) if sight.practice and moment.conditions else ()
         views.draw_parts(views.Sheet(canvas, layout, moment.quantities(), shown), "side", standing=True)
         views.draw_ruler(canvas, layout, model.length)
-        chart.draw_axes(canvas, layout, moment, self._trace)
+        views.draw_axes(canvas, layout, moment, self._trace)
         wheel = "wheel: tilt   arrows: hand" if moment.shown_path is not None else "wheel, arrows: tilt"
         wheel = "wheel, arrows: depth, with shift tilt" if moment.conditions else wheel
         words = HELP.format(choices="" if sight.task else _CHOICES, wheel=wheel)

@@ -19,7 +19,7 @@ from cutenv.play.finishing import NearTarget, missing_to_finish
 from cutenv.play.hand_model import PLAYED_HAND, speed_toward
 from cutenv.play.handle_body import Handle, HandlePose
 from cutenv.play.haptics import FeltForce, Stylus
-from cutenv.policy.signals import in_si
+from cutenv.policy.interface import in_si
 from cutenv.policy.tip_estimate import CUT_ESTIMATE, TipEstimate
 from cutenv.scoring import ReferenceSet, ScoreCard, score
 from cutenv.scoring.points import DEADLINE

@@ -1,27 +1,37 @@
 """Policies that need no learning library: functions from an observation to an action."""
 
-from cutenv.policy.actor_network import Network
-from cutenv.policy.baselines import (
+from cutenv.policy.actor_network import Network, RecurrentNetwork
+from cutenv.policy.features import Features
+from cutenv.policy.feedback import ForceFeedback, ProbeAndCreep
+from cutenv.policy.interface import ArrayPolicy, Policy, PrivilegedPolicy
+from cutenv.policy.planner import PlannerNominal, PlannerWithTruth
+from cutenv.policy.scripted import (
+    ConstantFeed,
+    FastThenSlow,
+    InclineBetween,
+    NoAction,
+    OneReturnStroke,
+    RandomAction,
+    Script,
+    StopAndUnload,
+)
+from cutenv.policy.shipped import (
     BASELINES,
     CONSTANT_FEEDS,
+    DEFAULT_SHIPPED,
     GRID_ANGLES,
     GRID_SPEEDS,
     NULL_POLICIES,
     ORACLE,
     SCRIPTS,
+    SHIPPED,
     feed_name,
+    gentle_policy,
+    named_policy,
+    shipped,
 )
-from cutenv.policy.features import Features
-from cutenv.policy.feedback import ForceFeedback, ProbeAndCreep
-from cutenv.policy.interface import ArrayPolicy, Policy, PrivilegedPolicy
-from cutenv.policy.one_return_stroke import OneReturnStroke
-from cutenv.policy.planner import PlannerNominal, PlannerWithTruth
-from cutenv.policy.recurrent import RecurrentNetwork
-from cutenv.policy.scripted import ConstantFeed, FastThenSlow, InclineBetween, NoAction, RandomAction, Script
-from cutenv.policy.shipped import DEFAULT_SHIPPED, SHIPPED, gentle_policy, named_policy, shipped
 from cutenv.policy.tip_estimate import TipEstimate
 from cutenv.policy.trained import PolicyCard, TrainedPolicy, save_policy
-from cutenv.policy.unloading import StopAndUnload
 
 __all__ = [
     "BASELINES",

@@ -3,7 +3,7 @@
 A cut is as deep as the blade is where the crack tip is, some millimetres behind.  So surface and wanted depth are
 remembered as the blade passes, and the most useful features are by how much the blade must go down for the depth that
 is wanted at the tip and ahead of it; the tip is estimated from the force along the cut, and from both forces
-(:mod:`cutenv.policy.two_forces`).  Nothing is included that a rig could not know.
+(:mod:`cutenv.policy.tip_estimate`).  Nothing is included that a rig could not know.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from cutenv._base.arrays import Array32, Indices, Struct, StructArray
 from cutenv._engine.elementary import tanh
 from cutenv._engine.jit import njit, njit_internal
 from cutenv.policy.features import Features
-from cutenv.policy.signals import DEPTH_COLUMN, FORCE_MEAN_COLUMN, POSITION_COLUMN, SPEED_COLUMN
-from cutenv.policy.two_forces import feel_two_forces, nothing_felt
+from cutenv.policy.interface import DEPTH_COLUMN, FORCE_MEAN_COLUMN, POSITION_COLUMN, SPEED_COLUMN
+from cutenv.policy.tip_estimate import feel_two_forces, nothing_felt
 from cutenv.task.depth import DEPTH_COMPONENTS, DEPTH_CUT
 from cutenv.task.observation import CLIP, COMPONENTS, SCALES
 from cutenv.task_quantities import SHALLOWEST
 from cutenv.tissue.crack_tip import BladeReading
 from cutenv.tissue.description import measured_liver
 from cutenv.tissue.grid import N_POINTS, SPACING
-from cutenv.tissue.nominal import nominal_tissue
+from cutenv.tissue.specimen import nominal_tissue
 
 _FIRST = len(COMPONENTS)
 _COLUMNS = {one.name: _FIRST + number for number, one in enumerate(DEPTH_COMPONENTS)}
@@ -104,7 +104,7 @@ def add_depth_some(
     """Fill the last features, of depth, and update the memory of the n cuts given by index.
 
     ``estimates`` and ``tips`` are those of all cuts, :data:`~cutenv.policy.tip_estimate.CUT_ESTIMATE` and
-    :data:`~cutenv.policy.tip_estimate.CUT_MEMORY`; ``felt`` is :data:`~cutenv.policy.two_forces.TWO_FORCES`;
+    :data:`~cutenv.policy.tip_estimate.CUT_MEMORY`; ``felt`` is :data:`~cutenv.policy.tip_estimate.TWO_FORCES`;
     ``observations`` and ``features`` have shape (n, 22) and (n, size).
     """
     for k in range(len(cuts)):

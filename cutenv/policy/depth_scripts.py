@@ -9,11 +9,9 @@ import numpy as np
 
 from cutenv._base.arrays import Array, Array32, Indices
 from cutenv._base.validation import in_range
-from cutenv.policy.interface import ArrayPolicy
-from cutenv.policy.one_return_stroke import OneReturnStroke
-from cutenv.policy.signals import DEPTH_COLUMN, FORCE_MEAN_COLUMN, POSITION_COLUMN, SPEED_COLUMN, in_si
-from cutenv.policy.tip_estimate import TipEstimate
-from cutenv.policy.two_forces import TwoForces
+from cutenv.policy.interface import DEPTH_COLUMN, FORCE_MEAN_COLUMN, POSITION_COLUMN, SPEED_COLUMN, ArrayPolicy, in_si
+from cutenv.policy.scripted import OneReturnStroke
+from cutenv.policy.tip_estimate import TipEstimate, TwoForces
 from cutenv.task.depth import DEPTH_COMPONENTS, DEPTH_CUT, DESCENT_SCALE
 from cutenv.task.observation import COMPONENTS, SPEED_SCALE, speed_action
 from cutenv.tissue.grid import N_POINTS, SPACING

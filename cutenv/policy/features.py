@@ -17,7 +17,7 @@ from cutenv._base.arrays import Array32, Indices, Struct, StructArray
 from cutenv._base.validation import in_range
 from cutenv._engine.elementary import log, tanh
 from cutenv._engine.jit import njit, njit_internal
-from cutenv.policy.signals import (
+from cutenv.policy.interface import (
     ANGLE_COLUMN,
     DEPTH_COLUMN,
     DISTANCE_COLUMN,
@@ -34,7 +34,7 @@ from cutenv.task.reward import DECELERATION
 from cutenv.task_quantities import SHALLOWEST
 from cutenv.tissue.crack_tip import BladeReading
 from cutenv.tissue.description import measured_liver
-from cutenv.tissue.nominal import nominal_tissue
+from cutenv.tissue.specimen import nominal_tissue
 
 _WORKED_OUT = 21  # derived features, besides observation and history
 _CHANNELS = 5  # values per decision of the history

@@ -8,20 +8,19 @@ import numpy as np
 
 from cutenv._base.arrays import Array, Array32, Indices
 from cutenv._base.validation import in_range
-from cutenv.policy.interface import ArrayPolicy
-from cutenv.policy.scripted import INCLINED, Script, checked_approach, checked_motion
-from cutenv.policy.signals import (
+from cutenv.policy.interface import (
     DEPTH_COLUMN,
     DISTANCE_COLUMN,
     FORCE_COLUMN,
     POSITION_COLUMN,
     SPEED_COLUMN,
+    ArrayPolicy,
     choose,
     in_si,
     to_actions,
 )
+from cutenv.policy.scripted import INCLINED, UPRIGHT, Script, StopAndUnload, checked_approach, checked_motion, coasting
 from cutenv.policy.tip_estimate import TipEstimate
-from cutenv.policy.unloading import UPRIGHT, StopAndUnload, coasting
 from cutenv.task.observation import to_action
 from cutenv.task_quantities import SHALLOWEST
 

@@ -1,4 +1,4 @@
-"""Planners with truth for tasks that add a third action and a map of the cut to gentle cutting."""
+"""Planners with truth for tasks that add a third action and a map of the cut; each knows all, plans the whole cut."""
 
 from __future__ import annotations
 
@@ -10,16 +10,24 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv._base.arrays import Array, Array32, Indices, StructArray
+from cutenv._base.arrays import Array, Array32, Indices, Struct, StructArray
 from cutenv._base.validation import in_range
+from cutenv._engine.jit import njit, njit_internal
 from cutenv._engine.parallel import parallel_for
+from cutenv.cutting.descent import renew
 from cutenv.cutting.dtypes import READING
+from cutenv.cutting.law import grid_index, lerp
+from cutenv.cutting.steering import to_crack
 from cutenv.policy.interface import ArrayPolicy
-from cutenv.policy.planner import Search
+from cutenv.policy.planner import Search, choose_action
 from cutenv.task.declare import Cuts, Task
+from cutenv.task.depth import DEPTH_CUT, DESCENT_SCALE, DepthEpisode
 from cutenv.task.episode import Episode
 from cutenv.task.info import INFO
+from cutenv.task.observation import SPEED_SCALE, speed_action
+from cutenv.task.path import PATH_CUT, TURN_SCALE
 from cutenv.task.stepper import Decision, step_some
+from cutenv.tissue.grid import N_POINTS, POINTS_PER_METRE
 
 _NO_READINGS = np.zeros((0, 0), READING)
 
@@ -167,3 +175,155 @@ class MapPlanner(ArrayPolicy):
         self._decided += 1
         actions: Array32 = self._actions[np.arange(len(observations)), self._decided - 1]
         return actions
+
+
+_LEAD, _GAIN = 0.004, 6.0  # at the start of the search [m], and always [1/s]
+_LEAD_STEP, _PRESS_STEP = 0.003, 0.0004  # of the search [m]
+_LEAST_PRESS, _MOST_PRESS, _MOST_LEAD = -0.002, 0.003, 0.02  # [m]
+
+
+@njit
+def cut_as_deep(profiles: StructArray, descents: StructArray, slabs: StructArray, depth: Array) -> None:
+    """Fill a profile, shape (1,), with that of a tissue that is cut to ``depth`` [m], shape (301,)."""
+    for i in range(N_POINTS):
+        descents[0].engaged = descents[0].surface[i] - depth[i]
+        descents[0].version += 1
+        renew(profiles[0], descents[0], slabs[0], i)
+
+
+@njit
+def choose_depth_actions(
+    plans: StructArray, depth_plans: Array, cuts: Cuts, waits: StructArray, actions: Array
+) -> None:
+    """Fill the actions, shape (n, 3), of n plans at the present states of their cuts; not of those that wait.
+
+    ``depth_plans``, shape (n, 2), are the distance ahead of the tip at which the depth is followed, and the depth by
+    which the blade is lower than wanted [m].
+    """
+    for n in range(len(plans)):
+        if not waits[n]:
+            state, descent = cuts.states[n], cuts.motions[n]
+            choose_action(plans[n], state, actions[n])
+            target = target_level(descent, cuts.wholes[n], min(state.tip + depth_plans[n, 0], state.blade))
+            descent_speed = _GAIN * (descent.level - target + depth_plans[n, 1])
+            action = speed_action(descent_speed * (SPEED_SCALE / DESCENT_SCALE))
+            actions[n, 2] = np.float64(np.float32(min(max(action, -1.0), 1.0)))
+
+
+@njit_internal
+def target_level(descent: Struct, depth: Struct, position: float) -> float:
+    """Return the level [m] of a blade that cuts as deep as wanted at ``position`` [m]."""
+    i = min(max(int(position * POINTS_PER_METRE + 0.5), 0), N_POINTS - 1)
+    return descent.surface[i] - depth.wanted[i]  # type: ignore[no-any-return]
+
+
+class _PlainSearch(Search):
+    """Search over plans of cuts that are as deep as wanted everywhere: where the search with deepening begins."""
+
+    def __init__(self, cuttings: Sequence[DepthEpisode]) -> None:
+        super().__init__(*cuttings)
+        for start, cutting in zip(self._starts, cuttings, strict=True):
+            slab = cutting.plant.specimen.tissue.slab()
+            cut_as_deep(start.profiles, cutting.motion.copy(), slab, cutting.whole["wanted"][0])
+
+
+class DepthSearch(MapSearch):
+    """Search over plans of cuts along a wanted depth.
+
+    The third part of a plan are the distance ahead of the tip at which the depth is followed, and the depth by which
+    the blade is lower than wanted [m].
+    """
+
+    task = DEPTH_CUT
+    third = ThirdPlan((_LEAD, 0.0), (_LEAD_STEP, _PRESS_STEP), (0.0, _LEAST_PRESS), (_MOST_LEAD, _MOST_PRESS))
+
+    def new_plain(self, cuttings: Sequence[DepthEpisode]) -> Search:
+        """Return a search over plans of cuts that are as deep as wanted everywhere."""
+        return _PlainSearch(cuttings)
+
+    def choose(self, plans: StructArray, third: Array, cuts: Cuts, waits: StructArray, actions: Array) -> None:
+        """Fill the actions of all plans."""
+        choose_depth_actions(plans, third, cuts, waits, actions)
+
+
+class DepthPlanner(MapPlanner):
+    """The oracle of ``cutenv/DepthCut-v1``: it knows the specimen and plans the whole cut.
+
+    Its plans come from a search, so the true optimum is better.
+
+    Parameters
+    ----------
+    rounds : int, optional
+        Number of rounds of the search.
+    """
+
+    search = DepthSearch
+
+
+_BACK, _AHEAD, _SHIFT, _TURN = range(4)
+# Places in the third part of a plan, lengths [m]: within which the tip comes back to the line; ahead of the tip, at
+# which the line's direction is the wanted one; within which the blade shifts to the side, and within which it turns.
+_FIRST = (0.008, 0.003, 0.006, 0.003)
+_STEPS = (0.004, 0.003, 0.003, 0.0015)
+_LEAST, _MOST = (0.002, 0.0, 0.001, 0.001), (0.05, 0.02, 0.05, 0.02)
+_LARGEST = 0.8  # [rad], of a blade to the crack, as a sine
+_SLOWEST = 0.002  # [m/s], for the rate of turn of a blade at rest
+
+
+@njit
+def choose_path_actions(plans: StructArray, third: Array, cuts: Cuts, waits: StructArray, actions: Array) -> None:
+    """Fill the actions, shape (n, 3), of n plans at the present states of their cuts; not of those that wait.
+
+    ``third``, shape (n, 4), are the lengths of the steering.
+    """
+    for n in range(len(plans)):
+        if not waits[n]:
+            choose_action(plans[n], cuts.states[n], actions[n])
+            speed = cuts.states[n].speed
+            bend = wanted_bend(cuts.states[n], cuts.motions[n], third[n])
+            turn = bend * (max(speed, _SLOWEST) if speed >= 0.0 else speed)
+            action = speed_action(turn * (SPEED_SCALE / TURN_SCALE))
+            actions[n, 2] = np.float64(np.float32(min(max(action, -1.0), 1.0)))
+
+
+@njit_internal
+def wanted_bend(state: Struct, steering: Struct, lengths: Array) -> float:
+    """Return the bend of the blade's way to the left [1/m], by the true direction and stiffness of the crack."""
+    cosine, sine = to_crack(steering)  # of the angle from the crack to the blade
+    if state.speed < 0.0 or steering.guided == 1:
+        return 0.0
+    i, share = grid_index(min(state.tip + lengths[_AHEAD], 0.149))
+    t_x, t_y = lerp(steering.cosine, i, share), lerp(steering.sine, i, share)
+    ahead = steering.tip_ahead * t_y - steering.tip_across * t_x  # sine of the turn from the crack to the line
+    wanted = min(max(ahead - steering.tip_aside / lengths[_BACK], -0.5), 0.5)  # turn of the crack, as a sine
+    pull = max(steering.pull, 0.1)
+    offset = pull * (wanted - steering.coupling) / steering.side_stiffness
+    shift = min(max((offset - steering.offset) / lengths[_SHIFT], -_LARGEST), _LARGEST)
+    return (shift * cosine - sine) / lengths[_TURN]  # type: ignore[no-any-return]
+
+
+class PathSearch(MapSearch):
+    """Search over plans of cuts along a line; the third part of a plan are the lengths of the steering."""
+
+    task = PATH_CUT
+    third = ThirdPlan(_FIRST, _STEPS, _LEAST, _MOST)
+
+    def choose(self, plans: StructArray, third: Array, cuts: Cuts, waits: StructArray, actions: Array) -> None:
+        """Fill the actions of all plans."""
+        choose_path_actions(plans, third, cuts, waits, actions)
+
+
+class PathPlanner(MapPlanner):
+    """The oracle of ``cutenv/PathCut-v1``: it knows tissue and tip, and plans the whole cut.
+
+    Speed, angle and end come from a search; the blade is steered by the true direction and stiffness of the crack, with
+    lengths that are searched for as well.
+
+    Parameters
+    ----------
+    rounds : int, optional
+        Number of rounds of the search.
+    """
+
+    search = PathSearch
+    default_rounds = 10

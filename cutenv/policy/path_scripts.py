@@ -10,10 +10,9 @@ import numpy as np
 
 from cutenv._base.arrays import Array, Array32, Indices, StructArray
 from cutenv._base.validation import in_range
-from cutenv.policy.crack_course import BACK, CrackCourse
-from cutenv.policy.interface import ArrayPolicy
-from cutenv.policy.one_return_stroke import OneReturnStroke
-from cutenv.policy.signals import POSITION_COLUMN, SPEED_COLUMN, in_si
+from cutenv.policy.interface import POSITION_COLUMN, SPEED_COLUMN, ArrayPolicy, in_si
+from cutenv.policy.path_features import BACK, CrackCourse
+from cutenv.policy.scripted import OneReturnStroke
 from cutenv.policy.tip_estimate import TipEstimate
 from cutenv.task.observation import COMPONENTS, DEAD_ZONE, SPEED_SCALE, speed_action
 from cutenv.task.path import LINE_AHEAD, PATH_COMPONENTS, PATH_CUT, TURN_SCALE
@@ -178,7 +177,7 @@ class SteerByForce(PathScript):
     """A blade that is led to the side until the force points where the crack is to go.
 
     The crack turns after the force, whose direction is felt.  So the way of the tip is reckoned
-    (:mod:`cutenv.policy.crack_course`), and the blade is led to that side where the force must be for the tip to come
+    (:mod:`cutenv.policy.path_features`), and the blade is led to that side where the force must be for the tip to come
     back to the line.
 
     Parameters

@@ -1,16 +1,30 @@
-"""The crack tip estimated from observations (:mod:`cutenv.tissue.crack_tip`), and the run that it would make now."""
+"""The crack tip estimated from observations (:mod:`cutenv.tissue.crack_tip`), and the run that it would make now.
+
+While the blade advances the tip is also estimated from two forces at once: that along the cut, and that upwards.
+
+A blade that leads the tip by a lag L loads a tissue of stiffness K with K L along the cut.  The stiffness grows with
+the depth D to which the blade is engaged, so that the tissue also pushes the blade up, by half of dK/dD L^2
+(:mod:`cutenv.cutting.descent`).  How K grows with D in proportion is geometry, the same for a soft and a stiff
+tissue: the two forces together tell the lag.  Friction adds to both, along the cut always against the advance, and
+upwards only while the blade moves down or up.  An extended Kalman filter estimates stiffness and friction, each over
+that of the mean tissue, from the upward force at every decision.
+
+It needs no return stroke.  Once one has measured the stiffness, that measurement counts as above.
+"""
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array, Indices, Struct, StructArray
+from cutenv._engine.elementary import exp
 from cutenv._engine.jit import njit, njit_internal
-from cutenv.policy.signals import (
+from cutenv.policy.interface import (
     DEPTH_COLUMN,
     FORCE_COLUMN,
     FORCE_MEAN_COLUMN,
@@ -30,8 +44,8 @@ from cutenv.tissue.crack_tip import (
     tip_behind,
 )
 from cutenv.tissue.description import TissueDescription, measured_liver
-from cutenv.tissue.grid import N_POINTS, SPACING
-from cutenv.tissue.nominal import nominal_stiffness, nominal_tissue
+from cutenv.tissue.grid import N_POINTS, POINTS_PER_METRE, SPACING
+from cutenv.tissue.specimen import nominal_stiffness, nominal_tissue
 
 _CUTTING_FROM = 0.015  # [m], position of the blade from which the force shows the resistance to cutting
 _BELIEVED_FOR = 0.005  # [m] of cut that count as much as the mean tissue's resistance
@@ -144,7 +158,7 @@ def estimate_cut(memory: Struct, nominal: Struct, reading: BladeReading, mean_fo
     Parameters
     ----------
     memory, nominal : Record
-        :data:`CUT_MEMORY`, changed in place; :data:`cutenv.tissue.nominal.NOMINAL`.
+        :data:`CUT_MEMORY`, changed in place; :data:`cutenv.tissue.specimen.NOMINAL`.
     reading, mean_force : BladeReading, float
         Reading at the observation, and the mean force since the last one [N].
     estimate : Record
@@ -181,3 +195,145 @@ def remember_stiffness(memory: Struct, nominal: Struct, position: float, depth: 
         memory.depth = before + (depth - before) * (k + 1 - passed) / (reached - passed)
         memory.stiffness[k] = nominal_stiffness(nominal, k, memory.depth)
     memory.passed = max(passed, reached)
+
+
+_STIFFNESS_SPREAD, _FRICTION_SPREAD = 0.30, 0.45  # SD of the logarithms over slices, as drawn
+_CHANGE = (
+    0.03  # SD by which the stiffness's logarithm changes along a millimetre; assumed, chosen on validation specimens
+)
+_NOISE, _MODEL = 0.1, 0.3  # [N], and share of the tissue's push: SD of the upward force about the model; likewise
+_UNUSUAL = (
+    2.0  # SDs beyond which a deviation counts no more; upwards it may be the floor's push, and counts for nothing
+)
+_MOST_STIFFNESS, _MOST_FRICTION = 0.8, 1.5  # largest sizes of the logarithms
+_ADVANCING, _FROM = 0.008, 0.006  # speed [m/s] and position [m] from which the forces are those of cutting
+_MOVING = 1e-4  # [m/s], vertical speed from which friction is upwards or downwards
+_ASIDE = 0.5e-3  # depths on either side from which the stiffness's rise with depth is taken [m]
+_FIRST_LAG, _LONGEST_LAG = 0.003, 0.040  # [m]
+
+TWO_FORCES: np.dtype[Any] = np.dtype(
+    (
+        np.record,
+        [
+            ("stiffness", "f8"),  # logarithm of K over that of the mean tissue
+            ("friction", "f8"),  # logarithm of the friction over that of the mean tissue
+            ("stiffness_variance", "f8"),
+            ("covariance", "f8"),
+            ("friction_variance", "f8"),
+            ("lag", "f8"),  # of the tip behind the blade [m]
+            ("furthest", "f8"),  # position of the blade so far [m]
+            ("sense", "f8"),  # 1 down, -1 up, 0 neither, at the last decision
+        ],
+    )
+)
+"""Structured dtype of what two forces have told of one cut; begin with :func:`nothing_felt`."""
+
+
+def nothing_felt(count: int) -> StructArray:
+    """Return the :data:`TWO_FORCES` of cuts that have not begun, shape (count,)."""
+    felt = np.zeros(count, TWO_FORCES)
+    felt["stiffness_variance"], felt["friction_variance"] = _STIFFNESS_SPREAD**2, _FRICTION_SPREAD**2
+    felt["lag"] = _FIRST_LAG
+    return felt
+
+
+class TwoForces:
+    """Estimator of the tip's lag by two forces, for many cuts at once."""
+
+    def begin(self, count: int) -> None:
+        """Forget all cuts, and begin ``count``."""
+        self._felt, self._lags = nothing_felt(count), np.zeros(count)
+        self._nominal = nominal_tissue(measured_liver())
+
+    def forget(self, cuts: Indices) -> None:
+        """Begin those cuts again that are given by index."""
+        self._felt[cuts] = nothing_felt(1)[0]
+
+    def lags(self, felt: Array) -> Array:
+        """Return the lags of the tips behind the blades [m], shape (n,).
+
+        Parameters
+        ----------
+        felt : array, shape (n, 6)
+            Position [m], speed [m/s] and depth [m] of the blade, mean forces along the cut and upwards since the last
+            decision [N], and speed downwards [m/s].
+        """
+        _feel_all(self._felt, self._nominal, felt, self._lags)
+        return self._lags
+
+
+@njit
+def _feel_all(felt: StructArray, nominals: StructArray, values: Array, lags: Array) -> None:
+    for n in range(len(felt)):
+        reading = BladeReading(max(values[n, 0], 0.0), values[n, 1], max(values[n, 2], SHALLOWEST), values[n, 3])
+        lags[n] = feel_two_forces(felt[n], nominals[0], reading, values[n, 4], values[n, 5])
+
+
+@njit_internal
+def feel_two_forces(
+    felt: Struct, nominal: Struct, reading: BladeReading, upwards: float, descent_speed: float
+) -> float:
+    """Update what is known of one cut by a decision's forces; return the lag of the tip behind the blade [m].
+
+    Parameters
+    ----------
+    felt, nominal : Record
+        :data:`TWO_FORCES`, changed in place; :data:`cutenv.tissue.specimen.NOMINAL`.
+    reading : BladeReading
+        Reading with the depth to which the blade is in the tissue, and the mean force since the last decision.
+    upwards, descent_speed : float
+        Mean of the force upwards since the last decision [N]; speed downwards [m/s].
+    """
+    position, speed, depth, force = reading
+    sense = 0.0 if abs(descent_speed) < _MOVING else (1.0 if descent_speed > 0.0 else -1.0)
+    grown = max(position - felt.furthest, 0.0)
+    felt.furthest = max(felt.furthest, position)
+    felt.stiffness_variance += _CHANGE**2 * grown * 1e3
+    i = min(max(int((position - felt.lag) * POINTS_PER_METRE + 0.5), 0), N_POINTS - 1)
+    stiffness = nominal_stiffness(nominal, i, depth)
+    low = max(depth - _ASIDE, 0.0)
+    rise = (nominal_stiffness(nominal, i, depth + _ASIDE) - nominal_stiffness(nominal, i, low)) / (depth + _ASIDE - low)
+    # While the blade presses on the floor of the cut, or turns from down to up, the floor's push is not known.
+    if speed > _ADVANCING and position > _FROM and sense <= 0.0 and sense == felt.sense:
+        mean = _MeanCut(nominal.friction_per_depth * depth, stiffness, rise)
+        _correct(felt, mean, force, upwards, sense)
+    felt.sense = sense
+    elastic = max(force - nominal.friction_per_depth * exp(felt.friction) * depth, 0.0)
+    felt.lag = min(elastic / (stiffness * exp(felt.stiffness)), _LONGEST_LAG)
+    return felt.lag  # type: ignore[no-any-return]
+
+
+class _MeanCut(NamedTuple):
+    """Forces of the mean tissue on this blade."""
+
+    friction: float
+    """[N]."""
+    stiffness: float
+    """[N/m]."""
+    rise: float
+    """Rise of the stiffness with depth [N/m2]."""
+
+
+@njit_internal
+def _correct(felt: Struct, mean: _MeanCut, force: float, upwards: float, sense: float) -> None:
+    """Correct stiffness and friction by the upward force; forces in N."""
+    rubbing = mean.friction * exp(felt.friction)
+    elastic = max(force - rubbing, 0.0)
+    if elastic == 0.0:
+        return
+    lag = elastic / (mean.stiffness * exp(felt.stiffness))
+    push = 0.5 * mean.rise / mean.stiffness * elastic * lag
+    by_stiffness, by_friction = -push, sense * rubbing - 2.0 * push * rubbing / elastic  # derivatives by the logarithms
+    first = felt.stiffness_variance * by_stiffness + felt.covariance * by_friction
+    second = felt.covariance * by_stiffness + felt.friction_variance * by_friction
+    variance = first * by_stiffness + second * by_friction + _NOISE**2 + (_MODEL * push) ** 2
+    most = _UNUSUAL * math.sqrt(variance)
+    deviation = upwards - push - sense * rubbing
+    if deviation > most:
+        return
+    deviation = max(deviation, -most) / variance
+    felt.stiffness = min(max(felt.stiffness + first * deviation, -_MOST_STIFFNESS), _MOST_STIFFNESS)
+    felt.friction = min(max(felt.friction + second * deviation, -_MOST_FRICTION), _MOST_FRICTION)
+    felt.stiffness_variance -= first * first / variance
+    felt.covariance -= first * second / variance
+    felt.friction_variance -= second * second / variance

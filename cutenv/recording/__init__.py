@@ -6,13 +6,10 @@ from typing import TYPE_CHECKING
 
 from cutenv._base.imports import import_when_used
 from cutenv.recording.appending import AppendingRecord, RecordingFailed
-from cutenv.recording.columns import UNITS, Column, header_of, parse_header
 from cutenv.recording.csv_file import read_metadata
 from cutenv.recording.files import load, load_one, save
-from cutenv.recording.operators import OperatorRow, load_operators, recorded_operators
-from cutenv.recording.provenance import Provenance, TissueHandling
-from cutenv.recording.record_errors import RecordError
-from cutenv.recording.schema import SCHEMA
+from cutenv.recording.provenance import OperatorRow, Provenance, TissueHandling, load_operators, recorded_operators
+from cutenv.recording.schema import SCHEMA, UNITS, Column, RecordError, header_of, parse_header
 
 if TYPE_CHECKING:
     from cutenv.recording.column_map import ColumnMap

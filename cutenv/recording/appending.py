@@ -10,14 +10,14 @@ from collections.abc import Iterable, Mapping
 from operator import itemgetter
 from pathlib import Path
 from types import TracebackType
-from typing import Any, NoReturn, Self
+from typing import Any, NoReturn, Protocol, Self
 
-from cutenv._base.atomic_file import atomic_write
+from cutenv._base.arrays import Array, StructArray
+from cutenv._base.output import atomic_write
 from cutenv._base.validation import in_range, one_of
-from cutenv.recording.columns import header_of
 from cutenv.recording.csv_file import head_text
 from cutenv.recording.provenance import check_operator
-from cutenv.recording.record_errors import RecordError
+from cutenv.recording.schema import RecordError, header_of
 from cutenv.trace import BESIDE, Reading, limits
 
 SYNCED_EVERY = 0.8
@@ -281,3 +281,19 @@ class AppendingRecord:
             return os.path.samestat(os.fstat(self._file.fileno()), self.path.stat())
         except (OSError, ValueError):  # ValueError: it is closed
             return self._file.closed and self.path.exists()
+
+
+class CutListener(Protocol):
+    """Listener to the cuts of a rig or a person while they go on; it must neither wait nor raise."""
+
+    def began(self, name: str) -> None:
+        """Take the beginning of a cut."""
+        ...
+
+    def readings(self, readings: StructArray, depth: Array, origin: float) -> None:
+        """Take new readings, the depth at each [m], and when their time was zero by ``time.monotonic()`` [s]."""
+        ...
+
+    def ended(self, cause: str) -> None:
+        """Take the end of a cut and its cause."""
+        ...

@@ -11,10 +11,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from cutenv._base.atomic_file import atomic_write
+from cutenv._base.output import atomic_write
 from cutenv._base.validation import in_range, one_of
-from cutenv.recording.columns import FIELD_UNITS, UNITS, Column
-from cutenv.recording.record_errors import RecordError
+from cutenv.recording.schema import FIELD_UNITS, UNITS, Column, RecordError
 from cutenv.tissue.description import checked_fields
 
 MAP_SCHEMA = "cutenv-columns/1"

@@ -12,8 +12,16 @@ from typing import Any
 import numpy as np
 
 from cutenv._base.arrays import Array
-from cutenv.recording.columns import Column
-from cutenv.recording.schema import SCHEMA, as_names, check_schema, from_json, mapping_from_json, shortened, to_json
+from cutenv.recording.schema import (
+    SCHEMA,
+    Column,
+    as_names,
+    check_schema,
+    from_json,
+    mapping_from_json,
+    shortened,
+    to_json,
+)
 from cutenv.recording.table import CUT_COLUMN, CutTable, parsed_headers, table_of
 from cutenv.trace import Trace
 

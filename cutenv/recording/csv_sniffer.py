@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array
 from cutenv.recording.column_map import known_unit
-from cutenv.recording.columns import UNITS
-from cutenv.recording.record_errors import UTF_16, RecordError, check_beginning
+from cutenv.recording.schema import UNITS, UTF_16, RecordError, check_beginning
 
 
 class Dialect(NamedTuple):

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array
-from cutenv._base.parameter import check_parameters, parameter
+from cutenv._base.validation import check_parameters, parameter
 from cutenv.measurement.strokes import END_SPEED, END_WINDOW, STANDSTILL_SPEED
 from cutenv.trace import Trace
 

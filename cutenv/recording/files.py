@@ -7,11 +7,11 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from cutenv._base.atomic_file import atomic_write
+from cutenv._base.output import atomic_write
 from cutenv._base.validation import one_of
 from cutenv.recording import csv_file, hdf5_file, mcap_file, parquet_file
 from cutenv.recording.provenance import check_operator
-from cutenv.recording.record_errors import RecordError, check_beginning
+from cutenv.recording.schema import RecordError, check_beginning
 from cutenv.recording.table import ALONG_CUT, CutTable, traces_of
 from cutenv.trace import Trace
 

@@ -12,8 +12,7 @@ import numpy as np
 
 from cutenv._base.arrays import Array
 from cutenv._base.imports import optional_import
-from cutenv.recording.columns import unit_of
-from cutenv.recording.schema import SCHEMA, check_schema, mapping_from_json, shortened, to_json
+from cutenv.recording.schema import SCHEMA, check_schema, mapping_from_json, shortened, to_json, unit_of
 from cutenv.recording.table import CutTable, row_from_0
 from cutenv.trace import Trace
 

@@ -18,15 +18,13 @@ from cutenv._base.arrays import Array
 from cutenv.measurement import QualityIssue, quality_issues
 from cutenv.recording import mcap_file
 from cutenv.recording.column_map import MAP_FILE, ColumnMap
-from cutenv.recording.columns import UNITS
 from cutenv.recording.csv_file import is_own
 from cutenv.recording.csv_sniffer import SniffedTable, bare_name, column_stem, sniff_table
 from cutenv.recording.cut_detection import STANDARD, CutSearch, FoundCut, contact_level, find_cuts, find_tare
 from cutenv.recording.files import load
-from cutenv.recording.mapped_columns import MappedReadings
-from cutenv.recording.number_table import NumberTable
-from cutenv.recording.record_errors import RecordError
+from cutenv.recording.mapped_columns import MappedReadings, NumberTable
 from cutenv.recording.ros_bag import BAGS, bag_table
+from cutenv.recording.schema import UNITS, RecordError
 from cutenv.trace import Trace
 
 _NAMED_INSIDE = (".parquet", ".h5", ".hdf5")  # formats that need no mapping

@@ -26,10 +26,8 @@ from cutenv._base.imports import optional_import
 from cutenv._base.validation import one_of
 from cutenv.recording.appending import AppendingRecord
 from cutenv.recording.column_map import ColumnMap
-from cutenv.recording.columns import unit_of
-from cutenv.recording.mapped_columns import MappedReadings
-from cutenv.recording.number_table import STAMP, NumberTable
-from cutenv.recording.record_errors import RecordError
+from cutenv.recording.mapped_columns import STAMP, MappedReadings, NumberTable
+from cutenv.recording.schema import RecordError, unit_of
 from cutenv.trace import Reading
 
 SCOPES = ("machine", "link", "site")

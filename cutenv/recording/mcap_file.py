@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array
 from cutenv._base.imports import optional_import
-from cutenv.recording.columns import header_of
-from cutenv.recording.schema import SCHEMA, as_names, check_schema, mapping_from_json, to_json
+from cutenv.recording.schema import SCHEMA, as_names, check_schema, header_of, mapping_from_json, to_json
 from cutenv.recording.table import CutTable, row_from_0
 from cutenv.trace import BESIDE, COMPONENTS_OF_FORCE, PLACE, Reading, Trace
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from cutenv._base.imports import optional_import
 from cutenv.recording.csv_sniffer import bare_name
-from cutenv.recording.number_table import STAMP, NumberTable
-from cutenv.recording.record_errors import RecordError
+from cutenv.recording.mapped_columns import STAMP, NumberTable
+from cutenv.recording.schema import RecordError
 
 BAGS = (".mcap", ".bag", ".db3")
 """Suffixes of bags: MCAP, ROS 1, and ROS 2 in SQLite."""

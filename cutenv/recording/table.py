@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from cutenv._base.arrays import Array
-from cutenv.recording.columns import AXES, UNITS, Column, header_of, parse_header
+from cutenv.recording.schema import AXES, UNITS, Column, header_of, parse_header
 from cutenv.trace import BESIDE, COMPONENTS_OF_FORCE, Trace, limits
 
 CUT_COLUMN = "cut"

@@ -1,7 +1,6 @@
 """Figures and pages of results."""
 
-from cutenv.report.cut_figure import draw_cut
-from cutenv.report.record_figure import RecordPicture, draw_record
+from cutenv.report.record_figure import RecordPicture, draw_cut, draw_record
 from cutenv.report.training_page import CutPicture, TrainingResult, training_headline, write_training_page
 
 __all__ = [

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv.measurement.constant_speed import SpeedTracking
-from cutenv.report.figure import new_figure, plain_axes, write_figure
+from cutenv.report.page import new_figure, plain_axes, write_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

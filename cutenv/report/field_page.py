@@ -10,12 +10,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cutenv.report.figure import PHONE_WIDTH, new_figure, plain_axes
-from cutenv.report.page import estimate_text, write_page, write_text
+from cutenv.report.page import PHONE_WIDTH, estimate_text, new_figure, plain_axes, write_page, write_text
 from cutenv.tissue.cut_model import CutModel
 from cutenv.trace import Trace
 from cutenv.vision import BeadTracks
-from cutenv.vision.field_comparison import FieldComparison, compare_field
+from cutenv.vision.field_comparison import (
+    FieldComparison,
+    ZoneModuli,
+    compare_field,
+    estimate_zone_moduli,
+    even_borders,
+)
 from cutenv.vision.filmed_measurement import (
     FilmedMeasurement,
     ImageModuli,
@@ -23,7 +28,6 @@ from cutenv.vision.filmed_measurement import (
     measure_filmed_cut,
     zones_as_measured,
 )
-from cutenv.vision.zone_moduli import ZoneModuli, estimate_zone_moduli, even_borders
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

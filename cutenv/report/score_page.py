@@ -1,19 +1,177 @@
-"""Pages of a scored cut and of a summary of many, each a self-contained file."""
+"""Pages of a scored cut, with its figure, and of a summary of many, each a self-contained file."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from cutenv._base.arrays import Array
 from cutenv._base.unit_table import shown_unit
-from cutenv.report.page import number, write_page, write_table, write_text
-from cutenv.report.score_figure import score_figure, summary_figure
-from cutenv.scoring import MAP_METRICS, ScoreCard, all_metrics
-from cutenv.scoring.score_card import DISCLAIMER
-from cutenv.scoring.score_notes import DOUBT
+from cutenv.measurement import loading_segments
+from cutenv.report.page import PHONE_WIDTH, label, new_figure, number, plain_axes, write_page, write_table, write_text
+from cutenv.scoring import MAP_METRICS, DepthMap, PathMap, ScoreCard, all_metrics
+from cutenv.scoring.score_card import DISCLAIMER, DOUBT
+from cutenv.task_quantities import FARTHEST_TOLERANCE, FORCE_LIMIT_PER_DEPTH, TIP_TOLERANCE
+from cutenv.tissue.grid import SPACING
 from cutenv.trace import Trace
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+_FORCE, _RAMP, _FAULT, _LIMIT, _TARGET, _SPEED, _ANGLE = (
+    "0.55", "#0072b2", "#d55e00", "#b00020", "#009e73", "#0072b2", "#8a3ffc",
+)  # fmt: skip
+_POINTS = 3000  # points of a line: more than a figure has pixels
+
+
+def score_figure(trace: Trace, card: ScoreCard, target_length: float | None, width: float) -> Figure:
+    """Draw one cut with the content of its card, against position, or against time if that is not known.
+
+    Parameters
+    ----------
+    trace : Trace
+        Record of the cut.
+    card : ScoreCard
+        Score card of the cut.
+    target_length : float or None
+        Target length [m].
+    width : float
+        Width [in].
+    """
+    along = trace.position is not None
+    deep = along and card.depth_map is not None
+    steered = along and card.path_map is not None
+    rows = 1 + along + (trace.angle is not None) + deep + steered
+    figure = new_figure(width, 3.4 + 1.1 * (rows - 1))
+    panels = np.atleast_1d(figure.subplots(rows, 1, sharex=True, height_ratios=[3.0, *[1.0] * (rows - 1)]))
+    step = max(1, len(trace) // _POINTS)
+    x = _places(trace)
+    force = panels[0]
+    force.plot(x[::step], trace.force[::step], color=_FORCE, linewidth=0.9, label="force")
+    _draw_ramps(force, trace, x)
+    _draw_limits(force, trace, x, target_length)
+    _draw_faults(force, trace, card, x)
+    unit = "N" if trace.force_unit == "N" else "normalised"
+    force.set_ylabel(f"force [{unit}]")
+    if trace.position is not None:
+        speed = 100.0 * trace.blade_speed
+        panels[1].plot(x[::step], speed[::step], color=_SPEED, linewidth=0.9)
+        panels[1].set_ylabel("speed\n[cm/s]")
+    if trace.angle is not None:
+        turned = panels[2 if along else 1]
+        turned.plot(x[::step], np.degrees(trace.angle[::step]), color=_ANGLE, linewidth=1.2)
+        turned.set_ylabel("angle\n[°]")
+        turned.set_ylim(min(40.0, math.degrees(trace.angle.min()) - 5.0), 95.0)
+    if deep and card.depth_map is not None:
+        _draw_depth(panels[-1 - steered], card.depth_map)
+    if steered and card.path_map is not None:
+        _draw_path(panels[-1], card.path_map)
+    panels[-1].set_xlabel("blade [cm]" if along else "time [s]")
+    for axes in panels:
+        plain_axes(axes)
+    columns = 2 if width < PHONE_WIDTH else 5
+    figure.legend(loc="outside upper left", ncols=columns, frameon=False, fontsize=9)
+    return figure
+
+
+def _draw_depth(axes: Axes, found: DepthMap) -> None:
+    """Draw the floor of a cut, the wanted depth and the layer below, the surface on top."""
+    x = 100.0 * found.position
+    lowest = float(found.depth.max())
+    axes.plot(x, 1e3 * found.depth, color=_SPEED, linewidth=1.4, label="floor of the cut")
+    if found.wanted is not None:
+        lowest = max(lowest, float(found.wanted.max()))
+        axes.plot(x, 1e3 * found.wanted, color=_TARGET, linewidth=1.2, linestyle="--", label="wanted depth")
+    if found.layer is not None:
+        lowest = max(lowest, found.layer + 0.001)
+        axes.axhspan(1e3 * found.layer, 1.1e3 * lowest, color=_FAULT, alpha=0.2, linewidth=0.0, label="layer below")
+    axes.set_ylim(1.1e3 * lowest, 0.0)
+    axes.set_ylabel("depth\n[mm]")
+
+
+def _draw_path(axes: Axes, found: PathMap) -> None:
+    """Draw the distance of a cut to its line, and how far off a success may be."""
+    x = 100.0 * SPACING * np.arange(len(found.aside))
+    axes.axhline(0.0, color=_TARGET, linewidth=1.2, linestyle="--", label="line")
+    axes.plot(x, 1e3 * found.aside, color=_SPEED, linewidth=1.4, label="cut, left of the line")
+    most = 1e3 * max(FARTHEST_TOLERANCE, found.farthest)
+    axes.set_ylim(-1.1 * most, 1.1 * most)
+    axes.set_ylabel("off the\nline [mm]")
+
+
+def summary_figure(cuts: Sequence[tuple[str, ScoreCard]], width: float) -> Figure:
+    """Draw the overall score of many cuts, each with its operator or "", a row for each, filled for a success."""
+    people = list(dict.fromkeys(operator for operator, _ in cuts))
+    figure = new_figure(width, 0.9 + 0.26 * len(people))
+    axes = figure.subplots()
+    for operator, card in cuts:
+        if card.overall_score is not None:
+            filled = "full" if card.outcome.startswith("success") else "none"
+            row = people.index(operator)
+            axes.plot(card.overall_score, -row, "o", color=_RAMP, markersize=6, alpha=0.8, fillstyle=filled)
+    axes.set_yticks(
+        -np.arange(len(people)), [label(each or ("no code" if len(people) > 1 else "cuts")) for each in people]
+    )
+    axes.set_ylim(-len(people) + 0.4, 0.6)
+    axes.set_xlim(-2.0, 102.0)
+    axes.set_xlabel("overall score")
+    plain_axes(axes, "x")
+    return figure
+
+
+def _places(trace: Trace) -> Array:
+    """Return the abscissa of the force: position of the blade [cm], or time [s]."""
+    return trace.time if trace.position is None else 100.0 * trace.position
+
+
+def _draw_ramps(axes: Axes, trace: Trace, x: Array) -> None:
+    """Draw loading segments; a drop is at the end of each."""
+    try:
+        segments = loading_segments(trace)
+    except ValueError:  # a record too short or too coarse for segments is still drawn
+        return
+    for i, segment in enumerate(segments):
+        ends = [segment.start, segment.stop - 1]
+        half = 0.5 * segment.force_rise
+        force = [segment.force - half, segment.force + half]
+        axes.plot(x[ends], force, color=_RAMP, linewidth=1.6, label=None if i else "loading")
+        if segment.drop > 0.0:
+            top = float(x[ends[1]])
+            axes.plot(
+                [top, top], [force[1], force[1] - segment.drop], ":", color=_RAMP, linewidth=1.2,
+                label=None if i else "drop",
+            )  # fmt: skip
+
+
+def _draw_limits(axes: Axes, trace: Trace, x: Array, target_length: float | None) -> None:
+    if trace.depth is not None and trace.force_unit == "N":
+        limit = FORCE_LIMIT_PER_DEPTH * trace.depth
+        if trace.force.max() > 0.5 * float(limit.max()):  # a distant one would flatten the drawing
+            order = np.argsort(x)[:: max(1, len(x) // _POINTS)]
+            axes.plot(x[order], limit[order], color=_LIMIT, linewidth=1.0, linestyle="--", label="limit")
+    if target_length is not None and trace.position is not None:
+        low, high = 100.0 * (target_length - TIP_TOLERANCE), 100.0 * (target_length + TIP_TOLERANCE)
+        axes.axvspan(low, high, color=_TARGET, alpha=0.18, linewidth=0.0, label="target of the tip")
+
+
+def _draw_faults(axes: Axes, trace: Trace, card: ScoreCard, x: Array) -> None:
+    top = float(trace.force.max())
+    for i, fault in enumerate(card.faults):
+        place = float(np.interp(fault.time, trace.time, x))
+        force = float(np.interp(fault.time, trace.time, trace.force))
+        axes.plot(place, force, "v", color=_FAULT, markersize=8, label=None if i else "fault")
+        axes.annotate(
+            label(str(i + 1)), (place, force), (0, 9), textcoords="offset points", ha="center", fontsize=9, color=_FAULT
+        )
+    axes.set_ylim(top=max(1.12 * top, 0.1 * abs(top) + 1e-9))
+
 
 ON_TOP = {
     "tip_error": "from tip to target",

@@ -1,15 +1,16 @@
-"""Page of a study of people: separation of groups, reliability of metrics, and their change from cut to cut."""
+"""Page of a study of people, with figures: separation of groups, reliability of metrics, change from cut to cut."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cutenv.report.page import spoken, write_page
-from cutenv.report.study_figures import groups_figure, learning_figure, reliability_figure
+from cutenv.report.page import PHONE_WIDTH, label, new_figure, plain_axes, spoken, write_page
 from cutenv.report.study_table import (
     amount,
     correlation_text,
@@ -17,6 +18,7 @@ from cutenv.report.study_table import (
     crossover_rows,
     digits_of,
     in_print,
+    interval_text,
     shared_reason,
     spread,
     statistic_cells,
@@ -35,6 +37,158 @@ from cutenv.scoring.study import (
     Study,
 )
 from cutenv.scoring.study.study import OVERALL, direction_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00")
+_MARKERS = ("o", "s", "D", "^", "v", "P")
+_TARGET = "#6b6b6b"
+
+
+def learning_figure(study: Study, found: Findings, width: float) -> Figure:
+    """Draw a metric by the number of the cut, a line for each operator; below, each one's learning curve CUSUM."""
+    phone = width < PHONE_WIDTH
+    summed = isinstance(found.cusums, Mapping)
+    figure = new_figure(width, (5.4 if phone else 5.0) if summed else 3.0)
+    panels = figure.subplots(2 if summed else 1, 1, sharex=True, squeeze=False)[:, 0]
+    colours = _colours(study)
+    factor, _ = in_print(found)
+    told: set[str] = set()
+    for operator, values in found.series.items():
+        group = study.group_of[operator]
+        number = np.arange(1, len(values) + 1)
+        name = (group or f"each {study.who}") if group not in told else None
+        told.add(group)
+        panels[0].plot(
+            number, factor * values, ".-", color=colours[group], linewidth=0.8, markersize=4, alpha=0.4,
+            label=None if name is None else label(name),
+        )  # fmt: skip
+    seen = panels[0].get_ylim()  # that of the cuts: an interval may reach to where no cut can be
+    for group, curve in found.curves.items():
+        if not isinstance(curve, LearningCurve):
+            continue
+        name = f"mean{label(f' of {group}') * bool(group)}"
+        if curve.low is not None and curve.high is not None:
+            low, high = factor * curve.low, factor * curve.high
+            panels[0].fill_between(curve.number, low, high, color=colours[group], alpha=0.2, linewidth=0)
+            name += ", 95 % interval"
+        panels[0].plot(curve.number, factor * curve.mean, color=colours[group], linewidth=2.4, label=name)
+    panels[0].set_ylim(min(seen[0], factor * found.target), max(seen[1], factor * found.target))
+    panels[0].axhline(
+        factor * found.target, color=_TARGET, linestyle="--", linewidth=1.2, label=label(f"target: {found.target_is}")
+    )
+    panels[0].set_ylabel(_quantity(found))
+    if isinstance(found.cusums, Mapping):
+        for operator, sums in found.cusums.items():
+            colour = colours[study.group_of[operator]]
+            number = np.arange(len(sums.reaching) + 1)  # 0: before the first cut
+            panels[1].plot(number, np.append(0.0, sums.reaching), "-", color=colour, linewidth=1.1, alpha=0.7)
+            if sums.reached_at is not None:
+                at = sums.reached_at
+                panels[1].plot(at, sums.reaching[at - 1], "o", color=colour, markersize=6, markeredgecolor="white")
+        threshold = next(iter(found.cusums.values())).threshold
+        panels[1].axhline(threshold, color=_TARGET, linestyle=":", linewidth=1.4)
+        panels[1].annotate(
+            "target reached", (0.0, threshold), (4, 3), ("axes fraction", "data"), textcoords="offset points",
+            fontsize=8, color=_TARGET,
+        )  # fmt: skip
+        panels[1].set_ylabel("learning curve CUSUM [SD]")
+    panels[-1].set_xlabel("number of the cut")
+    panels[-1].xaxis.get_major_locator().set_params(integer=True)
+    for axes in panels:
+        plain_axes(axes)
+    figure.legend(loc="outside upper left", ncols=1 if phone else 3, frameon=False, fontsize=9)
+    return figure
+
+
+def groups_figure(study: Study, width: float) -> Figure:
+    """Draw the means of people by group, a panel for each metric, with the probability of superiority."""
+    phone = width < PHONE_WIDTH
+    across = 2 if phone else 3
+    findings = study.findings
+    down = math.ceil(len(findings) / across)
+    figure = new_figure(width, 0.5 + 2.25 * down)
+    panels = figure.subplots(down, across, squeeze=False).ravel()
+    colours = _colours(study)
+    groups = list(dict.fromkeys(study.group_of.values()))
+    for axes, found in zip(panels, findings, strict=False):
+        for place, group in enumerate(groups):
+            own = [v.mean() for operator, v in found.series.items() if study.group_of[operator] == group]
+            means = in_print(found)[0] * np.sort(own)
+            shift = 0.09 * (np.arange(len(means)) % 5 - 2)
+            marker = _MARKERS[place % len(_MARKERS)]
+            axes.plot(place + shift, means, marker, color=colours[group], markersize=5, alpha=0.75, markeredgewidth=0)
+            if len(means):
+                axes.plot([place - 0.32, place + 0.32], [means.mean()] * 2, color="black", linewidth=1.4)
+        axes.set_xticks(range(len(groups)), [label(group) for group in groups], fontsize=8)
+        axes.set_xlim(-0.6, len(groups) - 0.4)
+        axes.tick_params(axis="y", labelsize=8)
+        axes.set_title(_quantity(found).replace(" [", "\n["), fontsize=9, loc="left")
+        if isinstance(found.separation, Separation):
+            axes.set_xlabel(f"P = {interval_text(found.separation.superiority)}".replace(" [", "\n["), fontsize=8)
+        plain_axes(axes)
+    for axes in panels[len(findings) :]:
+        axes.remove()
+    return figure
+
+
+def reliability_figure(study: Study, width: float) -> Figure:
+    """Draw the reliability of single cuts, of means and of sessions, with intervals, a row for each metric."""
+    phone = width < PHONE_WIDTH
+    findings = [found for found in study.findings if _estimates(found)]
+    tall = 0.62 if phone else 0.5
+    figure = new_figure(width, 1.1 + tall * len(findings))
+    axes = figure.subplots()
+    told: set[str] = set()
+    for row, found in enumerate(findings):
+        estimates = _estimates(found)
+        for k, (name, colour, marker, each) in enumerate(estimates):
+            place = -row - 0.22 * (k - 0.5 * (len(estimates) - 1)) - 0.12 * phone
+            if each.low is not None and each.high is not None:
+                low = max(each.low, -1.0)  # the lower end of a mean's interval is unbounded
+                axes.plot([low, each.high], [place, place], color=colour, linewidth=2.2, solid_capstyle="butt")
+            axes.plot(
+                max(each.value, -1.0), place, marker, color=colour, markersize=6,
+                label=None if name in told else name,
+            )  # fmt: skip
+            told.add(name)
+    names = [_quantity(found).partition(" [")[0] for found in findings]
+    if phone:  # names beside the dots would leave no room for the dots
+        axes.set_yticks([])
+        for row, name in enumerate(names):
+            axes.annotate(name, (0.0, -row), (2, 9), ("axes fraction", "data"), textcoords="offset points", fontsize=8)
+    else:
+        axes.set_yticks(-np.arange(len(findings)), names)
+    axes.set_ylim(-len(findings) + 0.4, 0.6)
+    axes.set_xlim(left=max(-1.0, min(-0.1, axes.get_xlim()[0])), right=1.02)
+    axes.axvline(0.0, color="0.6", linewidth=0.8, zorder=0.5)
+    axes.set_xlabel("intraclass correlation (ICC)")
+    plain_axes(axes, "x")
+    figure.legend(loc="outside upper left", ncols=1 if phone else 3, frameon=False, fontsize=9)
+    return figure
+
+
+def _estimates(found: Findings) -> Sequence[tuple[str, str, str, Estimate]]:
+    shown: list[tuple[str, str, str, Estimate]] = []
+    if isinstance(found.reliability, OneWay):
+        shown.append(("single cuts, ICC(1)", _COLOURS[0], "o", found.reliability.single))
+        shown.append(("means of one's cuts, ICC(k)", _COLOURS[1], "s", found.reliability.mean))
+    if isinstance(found.retest, Intraclass):
+        shown.append(("session means, agreement, ICC(A,1)", _COLOURS[2], "D", found.retest.agreement))
+    return shown
+
+
+def _colours(study: Study) -> dict[str, str]:
+    groups = dict.fromkeys(study.group_of.values())
+    return {group: _COLOURS[i % len(_COLOURS)] for i, group in enumerate(groups)}
+
+
+def _quantity(found: Findings) -> str:
+    _, unit = in_print(found)
+    return label(spoken(found.metric)) + (f" [{unit}]" if unit else "")
+
 
 _BETTER = {"lower": "less is better", "higher": "more is better", "none": "neither way is better"}
 

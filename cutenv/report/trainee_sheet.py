@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cutenv.report.figure import PHONE_WIDTH, label, new_figure, plain_axes
-from cutenv.report.page import number, write_page, write_table
+from cutenv.report.page import PHONE_WIDTH, label, new_figure, number, plain_axes, write_page, write_table
 from cutenv.scoring.score_card import DISCLAIMER, ScoreCard, whole_score
 from cutenv.scoring.study import Proficiency, StudiedCut, Study, proficiency
 from cutenv.scoring.study.pass_mark import IN_A_ROW

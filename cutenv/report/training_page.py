@@ -7,16 +7,17 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from cutenv.report.cut_figure import cut_figure, floor_figure, mean_depth_error_mm
-from cutenv.report.glossary import LIMITS, MEANINGS, further_meanings, term_meanings
-from cutenv.report.page import estimate_text, number, write_page
-from cutenv.report.training_figures import costs_figure, curve_figure, returns_figure
+from cutenv.report.page import LIMITS, MEANINGS, estimate_text, further_meanings, number, term_meanings, write_page
+from cutenv.report.record_figure import cut_figure, floor_figure, mean_depth_error_mm
 from cutenv.report.training_result import (
     DIFFERENCES,
     SPECIMEN_CLASS,
     CutPicture,
     Score,
     TrainingResult,
+    costs_figure,
+    curve_figure,
+    returns_figure,
 )
 from cutenv.task.reward import GAINS
 

@@ -8,10 +8,17 @@ from dataclasses import replace
 from datetime import date
 from typing import NamedTuple
 
-from cutenv.rig.config.imitated_rig import EMULATED, EMULATOR, FAKE, GRBL, SERIAL, fake_settings
-from cutenv.rig.config.settings import RigSettings, SensorCalibration
-from cutenv.rig.devices.clock import FakeClock
-from cutenv.rig.devices.real_time import preferred
+from cutenv.rig.config.settings import (
+    EMULATED,
+    EMULATOR,
+    FAKE,
+    GRBL,
+    SERIAL,
+    RigSettings,
+    SensorCalibration,
+    fake_settings,
+)
+from cutenv.rig.devices.host import FakeClock, preferred
 from cutenv.rig.devices.serial.slow_profile import grbl_settings, slow_settings
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.operator import AutomaticOperator, Operator, TerminalOperator
@@ -35,7 +42,7 @@ def connected(rig: str, *, clock: FakeClock | None = None) -> Iterator[Connectio
     Parameters
     ----------
     rig : str
-        A rig's TOML file, or one of :data:`~cutenv.rig.config.imitated_rig.RIG_NAMES`: these have the blade in air.
+        A rig's TOML file, or one of :data:`~cutenv.rig.config.settings.RIG_NAMES`: these have the blade in air.
     clock : FakeClock, optional
         Clock of a fake rig.
 
@@ -49,7 +56,7 @@ def connected(rig: str, *, clock: FakeClock | None = None) -> Iterator[Connectio
     emulator = None
     with ExitStack() as stack:
         if rig == FAKE:
-            from cutenv.rig.fake.air_plant import AirPlant
+            from cutenv.rig.fake.benches import AirPlant
             from cutenv.rig.fake.fake_rig import FakeRig
 
             fake = FakeRig(AirPlant, fake_settings(name=FAKE), clock=clock)

@@ -16,7 +16,7 @@ from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.canopen.bus import INTERFACES, bus_arguments
 from cutenv.rig.devices.canopen.configuration import PRODUCER_PERIOD
 from cutenv.rig.devices.canopen.network import DRIVE_PATIENCE
-from cutenv.rig.devices.canopen.units import AxisUnits
+from cutenv.rig.devices.canopen.objects import AxisUnits
 from cutenv.rig.devices.driver_registry import KIND_OF_ROLE, axes_driven_by, driven_roles, traits_of
 from cutenv.rig.operation.session import RETURN_SPEED
 from cutenv.rig.plant import REST_WITHIN, TURN_RATE

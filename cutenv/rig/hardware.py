@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from cutenv.rig.config.settings import RigSettings
-from cutenv.rig.devices.clock import Clock, SystemClock
 from cutenv.rig.devices.driver_registry import Mounting, mounted
+from cutenv.rig.devices.host import Clock, SystemClock
 from cutenv.rig.plant import RigPlant
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
@@ -13,22 +14,36 @@ from cutenv._base.arrays import StructArray
 from cutenv._base.validation import array_in_range, in_range
 from cutenv.cutting.dtypes import READING, TICK
 from cutenv.rig.config.settings import RigSettings
-from cutenv.rig.devices.clock import Clock, Repeating
-from cutenv.rig.devices.drivers import ForceDriver, MotionDriver, Observer, ZeroedByHand
-from cutenv.rig.devices.owner import Owner
-from cutenv.rig.devices.samples import ForceSample, MotionSample
-from cutenv.rig.devices.timing import Timing
+from cutenv.rig.devices.drivers import ForceDriver, ForceSample, MotionDriver, MotionSample, Observer, ZeroedByHand
+from cutenv.rig.devices.host import Clock, Owner, Repeating
 from cutenv.rig.errors import RigError
-from cutenv.rig.heading import Heading
-from cutenv.rig.reading_grid import ReadingGrid
-from cutenv.rig.safety.following_monitor import NOMINAL_LAG
+from cutenv.rig.reading_grid import Heading, ReadingGrid
 from cutenv.rig.safety.force_monitor import ForceReadings
-from cutenv.rig.safety.quick_stops import AGAIN
-from cutenv.rig.safety.stop_causes import WATCH, Cause, StopReport
+from cutenv.rig.safety.motion_monitor import NOMINAL_LAG
+from cutenv.rig.safety.stop_causes import AGAIN, WATCH, Cause, StopReport
 from cutenv.rig.safety.supervisor import Supervisor
 from cutenv.rig.travel import AIMED, SLICE, Travel
 from cutenv.tissue.lines import CutLine
 from cutenv.tissue.specimen import N_POINTS
+
+
+@dataclass
+class Timing:
+    """Timing of the control clock since the last :meth:`cutenv.rig.plant.RigPlant.begin`."""
+
+    periods: list[float] = field(default_factory=list)
+    """Times from command to command [s]."""
+    latencies: list[float] = field(default_factory=list)
+    """Times from the newest reading that a decision used to its command on the bus [s]."""
+    lateness: list[float] = field(default_factory=list)
+    """Delays of commands behind their due time [s]."""
+    overruns: int = 0
+    """Number of commands more than 2 ms late."""
+    skipped: float = 0.0
+    """Time lost to late commands, beyond whole periods [s]."""
+    garbled: int = 0
+    """Number of packets that were not readings."""
+
 
 _LATE = 0.002  # [s] after the end of a period, from which a command counts as an overrun
 _TURN_GAIN = 16.0  # [1/s] gain of the angle's position loop, closed at every SYNC

@@ -7,9 +7,8 @@ from abc import ABC, abstractmethod
 
 from cutenv._base.arrays import StructArray
 from cutenv.rig.config.settings import RigSettings
-from cutenv.rig.devices.clock import Clock
 from cutenv.rig.devices.drivers import MotionDriver
-from cutenv.rig.devices.owner import Owner
+from cutenv.rig.devices.host import Clock, Owner
 from cutenv.rig.errors import RigError
 from cutenv.rig.safety.stop_causes import Cause, RigStopped, StopReport
 from cutenv.rig.safety.supervisor import Supervisor

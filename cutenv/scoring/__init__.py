@@ -1,6 +1,6 @@
 """One score for people, scripts, agents and rigs, from what a rig can measure."""
 
-from cutenv.scoring import force, map_metrics, motion, outcome  # noqa: F401  they enter their metrics
+from cutenv.scoring import cut_metrics, map_metrics  # noqa: F401  they enter their metrics
 from cutenv.scoring.cut_map import DepthMap, PathMap
 from cutenv.scoring.metric import INVARIANCES, MAP_METRICS, METRICS, Metric, all_metrics
 from cutenv.scoring.points import ScorePoints
@@ -9,7 +9,7 @@ from cutenv.scoring.score_card import ScoreCard, Scored, score
 from cutenv.scoring.scored_cut import ScoredCut
 from cutenv.scoring.technique import TechniqueFault
 from cutenv.scoring.truth import Truth
-from cutenv.scoring.unavailable import Unavailable
+from cutenv.scoring.validity import Unavailable
 
 __all__ = [
     "INVARIANCES",

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cutenv._base.arrays import Array
-from cutenv.scoring.unavailable import Unavailable
+from cutenv.scoring.validity import Unavailable
 from cutenv.task_quantities import (
     DEPTH_TOLERANCE,
     FARTHEST_TOLERANCE,

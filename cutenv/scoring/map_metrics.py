@@ -13,7 +13,7 @@ import numpy as np
 from cutenv._base.arrays import Array
 from cutenv.scoring.metric import MAP_METRICS, metric
 from cutenv.scoring.scored_cut import ScoredCut
-from cutenv.scoring.unavailable import Unavailable
+from cutenv.scoring.validity import Unavailable
 from cutenv.tissue.grid import SPACING
 
 _FLOOR: dict[str, Any] = {

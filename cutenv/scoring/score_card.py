@@ -1,4 +1,4 @@
-"""The score card of one cut: all metrics, what they are based on, and percentiles within a reference set."""
+"""Score card of one cut: all metrics, what they rest on, what is doubtful, and percentiles in a reference set."""
 
 from __future__ import annotations
 
@@ -7,21 +7,22 @@ import dataclasses
 import html
 import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
+import numpy as np
+
 from cutenv.measurement import DepthProfile
-from cutenv.measurement.depth import LAYER_DEPTH_KEY, WANTED_DEPTH_KEY, wanted_depth
+from cutenv.measurement.depth import LAYER_DEPTH_KEY, WANTED_DEPTH_KEY, depth_sd, wanted_depth
 from cutenv.scoring.cut_map import LINE_KEY, DepthMap, PathMap
 from cutenv.scoring.metric import FORCE_WEIGHTS, MAP_METRICS, METRICS, Metric, metric_named
 from cutenv.scoring.points import ScorePoints, outcome_of, task_points
 from cutenv.scoring.reference import ReferenceSet
-from cutenv.scoring.score_notes import doubted_depth, score_notes
 from cutenv.scoring.scored_cut import ScoredCut
 from cutenv.scoring.technique import TechniqueFault, technique_faults
-from cutenv.scoring.truth import ASIDE_AT_END, TIP_AT_END, Truth
-from cutenv.scoring.unavailable import Unavailable
+from cutenv.scoring.truth import ASIDE_AT_END, FLOOR_AT_END, TIP_AT_END, Truth
+from cutenv.scoring.validity import Unavailable, validity_warnings
 from cutenv.tissue import TissueDescription, measured_liver
 from cutenv.tissue.lines import CutLine, through
 from cutenv.tissue.path_model import along_line
@@ -376,3 +377,71 @@ def _scored(each: Metric, cut: ScoredCut, reference: ReferenceSet | None) -> Sco
 
 def _shown(scored: Scored) -> str:
     return html.escape(f"unavailable: {scored.unavailable}") if scored.value is None else f"{scored.value:.4g}"
+
+
+DOUBT = "doubtful"
+"""First word of a note on a record that can hardly be true."""
+EXPECTED_FLOOR = (
+    "floor of the cut: that of mean tissue under a blade that moved so, by an assumed edge; the surface as recorded"
+)
+"""Note on a record whose floor is not known but expected."""
+EXPECTED_CUT = "cut beside the line: that of mean tissue behind a blade that moved so, by the estimated tip"
+"""Note on a record whose cut is not known but expected."""
+_SAME_DEPTH = 1e-6  # [m]
+_LONG = 0.03  # [m], advance over which a real depth changes
+
+
+def score_notes(cut: ScoredCut, points: Sequence[ScorePoints], outcome: str) -> list[str]:
+    """Return what a card rests on: where tip, floor and cut are from, what is not counted, what is doubtful."""
+    notes = [
+        {
+            "truth": "tip: the simulator's own",
+            "return stroke": "tip: from the return stroke, after which it is known to about 0.3 mm; estimated before",
+            "estimated": "tip: estimated, by the cut's own loading; median error 1 to 2 mm, one in ten above 5 mm",
+            "guessed": "tip: estimated with the stiffness of mean tissue; median error 2 mm, one in twenty above 7 mm",
+            "unknown": "tip: unknown; force alone is judged",
+        }["guessed" if cut.tip_source == "estimated" and cut.own_modulus is None else cut.tip_source]
+    ]
+    if cut.truth is None and cut.noted_end is not None:
+        notes.append("where the tip ended is the simulator's own")
+    if cut.trace.height is not None and cut.trace.depth is not None:
+        known = FLOOR_AT_END in cut.trace.metadata or (cut.truth is not None and cut.truth.floor is not None)
+        notes.append("floor of the cut: the simulator's own" if known else EXPECTED_FLOOR)
+    if cut.line is not None and _is_known(cut):
+        known = ASIDE_AT_END in cut.trace.metadata or (cut.truth is not None and cut.truth.aside is not None)
+        notes.append("cut beside the line: the simulator's own" if known else EXPECTED_CUT)
+    if not points:
+        notes.append("metrics, and no claim of skill")
+    counted = {each.part for each in points}
+    left = [] if outcome or not points else sorted(set(FORCE_WEIGHTS) - counted)
+    if left:
+        notes.append(f"not counted, without a value or a reference: {', '.join(left)}")
+    sd = depth_sd(cut.trace)
+    if sd is not None:
+        notes.append(f"record: depth of cut measured to {1e3 * sd:.2f} mm (standard deviation)")
+    return notes + validity_warnings(cut.trace, cut.quality)
+
+
+def doubted_depth(cut: ScoredCut) -> list[str]:
+    """Return a note if the depth never changes along a real cut: tissue is not so even, so nobody measured it."""
+    depth, position = cut.trace.depth, cut.trace.position
+    simulated = (
+        cut.truth is not None or cut.noted_end is not None or cut.trace.metadata.get("specimen_class") == "uniform"
+    )
+    if depth is None or position is None or simulated:
+        return []
+    advance = float(np.ptp(position))
+    if advance < _LONG or np.ptp(depth) > _SAME_DEPTH:
+        return []
+    return [
+        f"{DOUBT}: the depth of cut is {1e3 * float(depth[0]):.4g} mm at every reading of {100.0 * advance:.1f} cm. "
+        "Soft tissue bulges and is never so even: it was set, not measured, and tip, runs and points rest on it. "
+        "Give the depth along the cut: by caliper at some places, or from film (cutenv depth)"
+    ]
+
+
+def _is_known(cut: ScoredCut) -> bool:
+    """Return True if the cut beside the line is known or expected."""
+    with contextlib.suppress(Unavailable):
+        return len(cut.path_map.aside) > 0
+    return False

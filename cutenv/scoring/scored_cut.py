@@ -10,15 +10,23 @@ from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array, StructArray
 from cutenv._base.validation import in_range
-from cutenv.measurement import DepthProfile, QualityIssue, quality_issues
+from cutenv.measurement import DepthProfile, QualityIssue, estimate_local_effective_moduli, quality_issues
 from cutenv.measurement.depth import with_blade_depth
+from cutenv.measurement.loading_ratio import loading_ratio
 from cutenv.measurement.strokes import STANDSTILL_SPEED
 from cutenv.scoring.cut_map import CutMap, DepthMap, PathMap
-from cutenv.scoring.even_samples import even_centres, even_instants, even_means, smoothed, under_force
-from cutenv.scoring.own_modulus import modulus_of_ramps
 from cutenv.scoring.truth import ASIDE_AT_END, FLOOR_AT_END, Truth, checked_aside, checked_floor, noted_tip
-from cutenv.scoring.unavailable import Unavailable
-from cutenv.scoring.validity import force_unusable, holds_two_cuts, is_truncated
+from cutenv.scoring.validity import (
+    Unavailable,
+    even_centres,
+    even_instants,
+    even_means,
+    force_unusable,
+    holds_two_cuts,
+    is_truncated,
+    smoothed,
+    under_force,
+)
 from cutenv.task_quantities import SHALLOWEST, SMALLEST_RUN
 from cutenv.tissue import CutModel, TissueDescription, measured_liver
 from cutenv.tissue.crack_tip import ASSESSED_TIP, ESTIMATED_EVERY, MeanTissue, assess_tips, believe_mean
@@ -28,6 +36,39 @@ from cutenv.tissue.lines import CutLine
 from cutenv.tissue.path_model import expected_cut
 from cutenv.tissue.slab import THICKNESS, effective_depth
 from cutenv.trace import Trace
+
+_DROP = 0.03  # fraction of the peak force by which a fall ends a loading ramp
+_FEWEST_RAMPS = 3  # loading ramps needed for the cut's own modulus
+
+
+def modulus_of_ramps(trace: Trace, profile: DepthProfile, tissue: TissueDescription) -> float | None:
+    """Return the material's modulus [Pa] from the steady loading ramps of a record; None for fewer than three.
+
+    Parameters
+    ----------
+    trace : Trace
+        Record with angle, and with the depth at the blade.
+    profile : DepthProfile
+        Depth of cut over position.
+    tissue : TissueDescription
+        Tissue whose model and friction are used.
+
+    Raises
+    ------
+    ValueError
+        If speed or angle of a ramp are outside the range measured for liver.
+    """
+    found = estimate_local_effective_moduli(
+        trace,
+        tissue.cut_model(),
+        friction_per_depth=tissue.nominal_friction_per_depth,
+        smallest_drop=max(_DROP * float(trace.force.max()), 1e-6),
+    )
+    depth = profile.at(found.position)
+    moduli = found.modulus * depth / effective_depth(found.position, depth, tissue.thickness)
+    slow = [E / loading_ratio(float(s.speed or 0.0), s.angle) for E, s in zip(moduli, found.segments, strict=True)]
+    return float(np.median(slow)) if len(slow) >= _FEWEST_RAMPS else None
+
 
 _TRUSTED = 0.65  # exponent of that over the tissue's: between 0.5 and 0.8 the tip is known best at any feed
 

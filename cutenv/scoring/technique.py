@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cutenv.scoring.motion import moving_between
+from cutenv.scoring.cut_metrics import moving_between
 from cutenv.scoring.scored_cut import ScoredCut
-from cutenv.scoring.unavailable import Unavailable
+from cutenv.scoring.validity import Unavailable
 from cutenv.task_quantities import ANGLE_TOLERANCE, FORCE_LIMIT_PER_DEPTH, TIP_TOLERANCE, force_per_depth
 from cutenv.tissue.crack_tip import ESTIMATED_EVERY
 

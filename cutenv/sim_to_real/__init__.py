@@ -1,11 +1,18 @@
 """Sim-to-real comparison of a policy on a rig and in the simulator: paired differences, curves, the control clock."""
 
-from cutenv.sim_to_real.compared_cut import ComparedCut
 from cutenv.sim_to_real.control_clock import ClockKept
-from cutenv.sim_to_real.curves import force_over_position, force_rmse, position_rmse
-from cutenv.sim_to_real.effect_estimate import FEWEST_SPECIMENS, EffectEstimate, holm, mean_shift, signed_rank_shift
-from cutenv.sim_to_real.equivalence import Agreement, Finding, Inconclusive, Verdict
-from cutenv.sim_to_real.measures import MEASURES, Measure
+from cutenv.sim_to_real.equivalence import (
+    FEWEST_SPECIMENS,
+    Agreement,
+    EffectEstimate,
+    Finding,
+    Inconclusive,
+    Verdict,
+    holm,
+    mean_shift,
+    signed_rank_shift,
+)
+from cutenv.sim_to_real.measures import MEASURES, ComparedCut, Measure, force_over_position, force_rmse, position_rmse
 
 __all__ = [
     "FEWEST_SPECIMENS",

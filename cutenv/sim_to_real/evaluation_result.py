@@ -5,14 +5,19 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from cutenv._base.unit_table import shown_unit
-from cutenv.report.page import number
-from cutenv.report.study_table import three_digits
-from cutenv.sim_to_real import Agreement, ClockKept, Finding
+from cutenv.report.page import PHONE_WIDTH, label, new_figure, number, plain_axes, spoken, write_page
+from cutenv.report.study_table import three_digits, typeset
+from cutenv.sim_to_real import Agreement, ClockKept, ComparedCut, Finding, force_over_position, force_rmse
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 
 EVALUATION_SCHEMA = "cutenv-evaluation/1"
 LEADING = (
@@ -209,3 +214,179 @@ def bars(clock: ClockKept, most: int = _BARS) -> Sequence[tuple[float, float, in
     half = max(0.5 * (high - low), 0.5e-6)
     counts, edges = np.histogram(clock.periods, bins=most if half > 0.5e-6 else 1, range=(middle - half, middle + half))
     return [(float(a), float(b), int(n)) for a, b, n in zip(edges, edges[1:], counts, strict=False)]
+
+
+VERDICT_COLOURS = {"agree": "#0072b2", "differ": "#d55e00", "undecided": "#6b6b6b"}
+_MARKERS = {"agree": "o", "differ": "D", "undecided": "s"}
+_RIG, _SIMULATOR = "#d55e00", "#0072b2"
+_FARTHEST = 4.0  # margins beyond which a difference is drawn at the edge
+
+
+def differences_figure(findings: Sequence[Finding], width: float) -> Figure:
+    """Draw every measure's difference with its interval, in margins: the band from -1 to 1 is no difference."""
+    phone = width < PHONE_WIDTH
+    figure = new_figure(width, 1.2 + (0.34 if phone else 0.26) * len(findings))
+    axes = figure.subplots()
+    axes.axvspan(-1.0, 1.0, color="0.92", zorder=0)
+    axes.axvline(0.0, color="0.6", linewidth=0.8)
+    names = [label(spoken(each.measure.name)) for each in findings]
+    told: set[str] = set()
+    for row, each in enumerate(findings):
+        low, value, high = (
+            float(np.clip(end / each.shift.margin, -_FARTHEST, _FARTHEST))
+            for end in (each.shift.low, each.shift.value, each.shift.high)
+        )
+        colour, marker = VERDICT_COLOURS[each.answer], _MARKERS[each.answer]
+        axes.plot([low, high], [-row, -row], color=colour, linewidth=2.0, solid_capstyle="butt")
+        name = None if each.answer in told else each.answer
+        axes.plot(value, -row, marker, color=colour, markersize=5, label=name, linestyle="none")
+        told.add(each.answer)
+        if phone:  # names beside the marks would leave no room for them
+            place = ((0.0, -row), (2, 3), ("axes fraction", "data"))
+            axes.annotate(names[row], place[0], place[1], place[2], textcoords="offset points", fontsize=7)
+    axes.set_yticks([] if phone else -np.arange(len(findings)), [] if phone else names)
+    axes.set_xlim(-_FARTHEST - 0.1, _FARTHEST + 0.1)
+    axes.set_ylim(-len(findings) + 0.4, 0.8)
+    axes.set_xlabel("rig minus simulator, in margins, 95 % interval")
+    plain_axes(axes, "x")
+    figure.legend(loc="outside upper left", ncols=3, frameon=False, fontsize=9)
+    return figure
+
+
+def typical_pair(agreement: Agreement) -> tuple[int, ComparedCut, list[ComparedCut]] | None:
+    """Return the specimen with the median difference of force: its number, and the cuts; None if none is common."""
+    found = [
+        (rmse, place)
+        for place, (cut, simulated) in enumerate(zip(agreement.rig, agreement.simulator, strict=True))
+        if (rmse := force_rmse(cut.trace, simulated[0].trace)) is not None
+    ]
+    if not found:
+        return None
+    _, place = sorted(found)[len(found) // 2]
+    return place, agreement.rig[place], agreement.simulator[place]
+
+
+def force_figure(cut: ComparedCut, simulated: Sequence[ComparedCut], width: float) -> Figure:
+    """Draw the force along the way on both sides, and below their difference and that of two simulated cuts."""
+    phone = width < PHONE_WIDTH
+    figure = new_figure(width, 5.2 if phone else 4.8)
+    panels = figure.subplots(2, 1, sharex=True, height_ratios=[2, 1])
+    for draw, each in enumerate(simulated):
+        at, force = force_over_position(each.trace)
+        name = "simulator, draws of noise" if draw == 0 else None
+        panels[0].plot(1e3 * at, force, color=_SIMULATOR, linewidth=0.9, alpha=0.6, label=name)
+    at, force = force_over_position(cut.trace)
+    panels[0].plot(1e3 * at, force, color=_RIG, linewidth=1.1, label="rig")
+    own_at, own = force_over_position(simulated[0].trace)
+    for other, colour, name in ((simulated[1], _SIMULATOR, "simulator, another draw"), (cut, _RIG, "rig")):
+        other_at, other_force = force_over_position(other.trace)
+        common = own_at[(own_at >= other_at[0]) & (own_at <= other_at[-1])] if len(other_at) else own_at[:0]
+        difference = (
+            np.interp(common, other_at, other_force) - np.interp(common, own_at, own) if len(common) else common
+        )
+        panels[1].plot(1e3 * common, difference, color=colour, linewidth=0.9, label=name)
+    panels[0].set_ylabel("force [N]")
+    panels[1].set_ylabel("less the simulator [N]")
+    panels[1].set_xlabel("position of the blade [mm], up to the first retreat")
+    for axes in panels:
+        plain_axes(axes)
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper left", ncols=2, frameon=False, fontsize=9)
+    return figure
+
+
+def clock_figure(clock: ClockKept, width: float) -> Figure:
+    """Draw histograms of control periods and of the latency from force to command; counts on a logarithmic axis."""
+    phone = width < PHONE_WIDTH
+    figure = new_figure(width, 4.8 if phone else 2.9)
+    panels = figure.subplots(2, 1) if phone else figure.subplots(1, 2)
+    for axes, values, name in (
+        (panels[0], clock.periods, "control period"),
+        (panels[1], clock.latencies, "from force to command"),
+    ):
+        middle, half = 500.0 * float(np.ptp(values) + 2 * values.min()), max(500.0 * float(np.ptp(values)), 0.5)
+        axes.hist(1e3 * values, bins=40, range=(middle - half, middle + half), color=_SIMULATOR)
+        axes.set_yscale("log")
+        axes.set_ylim(bottom=0.7)
+        axes.set_xlabel(f"{name} [ms]")
+        plain_axes(axes)
+    panels[0].axvline(1e3 * clock.nominal, color=_RIG, linewidth=1.2, linestyle="--", label="asked for")
+    panels[0].legend(frameon=False, fontsize=8)
+    panels[0].set_ylabel("commands")
+    return figure
+
+
+_NAMED = 8  # measures named in a sentence
+_KINDS = {"agree": ("good", "They agree"), "differ": ("bad", "They differ"), "undecided": ("open", "Undecided")}
+
+
+def write_evaluation(path: Path, evaluation: Evaluation) -> None:
+    """Write an evaluation as one self-contained page.
+
+    Parameters
+    ----------
+    path : Path
+        Path of the page (.html), in a folder that exists.
+    evaluation : Evaluation
+        Evaluation to write.
+
+    Raises
+    ------
+    ImportError
+        If matplotlib is not installed; the message gives the command that installs it.
+    """
+    agreement = evaluation.agreement
+    kind, word = _KINDS[agreement.verdict.answer]
+    write_page(
+        path,
+        Path(__file__).with_name("evaluation.html"),
+        evaluation=evaluation,
+        kind=kind,
+        word=word,
+        headline=evaluation_headline(evaluation),
+        findings=[(found, *_shown(found)) for found in agreement.findings],
+        pair=typical_pair(agreement) if agreement.paired else None,
+        specimens=_specimens(evaluation) if agreement.paired else [],
+        bars=bars,
+        three_digits=three_digits,
+        typeset=typeset,
+        clock_figure=clock_figure,
+        differences_figure=differences_figure,
+        force_figure=force_figure,
+    )
+
+
+def evaluation_headline(evaluation: Evaluation) -> str:
+    """Return the verdict as a sentence."""
+    agreement = evaluation.agreement
+    verdict, measures = agreement.verdict, len(agreement.findings)
+    if verdict.answer == "agree":
+        return f"All {measures} measures are within their margins: the rig does what the simulator does."
+    if verdict.answer == "differ":
+        return f"{len(verdict.differ)} of {measures} measures differ: {_listed(verdict.differ)}."
+    enough = "more than 1000 specimens" if verdict.needed is None else f"about {verdict.needed} specimens"
+    still = f"{len(verdict.open)} of {measures} measures are open, none differs"
+    return f"{still}: {_listed(verdict.open)}; {enough} would do."
+
+
+def _shown(found: Finding) -> tuple[str, list[str]]:
+    """Return the unit of a finding and its cells: simulator, rig, differences, margin, noise, answer."""
+    unit = shown_unit(found.measure.unit)
+    simulator, rig, margin, noise = (
+        rounded_text(unit.from_si(value)) for value in (found.simulator, found.rig, found.shift.margin, found.noise)
+    )
+    shifts = [interval(*map(unit.from_si, (each.value, each.low, each.high))) for each in (found.shift, found.mean)]
+    return unit.sign, [simulator, rig, *shifts, margin, noise, found.answer]
+
+
+def _specimens(evaluation: Evaluation) -> list[tuple[ComparedCut, str, float]]:
+    """Return by specimen the cut on the rig, and of the simulated ones the ends and the mean return."""
+    rows = []
+    for cut, simulated in zip(evaluation.agreement.rig, evaluation.agreement.simulator, strict=True):
+        ends = ", ".join(dict.fromkeys(each.end for each in simulated))
+        rows.append((cut, ends, sum(each.value for each in simulated) / len(simulated)))
+    return rows
+
+
+def _listed(names: tuple[str, ...]) -> str:
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return ", ".join(map(spoken, names[:_NAMED])) + more

@@ -17,10 +17,9 @@ from cutenv.task.declare import Cuts, OneCut, Task
 from cutenv.task.stepper import batch_of_one
 from cutenv.task_quantities import MEASURABLE_DEPTH
 from cutenv.tissue.grid import N_POINTS
-from cutenv.tissue.nominal import nominal_stiffness
 from cutenv.tissue.sampling import add_vessels, is_vascular, sample_profiles, smooth_field
 from cutenv.tissue.slab import fill_stiffness
-from cutenv.tissue.surface import vary_surface
+from cutenv.tissue.specimen import nominal_stiffness, vary_surface
 
 SHORTEST, LONGEST = 0.060, 0.100
 """Range from which the target length is sampled [m]."""
@@ -67,7 +66,7 @@ class Start(NamedTuple):
     cuts: Cuts
     """One cut at its start; what depends on the key is filled in."""
     expected: StructArray
-    """Mean tissue, :data:`cutenv.tissue.nominal.NOMINAL` of shape (1,), that a rig expects."""
+    """Mean tissue, :data:`cutenv.tissue.specimen.NOMINAL` of shape (1,), that a rig expects."""
     source: int
     """LIVER, VASCULAR, MIXED or GIVEN."""
     target: float
@@ -94,7 +93,7 @@ class Drawing(NamedTuple):
     """See :func:`measure_depth`, and for ``depth_modes``."""
     depth_modes: Array
     surface: tuple[float, float, Array]
-    """Spread [m], greatest depth [m] and modes of :func:`cutenv.tissue.surface.vary_surface`; spread 0: every drawn
+    """Spread [m], greatest depth [m] and modes of :func:`cutenv.tissue.specimen.vary_surface`; spread 0: every drawn
     specimen has the mean surface."""
     worn: Array
     """Fracture resistance over that of a new blade, :meth:`cutenv.tissue.blade_wear.BladeWear.factors`, shape (301,); a

@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 
 from cutenv._base.arrays import Array, Array32, Struct, StructArray
-from cutenv._base.parameter import check_parameters, parameter, taken_from
-from cutenv._base.validation import one_of
+from cutenv._base.validation import check_parameters, one_of, parameter, taken_from
 from cutenv._engine.elementary import log
 from cutenv._engine.intrinsics import prefetch
 from cutenv._engine.jit import njit, njit_inline, njit_internal
@@ -64,10 +63,8 @@ from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.floor import FLOOR_EVERY, follow_floor
 from cutenv.tissue.grid import N_POINTS, POINTS_PER_METRE, SPACING
 from cutenv.tissue.layers import Layers
-from cutenv.tissue.nominal import nominal_stiffness
 from cutenv.tissue.slab import cut_through
-from cutenv.tissue.specimen import Specimen
-from cutenv.tissue.surface import SurfaceSpread
+from cutenv.tissue.specimen import Specimen, SurfaceSpread, nominal_stiffness
 
 DESCENT_SCALE = 0.010
 """Speed downwards of descent action 1 [m/s]."""
@@ -530,7 +527,7 @@ class DepthOptions(TaskOptions):
     keywords : dict
         Keywords of the environment, of which these are removed: ``wanted``, ``layer``, and the fields of
         :class:`DepthConstants`, :class:`~cutenv.cutting.descent.DescentParameters` and
-        :class:`~cutenv.tissue.surface.SurfaceSpread`.
+        :class:`~cutenv.tissue.specimen.SurfaceSpread`.
 
     Attributes
     ----------

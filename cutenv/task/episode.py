@@ -24,9 +24,7 @@ from cutenv.task.stepper import assess_readings, observe_one, step_one, tell_one
 from cutenv.task.weights import Limits, RewardWeights, task_record
 from cutenv.tissue.crack_tip import believe_mean
 from cutenv.tissue.description import TissueDescription
-from cutenv.tissue.nominal import nominal_tissue
-from cutenv.tissue.specimen import Specimen
-from cutenv.tissue.surface import SurfaceSpread
+from cutenv.tissue.specimen import Specimen, SurfaceSpread, nominal_tissue
 
 _GROUPS = {group: tuple(field.name for field in fields) for group, fields in GROUPS.items()}
 

@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cutenv._base.arrays import Array, Array32, Struct, StructArray
-from cutenv._base.parameter import check_parameters, parameter, taken_from
-from cutenv._base.validation import one_of
+from cutenv._base.validation import check_parameters, one_of, parameter, taken_from
 from cutenv._engine.intrinsics import as_float64_view, prefetch
 from cutenv._engine.jit import njit, njit_inline, njit_internal
 from cutenv._engine.randomness import LATERAL_NOISE, LINE_DRAW, TASK, Integer, normal_at, three_normals_at, uniform_at

@@ -69,7 +69,7 @@ class RegisteredTask:
     options: Mapping[str, Any] = field(default_factory=dict)
     """Options of PPO that differ from its defaults."""
     infos: ImportedField = ImportedField()
-    """Infos of data sets besides those of gentle cutting, :class:`cutenv.learning.added_infos.AddedInfos`."""
+    """Infos of data sets besides those of gentle cutting, :class:`cutenv.learning.demonstration.AddedInfos`."""
 
     played: ImportedField = ImportedField()
     """Class of a cut by a person in a window, a :class:`cutenv.play.played_cut.PlayedCut`."""
@@ -124,12 +124,12 @@ _SHIPPED = (
         features="cutenv.policy.depth_features:DepthFeatures",
         scripts="cutenv.policy.depth_scripts:DEPTH_SCRIPTS",
         script="depth by two forces",
-        planner="cutenv.policy.depth_planner:DepthPlanner",
+        planner="cutenv.policy.map_planner:DepthPlanner",
         options={
             **_CORRECTING, "timesteps": 12_000_000, "exploration": 0.05,
             "last_exploration": 0.02, "learning_rate": 5e-4,
         },
-        infos="cutenv.learning.added_infos:DEPTH_INFOS",
+        infos="cutenv.learning.demonstration:DEPTH_INFOS",
         played="cutenv.play.played_depth_cut:PlayedDepthCut",
         hand="cutenv.browser.stylus_steps:HandDepthCut",
     ),
@@ -150,12 +150,12 @@ _SHIPPED = (
         features="cutenv.policy.path_features:PathFeatures",
         scripts="cutenv.policy.path_scripts:PATH_SCRIPTS",
         script="steer by force",
-        planner="cutenv.policy.path_planner:PathPlanner",
+        planner="cutenv.policy.map_planner:PathPlanner",
         options={
             **_CORRECTING, "timesteps": 24_000_000, "exploration": 0.15,
             "last_exploration": 0.05, "learning_rate": 7e-4,
         },
-        infos="cutenv.learning.added_infos:PATH_INFOS",
+        infos="cutenv.learning.demonstration:PATH_INFOS",
         played="cutenv.play.played_path_cut:PlayedPathCut",
         hand="cutenv.browser.stylus_steps:HandPathCut",
     ),

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from cutenv._base.arrays import StructArray
-from cutenv._base.parameter import check_parameters, parameter
+from cutenv._base.validation import check_parameters, parameter
 from cutenv.task.episode_dtypes import TASK
 from cutenv.task.observation import SPEED_SCALE, speed_action
 from cutenv.task.reward import REWARD, Term

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cutenv._base.arrays import Array
-from cutenv._base.parameter import check_parameters, parameter
+from cutenv._base.validation import check_parameters, parameter
 from cutenv.tissue.grid import N_POINTS, SPACING
 from cutenv.tissue.specimen import Specimen
 

@@ -16,7 +16,6 @@ import numpy as np
 
 from cutenv._base import resources
 from cutenv._base.arrays import Array, StructArray
-from cutenv.tissue.derivation import FOLDER
 from cutenv.tissue.grid import N_POINTS, SPACING
 from cutenv.tissue.lines import (
     LARGEST_CURVATURE,
@@ -36,6 +35,7 @@ from cutenv.tissue.path_model import (
     stiffness_at_tips,
     stiffness_at_unit_modulus,
 )
+from cutenv.tissue.tables import FOLDER
 
 KINDS = ("straight", "arc", "s", "excision", "random")
 """Kinds of drawn lines."""

@@ -1,4 +1,4 @@
-"""The local effective modulus by speed and angle: fits to Tables 5.5 to 5.7 (equations 5.1 to 5.10).
+"""The local effective modulus by speed and angle: fits to Tables 5.5 to 5.7 (equations 5.1 to 5.10), and its fall.
 
 A local effective modulus (LEM) is the modulus measured in a cut: the slope of a loading increment over kappa and the
 depth of cut (equations 3.1 and 3.2). It is apparent: in a slab that is not cut through it is higher than the modulus
@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal, overload
 
@@ -22,8 +23,44 @@ from scipy.optimize import isotonic_regression
 
 from cutenv._base.arrays import Array
 from cutenv._base.validation import array_in_range, in_range, one_of
-from cutenv.tissue.fall import Falls, end_of_fall
 from cutenv.tissue.tables import table
+
+Falls = tuple[tuple[float, float, float], ...]
+"""Steps of a fall: share of the whole [1], and the two speeds [m/s] between which it is linear."""
+
+MOST = 3
+"""Largest number of steps that the cutting law has fields for."""
+
+
+def checked_falls(name: str, given: Iterable[Iterable[float]]) -> Falls:
+    """Return the steps as a tuple, also from lists read from a file; raise ValueError, naming the field, if invalid."""
+    shape = f"{name}: give up to {MOST} steps (share, from [m/s], to [m/s]) whose shares sum to 1, or () for a line."
+    try:
+        falls = tuple((float(share), float(start), float(end)) for share, start, end in given)
+    except (TypeError, ValueError):
+        raise ValueError(f"{shape} Found {given!r}.") from None
+    if len(falls) > MOST or (falls and abs(sum(share for share, *_ in falls) - 1.0) > 1e-6):
+        raise ValueError(f"{shape} Found {falls!r}.")
+    for share, start, end in falls:
+        in_range(f"{name}, share", share, 0.0, 1.0, "1", "0.4 is 40 % of the fall.")
+        in_range(f"{name}, from", start, 0.0, 0.5, "m/s", "1.27 cm/s is 0.0127.")
+        in_range(f"{name}, to", end, start + 1e-6, 0.5, "m/s", "A step ends at a greater speed than it begins.")
+    return falls
+
+
+def end_of_fall(falls: Falls) -> float:
+    """Return the speed [m/s] at which the last step ends; a line of the same mean slope has fallen as far there."""
+    return max(end for *_, end in falls)
+
+
+def speed_on_line(speed: ArrayLike, falls: Falls) -> Array:
+    """Return the speed [m/s] at which a line of the same mean slope has fallen as far; ``speed`` if no steps."""
+    v = np.asarray(speed, np.float64)
+    if not falls:
+        return v
+    fallen = sum(share * np.clip((v - start) / (end - start), 0.0, 1.0) for share, start, end in falls)
+    return np.asarray(end_of_fall(falls) * fallen)
+
 
 Formulation = Literal["plane_stress", "plane_strain"]
 
@@ -166,7 +203,7 @@ def falls(
     slope : float
         Mean slope, from 0 to the speed at which the last step ends [Pa s/m].
     falls : tuple of (float, float, float)
-        Steps, see :mod:`cutenv.tissue.fall`.
+        Steps, see :mod:`cutenv.tissue.effective_modulus`.
 
     Notes
     -----

@@ -6,8 +6,7 @@ import math
 from dataclasses import dataclass
 
 from cutenv._base.arrays import Struct
-from cutenv._base.parameter import check_parameters, parameter
-from cutenv._base.validation import in_range
+from cutenv._base.validation import check_parameters, in_range, parameter
 from cutenv._engine.jit import njit_inline
 
 

@@ -17,8 +17,7 @@ from cutenv._base.arrays import Array, Indices
 from cutenv._base.validation import in_range, one_of
 from cutenv.tissue.continuum import METRES, Continuum, checked_relative_modulus
 from cutenv.tissue.description import TissueDescription
-from cutenv.tissue.elasticity import lame_parameters
-from cutenv.tissue.element_matrices import local_compliance, square_compliance
+from cutenv.tissue.elasticity import lame_parameters, local_compliance, square_compliance
 from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING
 from cutenv.tissue.lines import SIDE_MARGIN, WIDTH, CutLine, length_within, straight
 from cutenv.tissue.mesh import ACROSS, ALONG, CutMesh, checked_divisions, read_only
@@ -152,7 +151,7 @@ class PathModel:
         """Return the stiffness at each tip if the elements there were squares of a size, shape (n_tips, 2, 2).
 
         Where the line is oblique, elements are, and a point force feels them; see
-        :mod:`cutenv.tissue.element_matrices`.
+        :mod:`cutenv.tissue.elasticity`.
 
         Parameters
         ----------

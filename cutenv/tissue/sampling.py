@@ -28,8 +28,7 @@ from cutenv._engine.randomness import (
     uniform_at,
 )
 from cutenv.tissue.description import TissueDescription
-from cutenv.tissue.field import field_modes, lognormal_sigma
-from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING, bulge
+from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING, bulge, field_modes, lognormal_sigma
 from cutenv.tissue.slab import SLAB, partial_depth
 
 INCLUSION_FACTOR = (1.5, 2.5)

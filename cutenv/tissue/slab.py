@@ -5,9 +5,9 @@ A specimen is a slab, 8 x 15 cm and T thick.  K is the blade force over the blad
     K(a) = T g(a, B/T) [(1 - c) k(a) + c l(a)]
 
 k is the 2-D model's stiffness per thickness in the field of moduli, averaged as by a point load
-(:mod:`cutenv.tissue.condensation`).  g is the effect of partial depth of cut, from bricks.  A shallow blade is affected
-more by its near surroundings: the share c(a, B/T) of its stiffness is l = kappa E of the two rows of elements at the
-tip (``scripts/derive_partial_depth.py``).  In a uniform slab that is cut through, K = E kappa(a) B.
+(:mod:`~cutenv.tissue.varying_modulus`).  g is the effect of partial depth of cut, from bricks.  A shallow blade is
+affected more by its near surroundings: the share c(a, B/T) of its stiffness is l = kappa E of the two rows of elements
+at the tip (``scripts/derive_partial_depth.py``).  In a uniform slab that is cut through, K = E kappa(a) B.
 
 The field's 301 points become the moduli of 15 rows of elements by their means over each centimetre; between tips on the
 rows' borders k and l are interpolated as in ``CutModel`` (PCHIP), and below the first border they keep its value.
@@ -26,10 +26,10 @@ from numpy.typing import ArrayLike, NDArray
 from cutenv._base import resources
 from cutenv._base.arrays import Array, Struct
 from cutenv._engine.jit import njit, njit_inline, njit_internal
-from cutenv.tissue.condensation import UNKNOWNS, Condensed, condensed
 from cutenv.tissue.cut_model import CutModel
-from cutenv.tissue.derivation import FOLDER
 from cutenv.tissue.grid import LENGTH, N_POINTS
+from cutenv.tissue.tables import FOLDER
+from cutenv.tissue.varying_modulus import UNKNOWNS, Condensed, condensed
 
 ROWS = 15
 """Number of rows of elements along the cut, one centimetre each."""

@@ -1,21 +1,22 @@
-"""One piece of tissue, sampled from the measured spread: its properties along the cut line."""
+"""One piece of tissue, sampled from the measured spread; its surface; and the mean tissue, which a rig assumes."""
 
 from __future__ import annotations
 
 import dataclasses
 import json
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from cutenv._base.arrays import Array
-from cutenv._base.validation import array_in_range, in_range, one_of
-from cutenv._engine.randomness import check_key
+from cutenv._base.arrays import Array, Struct, StructArray
+from cutenv._base.validation import array_in_range, check_parameters, in_range, one_of, parameter
+from cutenv._engine.jit import njit, njit_inline
+from cutenv._engine.randomness import SURFACE, Key, check_key
 from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.description import TissueDescription, checked_fields, measured_liver
-from cutenv.tissue.field import lognormal_sigma
-from cutenv.tissue.grid import LENGTH, N_POINTS, POINTS_PER_METRE, SPACING
+from cutenv.tissue.grid import LENGTH, N_POINTS, POINTS_PER_METRE, SPACING, field_modes, lognormal_sigma
 from cutenv.tissue.sampling import (
     add_vessels,
     bulge_of,
@@ -23,9 +24,10 @@ from cutenv.tissue.sampling import (
     lognormal,
     sample_all_profiles,
     sampler,
+    smooth_field,
     tissue_modes,
 )
-from cutenv.tissue.slab import stiffness_along
+from cutenv.tissue.slab import DEPTHS, at_depth, stiffness_along
 
 CLASSES = ("uniform", "liver", "vascular", "mixed")
 SPECIMEN_SCHEMA = "cutenv-specimen/2"
@@ -273,3 +275,101 @@ def _check_generator(rng: np.random.Generator) -> None:
         raise TypeError(
             f"rng = {rng!r} must be a numpy.random.Generator; cutenv._engine.randomness.generator(seed) makes one."
         )
+
+
+_STEPS = len(DEPTHS) - 1
+
+NOMINAL: np.dtype[Any] = np.dtype(
+    (
+        np.record,
+        [
+            ("stiffness", "f8", (N_POINTS, _STEPS + 1)),  # K with the tip at each point, by depth of cut [N/m]
+            ("thickness", "f8"),  # of the slab, the deepest cut [m]
+            ("toughness_per_depth", "f8"),  # fracture part of R [N/m]
+            ("friction_per_depth", "f8"),  # on a moving blade [N/m]
+        ],
+    )
+)
+"""Structured dtype of the mean tissue."""
+
+
+@lru_cache(maxsize=8)
+def nominal_tissue(tissue: TissueDescription) -> StructArray:
+    """Return the :data:`NOMINAL` of a tissue, shape (1,), read-only."""
+    nominal = np.zeros(1, NOMINAL)
+    nominal["thickness"] = tissue.thickness
+    nominal["toughness_per_depth"] = (1.0 - tissue.friction_share) * tissue.fracture_resistance
+    nominal["friction_per_depth"] = tissue.nominal_friction_per_depth
+    _fill(nominal, tissue.slab(), tissue.modulus, tissue.thickness)
+    nominal.setflags(write=False)
+    return nominal
+
+
+@njit
+def _fill(nominal: StructArray, slabs: StructArray, modulus: float, thickness: float) -> None:
+    stiffness, slab = nominal[0].stiffness, slabs[0]
+    for i in range(N_POINTS):
+        for k in range(_STEPS + 1):
+            effective_depth, _ = at_depth(slab, i, thickness * k / _STEPS, thickness)
+            stiffness[i, k] = modulus * slab.kappa[i] * effective_depth
+
+
+@njit_inline
+def nominal_stiffness(nominal: Struct, i: int, depth: float) -> float:
+    """Return K [N/m] of the mean tissue for a tip at point ``i`` and a cut ``depth`` [m] deep."""
+    level = min(depth / nominal.thickness, 1.0) * _STEPS
+    k = min(int(level), _STEPS - 1)
+    stiffness = nominal.stiffness
+    low = stiffness[i, k]
+    K: float = low + (level - k) * (stiffness[i, k + 1] - low)
+    return K
+
+
+_LEAST = 1e-3  # depth of cut at level 0 [m]: that of the mean bulge at the clamp
+_FIRST = np.int64(0)  # not a literal, for which Numba would compile the function again
+
+
+@dataclass(frozen=True, kw_only=True)
+class SurfaceSpread:
+    """Spread of the surface between slices.
+
+    Without it every slice has the same surface, and who learns that by heart needs no measurement of it.
+    """
+
+    surface_spread: float = parameter(
+        0.002, unit="m", low=0.0, high=0.01, provenance="assumed",
+        source="SD of a slice's surface from the mean bulge: a tenth of the crown; the thesis calls the thickness "
+        "naturally varying and gives no number", sensitivity=(0.0, 0.004),
+    )  # fmt: skip
+    surface_length: float = parameter(
+        0.030, unit="m", low=0.005, high=0.2, provenance="assumed", source="correlation of it along the cut",
+        sensitivity=(0.015, 0.060),
+    )  # fmt: skip
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+
+    def modes(self) -> Array:
+        """Return the modes of the deviation along a slice, shape (n_modes, 301)."""
+        return field_modes(N_POINTS, SPACING, self.surface_length)
+
+    def of(self, specimen: Specimen, seed: int, episode: int) -> Specimen:
+        """Return a drawn specimen with the surface of this random key; one of class uniform has no spread."""
+        if self.surface_spread == 0.0 or specimen.specimen_class == "uniform":
+            return specimen
+        depth = specimen.depth.copy()
+        key = np.uint64(seed), np.uint64(episode)
+        vary_surface(key, self.surface_spread, specimen.thickness, self.modes(), depth)
+        return dataclasses.replace(specimen, depth=depth)
+
+
+@njit
+def vary_surface(key: Key, spread: float, thickness: float, modes: Array, depth: Array) -> None:
+    """Let the surface of a slice differ from the mean bulge: ``depth`` of cut at level 0 [m], shape (301,), changed.
+
+    It remains within the slab's ``thickness`` [m].
+    """
+    deviation = np.empty(N_POINTS)
+    smooth_field(key, SURFACE, _FIRST, modes, deviation)
+    for i in range(N_POINTS):
+        depth[i] = min(max(depth[i] + spread * deviation[i], min(depth[i], _LEAST)), thickness)

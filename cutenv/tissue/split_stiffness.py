@@ -14,7 +14,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.linalg import SuperLU
 
 from cutenv._base.arrays import Array, Indices
-from cutenv.tissue.element_matrices import element_stiffness, local_compliance, square_compliance
+from cutenv.tissue.elasticity import element_stiffness, local_compliance, square_compliance
 from cutenv.tissue.split_mesh import MeshPlace, Part, SplitMesh, cell_places, whole
 from cutenv.tissue.tip_response import sparse_factors
 

@@ -231,7 +231,7 @@ class SteeredModel:
         """Return the stiffness that the model would have with square elements of a size at the tip.
 
         Nodes that moved onto the crack, and triangles, make elements of other sizes and shapes at every tip, which
-        a point force feels; see :mod:`cutenv.tissue.element_matrices`.
+        a point force feels; see :mod:`cutenv.tissue.elasticity`.
 
         Parameters
         ----------

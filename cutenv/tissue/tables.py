@@ -1,7 +1,8 @@
-"""The thesis's printed tables: parsed strictly, with their errata and printed digits."""
+"""Tables of numbers: the thesis's, parsed strictly, with errata and printed digits, and constants derived from them."""
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -231,3 +232,39 @@ def measured_fracture_resistance() -> FractureResistance:
     averages = data["fracture_resistance_J_m2"]
     variance_within = float((data["sd_fracture_resistance_J_m2"] ** 2).mean())
     return FractureResistance(mean=float(averages.mean()), sd=math.sqrt(variance_within + float(averages.var(ddof=0))))
+
+
+FOLDER = "derived"
+"""Folder of the assets with these files."""
+
+
+def derived_value(name: str) -> float:
+    """Return the value stored in ``assets/derived/<name>.json``.
+
+    Raises
+    ------
+    FileNotFoundError
+        If no script has derived it.
+    ValueError
+        If the file holds no finite number.
+    """
+    file = resources.path(f"{FOLDER}/{name}.json")
+    value = json.loads(file.read_text()).get("value")
+    if not isinstance(value, (int, float)) or not math.isfinite(value):
+        raise ValueError(f"{file.name}: value = {value!r} is not a finite number; derive it again.")
+    return float(value)
+
+
+class DerivedConstant(NamedTuple):
+    """A derived constant: its value, unit, 95 % interval, source and script."""
+
+    value: float
+    unit: str
+    interval_95: tuple[float, float] | None
+    source: str
+    script: str
+
+
+def write_derived(name: str, constant: DerivedConstant) -> None:
+    """Store a derived constant."""
+    resources.path(FOLDER).joinpath(f"{name}.json").write_text(json.dumps(constant._asdict(), indent=1) + "\n")

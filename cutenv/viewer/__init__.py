@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from cutenv.viewer.cut_viewer import CutViewer
 from cutenv.viewer.drawn_slab import Slab
 from cutenv.viewer.scene import ForceTrace, Layout, Moment
+from cutenv.viewer.window import CutViewer
 
 __all__ = ["CutViewer", "ForceTrace", "Layout", "Moment", "Slab"]

@@ -5,9 +5,15 @@ clamp, z up from the plate [m].
 """
 
 from cutenv.vision.bead_tracks import BeadTracks
-from cutenv.vision.field_comparison import FieldComparison, compare_displacements, compare_field
+from cutenv.vision.field_comparison import (
+    FieldComparison,
+    ZoneModuli,
+    compare_displacements,
+    compare_field,
+    estimate_zone_moduli,
+    even_borders,
+)
 from cutenv.vision.filmed_measurement import FilmedMeasurement, MeanModulus, measure_filmed_cut, zones_as_measured
-from cutenv.vision.zone_moduli import ZoneModuli, estimate_zone_moduli, even_borders
 
 __all__ = [
     "BeadTracks",

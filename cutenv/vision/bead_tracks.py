@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array, Indices
-from cutenv._base.atomic_file import atomic_write
+from cutenv._base.output import atomic_write
 from cutenv.measurement import ModulusEstimate, Segment
 from cutenv.trace import Trace
 

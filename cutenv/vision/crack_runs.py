@@ -21,8 +21,8 @@ from cutenv.measurement.segments import loading_segments, smoothing_readings_of
 from cutenv.trace import Trace
 from cutenv.vision.cameras import GreyImage
 from cutenv.vision.depth_record import FilmedDepth
+from cutenv.vision.film_source import VideoFrame
 from cutenv.vision.marked_blade import BladeInView
-from cutenv.vision.video import VideoFrame
 
 _AHEAD, _BESIDE = 14e-3, 7e-3  # reach of the window around the blade along the travel and upright in the image [m]
 _APART = 5.0  # of the points that are followed [px]

@@ -15,9 +15,9 @@ from cutenv._base.arrays import Array
 from cutenv._base.validation import one_of
 from cutenv.measurement.depth import DEPTH_SD_KEY
 from cutenv.trace import Trace
-from cutenv.vision.blade_depth import BladeInSpace, DepthFrame
 from cutenv.vision.blade_mark import MarkedBlade
 from cutenv.vision.cameras import angle_between
+from cutenv.vision.marked_blade import BladeInSpace, DepthFrame
 
 TRAVELS = ("right", "left")
 """Ways in which the blade can go in the images when it cuts."""

@@ -13,7 +13,7 @@ from cutenv._base.validation import in_range
 from cutenv.measurement import DepthProfile, ModulusEstimate, estimate_local_effective_moduli
 from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.slab import effective_depth
-from cutenv.tissue.zoned_model import zoned_model
+from cutenv.tissue.varying_modulus import zoned_model
 from cutenv.trace import Trace
 from cutenv.vision.bead_tracks import BeadRises, BeadTracks, RampLoad, bead_rises
 

@@ -13,12 +13,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cutenv._base.arrays import Array
-from cutenv._base.atomic_file import atomic_write
+from cutenv._base.output import atomic_write
 from cutenv._base.validation import in_range, one_of
-from cutenv.vision.calibration_grid import CalibrationRefusedError, GridHoles, locate_grid, residual_picture
 from cutenv.vision.distortion import Distortion, FittedDistortion, fit_distortion
 from cutenv.vision.projection import fit_projection
-from cutenv.vision.spots import checked_image
+from cutenv.vision.spots import CalibrationRefusedError, GridHoles, checked_image, locate_grid, residual_picture
 
 CARM_SCHEMA = "cutenv.carm/1"
 """Name and version of the calibration file."""

@@ -12,10 +12,8 @@ import numpy as np
 
 from benchmark.kept_cuts import KeptRun, Row, read_runs
 from benchmark.protocol import ENTRIES, REFERENCE
-from cutenv.learning.benchmark_protocol import Protocol
-from cutenv.learning.intervals import Interval, stratified
-from cutenv.learning.result_tables import rows_of
-from cutenv.learning.standing import CUT_MARKS, IQM, MEAN, paired_difference, standing, strata
+from cutenv.learning.benchmark import CUT_MARKS, IQM, MEAN, Protocol, paired_difference, standing, strata
+from cutenv.learning.statistics import Interval, rows_of, stratified
 
 ALL = "all"
 """All pure classes together: one stratum each, in which a seed gives one specimen of each."""

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from benchmark.protocol import slug
-from cutenv._base.atomic_file import atomic_write
-from cutenv.learning.benchmark_protocol import Protocol
+from cutenv._base.output import atomic_write
+from cutenv.learning.benchmark import Protocol
 
 Row = dict[str, str]
 

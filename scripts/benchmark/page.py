@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from benchmark.protocol import ENTRIES
 from cutenv.report.page import write_page
-from cutenv.report.training_figures import Bar, returns_figure
+from cutenv.report.training_result import Bar, returns_figure
 
 if TYPE_CHECKING:
     from benchmark.summary import Table

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cutenv._base.atomic_file import atomic_write
-from cutenv.learning.benchmark_protocol import Protocol
+from cutenv._base.output import atomic_write
+from cutenv.learning.benchmark import Protocol
 from cutenv.policy import NULL_POLICIES, ORACLE, SCRIPTS
 
 BEST_FEED = "best constant feed"

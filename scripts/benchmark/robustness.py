@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cutenv._base.atomic_file import atomic_write
-from cutenv._base.parameter import parameter_table
+from cutenv._base.output import atomic_write
+from cutenv._base.validation import parameter_table
 from cutenv.cutting.drive import Rig
 from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.sensor import SensorParameters

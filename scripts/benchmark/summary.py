@@ -7,8 +7,7 @@ from typing import Any
 
 from benchmark.aggregate import AFTER, ALL, UNCHANGED, Line, verdict
 from benchmark.protocol import ENTRIES, FEWEST_SEEDS, REFERENCE, SCRIPTED
-from cutenv.learning.benchmark_protocol import Protocol
-from cutenv.learning.standing import CUT_MARKS, IQM, MEAN, TABLE_COLUMNS, TableColumn, shown
+from cutenv.learning.benchmark import CUT_MARKS, IQM, MEAN, TABLE_COLUMNS, Protocol, TableColumn, shown
 from cutenv.policy import NULL_POLICIES, ORACLE
 
 Heading, Rows = list[str], list[list[str]]

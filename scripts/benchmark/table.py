@@ -11,8 +11,8 @@ from benchmark.page import write_page_of
 from benchmark.protocol import ENTRIES, SCRIPTED, keep_protocol, kept_protocol, slug
 from benchmark.summary import Table
 from cutenv.commands.submit import checked
-from cutenv.learning.benchmark_protocol import Protocol
-from cutenv.learning.result_tables import rows_of, write_csv
+from cutenv.learning.benchmark import Protocol
+from cutenv.learning.statistics import rows_of, write_csv
 
 PUBLISHED = Path(__file__).parents[2] / "assets" / "benchmark"
 """Folder of the published comparison."""

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import cutenv
-from cutenv._base.atomic_file import atomic_write
+from cutenv._base.output import atomic_write
 from speed.machine import description
 from speed.measured import Number
 

@@ -31,8 +31,8 @@ from thesis_figures.style import (
 )
 
 if TYPE_CHECKING:
-    from cutenv.vision.blade_depth import BladeInSpace
     from cutenv.vision.depth_record import FilmedDepth
+    from cutenv.vision.marked_blade import BladeInSpace
 
 TOTAL, STRIP, WIDTH = 0.0425, 0.004, 0.008  # of the blade, from the strip's centre to its end as in the thesis [m]
 FIELD, TRAVEL, SHOWN = 0.17, 0.10, 0.06  # width of what a camera sees, travel, and place of the frame that is shown [m]
@@ -54,11 +54,10 @@ def filmed_liver(rate: float) -> FilmedLiver:
     # OpenCV and PyAV are an extra, which the other figures do not need.
     from rendering.filmed_cut import film_cut
 
-    from cutenv.vision.blade_depth import BladeCameras
     from cutenv.vision.camera_calibration import CalibrationBoard, calibrate_cameras
     from cutenv.vision.depth_record import filmed_depth
-    from cutenv.vision.marked_blade import MarkedBlade
-    from cutenv.vision.video import VideoFrame
+    from cutenv.vision.film_source import VideoFrame
+    from cutenv.vision.marked_blade import BladeCameras, MarkedBlade
 
     cut = virtual_cut(KIND, speed=SPEEDS[1], turns=(TRAVEL, 0.0))
     (position,) = cut.trace.require("position", by="filmed_liver")

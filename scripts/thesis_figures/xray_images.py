@@ -13,10 +13,10 @@ from rendering.xray import XRayCamera
 from rendering.xray_session import ERRORS, Session
 from scipy.ndimage import map_coordinates
 
-from cutenv.vision.calibration_grid import GridHoles
 from cutenv.vision.distortion import THESIS_ERROR, FittedDistortion
 from cutenv.vision.fluoroscopy import CArmView, calibrate_view
 from cutenv.vision.projection import THESIS_MAGNIFICATION, fit_magnification
+from cutenv.vision.spots import GridHoles
 from thesis_figures.style import FIRST, FORCE, STRAIN, STRESS, named, panels, save
 
 SEED = 72

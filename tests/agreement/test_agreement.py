@@ -22,7 +22,7 @@ from cutenv.sim_to_real import (
     position_rmse,
     signed_rank_shift,
 )
-from cutenv.sim_to_real.curves import force_offset
+from cutenv.sim_to_real.measures import force_offset
 from cutenv.trace import Trace
 
 

@@ -15,7 +15,7 @@ from opened_page import Browser, fits_and_can_be_read, open_on_telephone, start,
 
 pytest.importorskip("jinja2", reason="pages are an extra: pip install 'cutenv[view]'")
 
-from cutenv._base.languages import LANGUAGES
+from cutenv._base.document import LANGUAGES
 from cutenv.browser import HandCut, write_page_alone
 from cutenv.browser.page_alone import page_texts, scoring_data, specimen_data
 from cutenv.commands import single_page

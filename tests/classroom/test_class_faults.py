@@ -27,7 +27,7 @@ from sqlalchemy import event
 
 from cutenv.browser import HandCut
 from cutenv.classroom import ClassStore, class_store, lesson
-from cutenv.classroom.request_guard import Trials
+from cutenv.classroom.class_site import Trials
 from cutenv.recording import load_one
 
 TWO_TASKS = """name = "two"

@@ -20,7 +20,7 @@ from class_room import Room, cut_once, hand, message, to_the_end
 from cutenv.browser import HandCut
 from cutenv.browser.stylus_steps import HandDepthCut, HandPathCut
 from cutenv.classroom import Lesson
-from cutenv.classroom.request_guard import LARGEST_BODY, Trials
+from cutenv.classroom.class_site import LARGEST_BODY, Trials
 from cutenv.play.course import named_course
 from cutenv.recording import load_one
 from cutenv.scoring import score

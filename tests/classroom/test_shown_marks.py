@@ -16,11 +16,11 @@ from recorded_cut import recorded_cut
 
 from cutenv.browser.scorm_package import write_scorm_package
 from cutenv.classroom.class_store import MarkInForce
-from cutenv.classroom.shown_result import shown_card
+from cutenv.classroom.lesson import shown_card
 from cutenv.play.course import CourseTask
 from cutenv.report.trainee_sheet import write_class_list, write_trainee_sheet
 from cutenv.scoring import ScoreCard, score
-from cutenv.scoring.outcome import tip_error
+from cutenv.scoring.cut_metrics import tip_error
 from cutenv.scoring.points import outcome_of
 from cutenv.scoring.score_card import whole_score
 from cutenv.scoring.scored_cut import ScoredCut

@@ -21,9 +21,9 @@ from starlette.testclient import TestClient
 
 from cutenv.classroom import ClassStore, Lesson
 from cutenv.classroom.class_backup import restore_backup, write_backup
+from cutenv.classroom.class_overview import class_means, score_curve
 from cutenv.classroom.class_store import CutEnd
 from cutenv.classroom.foreign_upload import LARGEST_UPLOAD
-from cutenv.classroom.score_curve import class_means, score_curve
 from cutenv.play.course import named_course
 from cutenv.recording import load_one, save
 from cutenv.scoring.study.estimate import FEWEST_PEOPLE

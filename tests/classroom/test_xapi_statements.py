@@ -27,8 +27,7 @@ from starlette.testclient import TestClient
 from cutenv.browser import HandCut
 from cutenv.classroom.class_server import class_app
 from cutenv.classroom.class_site import ClassSite
-from cutenv.classroom.statement_queue import StatementQueue
-from cutenv.classroom.xapi_statements import Courier, statement
+from cutenv.classroom.xapi_statements import Courier, StatementQueue, statement
 from cutenv.commands.serve import main
 from cutenv.play.course import named_course
 

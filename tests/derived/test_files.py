@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from cutenv._base import resources
-from cutenv._base.atomic_file import atomic_write
+from cutenv._base.output import atomic_write
 from cutenv.tissue.tables import Printed, read_table, table, table_numbers
 
 
@@ -56,7 +56,7 @@ def test_a_process_killed_in_mid_write_leaves_what_was_there(tmp_path):
     target.write_text("old")
     code = f"""
 import os, signal
-from cutenv._base.atomic_file import atomic_write
+from cutenv._base.output import atomic_write
 with atomic_write({str(target)!r}) as part:
     with part.open("w") as file:
         file.write("half of the n")

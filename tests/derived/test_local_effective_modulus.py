@@ -16,13 +16,15 @@ from cutenv.tissue.description import TissueDescription, tables_only
 from cutenv.tissue.effective_modulus import (
     PowerFit,
     SpeedFit,
+    checked_falls,
+    end_of_fall,
     falls,
     linear_fit,
     local_effective_modulus,
     power_fit,
     quasi_static_modulus,
+    speed_on_line,
 )
-from cutenv.tissue.fall import checked_falls, end_of_fall, speed_on_line
 from cutenv.tissue.tables import table
 from cutenv.tissue.variance_components import inclined_spread
 

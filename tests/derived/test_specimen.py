@@ -17,14 +17,12 @@ from led_cut import liver
 from reproduction.elements import model
 
 from cutenv._engine.randomness import generator
-from cutenv.tissue.condensation import condensed
 from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.description import TissueDescription
-from cutenv.tissue.field import field_modes
-from cutenv.tissue.grid import bulge
-from cutenv.tissue.nominal import nominal_stiffness, nominal_tissue
+from cutenv.tissue.grid import bulge, field_modes
 from cutenv.tissue.slab import THICKNESS, effective_depth, row_means, slab_of, stiffness_along
-from cutenv.tissue.specimen import LENGTH, N_POINTS, SPACING, Specimen, draw_liver
+from cutenv.tissue.specimen import LENGTH, N_POINTS, SPACING, Specimen, draw_liver, nominal_stiffness, nominal_tissue
+from cutenv.tissue.varying_modulus import condensed
 
 Y = np.arange(N_POINTS) * SPACING
 TISSUE = liver(modulus_between_liver_cv=0.15, modulus_between_cut_cv=0.22, modulus_within_cut_cv=0.2)

@@ -12,8 +12,7 @@ import pytest
 
 from cutenv.plant import FreehandPlant, SteeredPlant
 from cutenv.tissue import CutModel, PathModel, Specimen, SteeredModel
-from cutenv.tissue.elasticity import lame_parameters
-from cutenv.tissue.element_matrices import element_stiffness, local_compliance, square_compliance
+from cutenv.tissue.elasticity import element_stiffness, lame_parameters, local_compliance, square_compliance
 from cutenv.tissue.lines import CutLine, arc, bent, half_ellipse, random_line, s_shape, straight
 from cutenv.tissue.split_mesh import SplitMesh, whole
 

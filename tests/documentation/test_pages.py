@@ -20,7 +20,7 @@ from cutenv import cli
 from cutenv.recording import UNITS, load, load_operators
 from cutenv.rig.config.axes import HeightAxis, SideAxis
 from cutenv.rig.config.settings import SafetyLimits
-from cutenv.rig.emulator.faults import FAULTS
+from cutenv.rig.emulator.emulated_bench import FAULTS
 from cutenv.rig.safety.stop_causes import STILL
 from cutenv.task.weights import RewardWeights
 

@@ -11,8 +11,7 @@ from whole_cut import CRUISE, FASTEST, INCLINED, UPRIGHT
 from cutenv.envs.batch import CutBatch
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.policy import Policy, ProbeAndCreep, StopAndUnload
-from cutenv.policy.interface import ArrayPolicy, as_array_policy
-from cutenv.policy.signals import choose, in_si, to_actions
+from cutenv.policy.interface import ArrayPolicy, as_array_policy, choose, in_si, to_actions
 from cutenv.task.declare import Cuts
 from cutenv.task.observation import COMPONENTS
 from cutenv.tissue.specimen import SPACING

@@ -12,7 +12,7 @@ from cutenv import cli
 from cutenv.commands.options import add_task, command_parser
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.play.haptics import Stylus
-from cutenv.report.glossary import term_meanings
+from cutenv.report.page import term_meanings
 from cutenv.task.declare import Task
 from cutenv.task.registry import TASKS
 

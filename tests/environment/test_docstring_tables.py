@@ -192,7 +192,7 @@ PROGRAM = """
 import dataclasses, json
 import gymnasium, numpy as np
 import cutenv
-from cutenv.report.glossary import term_meanings
+from cutenv.report.page import term_meanings
 from cutenv.task.weights import RewardWeights
 
 STEPS, ACTION = 3, np.float32([0.5, -0.5])

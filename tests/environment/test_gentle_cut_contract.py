@@ -20,7 +20,7 @@ from cutenv.envs.depth_cut import DepthCutEnv
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.envs.path_cut import PathCutEnv
 from cutenv.policy import ConstantFeed
-from cutenv.policy.signals import to_actions
+from cutenv.policy.interface import to_actions
 from cutenv.task.observation import DEAD_ZONE, commanded_speed, in_units, to_action
 from cutenv.tissue.specimen import CLASSES
 

@@ -12,7 +12,7 @@ from hacks import HACKS
 from reference_assessment import WEIGHTS, check_assessment
 from whole_cut import FASTEST, INCLINED, UPRIGHT, Cut, Script, cut, go_on, legs, make, steady
 
-from cutenv.learning.batched_rollout import batched_rollout
+from cutenv.learning.evaluation import batched_rollout
 from cutenv.policy import BASELINES, ConstantFeed, FastThenSlow, NoAction, RandomAction
 from cutenv.task.reward import GAINS
 from cutenv.tissue import Specimen

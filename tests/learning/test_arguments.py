@@ -9,11 +9,17 @@ from dataclasses import dataclass
 
 import pytest
 
-from cutenv.learning.arguments import BadArguments, PPOArguments, RecurrentPPOArguments
-from cutenv.learning.command_line import add_run_options, run_request
+from cutenv.learning.arguments import (
+    BadArguments,
+    CrossQArguments,
+    PPOArguments,
+    RecurrentPPOArguments,
+    SACArguments,
+    TQCArguments,
+)
 from cutenv.learning.imitation_arguments import BCArguments, IQLArguments
-from cutenv.learning.off_policy_arguments import CrossQArguments, SACArguments, TQCArguments
 from cutenv.learning.options import declared, option, parse
+from cutenv.learning.run_folder import add_run_options, run_request
 from cutenv.task.registry import TASKS
 
 

@@ -9,8 +9,8 @@ import baseline_table
 import pytest
 from baseline_table import earlier_return, findings, grid_lines, report, table
 
-from cutenv.learning.batched_rollout import batched_rollout
-from cutenv.learning.result_tables import write_csv
+from cutenv.learning.evaluation import batched_rollout
+from cutenv.learning.statistics import write_csv
 from cutenv.policy import (
     CONSTANT_FEEDS,
     NULL_POLICIES,

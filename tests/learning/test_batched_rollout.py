@@ -7,10 +7,8 @@ import pytest
 from whole_cut import go_on, make
 
 from cutenv.learning import evaluation
-from cutenv.learning.batched_rollout import batched_rollout
-from cutenv.learning.evaluation import Contestant, evaluate
-from cutenv.learning.finished_cut import METRIC_PREFIX, metric_column
-from cutenv.learning.seeds import ENVIRONMENT, TEST_SEEDS
+from cutenv.learning.evaluation import METRIC_PREFIX, Contestant, batched_rollout, evaluate, metric_column
+from cutenv.learning.training_environments import ENVIRONMENT, TEST_SEEDS
 from cutenv.policy import (
     BASELINES,
     ORACLE,

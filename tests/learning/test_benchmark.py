@@ -29,15 +29,14 @@ from benchmark.table import (
     write_tables,
 )
 
-from cutenv._base.parameter import parameter_table
+from cutenv._base.validation import parameter_table
 from cutenv.commands.train import LEARNERS, training_options
-from cutenv.learning import submission
+from cutenv.learning import benchmark
 from cutenv.learning.arguments import PPOArguments
-from cutenv.learning.benchmark_protocol import QUICK, Protocol
+from cutenv.learning.benchmark import QUICK, Protocol, Submission, submitted_run, write_submission
 from cutenv.learning.evaluation import contestant, workers
-from cutenv.learning.intervals import Interval
-from cutenv.learning.seeds import ENVIRONMENT, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
-from cutenv.learning.submission import Submission, submitted_run, write_submission
+from cutenv.learning.statistics import Interval
+from cutenv.learning.training_environments import ENVIRONMENT, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
 from cutenv.policy import Features, Network, save_policy
 from cutenv.tissue.description import TissueDescription
 
@@ -229,7 +228,7 @@ def test_what_is_published_prints_the_same_table_and_page(compared, tmp_path):
 
 
 def test_a_submission_becomes_a_row_unless_it_is_damaged_or_its_name_is_taken(compared, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(submission.read_submission, "__defaults__", ((TINY, QUICK),))
+    monkeypatch.setattr(benchmark.read_submission, "__defaults__", ((TINY, QUICK),))
     published, file = tmp_path / "published", tmp_path / "submission.json"
     publish(compared, published)
     run = submitted_run(contestant("ppo-free"), {"100": 0.25}, TINY)

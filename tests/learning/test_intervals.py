@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cutenv.learning.intervals import Interval, interquartile_mean, mean, stratified
+from cutenv.learning.statistics import Interval, interquartile_mean, mean, stratified
 
 
 def test_of_eight_numbers_the_middle_four_count():

@@ -15,10 +15,9 @@ pytest.importorskip("sb3_contrib", reason="the learners are an extra: pip instal
 torch = pytest.importorskip("torch", reason="the learners are an extra: pip install 'cutenv[rl]'")
 
 from cutenv.commands.train import LEARNERS  # noqa: E402
-from cutenv.learning.arguments import BadArguments  # noqa: E402
+from cutenv.learning.arguments import BadArguments, SACArguments  # noqa: E402
 from cutenv.learning.cloning import script_demonstrations  # noqa: E402
 from cutenv.learning.off_policy import OFF_POLICY, imitate, network, remember  # noqa: E402
-from cutenv.learning.off_policy_arguments import SACArguments  # noqa: E402
 from cutenv.policy import Features, TrainedPolicy  # noqa: E402
 
 SMALL = (

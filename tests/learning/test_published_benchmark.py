@@ -11,7 +11,7 @@ from benchmark.protocol import BEST_FEED, ENTRIES, SCRIPTED, kept_protocol
 from benchmark.summary import Table
 from benchmark.table import PUBLISHED, read_table
 
-from cutenv.learning.benchmark_protocol import Protocol
+from cutenv.learning.benchmark import Protocol
 from cutenv.learning.evaluation import contestant, evaluate
 from cutenv.policy import NULL_POLICIES, ORACLE, SCRIPTS
 

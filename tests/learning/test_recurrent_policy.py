@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from cutenv.policy import Features, Network, RecurrentNetwork, TrainedPolicy, save_policy
-from cutenv.policy.policy_card import PolicyCard
-from cutenv.policy.trained import CARD
+from cutenv.policy.trained import CARD, PolicyCard
 from cutenv.task.observation import COMPONENTS
 
 pytest.importorskip("safetensors", reason="policies are kept with an extra: pip install 'cutenv[rl]'")
@@ -63,7 +62,7 @@ def learner():
     import torch
     from sb3_contrib import RecurrentPPO
 
-    from cutenv.learning.recurrent_actor_critic import RecurrentAsymmetricActorCritic
+    from cutenv.learning.asymmetric_actors import RecurrentAsymmetricActorCritic
 
     env = gymnasium.Env()
     env.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (SIZE + 10,), np.float32)

@@ -19,7 +19,7 @@ stable_baselines3 = pytest.importorskip("stable_baselines3", reason="the learner
 from cutenv.envs.path_cut import PathCutEnv  # noqa: E402
 from cutenv.learning.arguments import BadArguments, PPOArguments, RecurrentPPOArguments  # noqa: E402
 from cutenv.learning.evaluation import Contestant, evaluate  # noqa: E402
-from cutenv.policy.path_planner import PathPlanner  # noqa: E402
+from cutenv.policy.map_planner import PathPlanner  # noqa: E402
 from cutenv.sb3 import FeatureVecEnv  # noqa: E402
 from cutenv.task.registry import TASKS  # noqa: E402
 

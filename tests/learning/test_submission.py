@@ -13,11 +13,20 @@ pytest.importorskip("tqdm", reason="the evaluation needs an extra: pip install '
 pytest.importorskip("safetensors", reason="policies are an extra: pip install 'cutenv[rl]'")
 
 from cutenv.commands import submit
-from cutenv.learning import submission
-from cutenv.learning.benchmark_protocol import QUICK, Protocol
+from cutenv.learning import benchmark
+from cutenv.learning.benchmark import (
+    QUICK,
+    TABLE_COLUMNS,
+    Protocol,
+    Submission,
+    read_submission,
+    replayed,
+    returns_after,
+    standing,
+    submitted_run,
+    write_submission,
+)
 from cutenv.learning.evaluation import contestant, evaluate
-from cutenv.learning.standing import TABLE_COLUMNS, returns_after, standing
-from cutenv.learning.submission import Submission, read_submission, replayed, submitted_run, write_submission
 from cutenv.policy import ConstantFeed
 from cutenv.policy.actor_network import Network
 
@@ -159,8 +168,8 @@ def test_the_return_after_a_number_of_cuts_is_the_best_by_then():
 @pytest.fixture
 def few(monkeypatch, tmp_path: Path) -> Path:
     """Let the command's quick protocol have few specimens."""
-    monkeypatch.setattr("cutenv.learning.benchmark_protocol.QUICK", FEW)
-    monkeypatch.setattr(submission.read_submission, "__defaults__", ((Protocol(), FEW),))
+    monkeypatch.setattr("cutenv.learning.benchmark.QUICK", FEW)
+    monkeypatch.setattr(benchmark.read_submission, "__defaults__", ((Protocol(), FEW),))
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

@@ -7,9 +7,8 @@ import pytest
 pytest.importorskip("matplotlib", reason="pictures are an extra: pip install 'cutenv[view]'")
 pytest.importorskip("stable_baselines3", reason="the learner is an extra: pip install 'cutenv[rl]'")
 
-from cutenv.learning.result_tables import read_rows
-from cutenv.learning.run_page import shown_facts, typical
-from cutenv.learning.training_report import grid_rows
+from cutenv.learning.statistics import read_rows
+from cutenv.learning.training_report import grid_rows, shown_facts, typical
 from cutenv.policy import CONSTANT_FEEDS, GRID_ANGLES, GRID_SPEEDS
 
 

@@ -10,7 +10,7 @@ from stepped_cuts import DEPTHS, stepped_cut
 
 from cutenv.measurement.depth_sections import depth_sections, opened_resistance
 from cutenv.measurement.layer_fit import fit_layers
-from cutenv.measurement.layered_cuts import find_layers
+from cutenv.measurement.measured_cut import find_layers
 from cutenv.tissue import CutModel, Layers, Specimen, measured_liver
 from cutenv.tissue.grid import SPACING
 

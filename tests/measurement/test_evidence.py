@@ -18,7 +18,7 @@ from cutenv.measurement import MeasuredCut, calibrate, measure_cuts, tissue_of
 from cutenv.measurement.calibration import RefusedRecord, with_findings
 from cutenv.measurement.pooled_cuts import FEWEST_FOR_CORRELATION, FIELDS, NOT_RESAMPLED
 from cutenv.tissue import CutModel, TissueDescription, load_description, measured_liver
-from cutenv.tissue.parameter_provenance import Evidence, TissueCalibration
+from cutenv.tissue.description import Evidence, TissueCalibration
 
 LIVER = measured_liver()
 UPRIGHT = math.radians(80.0)

@@ -21,7 +21,7 @@ from cutenv.measurement import (
 from cutenv.measurement.prediction import predicted_ramps
 from cutenv.measurement.speed_dependence import is_between_the_measured
 from cutenv.tissue import CutModel, measured_liver
-from cutenv.tissue.fall import speed_on_line
+from cutenv.tissue.effective_modulus import speed_on_line
 
 UPRIGHT, INCLINED = math.pi / 2, math.pi / 4
 TRUTH = SpeedDependence(intercept_90=60e3, slope_90=-1.5e6, intercept_45=35e3, slope_45=-0.4e6, measured=frozenset())

@@ -11,7 +11,7 @@ from scipy.stats import ttest_rel
 from virtual_session import EVEN, cuts
 
 from cutenv.commands.calibrate import differences_in_handling, settings_table
-from cutenv.measurement.variogram import (
+from cutenv.measurement.pooled_cuts import (
     CENTRES,
     Variogram,
     correlation_length,

@@ -17,7 +17,7 @@ from cutenv.measurement import (
     measure_cuts,
     zeroed,
 )
-from cutenv.measurement.calibration_notes import zero_notes
+from cutenv.measurement.calibration import zero_notes
 from cutenv.measurement.zero import TAKEN_OFF, TARED
 from cutenv.tissue.cut_model import CutModel
 from cutenv.trace import Trace

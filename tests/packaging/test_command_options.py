@@ -18,7 +18,7 @@ import pytest
 from cutenv import cli
 from cutenv.commands import train
 from cutenv.commands.options import made_folder, target_length
-from cutenv.recording.columns import parse_length
+from cutenv.recording.schema import parse_length
 
 NAMES = [*(name for name in cli.COMMANDS if name != "rig"), *(f"rig {name}" for name in cli.RIG_COMMANDS)]
 FRAGMENT = re.compile(r"(of|for|whose|that|which|after|to|in|from|aimed|by|where|begins?)\b(?! column)", re.IGNORECASE)

@@ -18,7 +18,7 @@ REAL = ("cutenv.rig.hardware", "cutenv.rig.devices.canopen.axis", "cutenv.rig.de
 WRITE_A_RIG = """
 import pathlib, tempfile
 from cutenv.rig.config.settings import RigSettings
-from cutenv.rig.toml_text import to_toml
+from cutenv.rig.toml_file import to_toml
 path = pathlib.Path(tempfile.mkdtemp()) / "rig.toml"
 depth = ((0.0, 0.02), (0.15, 0.02))
 path.write_text(to_toml(RigSettings(name="a rig", armed_by="nobody", angle_mode="fixed", depth_profile=depth)))

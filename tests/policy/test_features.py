@@ -170,13 +170,13 @@ def test_nothing_hidden_reaches_them():
         "cutenv._base.arrays",
         "cutenv.task_quantities",
         "cutenv._engine.elementary",
-        "cutenv.policy.signals",
+        "cutenv.policy.interface",
         "cutenv.policy.tip_estimate",
         "cutenv.task.observation",
         "cutenv.tissue.crack_tip",
         "cutenv.tissue.description",
         "cutenv.task.reward",
-        "cutenv.tissue.nominal",
+        "cutenv.tissue.specimen",
         "cutenv._base.validation",
     }
     assert not {"true_force", "elastic_force", "jump"} & {*CUT_MEMORY.names, *CUT_ESTIMATE.names}

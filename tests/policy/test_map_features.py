@@ -11,10 +11,9 @@ from cutenv.envs.batch import CutBatch
 from cutenv.envs.depth_cut import DepthCutEnv
 from cutenv.learning.evaluation import Contestant, evaluate
 from cutenv.policy import Features, OneReturnStroke
-from cutenv.policy.crack_course import CrackCourse
 from cutenv.policy.depth_features import DepthFeatures
 from cutenv.policy.depth_scripts import DepthByTwoForces, FollowDepth
-from cutenv.policy.path_features import PathFeatures
+from cutenv.policy.path_features import CrackCourse, PathFeatures
 from cutenv.policy.path_scripts import SteerByForce
 from cutenv.task.depth import DEPTH_CUT
 from cutenv.task.observation import CLIP, COMPONENTS

@@ -9,7 +9,7 @@ import pytest
 from observed import observed
 from whole_cut import CRUISE, FASTEST, INCLINED, UPRIGHT, Cut, cut, interval, make
 
-from cutenv.learning.batched_rollout import batched_rollout
+from cutenv.learning.evaluation import batched_rollout
 from cutenv.policy import (
     BASELINES,
     CONSTANT_FEEDS,
@@ -26,7 +26,7 @@ from cutenv.policy import (
     StopAndUnload,
 )
 from cutenv.policy.feedback import UnloadProbe
-from cutenv.policy.unloading import coasting
+from cutenv.policy.scripted import coasting
 from cutenv.task.observation import commanded_speed, in_units, to_action
 from cutenv.tissue.specimen import SPACING
 

@@ -8,12 +8,11 @@ from observed import observed
 from whole_cut import CRUISE, INCLINED, UPRIGHT, make
 
 from cutenv.policy import TipEstimate
-from cutenv.policy.signals import in_si
+from cutenv.policy.interface import in_si
 from cutenv.policy.tip_estimate import nothing_yet, remember_stiffness
 from cutenv.task.observation import to_action
 from cutenv.tissue import Specimen, measured_liver
-from cutenv.tissue.nominal import nominal_stiffness, nominal_tissue
-from cutenv.tissue.specimen import N_POINTS, SPACING
+from cutenv.tissue.specimen import N_POINTS, SPACING, nominal_stiffness, nominal_tissue
 
 QUIET = {"force_noise": 0.0, "force_resolution": 0.0, "depth_noise": 0.0, "force_delay": 0.0}
 LIVER = measured_liver()

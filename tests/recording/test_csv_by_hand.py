@@ -9,7 +9,7 @@ import pytest
 
 from cutenv._base.unit_table import NAMED_UNITS
 from cutenv.recording import RecordError, load, load_one, save
-from cutenv.recording.columns import FIELD_UNITS, UNITS, header_of, parse_header
+from cutenv.recording.schema import FIELD_UNITS, UNITS, header_of, parse_header
 from cutenv.trace import Reading, Trace
 
 GOOD = "time_s,force_N\n0,0.5\n0.001,0.75\n0.002,1.0\n"

@@ -11,8 +11,7 @@ import pytest
 
 from cutenv.measurement import QualityIssue
 from cutenv.report import CutPicture, RecordPicture, draw_cut, draw_record
-from cutenv.report.cut_figure import cut_figure, thinned
-from cutenv.report.record_figure import record_figure
+from cutenv.report.record_figure import cut_figure, record_figure, thinned
 from cutenv.trace import Trace
 
 pytest.importorskip("matplotlib", reason="pictures are an extra: pip install 'cutenv[view]'")

@@ -14,11 +14,11 @@ from made_up_study import NOVICES, study
 from recorded_cut import recorded_cut
 
 import cutenv.report.page
-from cutenv._base.languages import phrases_from_english
+from cutenv._base.document import phrases_from_english
+from cutenv.report.page import Translation
 from cutenv.report.pass_mark_page import write_pass_mark_page
 from cutenv.report.study_page import write_study
 from cutenv.report.trainee_sheet import write_class_list, write_trainee_sheet
-from cutenv.report.translation import Translation
 from cutenv.scoring import METRICS, score
 from cutenv.scoring.study import StandardSetting, StudiedCut, Study
 

@@ -11,17 +11,17 @@ pytest.importorskip("matplotlib", reason="pictures are an extra: pip install 'cu
 import made_up_result as made_up
 
 from cutenv.envs.gentle_cut import GentleCutEnv
-from cutenv.report import glossary
+from cutenv.report import page
 from cutenv.task.depth import DEPTH_CUT
 from cutenv.task.path import PATH_CUT
 
-MEANINGS = dict(glossary.MEANINGS)
+MEANINGS = dict(page.MEANINGS)
 
 
 def test_every_term_of_the_reward_has_a_title_of_its_own():
-    assert tuple(glossary.term_meanings()) == (*DEPTH_CUT.all_terms, *tuple(cost.name for cost in PATH_CUT.costs))
-    assert all(glossary.term_meanings().values())
-    assert len(set(glossary.term_meanings().values())) == len(glossary.term_meanings())
+    assert tuple(page.term_meanings()) == (*DEPTH_CUT.all_terms, *tuple(cost.name for cost in PATH_CUT.costs))
+    assert all(page.term_meanings().values())
+    assert len(set(page.term_meanings().values())) == len(page.term_meanings())
 
 
 def test_the_return_of_doing_nothing_is_that_of_the_environment_s_docstring():

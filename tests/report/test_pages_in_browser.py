@@ -31,8 +31,7 @@ from cutenv.scoring import ReferenceSet, score
 from cutenv.scoring.score_card import DISCLAIMER
 from cutenv.scoring.study import StandardSetting, StudiedCut, Study
 from cutenv.sim_to_real import ClockKept
-from cutenv.sim_to_real.evaluation_page import evaluation_headline, write_evaluation
-from cutenv.sim_to_real.evaluation_result import UNPAIRED, Evaluation
+from cutenv.sim_to_real.evaluation_result import UNPAIRED, Evaluation, evaluation_headline, write_evaluation
 
 pytestmark = pytest.mark.needs("chromium")
 

@@ -11,7 +11,7 @@ from cutenv.rig.config.axes import Axis
 from cutenv.rig.config.settings import Bus
 from cutenv.rig.devices.canopen.axis import CanopenAxis
 from cutenv.rig.devices.canopen.network import CanNetwork
-from cutenv.rig.devices.clock import SystemClock
+from cutenv.rig.devices.host import SystemClock
 
 
 class Bench:

@@ -7,7 +7,7 @@ import struct
 from cutenv.rig.emulator.assembly import BLADE
 from cutenv.rig.emulator.emulated_axis import EmulatedAxis
 from cutenv.rig.emulator.hub import Frame
-from cutenv.rig.emulator.motor import Mechanics
+from cutenv.rig.emulator.mechanics import Mechanics
 from cutenv.rig.emulator.node import Node
 
 SYNC, MASTER_HEARTBEAT = 0x080, 0x77F

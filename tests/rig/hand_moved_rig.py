@@ -12,17 +12,15 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from cutenv.rig.config.axes import Axis
-from cutenv.rig.config.imitated_rig import fake_settings
-from cutenv.rig.config.settings import Bus, RigSettings
+from cutenv.rig.config.settings import Bus, RigSettings, fake_settings
 from cutenv.rig.devices.canopen.axis import CanopenAxis
 from cutenv.rig.devices.canopen.network import CanNetwork
 from cutenv.rig.devices.canopen.objects import SYNC_FRAME
-from cutenv.rig.devices.clock import FakeClock
-from cutenv.rig.devices.drivers import ForceListener
-from cutenv.rig.devices.samples import DriveState, ForceSample
+from cutenv.rig.devices.drivers import DriveState, ForceListener, ForceSample
+from cutenv.rig.devices.host import FakeClock
 from cutenv.rig.emulator.emulated_axis import EmulatedAxis
 from cutenv.rig.emulator.hub import Frame
-from cutenv.rig.emulator.motor import Mechanics
+from cutenv.rig.emulator.mechanics import Mechanics
 from cutenv.rig.emulator.node import Node
 from cutenv.rig.plant import RigPlant
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
-from cutenv.rig.config.imitated_rig import HEIGHT, fake_settings
-from cutenv.rig.config.settings import RigSettings
+from cutenv.rig.config.settings import HEIGHT, RigSettings, fake_settings
 from cutenv.rig.fake.fake_rig import FakeRig, fake_rig
 from cutenv.tissue.specimen import Specimen
 

@@ -12,10 +12,8 @@ from cutenv.cutting.drive import Rig, advance_command, delayed_command, lag_gain
 from cutenv.cutting.dtypes import STATE, TICK
 from cutenv.rig.config.axes import Axis
 from cutenv.rig.config.settings import RigSettings
-from cutenv.rig.identification.experiment import Recorded, identification_from
-from cutenv.rig.identification.motion_plan import Plan
-from cutenv.rig.identification.recording import Stretch
-from cutenv.rig.identification.result import Identification
+from cutenv.rig.identification.experiment import Identification, Recorded, identification_from
+from cutenv.rig.identification.recording import Plan, Stretch
 
 advance, delayed = advance_command.py_func, delayed_command.py_func  # type: ignore[attr-defined]
 SYNC = 5  # ticks

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from cutenv.rig.devices.serial.board_lines import (
+from cutenv.rig.devices.serial.board import (
     BoardFlag,
     BoardIdentity,
     BoardState,

@@ -6,8 +6,7 @@ from datetime import date
 
 import pytest
 
-from cutenv.rig.config.sensor_calibration import expired
-from cutenv.rig.config.settings import SensorCalibration
+from cutenv.rig.config.settings import SensorCalibration, expired
 
 
 @pytest.mark.parametrize("day", ["2026-03-01", "2026-03-01T23:59:00+01:00", "20260301"])

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from waiting import until
 
 from cutenv.rig.config.axes import Axis
-from cutenv.rig.devices.canopen.units import AxisUnits
-from cutenv.rig.devices.samples import DriveState
+from cutenv.rig.devices.canopen.objects import AxisUnits
+from cutenv.rig.devices.drivers import DriveState
 from cutenv.rig.errors import RigError
 
 AXES = st.builds(

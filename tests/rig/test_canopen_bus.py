@@ -19,7 +19,7 @@ from cutenv.rig.config.settings import Bus
 from cutenv.rig.devices.canopen.axis import CanopenAxis
 from cutenv.rig.devices.canopen.bus import bus_arguments, open_bus
 from cutenv.rig.devices.canopen.network import CanNetwork
-from cutenv.rig.devices.clock import SystemClock
+from cutenv.rig.devices.host import SystemClock
 from cutenv.rig.errors import RigError
 
 

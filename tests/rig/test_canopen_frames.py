@@ -13,11 +13,11 @@ from waiting import until
 from cutenv.rig.config.axes import Axis
 from cutenv.rig.config.settings import Bus
 from cutenv.rig.devices.canopen.axis import CanopenAxis
+from cutenv.rig.devices.canopen.configuration import SdoChannel
 from cutenv.rig.devices.canopen.network import CanNetwork
 from cutenv.rig.devices.canopen.objects import CONTROLWORD, STATUSWORD, drive_state, error_meaning
-from cutenv.rig.devices.canopen.sdo_channel import SdoChannel
-from cutenv.rig.devices.clock import FakeClock, SystemClock
-from cutenv.rig.devices.samples import DriveState
+from cutenv.rig.devices.drivers import DriveState
+from cutenv.rig.devices.host import FakeClock, SystemClock
 from cutenv.rig.errors import RigError
 
 

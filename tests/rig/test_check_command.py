@@ -13,16 +13,16 @@ import pytest
 
 from cutenv import cli
 from cutenv.commands.rig.check import as_json, lines
-from cutenv.rig.config.imitated_rig import fake_settings
-from cutenv.rig.devices.samples import DriveState
+from cutenv.rig.config.settings import fake_settings
+from cutenv.rig.devices.drivers import DriveState
 from cutenv.rig.emulator.process import start
-from cutenv.rig.fake.air_plant import AirPlant
+from cutenv.rig.fake.benches import AirPlant
 from cutenv.rig.fake.fake_rig import FakeRig, Faults
 from cutenv.rig.hardware import rig_plant
 from cutenv.rig.operation.preflight import SETTLE
 from cutenv.rig.operation.self_check import Inspection, inspect
 from cutenv.rig.safety.stop_causes import Cause
-from cutenv.rig.toml_text import to_toml
+from cutenv.rig.toml_file import to_toml
 
 
 def inspected(**faults: object) -> Inspection:

@@ -10,14 +10,13 @@ from typing import Any
 import pytest
 
 from cutenv import cli
+from cutenv.commands.rig.conform import tried_drivers
 from cutenv.rig.config.axes import Axis
 from cutenv.rig.config.settings import RigSettings, SensorSettings
 from cutenv.rig.devices import FakeClock, ForceSample, Mounting
-from cutenv.rig.driver_trial import tried_drivers
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.conformance import TriedPromise
-from cutenv.rig.operation.force_conformance import conform_force
-from cutenv.rig.operation.motion_conformance import conform_motion
+from cutenv.rig.operation.driver_conformance import conform_force, conform_motion
 
 Stage: Any = runpy.run_path(str(Path(__file__).parents[2] / "examples" / "own_driver.py"))["Stage"]
 RIG = RigSettings(blade=Axis(driver="x:Y"), sensor=SensorSettings(driver="x:Y"))

@@ -17,19 +17,16 @@ from hypothesis import settings as hypothesis_settings
 from made_up_settings import FREE, USUAL, with_surprises, with_value
 
 from cutenv.envs.rig_cut import RigCutEnv
-from cutenv.rig.config.laid import Laid
+from cutenv.rig.config.laid_specimen import Laid
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.contradictions import contradictions
 from cutenv.rig.emulator.process import start
-from cutenv.rig.fake.air_plant import AirPlant
+from cutenv.rig.fake.benches import AirPlant, SpecimenPlant
 from cutenv.rig.fake.fake_rig import FakeRig, FakeSensor
-from cutenv.rig.fake.specimen_plant import SpecimenPlant
 from cutenv.rig.operation.operator import AutomaticOperator
-from cutenv.rig.operation.session import RigSession
-from cutenv.rig.operation.specimen_source import SpecimenKey
+from cutenv.rig.operation.session import RigSession, SpecimenKey
 from cutenv.rig.safety.stop_causes import Cause, RigStopped
-from cutenv.rig.toml_file import read_rig_file
-from cutenv.rig.toml_text import to_toml
+from cutenv.rig.toml_file import read_rig_file, to_toml
 from cutenv.tissue.specimen import Specimen
 
 ATTEMPTS = 8  # at half a second of cutting in which the host does not stall

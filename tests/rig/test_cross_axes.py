@@ -13,18 +13,16 @@ import pytest
 from made_ready import SETTLE, height_settings, ready_rig, ready_to_descend, release
 from scripted_operator import ScriptedOperator
 
-from cutenv.rig.config.imitated_rig import SIDE, across, fake_settings
-from cutenv.rig.config.settings import RigSettings
+from cutenv.rig.config.settings import SIDE, RigSettings, across, fake_settings
 from cutenv.rig.contradictions import refuse_contradictions
-from cutenv.rig.devices.samples import DriveState
+from cutenv.rig.devices.drivers import DriveState
 from cutenv.rig.errors import RigError
-from cutenv.rig.fake.air_plant import AirPlant
+from cutenv.rig.fake.benches import AirPlant
 from cutenv.rig.fake.fake_rig import FakeRig, Faults
 from cutenv.rig.operation.preflight import moving_checks, prepare, relieve, return_inside, still_checks
 from cutenv.rig.operation.suitability import fits
 from cutenv.rig.safety.stop_causes import Cause, RigStopped, detection_times
-from cutenv.rig.toml_file import read_rig_file
-from cutenv.rig.toml_text import to_toml
+from cutenv.rig.toml_file import read_rig_file, to_toml
 from cutenv.trace import COMPONENTS_OF_FORCE
 
 PERIOD = 20  # [ms]

@@ -15,14 +15,12 @@ from made_up_settings import FREE, USUAL, with_value
 from scripted_operator import ScriptedOperator
 
 from cutenv.rig.config.axes import HeightAxis
-from cutenv.rig.config.depth_profile import measured_depth
-from cutenv.rig.config.imitated_rig import HEIGHT
-from cutenv.rig.config.settings import RigSettings, SafetyLimits
+from cutenv.rig.config.laid_specimen import measured_depth
+from cutenv.rig.config.settings import HEIGHT, RigSettings, SafetyLimits
 from cutenv.rig.contradictions import contradictions, refuse_contradictions
 from cutenv.rig.errors import RigError
-from cutenv.rig.operation.specimen_source import SpecimenKey, SpecimensByHand
-from cutenv.rig.toml_file import read_rig_file
-from cutenv.rig.toml_text import template, to_toml
+from cutenv.rig.operation.session import SpecimenKey, SpecimensByHand
+from cutenv.rig.toml_file import read_rig_file, template, to_toml
 
 
 def of(*points: tuple[float, float]) -> RigSettings:

@@ -13,7 +13,6 @@ from cutenv import cli
 from cutenv.rig.config.axes import Axis
 from cutenv.rig.config.setting import setting
 from cutenv.rig.config.settings import CameraSettings, RigSettings, SensorSettings
-from cutenv.rig.devices.clock import FakeClock
 from cutenv.rig.devices.driver_registry import (
     DriverKind,
     Mounting,
@@ -22,9 +21,9 @@ from cutenv.rig.devices.driver_registry import (
     registered_drivers,
     rig_driver,
 )
+from cutenv.rig.devices.host import FakeClock
 from cutenv.rig.hardware import rig_plant
-from cutenv.rig.toml_file import read_rig_file
-from cutenv.rig.toml_text import to_toml
+from cutenv.rig.toml_file import read_rig_file, to_toml
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

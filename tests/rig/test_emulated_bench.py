@@ -13,8 +13,8 @@ from cutenv.cutting.sensor import Sensor, SensorParameters
 from cutenv.envs.constants import Constants
 from cutenv.envs.rig_source import emulator_arguments
 from cutenv.plant import SimulatedPlant
-from cutenv.rig.config.laid import Laid
-from cutenv.rig.emulator.emulated_tissue import EmulatedTissue
+from cutenv.rig.config.laid_specimen import Laid
+from cutenv.rig.emulator.mechanics import EmulatedTissue
 from cutenv.rig.errors import RigError
 from cutenv.tissue.specimen import Specimen
 

@@ -14,7 +14,7 @@ from cutenv.cutting.drive import PDRig, Rig, advance_command, advance_in_air, la
 from cutenv.cutting.dtypes import TICK, new_state
 from cutenv.rig.emulator.assembly import BLADE, HINGE
 from cutenv.rig.emulator.hub import Frame
-from cutenv.rig.emulator.motor import (
+from cutenv.rig.emulator.mechanics import (
     MODE_RAMP,
     MODE_VELOCITY,
     Mechanics,

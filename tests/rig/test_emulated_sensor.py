@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from sensor_stream import LOADS, Feed, wait_for
 
-from cutenv.rig.devices.clock import FakeClock
+from cutenv.rig.devices.host import FakeClock
 from cutenv.rig.devices.netft.packets import SensorPacket, SensorStatus, parse_packet
 from cutenv.rig.emulator.sensor_server import SensorPage, SensorServer
 

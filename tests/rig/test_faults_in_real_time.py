@@ -24,9 +24,9 @@ import rig_trials
 from cross_trials import CROSS_FAULTS
 
 from cutenv.recording import load_one
-from cutenv.rig.emulator.faults import FAULTS
+from cutenv.rig.emulator.emulated_bench import FAULTS
 from cutenv.rig.emulator.process import start
-from cutenv.rig.toml_text import to_toml
+from cutenv.rig.toml_file import to_toml
 
 SCRIPTS = Path(__file__).parents[2] / "scripts"
 

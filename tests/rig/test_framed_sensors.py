@@ -22,7 +22,7 @@ from cutenv.rig.contradictions import refuse_contradictions
 from cutenv.rig.devices import Mounting, RigError, SystemClock
 from cutenv.rig.devices.driver_registry import mounted
 from cutenv.rig.devices.serial.bota_sensor import bota_frame
-from cutenv.rig.devices.serial.frame_reader import FrameError, FrameFormat, FrameReader
+from cutenv.rig.devices.serial.framed_sensor import FrameError, FrameFormat, FrameReader
 from cutenv.rig.devices.serial.robotiq_sensor import robotiq_frame
 from cutenv.rig.devices.serial.slow_profile import slow_limits
 from cutenv.rig.emulator.process import start
@@ -31,7 +31,7 @@ from cutenv.rig.operation.conformance import Listening
 from cutenv.rig.operation.operator import AutomaticOperator
 from cutenv.rig.operation.preflight import prepare
 from cutenv.rig.safety.stop_causes import Cause
-from cutenv.rig.toml_text import template, to_toml
+from cutenv.rig.toml_file import template, to_toml
 
 DEVICES: dict[str, Any] = {"robotiq": EmulatedRobotiq, "bota": EmulatedBota}
 FORMS = {"robotiq": FrameFormat(b"\x20\x4e", 16, robotiq_frame), "bota": FrameFormat(b"\xaa", 37, bota_frame)}
@@ -152,7 +152,7 @@ def test_of_100_000_damaged_frames_none_gives_a_wrong_force(name: str) -> None:
 
 
 def test_noise_alone_is_no_reading_and_ends_in_an_error_with_the_cure(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("cutenv.rig.devices.streamed_sensor.FIRST_READING", 0.3)
+    monkeypatch.setattr("cutenv.rig.devices.driver_bases.FIRST_READING", 0.3)
     with serving(EmulatedBota()) as device:
         device.damage = lambda frame: random.Random(device.sent).randbytes(len(frame))
         with pytest.raises(RigError, match="does not read: no reading came within"):

@@ -22,7 +22,7 @@ import os, sys, time
 sys.path.insert(0, {here!r})
 from made_ready import ready_rig
 from cutenv.rig.safety.stop_causes import RigStopped
-from cutenv.rig.devices.clock import SystemClock
+from cutenv.rig.devices.host import SystemClock
 from cutenv.rig.safety.guard import guarded
 rig = ready_rig()
 supervisor = rig.plant.supervisor

@@ -23,13 +23,12 @@ from cutenv.rig.config.identified import SIMULATED, environment_arguments
 from cutenv.rig.config.settings import Identified, RigSettings, SafetyLimits, SensorCalibration
 from cutenv.rig.devices.serial.slow_profile import grbl_settings, slow_settings
 from cutenv.rig.errors import RigError
-from cutenv.rig.identification import axis_friction, response, sensor_noise
-from cutenv.rig.identification.motion_plan import Plan
-from cutenv.rig.identification.recording import Stretch
-from cutenv.rig.identification.result import Identification
+from cutenv.rig.identification import axis_response, sensor_noise
+from cutenv.rig.identification.experiment import Identification
+from cutenv.rig.identification.recording import Plan, Stretch
 from cutenv.rig.identification.sensor_noise import longest_still, sensor_at_rest
 from cutenv.rig.operation.suitability import simulator_keywords, top_speed
-from cutenv.rig.toml_text import to_toml
+from cutenv.rig.toml_file import to_toml
 from cutenv.task.observation import COMPONENTS
 from cutenv.task.weights import greatest_action
 
@@ -92,28 +91,28 @@ def test_an_axis_is_found_as_it_was_made(name: str) -> None:
 
 
 def _late_commands(monkeypatch: pytest.MonkeyPatch) -> None:
-    right = response.modelled
+    right = axis_response.modelled
 
     def wrong(stretch: Stretch, lag: float, acceleration: float, dead_time: float) -> Any:
         return right(stretch, lag, acceleration, dead_time + 0.005)
 
-    monkeypatch.setattr(response, "modelled", wrong)
+    monkeypatch.setattr(axis_response, "modelled", wrong)
 
 
 def _without_limit(monkeypatch: pytest.MonkeyPatch) -> None:
-    right = response.modelled
-    monkeypatch.setattr(response, "modelled", lambda stretch, lag, acceleration, dead: right(stretch, lag, 1e3, dead))
+    right = axis_response.modelled
+    monkeypatch.setattr(axis_response, "modelled", lambda stretch, lag, limit, dead: right(stretch, lag, 1e3, dead))
 
 
 def _without_lag(monkeypatch: pytest.MonkeyPatch) -> None:
-    right = response.modelled
-    monkeypatch.setattr(response, "modelled", lambda stretch, lag, limit, dead: right(stretch, 1e-3, limit, dead))
+    right = axis_response.modelled
+    monkeypatch.setattr(axis_response, "modelled", lambda stretch, lag, limit, dead: right(stretch, 1e-3, limit, dead))
 
 
 def _play_from_the_end_of_a_leg(monkeypatch: pytest.MonkeyPatch) -> None:
-    right = axis_friction._leg
+    right = axis_response._leg
     monkeypatch.setattr(
-        axis_friction, "_leg", lambda turns, number: (lambda leg: (0.5 * leg[0], leg[1]))(right(turns, number))
+        axis_response, "_leg", lambda turns, number: (lambda leg: (0.5 * leg[0], leg[1]))(right(turns, number))
     )
 
 

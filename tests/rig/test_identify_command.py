@@ -11,17 +11,15 @@ import pytest
 
 from cutenv import cli
 from cutenv.cutting.drive import Rig
-from cutenv.rig.config.imitated_rig import fake_settings
-from cutenv.rig.config.settings import Identified, RigSettings
-from cutenv.rig.fake.air_plant import AirPlant
+from cutenv.rig.config.settings import Identified, RigSettings, fake_settings
+from cutenv.rig.fake.benches import AirPlant
 from cutenv.rig.fake.fake_rig import FakeRig
 from cutenv.rig.identification import Plan, identification_from, perform
 from cutenv.rig.identification.experiment import APPROACH
 from cutenv.rig.operation.operator import AutomaticOperator
 from cutenv.rig.operation.preflight import SETTLE, prepare
 from cutenv.rig.safety.stop_causes import Cause, RigStopped
-from cutenv.rig.toml_file import read_rig_file, write_identified
-from cutenv.rig.toml_text import to_toml
+from cutenv.rig.toml_file import read_rig_file, to_toml, write_identified
 
 DEPTH = ((0.0, 0.02), (0.149, 0.02))
 

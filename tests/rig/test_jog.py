@@ -16,9 +16,9 @@ from datetime import date
 import pytest
 
 from cutenv import cli
-from cutenv.commands.rig.terminal_keys import TerminalKeys, terminal_keys
-from cutenv.rig.config.imitated_rig import HEIGHT, SIDE, fake_settings
-from cutenv.rig.fake.air_plant import AirPlant
+from cutenv.commands.rig.jog import TerminalKeys, terminal_keys
+from cutenv.rig.config.settings import HEIGHT, SIDE, fake_settings
+from cutenv.rig.fake.benches import AirPlant
 from cutenv.rig.fake.fake_rig import FakeRig
 from cutenv.rig.operation.jogging import (
     HELD,

@@ -10,13 +10,12 @@ from pathlib import Path
 import pytest
 
 from cutenv import cli
-from cutenv.rig.config.imitated_rig import fake_settings
+from cutenv.rig.config.settings import fake_settings
 from cutenv.rig.emulator.assembly import RANGES, EmulatedRig, Options
 from cutenv.rig.emulator.process import emulated_settings
-from cutenv.rig.fake.air_plant import AirPlant
+from cutenv.rig.fake.benches import AirPlant
 from cutenv.rig.fake.fake_rig import FakeRig
-from cutenv.rig.toml_file import read_rig_file
-from cutenv.rig.toml_text import to_toml
+from cutenv.rig.toml_file import read_rig_file, to_toml
 
 WIDE = RANGES["thesis"]
 

@@ -12,8 +12,8 @@ import pytest
 from sensor_stream import LOADS, Feed, Kept, settings_of, settle, streaming, wait_for
 
 from cutenv.rig.config.settings import SensorSettings
-from cutenv.rig.devices.clock import FakeClock, SystemClock
 from cutenv.rig.devices.drivers import ForceDriver
+from cutenv.rig.devices.host import FakeClock, SystemClock
 from cutenv.rig.devices.netft.netft_sensor import NetftSensor
 from cutenv.rig.devices.netft.packets import SensorPacket, SensorStatus, packet_bytes
 from cutenv.rig.devices.reading_stream import STEADY_FORCE

@@ -7,10 +7,9 @@ import math
 import pytest
 from made_ready import ready_rig
 
-from cutenv.rig.devices.samples import DriveState
+from cutenv.rig.devices.drivers import DriveState
 from cutenv.rig.fake.fake_rig import FakeRig
-from cutenv.rig.safety.quick_stops import AGAIN, RESEND_STOP_AFTER, WITHHOLD_HEARTBEAT_AFTER
-from cutenv.rig.safety.stop_causes import Cause, RigStopped
+from cutenv.rig.safety.stop_causes import AGAIN, RESEND_STOP_AFTER, WITHHOLD_HEARTBEAT_AFTER, Cause, RigStopped
 
 UPRIGHT, LEANING = math.pi / 2, math.radians(60.0)
 PERIOD = 20  # [ms]

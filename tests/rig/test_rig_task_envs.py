@@ -22,9 +22,9 @@ from cutenv.envs.rig_path_cut import RigPathCutEnv
 from cutenv.policy.depth_scripts import DEPTH_SCRIPTS
 from cutenv.policy.path_scripts import PATH_SCRIPTS
 from cutenv.recording import load_one
-from cutenv.rig.config.imitated_rig import fake_settings
+from cutenv.rig.config.settings import fake_settings
 from cutenv.rig.errors import RigError
-from cutenv.rig.toml_text import to_toml
+from cutenv.rig.toml_file import to_toml
 from cutenv.tissue.lines import arc
 
 UPRIGHT = math.pi / 2

@@ -13,9 +13,9 @@ import pytest
 from cutenv.cli import main
 from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.recording import load_one
-from cutenv.rig.config.imitated_rig import fake_settings
+from cutenv.rig.config.settings import fake_settings
 from cutenv.rig.safety.stop_causes import Cause
-from cutenv.rig.toml_text import to_toml
+from cutenv.rig.toml_file import to_toml
 
 
 def run(*arguments: str) -> int:

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cutenv.rig.devices.sample_clock import LEAK, SampleClock
+from cutenv.rig.devices.reading_stream import LEAK, SampleClock
 
 RATE = 1000.0
 WAY = 0.0005  # [s] that every packet takes at least

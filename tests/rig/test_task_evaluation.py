@@ -14,9 +14,15 @@ from cutenv.envs.path_cut import PathCutEnv
 from cutenv.policy.depth_scripts import FollowDepth
 from cutenv.policy.path_scripts import SteerByForce
 from cutenv.scoring import MAP_METRICS
-from cutenv.sim_to_real.compared_cut import ComparedCut
-from cutenv.sim_to_real.curves import height_rmse, place_rmse, position_rmse
-from cutenv.sim_to_real.measures import MAP_MEASURES, MEASURES, measures_of
+from cutenv.sim_to_real.measures import (
+    MAP_MEASURES,
+    MEASURES,
+    ComparedCut,
+    height_rmse,
+    measures_of,
+    place_rmse,
+    position_rmse,
+)
 from cutenv.sim_to_real.paired_experiment import cut_once, simulator_like
 
 SEED, EPISODE = 5, 1

@@ -12,13 +12,13 @@ from hand_moved_drive import INCREMENT
 
 from cutenv.commands.rig.emulate import _options, _parser
 from cutenv.cutting.sensor import SensorParameters
-from cutenv.rig.config.imitated_rig import across
-from cutenv.rig.config.laid import Laid
+from cutenv.rig.config.laid_specimen import Laid
+from cutenv.rig.config.settings import across
 from cutenv.rig.devices.canopen.objects import HOMED
 from cutenv.rig.emulator.assembly import EmulatedRig, Options
 from cutenv.rig.emulator.control import answered
-from cutenv.rig.emulator.emulated_tissue import ARM, EmulatedTissue
 from cutenv.rig.emulator.hub import Frame
+from cutenv.rig.emulator.mechanics import ARM, EmulatedTissue
 from cutenv.rig.errors import RigError
 from cutenv.rig.tissue_in_plane import TissueInPlane
 from cutenv.tissue import Specimen

@@ -10,14 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cutenv.rig.config.imitated_rig import fake_settings
-from cutenv.rig.config.settings import Identified, SafetyLimits
-from cutenv.rig.devices.samples import DriveState, ForceSample, MotionSample
-from cutenv.rig.safety.following_monitor import FollowingMonitor
+from cutenv.rig.config.settings import Identified, SafetyLimits, fake_settings
+from cutenv.rig.devices.drivers import DriveState, ForceSample, MotionSample
 from cutenv.rig.safety.force_monitor import ForceMonitor, ForceReadings
-from cutenv.rig.safety.motion_monitor import MotionMonitor
-from cutenv.rig.safety.sample_rate_monitor import SURPLUS, SampleRateMonitor
-from cutenv.rig.safety.stop_causes import STILL, Cause
+from cutenv.rig.safety.motion_monitor import FollowingMonitor, MotionMonitor
+from cutenv.rig.safety.stop_causes import STILL, SURPLUS, Cause, SampleRateMonitor
 
 SYNC = 0.005
 LIMITS = SafetyLimits()

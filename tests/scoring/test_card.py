@@ -25,8 +25,7 @@ from cutenv.scoring.points import (
     ScorePoints,
 )
 from cutenv.scoring.reference import FEWEST_REFERENCE_CUTS
-from cutenv.scoring.score_card import FEWEST_WEIGHT
-from cutenv.scoring.score_notes import DOUBT
+from cutenv.scoring.score_card import DOUBT, FEWEST_WEIGHT
 from cutenv.scoring.study.trainee import mean_points, next_tries, outcome_counts
 from cutenv.scoring.technique import TechniqueFault
 from cutenv.scoring.truth import TIP_AT_END

@@ -18,7 +18,7 @@ from cutenv.measurement.depth import LAYER_DEPTH_KEY, WANTED_DEPTH_KEY, corners,
 from cutenv.recording import load, save
 from cutenv.report.score_page import ScoredRecord, write_score_page, write_summary
 from cutenv.scoring import MAP_METRICS, METRICS, DepthMap, ScoredCut, score
-from cutenv.scoring.score_notes import EXPECTED_FLOOR
+from cutenv.scoring.score_card import EXPECTED_FLOOR
 from cutenv.scoring.truth import FLOOR_AT_END, TIP_AT_END
 from cutenv.task_quantities import LAYER_LIMIT
 from cutenv.tissue import measured_liver

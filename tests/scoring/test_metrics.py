@@ -14,7 +14,7 @@ from scored_cuts import CHANGES, CUTS, TARGET, TISSUES, changed, cut, ends_under
 from cutenv._engine.randomness import generator
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
 from cutenv.scoring import INVARIANCES, METRICS, ScoredCut, Truth, Unavailable, score
-from cutenv.scoring.motion import log_jerk, spectral_arc_length
+from cutenv.scoring.cut_metrics import log_jerk, spectral_arc_length
 from cutenv.tissue import Specimen, measured_liver
 from cutenv.trace import Trace
 

@@ -17,7 +17,7 @@ from cutenv.recording import load_operators, save
 from cutenv.scoring import METRICS, score
 from cutenv.scoring.score_card import DISCLAIMER
 from cutenv.scoring.study import PassMark, StandardSetting, StudiedCut, pass_mark, proficiency, validity_evidence
-from cutenv.scoring.study.bootstrap import BOOTSTRAP_SIZE, over_people
+from cutenv.scoring.study.estimate import BOOTSTRAP_SIZE, over_people
 from cutenv.scoring.study.pass_mark import METHODS, Method, NormalCurve, crossing
 from cutenv.scoring.study.study import NotEstimable
 

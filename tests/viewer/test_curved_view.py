@@ -20,9 +20,8 @@ from cutenv.tissue import Specimen
 from cutenv.tissue.lines import through
 from cutenv.trace import Trace
 from cutenv.viewer.solid import CurvedCut, write_curved_view
-from cutenv.viewer.solid.curved_cut import OPENING
-from cutenv.viewer.solid.curved_solid import CurvedSolid
-from cutenv.viewer.solid.curved_view import curved_page
+from cutenv.viewer.solid.curved_cut import OPENING, CurvedSolid
+from cutenv.viewer.solid.view_page import curved_page
 
 
 @cache

@@ -21,11 +21,20 @@ from cutenv.scoring.truth import FLOOR_AT_END
 from cutenv.tissue.grid import SPACING
 from cutenv.trace import Trace
 from cutenv.viewer.scene_parts import BELOW, BLADE_LENGTH, CHORD, blade_edge
-from cutenv.viewer.solid import ShownCut, scalpel
-from cutenv.viewer.solid.cut_plane import PLANE_ROWS, plane_rows
-from cutenv.viewer.solid.scalpel import ScalpelPose, blade, handle, pose
-from cutenv.viewer.solid.slab_solid import SHEET_HEIGHT, SlabSolid
-from cutenv.viewer.solid.solids import Surface, box
+from cutenv.viewer.solid import ShownCut
+from cutenv.viewer.solid.solids import (
+    BLADE_THICKNESS,
+    PLANE_ROWS,
+    SHEET_HEIGHT,
+    ScalpelPose,
+    SlabSolid,
+    Surface,
+    blade,
+    box,
+    handle,
+    plane_rows,
+    pose,
+)
 from cutenv.viewer.solid.view_page import view_page
 
 ANGLE = math.radians(60.0)
@@ -340,7 +349,7 @@ def test_a_hole_is_noticed() -> None:
 
 def test_the_blade_has_the_measures_of_a_number_10() -> None:
     size = np.ptp(blade().vertices, axis=0)
-    assert size == pytest.approx([scalpel.BLADE_THICKNESS, CHORD, BLADE_LENGTH], rel=1e-9)
+    assert size == pytest.approx([BLADE_THICKNESS, CHORD, BLADE_LENGTH], rel=1e-9)
     edge = blade_edge()
     slope = np.diff(edge[:, 0]) / np.maximum(np.diff(edge[:, 1]), 1e-12)
     assert (np.diff(slope) <= 1e-9).all()  # the belly is convex, and straight at the end

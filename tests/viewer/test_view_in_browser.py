@@ -18,8 +18,7 @@ from view_pages import INSTANTS, document, shown, told, with_told
 pytest.importorskip("meshcat", reason="the 3-D viewer is an extra: pip install 'cutenv[view3d]'")
 
 from cutenv.viewer.solid import ShownCut
-from cutenv.viewer.solid.scalpel import pose
-from cutenv.viewer.solid.slab_solid import SlabSolid
+from cutenv.viewer.solid.solids import SlabSolid, pose
 from cutenv.viewer.solid.view_page import view_page
 
 pytestmark = pytest.mark.needs("chromium")

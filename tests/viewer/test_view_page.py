@@ -16,7 +16,7 @@ from view_pages import INSTANTS, array, block, document, shown, told
 pytest.importorskip("meshcat", reason="the 3-D viewer is an extra: pip install 'cutenv[view3d]'")
 
 from cutenv.viewer.solid import write_view
-from cutenv.viewer.solid.slab_solid import SlabSolid
+from cutenv.viewer.solid.solids import SlabSolid
 from cutenv.viewer.solid.view_page import view_page
 
 

@@ -11,10 +11,9 @@ from rendering.xray_session import CutHistory, Session
 from scipy.spatial import cKDTree
 
 from cutenv.vision.bead_correspondence import linked, pairs_by_epipolar, places_from_sweep
-from cutenv.vision.bead_filter import BeadFilter
 from cutenv.vision.bead_images import BeadLook, groups_of, measure_beads, shared_shifts
 from cutenv.vision.bead_tracks import BeadTracks
-from cutenv.vision.beads import find_beads, track_beads
+from cutenv.vision.beads import BeadFilter, find_beads, track_beads
 from cutenv.vision.fluoroscopy import deinterlaced
 from cutenv.vision.projection import project
 from cutenv.vision.registration import SpecimenFrame, clock_lag

@@ -16,11 +16,10 @@ import cv2
 from cutenv.measurement import estimate_fracture_resistance
 from cutenv.measurement.depth import depth_sd
 from cutenv.scoring import score
-from cutenv.vision.blade_depth import BladeCameras
-from cutenv.vision.blade_mark import MarkedBlade
+from cutenv.vision.blade_mark import MarkedBlade, UnusableFrame
 from cutenv.vision.depth_record import filmed_depth
-from cutenv.vision.edge_lines import UnusableFrame
-from cutenv.vision.video import VideoFrame
+from cutenv.vision.film_source import VideoFrame
+from cutenv.vision.marked_blade import BladeCameras
 
 BLADE = MarkedBlade()
 

@@ -9,7 +9,7 @@ import pytest
 
 av = pytest.importorskip("av", reason="av is an extra: pip install 'cutenv[vision]'")
 
-from cutenv.vision.video import video_facts, video_frames  # noqa: E402
+from cutenv.vision.film_source import video_facts, video_frames  # noqa: E402
 
 N, RATE = 25, 12
 

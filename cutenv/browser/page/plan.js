@@ -1,4 +1,4 @@
-// View from above of a cut along a line, as cutenv.viewer.plan_view: line, cut, blade, hand and tip in their places.
+// View from above of a cut along a line, as cutenv.viewer.views: line, cut, blade, hand and tip in their places.
 
 const MESH = 0.01, MESH_FINE = 0.0025; // m, between lines on the tissue, and between the points of one
 const HALF_BLADE = 0.001, BESIDE_TARGET = 0.008; // m

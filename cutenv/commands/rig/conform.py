@@ -11,11 +11,107 @@ import argparse
 import json
 import sys
 from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
 
 from cutenv.commands.options import RIG, command_parser, reports_errors
-from cutenv.rig.driver_trial import SECTIONS_TRIED, tried_drivers
+from cutenv.rig.config.axes import Axis
+from cutenv.rig.config.settings import EMULATED, FAKE, RigSettings, SensorSettings
+from cutenv.rig.connection import operator_of, settings_of
+from cutenv.rig.devices.driver_registry import (
+    KIND_OF_ROLE,
+    DriverKind,
+    Mounting,
+    driver_named,
+    mounted,
+    registered_drivers,
+    traits_of,
+)
+from cutenv.rig.devices.host import SystemClock, preferred
 from cutenv.rig.errors import RigError
-from cutenv.rig.operation.conformance import HEADER, conformance_rows
+from cutenv.rig.operation.conformance import HEADER, TriedPromise, conformance_rows
+from cutenv.rig.operation.driver_conformance import TRIAL_TRAVEL, conform_force, conform_motion
+
+SECTIONS_TRIED = ("blade", "angle", "height", "side", "sensor")
+"""Sections of a rig's file whose drivers can be tried."""
+Tried = dict[str, tuple[str, list[TriedPromise]]]
+"""Name of the driver, and its findings, by section."""
+
+
+def tried_drivers(rig: str, sections: list[str] | None = None) -> Tried:
+    """Try the drivers of a rig, or one driver.
+
+    Parameters
+    ----------
+    rig : str
+        A rig's TOML file, the name of an emulated one, or the name of a driver that needs no options.
+    sections : list of str, optional
+        Sections to be tried; by default the blade's axis and the sensor.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        If there is no such rig and no such driver, or the file is not valid.
+    RigError
+        If a device does not answer, or the operator does not agree.
+    """
+    if rig == FAKE:
+        raise ValueError(f"a fake rig has no drivers to try. Give {', '.join(map(repr, EMULATED))}, or a rig's file.")
+    with ExitStack() as stack:
+        if rig in EMULATED:
+            from cutenv.rig.emulator.process import start
+
+            settings = stack.enter_context(start(free_air=True, kind=rig)).settings
+        elif rig.endswith(".toml") or Path(rig).exists():
+            settings = settings_of(rig)
+        else:
+            settings, sections = _rig_of(rig), sections or [_role_of(rig)]
+        stack.enter_context(preferred())
+        found: Tried = {}
+        for role in sections or ("blade", "sensor"):
+            part = getattr(settings, role)
+            if part is None:
+                raise ValueError(f"rig {settings.name!r} has no section [{role}]. Try one that it has.")
+            found[role] = part.driver, _findings(settings, role)
+        return found
+
+
+def _findings(settings: RigSettings, role: str) -> list[TriedPromise]:
+    clock = SystemClock()
+    driver = mounted(Mounting(role=role, rig=settings, clock=clock))
+    if KIND_OF_ROLE[role] is DriverKind.FORCE:
+        return conform_force(driver, settings, clock)
+    if not settings.emulated:
+        question = (
+            f"The {role} axis of {settings.name} will move to and fro by up to {1e3 * TRIAL_TRAVEL:g} mm (a hinge: 0.6 "
+            "degrees), several times. Is the blade off, is its way clear, and is the stop button within reach?"
+        )
+        if not operator_of(settings).confirm(question, expected=settings.name):
+            raise RigError("the operator has not confirmed: nothing moves.")
+    return conform_motion(driver, settings, clock)
+
+
+def _role_of(name: str) -> str:
+    """Return the section that a driver by its name is for: by its methods, if it is a class."""
+    if ":" not in name:
+        only_force = name in registered_drivers(DriverKind.FORCE) and name not in registered_drivers(DriverKind.MOTION)
+        return "sensor" if only_force else "blade"
+    return "sensor" if hasattr(driver_named(DriverKind.MOTION, name).load(), "tare") else "blade"
+
+
+def _rig_of(name: str) -> RigSettings:
+    """Return a rig with nothing but this driver, whatever its kind."""
+    role = _role_of(name)
+    traits = traits_of(KIND_OF_ROLE[role], name)
+    if traits.options is not None:
+        raise ValueError(
+            f"driver {name!r} takes options, such as its port. Write them into a rig's file ('cutenv rig init'), and "
+            "give that file."
+        )
+    part = Axis(driver=name) if role == "blade" else SensorSettings(driver=name)
+    settings: RigSettings = replace(RigSettings(name=name), **{role: part})  # type: ignore[arg-type]
+    return replace(settings, emulated=traits.emulated(settings, role))
 
 
 @reports_errors("rig conform")

@@ -21,7 +21,7 @@ from cutenv.rig.devices.driver_registry import (
     registered_drivers,
     traits_of,
 )
-from cutenv.rig.toml_text import key_comment
+from cutenv.rig.toml_file import key_comment
 
 
 @reports_errors("rig drivers")

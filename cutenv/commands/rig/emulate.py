@@ -19,7 +19,7 @@ from cutenv.commands.options import add_specimen_class, command_parser, reports_
 from cutenv.rig.config.axes import Axis
 
 if TYPE_CHECKING:
-    from cutenv.rig.config.laid import Laid
+    from cutenv.rig.config.laid_specimen import Laid
     from cutenv.rig.emulator.assembly import Options
     from cutenv.rig.emulator.serial.serial_rig import SerialOptions
 
@@ -56,8 +56,8 @@ _CONSTANTS = (
 def main(argv: Sequence[str]) -> int:
     """Run the command until it is ended; return 0, or 2 if an option is bad or a port is taken."""
     arguments = _parser().parse_args(argv)
-    from cutenv.rig.emulator.faults import FAULTS, parsed_fault
-    from cutenv.rig.emulator.serial.serial_faults import GRBL_FAULTS, SERIAL_FAULTS
+    from cutenv.rig.emulator.emulated_bench import FAULTS, parsed_fault
+    from cutenv.rig.emulator.serial.serial_rig import GRBL_FAULTS, SERIAL_FAULTS
 
     known_faults = GRBL_FAULTS if arguments.grbl else SERIAL_FAULTS if arguments.serial else FAULTS
     if arguments.list_faults:
@@ -77,7 +77,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _laid(arguments: argparse.Namespace) -> Laid | None:
-    from cutenv.rig.config.laid import Laid
+    from cutenv.rig.config.laid_specimen import Laid
     from cutenv.tissue.description import load_description
 
     if arguments.free_air:
@@ -121,9 +121,9 @@ def _serial_options(arguments: argparse.Namespace) -> SerialOptions:
 def _options(arguments: argparse.Namespace) -> Options:
     from cutenv.cutting.parameters import LawParameters
     from cutenv.cutting.sensor import SensorParameters
-    from cutenv.rig.config.imitated_rig import across
+    from cutenv.rig.config.settings import across
     from cutenv.rig.emulator.assembly import Options
-    from cutenv.rig.emulator.motor import Mechanics, hinge
+    from cutenv.rig.emulator.mechanics import Mechanics, hinge
 
     given: dict[str, dict[str, float]] = {"mechanics": {}, "sensor": {}, "law": {}}
     for option, constant, unit, *_ in _CONSTANTS:

@@ -121,8 +121,8 @@ def _check_out(arguments: argparse.Namespace) -> None:
 
 
 def _write(arguments: argparse.Namespace, evaluation: Evaluation) -> None:
-    from cutenv._base.atomic_file import atomic_write
-    from cutenv.sim_to_real.evaluation_page import write_evaluation
+    from cutenv._base.output import atomic_write
+    from cutenv.sim_to_real.evaluation_result import write_evaluation
 
     if arguments.json is not None:
         with atomic_write(arguments.json) as part:

@@ -13,8 +13,7 @@ from datetime import date
 from pathlib import Path
 
 from cutenv.commands.options import RIG, command_parser, reports_errors
-from cutenv.rig.config.imitated_rig import RIG_NAMES
-from cutenv.rig.config.settings import RigSettings
+from cutenv.rig.config.settings import RIG_NAMES, RigSettings
 from cutenv.rig.connection import connected, operator_of, settings_of
 from cutenv.rig.errors import RigError
 from cutenv.rig.identification import Identification, Plan, identification_from, perform

@@ -13,7 +13,7 @@ from cutenv.rig.config.settings import RigSettings, SensorSettings
 from cutenv.rig.devices.serial.bota_sensor import BotaOptions
 from cutenv.rig.devices.serial.robotiq_sensor import ROBOTIQ_RATE, RobotiqOptions
 from cutenv.rig.devices.serial.slow_profile import grbl_settings, slow_limits, slow_settings
-from cutenv.rig.toml_text import template
+from cutenv.rig.toml_file import template
 
 PROFILES: dict[str, Callable[[], RigSettings]] = {
     "canopen": RigSettings,

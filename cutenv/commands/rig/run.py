@@ -10,7 +10,7 @@ import json
 import math
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -29,13 +29,59 @@ from cutenv.commands.options import (
     reports_errors,
     target_length,
 )
+from cutenv.rig.config.settings import RigSettings
+from cutenv.rig.devices.canopen.objects import ENABLE_OPERATION, AxisUnits, command_frame
+from cutenv.rig.devices.driver_registry import axes_driven_by
 from cutenv.rig.errors import RigError
 from cutenv.task.registry import TASKS, RegisteredTask, task_made_as
 
 if TYPE_CHECKING:
     from cutenv.envs.rig_cut import RigCutEnv
     from cutenv.policy import Policy
-    from cutenv.rig.config.settings import RigSettings
+
+
+_STEPS = 1000  # milli-rpm, which the axis asks its drive for
+
+
+class Transcript:
+    """Listing of commands, one a line: time, axis, speed, CAN frame if it has one. Repetitions are only counted.
+
+    Parameters
+    ----------
+    settings : RigSettings
+        Gear, lead, encoder and node of each axis.
+    start : float
+        Time shown as zero [s].
+    write : callable
+        Called with each line.
+    """
+
+    def __init__(self, settings: RigSettings, start: float, write: Callable[[str], None]) -> None:
+        self._axes = settings.axes
+        canopen = axes_driven_by(settings, "canopen")  # other drivers have no frame to show
+        self._units = {name: AxisUnits(axis=axis, steps=_STEPS) for name, axis in canopen.items()}
+        self._start, self._write = start, write
+        self._last: dict[str, tuple[float, int]] = {}
+
+    def heard(self, time: float, axis: str, speed: float) -> None:
+        """Take a command at ``time`` [s] to an axis, speed in m/s or rad/s."""
+        last, count = self._last.get(axis, (math.nan, 0))
+        if speed == last:
+            self._last[axis] = last, count + 1
+            return
+        self._last[axis] = speed, 1
+        frame = ""
+        if axis in self._units:
+            number, data = command_frame(self._axes[axis].node, ENABLE_OPERATION, self._units[axis].velocity(speed))
+            frame = f"  {number:03X}#{data.hex(' ').upper()}"
+        shown = f"{1e3 * speed:+8.3f} mm/s" if axis != "angle" else f"{math.degrees(speed):+8.2f} deg/s"
+        again = f"   (the one before {count} times)" if count > 1 else ""
+        self._write(f"{time - self._start:8.3f} s  {axis:<6}{shown}{frame}{again}")
+
+    def note(self, text: str) -> None:
+        """Write a line of text."""
+        self._write(f"-- {text}")
+
 
 _STOPPED, _INTERRUPTED = 3, 130
 _LATE = ("force stale", "force late", "motion stale", "clock overrun", "heartbeat lost")
@@ -144,8 +190,6 @@ def _environment(arguments: argparse.Namespace, keywords: dict[str, Any], **more
 def _dry_run(arguments: argparse.Namespace) -> int:
     """Cut a drawn specimen on a fake with the rig's settings, and print every frame that would command a drive."""
     import numpy as np
-
-    from cutenv.rig.operation.dry_run import Transcript
 
     policy, keywords = chosen_policy(arguments.policy, arguments.task)
     env = _environment(arguments, keywords).rehearsal()

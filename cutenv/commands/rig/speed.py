@@ -15,7 +15,7 @@ from cutenv._base.validation import in_range
 from cutenv.commands.inputs import chosen_cut, read_records
 from cutenv.commands.options import add_cut, add_record_options, add_specimen_class, command_parser, reports_errors
 from cutenv.cutting.drive import DRIVES
-from cutenv.rig.config.imitated_rig import EMULATOR, FAKE
+from cutenv.rig.config.settings import EMULATOR, FAKE
 from cutenv.rig.errors import RigError
 
 if TYPE_CHECKING:

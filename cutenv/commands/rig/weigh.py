@@ -12,8 +12,7 @@ from collections.abc import Sequence
 from datetime import date
 
 from cutenv.commands.options import RIG, command_parser, reports_errors
-from cutenv.rig.config.imitated_rig import RIG_NAMES
-from cutenv.rig.config.settings import RigSettings
+from cutenv.rig.config.settings import RIG_NAMES, RigSettings
 from cutenv.rig.connection import connected, operator_of
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.weighing import Weighing, weigh

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
-from cutenv._base.parameter import check_parameters
-from cutenv._base.validation import in_range, one_of
+from cutenv._base.validation import check_parameters, in_range, one_of
 from cutenv.rig.config.setting import setting
 
 DRIVER = "Driver: a name that 'cutenv rig drivers' lists, or module:Class. Its own keys are in the table 'options'."

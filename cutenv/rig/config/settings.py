@@ -9,10 +9,10 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass, field
+from datetime import date, datetime
 from typing import Any, Literal, NamedTuple
 
-from cutenv._base.parameter import check_parameters
-from cutenv._base.validation import in_range, one_of
+from cutenv._base.validation import check_parameters, in_range, one_of
 from cutenv.rig.config.axes import DRIVER, Axis, CrossAxis, HeightAxis, SideAxis
 from cutenv.rig.config.setting import setting
 
@@ -319,3 +319,64 @@ class RigSettings:
             f"under [{name}] ('cutenv rig init' writes the section, commented out), or a task {without}: "
             "cutenv/RigCut-v1."
         )
+
+
+def day_of(text: str) -> date:
+    """Return the day of an ISO 8601 text, such as ``2026-03-01`` or ``2026-03-01T14:05:00``.
+
+    Raises
+    ------
+    ValueError
+        If the text is not a date.
+    """
+    try:
+        return datetime.fromisoformat(text).date()
+    except ValueError:
+        raise ValueError(f"{text!r} is not a date. Write it as 2026-03-01.") from None
+
+
+def expired(calibration: SensorCalibration, today: date) -> str | None:
+    """Return the reason why the calibration is not valid on that day (never, in the future, too old), or None."""
+    cure = "Hang known weights on the sensor, and write the day as calibration.date into the rig's file."
+    if not calibration.date:
+        return f"the force sensor was never checked. {cure}"
+    try:
+        day = day_of(calibration.date)
+    except ValueError as error:
+        return f"calibration.date = {error}"
+    age = (today - day).days
+    if age < 0:
+        return f"calibration.date = {day} is in the future: today is {today}. Correct it, or this computer's clock."
+    if age > calibration.valid_days:
+        return f"the force sensor was checked {age} days ago, on {day}, which counts {calibration.valid_days}. {cure}"
+    return None
+
+
+FAKE = "fake"
+"""Name of a rig in memory, on its own clock."""
+EMULATOR, SERIAL, GRBL = EMULATED = "emulator", "serial", "grbl"
+"""Names of emulated rigs in a process of their own."""
+RIG_NAMES = (FAKE, *EMULATED)
+"""Names that are not files."""
+HEIGHT = HeightAxis()
+"""Height axis of a fake and of an emulated rig."""
+SIDE = SideAxis()
+"""Axis to the side of a fake and of an emulated rig."""
+
+
+def across(*names: str) -> dict[str, CrossAxis]:
+    """Return the axes across the cut with these names, "height" and "side", as arguments of settings."""
+    return {name: axis for name, axis in (("height", HEIGHT), ("side", SIDE)) if name in names}
+
+
+def fake_settings(**changes: object) -> RigSettings:
+    """Return settings of a rig that needs no hardware: angle free, calibrated today, armed; across(...) adds axes."""
+    hinge = Axis(
+        node=2, gear=100.0, lead=2.0 * math.pi, low=math.radians(44.0), high=math.radians(91.0),
+        speed=math.radians(90.0), acceleration=100.0, quick_stop=100.0, following_error=0.1,
+    )  # fmt: skip
+    plain = RigSettings(
+        name="fake", armed_by="nobody: it is a fake", angle_mode="free", angle=hinge, emulated=True,
+        calibration=SensorCalibration(date=date.today().isoformat()),
+    )  # fmt: skip
+    return dataclasses.replace(plain, **changes)  # type: ignore[arg-type]

@@ -1,10 +1,18 @@
 """Devices of a rig: what a driver of your own needs, and the drivers that come with the package."""
 
-from cutenv.rig.devices.clock import Clock, FakeClock, SystemClock
 from cutenv.rig.devices.driver_registry import DriverKind, DriverTraits, Mounting, registered_drivers, rig_driver
-from cutenv.rig.devices.drivers import ForceDriver, ForceListener, MotionDriver, MotionListener
-from cutenv.rig.devices.latch import Event, Latch
-from cutenv.rig.devices.samples import DriveState, ForceSample, MotionSample
+from cutenv.rig.devices.drivers import (
+    DriveState,
+    Event,
+    ForceDriver,
+    ForceListener,
+    ForceSample,
+    Latch,
+    MotionDriver,
+    MotionListener,
+    MotionSample,
+)
+from cutenv.rig.devices.host import Clock, FakeClock, SystemClock
 from cutenv.rig.errors import RigError
 
 __all__ = [

@@ -18,7 +18,7 @@ from cutenv._base.validation import one_of
 from cutenv.rig.config.axes import Axis
 from cutenv.rig.config.file_schema import FileKey, keys_of
 from cutenv.rig.config.settings import CameraSettings, RigSettings, SensorSettings
-from cutenv.rig.devices.clock import Clock
+from cutenv.rig.devices.host import Clock
 
 Made = TypeVar("Made", bound=Callable[..., Any])
 Shared = TypeVar("Shared")

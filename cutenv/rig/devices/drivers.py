@@ -1,13 +1,196 @@
-"""Interfaces to the hardware: an axis that moves, a sensor that measures, and the listeners that they report to."""
+"""Interfaces to the hardware: axis, sensor, their samples in SI and radians, listeners, and the latch they share."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+import threading
+from collections import deque
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from enum import Enum, StrEnum
+from types import MappingProxyType
+from typing import NamedTuple, Protocol, TypeVar, runtime_checkable
 
-from cutenv.rig.devices.samples import ForceSample, MotionSample
+import numpy as np
+from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from cutenv.rig.devices.latch import Latch
+from cutenv.rig.errors import RigError
+
+
+class Phase(StrEnum):
+    """State of a rig, which decides whether it may move."""
+
+    UNREADY = "unready"
+    """Locked: drives may be switched on and off at zero speed."""
+    READY = "ready"
+    """Released: commands go to the drives."""
+    STOPPED = "stopped"
+    """Stopped: only quick stops go to the drives, until the operator agrees to a reset."""
+    RESETTING = "resetting"
+    """Being reset: the operator has agreed, and the drives are brought to rest without power."""
+
+
+class Event(Enum):
+    """Event that can change the phase."""
+
+    STOP = "a quick stop from any source"
+    AGREE = "the operator agrees to a reset"
+    CLEARED = "every drive is at rest without power"
+    FAILED = "a drive cannot be cleared"
+    RELEASE = "every signal is present and within its limits"
+    LOCK = "the blade is at rest and has to stay so"
+
+
+NEXT: Mapping[tuple[Phase, Event], Phase] = MappingProxyType(
+    {
+        (Phase.UNREADY, Event.STOP): Phase.STOPPED,
+        (Phase.READY, Event.STOP): Phase.STOPPED,
+        (Phase.RESETTING, Event.STOP): Phase.STOPPED,  # a new stop: the operator agreed to end the earlier one
+        (Phase.STOPPED, Event.AGREE): Phase.RESETTING,
+        (Phase.UNREADY, Event.AGREE): Phase.RESETTING,  # a drive has stopped by itself
+        (Phase.RESETTING, Event.CLEARED): Phase.UNREADY,
+        (Phase.RESETTING, Event.FAILED): Phase.STOPPED,
+        (Phase.UNREADY, Event.RELEASE): Phase.READY,
+        (Phase.READY, Event.LOCK): Phase.UNREADY,
+    }
+)
+"""Next phase for each pair of phase and event; every other event changes nothing."""
+
+
+class Latch:
+    """Phase of one rig; may be read and changed from any thread.
+
+    An axis without a supervisor has its own; a supervisor shares one with all its axes.
+    """
+
+    def __init__(self) -> None:
+        self._phase = Phase.UNREADY
+        self._changing = threading.Lock()
+
+    @property
+    def phase(self) -> Phase:
+        """Present phase."""
+        return self._phase
+
+    @property
+    def closed(self) -> bool:
+        """True while nothing may be sent that could give a drive power or speed."""
+        return self._phase in (Phase.STOPPED, Phase.RESETTING)
+
+    def happens(self, event: Event) -> bool:
+        """Change the phase as :data:`NEXT` defines; return whether it has an entry for this event."""
+        with self._changing:
+            after = NEXT.get((self._phase, event))
+            self._phase = after or self._phase
+            return after is not None
+
+    @contextmanager
+    def resetting(self) -> Iterator[None]:
+        """Enter the resetting phase for the block, which clears the drives; the rig is locked at its end.
+
+        Raises
+        ------
+        RigError
+            If another stop happened meanwhile; the rig is then stopped, as after any error in the block.
+        """
+        self.happens(Event.AGREE)
+        try:
+            yield
+        except BaseException:
+            self.happens(Event.FAILED)
+            raise
+        if not self.happens(Event.CLEARED):
+            raise RigError("the rig was stopped again during the reset; look for the cause, and reset it again.")
+
+
+class DriveState(Enum):
+    """State of a CiA 402 drive, as in its statusword."""
+
+    NOT_READY = "not ready to switch on"
+    DISABLED = "switch on disabled"
+    READY = "ready to switch on"
+    SWITCHED_ON = "switched on"
+    ENABLED = "operation enabled"
+    QUICK_STOP = "quick stop active"
+    REACTING = "fault reaction active"
+    FAULT = "fault"
+
+
+class MotionSample(NamedTuple):
+    """State of one axis at one instant.
+
+    Attributes
+    ----------
+    time : float
+        Arrival on the clock [s].
+    position, speed : float
+        Position from the clamp [m] and speed [m/s] of the blade along the cut; of the angle axis [rad], [rad/s]; of the
+        height axis [m], [m/s], upwards; of that to the side, to the left.
+    torque : float
+        Torque of the motor over its rated torque [1].
+    state : DriveState
+        State of the drive.
+    """
+
+    time: float
+    position: float
+    speed: float
+    torque: float
+    state: DriveState
+
+
+class ForceSample(NamedTuple):
+    """Reading of the six-axis sensor.
+
+    Attributes
+    ----------
+    time : float
+        Arrival on the clock [s].
+    force : tuple of 3 float
+        Force in the sensor's axes, after tare [N].
+    counts : tuple of 6 int
+        Forces and torques as the sensor sent them.
+    status : int
+        Status of the sensor; 0 is healthy.
+    sequence : int
+        Number of the packet, counted by the sensor modulo 2**32.
+    lost : int
+        Number of packets missing since the last sample.
+    torque : tuple of 3 float
+        Torque in the sensor's axes, after tare [N m].
+    """
+
+    time: float
+    force: tuple[float, float, float]
+    counts: tuple[int, int, int, int, int, int]
+    status: int
+    sequence: int
+    lost: int
+    torque: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+_Sample = TypeVar("_Sample", ForceSample, MotionSample)
+
+
+def newest_since(samples: deque[_Sample], moment: float) -> list[_Sample]:
+    """Return the samples from the last one before ``moment`` [s] to the newest."""
+    kept: list[_Sample] = []
+    for sample in reversed(samples.copy()):  # a thread may add to it meanwhile
+        kept.append(sample)
+        if sample.time < moment:
+            break
+    return kept[::-1]
+
+
+def interpolated(
+    time: NDArray[np.float64], samples: list[MotionSample]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return position and speed at times [s]: linear between samples, at constant speed after the last one."""
+    if not samples:
+        return np.zeros_like(time), np.zeros_like(time)
+    times = np.array([sample.time for sample in samples])
+    speed = np.interp(time, times, [sample.speed for sample in samples])
+    position = np.interp(time, times, [sample.position for sample in samples])
+    return position + samples[-1].speed * np.maximum(time - times[-1], 0.0), speed
 
 
 class MotionListener(Protocol):

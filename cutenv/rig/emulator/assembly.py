@@ -15,16 +15,14 @@ from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.plant.simulator import ANGLE_RANGE, check_angle
 from cutenv.rig.config.axes import Axis, CrossAxis
-from cutenv.rig.config.laid import Laid
+from cutenv.rig.config.laid_specimen import Laid
 from cutenv.rig.config.settings import SafetyLimits
 from cutenv.rig.devices.analogue.sensor_calibration_file import AnalogueCalibration
 from cutenv.rig.emulator.board_server import BoardServer
 from cutenv.rig.emulator.emulated_axis import EmulatedAxis
-from cutenv.rig.emulator.emulated_bench import EmulatedBench
-from cutenv.rig.emulator.emulated_tissue import ARM, EmulatedTissue
-from cutenv.rig.emulator.faults import FAULTS
+from cutenv.rig.emulator.emulated_bench import FAULTS, EmulatedBench
 from cutenv.rig.emulator.hub import Frame, Hub
-from cutenv.rig.emulator.motor import Mechanics, hinge
+from cutenv.rig.emulator.mechanics import ARM, EmulatedTissue, Mechanics, hinge
 from cutenv.rig.emulator.node import Node
 from cutenv.rig.emulator.sensor_server import SensorServer
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from cutenv._base.validation import in_range, one_of
-from cutenv.rig.config.laid import Laid
+from cutenv.rig.config.laid_specimen import Laid
 from cutenv.rig.emulator.emulated_bench import EmulatedBench
 from cutenv.rig.errors import RigError
 from cutenv.tissue.description import load_description

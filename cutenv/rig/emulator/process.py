@@ -19,7 +19,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from cutenv._base.atomic_file import atomic_write
+from cutenv._base.output import atomic_write
 from cutenv._base.validation import one_of
 from cutenv._engine.jit import warn_before_first_compile
 from cutenv.cutting.descent import DESCENDING
@@ -27,20 +27,27 @@ from cutenv.cutting.motion import STRAIGHT
 from cutenv.cutting.sensor import measure
 from cutenv.cutting.simulate import follow
 from cutenv.cutting.steering import STEERED
-from cutenv.rig.config.imitated_rig import EMULATED, EMULATOR
-from cutenv.rig.config.imitated_rig import across as cross_axes
-from cutenv.rig.config.laid import Laid
-from cutenv.rig.config.settings import Bus, PositionControl, RigSettings, SensorCalibration, SensorSettings
+from cutenv.rig.config.laid_specimen import Laid
+from cutenv.rig.config.settings import (
+    EMULATED,
+    EMULATOR,
+    Bus,
+    PositionControl,
+    RigSettings,
+    SensorCalibration,
+    SensorSettings,
+)
+from cutenv.rig.config.settings import across as cross_axes
 from cutenv.rig.devices.analogue.analogue_sensor import AnalogueOptions
-from cutenv.rig.devices.real_time import prefer
+from cutenv.rig.devices.host import prefer
 from cutenv.rig.devices.serial.slow_profile import grbl_settings, slow_settings
 from cutenv.rig.emulator.assembly import RANGES, EmulatedRig, Options
 from cutenv.rig.emulator.control import ControlServer, EmulatorControl
 from cutenv.rig.emulator.emulated_bench import STALL, EmulatedBench
-from cutenv.rig.emulator.motor import position_control, turn_motor
+from cutenv.rig.emulator.mechanics import position_control, turn_motor
 from cutenv.rig.emulator.serial.serial_rig import EmulatedGrblRig, EmulatedSerialRig, SerialOptions
 from cutenv.rig.errors import RigError
-from cutenv.rig.toml_text import to_toml
+from cutenv.rig.toml_file import to_toml
 from cutenv.tissue.grid import N_POINTS, SPACING
 from cutenv.tissue.lines import straight
 
@@ -360,7 +367,7 @@ def start(
     across : sequence of str
         Axes across the cut that it has: "height", "side".
     kind : str
-        Name of the rig, of :data:`~cutenv.rig.config.imitated_rig.EMULATED`; the blade of "serial" and "grbl" is fixed,
+        Name of the rig, of :data:`~cutenv.rig.config.settings.EMULATED`; the blade of "serial" and "grbl" is fixed,
         upright by default.
     real_time : bool
         Take priority over other processes, if the system allows.

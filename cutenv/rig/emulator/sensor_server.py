@@ -12,7 +12,8 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from cutenv._base.validation import in_range
-from cutenv.rig.devices.clock import Clock, SystemClock
+from cutenv.rig.devices.driver_bases import Counts
+from cutenv.rig.devices.host import Clock, SystemClock
 from cutenv.rig.devices.netft.packets import (
     PacketError,
     RdtCommand,
@@ -21,8 +22,7 @@ from cutenv.rig.devices.netft.packets import (
     packet_bytes,
     parse_request,
 )
-from cutenv.rig.devices.sample_clock import SEQUENCES
-from cutenv.rig.devices.streamed_sensor import Counts
+from cutenv.rig.devices.reading_stream import SEQUENCES
 
 Address: TypeAlias = tuple[str, int]
 Loads: TypeAlias = tuple[float, float, float, float, float, float]

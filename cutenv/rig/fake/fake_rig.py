@@ -18,15 +18,20 @@ from numpy.typing import NDArray
 from cutenv.cutting.dtypes import TICK
 from cutenv.plant import ReplayPlant
 from cutenv.rig.config.axes import Axis
-from cutenv.rig.config.imitated_rig import fake_settings
-from cutenv.rig.config.laid import Laid
-from cutenv.rig.config.settings import RigSettings
-from cutenv.rig.devices.clock import FakeClock, Repeating
-from cutenv.rig.devices.drivers import ForceListener, MotionListener
-from cutenv.rig.devices.latch import Event, Latch
-from cutenv.rig.devices.samples import DriveState, ForceSample, MotionSample
+from cutenv.rig.config.laid_specimen import Laid
+from cutenv.rig.config.settings import RigSettings, fake_settings
+from cutenv.rig.devices.drivers import (
+    DriveState,
+    Event,
+    ForceListener,
+    ForceSample,
+    Latch,
+    MotionListener,
+    MotionSample,
+)
+from cutenv.rig.devices.host import FakeClock, Repeating
 from cutenv.rig.errors import RigError
-from cutenv.rig.fake.specimen_plant import DrivenPlant, RecordedPlant, SpecimenPlant
+from cutenv.rig.fake.benches import DrivenPlant, RecordedPlant, SpecimenPlant
 from cutenv.rig.plant import RigPlant
 from cutenv.tissue.specimen import Specimen
 from cutenv.trace import Trace

@@ -8,8 +8,8 @@ import time
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from cutenv.rig.devices.clock import Clock
-from cutenv.rig.devices.samples import ForceSample, MotionSample
+from cutenv.rig.devices.drivers import ForceSample, MotionSample
+from cutenv.rig.devices.host import Clock
 from cutenv.rig.errors import RigError
 
 CALL_TIME = 0.005

@@ -9,8 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
 
-from cutenv.rig.devices.clock import SystemClock
-from cutenv.rig.devices.real_time import prefer
+from cutenv.rig.devices.host import SystemClock, prefer
 from cutenv.rig.plant import RigPlant
 
 PUBLISHED_EVERY = 0.04

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from datetime import date
 
 from cutenv.rig.config.axes import Axis, CrossAxis
-from cutenv.rig.config.sensor_calibration import expired
-from cutenv.rig.config.settings import RigSettings
+from cutenv.rig.config.settings import RigSettings, expired
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.operator import Operator
 from cutenv.rig.plant import RigPlant
-from cutenv.rig.safety.motion_history import CREEP
+from cutenv.rig.safety.motion_monitor import CREEP
 
 SETTLE = 0.3
 """Time after switching on, before anything is checked [s]."""

@@ -1,23 +1,127 @@
-"""Session with a rig, from the first connection to the last: prepared once, then cut after cut on new specimens."""
+"""Session with a rig, prepared once, then cut after cut on specimens that are supplied; and the rows of its records."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import dataclass
 from datetime import date
-from typing import Any
+from typing import Any, Protocol
 
-from cutenv.rig.devices.clock import SystemClock
-from cutenv.rig.devices.real_time import preferred, tidy
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv._base.arrays import StructArray
+from cutenv.rig.config.laid_specimen import measured_depth
+from cutenv.rig.config.settings import RigSettings
+from cutenv.rig.devices.host import SystemClock, preferred, tidy
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.operator import Operator
 from cutenv.rig.operation.preflight import SETTLE, Check, prepare
-from cutenv.rig.operation.specimen_source import SpecimenKey, SpecimenSource
 from cutenv.rig.plant import RigPlant
 from cutenv.rig.safety.guard import guarded
 from cutenv.rig.safety.stop_causes import BY_PEOPLE, WATCH, RigStopped
 from cutenv.rig.travel import RAISE_SPEED
+from cutenv.tissue.grid import depth_below
+from cutenv.tissue.specimen import Specimen
+from cutenv.trace import COMPONENTS_OF_FORCE, PLACE, Reading
+
+Row = tuple[float, ...]
+
+
+def recorded_beside(settings: RigSettings) -> tuple[str, ...]:
+    """Return the fields that a rig records beside a :class:`~cutenv.trace.Reading`'s.
+
+    With a height axis "height" and "vertical_force", with one to the side "blade_x", "blade_y" and "lateral_force";
+    with either, or if its file says so, the six components.  They are what ``beside`` of
+    :class:`cutenv.recording.AppendingRecord` takes.
+    """
+    names: tuple[str, ...] = ()
+    if settings.height is not None:
+        names += "height", "vertical_force"
+    if settings.side is not None:
+        names += *PLACE, "lateral_force"
+    return names + COMPONENTS_OF_FORCE if names or settings.sensor.components == "all" else ()
+
+
+def recorded_rows(plant: RigPlant, readings: StructArray) -> tuple[list[Reading], list[Row] | None]:
+    """Return the rows to record of the readings that a plant has just made, and the fields beside them.
+
+    The depth is that of the measured profile at the blade, of a blade at height 0.
+
+    Parameters
+    ----------
+    plant : RigPlant
+        The rig, whose ``keep`` is called with these readings.
+    readings : Records
+        :data:`cutenv.cutting.dtypes.READING`, shape (n,).
+
+    Returns
+    -------
+    tuple of (list of Reading, list of tuple or None)
+        For :meth:`cutenv.recording.AppendingRecord.append`; None where nothing is beside them.
+    """
+    depth = depth_below(plant.depth, readings["position"])
+    columns = [readings[field].tolist() for field in ("time", "force", "position", "speed", "angle")]
+    rows = list(map(Reading._make, zip(*columns, depth.tolist(), strict=True)))
+    names = list(recorded_beside(plant.settings))
+    return rows, None if plant.beside is None else plant.beside[names].tolist()
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpecimenKey:
+    """Key of a drawn specimen; hardware cuts whatever is laid, and stores the key as a label."""
+
+    seed: int
+    episode: int
+    target: float | None = None
+    """Length of the cut [m], along which the depth has to be known."""
+    specimen: Specimen | None = None
+    """Specimen as drawn or given; None if no program has drawn it."""
+
+
+class SpecimenSource(Protocol):
+    """Supply that lays the next specimen, with the blade at the clamp, at rest and without power."""
+
+    def mount(self, key: SpecimenKey) -> NDArray[np.float64] | None:
+        """Lay a specimen; return its measured depth of cut, shape (301,) [m], or None if the caller knows it."""
+        ...
+
+
+class SpecimensByHand:
+    """Supply by a person, who has measured each specimen's depth by caliper and written it into the rig's file.
+
+    Parameters
+    ----------
+    profile : callable
+        Reads the rig's file again: each specimen has its own depth.
+    operator : Operator
+        Person who lays the specimen.
+    """
+
+    def __init__(self, profile: Callable[[], RigSettings], operator: Operator) -> None:
+        self._profile, self._operator = profile, operator
+
+    def mount(self, key: SpecimenKey) -> NDArray[np.float64] | None:
+        """Ask for a new specimen; return its depth along the cut, shape (301,) [m].
+
+        Raises
+        ------
+        RigError
+            If the operator does not confirm that it is there, or its depth is not known.
+        """
+        what = (
+            f"The drives are without power. Lay specimen {key.episode + 1}: edge at the clamp, depth_profile in the "
+            "rig's file as measured on it; leave the blade where it is. Then take your hands away: the power comes back"
+        )
+        if not self._operator.ask_ready(what):
+            raise RigError("no new specimen was laid: nothing is cut.")
+        try:
+            return measured_depth(self._profile(), key.target)
+        except (OSError, ValueError) as error:
+            raise RigError(f"the depth of the specimen is not known: {error}") from error
+
 
 RETURN_SPEED = 0.005
 """Speed of the return to the clamp between cuts [m/s]: always slow."""

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 from cutenv.rig.config.axes import HeightAxis
 from cutenv.rig.config.settings import Identified, SafetyLimits
-from cutenv.rig.devices.sample_clock import LEAK, SEQUENCES, SampleClock
-from cutenv.rig.devices.samples import ForceSample
+from cutenv.rig.devices.drivers import ForceSample
+from cutenv.rig.devices.reading_stream import LEAK, SEQUENCES, SampleClock
 from cutenv.rig.safety.stop_causes import STILL, Breach, Cause
 
 RISE_OVER = 0.010

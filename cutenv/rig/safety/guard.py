@@ -11,8 +11,7 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
-from cutenv.rig.devices.clock import Clock
-from cutenv.rig.devices.owner import Owner
+from cutenv.rig.devices.host import Clock, Owner
 from cutenv.rig.safety.stop_causes import Cause
 from cutenv.rig.safety.supervisor import Supervisor
 

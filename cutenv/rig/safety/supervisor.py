@@ -11,16 +11,12 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 
 from cutenv.rig.config.settings import RigSettings
-from cutenv.rig.devices.clock import Clock
-from cutenv.rig.devices.drivers import MotionDriver
-from cutenv.rig.devices.latch import Event, Latch, Phase
-from cutenv.rig.devices.samples import DriveState, ForceSample, MotionSample
+from cutenv.rig.devices.drivers import DriveState, Event, ForceSample, Latch, MotionDriver, MotionSample, Phase
+from cutenv.rig.devices.host import Clock
 from cutenv.rig.errors import RigError
 from cutenv.rig.safety.force_monitor import ForceMonitor, ForceReadings
-from cutenv.rig.safety.motion_history import CREEP
-from cutenv.rig.safety.motion_monitor import MotionMonitor
-from cutenv.rig.safety.quick_stops import QuickStops
-from cutenv.rig.safety.stop_causes import Breach, Cause, StopReport
+from cutenv.rig.safety.motion_monitor import CREEP, MotionMonitor
+from cutenv.rig.safety.stop_causes import Breach, Cause, QuickStops, StopReport
 
 MARGIN = 1.04
 """Ratio of the speed limit to the greatest commanded speed [1]: the drive's speed loop overshoots."""
@@ -85,7 +81,7 @@ class Supervisor:
 
     @property
     def phase(self) -> Phase:
-        """State of the rig, which decides whether it may move; see :mod:`cutenv.rig.devices.latch`."""
+        """State of the rig, which decides whether it may move; see :mod:`cutenv.rig.devices.drivers`."""
         return self._latch.phase
 
     # Reports from the drivers

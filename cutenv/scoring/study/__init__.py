@@ -7,9 +7,8 @@ from cutenv.scoring.study.pass_mark import ErrorRate, PassMark, Proficiency, pas
 from cutenv.scoring.study.raters import RaterAgreement, RaterCorrelation, rater_agreement, rater_correlation
 from cutenv.scoring.study.reliability import Intraclass, OneWay, intraclass_correlation, one_way_reliability
 from cutenv.scoring.study.separation import Separation, separation
-from cutenv.scoring.study.standard_setting import Standard, StandardSetting
+from cutenv.scoring.study.standard_setting import Standard, StandardSetting, ValidityEvidence, validity_evidence
 from cutenv.scoring.study.study import Findings, NotEstimable, StudiedCut, Study, numbered
-from cutenv.scoring.study.validity_evidence import ValidityEvidence, validity_evidence
 
 __all__ = [
     "Crossover",

@@ -12,8 +12,7 @@ from scipy.stats import norm
 
 from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range, one_of
-from cutenv.scoring.study.bootstrap import BOOTSTRAP_SIZE, over_people
-from cutenv.scoring.study.estimate import FEWEST_PEOPLE, Estimate, values_of, vanishes
+from cutenv.scoring.study.estimate import BOOTSTRAP_SIZE, FEWEST_PEOPLE, Estimate, over_people, values_of, vanishes
 
 Better = Literal["higher", "lower"]
 Method = Literal["contrasting groups", "expert mean", "expert mean and SD", "set by the teacher"]

@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike
 
 from cutenv._base.arrays import Array
 from cutenv._base.validation import one_of
-from cutenv.scoring.study.bootstrap import BOOTSTRAP_SIZE, over_people
-from cutenv.scoring.study.estimate import Estimate, vanishes
+from cutenv.scoring.study.estimate import BOOTSTRAP_SIZE, Estimate, over_people, vanishes
 from cutenv.scoring.study.reliability import intraclass_correlation
 
 FEWEST_RATED = 4

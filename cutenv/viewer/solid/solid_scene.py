@@ -15,10 +15,8 @@ from numpy.typing import NDArray
 from cutenv._base.arrays import Array
 from cutenv.viewer import palette
 from cutenv.viewer.scene_parts import BLADE_LENGTH, HANDLE_LENGTH
-from cutenv.viewer.solid import scalpel
-from cutenv.viewer.solid.curved_solid import CurvedSolid
-from cutenv.viewer.solid.slab_solid import SlabSolid
-from cutenv.viewer.solid.solids import Surface, box, swept
+from cutenv.viewer.solid.curved_cut import CurvedSolid
+from cutenv.viewer.solid.solids import SlabSolid, Surface, blade, box, handle, swept
 
 Rgb = tuple[int, int, int]
 
@@ -156,8 +154,8 @@ class _Stage:
     def furnish(self, clamp: Surface) -> None:
         """Add clamp, scalpel and lights."""
         self.surface("clamp", clamp, _Paint((112, 122, 134), shininess=40))
-        self.surface("scalpel/blade", scalpel.blade(), _Paint(palette.STEEL_LIGHT, shininess=120))
-        self.surface("scalpel/handle", scalpel.handle(), _Paint(palette.STEEL, shininess=70))
+        self.surface("scalpel/blade", blade(), _Paint(palette.STEEL_LIGHT, shininess=120))
+        self.surface("scalpel/handle", handle(), _Paint(palette.STEEL, shininess=70))
         for path in ("Grid", "Axes", "Background", "Lights/PointLightNegativeX"):
             self.set(path, "visible", False)
         self.set("Lights/SpotLight", "visible", True)

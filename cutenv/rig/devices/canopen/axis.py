@@ -5,14 +5,14 @@ from __future__ import annotations
 from functools import partial
 
 from cutenv.rig.config.axes import Axis, CrossAxis
-from cutenv.rig.devices.axis_driver import STATE_LIMIT, AxisDriver
 from cutenv.rig.devices.canopen import configuration
 from cutenv.rig.devices.canopen import objects as o
+from cutenv.rig.devices.canopen.configuration import SdoChannel
 from cutenv.rig.devices.canopen.network import CanNetwork
-from cutenv.rig.devices.canopen.sdo_channel import SdoChannel
-from cutenv.rig.devices.canopen.units import AxisUnits
-from cutenv.rig.devices.clock import Clock
-from cutenv.rig.devices.samples import DriveState, MotionSample
+from cutenv.rig.devices.canopen.objects import AxisUnits
+from cutenv.rig.devices.driver_bases import STATE_LIMIT, AxisDriver
+from cutenv.rig.devices.drivers import DriveState, MotionSample
+from cutenv.rig.devices.host import Clock
 from cutenv.rig.errors import RigError
 
 _TOLD, _TOLD_EVERY = 20, 0.010  # quick stops before clearing a drive that still has power; [s] between them

@@ -12,8 +12,7 @@ from cutenv._base.validation import in_range
 from cutenv.rig.config.settings import Bus
 from cutenv.rig.devices.canopen.bus import open_bus
 from cutenv.rig.devices.canopen.objects import HEARTBEAT_FRAME, NMT_FRAME, NMT_OPERATIONAL, SYNC_FRAME
-from cutenv.rig.devices.clock import Clock, Repeating
-from cutenv.rig.devices.owner import Owner
+from cutenv.rig.devices.host import Clock, Owner, Repeating
 from cutenv.rig.errors import RigError
 
 _log = logging.getLogger(__name__)

@@ -11,7 +11,7 @@ from enum import IntEnum
 from typing import NamedTuple
 
 from cutenv._base.validation import in_range
-from cutenv.rig.devices.sample_clock import SEQUENCES
+from cutenv.rig.devices.reading_stream import SEQUENCES
 
 PORT = 49152
 """UDP port of a sensor as delivered."""

@@ -13,32 +13,30 @@ import threading
 from collections.abc import Callable
 from functools import partial
 
-from cutenv.rig.devices.axis_driver import AxisDriver
-from cutenv.rig.devices.clock import Repeating
+from cutenv.rig.devices.driver_bases import AxisDriver
 from cutenv.rig.devices.driver_registry import Mounting, rig_driver
-from cutenv.rig.devices.samples import DriveState, MotionSample
-from cutenv.rig.devices.serial.grbl_connection import GrblConnection
-from cutenv.rig.devices.serial.grbl_lines import (
+from cutenv.rig.devices.drivers import DriveState, MotionSample
+from cutenv.rig.devices.host import Repeating
+from cutenv.rig.devices.serial.grbl import (
     GRBL_AXES,
     JOG_CANCEL,
     MARK,
+    PIECE,
+    REPORT_PERIOD,
+    SENT_AHEAD,
     SOFT_RESET,
     STATUS,
+    GrblConnection,
+    GrblOptions,
     GrblStatus,
+    check_grbl,
     grbl_setting,
     grbl_status,
     grbl_zero,
     jog_line,
-)
-from cutenv.rig.devices.serial.grbl_options import (
-    PIECE,
-    REPORT_PERIOD,
-    SENT_AHEAD,
-    GrblOptions,
-    check_grbl,
     lines_to_send,
 )
-from cutenv.rig.devices.serial.stepper_settings import on_pseudo_terminal
+from cutenv.rig.devices.serial.stepper_axis import on_pseudo_terminal
 from cutenv.rig.errors import RigError
 
 _log = logging.getLogger(__name__)

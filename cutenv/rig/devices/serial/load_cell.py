@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from cutenv._base.parameter import check_parameters
-from cutenv._base.validation import in_range
+from cutenv._base.validation import check_parameters, in_range
 from cutenv.rig.config.setting import setting
 from cutenv.rig.config.settings import RigSettings, SensorSettings
+from cutenv.rig.devices.driver_bases import FIRST_READING, StreamedSensor
 from cutenv.rig.devices.driver_registry import Mounting, rig_driver
 from cutenv.rig.devices.reading_stream import Zero
-from cutenv.rig.devices.serial.board import SerialBoard
-from cutenv.rig.devices.serial.board_lines import ForceReport, Report
-from cutenv.rig.devices.serial.stepper_settings import on_pseudo_terminal
-from cutenv.rig.devices.streamed_sensor import FIRST_READING, StreamedSensor
+from cutenv.rig.devices.serial.board import ForceReport, Report, SerialBoard
+from cutenv.rig.devices.serial.stepper_axis import on_pseudo_terminal
 from cutenv.rig.errors import RigError
 
 _RATE_ERROR = 0.15  # [1] assumed: the HX711 has a clock of its own, which its data sheet does not bound

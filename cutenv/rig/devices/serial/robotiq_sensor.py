@@ -10,13 +10,20 @@ from __future__ import annotations
 import struct
 from dataclasses import dataclass
 
-from cutenv._base.parameter import check_parameters
+from cutenv._base.validation import check_parameters
 from cutenv.rig.config.setting import setting
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.driver_registry import Mounting, rig_driver
-from cutenv.rig.devices.serial.frame_reader import FrameError, FrameFormat, SensorFrame, crc16, crc_table
-from cutenv.rig.devices.serial.framed_sensor import FramedSensor, SensorLine
-from cutenv.rig.devices.serial.stepper_settings import on_pseudo_terminal
+from cutenv.rig.devices.serial.framed_sensor import (
+    FramedSensor,
+    FrameError,
+    FrameFormat,
+    SensorFrame,
+    SensorLine,
+    crc16,
+    crc_table,
+)
+from cutenv.rig.devices.serial.stepper_axis import on_pseudo_terminal
 from cutenv.rig.errors import RigError
 
 ROBOTIQ_RATE = 100.0

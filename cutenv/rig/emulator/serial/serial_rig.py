@@ -1,11 +1,12 @@
-"""Emulated serial rigs: a load cell on a board, and a stepper on the same board or on a machine with GRBL."""
+"""Emulated rig on a serial line, and its faults: each by name, with parameters, and functions that start and end it."""
 
 from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from operator import attrgetter
 from typing import Any, ClassVar
 
 import numpy as np
@@ -16,8 +17,8 @@ from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.plant.simulator import check_angle
 from cutenv.rig.config.axes import Axis
-from cutenv.rig.config.laid import Laid
-from cutenv.rig.devices.serial.board_lines import (
+from cutenv.rig.config.laid_specimen import Laid
+from cutenv.rig.devices.serial.board import (
     BoardFlag,
     BoardState,
     LineError,
@@ -26,14 +27,112 @@ from cutenv.rig.devices.serial.board_lines import (
     board_report,
 )
 from cutenv.rig.devices.serial.slow_profile import COUNTS_PER_NEWTON, DELAYS, SCREW, SCREW_STEPS
-from cutenv.rig.devices.serial.stepper_settings import StepRates
-from cutenv.rig.emulator.emulated_bench import EmulatedBench
-from cutenv.rig.emulator.emulated_tissue import EmulatedTissue
-from cutenv.rig.emulator.faults import InjectedFault
-from cutenv.rig.emulator.serial.emulated_grbl import EmulatedGrbl
-from cutenv.rig.emulator.serial.firmware import CONVERTERS, HIGH_PIN, LOW_PIN, Firmware
-from cutenv.rig.emulator.serial.line import EmulatedLine
-from cutenv.rig.emulator.serial.serial_faults import GRBL_FAULTS, SERIAL_FAULTS
+from cutenv.rig.devices.serial.stepper_axis import StepRates
+from cutenv.rig.emulator.emulated_bench import (
+    OVER_FORCE,
+    Act,
+    EmulatedBench,
+    InjectedFault,
+    Parameters,
+    Range,
+    attribute,
+    switched,
+)
+from cutenv.rig.emulator.mechanics import EmulatedTissue
+from cutenv.rig.emulator.serial.firmware import (
+    CONVERTERS,
+    HIGH_PIN,
+    LOW_PIN,
+    STOP_PIN,
+    EmulatedGrbl,
+    EmulatedLine,
+    Firmware,
+)
+
+
+def _once(summary: str, begin: Callable[[Any], None]) -> InjectedFault:
+    """Make a fault that nothing ends."""
+    return InjectedFault(summary=summary, begin=lambda rig, p: begin(rig), end=lambda rig, p: None)
+
+
+def _of_line(line: str, sender: str, *, share: float, delay: float) -> dict[str, InjectedFault]:
+    """Return what can happen to a serial line, by name; ``sender`` is what is at its other end.
+
+    ``share`` of the lines and ``delay`` [s] are those of a fault that is given without.
+    """
+
+    def on(name: str) -> Act:
+        return attribute(name, line)
+
+    def plugged(rig: Any, given: Parameters, out: bool) -> None:
+        found = attrgetter(line)(rig)
+        found.unplug() if out else found.plug()
+
+    return {
+        "cable_out": switched(
+            plugged,
+            f"the cable of the {sender} is pulled out; at the end it is put in again, and the port has another number",
+        ),
+        f"{sender}_deaf": switched(on("deaf"), f"nothing that the computer sends gets to the {sender}"),
+        f"{sender}_mute": switched(on("mute"), f"nothing that the {sender} sends comes here; it hears all"),
+        "damaged_lines": switched(
+            on("damaged_share"), "a bit is changed in a share of the lines", "share", 0.0,
+            share=Range(share, 0.0, 1.0, "1"),
+        ),
+        "lost_lines": switched(
+            on("lost_share"), "a share of the lines is lost", "share", 0.0, share=Range(share, 0.0, 1.0, "1")
+        ),
+        "noise": switched(on("noise"), "random bytes come, as with another baud rate"),
+        "doubled_lines": switched(on("doubled"), "each line comes twice"),
+        "latency": switched(on("delay"), "lines come late", "delay_s", 0.0, delay_s=Range(delay, 0.0, 2.0, "s")),
+    }  # fmt: skip
+
+
+_OF_CELL: dict[str, InjectedFault] = {
+    "cell_silent": switched(lambda rig, p, silent: rig.convert(silent=silent), "the converter makes no readings"),
+    "cell_frozen": switched(attribute("frozen"), "the converter repeats its last counts"),
+    "cell_saturated": switched(attribute("saturated"), "the converter stands at the end of its range"),
+    "cell_wire_off": switched(attribute("wire_off"), "a wire of the load cell is off: the counts jump about"),
+    "over_force": OVER_FORCE,
+}
+_BOARD = _of_line("line", "board", share=0.5, delay=0.15)
+_MACHINE = _of_line("machine.line", "grbl", share=0.8, delay=0.5)  # less is not noticed, as its page says
+
+SERIAL_FAULTS: dict[str, InjectedFault] = {
+    **_BOARD,
+    "board_restart": _once(
+        "the board restarts: it loses its set-up, its zero and the motor's power", lambda rig: rig.restart()
+    ),
+    "stop_button": switched(
+        lambda rig, p, opened: rig.board.open_pin(STOP_PIN, opened), "the stop button's contact to the board opens"
+    ),
+    "limit_switch": switched(lambda rig, p, opened: rig.board.open_pin(HIGH_PIN, opened), "the far limit switch opens"),
+    "blocked": switched(
+        lambda rig, p, blocked: rig.board.block(blocked),
+        "the motor stands though it gets pulses: it loses steps, or its supply is off",
+    ),
+    **_OF_CELL,
+}
+"""Every fault of a rig on one board, by name."""
+
+GRBL_FAULTS: dict[str, InjectedFault] = {
+    **{name if name.startswith("grbl") else f"grbl_{name}": fault for name, fault in _MACHINE.items()},
+    "grbl_restart": _once(
+        "the machine restarts: it forgets its jogs and where the blade stands", lambda rig: rig.machine.reset()
+    ),
+    "grbl_alarm": _once("a limit switch opens: GRBL stops at once, with an alarm", lambda rig: rig.machine.alarm(1)),
+    "feed_hold": _once("somebody presses the machine's feed hold", lambda rig: rig.machine.feed_hold()),
+    "cancel_ignored": switched(
+        attribute("deaf_to_cancel", "machine"), "jog cancel is not obeyed: it makes the jogs that it has"
+    ),
+    "blocked": switched(attribute("blocked", "machine"), "the motor stands though it gets pulses"),
+    "board_cable_out": _BOARD["cable_out"],
+    "board_restart": _once("the load cell's board restarts", lambda rig: rig.restart()),
+    "board_mute": _BOARD["board_mute"],
+    **_OF_CELL,
+}
+"""Every fault of a rig with GRBL, by name; those of the machine's own line begin with "grbl"."""
+
 
 CELL = SensorParameters(force_delay=0.0, force_noise=0.01, force_resolution=0.0)
 """Load cell before its converter: noise as assumed of a cell for 50 N; the converter averages it."""

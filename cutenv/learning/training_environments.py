@@ -1,0 +1,138 @@
+"""Environments in which agents are trained, on one rig or many random ones, and seeds of specimens for each use."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+from stable_baselines3.common.vec_env import VecEnv
+
+import cutenv  # registers the environment
+from cutenv._base.validation import parameter_table
+from cutenv.cutting.drive import Rig
+from cutenv.cutting.sensor import SensorParameters
+from cutenv.envs.constants import Knowledge
+from cutenv.sb3 import FeatureVecEnv
+
+ENVIRONMENT = "cutenv/GentleCut-v1"
+"""Id of the environment."""
+assert ENVIRONMENT in gymnasium.registry, cutenv.__name__
+
+TRAINING_SEEDS = range(0, 1_000_000)
+"""Seeds of the environments that agents are trained in."""
+VALIDATION_SEEDS = range(1_000_000, 2_000_000)
+"""Seeds of the specimens on which checkpoints and settings are compared."""
+TEST_SEEDS = range(2_000_000, 3_000_000)
+"""Seeds of the held-out specimens; a specimen depends on seed and episode, so these are disjoint from the others."""
+
+
+RANDOM_GROUPS = (Rig, SensorParameters, Knowledge)
+"""Groups of the constants that are drawn."""
+
+
+def random_rigs(count: int, seed: int) -> list[dict[str, float]]:
+    """Draw the constants of ``count`` rigs as keyword arguments of the environment; the first has the defaults.
+
+    Each constant is drawn uniformly between the ends of its sensitivity range, those of the parameter table.
+    """
+    ranges = {row["name"]: (row["default"], *row["sensitivity"]) for row in _swept()}
+    rng = np.random.default_rng([seed, count])
+    drawn = [
+        {name: float(rng.uniform(min(values), max(values))) for name, values in ranges.items()} for _ in range(count)
+    ]
+    return [{}, *drawn[1:]]
+
+
+def _swept() -> list[dict[str, Any]]:
+    return [row for row in parameter_table(*RANDOM_GROUPS) if row["sensitivity"]]
+
+
+class RandomisedRigs(VecEnv):
+    """:class:`~cutenv.sb3.FeatureVecEnv` of several rigs, which share the seeds evenly and step together.
+
+    Parameters
+    ----------
+    rigs : sequence of mapping
+        Constants of each rig, keyword arguments of the environment.
+    seeds : sequence of int
+        Seed of each environment, at least as many as rigs.
+    **arguments
+        Keyword arguments of :class:`~cutenv.sb3.FeatureVecEnv` that all share.
+    """
+
+    def __init__(self, rigs: Sequence[Mapping[str, float]], seeds: Sequence[int], **arguments: Any) -> None:
+        parts = np.array_split(np.asarray(seeds), len(rigs))
+        if not len(parts[-1]):
+            raise ValueError(f"{len(seeds)} environments are fewer than {len(rigs)} rigs; give more.")
+        self.parts = [
+            FeatureVecEnv(part.tolist(), **{**arguments, **rig}) for part, rig in zip(parts, rigs, strict=True)
+        ]
+        self._ends = np.cumsum([part.num_envs for part in self.parts])[:-1]
+        super().__init__(len(seeds), self.parts[0].observation_space, self.parts[0].action_space)
+
+    @property
+    def observations(self) -> np.ndarray:
+        """Observations of ``cutenv/GentleCut-v1``, shape (n, 12)."""
+        return np.concatenate([part.observations for part in self.parts])
+
+    @property
+    def cuts(self) -> int:
+        """Number of cuts begun so far."""
+        return sum(part.cuts for part in self.parts)
+
+    @cuts.setter
+    def cuts(self, number: int) -> None:
+        for k, part in enumerate(self.parts):
+            part.cuts = number if k == 0 else 0
+
+    @property
+    def seconds(self) -> float:
+        """Time spent in steps and resets so far [s]."""
+        return sum(part.seconds for part in self.parts)
+
+    @property
+    def first_episode(self) -> int:
+        """Number of the episode with which :meth:`reset` begins every environment."""
+        return self.parts[0].first_episode
+
+    @first_episode.setter
+    def first_episode(self, number: int) -> None:
+        for part in self.parts:
+            part.first_episode = number
+
+    def reset(self) -> np.ndarray:
+        """Reset every environment to episode :attr:`first_episode` of its seed."""
+        return np.concatenate([part.reset() for part in self.parts])
+
+    def step_async(self, actions: np.ndarray) -> None:
+        """Store the actions, shape (n, 2), for :meth:`step_wait`."""
+        for part, own in zip(self.parts, np.split(np.asarray(actions), self._ends), strict=True):
+            part.step_async(own)
+
+    def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
+        """Return observations, rewards, ends and infos; a cut that has ended starts again at once."""
+        shown, rewards, ended, infos = zip(*(part.step_wait() for part in self.parts), strict=True)
+        every = [info for own in infos for info in own]
+        return np.concatenate(shown), np.concatenate(rewards), np.concatenate(ended), every
+
+    def close(self) -> None:
+        """Do nothing: the environments hold no files, processes or windows."""
+
+    def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
+        """Return what :meth:`~cutenv.sb3.NativeVecEnv.env_is_wrapped` does, for each environment."""
+        return self.parts[0].env_is_wrapped(wrapper_class, [0]) * len(list(self._get_indices(indices)))
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """Return an attribute of each environment's ``GentleCutEnv``."""
+        every = [value for part in self.parts for value in part.get_attr(attr_name)]
+        return [every[n] for n in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Raise NotImplementedError: the keyword arguments of an environment are fixed when it is made."""
+        self.parts[0].set_attr(attr_name, value)
+
+    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
+        """Raise NotImplementedError: there are no single environments to call a method of."""
+        return self.parts[0].env_method(method_name)

@@ -1,0 +1,429 @@
+"""Bases of drivers, of an axis with its latch and a sensor with its tare: opening and closing in order, waiting."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import ClassVar
+
+from cutenv._base.validation import in_range
+from cutenv.rig.config.axes import Axis
+from cutenv.rig.devices.drivers import DriveState, Event, ForceListener, ForceSample, Latch, MotionListener
+from cutenv.rig.devices.host import Clock
+from cutenv.rig.devices.reading_stream import ReadingMean, ReadingStream, Zero
+from cutenv.rig.errors import RigError
+
+_log = logging.getLogger(__name__)
+
+STATE_LIMIT = 1.0
+"""Time for a device to change its state [s]."""
+
+
+class AxisDriver(ABC):
+    """Axis on a device that reports its state by itself; a :class:`~cutenv.rig.devices.drivers.MotionDriver`.
+
+    After :meth:`quick_stop` nothing that could give the device power or speed is sent until the latch is reset, because
+    on some a command would start the blade again.
+
+    Parameters
+    ----------
+    name : str
+        Name of the axis.
+    settings : Axis
+        Settings of the axis.
+    clock : Clock
+        Clock that dates reports without a time of their own.
+    """
+
+    device: ClassVar[str]
+    """Word for the device in messages."""
+    silence: ClassVar[str]
+    """Words in the log for what :meth:`withhold_heartbeat` does."""
+    report_limit: ClassVar[float]
+    """Time for a report to arrive [s]."""
+
+    def __init__(self, name: str, settings: Axis, clock: Clock) -> None:
+        self.name = name
+        self.latch = Latch()  # until a supervisor replaces it by the shared one
+        self._settings, self._clock = settings, clock
+        self._listener: MotionListener | None = None
+        self._changed = threading.Condition()  # guards what is below; held for moments only
+        self._state = DriveState.NOT_READY
+        self._reports = 0
+        self._may_move = False
+        self._error = ""
+        self._lost: str | None = None
+
+    # Parts that differ from device to device
+
+    @abstractmethod
+    def _connect(self) -> None:
+        """Find the device, check who answers, write and verify the set-up, and wait for its reports."""
+
+    @abstractmethod
+    def _disconnect(self) -> None:
+        """Leave bus or port; never raises."""
+
+    @abstractmethod
+    def _rest(self) -> None:
+        """Bring the axis to rest without power, as the last act before leaving."""
+
+    @abstractmethod
+    def _switch_on(self) -> None:
+        """Switch the power on, at rest."""
+
+    @abstractmethod
+    def _send_speed(self, target: float) -> None:
+        """Send a checked speed, in the unit of :meth:`_target`, by :meth:`_energise`."""
+
+    @abstractmethod
+    def _send_stop(self, *, for_good: bool = False) -> None:
+        """Send a quick stop, from any thread, without waiting."""
+
+    @abstractmethod
+    def _fall_silent(self) -> None:
+        """End what keeps the device's own watchdog from stopping it."""
+
+    @abstractmethod
+    def _condition(self) -> str:
+        """Describe the state of the device."""
+
+    # Life cycle
+
+    def open(self, listener: MotionListener) -> None:
+        """Connect, check who answers, write and verify the set-up; samples arrive from now on, nothing moves.
+
+        Raises
+        ------
+        RigError
+            If it is open already, bus or port is missing or taken, no device or a wrong one answers, or its set-up is
+            not that of the rig's file.
+        """
+        if self._listener is not None:
+            raise RigError(f"{self.name}: it is open already; close it first.")
+        self._listener = listener
+        self._may_move, self._error, self._lost = False, "", None
+        try:
+            self._connect()
+        except BaseException:
+            self._leave()
+            raise
+
+    def close(self) -> None:
+        """Leave the axis at rest without power, and leave bus or port; never raises, and may be called twice."""
+        if self._listener is None:
+            return
+        try:
+            self._rest()
+        except Exception as error:  # a lost device or any other error: leave it anyway
+            _log.warning("%s: not closed in order: %s", self.name, error, exc_info=not isinstance(error, RigError))
+        finally:
+            self._leave()
+
+    def _leave(self) -> None:
+        self._may_move = False
+        self._disconnect()
+        self._listener = None
+
+    # Commands
+
+    def enable(self) -> None:
+        """Switch the power on, at rest. Clears no fault: see :meth:`clear`.
+
+        Raises
+        ------
+        RigError
+            If it was stopped, is in fault, does not know where the blade is, or does not power on in time.
+        """
+        self._fresh()
+        self._switch_on()
+        with self._changed:
+            self._may_move = self._state is DriveState.ENABLED and not self.latch.closed
+        if not self._may_move:
+            raise RigError(f"{self.name}: stopped while it was powered on{self._error}; clear it first.")
+
+    def command(self, speed: float) -> None:
+        """Send a target speed [m/s or rad/s], without waiting for an answer.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If the speed is not a number, or beyond the axis's top speed.
+        RigError
+            If the axis is not enabled, was stopped, or bus or line is broken.
+        """
+        target = self._target(speed)
+        if not self._may_move or self._state is not DriveState.ENABLED:
+            raise RigError(f"{self.name}: {self._lost or f'not enabled, {self._condition()}'}.")
+        self._send_speed(target)
+
+    def _target(self, speed: float) -> float:
+        """Return a speed [m/s] once it is checked."""
+        top = self._settings.speed
+        return in_range(f"{self.name} speed", speed, -top, top, "m/s", "The top speed is in the rig's file.")
+
+    def quick_stop(self, *, for_good: bool = False) -> None:
+        """Send a quick stop: at once, from any thread, without waiting, in any state.
+
+        With ``for_good`` no command ends the stop before rest, and the device then has no power.
+
+        Raises
+        ------
+        RigError
+            If bus or port does not take it, or the axis was never opened.
+        """
+        self.latch.happens(Event.STOP)
+        self._may_move = False
+        self._send_stop(for_good=for_good)
+
+    def withhold_heartbeat(self, why: str) -> None:
+        """End this computer's sign of life until :meth:`clear`: the device's own watchdog then stops it."""
+        self.latch.happens(Event.STOP)
+        self._may_move = False
+        _log.warning("%s: %s: %s", self.name, why, self.silence)
+        self._fall_silent()
+
+    def _energise(self, send: Callable[[], None]) -> None:
+        """Send what may start the blade, but never after a quick stop from another thread."""
+        if self.latch.closed:
+            raise RigError(f"{self.name}: stopped; clear it first.")
+        send()
+        if self.latch.closed:  # stopped between the two lines above: the quick stop has to be the last
+            self._send_stop()
+            raise RigError(f"{self.name}: stopped; clear it first.")
+
+    # Reports
+
+    def lost(self, why: str, time: float) -> None:
+        """Take the report that the device cannot be reached since ``time`` [s]; pass on only the first."""
+        with self._changed:
+            first, self._lost = self._lost is None, self._lost or why
+            self._may_move = False
+            self._changed.notify_all()
+        if first and self._listener is not None:
+            self._listener.broken(self.name, why, time)
+
+    # Waiting
+
+    def _wait(self, come: Callable[[], bool], limit: float) -> bool:
+        """Wait until ``come()`` is true and return whether it is; raise RigError if the device cannot be reached."""
+        self._clock.wait_for(lambda: come() or self._lost is not None, limit, self._changed)
+        if self._lost is not None:
+            raise RigError(f"{self.name}: {self._lost}.")
+        return come()
+
+    def _await(self, come: Callable[[], bool], what: str, limit: float = STATE_LIMIT) -> None:
+        if not self._wait(come, limit):
+            raise RigError(f"{self.name}: the {self.device} does not {what} within {limit:.1f} s{self._late()}")
+
+    def _late(self) -> str:
+        """Return the end of the message about a device that does not do in time what it was asked to."""
+        return "."
+
+    def _await_rest(self, rests: Callable[[], bool]) -> None:
+        settings = self._settings
+        stopping = settings.speed / min(settings.quick_stop, settings.acceleration) + self.report_limit
+        self._await(rests, "come to rest", stopping)
+
+    def _fresh(self) -> None:
+        """Wait for a report younger than now, because an older one does not reflect the last command."""
+        self._check_open()
+        seen = self._reports
+        self._await(lambda: self._reports > seen + 1, "report its state", self.report_limit)
+
+    def _check_open(self) -> None:
+        if self._listener is None:
+            raise RigError(f"{self.name}: not open.")
+
+
+FIRST_READING = 2.0
+"""Time within which the first reading must arrive [s]."""
+
+Counts = tuple[int, int, int, int, int, int]
+"""Counts of forces and torques of one reading."""
+
+
+class StreamedSensor(ABC):
+    """Force sensor that streams readings, as a :class:`cutenv.rig.devices.drivers.ForceDriver`.
+
+    Times of the readings are those of their arrival. A sensor that falls silent is not started again, because it may
+    have been switched off and on, which loses its zero: close, open and tare it.
+
+    Parameters
+    ----------
+    clock : Clock
+        Clock of the rig.
+    rate : float
+        Rate of the readings [Hz].
+    rate_error : float
+        Greatest relative error of that rate.
+    axes : str
+        Axes of force that it measures.
+    """
+
+    name: str
+    """Name of the sensor, for messages."""
+    join_limit: ClassVar[float] = 1.0
+    """Time for the receiving thread to end [s]."""
+
+    def __init__(self, clock: Clock, rate: float, *, rate_error: float, axes: str = "xyz") -> None:
+        self.rate, self.rate_error, self.axes = rate, rate_error, axes
+        self._clock = clock
+        self._listener: ForceListener | None = None
+        self._thread: threading.Thread | None = None
+        self._closing = threading.Event()
+        self._changed = threading.Condition()
+        self._taring = threading.Lock()
+        self._mean: ReadingMean | None = None  # while a tare is taken
+        self._begin_again()
+
+    def _begin_again(self) -> None:
+        """Forget readings and zero."""
+        self._zero: Zero = (0.0,) * 6  # [counts]
+        self._received = self._lost = 0
+        self._broken = ""
+        self._stream = ReadingStream(self.rate)
+
+    # Parts that differ from sensor to sensor
+
+    @abstractmethod
+    def _connect(self) -> None:
+        """Find the sensor, start its stream, and wait for the first reading."""
+
+    @abstractmethod
+    def _disconnect(self) -> None:
+        """Stop the stream and leave the port; never raises."""
+
+    @property
+    @abstractmethod
+    def _scales(self) -> Zero:
+        """Force [N] and torque [N m] of one count of each component."""
+
+    @abstractmethod
+    def _meaning(self, status: int) -> str:
+        """Return the text of a status."""
+
+    # Life cycle
+
+    def open(self, listener: ForceListener) -> None:
+        """Connect, start the stream, and wait for the first reading.
+
+        Raises
+        ------
+        RigError
+            If it is open already, no such sensor answers, or no reading comes in time.
+        """
+        if self._listener is not None:
+            raise RigError(f"The {self.name} is open already: close it first.")
+        self._begin_again()
+        self._listener = listener
+        try:
+            self._connect()
+        except BaseException:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """Stop the stream and leave the port; never raises, and may be called twice."""
+        if self._listener is not None:
+            self._listener = None
+            self._disconnect()
+
+    def tare(self, samples: int = 200) -> tuple[float, float, float]:
+        """Take the mean of the next ``samples`` readings as zero, of torques too, while nothing touches the blade.
+
+        Returns
+        -------
+        tuple of 3 float
+            Force subtracted from now on [N], relative to the sensor's own zero: two tares show its drift.
+
+        Raises
+        ------
+        RigError
+            If it is not open, or readings stop, report an error, or vary by more than 0.1 N; the zero is unchanged.
+        """
+        mean = ReadingMean(samples)
+        if self._listener is None:
+            raise RigError(f"The {self.name} is not open.")
+        if self._thread is threading.current_thread():
+            raise RigError("A tare waits for readings, and cannot be taken while one is being passed on.")
+        with self._taring:
+            self._mean = mean
+            try:
+                self._zero = mean.awaited(self.rate, max(self._scales[:3]), self._meaning)
+            finally:
+                self._mean = None
+        x, y, z, *_ = self._loads(self._zero)
+        return x, y, z
+
+    def _loads(self, counts: Zero) -> Zero:
+        """Return forces [N] and torques [N m] of counts, less no zero."""
+        fx, fy, fz, tx, ty, tz = (count * scale for count, scale in zip(counts, self._scales, strict=True))
+        return fx, fy, fz, tx, ty, tz
+
+    # Readings
+
+    def _start(self, receive: Callable[[threading.Event], None]) -> None:
+        """Call ``receive`` in a thread of its own, with the event that ends it."""
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=receive, args=(self._closing,), name="force sensor", daemon=True)
+        self._thread.start()
+
+    def _stop(self) -> None:
+        """End that thread."""
+        thread, self._thread = self._thread, None
+        self._closing.set()
+        if thread is not None and thread is not threading.current_thread():
+            thread.join(timeout=self.join_limit)
+
+    def _comes(self, limit: float) -> bool:
+        """Wait until a reading has come, or cannot come; return whether one has."""
+        with self._changed:  # in the machine's time, which a sensor keeps whatever the rig's clock is
+            self._changed.wait_for(lambda: self._received > 0 or bool(self._broken), limit)
+        return self._received > 0
+
+    def _take(self, number: int, now: float, counts: Counts, status: int, loads: Zero | None = None) -> bool:
+        """Pass on a reading in order; return whether it was passed on.
+
+        ``loads`` are its forces and torques less the zero, of a sensor that converts many at once.
+        """
+        lost, listener = self._stream.place(number, now), self._listener
+        if listener is None:
+            return False
+        if lost < 0:
+            self._misplaced(number, now, late=lost == ReadingStream.OLD)
+            return False
+        self._received += 1
+        self._lost += lost
+        self._follows(number, now)
+        if loads is None:
+            (a, b, c, d, e, f), zero = counts, self._zero
+            loads = self._loads((a - zero[0], b - zero[1], c - zero[2], d - zero[3], e - zero[4], f - zero[5]))
+        sample = ForceSample(now, loads[:3], counts, status, number, lost, loads[3:])
+        if (mean := self._mean) is not None:
+            mean.add(sample)
+        listener.force(sample)
+        if self._received == 1:
+            self._note()
+        return True
+
+    def _follows(self, number: int, now: float) -> None:
+        """Take note of a reading in order, before it is passed on; by default nothing."""
+        return
+
+    def _misplaced(self, number: int, now: float, *, late: bool) -> None:
+        """Report a reading that does not follow the last one; ``late``: the same or a later one has come before."""
+        self.garbled(f"reading {number} does not follow {self._stream.last}", now)
+
+    def garbled(self, why: str, time: float) -> None:
+        """Pass on the news of something that is no valid reading."""
+        if (listener := self._listener) is not None:
+            listener.garbled(why, time)
+
+    def _note(self, broken: str = "") -> None:
+        """Wake those who wait: a reading has come, or the stream is ``broken``."""
+        with self._changed:
+            self._broken = broken
+            self._changed.notify_all()

@@ -1,0 +1,375 @@
+"""Metrics of force, motion and outcome of a cut.
+
+Steadiness of the force leads; the peak is only a safety limit.  Smoothness of the motion is reported and never
+rewarded: a perfect constant feed scores badly on it.  Outcome is distance from the target, unstable growth, work.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cutenv import task_quantities
+from cutenv._base.arrays import Array
+from cutenv.measurement.strokes import STANDSTILL_SPEED, strokes, turning_points
+from cutenv.scoring.metric import metric
+from cutenv.scoring.scored_cut import ScoredCut
+from cutenv.scoring.validity import BANDWIDTH, RATE, Unavailable, even_instants
+from cutenv.task_quantities import force_per_depth
+
+_ALL = "any record; where position is known, while the blade advances"
+_PER_DEPTH = ("depth", "newtons")
+DROP_SHARE = 0.1
+"""Smallest fall of the force that counts as a drop, as a fraction of its range."""
+
+
+def _advancing(cut: ScoredCut) -> Array:
+    return cut.force[cut.advancing]
+
+
+@metric(
+    "N/m", "lower", formula="max F/B", source="limit of the task", validity=_ALL, needs=_PER_DEPTH,
+    invariances=("time_shift", "resampling", "rest_after", "units"),
+)  # fmt: skip
+def peak_force_per_depth(cut: ScoredCut) -> float:
+    """Largest force per depth of cut: a safety limit, not a skill."""
+    return float(force_per_depth(cut.newtons, cut.depth)[cut.advancing].max())
+
+
+@metric(
+    "N/m", "lower", formula="mean over time of F/B", source="thesis, section 5.4", validity=_ALL, needs=_PER_DEPTH,
+    invariances=("time_shift", "resampling", "rest_after", "units"),
+)  # fmt: skip
+def mean_force_per_depth(cut: ScoredCut) -> float:
+    """Mean force per depth of cut."""
+    return cut.mean(force_per_depth(cut.newtons, cut.depth))
+
+
+@metric(
+    "N/m", "lower", formula="root of the mean over time of (F/B)^2", source="force-based assessment", validity=_ALL,
+    needs=_PER_DEPTH, invariances=("time_shift", "resampling", "rest_after", "units"),
+)  # fmt: skip
+def rms_force_per_depth(cut: ScoredCut) -> float:
+    """Root mean square of the force per depth of cut."""
+    return float(np.sqrt(cut.mean(force_per_depth(cut.newtons, cut.depth) ** 2)))
+
+
+@metric(
+    "F", "lower", formula="max F", source="limit of the task", validity=_ALL,
+    invariances=("time_shift", "resampling", "rest_after"),
+)  # fmt: skip
+def peak_force(cut: ScoredCut) -> float:
+    """Largest force: a safety limit, not a skill."""
+    return float(_advancing(cut).max())
+
+
+@metric(
+    "F s", "lower", formula="integral of F dt", source="force-based assessment", validity=_ALL,
+    invariances=("time_shift", "resampling", "rest_after"),
+)  # fmt: skip
+def force_time_integral(cut: ScoredCut) -> float:
+    """Integral of the force over time."""
+    here = cut.advancing
+    return float(cut.weights[here] @ np.maximum(cut.force[here], 0.0))
+
+
+@metric(
+    "1", "lower", formula="SD / mean over time of F below 5 Hz", source="force-based assessment",
+    validity="mean force well above the sensor's zero",
+    invariances=("time_shift", "force_scale", "resampling", "rest_after", "units"),
+)  # fmt: skip
+def force_variation(cut: ScoredCut) -> float:
+    """Coefficient of variation of the force."""
+    F = cut.smooth_force[cut.even_advancing]
+    return float(F.std()) / _positive_mean(F)
+
+
+@metric(
+    "1", "lower", formula="falls of F, means of 10 ms, of 10 % of its range or more", source="thesis, section 3.3.2",
+    validity="noise below 5 % of the peak",
+    invariances=("time_shift", "force_scale", "force_offset", "rest_after", "units"),
+)  # fmt: skip
+def force_drops(cut: ScoredCut) -> float:
+    """Occurrences of a force drop: at each, a piece of tissue tore or let go of the blade."""
+    return float(len(_drops(cut)))
+
+
+@metric(
+    "F", "lower", formula="mean of these falls, 0 without any", source="thesis, section 3.3.2",
+    validity="noise below 5 % of the peak", invariances=("time_shift", "force_offset", "rest_after"),
+)  # fmt: skip
+def mean_force_drop(cut: ScoredCut) -> float:
+    """Mean size of the force drops."""
+    drops = _drops(cut)
+    return float(np.mean(drops)) if drops else 0.0
+
+
+@metric(
+    "F/s", "lower", formula=f"RMS of dF/dt below {BANDWIDTH:g} Hz", source="force-based assessment",
+    validity="20 readings a second or more", invariances=("time_shift", "force_offset", "resampling", "rest_after"),
+)  # fmt: skip
+def force_rate(cut: ScoredCut) -> float:
+    """Root mean square rate of the force."""
+    return _rms(np.gradient(cut.smooth_force, 1.0 / RATE)[cut.even_advancing])
+
+
+@metric(
+    "F/s2", "lower", formula=f"RMS of d2F/dt2 below {BANDWIDTH:g} Hz", source="force-based assessment",
+    validity="20 readings a second or more", invariances=("time_shift", "force_offset", "resampling", "rest_after"),
+)  # fmt: skip
+def force_jerk(cut: ScoredCut) -> float:
+    """Root mean square second derivative of the force (jerk)."""
+    rate = np.gradient(cut.smooth_force, 1.0 / RATE)
+    return _rms(np.gradient(rate, 1.0 / RATE)[cut.even_advancing])
+
+
+@metric(
+    "1", "none", formula="max F / RMS F, below 5 Hz", source="signal analysis", validity=_ALL,
+    invariances=("time_shift", "force_scale", "resampling", "rest_after", "units"),
+)  # fmt: skip
+def crest_factor(cut: ScoredCut) -> float:
+    """Ratio of the peak force to its root mean square."""
+    F = cut.smooth_force[cut.even_advancing]
+    rms = _rms(F)
+    if rms <= 0.0:
+        raise Unavailable("the force is zero throughout")
+    return float(F.max()) / rms
+
+
+def _drops(cut: ScoredCut) -> list[float]:
+    """Return the falls of the force from each maximum to the next minimum, while the blade advances."""
+    F = cut.even_force[cut.even_advancing]
+    swing = DROP_SHARE * float(np.ptp(F))
+    if swing <= 0.0:
+        return []
+    ramps = turning_points(F, swing)
+    falls = [float(F[top] - F[valley]) for (_, top), (valley, _) in itertools.pairwise(ramps)]
+    if ramps:
+        last = float(F[ramps[-1][1]] - F[ramps[-1][1] :].min())
+        falls += [last] if last >= swing else []
+    return falls
+
+
+def _positive_mean(F: Array) -> float:
+    mean = float(F.mean())
+    if mean <= 0.0:
+        raise Unavailable("the mean force is not positive: reversed sign, or no contact")
+    return mean
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+_PADDING = 0.1  # rest added at either end, as a fraction of the movement: smoothness is defined from rest to rest
+_PAD_LEVEL = 4  # zero padding for the spectrum: 2^4 times the movement's length
+_CUT_OFF, _THRESHOLD = 10.0, 0.05  # [Hz]; fraction of the largest amplitude
+_MOTION = ("position",)
+
+
+@metric(
+    "s", "lower", formula="from the first motion to the last, or from the first force", source="cost of the task",
+    validity="without position: while the force is above a tenth of its range",
+    invariances=("time_shift", "force_scale", "force_offset", "resampling", "rest_after", "units"),
+)  # fmt: skip
+def duration(cut: ScoredCut) -> float:
+    """Duration of the cut."""
+    if cut.trace.position is None:
+        under = cut.time[cut.advancing]
+        return float(under[-1] - under[0])
+    first, last, _ = moving_between(cut)
+    return float(cut.time[last] - cut.time[first])
+
+
+@metric(
+    "s", "lower", formula="time below 0.5 mm/s between the first motion and the last", source="motion analysis",
+    validity="speed from position over 50 ms", needs=_MOTION,
+    invariances=("time_shift", "force_scale", "force_offset", "resampling", "rest_after", "units"),
+)  # fmt: skip
+def idle_time(cut: ScoredCut) -> float:
+    """Time for which the blade stood still before it went on."""
+    first, last, moving = moving_between(cut)
+    return float(cut.weights[first : last + 1] @ ~moving[first : last + 1])
+
+
+@metric(
+    "1", "lower", formula="strokes that go the other way than the one before", source="motion analysis",
+    validity="strokes of 0.2 mm and more", needs=_MOTION,
+    invariances=("time_shift", "force_scale", "force_offset", "resampling", "rest_after", "units"),
+)  # fmt: skip
+def reversals(cut: ScoredCut) -> float:
+    """Reversals of the blade's motion."""
+    _ = cut.position  # raises if it was not recorded
+    found = strokes(cut.trace)
+    return float(sum(a.forward != b.forward for a, b in itertools.pairwise(found)))
+
+
+@metric(
+    "1", "none", formula="minus the arc length of the speed's normalised spectrum, to 10 Hz", validity="rest to rest",
+    source="Balasubramanian et al. 2015, doi 10.1186/s12984-015-0090-9", needs=_MOTION,
+    invariances=("time_shift", "force_scale", "force_offset", "resampling", "rest_after", "units"),
+)  # fmt: skip
+def sparc(cut: ScoredCut) -> float:
+    """Smoothness of the motion, by the spectral arc length (SPARC)."""
+    return spectral_arc_length(_rest_to_rest(cut), RATE)
+
+
+@metric(
+    "1", "none", formula="-ln(T^3 / v_peak^2 integral of (d2v/dt2)^2 dt)", validity="rest to rest",
+    source="Balasubramanian et al. 2015, doi 10.1186/s12984-015-0090-9", needs=_MOTION,
+    invariances=("time_shift", "force_scale", "force_offset", "resampling", "rest_after", "units"),
+)  # fmt: skip
+def log_dimensionless_jerk(cut: ScoredCut) -> float:
+    """Smoothness of the motion, by its jerk (LDLJ)."""
+    return log_jerk(_rest_to_rest(cut), RATE)
+
+
+def spectral_arc_length(speed: Array, rate: float) -> float:
+    """Compute the SPARC of a speed profile, shape (n,), at ``rate`` [Hz]; 0 is smoothest.
+
+    Raises
+    ------
+    Unavailable
+        If it does not move.
+    """
+    n = int(2 ** (np.ceil(np.log2(len(speed))) + _PAD_LEVEL))
+    frequency = np.arange(0, rate, rate / n)
+    amplitude = np.abs(np.fft.fft(speed, n))
+    if amplitude.max() == 0.0:
+        raise Unavailable("the blade does not move")
+    amplitude = amplitude / amplitude.max()
+    inside = frequency <= _CUT_OFF
+    frequency, amplitude = frequency[inside], amplitude[inside]
+    above = np.flatnonzero(amplitude >= _THRESHOLD)
+    frequency, amplitude = frequency[above[0] : above[-1] + 1], amplitude[above[0] : above[-1] + 1]
+    span = float(frequency[-1] - frequency[0])
+    if span == 0.0:
+        raise Unavailable("too short a movement for a spectrum")
+    return -float(np.sum(np.hypot(np.diff(frequency) / span, np.diff(amplitude))))
+
+
+def log_jerk(speed: Array, rate: float) -> float:
+    """Compute the LDLJ of a speed profile, shape (n,), at ``rate`` [Hz]; larger is smoother.
+
+    Raises
+    ------
+    Unavailable
+        If it does not move, or moves without any jerk.
+    """
+    peak = float(np.abs(speed).max())
+    if peak == 0.0 or len(speed) < 4:
+        raise Unavailable("the blade does not move")
+    dt = 1.0 / rate
+    jerk = np.diff(speed, 2) / dt**2
+    total = float(np.sum(jerk**2)) * dt
+    if total == 0.0:
+        raise Unavailable("the motion has no jerk at all")
+    return -float(np.log((len(speed) * dt) ** 3 / peak**2 * total))
+
+
+def moving_between(cut: ScoredCut) -> tuple[int, int, NDArray[np.bool_]]:
+    """Return the first and last instant of motion, and a mask of motion at each instant, shape (n,)."""
+    moving = _moving(cut)
+    first, last = np.flatnonzero(moving)[[0, -1]]
+    return int(first), int(last), moving
+
+
+def _moving(cut: ScoredCut) -> NDArray[np.bool_]:
+    moving: NDArray[np.bool_] = np.abs(cut.blade_speed) > STANDSTILL_SPEED
+    if not moving.any():
+        raise Unavailable("the blade never moves")
+    return moving
+
+
+def _rest_to_rest(cut: ScoredCut) -> Array:
+    """Return the speed at 100 Hz [m/s] from the first motion to the last, with a little rest at either end."""
+    first, last, _ = moving_between(cut)
+    instants = even_instants(cut.time[first : last + 1], RATE)
+    if len(instants) < 30:
+        raise Unavailable("shorter than 0.3 s")
+    speed = np.interp(instants, cut.time, cut.blade_speed)
+    rest = np.zeros(max(3, round(_PADDING * len(speed))))
+    return np.concatenate((rest, speed, rest))
+
+
+_FLAT = 0.1  # sine of the angle below which no blade cuts
+_TIP = ("position", "depth", "newtons", "tip")
+_VALID_TIP = "tip as known: truth; after a return stroke, to 0.3 mm; or estimated, to 1 or 2 mm, one in ten beyond 5 mm"
+
+
+@metric(
+    "m", "lower", formula="|a_end - L|", source="terminal cost of the task", validity=_VALID_TIP,
+    needs=(*_TIP, "target_length"), invariances=("time_shift", "rest_after", "units"),
+)  # fmt: skip
+def tip_error(cut: ScoredCut) -> float:
+    """Distance of the crack tip from the target at the end."""
+    return task_quantities.tip_error(float(cut.tip[cut.end]), cut.length)
+
+
+@metric(
+    "m", "lower", formula="max(a - L, 0)", source="cost of the task", validity=_VALID_TIP,
+    needs=(*_TIP, "target_length"), invariances=("time_shift", "rest_after", "units"),
+)  # fmt: skip
+def overshoot(cut: ScoredCut) -> float:
+    """Largest distance of the crack tip beyond the target."""
+    return float(task_quantities.overshoot(float(cut.tip[: cut.end + 1].max()), cut.length))
+
+
+@metric(
+    "1", "lower", formula="cot(theta_end)", source="terminal cost of the task", validity="45 to 90 degrees",
+    needs=("angle",), invariances=("time_shift", "force_scale", "force_offset", "resampling", "rest_after", "units"),
+)  # fmt: skip
+def wedge(cut: ScoredCut) -> float:
+    """Width of the wedge that an inclined blade leaves uncut at the end, over its depth."""
+    angle = float(cut.angle[cut.end])
+    if math.sin(angle) < _FLAT:
+        raise Unavailable(f"the blade lies flat, at {math.degrees(angle):.0f} degrees")
+    return abs(float(task_quantities.wedge(angle, 1.0)))
+
+
+@metric(
+    "1", "lower", formula="sum of jumps / advance of the tip", source="law of cutting, unstable growth",
+    validity=_VALID_TIP, needs=_TIP, invariances=("time_shift", "rest_after", "units"),
+)  # fmt: skip
+def uncontrolled_share(cut: ScoredCut) -> float:
+    """Fraction of the cut that the crack ran by itself (unstable growth)."""
+    advance = float(cut.tip[-1] - min(cut.tip[0], 0.0))
+    if advance < 1e-3:
+        raise Unavailable("the tip advances less than 1 mm")
+    return min(float(cut.jumps.sum()) / advance, 1.0)
+
+
+@metric(
+    "m", "lower", formula="max of jumps", source="law of cutting, unstable growth", validity=_VALID_TIP, needs=_TIP,
+    invariances=("time_shift", "rest_after", "units"),
+)  # fmt: skip
+def largest_jump(cut: ScoredCut) -> float:
+    """Longest unstable run of the crack."""
+    return float(cut.jumps.max())
+
+
+@metric(
+    "m", "lower", formula="mean of x - a while the blade advances", source="law of cutting", validity=_VALID_TIP,
+    needs=_TIP, invariances=("time_shift", "rest_after", "units"),
+)  # fmt: skip
+def mean_lag(cut: ScoredCut) -> float:
+    """Mean distance of the tip behind the blade: tissue that is dragged along."""
+    return cut.mean(task_quantities.lag(cut.position, cut.tip))
+
+
+@metric(
+    "1", "lower", formula="integral of F dx / (R integral of B da)", source="thesis, 6.1-6.4", validity=_VALID_TIP,
+    needs=_TIP, invariances=("time_shift", "resampling", "rest_after", "units"),
+)  # fmt: skip
+def work_over_fracture(cut: ScoredCut) -> float:
+    """Work of the blade over the fracture energy of the cut area; R is the truth, or else pig liver's mean."""
+    F, x = cut.newtons, cut.position
+    work = float(0.5 * (F[1:] + F[:-1]) @ np.diff(x))
+    area = cut.profile.area(min(float(cut.tip[0]), 0.0), float(cut.tip[-1]))
+    if area < 1e-6:
+        raise Unavailable("less than 1 mm2 was cut")
+    R = cut.tissue.fracture_resistance if cut.truth is None else cut.truth.resistance
+    return work / (R * area)
