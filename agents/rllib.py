@@ -30,8 +30,8 @@ from typing import TYPE_CHECKING, Any
 from cutenv.learning.options import check_ranges, option, parse
 from cutenv.learning.rllib_env import RunnerEnv
 from cutenv.learning.run_folder import origin, write_facts
+from cutenv.learning.seeds import ENVIRONMENT, TRAINING_SEEDS
 from cutenv.learning.statistics import write_csv
-from cutenv.learning.training_environments import ENVIRONMENT, TRAINING_SEEDS
 from cutenv.policy import Network, save_policy
 from cutenv.tissue.specimen import CLASSES
 

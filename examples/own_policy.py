@@ -4,7 +4,7 @@ import gymnasium
 import numpy as np
 
 import cutenv  # registers the environments
-from cutenv.learning.training_environments import TEST_SEEDS
+from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.policy import ConstantFeed, StopAndUnload
 from cutenv.task.observation import to_action
 

@@ -20,8 +20,8 @@ from typing import Any
 from kept_rows import interval_text, keep, kept_rows
 
 from cutenv.learning.evaluation import Contestant, evaluate
+from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.learning.statistics import differences, summarise
-from cutenv.learning.training_environments import TEST_SEEDS
 from cutenv.policy import BASELINES, CONSTANT_FEEDS, GRID_ANGLES, GRID_SPEEDS, NULL_POLICIES, ORACLE, SCRIPTS, feed_name
 from cutenv.task.reward import SAFETY_ENDS, TIME_SCALE, WORST_STORED
 from cutenv.task.weights import RewardWeights

@@ -27,7 +27,7 @@ from scipy.stats import spearmanr
 from cutenv.envs.depth_cut import DepthCutEnv
 from cutenv.envs.path_cut import PathCutEnv
 from cutenv.learning.evaluation import batched_rollout, contestant
-from cutenv.learning.training_environments import TEST_SEEDS
+from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.measurement.depth import LAYER_DEPTH_KEY
 from cutenv.plant.protocol import recorded_trace, to_trace
 from cutenv.policy import NULL_POLICIES, ORACLE, SCRIPTS

@@ -28,8 +28,8 @@ from ladder import TrueTip, rows_of_rung
 from cutenv._base.arrays import Array, Array32, Indices
 from cutenv._engine.jit import njit
 from cutenv.envs.batch import CutBatch
+from cutenv.learning.seeds import TEST_SEEDS, VALIDATION_SEEDS
 from cutenv.learning.statistics import by_policy
-from cutenv.learning.training_environments import TEST_SEEDS, VALIDATION_SEEDS
 from cutenv.policy import OneReturnStroke, StopAndUnload
 from cutenv.policy.depth_scripts import DepthByTwoForces, FollowDepth
 from cutenv.policy.interface import SPEED_COLUMN, ArrayPolicy

@@ -22,8 +22,8 @@ from kept_rows import keep, kept_rows, mean_text
 from cutenv._base.arrays import Array, StructArray
 from cutenv.envs.batch import CutBatch
 from cutenv.learning.evaluation import Contestant, evaluate
+from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.learning.statistics import by_policy
-from cutenv.learning.training_environments import TEST_SEEDS
 from cutenv.policy import BASELINES, ORACLE, OneReturnStroke, StopAndUnload, TipEstimate
 from cutenv.policy.interface import ArrayPolicy
 from cutenv.task.info import GROUPS, INFO, column

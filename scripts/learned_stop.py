@@ -28,8 +28,8 @@ from tqdm import tqdm
 from cutenv._base.arrays import Array, Array32, Indices
 from cutenv.envs.batch import CutBatch
 from cutenv.envs.gentle_cut import GentleCutEnv
+from cutenv.learning.seeds import TEST_SEEDS, TRAINING_SEEDS
 from cutenv.learning.statistics import by_policy, differences
-from cutenv.learning.training_environments import TEST_SEEDS, TRAINING_SEEDS
 from cutenv.policy import BASELINES, Features, OneReturnStroke, StopAndUnload
 from cutenv.policy.interface import DISTANCE_COLUMN, POSITION_COLUMN, SPEED_COLUMN, ArrayPolicy, in_si
 from cutenv.policy.scripted import coasting

@@ -24,8 +24,8 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecEnv, VecFrameStack
 
 from cutenv.envs.tracks import PROTOCOL
+from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.learning.statistics import mean_with_interval, rows_of, write_csv
-from cutenv.learning.training_environments import TEST_SEEDS
 from cutenv.sb3 import NativeVecEnv
 
 FOLDER = Path("runs") / "memory"

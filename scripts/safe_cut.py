@@ -18,8 +18,8 @@ from kept_rows import keep, kept_rows, mean_text
 
 from cutenv.envs.tracks import COST_BUDGET_MM, PROTOCOL
 from cutenv.learning.evaluation import Contestant, contestant, evaluate
+from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.learning.statistics import by_policy
-from cutenv.learning.training_environments import TEST_SEEDS
 
 FOLDER, FILE = Path("runs") / "safe-cut", "rows.csv"
 BUDGET_OF = "probe and creep"

@@ -24,8 +24,8 @@ from kept_rows import interval_text, keep_json, kept_json, mean_text
 
 from cutenv.envs import RigCutEnv
 from cutenv.learning.evaluation import Contestant, contestant, evaluate
+from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.learning.statistics import by_policy, differences
-from cutenv.learning.training_environments import TEST_SEEDS
 from cutenv.policy import SCRIPTS, ConstantFeed, Policy
 from cutenv.rig.config.settings import Identified, RigSettings
 from cutenv.rig.connection import settings_of

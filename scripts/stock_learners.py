@@ -27,8 +27,8 @@ from stable_baselines3.common.callbacks import BaseCallback
 
 import cutenv  # noqa: F401  registers the environment
 from cutenv.learning.evaluation import contestant, evaluate
+from cutenv.learning.seeds import VALIDATION_SEEDS
 from cutenv.learning.statistics import rows_of, write_csv
-from cutenv.learning.training_environments import VALIDATION_SEEDS
 from cutenv.policy import feed_name
 
 FOLDER = Path("runs") / "stock"

@@ -26,8 +26,8 @@ from cutenv.envs.depth_cut import DepthCutEnv
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.envs.path_cut import PathCutEnv
 from cutenv.learning.evaluation import Contestant, contestant, evaluate
+from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.learning.statistics import by_policy, differences, summarise
-from cutenv.learning.training_environments import TEST_SEEDS
 from cutenv.task.registry import TASKS
 from cutenv.tissue.grid import SPACING
 

@@ -19,7 +19,7 @@ from tqdm import tqdm
 
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.learning.demonstration import recorded
-from cutenv.learning.training_environments import TEST_SEEDS
+from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.plant import to_trace
 from cutenv.policy import BASELINES, Policy
 from cutenv.scoring.scored_cut import ScoredCut

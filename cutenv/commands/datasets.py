@@ -17,7 +17,7 @@ import numpy as np
 
 from cutenv.commands.options import command_parser, reports_errors
 from cutenv.learning.options import add_options, from_options, option
-from cutenv.learning.training_environments import TRAINING_SEEDS
+from cutenv.learning.seeds import TRAINING_SEEDS
 from cutenv.recording.schema import parse_length
 from cutenv.tissue.specimen import CLASSES
 

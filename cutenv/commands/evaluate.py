@@ -46,8 +46,8 @@ def _evaluate(arguments: argparse.Namespace) -> None:
         print("\n".join(["shipped agents:", *(f"  {name}" for name in SHIPPED)]))
         return
     from cutenv.learning.evaluation import contestant, evaluate
+    from cutenv.learning.seeds import TEST_SEEDS, VALIDATION_SEEDS
     from cutenv.learning.statistics import differences, print_differences, print_table, summarise, write_csv
-    from cutenv.learning.training_environments import TEST_SEEDS, VALIDATION_SEEDS
 
     seeds = VALIDATION_SEEDS if arguments.validation else TEST_SEEDS
     if not 2 <= arguments.specimens <= len(seeds):

@@ -2,7 +2,7 @@
 
 A module is imported when it is used, since some load torch:
 
-- :mod:`~cutenv.learning.training_environments`: seeds of the specimens for training, validation and test;
+- :mod:`~cutenv.learning.seeds`: seeds of the specimens for training, validation and test;
 - :mod:`~cutenv.learning.evaluation`, :mod:`~cutenv.learning.statistics`: scores of policies on the same held-out
   specimens, with intervals (``cutenv evaluate``);
 - :mod:`~cutenv.learning.ppo`, :mod:`~cutenv.learning.recurrent_ppo`, :mod:`~cutenv.learning.off_policy` (SAC, TQC,

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from cutenv.envs.constants import rig_constants
 from cutenv.learning.options import check_ranges, flag_of, option
-from cutenv.learning.training_environments import TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
+from cutenv.learning.seeds import TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
 from cutenv.task.registry import TASKS, RegisteredTask, task_of, tasks_in_words
 from cutenv.tissue.specimen import CLASSES
 
 if TYPE_CHECKING:
-    from cutenv.learning.training_environments import RandomisedRigs
+    from cutenv.learning.randomised_rigs import RandomisedRigs
     from cutenv.sb3 import FeatureVecEnv
 
 
@@ -233,7 +233,7 @@ class LearnerArguments:
         """Make the environments to train in; see :meth:`environments_at`."""
         if self.rigs == 1:
             return self.environments_at(self.training_seeds)
-        from cutenv.learning.training_environments import RandomisedRigs, random_rigs
+        from cutenv.learning.randomised_rigs import RandomisedRigs, random_rigs
 
         rigs = random_rigs(self.rigs, self.seed)
         return RandomisedRigs(rigs, self.training_seeds, **self._shown)

@@ -23,8 +23,8 @@ from cutenv._base.output import atomic_write
 from cutenv.cutting.dtypes import TICK
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.learning.evaluation import Contestant, batched_rollout
+from cutenv.learning.seeds import ENVIRONMENT, TEST_SEEDS, VALIDATION_SEEDS
 from cutenv.learning.statistics import Interval, interquartile_mean, mean, stratified
-from cutenv.learning.training_environments import ENVIRONMENT, TEST_SEEDS, VALIDATION_SEEDS
 from cutenv.policy import SCRIPTS, ArrayPolicy
 from cutenv.policy.interface import as_array_policy
 from cutenv.tissue.specimen import CLASSES

@@ -16,7 +16,7 @@ from torch.nn.utils.rnn import pad_sequence
 from tqdm import tqdm
 
 from cutenv.learning.arguments import LearnerArguments
-from cutenv.learning.training_environments import RandomisedRigs
+from cutenv.learning.randomised_rigs import RandomisedRigs
 from cutenv.policy import Policy
 from cutenv.policy.interface import as_array_policy
 from cutenv.sb3 import FeatureVecEnv

@@ -31,7 +31,7 @@ from cutenv.learning.demonstration import (
     simulated,
 )
 from cutenv.learning.evaluation import contestant
-from cutenv.learning.training_environments import ENVIRONMENT
+from cutenv.learning.seeds import ENVIRONMENT
 from cutenv.policy import Features
 from cutenv.policy.trained import observation_scaling
 from cutenv.recording import load

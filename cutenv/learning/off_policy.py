@@ -21,7 +21,7 @@ from cutenv.learning.arguments import CrossQArguments, OffPolicyArguments, SACAr
 from cutenv.learning.asymmetric_actors import AsymmetricCrossQPolicy, AsymmetricSACPolicy, AsymmetricTQCPolicy
 from cutenv.learning.cloning import Cloning, Demonstrations, script_demonstrations
 from cutenv.learning.on_policy import FallingRate
-from cutenv.learning.training_environments import RandomisedRigs
+from cutenv.learning.randomised_rigs import RandomisedRigs
 from cutenv.policy import Network
 from cutenv.sb3 import FeatureVecEnv
 

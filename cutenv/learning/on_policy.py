@@ -15,9 +15,9 @@ from cutenv.learning.arguments import LearnerArguments, PPOArguments, TrialArgum
 from cutenv.learning.cloning import Demonstrations, script_demonstrations
 from cutenv.learning.evaluation import contestant, evaluate
 from cutenv.learning.progress import CheckpointExtras, Progress, save_model
+from cutenv.learning.randomised_rigs import RandomisedRigs
 from cutenv.learning.run_folder import RunRequest, end_interrupted, export, record_run, write_facts
 from cutenv.learning.statistics import read_rows
-from cutenv.learning.training_environments import RandomisedRigs
 from cutenv.learning.training_report import compare
 from cutenv.policy import Network, RecurrentNetwork
 from cutenv.sb3 import FeatureVecEnv

@@ -19,7 +19,7 @@ import cutenv
 from cutenv._base.output import atomic_write
 from cutenv.learning.arguments import BadArguments, LearnerArguments, for_rig
 from cutenv.learning.options import add_options, declared, flag_of, parse
-from cutenv.learning.training_environments import TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
+from cutenv.learning.seeds import TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
 from cutenv.policy import Network, RecurrentNetwork, save_policy
 
 _CHECKOUT = Path(cutenv.__file__).parents[1]

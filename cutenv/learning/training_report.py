@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cutenv.learning.evaluation import Contestant, batched_rollout, contestant, evaluate
+from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.learning.statistics import (
     SHOWN,
     best_script,
@@ -20,7 +21,6 @@ from cutenv.learning.statistics import (
     summarise,
     write_csv,
 )
-from cutenv.learning.training_environments import TEST_SEEDS
 from cutenv.policy import BASELINES, CONSTANT_FEEDS, NULL_POLICIES, ORACLE, SCRIPTS, RandomAction
 from cutenv.report import CutPicture, TrainingResult, draw_cut, training_headline, write_training_page
 from cutenv.report.training_result import columns_of

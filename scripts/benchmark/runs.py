@@ -23,8 +23,8 @@ from cutenv.commands.train import LEARNERS, training_options
 from cutenv.learning.benchmark import Protocol, returns_after
 from cutenv.learning.evaluation import Contestant, contestant, evaluate
 from cutenv.learning.run_folder import checkpoint_of, git, marked
+from cutenv.learning.seeds import VALIDATION_SEEDS
 from cutenv.learning.statistics import best_script, read_rows, rows_of, summarise, write_csv
-from cutenv.learning.training_environments import VALIDATION_SEEDS
 from cutenv.policy import BASELINES, CONSTANT_FEEDS, NULL_POLICIES, ORACLE
 
 SWEPT = ("PPO", "PPO (random rigs)", "recurrent PPO", "return stroke", "probe and creep", BEST_FEED)

@@ -8,7 +8,7 @@ from whole_cut import go_on, make
 
 from cutenv.learning import evaluation
 from cutenv.learning.evaluation import METRIC_PREFIX, Contestant, batched_rollout, evaluate, metric_column
-from cutenv.learning.training_environments import ENVIRONMENT, TEST_SEEDS
+from cutenv.learning.seeds import ENVIRONMENT, TEST_SEEDS
 from cutenv.policy import (
     BASELINES,
     ORACLE,

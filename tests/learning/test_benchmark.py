@@ -35,8 +35,8 @@ from cutenv.learning import benchmark
 from cutenv.learning.arguments import PPOArguments
 from cutenv.learning.benchmark import QUICK, Protocol, Submission, submitted_run, write_submission
 from cutenv.learning.evaluation import contestant, workers
+from cutenv.learning.seeds import ENVIRONMENT, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
 from cutenv.learning.statistics import Interval
-from cutenv.learning.training_environments import ENVIRONMENT, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
 from cutenv.policy import Features, Network, save_policy
 from cutenv.tissue.description import TissueDescription
 

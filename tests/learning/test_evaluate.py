@@ -19,8 +19,8 @@ from program import command
 
 from cutenv.commands.evaluate import main
 from cutenv.learning.evaluation import Contestant, batched_rollout, contestant, evaluate
+from cutenv.learning.seeds import ENVIRONMENT, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
 from cutenv.learning.statistics import best_script, by_policy, differences, mean_with_interval, summarise, write_csv
-from cutenv.learning.training_environments import ENVIRONMENT, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
 from cutenv.policy import (
     BASELINES,
     SHIPPED,

@@ -11,7 +11,7 @@ import pytest
 pytest.importorskip("sb3_contrib", reason="the learners are an extra: pip install 'cutenv[rl]'")
 
 from cutenv.commands.train import LEARNERS
-from cutenv.learning.training_environments import ENVIRONMENT
+from cutenv.learning.seeds import ENVIRONMENT
 
 FILE = Path(__file__).parents[2] / "agents" / "hyperparameters.toml"
 ALL = tomllib.loads(FILE.read_text())

@@ -5,7 +5,7 @@ import pytest
 
 from cutenv._base.validation import parameter_table
 from cutenv.learning.arguments import BadArguments, PPOArguments
-from cutenv.learning.training_environments import RANDOM_GROUPS, RandomisedRigs, random_rigs
+from cutenv.learning.randomised_rigs import RANDOM_GROUPS, RandomisedRigs, random_rigs
 from cutenv.sb3 import FeatureVecEnv
 
 ARGUMENTS = PPOArguments(environments=7, rigs=3, demonstrations=0)

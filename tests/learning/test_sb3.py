@@ -10,7 +10,7 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 from cutenv.envs.depth_cut import DepthCutEnv
-from cutenv.learning.training_environments import ENVIRONMENT
+from cutenv.learning.seeds import ENVIRONMENT
 from cutenv.policy import Features
 from cutenv.policy.depth_features import DepthFeatures
 from cutenv.sb3 import FeatureVecEnv, NativeVecEnv

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from knowledge_ladder import LADDERS, START, KnowledgeLadder, PathRung
 
-from cutenv.learning.training_environments import VALIDATION_SEEDS
+from cutenv.learning.seeds import VALIDATION_SEEDS
 from cutenv.policy.path_scripts import SteerByForce
 
 SEEDS = VALIDATION_SEEDS[:6]

@@ -1,32 +1,18 @@
-"""Environments in which agents are trained, on one rig or many random ones, and seeds of specimens for each use."""
+"""Domain randomisation: environments on many rigs, whose drive, sensor and measured depth are drawn at random."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import gymnasium
 import numpy as np
 from stable_baselines3.common.vec_env import VecEnv
 
-import cutenv  # registers the environment
 from cutenv._base.validation import parameter_table
 from cutenv.cutting.drive import Rig
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.envs.constants import Knowledge
 from cutenv.sb3 import FeatureVecEnv
-
-ENVIRONMENT = "cutenv/GentleCut-v1"
-"""Id of the environment."""
-assert ENVIRONMENT in gymnasium.registry, cutenv.__name__
-
-TRAINING_SEEDS = range(0, 1_000_000)
-"""Seeds of the environments that agents are trained in."""
-VALIDATION_SEEDS = range(1_000_000, 2_000_000)
-"""Seeds of the specimens on which checkpoints and settings are compared."""
-TEST_SEEDS = range(2_000_000, 3_000_000)
-"""Seeds of the held-out specimens; a specimen depends on seed and episode, so these are disjoint from the others."""
-
 
 RANDOM_GROUPS = (Rig, SensorParameters, Knowledge)
 """Groups of the constants that are drawn."""
