@@ -137,6 +137,17 @@ def agreement(_: argparse.Namespace) -> str:
         return table.read_text().strip()
 
 
+def other_tissues(_: argparse.Namespace) -> str:
+    """Return Table 6.2: fracture resistance of other tissues."""
+    data, rows = thesis_tables.table("6.2"), []
+    columns = data["fracture_resistance_J_m2"], data["sd_fracture_resistance_J_m2"]
+    for note, mean, sd in zip(data.notes[1:], *columns, strict=True):
+        of, _, remark = note.partition(": ")[2].rstrip(".").partition("; ")
+        tissue, _, measured = of.partition(", ")
+        rows.append((tissue, measured, remark if np.isnan(mean) else f"{mean:.0f} ± {sd:.0f}"))
+    return markdown_table(("tissue", "source, test, criterion, material", "fracture resistance [J/m²]"), rows)
+
+
 def speed_of(*parts: str) -> str:
     """Return the output of ``scripts/bench.py`` on this machine; without ``parts``, all of it."""
     # a fresh process: no threads yet, nothing loaded
@@ -450,6 +461,7 @@ ON_PAGES: dict[str, dict[str, Callable[[argparse.Namespace], str]]] = {
         "path-metrics": lambda _: metric_table(MAP_METRICS["path"]),
     },
     "docs/how-to/train.md": {"weights": weights},
+    "docs/concepts/tissue.md": {"other-tissues": other_tissues},
     "docs/concepts/task.md": {
         "ends": ends,
         "tip-errors": lambda _: tip_errors.report(),

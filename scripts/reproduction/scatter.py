@@ -9,6 +9,7 @@ which both standard errors neglect: they are a little too small.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -56,6 +57,24 @@ def mean_row(what: str, reference: Sample, ours: Sample) -> Row:
         ours=f"{ours.mean:.1f}",
         tolerance=f"{allowed:.1f}",
         agrees=bool(abs(ours.mean - reference.mean) <= allowed),
+    )
+
+
+def joint_row(what: str, references: Sequence[Sample], ours: Sequence[Sample]) -> Row:
+    """Compare the means of all rows of a table together: agree if their sums differ by less than both errors explain.
+
+    It finds what rows with wide tolerances hide one by one: that all of them err to one side.
+    """
+    sums = [sum(sample.mean for sample in samples) for samples in (references, ours)]
+    error = math.hypot(*(sample.standard_error for sample in (*references, *ours)))
+    allowed = _quantile(math.inf) * error / sums[0]
+    ratio = sums[1] / sums[0]
+    return Row(
+        what=f"{what}: {len(ours)} means together, ours over the table's",
+        reference="1.00",
+        ours=f"{ratio:.2f}",
+        tolerance=f"{allowed:.2f}",
+        agrees=bool(abs(ratio - 1.0) <= allowed),
     )
 
 
