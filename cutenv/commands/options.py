@@ -143,7 +143,8 @@ def line_given(arguments: argparse.Namespace) -> CutLine | None:
     OSError
         If the file cannot be read.
     """
-    from cutenv.recording.schema import parse_length, read_line
+    from cutenv.recording.line_file import read_line
+    from cutenv.recording.schema import parse_length
     from cutenv.tissue.lines import arc, half_ellipse, s_shape, straight
 
     given: str | None = arguments.line

@@ -9,10 +9,11 @@ from itertools import pairwise
 
 import numpy as np
 
+from cutenv.tissue import CutModel
 from cutenv.tissue.tables import ThesisTable, table
 from reproduction.constitutive import constitutive_matrix
 from reproduction.elements import DIVISIONS, model
-from reproduction.models import EXPERIMENTS, FORMULATIONS, FROM_4_CM, four_node_rows, places
+from reproduction.models import EXPERIMENTS, FORMULATIONS, FROM_4_CM, PIECE_LENGTH, four_node_rows, places
 from reproduction.rows import Row, Statements, equal, erratum, everywhere, holds, near, printed_as, refuted, statement
 
 AREA_CM2 = 8 * 15
@@ -53,6 +54,11 @@ def table_4_1() -> Statements:
             over_ours = entry / constitutive_matrix(of, nu)[2, 2]
             yield near(f"Appendix A, {of}, nu = {nu:g}: shear entry over ours", 2.0, over_ours, relative=1e-12)
     yield erratum("4.1", "Appendix A's shear entries")
+    piece = CutModel(length=PIECE_LENGTH, divisions=(8, 12))
+    for a, softer in ((0.08, 0.99), (0.11, 0.89)):
+        ratio = piece.stiffness(a) / model().stiffness(a)
+        yield near(f"a piece 12 cm long over the model's 15 cm, cut {100 * a:g} cm", softer, ratio, absolute=0.005)
+    yield erratum("4.1", "pieces of 8 x 12 x 2.5 cm")
 
 
 @statement("figure-4.4", "Bricks between plane stress and plane strain, our models")

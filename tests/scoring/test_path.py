@@ -14,7 +14,7 @@ from cutenv.commands import score as command
 from cutenv.envs.difficulty import scripts_on_specimen_of
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.recording import load, save
-from cutenv.recording.schema import read_line
+from cutenv.recording.line_file import read_line
 from cutenv.scoring import MAP_METRICS, score
 from cutenv.scoring.cut_map import LINE_KEY, PathMap
 from cutenv.scoring.score_card import EXPECTED_CUT
