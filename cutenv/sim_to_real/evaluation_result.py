@@ -1,4 +1,4 @@
-"""Evaluation of a policy on a rig beside the simulator, as text and JSON: verdict, differences, control clock."""
+"""Evaluation of a policy on a rig beside the simulator, as text, JSON and page: verdict, differences, control clock."""
 
 from __future__ import annotations
 

@@ -23,6 +23,8 @@ _MEMORY = 20.0  # SYNCs after which a surplus or a lack is forgotten
 class SampleRateMonitor:
     """Counter of the samples of one axis against the time.
 
+    They come once with every SYNC, not doubled by the bus or requested by another master.
+
     Parameters
     ----------
     sync : float
@@ -219,6 +221,8 @@ _OFTEN = 0.0005  # [s] between two answers to another master's frames: no more b
 
 class QuickStops:
     """Sender of quick stops to the axes of a stopped rig; call it under one lock, and only while the rig is stopped.
+
+    A single frame may be lost, or undone by another master: they are repeated until every drive is seen to obey.
 
     Parameters
     ----------

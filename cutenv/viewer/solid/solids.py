@@ -1,6 +1,15 @@
-"""Surfaces made of triangles; and of them a No. 10 blade in a No. 3 handle, and its position in the tissue.
+"""Solids made of triangles: the specimen, the plane of a cut, and a No. 10 blade in a No. 3 handle in the tissue.
 
-Outline and pose are those of the scene (`cutenv.viewer.scene_parts`); x runs through the blade's thickness.
+Outline and pose of the blade are those of the scene (`cutenv.viewer.scene_parts`); x runs through its thickness.
+
+The specimen is the finite-element lattice extruded to the depth of cut, displaced instant by instant. It has points of
+its own, and surfaces with such points as vertices: an upper and a lower lattice, the rim, the two faces of the cut,
+lines between elements, and the target's sheet. The field is plane, so a point's height is constant. The opening of the
+cut is an illustration, added to the field across the specimen; its front leans as the blade does.
+
+The plane of a cut along which the blade also moves up and down has floor of the cut, wanted depth, layer below. It is
+seen where the near half of the specimen is taken off. Its rows of points run along the cut line and move with the
+finite-element field; the open cut, an illustration, closes toward its floor.
 """
 
 from __future__ import annotations
