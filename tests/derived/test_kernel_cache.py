@@ -61,7 +61,7 @@ def package(tmp_path: Path) -> Path:
 
 
 def write_law(package: Path, factor: float, door: str = "njit") -> None:
-    """As if a minute lay between two edits: Python takes one of the same size and second for none."""
+    """Write the law, a minute later than the last time: Python overlooks an edit of the same size and second."""
     path = package / "law.py"
     edited = path.stat().st_mtime + 60.0 if path.exists() else 1e9
     path.write_text(LAW.format(factor=factor, door=door))

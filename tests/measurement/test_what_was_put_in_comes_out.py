@@ -19,7 +19,7 @@ from cutenv.measurement.zero import TAKEN_OFF
 from cutenv.tissue import Specimen, TissueDescription
 
 RESISTANCE = 0.05
-"""Of the resistance that was put in, with a return stroke."""
+"""Largest error of the resistance, as a share of what was put in, with a return stroke."""
 MODULUS = 0.05
 """Of the modulus, median over a cut's segments; measured: 0.002 at low speeds, 0.037 at 2.54 cm/s."""
 FRICTION = 0.03

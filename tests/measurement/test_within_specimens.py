@@ -97,7 +97,7 @@ def test_what_was_done_with_the_tissue_is_kept_and_differences_are_said(tmp_path
 
 
 LENGTH, SD = 0.020, 0.2
-"""Of the drawn fields: correlation length [m], standard deviation of the logarithm."""
+"""Correlation length of the drawn fields [m], and standard deviation of their logarithm."""
 
 
 def drawn_fields(cuts: int = 400, places: int = 20, seed: int = 1) -> tuple[list[np.ndarray], list[np.ndarray]]:

@@ -274,7 +274,7 @@ PAIRS = 1000
 
 
 def share_that_agrees(row: str, *, shift: float = 0.0, factor: float = 1.0) -> float:
-    """Of pairs of samples of 6 and 24 normal numbers, the second shifted and scaled."""
+    """Return the share of pairs of samples (6 and 24 normal numbers) that agree; the second is shifted and scaled."""
     rng = np.random.default_rng(1)
     compare, sample = getattr(scatter, row), scatter.Sample.of
     rows = [
@@ -294,8 +294,29 @@ def test_other_means_and_other_spreads_are_noticed() -> None:
     assert share_that_agrees("sd_row", factor=5.0) < 0.15
 
 
+def joint_rows(shift: float) -> list[tuple[float, bool]]:
+    """Return, for tables of seven means, the share of means that agree alone, and whether all agree together."""
+    rng, found = np.random.default_rng(3), []
+    sample = scatter.Sample.of
+    for _ in range(PAIRS):
+        table, ours = ([sample(50.0 + by + rng.normal(size=n)) for _ in range(7)] for by, n in ((0.0, 6), (shift, 24)))
+        alone = [scatter.mean_row("", *pair).agrees for pair in zip(table, ours, strict=True)]
+        found.append((float(np.mean(alone)), bool(scatter.joint_row("", table, ours).agrees)))
+    return found
+
+
+def test_means_that_all_err_to_one_side_are_noticed_together_though_most_agree_alone() -> None:
+    assert np.mean(joint_rows(0.0), axis=0)[1] == pytest.approx(0.95, abs=0.03)
+    alone, together = np.mean(joint_rows(-0.6), axis=0)
+    assert alone > 0.7
+    assert together < 0.2
+
+
 def share_of_lines_that_agree(*, change: float) -> list[float]:
-    """Of pairs of lines through seven points with scatter, by coefficient; the second is another line by ``change``."""
+    """Return the share of pairs of lines, through seven points with scatter, whose coefficients agree.
+
+    The second is another line by ``change``.
+    """
     rng, x = np.random.default_rng(2), np.linspace(0.1, 2.5, 7)
     line = scatter.Line.through
     found = []

@@ -30,7 +30,7 @@ AXES = st.builds(
 
 
 def units(axis: Axis, steps: int = 1000) -> AxisUnits | None:
-    """Of an axis that can be counted, None of another."""
+    """Return the units of an axis, or None if its travel cannot be counted in steps."""
     try:
         return AxisUnits(axis=axis, steps=steps)
     except ValueError:
