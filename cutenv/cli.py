@@ -148,15 +148,25 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.dup2(nowhere, sys.stdout.fileno())  # for what is still to be written to it
         os.close(nowhere)
         return READER_GONE
-    except KeyboardInterrupt:
-        print(f"\ncutenv {name}: interrupted; files written before are kept", file=sys.stderr)
-        return INTERRUPTED
-    except ModuleNotFoundError as error:
-        cure = missing_extra(error, COMMANDS[name].extra)
+    except (KeyboardInterrupt, ImportError) as error:
+        if was_interrupted(error):
+            print(f"\ncutenv {name}: interrupted; files written before are kept", file=sys.stderr)
+            return INTERRUPTED
+        cure = missing_extra(error, COMMANDS[name].extra) if isinstance(error, ModuleNotFoundError) else None
         if cure is None:
             raise
         print(f"cutenv {name}: {cure}", file=sys.stderr)
         return 1
+
+
+def was_interrupted(error: BaseException | None) -> bool:
+    """Return whether an error is a KeyboardInterrupt, or comes from one.
+
+    Interrupted while it is imported, a module in C++ (pybind11) raises an ImportError from the KeyboardInterrupt.
+    """
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
 
 
 def module_of(name: str) -> str:

@@ -312,7 +312,7 @@ class Task(Declaration):
         if not self.numbers:
             return {}, {}
         values = np.empty((len(self.numbers), len(cuts.states)))
-        number_cuts(self)(cuts.states, cuts.motions, cuts.wholes, cuts.tasks, cuts.progresses, values)
+        fill_numbers(self)(cuts.states, cuts.motions, cuts.wholes, cuts.tasks, cuts.progresses, values)
         split = len(self.truth)
         return (
             {one.name: value for one, value in zip(self.truth, values[:split], strict=True)},
@@ -346,26 +346,26 @@ def terms(task: Task) -> Any:
 
 
 @compiled_for(njit_fused)
-def number_cut(task: Task) -> Any:
+def compute_numbers(task: Task) -> Any:
     """Return the function that computes a task's numbers of cut number n."""
     lines = [f"values[{k}, n] = {expression(one.value, OF_CUT)}" for k, one in enumerate(task.numbers)]
-    return fuse("number_cut", [*OF_CUT, "values", "n"], lines, [__name__])
+    return fuse("compute_numbers", [*OF_CUT, "values", "n"], lines, [__name__])
 
 
 @compiled_for(njit)
-def number_cuts(task: Task) -> Callable[..., None]:
+def fill_numbers(task: Task) -> Callable[..., None]:
     """Return the function that computes a task's numbers of many cuts."""
-    number = number_cut(task)
+    compute = compute_numbers(task)
 
-    def number_cuts(
+    def fill_numbers(
         states: StructArray, motions: StructArray, wholes: StructArray, tasks: StructArray, progresses: StructArray,
         values: Array,
     ) -> None:  # fmt: skip
         """Compute :attr:`Task.numbers` of n cuts, records of shape (n,), into ``values``, shape (numbers, n)."""
         for n in range(len(states)):
-            number(states[n], motions[n], wholes[n], tasks[n].target, progresses[n].tip, values, n)
+            compute(states[n], motions[n], wholes[n], tasks[n].target, progresses[n].tip, values, n)
 
-    return number_cuts
+    return fill_numbers
 
 
 @compiled_for(njit_internal)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import functools
 import importlib
 import re
 import shlex
@@ -162,6 +163,20 @@ def test_the_help_of_score_names_every_shipped_reference() -> None:
 
     reference = next(action for action in parser_of("score")._actions if action.dest == "reference")
     assert all(name in (reference.help or "") for name in SHIPPED_REFERENCES)
+
+
+def test_ctrl_c_within_the_import_of_a_compiled_module_ends_in_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def broken_off(*_: object, cause: BaseException | None = None) -> int:
+        raise ImportError("initialization failed") from cause
+
+    monkeypatch.setattr(cli, "_run", functools.partial(broken_off, cause=KeyboardInterrupt()))
+    assert cli.main(["demo"]) == cli.INTERRUPTED
+    assert capsys.readouterr().err == "\ncutenv demo: interrupted; files written before are kept\n"
+    monkeypatch.setattr(cli, "_run", broken_off)
+    with pytest.raises(ImportError, match="initialization failed"):
+        cli.main(["demo"])
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no signal that stands for Ctrl-C to one process")
