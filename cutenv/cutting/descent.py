@@ -2,9 +2,13 @@
 
 The blade's lower end is at a level h [m]; at h = 0 it cuts as deep as the specimen's profile says, B(x), and the
 law is that of :mod:`cutenv.cutting.update`, to the last bit.  Elsewhere the tip is engaged to the depth D = B - e, with
-e the higher one of h and of the floor of the cut, and stiffness, toughness and friction are those of this depth:
+e the higher one of h and of the floor of the cut; toughness and friction are those of this depth, stiffness that of the depth to which the blade is
+let down, P = B - h, be what is above it cut or pressed:
 
-    K(a, D) by the table of partial depth,    R(a) times the integral of the layers' toughness down to D.
+    K(a, P) by the table of partial depth,    R(a) times the integral of the layers' toughness down to D.
+
+So the tissue that the blade carries along pushes it up by dK/dP l^2 / 2, l the lag of the tip, and this force does the
+work that K's rise takes, where the floor is cut as where it is only pressed.
 
 A blade that is lower than the floor presses on it along its edge, as on a bed of springs (Winkler).  Under force alone
 the floor gives way where the force per length reaches R; where the edge is drawn along it as well, earlier, by the
@@ -36,9 +40,10 @@ from cutenv._engine.jit import njit, njit_inline, njit_internal
 from cutenv._engine.randomness import Integer
 from cutenv.cutting.drive import VelocityLoop, velocity_loop_step
 from cutenv.cutting.dtypes import PROFILE, TICK
+from cutenv.cutting.friction import deflected
 from cutenv.cutting.law import LONGEST_ADVANCE, depth_at, grid_index, stiffness_at, toughness_at
 from cutenv.cutting.motion import Motion, Moving
-from cutenv.cutting.row import gather, scatter
+from cutenv.cutting.row import gather, law_in_row, scatter
 from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.floor import BEDDING, EDGE_LENGTH, press
 from cutenv.tissue.grid import N_POINTS, POINTS_PER_METRE
@@ -100,15 +105,17 @@ DESCENT: np.dtype[Any] = np.dtype(
             ("pressed", "f8"),  # energy in the bed [J]
             ("bearing", "f8"),  # force of the bed on the blade [N]
             ("spring", "f8"),  # stiffness of the bed [N/m]
-            ("grip", "f8"),  # force of friction on a blade that moves up or down, upwards [N]
+            ("lowered", "f8"),  # deflection of the friction bristles downwards [m]
+            ("grip", "f8"),  # force of friction on the blade, upwards [N]
             ("rise", "f8"),  # of the stiffness with depth, at the tip [N/m2]
             ("vertical", "f8"),  # force of the tissue on the blade, upwards [N]
             ("drag", "f8"),  # force of slicing against the motion along the cut [N]
-            ("slicing", "f8"),  # its size, where the bristles slip [N]
+            ("drawn", "f8"),  # deflection along the cut of the tissue under the edge, as of bristles [m]
+            ("slicing", "f8"),  # size of the force of slicing, where it slips [N]
             ("pending_slicing", "f8"),  # slicing work not yet released as force [J]
             ("owed_slip", "f8"),  # advance of the tip through which the edge has not yet been drawn [m]
             ("opened", "f8"),  # area opened by deepening, beyond what advancing opens [m2]
-            ("settled", "f8"),  # level at the last response [m]
+            ("settled", "f8"),  # level at the last response, to which the stiffness belongs [m]
             ("blade", "f8"),  # where blade and tip stood then [m]
             ("tip", "f8"),
             ("under", "i8"),  # cell under the leading end of the edge
@@ -196,12 +203,12 @@ def stiffness_to(descent: Struct, slab: Struct, i: int, depth: float) -> float:
 
 @njit_internal
 def renew(profile: Struct, descent: Struct, slab: Struct, i: int) -> None:
-    """Bring point ``i`` of a profile up to date with the level to which the blade is engaged."""
+    """Bring point ``i`` of a profile up to date with the level of the blade, and that down to which it is engaged."""
     if descent.belongs[i] == descent.version:
         return
     descent.belongs[i] = descent.version
+    profile.stiffness[i] = stiffness_to(descent, slab, i, held_depth(descent, descent.surface[i] - descent.settled))
     D = held_depth(descent, descent.surface[i] - descent.engaged)
-    profile.stiffness[i] = stiffness_to(descent, slab, i, D)
     profile.toughness[i] = descent.toughness[i] * summed_toughness(descent, D)
     profile.depth[i] = D
 
@@ -224,9 +231,9 @@ def renew_between(profile: Struct, descent: Struct, slab: Struct, low: float, hi
 
 @njit_internal
 def rise_with_depth(descent: Struct, slab: Struct, i: int) -> float:
-    """Return how the stiffness at point ``i`` rises with the depth to which the blade is engaged [N/m2]."""
-    D = descent.surface[i] - descent.engaged
-    low, high = held_depth(descent, D - _ASIDE), held_depth(descent, D + _ASIDE)
+    """Return how the stiffness at point ``i`` rises with the depth to which the blade is let down [N/m2]."""
+    depth = descent.surface[i] - descent.settled
+    low, high = held_depth(descent, depth - _ASIDE), held_depth(descent, depth + _ASIDE)
     rise: float = (stiffness_to(descent, slab, i, high) - stiffness_to(descent, slab, i, low)) / (2.0 * _ASIDE)
     return rise
 
@@ -295,22 +302,30 @@ def respond_row(row: Struct, moving: Moving, profiles: StructArray, dt: float) -
 
 
 @njit_inline
+def motion_down(levels: Struct, n: Integer) -> tuple[float, float]:
+    """Return the bristles' deflection downwards, and the motion of a blade downwards in this update [m]."""
+    return levels.lowered[n], levels.level[n] - levels.next_level[n]
+
+
+@njit_inline
+def grip_blade(levels: Struct, n: Integer, lowered: float, force: float) -> None:
+    """Take the bristles' next deflection downwards [m], and the force of friction upwards [N]."""
+    levels.lowered[n], levels.grip[n] = lowered, force
+
+
+@njit_inline
 def move_to_level(row: Struct, levels: Struct) -> None:
-    """Move each blade to its next level: it rubs, and its edge presses on springs."""
+    """Move each blade to its next level: its edge presses on springs."""
     for n in range(len(row.blade)):
         fall = levels.level[n] - levels.next_level[n]
         levels.level[n] = levels.next_level[n]
-        grip = math.copysign(row.friction_per_depth[n] * row.depth[n], fall) if fall != 0.0 else 0.0
         was, spring = levels.bearing[n], levels.spring[n]
         bearing = was + spring * fall
         rises = bearing < 0.0  # it leaves the floor on the way
         pressing = -0.5 * was**2 / spring if rises else 0.5 * (was + bearing) * fall
-        rubbed = grip * fall
-        levels.grip[n] = grip
         levels.bearing[n] = 0.0 if rises else bearing
         levels.pressed[n] += pressing
-        row.work[n] += pressing + rubbed
-        row.friction[n] += rubbed
+        row.work[n] += pressing
 
 
 @njit_inline
@@ -319,8 +334,9 @@ def add_up_forces(row: Struct, levels: Struct) -> None:
     for n in range(len(row.blade)):
         lag = max(row.blade[n] - row.creep[n] - row.tip[n], 0.0)
         levels.vertical[n] = levels.bearing[n] + levels.grip[n] + 0.5 * levels.rise[n] * lag**2
-        # It reverses as friction on the faces does.
-        drag = levels.slicing[n] * row.bristle[n] * row.per_presliding_length[n] if levels.slicing[n] > 0.0 else 0.0
+        # It reverses as friction on the faces does, but a blade that goes down does not turn it aside.
+        levels.drawn[n] = deflected(law_in_row(row, n), levels.drawn[n], row.dx[n])
+        drag = levels.slicing[n] * levels.drawn[n] * row.per_presliding_length[n] if levels.slicing[n] > 0.0 else 0.0
         levels.drag[n] = drag
         row.force[n] += drag
 
@@ -357,10 +373,8 @@ def respond(row: Struct, profile: Struct, descent: Struct, slab: Struct, n: int)
         descent.pressed = pressing - released
         sliced = max(surplus, 0.0) if fall <= 0.0 else min(max(surplus, 0.0), sliced)
     engaged = max(descent.level, descent.floor[cell])
-    if engaged != descent.engaged:
-        gained = engage(row, profile, descent, slab, n, engaged, max(lag, 0.0))
-        row.work[n] += gained
-        sliced += max(gained, 0.0) if fall == 0.0 else 0.0
+    if engaged != descent.engaged or fall != 0.0:
+        row.work[n] += engage(row, profile, descent, slab, n, engaged, fall, max(lag, 0.0))
     elif onwards or descent.rise == 0.0:
         descent.rise = rise_with_depth(descent, slab, cell)
     descent.pending_slicing = max(descent.pending_slicing - descent.slicing * abs(moved), 0.0) + (
@@ -370,10 +384,11 @@ def respond(row: Struct, profile: Struct, descent: Struct, slab: Struct, n: int)
 
 
 @njit_internal
-def engage(row: Struct, profile: Struct, descent: Struct, slab: Struct, n: int, engaged: float, lag: float) -> float:
-    """Engage one blade down to another level ``engaged`` [m]; return the work that it takes [J]."""
+def engage(
+    row: Struct, profile: Struct, descent: Struct, slab: Struct, n: int, engaged: float, fall: float, lag: float
+) -> float:
+    """Engage one blade, let down by ``fall``, down to a level ``engaged`` [m]; return the work that it takes [J]."""
     a, x, K, toughness = row.tip[n], row.blade[n], row.K[n], row.toughness[n]
-    change = descent.engaged - engaged
     descent.engaged = engaged
     descent.version += 1
     renew_between(profile, descent, slab, a, a)
@@ -386,8 +401,8 @@ def engage(row: Struct, profile: Struct, descent: Struct, slab: Struct, n: int, 
     row.held_force[n] *= row.toughness[n] / toughness
     row.elastic[n] = row.K[n] * lag
     row.force[n] += row.elastic[n] - K * lag
-    if abs(change) > _LEAST_CHANGE:
-        descent.rise = (row.K[n] - K) / change
+    if abs(fall) > _LEAST_CHANGE:
+        descent.rise = (row.K[n] - K) / fall
     else:
         descent.rise = rise_with_depth(descent, slab, descent.cell)
     return 0.5 * (row.K[n] - K) * lag**2  # type: ignore[no-any-return]
@@ -424,6 +439,8 @@ DESCENDING = Motion(
     drive=lower_row,
     renew=renew_row,
     renew_runs=renew_runs,
+    across=motion_down,
+    rub=grip_blade,
     respond=respond_row,
     force=vertical_force,
     stored=stored_in_bed,

@@ -64,6 +64,12 @@ class Motion(Declaration):
     """Bring the profiles up to date where tip and blade come to another point."""
     renew_runs: Callable[..., None] | None = None
     """Bring the profiles up to date where cracks are about to run."""
+    across: Callable[..., tuple[float, float]] | None = None
+    """Return the bristles' deflection across the cut, and the blade's motion across it in this update [m]; takes lanes
+    and number of the lane.  With None the blade has no friction across."""
+    rub: Callable[..., None] | None = None
+    """Take the bristles' new deflection across the cut [m], and the friction that they exert there [N]; takes lanes,
+    number of the lane, deflection, force."""
     respond: Callable[..., None] | None = None
     """Let the tissue respond to the motion, and change ``row.force``, that of tissue and friction along the cut."""
     force: Callable[..., float] | None = None

@@ -88,7 +88,9 @@ STEERING: np.dtype[Any] = np.dtype(
             ("per_stretch", "f8"),
             ("held", "f8"),  # energy in the offset [J]
             ("guided", "i8"),  # 1 while the blade is behind the tip, between the faces of the cut
-            ("lateral", "f8"),  # force of the tissue on the blade, to its right [N]
+            ("bent", "f8"),  # deflection of the friction bristles to the left of the blade [m]
+            ("rubbing_aside", "f8"),  # force of friction on the blade, to its right [N]
+            ("lateral", "f8"),  # force of tissue and friction on the blade, to its right [N]
             ("crack_curvature", "f8"),  # limit [1/m]
             ("reach", "f8"),  # largest distance of the blade to its line, and to the axis of the slab [m]
             ("side", "f8"),
@@ -388,7 +390,7 @@ def respond_row(row: Struct, moving: Moving, profiles: StructArray, dt: float) -
         cosine, sine = to_crack(place_in_row(places, n))
         pull, push = row.elastic[n] * places.per_stretch[n], places.side_stiffness[n] * places.offset[n]
         row.force[n] = pull * (cosine + places.coupling[n] * sine) + push * sine + row.rubbing[n]
-        places.lateral[n] = pull * (places.coupling[n] * cosine - sine) + push * cosine
+        places.lateral[n] = pull * (places.coupling[n] * cosine - sine) + push * cosine + places.rubbing_aside[n]
 
 
 @njit_inline
@@ -404,6 +406,11 @@ def aim_row(row: Struct, moving: Moving, profiles: StructArray, dt: float) -> No
         next_ahead, next_across = turned(ahead, across, turn)
         places.ahead[n] = next_ahead if turn != 0.0 else ahead
         places.across[n] = next_across if turn != 0.0 else across
+        # The tissue that sticks to the faces keeps its place while the blade turns.
+        cosine, sine = ahead * next_ahead + across * next_across, ahead * next_across - across * next_ahead
+        along, bent = row.bristle[n], places.bent[n]
+        row.bristle[n] = along * cosine + bent * sine if turn != 0.0 else along
+        places.bent[n] = bent * cosine - along * sine if turn != 0.0 else bent
         places.line_point[n], places.line_share[n] = grid_index(row.blade[n] + 0.5 * row.dx[n])
         further += 1 if places.line_point[n] != places.seen_line_point[n] else 0
     if further > 0:
@@ -477,6 +484,18 @@ def move_row(row: Struct, moving: Moving, profiles: StructArray, dt: float) -> N
         same = row.tip_point[n] == row.seen_tip_point[n] and row.blade_point[n] == row.seen_blade_point[n]
         points += 0 if same else 1
     row.points = max(points, row.leaps)
+
+
+@njit_inline
+def bristles_aside(places: Struct, n: Integer) -> tuple[float, float]:
+    """Return the bristles' deflection to the left of a blade [m], and its motion there: it moves where it points."""
+    return places.bent[n], 0.0
+
+
+@njit_inline
+def hold_aside(places: Struct, n: Integer, bent: float, force: float) -> None:
+    """Take the bristles' next deflection to the left [m], and the force of friction to the right [N]."""
+    places.bent[n], places.rubbing_aside[n] = bent, force
 
 
 @njit_inline
@@ -623,6 +642,8 @@ STEERED = Motion(
     move=move_row,
     renew=renew_row,
     renew_runs=renew_runs,
+    across=bristles_aside,
+    rub=hold_aside,
     respond=respond_row,
     force=lateral_force,
     stored=stored_aside,

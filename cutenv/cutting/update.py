@@ -24,7 +24,14 @@ from cutenv.cutting.drive import (
     velocity_loop_step,
 )
 from cutenv.cutting.dtypes import TICK
-from cutenv.cutting.friction import deflected, friction_force, friction_work, grip
+from cutenv.cutting.friction import (
+    deflected,
+    deflected_in_plane,
+    friction_force,
+    friction_work,
+    friction_work_in_plane,
+    grip,
+)
 from cutenv.cutting.law import (
     LONGEST_ADVANCE,
     Loaded,
@@ -76,6 +83,7 @@ def update_row(motion: Motion) -> Callable[..., None]:
 def cut_row(motion: Motion) -> Callable[..., None]:
     """Return the function that advances the law for a row of cuts: the cutting law, with the hooks of a motion."""
     aim, move, renew, renew_runs, respond = motion.aim, motion.move, motion.renew, motion.renew_runs, motion.respond
+    rub = rub_row(motion)
 
     def cut_row(row: Struct, moving: Moving, profiles: StructArray, dt: float) -> None:
         """Advance the law: each blade turns to ``row.next_angle`` and moves by ``row.dx`` in ``dt`` [s].
@@ -100,6 +108,7 @@ def cut_row(motion: Motion) -> Callable[..., None]:
         if row.points > 0:
             look_row(row, profiles)
         grow_row(row)
+        rub(row, moving, dt)
         if row.runs > 0:
             if renew_runs is not None:
                 renew_runs(row, moving, profiles, dt)
@@ -260,7 +269,7 @@ def look_row(row: Struct, profiles: StructArray) -> None:
 
 @njit_inline
 def grow_row(row: Struct) -> None:
-    """Advance the tip where the ledger admits it, and add friction on the blade."""
+    """Advance the tip where the ledger admits it."""
     runs = 0
     for n in range(len(row.blade)):
         law = law_in_row(row, n)
@@ -275,7 +284,6 @@ def grow_row(row: Struct) -> None:
         row.tip[n], row.elastic[n], row.toughness[n] = tip, F, toughness
         row.held_force[n] = F if row.loading[n] > 0.0 else row.held_force[n]
         row.work[n] += row.elastic_work[n] + work
-        _rub(row, n)
         row.ledger[n] += change
         row.fracture[n] += spent
         row.jump[n] = 0.0
@@ -285,6 +293,34 @@ def grow_row(row: Struct) -> None:
         row.running[n] = 0 if waits else running
         runs += 0 if waits else 1
     row.runs = runs
+
+
+@compiled_for(njit_inline)
+def rub_row(motion: Motion) -> Callable[..., None]:
+    """Return the function that adds friction on the blades' faces."""
+    across, rub = motion.across, motion.rub
+
+    def rub_row(row: Struct, moving: Moving, dt: float) -> None:
+        """Add friction on each blade's faces, along the cut and across it."""
+        if across is None or rub is None:
+            for n in range(len(row.blade)):
+                _rub(row, n)
+            return
+        lanes = moving.lanes
+        rubs = 0
+        for n in range(len(row.blade)):
+            bristle, motion = across(lanes, n)
+            rubs += 1 if bristle != 0.0 or motion != 0.0 else 0
+        if rubs == 0:
+            for n in range(len(row.blade)):
+                _rub(row, n)
+                rub(lanes, n, 0.0, 0.0)
+        else:
+            for n in range(len(row.blade)):
+                bristle, force = _rub_in_plane(row, n, across(lanes, n), dt)
+                rub(lanes, n, bristle, force)
+
+    return rub_row
 
 
 @njit_inline
@@ -298,6 +334,25 @@ def _rub(row: Struct, n: int) -> None:
     row.friction[n] += rubbed
     row.depth[n], row.bristle[n] = next_depth, next_bristle
     row.rubbing[n] = friction_force(law, next_depth, next_bristle, speed)
+
+
+@njit_inline
+def _rub_in_plane(row: Struct, n: int, across: tuple[float, float], dt: float) -> tuple[float, float]:
+    """Add friction to one cut along and ``across`` it, which are deflection and motion [m]; return it there.
+
+    That is the bristles' next deflection [m], and the force [N] against a motion across.
+    """
+    law, depth = law_in_row(row, n), row.depth[n]
+    before, motion, speeds = (row.bristle[n], across[0]), (row.dx[n], across[1]), (row.speed[n], across[1] / dt)
+    next_depth = at_share(row.point_depth[n], row.rise_depth[n], row.blade_share[n])
+    after = deflected_in_plane(law, before, motion)
+    bristles = (before[0], after[0]), (before[1], after[1])
+    rubbed = friction_work_in_plane(law, (depth, next_depth), bristles, motion, speeds)
+    row.work[n] += rubbed
+    row.friction[n] += rubbed
+    row.depth[n], row.bristle[n] = next_depth, after[0]
+    row.rubbing[n] = friction_force(law, next_depth, after[0], speeds[0])
+    return after[1], friction_force(law, next_depth, after[1], speeds[1])
 
 
 @njit_inline

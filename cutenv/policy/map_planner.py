@@ -186,7 +186,7 @@ _LEAST_PRESS, _MOST_PRESS, _MOST_LEAD = -0.002, 0.003, 0.02  # [m]
 def cut_as_deep(profiles: StructArray, descents: StructArray, slabs: StructArray, depth: Array) -> None:
     """Fill a profile, shape (1,), with that of a tissue that is cut to ``depth`` [m], shape (301,)."""
     for i in range(N_POINTS):
-        descents[0].engaged = descents[0].surface[i] - depth[i]
+        descents[0].settled = descents[0].engaged = descents[0].surface[i] - depth[i]
         descents[0].version += 1
         renew(profiles[0], descents[0], slabs[0], i)
 
