@@ -11,7 +11,9 @@ With the direction e of the crack, and n to its left, u is divided into a lag l 
     l = u.e + c h,    h = u.n,    c = K_en / K_ee:    U = K_ee l^2 / 2 + (K_nn - c K_en) h^2 / 2.
 
 Growth along e shortens l and leaves h, so that the law of :mod:`cutenv.cutting.law` holds for l as it does for the lag
-of a straight cut.  Behind the tip (l < 0) only the second part is left: the faces of the cut hold the blade sideways.
+of a straight cut.  Behind the tip the faces of the cut hold the blade sideways, and h is its distance to them.  Over
+the last millimetre before the tip the one offset fades into the other, so that the force, which is the derivative of
+the energy everywhere, does not step where a blade passes the tip.
 The crack turns toward the force, in which direction it releases most energy, but by no more than a limit on its
 curvature.  It turns, and stiffness and toughness respond to where it stands, every ten updates; between these it runs
 straight on.  The energy account stays exact: what the turn of the crack releases or takes goes through the ledger.
@@ -43,6 +45,8 @@ from cutenv.tissue.specimen import Specimen
 
 LINE_REACH = 0.015
 """Largest distance of a blade to its line [m]; farther away the stiffness of a crack on the line tells nothing."""
+_FADE = 1e-3  # length behind the tip over which the distance to the faces fades into that to the crack's course [m]
+_LEAST_GROWN = 1e-6  # [m], of the crack since a point of the grid, from which its direction is told by the two
 _LEAST_COSINE = 0.25  # of the angle between crack and line: a crack across the line would make no way along it
 LEAST_SPREAD = 0.25
 """Least 1 - curvature times distance: beyond it lies the centre of the line's curvature."""
@@ -87,7 +91,9 @@ STEERING: np.dtype[Any] = np.dtype(
             ("stretch", "f8"),  # length of crack per length of line [1]
             ("per_stretch", "f8"),
             ("held", "f8"),  # energy in the offset [J]
-            ("guided", "i8"),  # 1 while the blade is behind the tip, between the faces of the cut
+            ("guided", "i8"),  # 1 while the blade's foot is behind the tip, between the faces of the cut
+            ("slope_ahead", "f8"),  # rise of h with the blade's motion along the crack [1]
+            ("slope_left", "f8"),  # and to the left of it
             ("bent", "f8"),  # deflection of the friction bristles to the left of the blade [m]
             ("rubbing_aside", "f8"),  # force of friction on the blade, to its right [N]
             ("lateral", "f8"),  # force of tissue and friction on the blade, to its right [N]
@@ -389,8 +395,10 @@ def respond_row(row: Struct, moving: Moving, profiles: StructArray, dt: float) -
     for n in range(len(row.blade)):
         cosine, sine = to_crack(place_in_row(places, n))
         pull, push = row.elastic[n] * places.per_stretch[n], places.side_stiffness[n] * places.offset[n]
-        row.force[n] = pull * (cosine + places.coupling[n] * sine) + push * sine + row.rubbing[n]
-        places.lateral[n] = pull * (places.coupling[n] * cosine - sine) + push * cosine + places.rubbing_aside[n]
+        ahead, left = places.slope_ahead[n], places.slope_left[n]
+        along, aside = left * sine + ahead * cosine, left * cosine - ahead * sine
+        row.force[n] = pull * (cosine + places.coupling[n] * sine) + push * along + row.rubbing[n]
+        places.lateral[n] = pull * (places.coupling[n] * cosine - sine) + push * aside + places.rubbing_aside[n]
 
 
 @njit_inline
@@ -464,15 +472,16 @@ def move_row(row: Struct, moving: Moving, profiles: StructArray, dt: float) -> N
         row.blade_point[n], row.blade_share[n] = grid_index(row.blade[n])
         place = place_in_row(places, n)
         moved = places.offset[n] + way * to_crack(place)[1]
-        placed = offset_ahead(row, place, n)[1]
-        places.next_offset[n] = placed if places.guided[n] == 1 else moved
-        places.guided[n] = 1 if row.x[n] <= row.tip[n] else 0
+        ahead, left = offset_ahead(row, place, n)
+        places.next_offset[n] = left if places.guided[n] == 1 else moved
+        places.slope_ahead[n], places.slope_left[n] = 0.0, 1.0
+        places.guided[n] = 1 if ahead < 0.0 else 0
         behind += places.guided[n]
     if behind > 0:
         for n in range(row.taken):
             if places.guided[n] == 1:
-                places.next_offset[n] = places.aside[n] - lerp(
-                    steerings[row.cut[n]].cut, row.blade_point[n], row.blade_share[n]
+                places.next_offset[n], places.slope_ahead[n], places.slope_left[n] = offset_behind(
+                    row, places, steerings[row.cut[n]], n
                 )
     points = 0
     for n in range(len(row.blade)):
@@ -500,13 +509,46 @@ def hold_aside(places: Struct, n: Integer, bent: float, force: float) -> None:
 
 @njit_inline
 def offset_ahead(row: Struct, place: Struct, n: int) -> tuple[float, float]:
-    """Return the offset of one blade from its tip along the crack and to the left of it [m]."""
-    advance = row.tip[n] - place.settled
-    crack = advance * place.stretch
+    """Return the offset of one blade from its settled tip along the crack and to the left of it [m]."""
     e_x, e_y = place.tip_ahead, place.tip_across
-    east = (row.blade[n] - row.tip[n]) + (place.east - place.tip_east) - (crack * e_x - advance)
-    north = (place.north - place.tip_north) - crack * e_y
+    east = (row.blade[n] - place.settled) + (place.east - place.tip_east)
+    north = place.north - place.tip_north
     return east * e_x + north * e_y, north * e_x - east * e_y
+
+
+@njit_internal
+def offset_behind(row: Struct, places: Struct, steering: Struct, n: int) -> tuple[float, float, float]:
+    """Return h of one blade behind its settled tip [m], and its rise with motion along the crack and to the left [1].
+
+    It is the blade's distance to the faces of the cut, across the drawn line, which fades into that to the crack's
+    course straight back, as told ahead of the tip.
+    """
+    i, share = row.blade_point[n], row.blade_share[n]
+    settled, e_x, e_y = places.settled[n], places.tip_ahead[n], places.tip_across[n]
+    t_x, t_y = lerp(steering.cosine, i, share), lerp(steering.sine, i, share)
+    start = i * SPACING
+    grown = settled - start
+    if row.blade[n] < settled and grown > SPACING:
+        slope = (steering.cut[i + 1] - steering.cut[i]) / SPACING
+        face = steering.cut[i] + slope * (row.blade[n] - start)
+    else:  # between the last point that the tip has passed and the tip, or beside what is ahead of it
+        j, part = grid_index(settled)
+        sine = lerp(steering.cosine, j, part) * e_y - lerp(steering.sine, j, part) * e_x
+        slope = sine * places.stretch[n]
+        if row.blade[n] < settled and grown > _LEAST_GROWN:
+            slope = (places.tip_aside[n] - steering.cut[i]) / grown
+        face = places.tip_aside[n] + slope * (row.blade[n] - settled)
+    spread = max(1.0 - lerp(steering.curvature, i, share) * places.aside[n], LEAST_SPREAD)
+    faces, slope = places.aside[n] - face, slope / spread
+    x, y = 0.0 - t_y - slope * t_x, t_x - slope * t_y  # how it rises along the slab and across
+    ahead, left = offset_ahead(row, place_in_row(places, n), n)
+    part = min(max(1.0 + ahead / _FADE, 0.0), 1.0)
+    fade, per_way = part * part * (3.0 - 2.0 * part), 6.0 * part * (1.0 - part) / _FADE
+    return (
+        faces + fade * (left - faces),
+        (1.0 - fade) * (x * e_x + y * e_y) + per_way * (left - faces),
+        (1.0 - fade) * (y * e_x - x * e_y) + fade,
+    )
 
 
 @njit_internal
@@ -548,10 +590,10 @@ def turn_crack(row: Struct, places: Struct, profile: Struct, steering: Struct, n
     row.held_force[n] *= row.toughness[n] / toughness
     ahead, left = offset_ahead(row, place_in_row(places, n), n)
     reduced = min((ahead + places.coupling[n] * left) * places.per_stretch[n], LENGTH - a)
-    if places.guided[n] == 0:
-        places.offset[n] = left
-    else:
-        reduced = min(reduced, 0.0)
+    places.guided[n] = 1 if ahead < 0.0 else 0
+    places.offset[n], places.slope_ahead[n], places.slope_left[n] = left, 0.0, 1.0
+    if places.guided[n] == 1:
+        places.offset[n], places.slope_ahead[n], places.slope_left[n] = offset_behind(row, places, steering, n)
     row.creep[n] += lag - reduced
     lag = row.blade[n] - row.creep[n] - a
     held = 0.5 * places.side_stiffness[n] * places.offset[n] ** 2
