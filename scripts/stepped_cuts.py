@@ -79,7 +79,7 @@ class SteppedCut:
     def cut_to(self, place: float, speed: float, depth: Callable[[float], float]) -> None:
         """Cut on to a place [m] at a speed [m/s], at a depth below the measured surface [m] of the place."""
         while (left := place - self.position) > 2e-5:
-            x = self.position + speed * _AHEAD
+            x = min(self.position + speed * _AHEAD, place)  # at its end no blade is on its way down
             fall = self.plant.level - (float(depth_below(self.plant.depth, x)) - depth(x))
             self._advance(min(speed, 8.0 * left + 2e-4), min(max(10.0 * fall, -_DESCENT), _DESCENT))
         self.rest(0.15)

@@ -59,7 +59,7 @@ class DepthSection:
     back : ReturnStroke
         The way back that ends the section: tip, friction, stiffness of unloading.
     depth : float
-        Depth of cut at the tip, while the blade went back [m].
+        Depth of the blade at the tip, to which the stiffness belongs, while it went back [m].
     friction_per_depth : float
         Friction on the moving blade per depth of cut, median of the record's ways back [N/m].
     """
@@ -157,7 +157,7 @@ def depth_sections(
         _cumulated(force, along), -_cumulated(upwards, down), _cumulated(force, ahead),
         _cumulated(np.hypot(force, upwards), ahead),
     ]  # fmt: skip
-    rubbed = _cumulated(depth, _travelled(trace, position) + np.abs(down))
+    rubbed = _cumulated(depth, np.hypot(_travelled(trace, position), down))
     found, before, first, start = [], np.zeros(N_POINTS), 0, float(position[0])
     for (began, stop, back), after in zip(ends, floors, strict=True):
         turn = int(np.argmax(position[:stop]))
@@ -173,7 +173,7 @@ def depth_sections(
             norm_ahead=norm,
             rubbed=float(rubbed[stop - 1] - rubbed[first]),
             back=back,
-            depth=float(np.clip(surface.at(back.tip) - engaged[began], 0.0, tissue.thickness)),
+            depth=float(np.clip(surface.at(back.tip) - np.median(height[began:stop]), 0.0, tissue.thickness)),
             friction_per_depth=friction,
         )
         if section.area() >= _LEAST_AREA and section.depth >= MEASURABLE_DEPTH:

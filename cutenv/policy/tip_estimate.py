@@ -5,8 +5,8 @@ While the blade advances the tip is also estimated from two forces at once: that
 A blade that leads the tip by a lag L loads a tissue of stiffness K with K L along the cut.  The stiffness grows with
 the depth D to which the blade is engaged, so that the tissue also pushes the blade up, by half of dK/dD L^2
 (:mod:`cutenv.cutting.descent`).  How K grows with D in proportion is geometry, the same for a soft and a stiff
-tissue: the two forces together tell the lag.  Friction adds to both, along the cut always against the advance, and
-upwards only while the blade moves down or up.  An extended Kalman filter estimates stiffness and friction, each over
+tissue: the two forces together tell the lag.  Friction adds to both, a vector against the blade's motion along the cut
+and down or up.  An extended Kalman filter estimates stiffness and friction, each over
 that of the mean tissue, from the upward force at every decision.
 
 It needs no return stroke.  Once one has measured the stiffness, that measurement counts as above.
@@ -207,7 +207,7 @@ _UNUSUAL = (
 )
 _MOST_STIFFNESS, _MOST_FRICTION = 0.8, 1.5  # largest sizes of the logarithms
 _ADVANCING, _FROM = 0.008, 0.006  # speed [m/s] and position [m] from which the forces are those of cutting
-_MOVING = 1e-4  # [m/s], vertical speed from which friction is upwards or downwards
+_MOVING = 1e-4  # [m/s], speed from which friction is against the motion, and from which a descent presses the floor
 _ASIDE = 0.5e-3  # depths on either side from which the stiffness's rise with depth is taken [m]
 _FIRST_LAG, _LONGEST_LAG = 0.003, 0.040  # [m]
 
@@ -222,7 +222,7 @@ TWO_FORCES: np.dtype[Any] = np.dtype(
             ("friction_variance", "f8"),
             ("lag", "f8"),  # of the tip behind the blade [m]
             ("furthest", "f8"),  # position of the blade so far [m]
-            ("sense", "f8"),  # 1 down, -1 up, 0 neither, at the last decision
+            ("sense", "f8"),  # share of friction that is upwards, at the last decision [1]
         ],
     )
 )
@@ -285,7 +285,8 @@ def feel_two_forces(
         Mean of the force upwards since the last decision [N]; speed downwards [m/s].
     """
     position, speed, depth, force = reading
-    sense = 0.0 if abs(descent_speed) < _MOVING else (1.0 if descent_speed > 0.0 else -1.0)
+    way = math.sqrt(speed * speed + descent_speed * descent_speed)
+    sense, against = (descent_speed / way, abs(speed) / way) if way >= _MOVING else (0.0, 1.0)
     grown = max(position - felt.furthest, 0.0)
     felt.furthest = max(felt.furthest, position)
     felt.stiffness_variance += _CHANGE**2 * grown * 1e3
@@ -293,12 +294,12 @@ def feel_two_forces(
     stiffness = nominal_stiffness(nominal, i, depth)
     low = max(depth - _ASIDE, 0.0)
     rise = (nominal_stiffness(nominal, i, depth + _ASIDE) - nominal_stiffness(nominal, i, low)) / (depth + _ASIDE - low)
-    # While the blade presses on the floor of the cut, or turns from down to up, the floor's push is not known.
-    if speed > _ADVANCING and position > _FROM and sense <= 0.0 and sense == felt.sense:
+    # While the blade presses on the floor of the cut, or has just done so, the floor's push is not known.
+    if speed > _ADVANCING and position > _FROM and max(sense, felt.sense) * speed < _MOVING:
         mean = _MeanCut(nominal.friction_per_depth * depth, stiffness, rise)
-        _correct(felt, mean, force, upwards, sense)
+        _correct(felt, mean, force, upwards, (against, 0.5 * (sense + felt.sense)))
     felt.sense = sense
-    elastic = max(force - nominal.friction_per_depth * exp(felt.friction) * depth, 0.0)
+    elastic = max(force - nominal.friction_per_depth * exp(felt.friction) * depth * against, 0.0)
     felt.lag = min(elastic / (stiffness * exp(felt.stiffness)), _LONGEST_LAG)
     return felt.lag  # type: ignore[no-any-return]
 
@@ -315,20 +316,21 @@ class _MeanCut(NamedTuple):
 
 
 @njit_internal
-def _correct(felt: Struct, mean: _MeanCut, force: float, upwards: float, sense: float) -> None:
-    """Correct stiffness and friction by the upward force; forces in N."""
-    rubbing = mean.friction * exp(felt.friction)
+def _correct(felt: Struct, mean: _MeanCut, force: float, upwards: float, shares: tuple[float, float]) -> None:
+    """Correct stiffness and friction by the upward force; ``shares`` of friction are along the cut and upwards."""
+    full = mean.friction * exp(felt.friction)
+    rubbing, raised = full * shares[0], full * shares[1]
     elastic = max(force - rubbing, 0.0)
     if elastic == 0.0:
         return
     lag = elastic / (mean.stiffness * exp(felt.stiffness))
     push = 0.5 * mean.rise / mean.stiffness * elastic * lag
-    by_stiffness, by_friction = -push, sense * rubbing - 2.0 * push * rubbing / elastic  # derivatives by the logarithms
+    by_stiffness, by_friction = -push, raised - 2.0 * push * rubbing / elastic  # derivatives by the logarithms
     first = felt.stiffness_variance * by_stiffness + felt.covariance * by_friction
     second = felt.covariance * by_stiffness + felt.friction_variance * by_friction
     variance = first * by_stiffness + second * by_friction + _NOISE**2 + (_MODEL * push) ** 2
     most = _UNUSUAL * math.sqrt(variance)
-    deviation = upwards - push - sense * rubbing
+    deviation = upwards - push - raised
     if deviation > most:
         return
     deviation = max(deviation, -most) / variance
