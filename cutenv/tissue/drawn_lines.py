@@ -7,6 +7,7 @@ for when it is given.  Every second line of a kind is the mirror image of the on
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 from functools import lru_cache
@@ -29,12 +30,13 @@ from cutenv.tissue.lines import (
     straight,
 )
 from cutenv.tissue.path_model import (
-    TipStiffness,
     along_whole_line,
     over_straight,
     stiffness_at_tips,
     stiffness_at_unit_modulus,
+    straight_stiffness,
 )
+from cutenv.tissue.place_model import TipStiffness, off_line
 from cutenv.tissue.tables import FOLDER
 
 KINDS = ("straight", "arc", "s", "excision", "random")
@@ -66,10 +68,13 @@ LINE: np.dtype[Any] = np.dtype(
             ("along", "f8", (N_POINTS,)),  # stiffness of a uniform slab over that along a straight line
             ("coupled", "f8", (N_POINTS,)),
             ("across", "f8", (N_POINTS,)),
+            ("off_along", "f8", (N_POINTS,)),  # rates of L beside the line, see cutenv.tissue.place_model [1/m]
+            ("off_coupled", "f8", (N_POINTS,)),
+            ("off_across", "f8", (N_POINTS,)),
         ],
     )
 )
-"""Record of a line, and of the stiffness of a crack on it."""
+"""Record of a line, and of the stiffness of a crack on it and beside it."""
 
 
 class DrawnLines(NamedTuple):
@@ -79,20 +84,24 @@ class DrawnLines(NamedTuple):
     records: StructArray
 
 
-def line_record(line: CutLine, ratio: TipStiffness) -> StructArray:
-    """Return a line as a :data:`LINE` array, shape (1,); ``ratio`` is its stiffness over that of a straight one [1]."""
+def line_record(line: CutLine, found: TipStiffness, base: TipStiffness) -> StructArray:
+    """Return a line as a :data:`LINE` array, shape (1,), of the stiffness along it and along a straight one."""
     record = np.zeros(1, LINE)
     record["within"] = length_within(line)
     record["x_excess"], record["y"] = line.x - np.arange(N_POINTS) * SPACING, line.y
-    record["cosine"], record["sine"], record["curvature"] = np.cos(line.angle), np.sin(line.angle), line.curvature
-    record["along"], record["coupled"], record["across"] = ratio
+    cosine, sine = np.cos(line.angle), np.sin(line.angle)
+    record["cosine"], record["sine"], record["curvature"] = cosine, sine, line.curvature
+    record["along"], record["coupled"], record["across"] = over_straight(found, base)
+    rates = off_line(line, cosine, sine, base)
+    record["off_along"], record["off_coupled"], record["off_across"] = rates
     return record
 
 
 def given_line(line: CutLine, element: str, formulation: str, poisson: float) -> DrawnLines:
     """Return a single line with its record; the model along it is solved."""
     plane = element, formulation, poisson
-    return DrawnLines((line,), line_record(line, over_straight(stiffness_at_unit_modulus(line, *plane), *plane)))
+    found, base = stiffness_at_unit_modulus(line, *plane), straight_stiffness(*plane)
+    return DrawnLines((line,), line_record(line, found, base))
 
 
 @lru_cache(maxsize=2)
@@ -102,18 +111,18 @@ def drawn_lines(element: str, formulation: str, poisson: float) -> DrawnLines:
     Another model than :data:`STORED` is solved for every line, which takes some ten seconds.
     """
     plane = element, formulation, poisson
-    solved = stored_stiffness() if plane == tuple(STORED.values()) else None
-    lines, ratios = [straight()], [over_straight(stiffness_at_unit_modulus(straight(), *plane), *plane)]
+    stored = stored_stiffness() if plane == tuple(STORED.values()) else None
+    base = straight_stiffness(*plane) if stored is None else along_whole_line(*stored[0, 0])
+    lines, solved = [straight()], [base]
     for kind in range(1, len(KINDS)):
         for number in range(0, OF_A_KIND, 2):
             line = first_of_pair(kind, number)
             found = (
-                stiffness_at_unit_modulus(line, *plane) if solved is None else along_whole_line(*solved[kind, number])
+                stiffness_at_unit_modulus(line, *plane) if stored is None else along_whole_line(*stored[kind, number])
             )
-            ratio = over_straight(found, *plane)
             lines += [line, mirrored(line)]
-            ratios += [ratio, TipStiffness(ratio.along, -ratio.coupled, ratio.across)]
-    records = np.concatenate([line_record(*both) for both in zip(lines, ratios, strict=True)])
+            solved += [found, TipStiffness(found.along, -found.coupled, found.across)]
+    records = np.concatenate([line_record(line, found, base) for line, found in zip(lines, solved, strict=True)])
     records.setflags(write=False)
     return DrawnLines(tuple(lines), records)
 
@@ -146,13 +155,16 @@ def _drawn(kind: str, rng: np.random.Generator) -> CutLine:
 
 
 def solved_stiffness() -> list[dict[str, Any]]:
-    """Solve the stored model along the first line of every pair; return kind, number, tips [m] and stiffness [1]."""
+    """Solve the stored model along a straight line, and along the first line of every pair.
+
+    Each has its kind, number, tips [m] and stiffness [1].
+    """
     found = []
-    for kind in range(1, len(KINDS)):
-        for number in range(0, OF_A_KIND, 2):
-            tips, stiffness = stiffness_at_tips(first_of_pair(kind, number), **STORED)
-            parts = stiffness[:, (0, 0, 1), (0, 1, 1)]  # along, coupled, across
-            found.append({"kind": kind, "number": number, "tips": tips, "stiffness": parts})
+    for kind, number in [(0, 0), *itertools.product(range(1, len(KINDS)), range(0, OF_A_KIND, 2))]:
+        line = first_of_pair(kind, number) if kind else straight()
+        tips, stiffness = stiffness_at_tips(line, **STORED)
+        parts = stiffness[:, (0, 0, 1), (0, 1, 1)]  # along, coupled, across
+        found.append({"kind": kind, "number": number, "tips": tips, "stiffness": parts})
     return found
 
 
