@@ -132,9 +132,12 @@ def kind_of(number: int) -> str:
     return KINDS[0] if number == 0 else KINDS[1 + (number - 1) // OF_A_KIND]
 
 
-def first_of_pair(kind: int, number: int) -> CutLine:
-    """Draw one line of a kind, 1 to 4, with its bends and its place within the limits; ``number`` is even."""
-    rng = np.random.default_rng([_SEED, kind, number])
+def first_of_pair(kind: int, number: int, seed: int = _SEED) -> CutLine:
+    """Draw one line of a kind, 1 to 4, with its bends and its place within the limits; ``number`` is even.
+
+    Another ``seed`` draws lines that no task has.
+    """
+    rng = np.random.default_rng([seed, kind, number])
     while True:
         try:
             line = _drawn(KINDS[kind], rng)
