@@ -17,6 +17,7 @@ import numpy as np
 
 from cutenv._base import resources
 from cutenv._base.arrays import Array, StructArray
+from cutenv._engine.elementary import sine_and_cosine
 from cutenv.tissue.grid import N_POINTS, SPACING
 from cutenv.tissue.lines import (
     LARGEST_CURVATURE,
@@ -89,7 +90,7 @@ def line_record(line: CutLine, found: TipStiffness, base: TipStiffness) -> Struc
     record = np.zeros(1, LINE)
     record["within"] = length_within(line)
     record["x_excess"], record["y"] = line.x - np.arange(N_POINTS) * SPACING, line.y
-    cosine, sine = np.cos(line.angle), np.sin(line.angle)
+    sine, cosine = sine_and_cosine(line.angle)
     record["cosine"], record["sine"], record["curvature"] = cosine, sine, line.curvature
     record["along"], record["coupled"], record["across"] = over_straight(found, base)
     rates = off_line(line, cosine, sine, base)
