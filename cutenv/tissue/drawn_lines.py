@@ -1,8 +1,9 @@
 """The lines that a task draws: 64 of each kind, with the stiffness of a uniform slab along each.
 
 A line's stiffness is a finite-element solution, which takes a hundred times as long as the cut.  So there is a set of
-lines, the same for everybody, whose solutions ``scripts/derive_lines.py`` has stored; a line that is given is solved
-for when it is given.  Every second line of a kind is the mirror image of the one before it.
+lines, the same for everybody, to the last bit, whose solutions ``scripts/derive_lines.py`` has stored; a line that is
+given is solved for when it is given, and differs from machine to machine in the last places.  Every second line of a
+kind is the mirror image of the one before it.
 """
 
 from __future__ import annotations
@@ -90,11 +91,10 @@ def line_record(line: CutLine, found: TipStiffness, base: TipStiffness) -> Struc
     record = np.zeros(1, LINE)
     record["within"] = length_within(line)
     record["x_excess"], record["y"] = line.x - np.arange(N_POINTS) * SPACING, line.y
-    sine, cosine = sine_and_cosine(line.angle)
-    record["cosine"], record["sine"], record["curvature"] = cosine, sine, line.curvature
+    record["sine"], record["cosine"] = sine_and_cosine(line.angle)
+    record["curvature"] = line.curvature
     record["along"], record["coupled"], record["across"] = over_straight(found, base)
-    rates = off_line(line, cosine, sine, base)
-    record["off_along"], record["off_coupled"], record["off_across"] = rates
+    record["off_along"], record["off_coupled"], record["off_across"] = off_line(line, base)
     return record
 
 

@@ -7,7 +7,6 @@ import math
 import numpy as np
 
 from cutenv._base.arrays import Array
-from cutenv._engine.elementary import sine_and_cosine
 from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING
 from cutenv.tissue.lines import CutLine
@@ -56,8 +55,7 @@ def expected_cut(line: CutLine, x: Array, y: Array, tip: Array, tissue: TissueDe
     """
     plane = tissue.element, tissue.formulation, tissue.poisson
     stiffness = stiffness_at_unit_modulus(line, *plane)
-    sine, cosine = sine_and_cosine(line.angle)
-    rates = off_line(line, cosine, sine, straight_stiffness(*plane))
+    rates = off_line(line, straight_stiffness(*plane))
     reached = np.maximum.accumulate(np.clip(tip, 0.0, LENGTH))
     places = np.append(np.arange(0.0, reached[-1], _ADVANCE), reached[-1])
     blades = np.minimum(np.searchsorted(reached, places), len(reached) - 1)

@@ -25,6 +25,7 @@ import numpy as np
 
 from cutenv._base import resources
 from cutenv._base.arrays import Array
+from cutenv._engine.elementary import sine_and_cosine
 from cutenv._engine.jit import njit_inline
 from cutenv.tissue.grid import N_POINTS, SPACING
 from cutenv.tissue.lines import WIDTH, CutLine
@@ -93,8 +94,9 @@ def stiffness_by_place(numbers: tuple[float, ...] | Array, x: Array, y: Array, s
     return _turned(TipStiffness(first, np.zeros_like(first), second), 1.0, tangent)
 
 
-def off_line(line: CutLine, cosine: Array, sine: Array, straight: TipStiffness) -> OffLine:
-    """Return the rates of L along a line, whose direction has ``cosine`` and ``sine``; see :func:`beside_line`."""
+def off_line(line: CutLine, straight: TipStiffness) -> OffLine:
+    """Return the rates of L along a line, by the stiffness along a straight one; see :func:`beside_line`."""
+    sine, cosine = sine_and_cosine(line.angle)
 
     def root(aside: float) -> tuple[Array, Array, Array]:
         x, y = np.maximum(line.x - aside * sine, 0.0), line.y + aside * cosine
