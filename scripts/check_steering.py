@@ -175,6 +175,7 @@ CHECKS: dict[str, Callable[[Sequence[Specimen]], Iterator[Row]]] = {
     "model": check_model,
     "steered": crack_truth.check_other_models,
     "table": crack_truth.check_table,
+    "beside": crack_truth.check_beside,
     "second solver": crack_truth.check_second_solver,
     "turned": crack_truth.check_turned,
     "fracture": crack_truth.check_fracture,

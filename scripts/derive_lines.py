@@ -1,17 +1,38 @@
-"""Solve the model along every line that a task draws, and print how closely what is stored agrees.
+"""Solve the model along every line that a task draws, and fit the stiffness by the place of the tip to it.
 
-python scripts/derive_lines.py            prints the range of bends, places and stiffness of each kind
+python scripts/derive_lines.py            prints the range of bends, places and stiffness of each kind, and the fit
 python scripts/derive_lines.py --write    solves first, half a minute, and writes assets/derived/lines.json
+python scripts/derive_lines.py --fit      fits first, a second, and writes assets/derived/place_model.json
 """
 
 from __future__ import annotations
 
 import argparse
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.optimize import least_squares
 
-from cutenv.tissue.drawn_lines import KINDS, OF_A_KIND, STORED, drawn_lines, kind_of, solved_stiffness, store
+from cutenv.tissue import place_model
+from cutenv.tissue.drawn_lines import (
+    KINDS,
+    LEAST_LENGTH,
+    OF_A_KIND,
+    STORED,
+    drawn_lines,
+    first_of_pair,
+    kind_of,
+    solved_stiffness,
+    store,
+    stored_stiffness,
+)
+from cutenv.tissue.grid import N_POINTS, SPACING
 from cutenv.tissue.lines import length_within
+from cutenv.tissue.path_model import along_whole_line
+from cutenv.tissue.place_model import TipStiffness, stiffness_by_place
+
+START = (1.8, 0.07, 0.3, 0.7, 1.0, -0.2, 0.2)
+"""Numbers of the place model from which the fit starts."""
 
 
 def show() -> None:
@@ -36,13 +57,67 @@ def show() -> None:
     print(f"\n{OF_A_KIND} lines of each kind within the longest cut, 100 mm; stiffness over that along a straight one.")
 
 
+class Tips(NamedTuple):
+    """Tips of all stored lines within the length that each has in the slab."""
+
+    x: Any
+    """Place along the slab [m], shape (n,)."""
+    y: Any
+    """Place across the slab [m], shape (n,)."""
+    kappa: Any
+    """Stiffness along a straight cut as long as the tip is far from the clamp [1], shape (n,)."""
+    parts: Any
+    """Stiffness along the slab, coupled and across [1], shape (3, n)."""
+
+
+def stored_tips() -> tuple[Tips, TipStiffness]:
+    """Return every stored tip with its stiffness in the axes of the slab, and the stiffness along a straight line."""
+    stored, grid = stored_stiffness(), np.arange(N_POINTS) * SPACING
+    straight, tips = along_whole_line(*stored[0, 0]), []
+    for (kind, number), (lengths, stiffness) in stored.items():
+        if kind:
+            line = first_of_pair(kind, number)
+            x, y, angle = (np.interp(lengths, grid, each) for each in (line.x, line.y, line.angle))
+            frames = np.moveaxis(np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]), -1, 0)
+            turned = frames @ stiffness @ frames.swapaxes(1, 2)
+            parts = np.column_stack((x, y, turned[:, 0, 0], turned[:, 0, 1], turned[:, 1, 1]))
+            tips.append(parts[lengths <= LEAST_LENGTH])
+    x, y, *parts = np.concatenate(tips).T
+    return Tips(x, y, np.interp(x, grid, straight.along), np.array(parts)), straight
+
+
+def residuals(numbers: Any, tips: Tips, straight: TipStiffness) -> Any:
+    """Return by how much the place model misses each stored tip, over kappa there [1], shape (3, n)."""
+    return (np.array(stiffness_by_place(numbers, tips.x, tips.y, straight)) - tips.parts) / tips.kappa
+
+
+def fitted() -> Any:
+    """Return the numbers that fit the stored tips best, shape (7,)."""
+    tips, straight = stored_tips()
+    return least_squares(lambda numbers: residuals(numbers, tips, straight).ravel(), START).x
+
+
+def show_fit() -> None:
+    """Print how closely the place model fits the stored tips."""
+    tips, straight = stored_tips()
+    misses = residuals(place_model.fitted_numbers(), tips, straight)
+    root_mean_square = ", ".join(f"{100 * each:.2f} %" for each in np.sqrt((misses**2).mean(axis=1)))
+    print(f"\nc1 to c7 of the place model: {', '.join(f'{each:.4g}' for each in place_model.fitted_numbers())}")
+    print(f"It misses {tips.x.size} stored tips, along, coupled, across, by {root_mean_square} of kappa (rms).")
+
+
 def main() -> None:
     """Write if requested, then print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--write", action="store_true", help="write assets/derived/lines.json")
-    if parser.parse_args().write:
+    parser.add_argument("--fit", action="store_true", help="write assets/derived/place_model.json")
+    arguments = parser.parse_args()
+    if arguments.write:
         store(solved_stiffness())
+    if arguments.fit:
+        place_model.store(fitted())
     show()
+    show_fit()
 
 
 if __name__ == "__main__":

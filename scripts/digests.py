@@ -509,7 +509,7 @@ PORTABLE = (
     *(f"{name}/{part}" for name in ("gentle", "depth") for part in ("random", "variant", "reset")),
     "browser/gentle", "browser/depth", "plant/simulated", "plant/descending",
 )  # fmt: skip
-"""Groups that NumPy and BLAS for another processor do not change; the stiffness beside a line comes from BLAS."""
+"""Groups that NumPy and BLAS for another processor do not change; the stiffness of a given line comes from BLAS."""
 
 
 def computed(name: str, *, quick: bool) -> dict[str, str]:

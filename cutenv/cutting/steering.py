@@ -19,8 +19,9 @@ curvature.  It turns, and stiffness and toughness respond to where it stands, ev
 straight on.  The energy account stays exact: what the turn of the crack releases or takes goes through the ledger.
 
 On a straight line, with the blade on it, all this is the law of :mod:`cutenv.cutting.update`, to the last bit.  The
-stiffness is that of a crack on the line, which the tip leaves by millimetres only.  The limit on the curvature, the
-ten updates, and that faces behind the tip hold the blade as the tip does, are assumed.
+stiffness is that of a crack on the line, changed by where the tip stands beside it; see
+:mod:`cutenv.tissue.place_model`.  The limit on the curvature, the ten updates, and that faces behind the tip hold the
+blade as the tip does, are assumed.
 """
 
 from __future__ import annotations
@@ -38,9 +39,11 @@ from cutenv._engine.randomness import Integer
 from cutenv.cutting.dtypes import TICK
 from cutenv.cutting.law import LONGEST_ADVANCE, at_share, grid_index, lerp, stiffness_at, toughness_at, value_and_rise
 from cutenv.cutting.motion import Motion, Moving
+from cutenv.tissue.drawn_lines import given_line
+from cutenv.tissue.expected_cut import CRACK_CURVATURE
 from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING
 from cutenv.tissue.lines import WIDTH, CutLine
-from cutenv.tissue.path_model import CRACK_CURVATURE, stiffness_on_line
+from cutenv.tissue.place_model import beside_line
 from cutenv.tissue.specimen import Specimen
 
 LINE_REACH = 0.015
@@ -117,6 +120,9 @@ STEERING: np.dtype[Any] = np.dtype(
             ("along", "f8", (N_POINTS,)),  # stiffness along the line, coupled, and across it [N/m]
             ("coupled", "f8", (N_POINTS,)),
             ("sideways", "f8", (N_POINTS,)),
+            ("off_along", "f8", (N_POINTS,)),  # what a tip beside the line changes in it [1/m]
+            ("off_coupled", "f8", (N_POINTS,)),
+            ("off_across", "f8", (N_POINTS,)),
             ("toughness", "f8", (N_POINTS,)),  # R B [N]
         ],
     )
@@ -141,9 +147,12 @@ def steering_records(
     parameters = parameters or SteeringParameters()
     records = np.zeros(len(lines), STEERING)
     for record, specimen, line, profile in zip(records, specimens, lines, profiles, strict=True):
-        record["x_excess"], record["y"] = line.x - np.arange(N_POINTS) * SPACING, line.y
-        record["cosine"], record["sine"], record["curvature"] = np.cos(line.angle), np.sin(line.angle), line.curvature
-        record["along"], record["coupled"], record["sideways"] = stiffness_on_line(specimen, line)
+        tissue, own = specimen.tissue, specimen.stiffness()
+        drawn = given_line(line, tissue.element, tissue.formulation, tissue.poisson).records[0]
+        for name in ("x_excess", "y", "cosine", "sine", "curvature", "off_along", "off_coupled", "off_across"):
+            record[name] = drawn[name]
+        for name, ratio in (("along", "along"), ("coupled", "coupled"), ("sideways", "across")):
+            record[name] = own * drawn[ratio]
         record["toughness"], record["crack_curvature"] = profile["toughness"], parameters.crack_curvature
         record["north"], record["tip_north"] = line.y[0], line.y[0]
         record["reach"], record["side"] = LINE_REACH, WIDTH
@@ -199,6 +208,8 @@ class LineStiffness(NamedTuple):
     along: float
     coupled: float
     sideways: float
+    off_line: tuple[float, float, float]
+    """What a tip beside the line changes in it, see :mod:`cutenv.tissue.place_model` [1/m]."""
 
 
 @njit_inline
@@ -207,14 +218,16 @@ def frame_at(steering: Struct, i: int, share: float) -> CrackFrame:
     line = LineStiffness(
         lerp(steering.cosine, i, share), lerp(steering.sine, i, share), lerp(steering.curvature, i, share),
         lerp(steering.along, i, share), lerp(steering.coupled, i, share), lerp(steering.sideways, i, share),
+        (lerp(steering.off_along, i, share), lerp(steering.off_coupled, i, share), lerp(steering.off_across, i, share)),
     )  # fmt: skip
     return _frame(steering, line)
 
 
 @njit_inline
 def _frame(steering: Struct, line: LineStiffness) -> CrackFrame:
-    """Turn the stiffness along and across a line into the frame of the crack."""
-    t_x, t_y, curvature, along, coupled, sideways = line
+    """Turn the stiffness along and across a line, of a tip where the crack's stands, into the frame of the crack."""
+    t_x, t_y, curvature, along, coupled, sideways, off_line = line
+    along, coupled, sideways = beside_line((along, coupled, sideways), off_line, steering.tip_aside)
     e_x, e_y = steering.tip_ahead, steering.tip_across
     cosine, sine = e_x * t_x + e_y * t_y, t_x * e_y - t_y * e_x  # of the angle from the line to the crack
     both = cosine * sine
@@ -234,7 +247,7 @@ def renew_point(profile: Struct, steering: Struct, i: int) -> None:
     steering.belongs[i] = steering.version
     line = LineStiffness(
         steering.cosine[i], steering.sine[i], steering.curvature[i], steering.along[i], steering.coupled[i],
-        steering.sideways[i],
+        steering.sideways[i], (steering.off_along[i], steering.off_coupled[i], steering.off_across[i]),
     )  # fmt: skip
     frame = _frame(steering, line)
     profile.stiffness[i] = frame.stiffness * frame.stretch**2
@@ -623,6 +636,8 @@ def lay_line(profile: Struct, steering: Struct, line: Struct) -> None:
         stiffness = profile.stiffness[i]
         steering.along[i], steering.coupled[i] = stiffness * line.along[i], stiffness * line.coupled[i]
         steering.sideways[i] = stiffness * line.across[i]
+        steering.off_along[i], steering.off_coupled[i] = line.off_along[i], line.off_coupled[i]
+        steering.off_across[i] = line.off_across[i]
         steering.toughness[i] = profile.toughness[i]
         steering.cut[i] = 0.0
 

@@ -15,8 +15,8 @@ from cutenv.cutting.dtypes import READING, TICK
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.drivers import ForceSample, MotionSample, interpolated, newest_since
 from cutenv.rig.safety.motion_monitor import REST_SPEED
+from cutenv.tissue.expected_cut import along_line
 from cutenv.tissue.lines import CutLine
-from cutenv.tissue.path_model import along_line
 from cutenv.trace import BESIDE, COMPONENTS_OF_FORCE
 
 _REMEMBERED = 400  # moments that are remembered: two for each decision

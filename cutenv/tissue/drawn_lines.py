@@ -1,12 +1,14 @@
 """The lines that a task draws: 64 of each kind, with the stiffness of a uniform slab along each.
 
 A line's stiffness is a finite-element solution, which takes a hundred times as long as the cut.  So there is a set of
-lines, the same for everybody, whose solutions ``scripts/derive_lines.py`` has stored; a line that is given is solved
-for when it is given.  Every second line of a kind is the mirror image of the one before it.
+lines, the same for everybody, to the last bit, whose solutions ``scripts/derive_lines.py`` has stored; a line that is
+given is solved for when it is given, and differs from machine to machine in the last places.  Every second line of a
+kind is the mirror image of the one before it.
 """
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 from functools import lru_cache
@@ -16,6 +18,7 @@ import numpy as np
 
 from cutenv._base import resources
 from cutenv._base.arrays import Array, StructArray
+from cutenv._engine.elementary import sine_and_cosine
 from cutenv.tissue.grid import N_POINTS, SPACING
 from cutenv.tissue.lines import (
     LARGEST_CURVATURE,
@@ -29,12 +32,13 @@ from cutenv.tissue.lines import (
     straight,
 )
 from cutenv.tissue.path_model import (
-    TipStiffness,
     along_whole_line,
     over_straight,
     stiffness_at_tips,
     stiffness_at_unit_modulus,
+    straight_stiffness,
 )
+from cutenv.tissue.place_model import TipStiffness, off_line
 from cutenv.tissue.tables import FOLDER
 
 KINDS = ("straight", "arc", "s", "excision", "random")
@@ -66,10 +70,13 @@ LINE: np.dtype[Any] = np.dtype(
             ("along", "f8", (N_POINTS,)),  # stiffness of a uniform slab over that along a straight line
             ("coupled", "f8", (N_POINTS,)),
             ("across", "f8", (N_POINTS,)),
+            ("off_along", "f8", (N_POINTS,)),  # rates of L beside the line, see cutenv.tissue.place_model [1/m]
+            ("off_coupled", "f8", (N_POINTS,)),
+            ("off_across", "f8", (N_POINTS,)),
         ],
     )
 )
-"""Record of a line, and of the stiffness of a crack on it."""
+"""Record of a line, and of the stiffness of a crack on it and beside it."""
 
 
 class DrawnLines(NamedTuple):
@@ -79,20 +86,23 @@ class DrawnLines(NamedTuple):
     records: StructArray
 
 
-def line_record(line: CutLine, ratio: TipStiffness) -> StructArray:
-    """Return a line as a :data:`LINE` array, shape (1,); ``ratio`` is its stiffness over that of a straight one [1]."""
+def line_record(line: CutLine, found: TipStiffness, base: TipStiffness) -> StructArray:
+    """Return a line as a :data:`LINE` array, shape (1,), of the stiffness along it and along a straight one."""
     record = np.zeros(1, LINE)
     record["within"] = length_within(line)
     record["x_excess"], record["y"] = line.x - np.arange(N_POINTS) * SPACING, line.y
-    record["cosine"], record["sine"], record["curvature"] = np.cos(line.angle), np.sin(line.angle), line.curvature
-    record["along"], record["coupled"], record["across"] = ratio
+    record["sine"], record["cosine"] = sine_and_cosine(line.angle)
+    record["curvature"] = line.curvature
+    record["along"], record["coupled"], record["across"] = over_straight(found, base)
+    record["off_along"], record["off_coupled"], record["off_across"] = off_line(line, base)
     return record
 
 
 def given_line(line: CutLine, element: str, formulation: str, poisson: float) -> DrawnLines:
     """Return a single line with its record; the model along it is solved."""
     plane = element, formulation, poisson
-    return DrawnLines((line,), line_record(line, over_straight(stiffness_at_unit_modulus(line, *plane), *plane)))
+    found, base = stiffness_at_unit_modulus(line, *plane), straight_stiffness(*plane)
+    return DrawnLines((line,), line_record(line, found, base))
 
 
 @lru_cache(maxsize=2)
@@ -102,18 +112,18 @@ def drawn_lines(element: str, formulation: str, poisson: float) -> DrawnLines:
     Another model than :data:`STORED` is solved for every line, which takes some ten seconds.
     """
     plane = element, formulation, poisson
-    solved = stored_stiffness() if plane == tuple(STORED.values()) else None
-    lines, ratios = [straight()], [over_straight(stiffness_at_unit_modulus(straight(), *plane), *plane)]
+    stored = stored_stiffness() if plane == tuple(STORED.values()) else None
+    base = straight_stiffness(*plane) if stored is None else along_whole_line(*stored[0, 0])
+    lines, solved = [straight()], [base]
     for kind in range(1, len(KINDS)):
         for number in range(0, OF_A_KIND, 2):
             line = first_of_pair(kind, number)
             found = (
-                stiffness_at_unit_modulus(line, *plane) if solved is None else along_whole_line(*solved[kind, number])
+                stiffness_at_unit_modulus(line, *plane) if stored is None else along_whole_line(*stored[kind, number])
             )
-            ratio = over_straight(found, *plane)
             lines += [line, mirrored(line)]
-            ratios += [ratio, TipStiffness(ratio.along, -ratio.coupled, ratio.across)]
-    records = np.concatenate([line_record(*both) for both in zip(lines, ratios, strict=True)])
+            solved += [found, TipStiffness(found.along, -found.coupled, found.across)]
+    records = np.concatenate([line_record(line, found, base) for line, found in zip(lines, solved, strict=True)])
     records.setflags(write=False)
     return DrawnLines(tuple(lines), records)
 
@@ -123,9 +133,12 @@ def kind_of(number: int) -> str:
     return KINDS[0] if number == 0 else KINDS[1 + (number - 1) // OF_A_KIND]
 
 
-def first_of_pair(kind: int, number: int) -> CutLine:
-    """Draw one line of a kind, 1 to 4, with its bends and its place within the limits; ``number`` is even."""
-    rng = np.random.default_rng([_SEED, kind, number])
+def first_of_pair(kind: int, number: int, seed: int = _SEED) -> CutLine:
+    """Draw one line of a kind, 1 to 4, with its bends and its place within the limits; ``number`` is even.
+
+    Another ``seed`` draws lines that no task has.
+    """
+    rng = np.random.default_rng([seed, kind, number])
     while True:
         try:
             line = _drawn(KINDS[kind], rng)
@@ -146,13 +159,16 @@ def _drawn(kind: str, rng: np.random.Generator) -> CutLine:
 
 
 def solved_stiffness() -> list[dict[str, Any]]:
-    """Solve the stored model along the first line of every pair; return kind, number, tips [m] and stiffness [1]."""
+    """Solve the stored model along a straight line, and along the first line of every pair.
+
+    Each has its kind, number, tips [m] and stiffness [1].
+    """
     found = []
-    for kind in range(1, len(KINDS)):
-        for number in range(0, OF_A_KIND, 2):
-            tips, stiffness = stiffness_at_tips(first_of_pair(kind, number), **STORED)
-            parts = stiffness[:, (0, 0, 1), (0, 1, 1)]  # along, coupled, across
-            found.append({"kind": kind, "number": number, "tips": tips, "stiffness": parts})
+    for kind, number in [(0, 0), *itertools.product(range(1, len(KINDS)), range(0, OF_A_KIND, 2))]:
+        line = first_of_pair(kind, number) if kind else straight()
+        tips, stiffness = stiffness_at_tips(line, **STORED)
+        parts = stiffness[:, (0, 0, 1), (0, 1, 1)]  # along, coupled, across
+        found.append({"kind": kind, "number": number, "tips": tips, "stiffness": parts})
     return found
 
 

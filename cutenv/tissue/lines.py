@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,6 +11,7 @@ from scipy.interpolate import CubicSpline
 
 from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range
+from cutenv._engine.elementary import arctangent, sine_and_cosine
 from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING
 
 WIDTH = 0.08
@@ -22,8 +23,13 @@ LARGEST_CURVATURE = 50.0
 STEEPEST = math.radians(60.0)
 """Limit on the angle of a line to the axis of the slab [rad]."""
 _CHORD = 0.7  # distance of the chord that cuts off half an excision from the centre, over the half axis
+_PARTS = 20001  # points of a curve for its integral
 _FINE = 20  # parts of the grid's spacing for the integrals
 _ROUNDING = 1e-9
+
+
+Pair: TypeAlias = tuple[Array, Array] | Array
+"""Numbers along and across the slab."""
 
 
 class CutLine(NamedTuple):
@@ -89,7 +95,7 @@ def s_shape(radius: float, length: float = 0.1) -> CutLine:
     size = in_range("radius", abs(radius), 1.0 / LARGEST_CURVATURE, 1e3, "m", _BEND_CURE)
     length = in_range("length", length, 0.02, LENGTH, "m", "Give the length of the S.")
     share = np.minimum(np.arange(N_POINTS) * SPACING / length, 1.0)
-    return bent(np.sin(2.0 * math.pi * share) / math.copysign(size, radius))
+    return bent(sine_and_cosine(2.0 * math.pi * share)[0] / math.copysign(size, radius))
 
 
 def half_ellipse(length: float = 0.08, height: float = 0.015) -> CutLine:
@@ -108,9 +114,11 @@ def half_ellipse(length: float = 0.08, height: float = 0.015) -> CutLine:
     """
     length = in_range("length", length, 0.02, LENGTH, "m", "Give the distance between the ends of the excision.")
     size = in_range("height", abs(height), 1e-3, WIDTH / 2.0 - SIDE_MARGIN, "m", "Give the height of one side.")
-    u = np.linspace(-1.0, 1.0, 401)
-    y = (np.sqrt(1.0 - (1.0 - _CHORD**2) * u**2) - _CHORD) / (1.0 - _CHORD)
-    return through(np.column_stack((0.5 * length * (u + 1.0), math.copysign(size, height) * y)))
+    u, square = np.linspace(-1.0, 1.0, _PARTS), 1.0 - _CHORD * _CHORD
+    root, rise = np.sqrt(1.0 - square * u * u), math.copysign(size, height) / (1.0 - _CHORD)
+    x, y = 0.5 * length * (u + 1.0), rise * (root - _CHORD)
+    rates = np.full(_PARTS, 0.5 * length), -rise * square * u / root
+    return _laid((x, y), rates, (np.zeros(_PARTS), -rise * square / (root * root * root)), u)
 
 
 def random_line(rng: np.random.Generator, largest_curvature: float = 30.0, least_length: float = 0.1) -> CutLine:
@@ -119,7 +127,7 @@ def random_line(rng: np.random.Generator, largest_curvature: float = 30.0, least
     s = np.arange(N_POINTS) * SPACING
     while True:
         lengths, phases, sizes = rng.uniform(0.06, 0.2, 2), rng.uniform(size=2), rng.uniform(-0.5, 0.5, 2)
-        waves = (sizes * np.sin(2.0 * math.pi * (s[:, np.newaxis] / lengths + phases))).sum(axis=1)
+        waves = (sizes * sine_and_cosine(2.0 * math.pi * (s[:, np.newaxis] / lengths + phases))[0]).sum(axis=1)
         try:
             line = bent(largest_curvature * waves)
         except ValueError:
@@ -146,7 +154,8 @@ def bent(curvature: ArrayLike) -> CutLine:
     s = np.arange(N_POINTS) * SPACING
     fine = np.linspace(0.0, LENGTH, _FINE * (N_POINTS - 1) + 1)
     angle = _integral(np.interp(fine, s, given), fine)
-    x_excess, y = _integral(np.cos(angle) - 1.0, fine), _integral(np.sin(angle), fine)
+    sine, cosine = sine_and_cosine(angle)
+    x_excess, y = _integral(cosine - 1.0, fine), _integral(sine, fine)
     every = slice(None, None, _FINE)
     line = CutLine(s + x_excess[every], y[every], angle[every], given)
     fault = _fault(line, _limits(line)[1:])
@@ -193,20 +202,28 @@ def through(points: ArrayLike) -> CutLine:
         raise ValueError(f"The line turns back at ({x:g}, {y:g}) m: each place must be further along than the last.")
     chord = np.append(0.0, np.cumsum(np.hypot(*np.diff(given, axis=0).T)))
     spline = CubicSpline(chord, given)
-    fine = np.linspace(0.0, chord[-1], 20001)
-    (d_x, d_y), (dd_x, dd_y) = spline(fine, 1).T, spline(fine, 2).T
-    x, y = spline(fine).T
-    angle, curvature = np.arctan2(d_y, d_x), (d_x * dd_y - d_y * dd_x) / np.hypot(d_x, d_y) ** 3
+    fine = np.linspace(0.0, chord[-1], _PARTS)
+    return _laid(spline(fine).T, spline(fine, 1).T, spline(fine, 2).T, fine)
+
+
+def _laid(place: Pair, rates: Pair, second_rates: Pair, at: Array) -> CutLine:
+    """Return a curve as a line, from its places, and first and second derivatives, ``at`` values of a parameter."""
+    (x, y), (d_x, d_y), (dd_x, dd_y) = place, rates, second_rates
+    speed = np.sqrt(d_x * d_x + d_y * d_y)
+    forward = d_x > 0.0
+    angle = np.where(forward, arctangent(d_y / np.where(forward, d_x, 1.0)), math.pi)  # backward it turns too far
+    curvature = (d_x * dd_y - d_y * dd_x) / (speed * speed * speed)
     drawn = CutLine(x, y, angle, curvature)
     fault = _fault(drawn, _limits(drawn))
     if fault is not None:
         raise ValueError(fault)
-    way = _integral(np.hypot(d_x, d_y), fine)
+    way = _integral(speed, at)
     s = np.arange(N_POINTS) * SPACING
     beyond = np.maximum(s - way[-1], 0.0)
+    sine, cosine = sine_and_cosine(angle[-1])
     return CutLine(
-        np.interp(s, way, x) + beyond * math.cos(angle[-1]),
-        np.interp(s, way, y) + beyond * math.sin(angle[-1]),
+        np.interp(s, way, x) + beyond * cosine,
+        np.interp(s, way, y) + beyond * sine,
         np.interp(s, way, angle),
         np.where(beyond > 0.0, 0.0, np.interp(s, way, curvature)),
     )

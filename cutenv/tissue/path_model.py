@@ -1,11 +1,10 @@
-"""Finite-element model of a slab with a cut along a drawn line, whose mesh follows it; the cut expected beside it."""
+"""Finite-element model of a slab with a cut along a drawn line, whose mesh follows it."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,16 +15,14 @@ from scipy.sparse import csr_array
 from cutenv._base.arrays import Array, Indices
 from cutenv._base.validation import in_range, one_of
 from cutenv.tissue.continuum import METRES, Continuum, checked_relative_modulus
-from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.elasticity import lame_parameters, local_compliance, square_compliance
 from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING
 from cutenv.tissue.lines import SIDE_MARGIN, WIDTH, CutLine, length_within, straight
 from cutenv.tissue.mesh import ACROSS, ALONG, CutMesh, checked_divisions, read_only
+from cutenv.tissue.place_model import TipStiffness
 from cutenv.tissue.specimen import Specimen
 from cutenv.tissue.tip_response import factorise, stiffness_matrix
 
-CRACK_CURVATURE = 100.0
-"""Largest curvature of a crack: it turns within the length that a blade drags along; assumed [1/m]."""
 _ELEMENT = 0.01  # to whose size and shape the stiffness on a line is converted [m]
 _ROUNDING = 1e-10  # of a solution, over modulus and thickness
 
@@ -234,15 +231,6 @@ class PathModel:
         return compliance, motion[:size].reshape(size, *moved.shape)
 
 
-class TipStiffness(NamedTuple):
-    """2 x 2 stiffness [N/m] of a crack on a line with its tip at each point of the line, each of shape (301,)."""
-
-    along: Array
-    coupled: Array
-    """Force along the line per displacement to its left."""
-    across: Array
-
-
 def stiffness_on_line(specimen: Specimen, line: CutLine) -> TipStiffness:
     """Return the stiffness of a crack on ``line`` in a specimen whose profiles are laid along the line.
 
@@ -251,18 +239,19 @@ def stiffness_on_line(specimen: Specimen, line: CutLine) -> TipStiffness:
     """
     tissue = specimen.tissue
     plane = tissue.element, tissue.formulation, tissue.poisson
-    own, ratio = specimen.stiffness(), over_straight(stiffness_at_unit_modulus(line, *plane), *plane)
+    found, base = stiffness_at_unit_modulus(line, *plane), straight_stiffness(*plane)
+    own, ratio = specimen.stiffness(), over_straight(found, base)
     return TipStiffness(own * ratio.along, own * ratio.coupled, own * ratio.across)
 
 
-def over_straight(found: TipStiffness, element: str, formulation: str, poisson: float) -> TipStiffness:
-    """Return the stiffness of a uniform slab on a line, over that along a straight one as long [1]."""
-    base = _straight_stiffness(element, formulation, poisson).along
-    return TipStiffness(*(part / base for part in found))
+def over_straight(found: TipStiffness, base: TipStiffness) -> TipStiffness:
+    """Return the stiffness of a uniform slab on a line, over ``base`` along a straight one as long [1]."""
+    return TipStiffness(*(part / base.along for part in found))
 
 
 @lru_cache(maxsize=4)
-def _straight_stiffness(element: str, formulation: str, poisson: float) -> TipStiffness:
+def straight_stiffness(element: str, formulation: str, poisson: float) -> TipStiffness:
+    """Return the uniform slab's stiffness along a straight cut, solved once [1]."""
     return stiffness_at_unit_modulus(straight(), element, formulation, poisson)
 
 
@@ -283,67 +272,3 @@ def along_whole_line(tips: Array, stiffness: Array) -> TipStiffness:
     places = np.clip(np.arange(N_POINTS) * SPACING, tips[0], tips[-1])
     between = PchipInterpolator(tips, stiffness)(places)
     return TipStiffness(between[:, 0, 0], between[:, 0, 1], between[:, 1, 1])
-
-
-_ADVANCE = 0.0002  # [m], of the tip from one turn of the crack to the next
-_STEEPEST = 0.25  # least cosine of the angle between crack and line
-_CHUNK = 2000  # readings whose distances to all points of a line are held at once
-
-
-def along_line(line: CutLine, x: Array, y: Array) -> tuple[Array, Array]:
-    """Return lengths along a line and distances to its left of the places nearest to (x, y), all [m], shape (n,)."""
-    nearest = np.concatenate(
-        [
-            np.argmin((x[i : i + _CHUNK, None] - line.x) ** 2 + (y[i : i + _CHUNK, None] - line.y) ** 2, axis=1)
-            for i in range(0, len(x), _CHUNK)
-        ]
-    )
-    cosine, sine = np.cos(line.angle[nearest]), np.sin(line.angle[nearest])
-    east, north = x - line.x[nearest], y - line.y[nearest]
-    ahead, left = east * cosine + north * sine, north * cosine - east * sine
-    bend = line.curvature[nearest]
-    # From the tangent at the nearest point to the arc, of which it is less than half a spacing away.
-    place = nearest * SPACING + ahead / (1.0 - bend * left)
-    return place, left - 0.5 * bend * ahead**2
-
-
-def expected_cut(line: CutLine, x: Array, y: Array, tip: Array, tissue: TissueDescription) -> Array:
-    """Return the distance of the cut to the left of its line that mean tissue would have, from clamp to tip [m].
-
-    The crack turns toward the force, as the law in the plane has it; stiffness is that of a uniform slab.
-
-    Parameters
-    ----------
-    line : CutLine
-        Line to cut along.
-    x, y : array, shape (n,)
-        Places of the blade along and across the slab [m].
-    tip : array, shape (n,)
-        Lengths of line that the tip has cut [m].
-    tissue : TissueDescription
-        Tissue, for Poisson's ratio and the element of its model.
-    """
-    stiffness = stiffness_at_unit_modulus(line, tissue.element, tissue.formulation, tissue.poisson)
-    reached = np.maximum.accumulate(np.clip(tip, 0.0, LENGTH))
-    places = np.append(np.arange(0.0, reached[-1], _ADVANCE), reached[-1])
-    blades = np.minimum(np.searchsorted(reached, places), len(reached) - 1)
-    grid = np.arange(N_POINTS) * SPACING
-    columns = (line.x, line.y, line.angle, line.curvature, stiffness.along, stiffness.coupled, stiffness.across)
-    on_line = np.column_stack([np.interp(places, grid, column) for column in columns])
-    east, north, heading = float(line.x[0]), float(line.y[0]), float(line.angle[0])
-    aside = np.zeros(len(places))
-    for i, (_, _, angle, bend, along, coupled, across) in enumerate(on_line[:-1].tolist()):
-        step = places[i + 1] - places[i]
-        cosine, sine = math.cos(angle), math.sin(angle)
-        off_x, off_y = float(x[blades[i]]) - east, float(y[blades[i]]) - north
-        ahead, left = off_x * cosine + off_y * sine, off_y * cosine - off_x * sine
-        pull, push = along * ahead + coupled * left, coupled * ahead + across * left
-        if pull > 0.0:
-            turn = math.remainder(angle + math.atan2(push, pull) - heading, 2.0 * math.pi)
-            heading += min(max(turn, -CRACK_CURVATURE * step), CRACK_CURVATURE * step)
-        way = step * (1.0 - bend * aside[i]) / max(math.cos(heading - angle), _STEEPEST)
-        east, north = east + way * math.cos(heading), north + way * math.sin(heading)
-        after = on_line[i + 1]
-        aside[i + 1] = (north - after[1]) * math.cos(after[2]) - (east - after[0]) * math.sin(after[2])
-    passed = grid[: int(reached[-1] / SPACING) + 1]
-    return np.asarray(np.interp(passed, places, aside))

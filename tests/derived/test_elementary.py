@@ -20,7 +20,7 @@ import pytest
 
 import cutenv
 from cutenv._engine import elementary, randomness
-from cutenv._engine.elementary import cotangent, exp, log, tanh
+from cutenv._engine.elementary import arctangent, cotangent, exp, log, sine_and_cosine, tanh
 from cutenv._engine.jit import njit
 from cutenv._engine.randomness import generator, normal_at, philox
 
@@ -132,6 +132,20 @@ def test_every_machine_computes_these_bits():
     }
     content = b"".join(in_a_kernel(function, x).astype("<f8").tobytes() for function, x in inputs.items())
     assert hashlib.sha256(content).hexdigest()[:16] == BITS
+
+
+BITS_OF_ARRAYS = "ba793f430f98179a"
+
+
+def test_sine_cosine_and_arctangent_of_arrays_are_right_and_everywhere_the_same():
+    angles, tangents = np.arange(-2048, 2048) / 64.0, np.arange(-2048, 2048) / 128.0
+    (sine, cosine), arc = sine_and_cosine(angles), arctangent(tangents)
+    with mpmath.workdps(50):
+        for of, found, x in ((mpmath.sin, sine, angles), (mpmath.cos, cosine, angles), (mpmath.atan, arc, tangents)):
+            exact = [of(mpmath.mpf(each)) for each in x.tolist()]
+            assert max(abs(float(y - e)) for y, e in zip(found.tolist(), exact, strict=True)) < 3e-16
+    content = b"".join(each.astype("<f8").tobytes() for each in (sine, cosine, arc))
+    assert hashlib.sha256(content).hexdigest()[:16] == BITS_OF_ARRAYS
 
 
 def check_plain_arithmetic(kernel: Any) -> None:

@@ -1,0 +1,49 @@
+"""Stiffness of a crack beside its line, by the place of its tip: the fit, what it keeps, and a line not seen."""
+
+from __future__ import annotations
+
+import crack_truth
+import derive_lines
+import numpy as np
+import pytest
+
+from cutenv.tissue import place_model
+from cutenv.tissue.drawn_lines import STORED, drawn_lines, given_line
+from cutenv.tissue.lines import half_ellipse, straight
+from cutenv.tissue.place_model import FARTHEST, beside_line, fitted_numbers
+
+DISTANCES = (-0.02, -FARTHEST, -0.001, 0.003, FARTHEST, 0.02)  # [m]
+
+
+def test_the_stored_numbers_are_those_that_the_script_fits():
+    np.testing.assert_allclose(fitted_numbers(), derive_lines.fitted(), rtol=1e-4)
+
+
+def test_stiffness_beside_every_line_is_positive_and_on_it_the_lines_own_to_the_last_bit():
+    for record in drawn_lines(*STORED.values()).records:
+        own = record["along"], record["coupled"], record["across"]
+        rates = record["off_along"], record["off_coupled"], record["off_across"]
+        for i in range(0, round(record["within"] / 0.0005) + 1, 20):
+            here, off = tuple(float(part[i]) for part in own), tuple(float(part[i]) for part in rates)
+            assert beside_line(here, off, 0.0) == here
+            for d in DISTANCES:
+                along, coupled, across = beside_line(here, off, d)
+                assert along > 0.0
+                assert along * across > coupled**2
+
+
+def test_beside_a_straight_line_both_sides_are_alike():
+    record = given_line(straight(), **STORED).records[0]
+    assert abs(record["off_along"]).max() == abs(record["off_across"]).max() == 0.0
+    assert record["off_coupled"].min() > 0.0  # the stiffer axis turns away from that of the slab
+
+
+def test_a_crack_3_mm_beside_half_an_excision_that_was_not_fitted_has_its_stiffness():
+    rows = list(crack_truth.check_beside([], [half_ellipse(0.09, 0.016)], [0.003]))
+    assert all(row.holds for row in rows)
+
+
+def test_without_the_place_of_the_tip_it_has_not(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(place_model, "FARTHEST", 0.0)
+    rows = list(crack_truth.check_beside([], [half_ellipse(0.09, 0.016)], [0.003]))
+    assert not any(row.holds for row in rows)
