@@ -10,7 +10,9 @@ promise is not kept.
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
+import math
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -140,6 +142,63 @@ def check_bends(specimens: Sequence[Specimen]) -> Iterator[Row]:
         yield Row(f"the same at 10 mm/s with a crack that bends to {1e3 / curvature:g} mm", f"{np.mean(cuts):.2f} mm")
 
 
+def check_passing(specimens: Sequence[Specimen]) -> Iterator[Row]:
+    """Check the forces where a blade passes its tip: loops that lead it there and back, and ordinary return strokes."""
+    for friction in (0.0, None):
+        gaps = []
+        for (number, specimen), line in itertools.product(enumerate(specimens), LINES.values()):
+            tissue = specimen if friction is None else dataclasses.replace(specimen, friction_per_depth=friction)
+            gaps += _polygon_gaps(SteeredPlant(tissue, line), np.random.default_rng(number))
+        what = f"told forces less the account, {len(gaps)} closed polygons, {{}}"
+        if friction == 0.0:
+            yield Row(what.format("without friction"), f"{max(gaps):.1e} J", "1e-6 J", max(gaps) <= 1e-6)
+        else:
+            yield Row(what.format("with friction, of 15 mJ"), f"{max(gaps):.1e} J")
+    steps = [_lateral_step(specimen, line) for specimen in specimens for line in LINES.values()]
+    what = "largest step of the lateral force in 1 ms, return strokes of 4 and 12 mm along all lines, but for runs"
+    yield Row(what, f"{max(steps):.3f} N", "0.05 N", max(steps) <= 0.05)
+
+
+def _polygon_gaps(plant: SteeredPlant, rng: np.random.Generator) -> list[float]:
+    """Return works by the force less those of the account [J], of a polygon of some millimetres, run through thrice."""
+    follow_line(plant, 0.01, 0.04)
+    angles = np.sort(rng.uniform(0.0, 2.0 * np.pi, int(rng.integers(3, 6))))
+    corners = 10.0 ** rng.uniform(-2.6, -2.1) * np.column_stack((np.cos(angles), np.sin(angles)))
+    sides = np.roll(corners, -1, axis=0) - corners
+    way, force, gaps = float(plant.states["blade"][0] - plant.states["hand"][0]), 0.0, []
+    for loop in range(5):
+        before, told = plant.energy()["work"], 0.0
+        for east, north in sides:
+            turn = math.remainder(math.atan2(north, east) - plant.heading, 2.0 * math.pi)
+            force = float(plant.lead(np.full(8, way), UPRIGHT, np.full(8, turn / 8.0))["force"][-1])
+            ways = way + math.hypot(east, north) * np.arange(1, 401) / 400.0
+            forces = np.append(force, plant.lead(ways, UPRIGHT, 0.0)["force"])
+            told += float((0.5 * (forces[1:] + forces[:-1])).mean()) * math.hypot(east, north)
+            way = float(ways[-1])
+        if loop >= 2:
+            gaps.append(abs(told - (plant.energy()["work"] - before)))
+    return gaps
+
+
+def _lateral_step(specimen: Specimen, line: CutLine) -> float:
+    """Return the largest step of the lateral force [N] in a millisecond, but for 10 ms after a run of the crack."""
+    plant, lateral, jumps = SteeredPlant(specimen, line), [], []
+
+    def note(readings: Any) -> None:
+        lateral.append(plant.lateral_force.copy())
+        jumps.append(readings["jump"])
+
+    for k, place in enumerate((0.02, 0.03, 0.04, 0.05, 0.06)):
+        follow_line(plant, 0.01, place, note)
+        strokes = round((0.004 if k % 2 else 0.012) / 0.01 / 0.02)
+        for _ in range(strokes):
+            i = min(round(float(plant.states["blade"][0]) / SPACING), len(line.x) - 1)
+            note(plant.advance(-0.01, UPRIGHT, 20, -0.01 * float(line.curvature[i])))
+    steps, ran = abs(np.diff(np.concatenate(lateral))), np.concatenate(jumps) > 0.0
+    since = np.convolve(ran, np.ones(12))[: len(ran)] > 0.0  # the crack turns after a run when it next responds
+    return float(steps[~since[1:]].max())
+
+
 def check_model(_: Sequence[Specimen], finest: int = 4) -> Iterator[Row]:
     """Check the finite-element model whose mesh follows the line, with elements down to a part of 10 mm."""
     own, plain = PathModel(straight()), CutModel()
@@ -172,6 +231,7 @@ CHECKS: dict[str, Callable[[Sequence[Specimen]], Iterator[Row]]] = {
     "straight": check_straight,
     "account": check_account,
     "bends": check_bends,
+    "passing": check_passing,
     "model": check_model,
     "steered": crack_truth.check_other_models,
     "table": crack_truth.check_table,
