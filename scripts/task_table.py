@@ -32,7 +32,7 @@ from cutenv.task.registry import TASKS
 from cutenv.tissue.grid import SPACING
 
 ORACLE = "planner with truth"
-_TEXTS = ("policy", "specimen_class", "end")
+TEXTS = ("policy", "specimen_class", "end")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,7 +135,7 @@ class TaskTable:
 
     def kept_report(self) -> str:
         """Return the table of the last measurement; SystemExit if there is none."""
-        return self.report(kept_rows(self.file, f"task_table.py {self.task}", _TEXTS))
+        return self.report(kept_rows(self.file, f"task_table.py {self.task}", TEXTS))
 
     def kept_agents_report(self) -> str:
         """Return the table of the last measurement of agents; SystemExit if there is none."""

@@ -39,6 +39,7 @@ from typing import Any
 
 import baseline_table
 import camera_beside_rig
+import changed_laws
 import check_descent
 import check_score
 import check_steering
@@ -429,6 +430,7 @@ ON_PAGES: dict[str, dict[str, Callable[[argparse.Namespace], str]]] = {
     "docs/development/measures.md": {"measures": lambda _: measure_codebase.comparison()},
     "docs/validation/descent.md": {
         "descent": lambda _: promises.markdown(check_descent.CHECKS, 4),
+        "slice-push": lambda _: check_descent.slice_push(),
         "descent-speed": lambda _: speed_of("descent"),
         "layers-fit": lambda _: fit_layers.markdown(),
     },
@@ -437,6 +439,7 @@ ON_PAGES: dict[str, dict[str, Callable[[argparse.Namespace], str]]] = {
         "steering-speed": lambda _: speed_of("steering"),
         "freehand-speed": lambda _: speed_of("freehand"),
     },
+    "docs/validation/laws.md": {"laws": lambda _: changed_laws.markdown(), "laws-results": lambda _: changed_laws.results()},
     "docs/validation/curved-benchmark.md": {"curved-benchmark": lambda _: curved_cuts.table()},
     "docs/validation/score.md": {
         "check-score": lambda _: check_score.report(

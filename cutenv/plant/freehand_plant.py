@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cutenv._base.arrays import Array, StructArray
+from cutenv._base.arrays import Array, Struct, StructArray
 from cutenv._base.validation import in_range
 from cutenv.cutting.steering import begin_steering
 from cutenv.plant.steered_plant import SteeredPlant
@@ -21,16 +21,134 @@ from cutenv.tissue.steered_model import SteeredModel
 NODES_AHEAD = 3
 """Nodes for which the model tells the stiffness of a crack that goes straight on."""
 _ELEMENT = 0.01  # of the model to which the measured moduli belong [m]
-_SIDE = 0.5 * WIDTH - SIDE_MARGIN  # largest distance of the blade to the axis of the slab [m]
+FREE_SIDE = 0.5 * WIDTH - SIDE_MARGIN
+"""Largest distance of the blade to the axis of the slab [m]."""
 _CHUNK = 10  # milliseconds after which the tip is followed: the crack turns no sooner
 
 
-class _Grown(NamedTuple):
-    """Growth of the model: stiffness over that of a straight cut at points of the line, and why it ended, if it did."""
+class Grown(NamedTuple):
+    """Growth of a model: stiffness over that of a straight cut at points of the line, and why it ended, if it did."""
 
     ways: Array
     ratios: Array
     end: str | None
+
+
+class GrowingModel:
+    """Finite-element model of a slab whose crack follows that of a cut, and the stiffness that it tells along a line.
+
+    Parameters
+    ----------
+    specimen : Specimen
+        The tissue, whose profiles lie along the line.
+    line : CutLine
+        Line at whose start the cut begins; it tells places.
+    model : SteeredModel, optional
+        Model of the slab, which is copied; by default a new one with elements of 5 mm.
+
+    Attributes
+    ----------
+    model : SteeredModel
+        Mesh and cuts.
+    """
+
+    def __init__(self, specimen: Specimen, line: CutLine, model: SteeredModel | None = None) -> None:
+        in_range("line.y at its start", line.y[0], -FREE_SIDE, FREE_SIDE, "m", "Begin within the slab.")
+        tissue, self.line = specimen.tissue, line
+        self.model = (
+            SteeredModel(formulation=tissue.formulation, poisson=tissue.poisson) if model is None else model.copy()
+        )
+        self._grid = np.arange(N_POINTS) * SPACING
+        self._own: Array = specimen.stiffness()
+        self._straight = CutModel(formulation=tissue.formulation, poisson=tissue.poisson)
+        self._ratios = np.empty((N_POINTS, 2, 2))
+        self._frames = np.moveaxis(
+            np.array([[np.cos(line.angle), -np.sin(line.angle)], [np.sin(line.angle), np.cos(line.angle)]]), -1, 0
+        )
+
+    def begin(self, profile: Struct, steering: Struct, length: float = 0.0) -> None:
+        """Begin a cut at the start of the line, and lead it along ``length`` of it [m].
+
+        What profile and steering hold of the line's stiffness is replaced.
+        """
+        line = self.line
+        self.model.begin((float(line.x[0]), float(line.y[0])), float(line.angle[0]))
+        for i in range(1, round(length / SPACING) + 1):
+            self.model.cut_to((line.x[i], line.y[i]), float(line.angle[i]))
+        steering["reach"], steering["side"] = WIDTH, FREE_SIDE
+        for name in ("off_along", "off_coupled", "off_across"):
+            steering[name] = 0.0  # the model stands where the tip does
+        self.tell(steering, self.looked_ahead(), 0.0)
+        begin_steering(profile, steering, length)
+
+    def lead(self, way: list[tuple[float, float, float]]) -> Grown:
+        """Lead the crack along places that the tip has passed: along and across the slab [m], and its direction there.
+
+        There is nothing to tell until it has passed a node.
+        """
+        passed = 0
+        try:
+            for x, y, angle in way:
+                passed += self.model.cut_to((x, y), angle)
+        except ValueError as error:
+            return Grown(np.zeros(0), np.zeros(0), str(error))
+        return self.looked_ahead() if passed else Grown(np.zeros(0), np.zeros(0), None)
+
+    def looked_ahead(self) -> Grown:
+        """Return the stiffness at the model's tip, and at the nodes that a crack straight on would pass."""
+        ahead, places, stiffness = self.model.copy(), [], []
+        if len(ahead.path) > 1:
+            places.append(ahead.tip)
+            stiffness.append(self._in_plane(ahead))
+        for _ in range(NODES_AHEAD):
+            try:
+                ahead.go_straight_on()
+            except ValueError:
+                break
+            places.append(ahead.tip)
+            stiffness.append(self._in_plane(ahead))
+        ways = np.array([self._arc_length(place) for place in places])
+        base = np.asarray(self._straight.stiffness(np.clip(ways, self._straight.tips[0], LENGTH)))
+        return Grown(ways, np.array(stiffness) / base[:, np.newaxis, np.newaxis], None)
+
+    def _in_plane(self, model: SteeredModel) -> Array:
+        """Return the stiffness at a tip along and across the slab, with the elements of the measured moduli."""
+        c, s = math.cos(model.angle), math.sin(model.angle)
+        frame = np.array([[c, -s], [s, c]])
+        return frame @ model.converted_stiffness(_ELEMENT) @ frame.T  # type: ignore[no-any-return]
+
+    def _arc_length(self, place: Array) -> float:
+        """Return the arc length of the line at the foot of a place [m]."""
+        line = self.line
+        i = int(np.argmin((line.x - place[0]) ** 2 + (line.y - place[1]) ** 2))
+        along = (place[0] - line.x[i]) * math.cos(line.angle[i]) + (place[1] - line.y[i]) * math.sin(line.angle[i])
+        return float(min(max(i * SPACING + along, 0.0), LENGTH))
+
+    def tell(self, steering: Struct, grown: Grown, tip: float) -> None:
+        """Write the stiffness of the specimen from a ``tip`` [m] of the line on; beyond the last node it is held."""
+        first = max(int(np.searchsorted(self._grid, tip, side="right")) - 1, 0)
+        order = np.argsort(grown.ways)
+        ways, ratios = grown.ways[order], grown.ratios[order]
+        at = self._grid[first:]
+        for i in (0, 1):
+            for j in (0, 1):
+                self._ratios[first:, i, j] = np.interp(at, ways, ratios[:, i, j])
+        frames = self._frames[first:]
+        turned = np.einsum("nri,nrs,nsj->nij", frames, self._ratios[first:], frames)
+        own = self._own[first:]
+        steering["along"][first:], steering["coupled"][first:] = own * turned[:, 0, 0], own * turned[:, 0, 1]
+        steering["sideways"][first:] = own * turned[:, 1, 1]
+
+    def displaced(self, lag: Array, opening: float = 0.0) -> list[Array]:
+        """Return the outlines of the elements, each of shape (3 or 4, 2) [m], their tip moved by ``lag`` [m].
+
+        ``opening`` is the distance by which the faces of cuts are drawn apart, far from their ends [m].
+        """
+        c, s = math.cos(self.model.angle), math.sin(self.model.angle)
+        frame = np.array([[c, -s], [s, c]])
+        if frame[:, 0] @ lag < 0.0:  # behind the tip the blade holds nothing
+            lag = np.zeros(2)
+        return self.model.outlines(frame @ self.model.stiffness @ frame.T @ lag, opening)
 
 
 class FreehandPlant(SteeredPlant):
@@ -58,8 +176,6 @@ class FreehandPlant(SteeredPlant):
 
     Attributes
     ----------
-    model : SteeredModel
-        Mesh and cuts; with ``background``, look at it after :meth:`settle`.
     end : str or None
         Why the crack could not be followed further: it met a cut, or a side of the slab.
     """
@@ -74,30 +190,19 @@ class FreehandPlant(SteeredPlant):
         **arguments: Any,
     ) -> None:
         line = straight() if line is None else line
-        in_range("line.y at its start", line.y[0], -_SIDE, _SIDE, "m", "Begin within the slab, away from its sides.")
+        self._growing_model = GrowingModel(specimen, line, model)
         super().__init__(specimen, line, **arguments)
-        tissue = specimen.tissue
-        self.model = (
-            SteeredModel(formulation=tissue.formulation, poisson=tissue.poisson) if model is None else model.copy()
-        )
         self.end: str | None = None
         self._noted = (float(line.x[0]), float(line.y[0]))
         self._way: list[tuple[float, float, float]] = []
         self._solver = ThreadPoolExecutor(1, "model") if background else None
-        self._growing: Future[_Grown] | None = None
-        self._grid = np.arange(N_POINTS) * SPACING
-        self._own: Array = specimen.stiffness()
-        self._straight = CutModel(formulation=tissue.formulation, poisson=tissue.poisson)
-        self._ratios = np.empty((N_POINTS, 2, 2))
-        self._frames = np.moveaxis(
-            np.array([[np.cos(line.angle), -np.sin(line.angle)], [np.sin(line.angle), np.cos(line.angle)]]), -1, 0
-        )
-        self.steerings["reach"], self.steerings["side"] = WIDTH, _SIDE
-        for name in ("off_along", "off_coupled", "off_across"):
-            self.steerings[name] = 0.0  # the model stands where the tip does
-        self.model.begin(self._noted, float(line.angle[0]))
-        self._take(self._looked_ahead(), 0)
-        begin_steering(self.profiles[0], self.steerings[0], 0.0)
+        self._growing: Future[Grown] | None = None
+        self._growing_model.begin(self.profiles[0], self.steerings[0])
+
+    @property
+    def model(self) -> SteeredModel:
+        """Mesh and cuts; with ``background``, look at it after :meth:`settle`."""
+        return self._growing_model.model
 
     def _advance(self, speed: float, angle: float, ticks: int, further: float) -> StructArray:
         """Advance in parts, after each of which the model follows the crack."""
@@ -135,12 +240,7 @@ class FreehandPlant(SteeredPlant):
             Distance by which the faces of cuts are drawn apart, far from their ends [m].
         """
         self.settle()
-        c, s = math.cos(self.model.angle), math.sin(self.model.angle)
-        frame = np.array([[c, -s], [s, c]])
-        lag = np.subtract(self.blade, self.tip)
-        if frame[:, 0] @ lag < 0.0:  # behind the tip the blade holds nothing
-            lag = np.zeros(2)
-        return self.model.outlines(frame @ self.model.stiffness @ frame.T @ lag, opening)
+        return self._growing_model.displaced(np.subtract(self.blade, self.tip), opening)
 
     def _follow(self) -> None:
         """Note where the tip is, and let the model grow there."""
@@ -155,66 +255,11 @@ class FreehandPlant(SteeredPlant):
         if self._way and self._growing is None and self.end is None:
             way, self._way = self._way, []
             if self._solver is None:
-                self._accept(self._grown(way))
+                self._accept(self._growing_model.lead(way))
             else:
-                self._growing = self._solver.submit(self._grown, way)
+                self._growing = self._solver.submit(self._growing_model.lead, way)
 
-    def _accept(self, grown: _Grown) -> None:
+    def _accept(self, grown: Grown) -> None:
         self.end = grown.end
         if len(grown.ways):
-            first = int(np.searchsorted(self._grid, float(self.states["tip"][0]), side="right")) - 1
-            self._take(grown, max(first, 0))
-
-    def _grown(self, way: list[tuple[float, float, float]]) -> _Grown:
-        """Lead the model's crack along places that the tip has passed."""
-        passed = 0
-        try:
-            for x, y, angle in way:
-                passed += self.model.cut_to((x, y), angle)
-        except ValueError as error:
-            return _Grown(np.zeros(0), np.zeros(0), str(error))
-        return self._looked_ahead() if passed else _Grown(np.zeros(0), np.zeros(0), None)
-
-    def _looked_ahead(self) -> _Grown:
-        """Return the stiffness at the model's tip, and at the nodes that a crack straight on would pass."""
-        ahead, places, stiffness = self.model.copy(), [], []
-        if len(ahead.path) > 1:
-            places.append(ahead.tip)
-            stiffness.append(self._in_plane(ahead))
-        for _ in range(NODES_AHEAD):
-            try:
-                ahead.go_straight_on()
-            except ValueError:
-                break
-            places.append(ahead.tip)
-            stiffness.append(self._in_plane(ahead))
-        ways = np.array([self._arc_length(place) for place in places])
-        base = np.asarray(self._straight.stiffness(np.clip(ways, self._straight.tips[0], LENGTH)))
-        return _Grown(ways, np.array(stiffness) / base[:, np.newaxis, np.newaxis], None)
-
-    def _in_plane(self, model: SteeredModel) -> Array:
-        """Return the stiffness at a tip along and across the slab, with the elements of the measured moduli."""
-        c, s = math.cos(model.angle), math.sin(model.angle)
-        frame = np.array([[c, -s], [s, c]])
-        return frame @ model.converted_stiffness(_ELEMENT) @ frame.T  # type: ignore[no-any-return]
-
-    def _arc_length(self, place: Array) -> float:
-        """Return the arc length of the line at the foot of a place [m]."""
-        line = self.line
-        i = int(np.argmin((line.x - place[0]) ** 2 + (line.y - place[1]) ** 2))
-        along = (place[0] - line.x[i]) * math.cos(line.angle[i]) + (place[1] - line.y[i]) * math.sin(line.angle[i])
-        return float(min(max(i * SPACING + along, 0.0), LENGTH))
-
-    def _take(self, grown: _Grown, first: int) -> None:
-        """Write the stiffness of the specimen from point ``first`` of the line on; beyond the last node it is held."""
-        order = np.argsort(grown.ways)
-        ways, ratios = grown.ways[order], grown.ratios[order]
-        at = self._grid[first:]
-        for i in (0, 1):
-            for j in (0, 1):
-                self._ratios[first:, i, j] = np.interp(at, ways, ratios[:, i, j])
-        frames = self._frames[first:]
-        turned = np.einsum("nri,nrs,nsj->nij", frames, self._ratios[first:], frames)
-        own, steering = self._own[first:], self.steerings[0]
-        steering["along"][first:], steering["coupled"][first:] = own * turned[:, 0, 0], own * turned[:, 0, 1]
-        steering["sideways"][first:] = own * turned[:, 1, 1]
+            self._growing_model.tell(self.steerings[0], grown, float(self.states["tip"][0]))

@@ -35,7 +35,7 @@ from cutenv.tissue.lines import (
 )
 from cutenv.tissue.path_model import PathModel, stiffness_on_line
 
-CHECKED = [(check_descent, part) for part in ("level-zero", "account", "limits")] + [
+CHECKED = [(check_descent, part) for part in ("level-zero", "account", "limits", "friction", "pressing")] + [
     (check_steering, part) for part in check_steering.CHECKS if part not in ("model", "beside")
 ]
 

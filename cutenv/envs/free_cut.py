@@ -1,0 +1,84 @@
+"""``cutenv/FreeCut-v1``: cut along a drawn line in a slab whose finite elements are solved again as the cut opens."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from cutenv._base.arrays import Array, Array32
+from cutenv.envs.described import described
+from cutenv.envs.path_cut import PathCutEnv
+from cutenv.plant.freehand_plant import GrowingModel
+from cutenv.task.episode import Goal
+from cutenv.task.path import PathEpisode, PathOptions
+from cutenv.tissue.grid import SPACING
+
+
+class FreeEpisode(PathEpisode):
+    """An episode along a drawn line whose stiffness the finite-element model tells, as the crack grows."""
+
+    growing: GrowingModel
+    """Model of the slab, cut as far as it has followed."""
+    lost: str | None = None
+    """Why the crack could not be followed further; the stiffness is then held."""
+
+    def _begin(self) -> None:
+        super()._begin()
+        if self.goal.key is None:  # a cut that is not begun has no line
+            return
+        self.growing = GrowingModel(self.plant.specimen, self.line)
+        self.growing.begin(self._cuts.profiles[0], self.motion[0], self.goal.start)
+        self._noted = self.tip_place
+
+    def step(self, action: Array) -> tuple[Array32, float]:
+        """Command an action (3 numbers in [-1, 1]) for one decision; the model then follows the crack."""
+        stepped = super().step(action)
+        place, steering = self.tip_place, self.motion[0]
+        if self.lost is None and math.dist(place, self._noted) > 0.5 * SPACING:
+            self._noted = place
+            grown = self.growing.lead([(*place, math.atan2(steering["tip_across"], steering["tip_ahead"]))])
+            self.lost = grown.end
+            if len(grown.ways):
+                self.growing.tell(steering, grown, self.tip)
+        return stepped
+
+    def displaced(self, opening: float = 0.0) -> list[Array]:
+        """Return the outlines of the elements, each of shape (3 or 4, 2) [m]: the tip moved with the blade.
+
+        ``opening`` is the distance by which the faces of cuts are drawn apart, far from their ends [m].
+        """
+        return self.growing.displaced(np.subtract(self.blade_place, self.tip_place), opening)
+
+
+class FreeOptions(PathOptions):
+    """Options of cutting along a drawn line in a slab whose model is solved as the cut opens."""
+
+    def episode(self, plant: Any, goal: Goal, *, from_truth: bool | None = None) -> FreeEpisode:
+        """Return a new episode along a line."""
+        return FreeEpisode(plant, goal, self, from_truth=from_truth)
+
+
+@described
+class FreeCutEnv(PathCutEnv):
+    """Cut along a drawn line, in a slab whose finite elements are solved again as the cut opens.
+
+    Action, observation, reward, ends, arguments and info are those of :class:`~cutenv.envs.path_cut.PathCutEnv`, and
+    so are the lines.  The stiffness is not: ``cutenv/PathCut-v1`` looks it up in a table of the line, changed by where
+    the tip stands, while here a plane model of the slab, of 480 elements of 5 mm, follows the crack wherever it goes.
+    After each decision in which the crack has passed a node the model is solved for the cut as it is, and for three
+    nodes straight on; the crack's next turn takes what they tell.  So the blade may go where it will, but for the sides
+    of the slab; an end for safety is still 8 mm from the line.
+
+    It is one cut, at some hundred decisions a second on one core; ``gymnasium.make_vec`` makes several one after the
+    other.  The page "Cuts along a curve" has its rate, and how it agrees with ``cutenv/PathCut-v1``.
+
+    The elements, moved by the blade, are ``env.unwrapped.cutting.displaced()``.
+
+    Version history
+    ---------------
+    v1: the first version; may change until the first comparison of agents is published.
+    """
+
+    options_class = FreeOptions

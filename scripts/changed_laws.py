@@ -1,0 +1,49 @@
+"""Tables of what changed in the laws of depth and of the line: marks and results before and now.
+
+Not a program: ``scripts/update_docs.py laws laws-results`` writes them.  What was before is kept in
+``docs/validation/laws-before.json``: what the same checks and tables printed on the laws of that version.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import check_descent
+import check_steering
+import crack_truth
+import promises
+import task_table
+from benchmark.table import markdown_table
+from kept_rows import kept_rows
+
+from cutenv.learning.statistics import summarise
+
+BEFORE = Path(__file__).parents[1] / "docs" / "validation" / "laws-before.json"
+CHECKED = check_descent.check_friction, check_descent.check_pressing, check_steering.check_passing
+"""Parts of the checks that were written for the change."""
+
+
+def markdown() -> str:
+    """Return what the checks find on the laws before and now."""
+    before = json.loads(BEFORE.read_text())["checks"]
+    specimens = promises.drawn(4)
+    found = [row for check in CHECKED for row in check(specimens)] + list(crack_truth.check_beside(specimens))
+    rows = [(row.what, before.get(row.what, "–"), row.found, row.promised) for row in found]
+    return markdown_table(("what", "before", "now", "promised"), rows)
+
+
+def results() -> str:
+    """Return return, success and error of each policy of both tasks, before and now."""
+    before: dict[str, Any] = json.loads(BEFORE.read_text())["results"]
+    rows = []
+    for name, table in task_table.TABLES.items():
+        cuts = kept_rows(table.file, f"task_table.py {name}", task_table.TEXTS)
+        values = {(row["policy"], row["score"]): row["mean"] for row in summarise(cuts)}
+        error, _, shown = table.errors[0]
+        for policy, old in before[name].items():
+            new = (values[policy, "return"], values[policy, "success"], values[policy, error])
+            told = [f"{both[0]:.3f}, {100 * both[1]:.0f} %, {shown.format(both[2])}" for both in (old, new)]
+            rows.append((f"{name}: {policy}", *told))
+    return markdown_table(("return, success and mean error", "before", "now"), rows)
