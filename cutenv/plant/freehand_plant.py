@@ -93,8 +93,7 @@ class FreehandPlant(SteeredPlant):
             np.array([[np.cos(line.angle), -np.sin(line.angle)], [np.sin(line.angle), np.cos(line.angle)]]), -1, 0
         )
         self.steerings["reach"], self.steerings["side"] = WIDTH, _SIDE
-        for name in ("off_along", "off_coupled", "off_across"):
-            self.steerings[name] = 0.0  # the model stands where the tip does
+        self.steerings["off_line"] = 0.0  # the model stands where the tip does
         self.model.begin(self._noted, float(line.angle[0]))
         self._take(self._looked_ahead(), 0)
         begin_steering(self.profiles[0], self.steerings[0], 0.0)
