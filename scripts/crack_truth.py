@@ -216,7 +216,7 @@ def _table_errors(line: CutLine, way: CutLine, tips: Any, stiffness: Any) -> tup
     for place, aside, direction, true in zip(places, asides, angle, stiffness, strict=True):
         if _BESIDE_FROM <= place <= min(length_within(line), LEAST_LENGTH):
             own = [float(np.interp(place, grid, base * table[name])) for name in ("along", "coupled", "across")]
-            rates = [float(np.interp(place, grid, table[f"off_{name}"])) for name in ("along", "coupled", "across")]
+            rates = [float(np.interp(place, grid, table["off_line"][k::3])) for k in range(3)]
             along, coupled, across = beside_line((own[0], own[1], own[2]), (rates[0], rates[1], rates[2]), aside)
             turn = direction - float(np.interp(place, grid, line.angle))
             frame = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])

@@ -120,9 +120,7 @@ STEERING: np.dtype[Any] = np.dtype(
             ("along", "f8", (N_POINTS,)),  # stiffness along the line, coupled, and across it [N/m]
             ("coupled", "f8", (N_POINTS,)),
             ("sideways", "f8", (N_POINTS,)),
-            ("off_along", "f8", (N_POINTS,)),  # what a tip beside the line changes in it [1/m]
-            ("off_coupled", "f8", (N_POINTS,)),
-            ("off_across", "f8", (N_POINTS,)),
+            ("off_line", "f8", (3 * N_POINTS,)),  # what a tip beside the line changes in these three, by point [1/m]
             ("toughness", "f8", (N_POINTS,)),  # R B [N]
         ],
     )
@@ -149,7 +147,7 @@ def steering_records(
     for record, specimen, line, profile in zip(records, specimens, lines, profiles, strict=True):
         tissue, own = specimen.tissue, specimen.stiffness()
         drawn = given_line(line, tissue.element, tissue.formulation, tissue.poisson).records[0]
-        for name in ("x_excess", "y", "cosine", "sine", "curvature", "off_along", "off_coupled", "off_across"):
+        for name in ("x_excess", "y", "cosine", "sine", "curvature", "off_line"):
             record[name] = drawn[name]
         for name, ratio in (("along", "along"), ("coupled", "coupled"), ("sideways", "across")):
             record[name] = own * drawn[ratio]
@@ -213,12 +211,29 @@ class LineStiffness(NamedTuple):
 
 
 @njit_inline
+def _off_line_at(steering: Struct, i: int) -> tuple[float, float, float]:
+    """Gather what a tip beside point ``i`` of the line changes, which stands together in memory."""
+    return steering.off_line[3 * i], steering.off_line[3 * i + 1], steering.off_line[3 * i + 2]
+
+
+@njit_inline
+def _between(
+    one: tuple[float, float, float], other: tuple[float, float, float], share: float
+) -> tuple[float, float, float]:
+    """Interpolate three numbers."""
+    return (
+        at_share(one[0], other[0] - one[0], share), at_share(one[1], other[1] - one[1], share),
+        at_share(one[2], other[2] - one[2], share),
+    )  # fmt: skip
+
+
+@njit_inline
 def frame_at(steering: Struct, i: int, share: float) -> CrackFrame:
     """Return the stiffness at grid index ``i`` and a fraction ``share`` of the way to the next point."""
     line = LineStiffness(
         lerp(steering.cosine, i, share), lerp(steering.sine, i, share), lerp(steering.curvature, i, share),
         lerp(steering.along, i, share), lerp(steering.coupled, i, share), lerp(steering.sideways, i, share),
-        (lerp(steering.off_along, i, share), lerp(steering.off_coupled, i, share), lerp(steering.off_across, i, share)),
+        _between(_off_line_at(steering, i), _off_line_at(steering, i + 1), share),
     )  # fmt: skip
     return _frame(steering, line)
 
@@ -247,7 +262,7 @@ def renew_point(profile: Struct, steering: Struct, i: int) -> None:
     steering.belongs[i] = steering.version
     line = LineStiffness(
         steering.cosine[i], steering.sine[i], steering.curvature[i], steering.along[i], steering.coupled[i],
-        steering.sideways[i], (steering.off_along[i], steering.off_coupled[i], steering.off_across[i]),
+        steering.sideways[i], _off_line_at(steering, i),
     )  # fmt: skip
     frame = _frame(steering, line)
     profile.stiffness[i] = frame.stiffness * frame.stretch**2
@@ -636,8 +651,8 @@ def lay_line(profile: Struct, steering: Struct, line: Struct) -> None:
         stiffness = profile.stiffness[i]
         steering.along[i], steering.coupled[i] = stiffness * line.along[i], stiffness * line.coupled[i]
         steering.sideways[i] = stiffness * line.across[i]
-        steering.off_along[i], steering.off_coupled[i] = line.off_along[i], line.off_coupled[i]
-        steering.off_across[i] = line.off_across[i]
+        for k in range(3 * i, 3 * i + 3):
+            steering.off_line[k] = line.off_line[k]
         steering.toughness[i] = profile.toughness[i]
         steering.cut[i] = 0.0
 

@@ -76,8 +76,7 @@ class GrowingModel:
         for i in range(1, round(length / SPACING) + 1):
             self.model.cut_to((line.x[i], line.y[i]), float(line.angle[i]))
         steering["reach"], steering["side"] = WIDTH, FREE_SIDE
-        for name in ("off_along", "off_coupled", "off_across"):
-            steering[name] = 0.0  # the model stands where the tip does
+        steering["off_line"] = 0.0  # the model stands where the tip does
         self.tell(steering, self.looked_ahead(), 0.0)
         begin_steering(profile, steering, length)
 

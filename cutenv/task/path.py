@@ -322,9 +322,7 @@ def fetch(cuts: Cuts, i: int, first: Integer, last: Integer) -> None:
         prefetch(steering.along, tip)
         prefetch(steering.coupled, tip)
         prefetch(steering.sideways, tip)
-        prefetch(steering.off_along, tip)
-        prefetch(steering.off_coupled, tip)
-        prefetch(steering.off_across, tip)
+        prefetch(steering.off_line, 3 * tip)
         prefetch(steering.toughness, tip)
 
 

@@ -70,9 +70,7 @@ LINE: np.dtype[Any] = np.dtype(
             ("along", "f8", (N_POINTS,)),  # stiffness of a uniform slab over that along a straight line
             ("coupled", "f8", (N_POINTS,)),
             ("across", "f8", (N_POINTS,)),
-            ("off_along", "f8", (N_POINTS,)),  # rates of L beside the line, see cutenv.tissue.place_model [1/m]
-            ("off_coupled", "f8", (N_POINTS,)),
-            ("off_across", "f8", (N_POINTS,)),
+            ("off_line", "f8", (3 * N_POINTS,)),  # rates of L beside each point, see cutenv.tissue.place_model [1/m]
         ],
     )
 )
@@ -94,7 +92,7 @@ def line_record(line: CutLine, found: TipStiffness, base: TipStiffness) -> Struc
     record["sine"], record["cosine"] = sine_and_cosine(line.angle)
     record["curvature"] = line.curvature
     record["along"], record["coupled"], record["across"] = over_straight(found, base)
-    record["off_along"], record["off_coupled"], record["off_across"] = off_line(line, base)
+    record["off_line"] = np.column_stack(off_line(line, base)).ravel()
     return record
 
 
