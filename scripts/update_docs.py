@@ -15,6 +15,7 @@
     python scripts/update_docs.py rig-faults-grbl           what scripts/rig_faults.py --grbl left in runs/ (--json)
     python scripts/update_docs.py slow-rig-agents           what scripts/slow_rig_agents.py left in runs/slow-rig
     python scripts/update_docs.py test-times                what a whole run of the tests left (--times tests/times.csv)
+    python scripts/update_docs.py calibration-studies       calibrates thirty times, some minutes
     python scripts/update_docs.py errata tissue-file rig-file slow-rig metrics weights ends class-attacks
     python scripts/update_docs.py --check parameters        fails if a block is not what it would print
     python scripts/update_docs.py --picture                 draws assets/pictures/cut.png
@@ -38,6 +39,7 @@ from types import ModuleType
 from typing import Any
 
 import baseline_table
+import calibration_studies
 import camera_beside_rig
 import check_descent
 import check_score
@@ -392,6 +394,7 @@ ON_PAGES: dict[str, dict[str, Callable[[argparse.Namespace], str]]] = {
     "docs/validation/specimens.md": {"specimens": specimens},
     "docs/validation/calibration.md": {
         "calibration": calibration,
+        "calibration-studies": lambda _: calibration_studies.report(),
         "layers-recovered": lambda _: recover_layers.tables(recover_layers.left()),
     },
     "docs/validation/pass-marks.md": {"pass-marks": pass_marks},

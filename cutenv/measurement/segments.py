@@ -15,7 +15,7 @@ from cutenv.measurement.strokes import Stroke, bin_means, bins_of_readings, stro
 from cutenv.trace import Trace
 
 SMALLEST_DROP = 0.1
-"""Default smallest significant drop of a quiet record [N]: twice the resolution of the thesis's sensor (section 3.1)."""
+"""Default smallest significant drop of a quiet record [N]: twice the resolution of the thesis's sensor (sec. 3.1)."""
 
 SMALLEST_DROP_NOISE = 6.0
 """Least smallest drop over the noise of a mean of the smoothed readings [1]: with 4, noise still parts some ramps."""
