@@ -15,7 +15,7 @@
     python scripts/update_docs.py rig-faults-grbl           what scripts/rig_faults.py --grbl left in runs/ (--json)
     python scripts/update_docs.py slow-rig-agents           what scripts/slow_rig_agents.py left in runs/slow-rig
     python scripts/update_docs.py test-times                what a whole run of the tests left (--times tests/times.csv)
-    python scripts/update_docs.py calibration-studies       calibrates thirty times, some minutes
+    python scripts/update_docs.py calibration-studies partial-depth     some minutes: thirty calibrations; fine bricks
     python scripts/update_docs.py errata tissue-file rig-file slow-rig metrics weights ends class-attacks
     python scripts/update_docs.py --check parameters        fails if a block is not what it would print
     python scripts/update_docs.py --picture                 draws assets/pictures/cut.png
@@ -47,6 +47,7 @@ import check_steering
 import class_attacks
 import class_load
 import curved_cuts
+import derive_partial_depth
 import fit_layers
 import gymnasium
 import knowledge_ladder
@@ -464,7 +465,10 @@ ON_PAGES: dict[str, dict[str, Callable[[argparse.Namespace], str]]] = {
         "path-metrics": lambda _: metric_table(MAP_METRICS["path"]),
     },
     "docs/how-to/train.md": {"weights": weights},
-    "docs/concepts/tissue.md": {"other-tissues": other_tissues},
+    "docs/concepts/tissue.md": {
+        "partial-depth": lambda _: derive_partial_depth.elements_matter(),
+        "other-tissues": other_tissues,
+    },
     "docs/concepts/task.md": {
         "ends": ends,
         "tip-errors": lambda _: tip_errors.report(),
