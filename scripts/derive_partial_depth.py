@@ -21,6 +21,7 @@ import argparse
 import json
 
 import numpy as np
+from benchmark.table import markdown_table
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 from scipy.sparse.linalg import splu
@@ -46,6 +47,10 @@ FINER = 1e-3 * np.array(
     [0, 0.3, 0.7, 1.2, 1.7, 2.2, 2.7, 3.3, 3.9, 4.5, 5.5, 6.6, 7.7, 9, 10.5, 12, 13.7, 15.5, 17.5, 19.5, 21.5, 23.3, 25]
 )  # fmt: skip
 """Layer borders of the check's finer mesh; only the surfaces coincide with the table's [m]."""
+SPARSE = 1e-3 * np.array([0, 0.5, 1, 1.75, 2.5, 3.75, 5, 7.5, 10, 15, 20, 25])
+"""Layer borders of the bricks whose size in the plane is halved [m]."""
+REFINED, FARTHEST = (1e-3, 2.5e-3, 5e-3, 10e-3, 20e-3), 12
+"""Depths at which the halved bricks are compared [m], and the farthest tip [cm]."""
 FIELD_CV, FIELDS, CHECKED = 0.4, 12, 6
 CORRELATION = 0.020  # [m]
 
@@ -162,12 +167,36 @@ def check() -> None:
         )
 
 
+def elements_matter() -> str:
+    """Return as Markdown how the stiffness ratio changes with the bricks' size, and K of bricks over E kappa T g."""
+    coarse = stiffness_by_depth(SPARSE, np.ones(ROWS))
+    fine = stiffness_by_depth(SPARSE, np.ones(ROWS), across=8, along=2 * ROWS)[1::2]
+    change = (fine / fine[:, -1:]) / (coarse / coarse[:, -1:]) - 1.0
+    lower = []
+    for depth in REFINED:
+        at_tips = 100.0 * change[:FARTHEST, int(np.argmin(np.abs(SPARSE - depth)))]
+        lower.append((f"{1e3 * depth:g}", f"{np.median(at_tips):.0f}", f"{at_tips.min():.1f} to {at_tips.max():.1f}"))
+    tips = np.arange(1, ROWS + 1)
+    over = coarse[:, -1] / (np.asarray(CutModel().stiffness(tips / 100)) * THICKNESS)
+    above = [(str(tips[n]), f"{over[n]:.3f}") for n in (0, 1, 4, 8, 12)]
+    header = (
+        "depth B [mm]",
+        "change of g on bricks of 5 mm, median [%]",
+        f"tips of 1 to {FARTHEST} cm [%]",
+    )
+    return f"{markdown_table(header, lower)}\n\n{markdown_table(('tip [cm]', 'K of bricks over E kappa T g'), above)}"
+
+
 def main() -> None:
     """Derive and print; write or check if requested."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--write", action="store_true", help="write assets/derived/partial_depth.json")
     parser.add_argument("--check", action="store_true", help="only check the table in use")
+    parser.add_argument("--elements", action="store_true", help="only show what the size of the elements makes of it")
     arguments = parser.parse_args()
+    if arguments.elements:
+        print(elements_matter())
+        return
     if arguments.check:
         check()
         return

@@ -15,6 +15,7 @@
     python scripts/update_docs.py rig-faults-grbl           what scripts/rig_faults.py --grbl left in runs/ (--json)
     python scripts/update_docs.py slow-rig-agents           what scripts/slow_rig_agents.py left in runs/slow-rig
     python scripts/update_docs.py test-times                what a whole run of the tests left (--times tests/times.csv)
+    python scripts/update_docs.py calibration-studies partial-depth     some minutes: thirty calibrations; fine bricks
     python scripts/update_docs.py errata tissue-file rig-file slow-rig metrics weights ends class-attacks
     python scripts/update_docs.py --check parameters        fails if a block is not what it would print
     python scripts/update_docs.py --picture                 draws assets/pictures/cut.png
@@ -38,6 +39,7 @@ from types import ModuleType
 from typing import Any
 
 import baseline_table
+import calibration_studies
 import camera_beside_rig
 import changed_laws
 import check_descent
@@ -46,6 +48,7 @@ import check_steering
 import class_attacks
 import class_load
 import curved_cuts
+import derive_partial_depth
 import fit_layers
 import gymnasium
 import knowledge_ladder
@@ -393,6 +396,7 @@ ON_PAGES: dict[str, dict[str, Callable[[argparse.Namespace], str]]] = {
     "docs/validation/specimens.md": {"specimens": specimens},
     "docs/validation/calibration.md": {
         "calibration": calibration,
+        "calibration-studies": lambda _: calibration_studies.report(),
         "layers-recovered": lambda _: recover_layers.tables(recover_layers.left()),
     },
     "docs/validation/pass-marks.md": {"pass-marks": pass_marks},
@@ -464,7 +468,10 @@ ON_PAGES: dict[str, dict[str, Callable[[argparse.Namespace], str]]] = {
         "path-metrics": lambda _: metric_table(MAP_METRICS["path"]),
     },
     "docs/how-to/train.md": {"weights": weights},
-    "docs/concepts/tissue.md": {"other-tissues": other_tissues},
+    "docs/concepts/tissue.md": {
+        "partial-depth": lambda _: derive_partial_depth.elements_matter(),
+        "other-tissues": other_tissues,
+    },
     "docs/concepts/task.md": {
         "ends": ends,
         "tip-errors": lambda _: tip_errors.report(),

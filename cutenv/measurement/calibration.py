@@ -409,7 +409,8 @@ _HOW = {
     "speed_max": "fastest cut that shows a modulus",
     "modulus_between_liver_cv": "nested analysis of variance of the cuts' mean moduli over the fit, by specimen",
     "modulus_between_cut_cv": "the same, between cuts of one specimen, less what the field within a cut adds",
-    "modulus_within_cut_cv": "variogram of the segments' moduli along the cuts; drawn specimens then show that",
+    "modulus_within_cut_cv": "variogram of the segments' moduli along the cuts; drawn specimens then show that; an "
+    "error of the depth of 0.5 mm makes it a fifth too large in the median of virtual studies",
     "inclined_between_cut_cv": "spread between cuts flatter than 67.5 degrees, less that between steeper ones",
     "correlation_length": "variograms of moduli and initiation forces along the cuts",
     "fracture_resistance": "mean of the cuts' corrected resistance, work over area (6.1-6.4)",

@@ -14,7 +14,7 @@ from cutenv._base.validation import in_range
 from cutenv.measurement.depth import DepthProfile
 from cutenv.measurement.fracture import FRICTION_SHARE, estimate_fracture_resistance
 from cutenv.measurement.loading_ratio import LoadingRatio, in_measured_range, loading_ratio_of
-from cutenv.measurement.segments import SMALLEST_DROP, Segment, loading_segments
+from cutenv.measurement.segments import Segment, loading_segments
 from cutenv.measurement.strokes import fit_return_stroke
 from cutenv.measurement.zero import zeroed
 from cutenv.task_quantities import MEASURABLE_DEPTH
@@ -145,7 +145,7 @@ def estimate_local_effective_moduli(
     depth_normalised: bool = True,
     friction_per_depth: float | None = None,
     loading_ratio: float | LoadingRatio | None = None,
-    smallest_drop: float = SMALLEST_DROP,
+    smallest_drop: float | None = None,
     smoothing_readings: int | None = None,
 ) -> ModulusEstimate:
     """Find the local effective modulus of every loading segment of a cut.
@@ -175,7 +175,7 @@ def estimate_local_effective_moduli(
         r [1], 0 to 1, for other tissue, or a function of speed [m/s] and angle [rad]. By default that of pig liver
         at each segment's speed and angle. With 0 the blade counts as the tip, as in the thesis; the moduli are then
         several per cent too high.
-    smallest_drop : float
+    smallest_drop : float, optional
         Same as in `loading_segments` [N].
     smoothing_readings : int, optional
         Same as in `loading_segments`.

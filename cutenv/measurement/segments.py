@@ -15,7 +15,10 @@ from cutenv.measurement.strokes import Stroke, bin_means, bins_of_readings, stro
 from cutenv.trace import Trace
 
 SMALLEST_DROP = 0.1
-"""Default smallest significant drop [N]: twice the resolution of the thesis's sensor (section 3.1)."""
+"""Default smallest significant drop of a quiet record [N]: twice the resolution of the thesis's sensor (sec. 3.1)."""
+
+SMALLEST_DROP_NOISE = 6.0
+"""Least smallest drop over the noise of a mean of the smoothed readings [1]: with 4, noise still parts some ramps."""
 
 SMALLEST_DROP_SHARE = 0.1
 """Default for records without newtons, as a share of their range of force from the 5 % to the 95 % quantile."""
@@ -35,6 +38,7 @@ STEADY_SHARE = 0.3
 _AVERAGED = 10  # readings, whose means show correlated noise
 _FEWEST = 3  # smallest number of bins left of a ramp
 _INNER_QUANTILES = (0.05, 0.95)
+_NORMAL_MEDIAN = 0.6745  # of the absolute value of a standard normal number
 
 _Along = Literal["position", "displacement", "slope", "speed", "speed_change"]
 
@@ -165,8 +169,9 @@ def loading_segments(
         Record; speed is computed from position and time. Without position, segments have a `rate` and no `slope`.
     smallest_drop : float, optional
         Smallest significant rise and drop, well above the noise of a mean of `smoothing_readings`; in newtons,
-        1e-4 to 100, or in the unit of a normalised record. By default 0.1 N; for a normalised record a tenth of its
-        own range of force (5 % to 95 % quantile): to compare such records, give the same value for all.
+        1e-4 to 100, or in the unit of a normalised record. By default 0.1 N, or six times that noise where this is
+        more; for a normalised record a tenth of its own range of force (5 % to 95 % quantile): to compare such
+        records, give the same value for all.
     smoothing_readings : int, optional
         1 to 10000. By default as many as 10 ms hold, 10 at 1 kHz, but 3 at least, or 1 without position. A ramp of
         fewer than 5 times as many readings is not found.
@@ -226,9 +231,10 @@ def filtered(trace: Trace, *, smallest_drop: float | None = None, smoothing_read
 
 
 def _settings(trace: Trace, smallest_drop: float | None, smoothing_readings: int | None) -> tuple[float, int]:
-    drop = _smallest_drop(trace) if smallest_drop is None else _checked_drop(trace, smallest_drop)
     readings = smoothing_readings_of(trace) if smoothing_readings is None else smoothing_readings
-    return drop, int(in_range("smoothing_readings", readings, 1, 10_000, "1", "It is a number of readings."))
+    readings = int(in_range("smoothing_readings", readings, 1, 10_000, "1", "It is a number of readings."))
+    drop = _smallest_drop(trace, readings) if smallest_drop is None else _checked_drop(trace, smallest_drop)
+    return drop, readings
 
 
 def _forward(trace: Trace) -> list[Stroke]:
@@ -236,9 +242,10 @@ def _forward(trace: Trace) -> list[Stroke]:
     return [way for way in ways if way.forward]
 
 
-def _smallest_drop(trace: Trace) -> float:
+def _smallest_drop(trace: Trace, readings: int) -> float:
     if trace.force_unit == "N":
-        return SMALLEST_DROP
+        # A drop that is only noise would end a ramp below the force that starts a crack run.
+        return max(SMALLEST_DROP, SMALLEST_DROP_NOISE * force_noise(trace) / math.sqrt(readings))
     low, high = np.quantile(trace.force, _INNER_QUANTILES)
     return SMALLEST_DROP_SHARE * float(high - low)
 
@@ -249,7 +256,7 @@ def _checked_drop(trace: Trace, smallest_drop: float) -> float:
             "smallest_drop", smallest_drop, 1e-4, 100.0, "N", "A tenth of a newton is a drop to begin with."
         )
     cure = (
-        f"The force is normalised: give the drop in its unit; without one it is {_smallest_drop(trace):.3g} here, "
+        f"The force is normalised: give the drop in its unit; without one it is {_smallest_drop(trace, 1):.3g} here, "
         "a tenth of the record's range."
     )
     return in_range("smallest_drop", smallest_drop, 1e-12, 1e9, "1", cure)
@@ -259,6 +266,15 @@ def smoothing_readings_of(trace: Trace) -> int:
     """Return the default number of readings that are averaged in a record."""
     fewest = 1 if trace.position is None else FEWEST_SMOOTHED
     return max(fewest, min(round(SMOOTHING_TIME * trace.sample_rate), 10_000))
+
+
+def force_noise(trace: Trace) -> float:
+    """Return the standard deviation of a reading's white noise, in the unit of the force; 0 for fewer than 3 readings.
+
+    It is that of second differences, in which a ramp has no share, by their median, in which crack runs have none.
+    """
+    bends = np.abs(np.diff(trace.force, 2))
+    return float(np.median(bends)) / (_NORMAL_MEDIAN * math.sqrt(6.0)) if len(bends) else 0.0
 
 
 def _segments_of(trace: Trace, stroke: Stroke, smallest_drop: float, smoothing_readings: int) -> list[Segment]:

@@ -341,6 +341,8 @@ def test_a_cut_of_partial_depth_is_as_stiff_as_bricks_say():
         check_against_bricks(along / through, bricks[:12, n] / bricks[:12, -1])
         with pytest.raises(AssertionError):  # as if it were proportional to the depth
             check_against_bricks(np.full(12, depth / THICKNESS), bricks[:12, n] / bricks[:12, -1])
+    over_plane_stress = bricks[:12, -1] / (through[:12] / ONES[0])
+    assert np.all((over_plane_stress > 1.015) & (over_plane_stress < 1.075))  # as the page says
 
 
 def test_deeper_is_stiffer_and_an_edge_of_no_depth_still_pushes_a_patch():

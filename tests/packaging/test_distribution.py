@@ -125,19 +125,25 @@ TEN_LINES = """
 from stable_baselines3 import PPO
 from cutenv.sb3 import FeatureVecEnv, NativeVecEnv
 for kind in (NativeVecEnv, FeatureVecEnv):
-    environments = kind(4, control_hz=10)
-    model = PPO("MlpPolicy", environments, n_steps=32, batch_size=32, n_epochs=1, gamma=1.0, device="cpu")
-    model.learn(256)
+    environments = kind(2, control_hz=50)
+    model = PPO("MlpPolicy", environments, n_steps=4, batch_size=8, n_epochs=1, gamma=1.0, device="cpu")
+    model.learn(16)
     print(kind.__name__, model.num_timesteps)
 import cutenv.learning.ppo
 print(cutenv.__file__)
 """
 
 
-def test_wheel_trains_with_stable_baselines3(site: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_wheel_trains_with_stable_baselines3(
+    site: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, compiled: bool
+) -> None:
+    """In plain Python, for a wheel has no kernels yet, and to compile them takes most of the time."""
     pytest.importorskip("stable_baselines3", reason="the learner is an extra: pip install 'cutenv[rl]'")
+    if not compiled:
+        monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
     native, features, module = run_installed(site, TEN_LINES, tmp_path).splitlines()
-    assert (native, features) == ("NativeVecEnv 256", "FeatureVecEnv 256")
+    assert (native, features) == ("NativeVecEnv 16", "FeatureVecEnv 16")
     assert Path(module) == site / "cutenv" / "__init__.py"
 
 
