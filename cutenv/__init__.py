@@ -32,6 +32,7 @@ for _track in ("SafeCut", "GentleCutRaw"):
         entry_point=f"cutenv.envs.tracks:{_track}Env",
         vector_entry_point=f"cutenv.envs.tracks:{_track}VectorEnv",
     )
+gymnasium.register(id="cutenv/FreeCut-v1", entry_point="cutenv.envs.free_cut:FreeCutEnv")
 _LAZY = (
     "envs",
     "measurement",
