@@ -50,6 +50,7 @@ import class_load
 import curved_cuts
 import derive_partial_depth
 import fit_layers
+import free_cut
 import gymnasium
 import knowledge_ladder
 import ladder
@@ -440,10 +441,14 @@ ON_PAGES: dict[str, dict[str, Callable[[argparse.Namespace], str]]] = {
     },
     "docs/validation/steering.md": {
         "steering": lambda _: promises.markdown(check_steering.CHECKS, 2),
+        "free-cut": lambda _: free_cut.table(),
         "steering-speed": lambda _: speed_of("steering"),
         "freehand-speed": lambda _: speed_of("freehand"),
     },
-    "docs/validation/laws.md": {"laws": lambda _: changed_laws.markdown(), "laws-results": lambda _: changed_laws.results()},
+    "docs/validation/laws.md": {
+        "laws": lambda _: changed_laws.markdown(),
+        "laws-results": lambda _: changed_laws.results(),
+    },
     "docs/validation/curved-benchmark.md": {"curved-benchmark": lambda _: curved_cuts.table()},
     "docs/validation/score.md": {
         "check-score": lambda _: check_score.report(

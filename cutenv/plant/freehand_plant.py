@@ -106,9 +106,11 @@ class GrowingModel:
                 break
             places.append(ahead.tip)
             stiffness.append(self._in_plane(ahead))
-        ways = np.array([self._arc_length(place) for place in places])
-        base = np.asarray(self._straight.stiffness(np.clip(ways, self._straight.tips[0], LENGTH)))
-        return Grown(ways, np.array(stiffness) / base[:, np.newaxis, np.newaxis], None)
+        ways, found = np.array([self._arc_length(place) for place in places]), np.array(stiffness)
+        # A crack shorter than an element of the measured moduli has the stiffness of one as long, as in a line's table.
+        known = ways >= min(self._straight.tips[0] - 0.5 * SPACING, ways.max())
+        base = np.asarray(self._straight.stiffness(np.clip(ways[known], self._straight.tips[0], LENGTH)))
+        return Grown(ways[known], found[known] / base[:, np.newaxis, np.newaxis], None)
 
     def _in_plane(self, model: SteeredModel) -> Array:
         """Return the stiffness at a tip along and across the slab, with the elements of the measured moduli."""
