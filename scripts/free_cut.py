@@ -97,16 +97,15 @@ def table(cuts: int = CUTS) -> str:
     rows.append(_row("all", everything))
     heading = ("line", "difference of the force, RMS", "of a force of", "tip, mean", "cut, largest")
     heading += ("return in PathCut-v1", "in FreeCut-v1")
-    rates = [each.rate for each in everything]
+    rates, residuals = ([getattr(each, name) for each in everything] for name in ("rate", "residual"))
     verdict = "faster than" if min(rates) >= RATE else "MISSED:"
     return "\n".join(
         [
             markdown_table(heading, rows),
             "",
-            f"{len(everything)} held-out specimens of class mixed, {cuts} lines of each kind; medians, and the largest "
-            f"in brackets; mean return. FreeCut-v1 makes {min(rates):.0f} to {max(rates):.0f} decisions a second of one "
-            f"core, {verdict} real time ({RATE:.0f}); largest residual of its energy account "
-            f"{max(each.residual for each in everything):.0e} J.",
+            f"{len(everything)} cuts of held-out specimens of class mixed; medians, and the largest in brackets; mean "
+            f"return. FreeCut-v1 makes {min(rates):.0f} to {max(rates):.0f} decisions a second of one core, {verdict} "
+            f"real time ({RATE:.0f}); largest residual of its energy account {max(residuals):.0e} J.",
         ]
     )
 

@@ -83,9 +83,7 @@ def _sprung(depths: tuple[float, float], bristles: tuple[float, float]) -> float
 
 
 @njit_inline
-def deflected_in_plane(
-    law: Struct, bristles: tuple[float, float], motion: tuple[float, float]
-) -> tuple[float, float]:
+def deflected_in_plane(law: Struct, bristles: tuple[float, float], motion: tuple[float, float]) -> tuple[float, float]:
     """Return the bristles' deflection along and across [m] after a ``motion`` [m] of the blade, along and across.
 
     What is longer than the presliding length is shortened to it.  Without motion and deflection across it is what
@@ -116,7 +114,5 @@ def friction_work_in_plane(
     sprung = _sprung(depths, along) + _sprung(depths, across)
     slip = math.sqrt(slip_along * slip_along + slip_across * slip_across)
     rubbed = law.friction_per_depth * (sprung * law.per_presliding_length + mean_depth * slip)
-    work: float = rubbed + law.friction_per_depth_speed * mean_depth * (
-        speeds[0] * motion[0] + speeds[1] * motion[1]
-    )
+    work: float = rubbed + law.friction_per_depth_speed * mean_depth * (speeds[0] * motion[0] + speeds[1] * motion[1])
     return work

@@ -420,8 +420,8 @@ _HOW = {
     "fracture_between_cut_cv": "spread of the cuts' corrected resistance, less what the field within a cut adds",
     "fracture_within_cut_cv": "variogram of the initiation force per depth along the cuts",
     "friction_share": "friction per depth of the return strokes over the resistance",
-    "eta90": "initiation force over the resistance of the unit it starts, hilltop to hilltop; its interval is that over "
-    "cuts and 0.015 on either side, the bias that virtual studies show",
+    "eta90": "initiation force over the resistance of the unit it starts, hilltop to hilltop; its interval is that "
+    "over cuts and 0.015 on either side, the bias that virtual studies show",
     "edge_depth": "fit of the bulge to the recorded depths",
     "crown_depth": "fit of the bulge to the recorded depths",
     "rise_length": "fit of the bulge to the recorded depths",
