@@ -2,13 +2,14 @@
 
 The blade's lower end is at a level h [m]; at h = 0 it cuts as deep as the specimen's profile says, B(x), and the
 law is that of :mod:`cutenv.cutting.update`, to the last bit.  Elsewhere the tip is engaged to the depth D = B - e, with
-e the higher one of h and of the floor of the cut; toughness and friction are those of this depth, stiffness that of the depth to which the blade is
-let down, P = B - h, be what is above it cut or pressed:
+e the higher one of h and of the floor of the cut, on which toughness and friction depend.  Stiffness is that of the
+depth to which the blade is let down, P = B - h, be the tissue above its lower end cut or only pressed:
 
     K(a, P) by the table of partial depth,    R(a) times the integral of the layers' toughness down to D.
 
-So the tissue that the blade carries along pushes it up by dK/dP l^2 / 2, l the lag of the tip, and this force does the
-work that K's rise takes, where the floor is cut as where it is only pressed.
+So the tissue that the blade carries along pushes it up by dK/dP l^2 / 2, with the lag l of the tip.  That is the
+derivative of the stored energy on a floor that yields as on one that does not.  Friction is one vector, along the cut
+and down (:mod:`cutenv.cutting.friction`).
 
 A blade that is lower than the floor presses on it along its edge, as on a bed of springs (Winkler).  Under force alone
 the floor gives way where the force per length reaches R; where the edge is drawn along it as well, earlier, by the
