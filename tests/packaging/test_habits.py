@@ -17,7 +17,7 @@ SCRIPTS = Path(sys.executable).parent
 def check(*command: str, cwd: Path = ROOT) -> None:
     """Run one of the environment's programs; what it says is the failure's message."""
     done = subprocess.run([str(SCRIPTS / command[0]), *command[1:]], cwd=cwd, capture_output=True, text=True)
-    assert done.returncode == 0, f"{' '.join(command)}\n{done.stdout[-20000:]}{done.stderr[-2000:]}"
+    assert done.returncode == 0, f"{' '.join(command)}\n{done.stdout[-40000:]}{done.stderr[-2000:]}"
 
 
 @pytest.fixture
