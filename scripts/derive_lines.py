@@ -115,7 +115,7 @@ def main() -> None:
     if arguments.write:
         store(solved_stiffness())
     if arguments.fit:
-        place_model.store(fitted())
+        place_model.store_numbers(fitted())
     show()
     show_fit()
 

@@ -207,7 +207,7 @@ class LineStiffness(NamedTuple):
     coupled: float
     sideways: float
     off_line: tuple[float, float, float]
-    """What a tip beside the line changes in it, see :mod:`cutenv.tissue.place_model` [1/m]."""
+    """Changes by a tip beside the line, see :mod:`cutenv.tissue.place_model` [1/m]."""
 
 
 @njit_inline

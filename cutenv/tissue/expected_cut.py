@@ -1,4 +1,4 @@
-"""Where a blade and its cut lie along a drawn line and beside it, and the cut expected behind a blade."""
+"""Cut expected behind a blade that is led along a drawn line, and places along the line and beside it."""
 
 from __future__ import annotations
 

@@ -61,7 +61,7 @@ def fitted_numbers() -> tuple[float, ...]:
     return tuple(json.loads(resources.path(f"{FOLDER}/{_FILE}").read_text())["numbers"])
 
 
-def store(numbers: Array) -> None:
+def store_numbers(numbers: Array) -> None:
     """Write c1 to c7 where :func:`fitted_numbers` reads them, with six digits."""
     content = {
         "source": "least squares on the stiffness of all stored lines (assets/derived/lines.json)",
