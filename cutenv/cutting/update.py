@@ -83,7 +83,7 @@ def update_row(motion: Motion) -> Callable[..., None]:
 def cut_row(motion: Motion) -> Callable[..., None]:
     """Return the function that advances the law for a row of cuts: the cutting law, with the hooks of a motion."""
     aim, move, renew, renew_runs, respond = motion.aim, motion.move, motion.renew, motion.renew_runs, motion.respond
-    rub = rub_row(motion)
+    grow, rub = grow_row(motion), None if motion.across is None else rub_row(motion)
 
     def cut_row(row: Struct, moving: Moving, profiles: StructArray, dt: float) -> None:
         """Advance the law: each blade turns to ``row.next_angle`` and moves by ``row.dx`` in ``dt`` [s].
@@ -107,8 +107,9 @@ def cut_row(motion: Motion) -> Callable[..., None]:
             leap_row(row, profiles)
         if row.points > 0:
             look_row(row, profiles)
-        grow_row(row)
-        rub(row, moving, dt)
+        grow(row)
+        if rub is not None:
+            rub(row, moving, dt)
         if row.runs > 0:
             if renew_runs is not None:
                 renew_runs(row, moving, profiles, dt)
@@ -267,45 +268,51 @@ def look_row(row: Struct, profiles: StructArray) -> None:
             row.seen_blade_point[n] = j
 
 
-@njit_inline
-def grow_row(row: Struct) -> None:
-    """Advance the tip where the ledger admits it."""
-    runs = 0
-    for n in range(len(row.blade)):
-        law = law_in_row(row, n)
-        a, K, dK, running, share = row.tip[n], row.K[n], row.dK[n], row.running[n], row.tip_share[n]
-        next_K = at_share(row.point_K[n], row.rise_K[n], share)
-        next_toughness = at_share(row.point_toughness[n], row.rise_toughness[n], share)
-        tip, F, toughness, work, change, spent = loading_step(
-            law, loading_in_row(row, n), loaded_in_row(row, n), row.da[n], (next_K, next_toughness)
-        )
-        row.K[n] = next_K if tip > a else K
-        row.dK[n] = slope(row.rise_K[n]) if tip > a else dK
-        row.tip[n], row.elastic[n], row.toughness[n] = tip, F, toughness
-        row.held_force[n] = F if row.loading[n] > 0.0 else row.held_force[n]
-        row.work[n] += row.elastic_work[n] + work
-        row.ledger[n] += change
-        row.fracture[n] += spent
-        row.jump[n] = 0.0
-        row.tick[n] += 1
-        waits = F < (1.0 + initiation_excess(law, row.pushing[n])) * toughness
-        row.waits[n] = 1 if waits else 0
-        row.running[n] = 0 if waits else running
-        runs += 0 if waits else 1
-    row.runs = runs
+@compiled_for(njit_inline)
+def grow_row(motion: Motion) -> Callable[..., None]:
+    """Return the function that advances the tip, and adds friction unless that has a part across the cut."""
+    rubs_along = motion.across is None
+
+    def grow_row(row: Struct) -> None:
+        """Advance the tip where the ledger admits it, and add friction along the cut."""
+        runs = 0
+        for n in range(len(row.blade)):
+            law = law_in_row(row, n)
+            a, K, dK, running, share = row.tip[n], row.K[n], row.dK[n], row.running[n], row.tip_share[n]
+            next_K = at_share(row.point_K[n], row.rise_K[n], share)
+            next_toughness = at_share(row.point_toughness[n], row.rise_toughness[n], share)
+            tip, F, toughness, work, change, spent = loading_step(
+                law, loading_in_row(row, n), loaded_in_row(row, n), row.da[n], (next_K, next_toughness)
+            )
+            row.K[n] = next_K if tip > a else K
+            row.dK[n] = slope(row.rise_K[n]) if tip > a else dK
+            row.tip[n], row.elastic[n], row.toughness[n] = tip, F, toughness
+            row.held_force[n] = F if row.loading[n] > 0.0 else row.held_force[n]
+            row.work[n] += row.elastic_work[n] + work
+            if rubs_along:
+                _rub(row, n)
+            row.ledger[n] += change
+            row.fracture[n] += spent
+            row.jump[n] = 0.0
+            row.tick[n] += 1
+            waits = F < (1.0 + initiation_excess(law, row.pushing[n])) * toughness
+            row.waits[n] = 1 if waits else 0
+            row.running[n] = 0 if waits else running
+            runs += 0 if waits else 1
+        row.runs = runs
+
+    return grow_row
 
 
 @compiled_for(njit_inline)
 def rub_row(motion: Motion) -> Callable[..., None]:
-    """Return the function that adds friction on the blades' faces."""
+    """Return the function that adds friction on the blades' faces where it has a part across the cut."""
     across, rub = motion.across, motion.rub
+    assert across is not None
+    assert rub is not None
 
     def rub_row(row: Struct, moving: Moving, dt: float) -> None:
         """Add friction on each blade's faces, along the cut and across it."""
-        if across is None or rub is None:
-            for n in range(len(row.blade)):
-                _rub(row, n)
-            return
         lanes = moving.lanes
         rubs = 0
         for n in range(len(row.blade)):
