@@ -39,6 +39,7 @@ CHECKS: dict[str, list[str]] = {
     "physics": ["scripts/check_physics.py"],
     "physics: up and down": ["scripts/check_descent.py"],
     "physics: along a line": ["scripts/check_steering.py"],
+    "physics: elements solved as the cut opens": ["scripts/free_cut.py"],
     "class: load": ["scripts/class_load.py"],
     "measurement": ["scripts/measure_recovery.py"],
     "thesis": ["scripts/reproduce_thesis.py"],
