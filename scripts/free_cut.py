@@ -75,7 +75,7 @@ def compare(seed: int, kind: str) -> Compared:
         residual = max(residual, abs(info["energy"]["residual"]))
         if ended or free_ended:
             break
-        forces = [env.cutting.readings["true_force"] for env in (path, free)]
+        forces = [env.cutting.readings["true_force"].copy() for env in (path, free)]
         gaps.append(forces[1] - forces[0])
         felt.append(forces[0])
         tips.append(abs(free.cutting.tip - path.cutting.tip))
