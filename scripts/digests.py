@@ -507,7 +507,7 @@ GROUPS: dict[str, Callable[[bool], Digests]] = {
 """Functions that compute digests, quick ones if asked to, by group; a digest's name begins with that of its group."""
 PORTABLE = (
     *(f"{name}/{part}" for name in ("gentle", "depth") for part in ("random", "variant", "reset")),
-    "browser/gentle", "browser/depth", "plant/simulated", "plant/descending",
+    "path/random", "path/reset", "browser/gentle", "browser/depth", "plant/simulated", "plant/descending",
 )  # fmt: skip
 """Groups that NumPy and BLAS for another processor do not change; the stiffness of a given line comes from BLAS."""
 
