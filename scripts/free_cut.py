@@ -29,22 +29,22 @@ RATE = 50.0
 
 
 class Compared(NamedTuple):
-    """How far the two environments are apart under the same actions, until the first of both cuts ends."""
+    """Difference of the two environments under the same actions, until the first of both cuts ends."""
 
     force: float
     """Root mean square of the difference of the forces [N]."""
     felt: float
-    """That of the force in PathCut-v1 [N]."""
+    """Root mean square of the force in PathCut-v1 [N]."""
     tip: float
     """Mean distance of the tips along the line [mm]."""
     aside: float
     """Largest distance between the cuts, beside the line [mm]."""
     returns: tuple[float, float]
-    """Of PathCut-v1 and FreeCut-v1 under the script, each by its own observations [1]."""
+    """Return of PathCut-v1 and of FreeCut-v1 under the script, each by its own observations [1]."""
     rate: float
     """Decisions of FreeCut-v1 a second of processor time [Hz]."""
     residual: float
-    """Of the energy account of FreeCut-v1 [J]."""
+    """Residual of the energy account of FreeCut-v1 [J]."""
 
 
 def _scripted(env: PathCutEnv, seed: int) -> tuple[list[Any], float]:

@@ -22,7 +22,7 @@ class FreeEpisode(PathEpisode):
     growing: GrowingModel
     """Model of the slab, cut as far as it has followed."""
     lost: str | None = None
-    """Why the crack could not be followed further; the stiffness is then held."""
+    """Reason why the crack could not be followed further; the stiffness is then held."""
 
     def _begin(self) -> None:
         super()._begin()
@@ -64,8 +64,8 @@ class FreeOptions(PathOptions):
 class FreeCutEnv(PathCutEnv):
     """Cut along a drawn line, in a slab whose finite elements are solved again as the cut opens.
 
-    Action, observation, reward, ends, arguments and info are those of :class:`~cutenv.envs.path_cut.PathCutEnv`, and
-    so are the lines.  The stiffness is not: ``cutenv/PathCut-v1`` looks it up in a table of the line, changed by where
+    Action, observation, reward, ends and info are those of :class:`~cutenv.envs.path_cut.PathCutEnv`, and so are the
+    lines.  The stiffness is not: ``cutenv/PathCut-v1`` looks it up in a table of the line, changed by where
     the tip stands, while here a plane model of the slab, of 480 elements of 5 mm, follows the crack wherever it goes.
     After each decision in which the crack has passed a node the model is solved for the cut as it is, and for three
     nodes straight on; the crack's next turn takes what they tell.  So the blade may go where it will, but for the sides
@@ -75,6 +75,10 @@ class FreeCutEnv(PathCutEnv):
     other.  The page "Cuts along a curve" has its rate, and how it agrees with ``cutenv/PathCut-v1``.
 
     The elements, moved by the blade, are ``env.unwrapped.cutting.displaced()``.
+
+    Arguments
+    ---------
+    ``line``, and the others of ``cutenv/PathCut-v1``, of which its own are {keywords}.
 
     Version history
     ---------------

@@ -127,7 +127,7 @@ def test_an_environments_page_lists_every_argument(site: Path, page: str) -> Non
     own = getattr(shown, "option_names", shown.options_class.names)
     arguments = inspect.signature(shown).parameters.values()
     named = set(own) or {each.name for each in arguments if each.kind is inspect.Parameter.KEYWORD_ONLY}
-    assert len(named) >= {"path-cut": 5, "rig-path-cut": 5}.get(page, 8)
+    assert len(named) >= {"path-cut": 5, "free-cut": 5, "rig-path-cut": 5}.get(page, 8)
     assert named - {"render_mode"} <= set(re.findall(r"<(?:td|code)>([^<]*)</(?:td|code)>", text))
     assert not re.search(r"={3,} ={3,}", text), "a table that was not turned into one"
 

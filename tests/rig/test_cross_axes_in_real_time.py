@@ -39,12 +39,14 @@ def cut_up_and_down() -> None:
             assert any("Did it go up first" in question for question in operator.asked)
             plant = session.plant
             session.start()
+            felt = []
             for descent, lowest, highest in ((0.002, -0.0012, -0.0006), (-0.004, 0.0005, 0.0015)):
                 for _ in range(25):
                     plant.advance(0.012, UPRIGHT, 20, descent)
                 assert lowest < plant.level < highest
                 assert plant.level == pytest.approx(emulator.control.truth()["height_m"], abs=1e-4)
-            assert plant.vertical_force.mean() < -0.01  # the tissue holds a rising blade; single readings have noise
+                felt.append(plant.vertical_force.mean())  # single readings have noise
+            assert felt[1] < felt[0] - 0.05  # floor and friction push up a blade that goes down
             session.end_cut()
             session.plant.switch_off()
             inspection = inspect(plant, session._today)

