@@ -46,4 +46,4 @@ def results() -> str:
             new = (values[policy, "return"], values[policy, "success"], values[policy, error])
             told = [f"{both[0]:.3f}, {100 * both[1]:.0f} %, {shown.format(both[2])}" for both in (old, new)]
             rows.append((f"{name}: {policy}", *told))
-    return markdown_table(("return, success and mean error", "before", "now"), rows)
+    return markdown_table(("policy: return, success, mean error", "before", "now"), rows)

@@ -207,16 +207,14 @@ def _scatter(specimen: Specimen, noise: float) -> float:
 
 
 def check_pressing(specimens: Sequence[Specimen]) -> Iterator[Row]:
-    """Check told forces against the account on closed rectangles over a floor that does not yield."""
+    """Check the work of the reported forces against the account, on a floor that does not yield."""
     tough = Layers(boundary=0.012, deep_toughness=30.0)
     for friction in (0.0, None):
         gaps = []
         for specimen, (length, depth) in itertools.product(specimens, ((0.004, 0.002), (0.001, 0.002))):
             tissue = specimen if friction is None else dataclasses.replace(specimen, friction_per_depth=friction)
             gaps.append(_late_loop(DescendingPlant(tissue, layers=tough, angle=UPRIGHT), length, depth))
-        what = (
-            "told forces less the account, {}, over what is most stored: rectangles of 4 x 2 and 1 x 2 mm pressed down"
-        )
+        what = "reported work less the account, {}, over the most stored: rectangles of 4 x 2 and 1 x 2 mm pressed down"
         worst = max(gaps, key=abs)
         named = "without friction" if friction == 0.0 else "with friction"
         yield Row(what.format(named), f"{100 * worst:+.2f} %", "1 %", bool(abs(worst) <= 0.01))

@@ -149,7 +149,7 @@ def check_passing(specimens: Sequence[Specimen]) -> Iterator[Row]:
         for (number, specimen), line in itertools.product(enumerate(specimens), LINES.values()):
             tissue = specimen if friction is None else dataclasses.replace(specimen, friction_per_depth=friction)
             gaps += _polygon_gaps(SteeredPlant(tissue, line), np.random.default_rng(number))
-        what = f"told forces less the account, {len(gaps)} closed polygons, {{}}"
+        what = f"reported work less the account, {len(gaps)} closed polygons, {{}}"
         if friction == 0.0:
             yield Row(what.format("without friction"), f"{max(gaps):.1e} J", "1e-6 J", max(gaps) <= 1e-6)
         else:

@@ -9,6 +9,7 @@ Both environments get the same actions: those by which "steer by force" cuts in 
 from __future__ import annotations
 
 import argparse
+import sys
 import time
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -150,17 +151,18 @@ def draw(path: Path) -> None:
     figure.savefig(path, dpi=110)
 
 
-def main() -> None:
-    """Print the table, or draw."""
+def main() -> int:
+    """Print the table, or draw; return 1 if the rate is missed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cuts", type=int, default=CUTS, metavar="N", help=f"lines of each kind; default {CUTS}")
     parser.add_argument("--picture", type=Path, metavar="FILE", help="draw one cut, and stop")
     arguments = parser.parse_args()
     if arguments.picture is not None:
         draw(arguments.picture)
-    else:
-        print(table(arguments.cuts))
+        return 0
+    print(shown := table(arguments.cuts))
+    return int("MISSED" in shown)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

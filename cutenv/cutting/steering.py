@@ -1,6 +1,6 @@
 """The cutting law in the plane: blade and crack tip leave a drawn line, and the tip turns after the blade.
 
-Places are told along the drawn line: s, the arc length of the foot point, and d, the distance to the line, positive to
+Places are given along the drawn line: s, the arc length of the foot point, and d, the distance to the line, positive to
 the left [m].  In front of the tip the tissue holds the blade as the 2 x 2 stiffness K at the tip tells; u is the
 offset of the blade from the tip:
 
@@ -49,7 +49,7 @@ from cutenv.tissue.specimen import Specimen
 LINE_REACH = 0.015
 """Largest distance of a blade to its line [m]; farther away the stiffness of a crack on the line tells nothing."""
 _FADE = 1e-3  # length behind the tip over which the distance to the faces fades into that to the crack's course [m]
-_LEAST_GROWN = 1e-6  # [m], of the crack since a point of the grid, from which its direction is told by the two
+_LEAST_GROWN = 1e-6  # [m], of the crack since a point of the grid, from which the two give its direction
 _LEAST_COSINE = 0.25  # of the angle between crack and line: a crack across the line would make no way along it
 LEAST_SPREAD = 0.25
 """Least 1 - curvature times distance: beyond it lies the centre of the line's curvature."""
@@ -549,7 +549,7 @@ def offset_behind(row: Struct, places: Struct, steering: Struct, n: int) -> tupl
     """Return h of one blade behind its settled tip [m], and its rise with motion along the crack and to the left [1].
 
     It is the blade's distance to the faces of the cut, across the drawn line, which fades into that to the crack's
-    course straight back, as told ahead of the tip.
+    course straight back, as ahead of the tip.
     """
     i, share = row.blade_point[n], row.blade_share[n]
     settled, e_x, e_y = places.settled[n], places.tip_ahead[n], places.tip_across[n]

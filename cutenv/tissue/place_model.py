@@ -33,7 +33,7 @@ from cutenv.tissue.tables import FOLDER
 
 FARTHEST = 0.006
 """Distance of a tip from its line [m] up to which its stiffness changes; farther away it is kept."""
-_RISE = 0.1  # length over which c7 is told [m]
+_RISE = 0.1  # length to which c7 refers [m]
 _PROBE = 0.003  # distance on both sides of a line at which its rates are taken [m]
 _FILE = "place_model.json"
 

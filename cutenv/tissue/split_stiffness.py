@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import lu_factor, lu_solve
 from scipy.sparse import coo_array
-from scipy.sparse.linalg import SuperLU
 
 from cutenv._base.arrays import Array, Indices
 from cutenv.tissue.elasticity import element_stiffness, local_compliance, square_compliance
@@ -20,6 +19,20 @@ from cutenv.tissue.tip_response import sparse_factors
 
 _CAPACITY = 256  # local unknowns by which the matrices grow
 _NEW = -1
+
+
+class SparseFactors:
+    """Factorisation of a positive definite sparse matrix; copies share it, and unpickled it is made anew."""
+
+    def __init__(self, matrix: Any) -> None:
+        self._matrix = matrix
+        self.solve: Callable[[Array], Array] = sparse_factors(matrix).solve
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> SparseFactors:
+        return self
+
+    def __reduce__(self) -> tuple[type[SparseFactors], tuple[Any]]:
+        return SparseFactors, (self._matrix,)
 
 
 class AugmentedSystem:
@@ -36,13 +49,13 @@ class AugmentedSystem:
 
     Parameters
     ----------
-    factors : SuperLU
-        Factorisation of the matrix, symmetric, of size ``n``.
+    factors : SparseFactors
+        Factorisation of the matrix, of size ``n``.
     n : int
         Number of its unknowns.
     """
 
-    def __init__(self, factors: SuperLU, n: int) -> None:
+    def __init__(self, factors: SparseFactors, n: int) -> None:
         self._factors, self._n = factors, n
         self._G, self._D, self._H = (np.zeros((_CAPACITY, _CAPACITY)) for _ in range(3))  # H = G D
         self._place: Indices = np.full(n, _NEW)
@@ -183,7 +196,7 @@ class SplitStiffness:
         rows, columns = np.broadcast_arrays(unknowns[:, :, np.newaxis], unknowns[:, np.newaxis, :])
         kept = (rows >= 0) & (columns >= 0)
         matrix = coo_array((self._whole[kept], (rows[kept], columns[kept])), shape=(n, n))
-        self.system = AugmentedSystem(sparse_factors(matrix.tocsc()), n)
+        self.system = AugmentedSystem(SparseFactors(matrix.tocsc()), n)
         self._shares: dict[MeshPlace, tuple[Indices, Array]] = {}
         self._middles: dict[MeshPlace, tuple[int, int]] = {}
         self._jumps: dict[MeshPlace, tuple[tuple[int, Array], ...]] = {}

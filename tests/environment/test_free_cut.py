@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 from typing import Any
 
 import gymnasium
@@ -41,6 +43,19 @@ def test_the_same_seed_cuts_the_same_and_the_account_holds() -> None:
     assert [step[:2] for step in once] == [step[:2] for step in again]
     assert abs(info["energy"]["residual"]) < 1e-12
     assert info["path"]["mean_distance_mm"] > 0.0
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))], ids=["copy", "pickle"])
+def test_a_copy_in_the_middle_of_a_cut_goes_on_as_the_cut_does(copied: Any) -> None:
+    env = FreeCutEnv(line="arc", target_length=0.06)
+    env.reset(seed=2)
+    for _ in range(100):
+        env.step(to_path_action(0.012, 1.57, 0.1))
+    other = copied(env)
+    for _ in range(60):
+        (seen, reward, *_), (again, same, *_) = (each.step(to_path_action(0.012, 1.57, 0.2)) for each in (env, other))
+        assert (seen.tobytes(), reward) == (again.tobytes(), same)
+    assert env.cutting.growing.model.tip == pytest.approx(other.cutting.growing.model.tip, abs=0.0)
 
 
 def test_under_the_same_actions_it_cuts_nearly_as_the_table_does() -> None:

@@ -150,7 +150,7 @@ def strokes(*, step: float, friction_share: float, turning: bool) -> tuple[Speci
 
 
 RUBBED = "    row.depth[n], row.bristle[n] = next_depth, next_bristle\n"
-"""What follows in the law where friction is added to a straight cut."""
+"""Line of the law that follows where friction is added to a straight cut."""
 
 
 @pytest.mark.parametrize(
