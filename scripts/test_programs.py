@@ -85,6 +85,8 @@ def reason(name: str) -> str:
 def install() -> None:
     """Install what is missing, where this is root and the installers answer; what fails stays missing."""
     debian = [package for name in missing() for package in GROUPS[name].debian]
+    if shutil.which("npm") is None and any(GROUPS[name].npm for name in missing()):
+        debian.append("npm")
     if debian and hasattr(os, "geteuid") and os.geteuid() == 0 and shutil.which("apt-get"):
         quiet = {**os.environ, "DEBIAN_FRONTEND": "noninteractive"}
         apt = ["apt-get", "-q", "-y", "-o", "Acquire::Retries=2", "-o", "DPkg::Lock::Timeout=120"]

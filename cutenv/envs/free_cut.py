@@ -78,7 +78,7 @@ class FreeCutEnv(PathCutEnv):
 
     Arguments
     ---------
-    ``line``, and the others of ``cutenv/PathCut-v1``, of which its own are {keywords}.
+    Those of ``cutenv/PathCut-v1``, among them {keywords}.
 
     Version history
     ---------------
