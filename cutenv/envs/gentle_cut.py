@@ -21,7 +21,7 @@ from cutenv.envs.constants import Constants, rig_constants
 from cutenv.envs.described import described
 from cutenv.envs.tissue_source import TissueSource
 from cutenv.plant.simulator import ANGLE_RANGE, SimulatedPlant
-from cutenv.task.beginning import LONGEST, SHORTEST, drawn_length
+from cutenv.task.beginning import LONGEST, SHORTEST
 from cutenv.task.declare import Task
 from cutenv.task.episode import Episode, Goal, TaskOptions
 from cutenv.task.info import COST, GROUPS, OUT_OF_RANGE
@@ -217,9 +217,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             self._seed = int(self.np_random.integers(2**63)) if seed is None else seed
             self._episode = 0
         episode = self._episode if options.get("episode") is None else checked_episode(options["episode"])
-        length = drawn_length(np.uint64(self._seed), np.uint64(episode))
-        if self.target_length is not None:
-            length = self.target_length
+        length = self.target_length
         if options.get("target_length") is not None:
             length = checked_length(options["target_length"])
             self.check_start(length)
@@ -228,6 +226,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             specimen = self.tissue.drawn(self._seed, episode, self.specimen_class)
             specimen = self.options.surface.of(specimen, self._seed, episode)
         specimen = self.constants.wear.of(specimen)
+        length = length or self.options.drawn_length(specimen.tissue, self._seed, episode)
         depth = self.constants.knowledge.measure_depth(specimen.depth, self._seed, episode)
         self.set_up(specimen, length, seed=self._seed, episode=episode, depth=depth)
         self._episode = episode + 1

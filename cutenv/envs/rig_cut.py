@@ -29,7 +29,6 @@ from cutenv.rig.operation.suitability import top_speed
 from cutenv.rig.plant import RigPlant
 from cutenv.rig.safety.guard import interrupt
 from cutenv.rig.safety.stop_causes import Cause, RigStopped
-from cutenv.task.beginning import drawn_length
 from cutenv.task.declare import WAYS, Task
 from cutenv.task.episode import Episode, Goal, TaskOptions
 from cutenv.task.episode_dtypes import STOPPED
@@ -220,11 +219,11 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
                 self._seed = int(self.np_random.integers(2**63)) if seed is None else seed
                 self._episode = 0
             episode = self._episode if options.get("episode") is None else checked_episode(options["episode"])
-            length = drawn_length(np.uint64(self._seed), np.uint64(episode))
-            if self.target_length is not None:
-                length = self.target_length
+            length = self.target_length
             if options.get("target_length") is not None:
                 length = checked_length(options["target_length"])
+            if length is None:
+                length = self.options.drawn_length(self.tissue.tissue or measured_liver(), self._seed, episode)
             if length + AHEAD > (high := self.settings.limits.high):
                 raise ValueError(
                     f"target_length = {length:g} m: the blade goes up to {1e3 * AHEAD:g} mm further than the tip and"

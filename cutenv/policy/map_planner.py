@@ -54,6 +54,8 @@ class MapSearch:
     """Task of the cuts."""
     third: ClassVar[ThirdPlan]
     """Plan of the third action."""
+    later: ClassVar[tuple[float, ...]] = (0.0,)
+    """Distances by which the blade may have to go further than without the third action, tried first [m]."""
 
     def __init__(self, cuttings: Sequence[Any]) -> None:
         for cutting in cuttings:
@@ -102,7 +104,12 @@ class MapSearch:
         count, rows = len(self._targets), np.arange(len(self._targets))
         found = self.plain.best(rngs, rounds=max(rounds // 2, 1))
         plans, third = np.concatenate([plan for plan, _ in found]), np.tile(self.third.first, (count, 1))
-        returns, _ = self.roll_out(plans, third, 1)
+        each = len(self.later)
+        plans = np.repeat(plans, each)
+        plans["stop"] += np.tile(self.later, count)
+        returns, _ = self.roll_out(plans, np.repeat(third, each, axis=0), each)
+        first = each * rows + returns.reshape(count, each).argmax(axis=1)
+        plans, returns = plans[first], returns[first]
         size = np.ones(count)
         for _ in range(rounds):
             tried = [
@@ -307,6 +314,7 @@ class PathSearch(MapSearch):
 
     task = PATH_CUT
     third = ThirdPlan(_FIRST, _STEPS, _LEAST, _MOST)
+    later = (0.0, 0.003, 0.006, 0.009, 0.012, 0.016, 0.020, 0.025, 0.030)
 
     def choose(self, plans: StructArray, third: Array, cuts: Cuts, waits: StructArray, actions: Array) -> None:
         """Fill the actions of all plans."""

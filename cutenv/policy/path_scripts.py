@@ -12,20 +12,21 @@ from cutenv._base.arrays import Array, Array32, Indices, StructArray
 from cutenv._base.validation import in_range
 from cutenv.policy.interface import POSITION_COLUMN, SPEED_COLUMN, ArrayPolicy, in_si
 from cutenv.policy.path_features import BACK, CrackCourse
-from cutenv.policy.scripted import OneReturnStroke
+from cutenv.policy.scripted import OneReturnStroke, Script
 from cutenv.policy.tip_estimate import TipEstimate
 from cutenv.task.observation import COMPONENTS, DEAD_ZONE, SPEED_SCALE, speed_action
 from cutenv.task.path import LINE_AHEAD, PATH_COMPONENTS, PATH_CUT, TURN_SCALE
 
 _SCALES = np.array([one.scale for one in PATH_COMPONENTS])
 _COLUMNS = {one.name: number for number, one in enumerate(PATH_COMPONENTS)}
-LATERAL_MEAN, ASIDE, DIRECTION, BEND, ASIDE_FURTHER = (
-    _COLUMNS[name] for name in ("lateral_mean", "aside", "direction", "bend", "aside_further")
+LATERAL, LATERAL_MEAN, ASIDE, DIRECTION, BEND, ASIDE_FURTHER = (
+    _COLUMNS[name] for name in ("lateral", "lateral_mean", "aside", "direction", "bend", "aside_further")
 )
 """Columns of what the path adds to an observation."""
 _BENDS = [_COLUMNS[name] for name in ("bend", "bend_near", "bend_further")]
 _RETURN = 0.004  # [m], length within which a blade comes back to its course
 _LARGEST_TURN = 0.5  # [rad], of a blade to the line
+_YIELDED = 0.003  # [m/N], by which the tissue yields to a side; less, since friction is felt too
 
 
 class SeenPath(NamedTuple):
@@ -87,6 +88,8 @@ class PathScript(ArrayPolicy):
         along = in_si(shown)
         seen = SeenPath(along, observations[:, len(COMPONENTS) :] * _SCALES, self._estimate.estimates(along))
         actions = np.empty((len(shown), 3), np.float32)
+        if isinstance(self.along, Script):
+            self.along.unloading.across = seen.line[:, LATERAL]
         actions[:, :2] = self.along.act(shown)
         turn = along[:, SPEED_COLUMN] * self.bends(seen, actions)
         actions[:, 2] = np.clip(speed_action(turn * (SPEED_SCALE / TURN_SCALE)), -1.0, 1.0)
@@ -219,8 +222,8 @@ class SteerByForce(PathScript):
 
 
 def course_back(seen: SeenPath) -> Array:
-    """Return the bends [1/m], shape (n,), of a blade that keeps its distance to the line, as when it draws back."""
-    return course(seen, -seen.line[:, ASIDE])
+    """Return the bends [1/m], shape (n,), of a blade that draws back, to where the cut does not push it to a side."""
+    return course(seen, -seen.line[:, ASIDE] - _YIELDED * seen.line[:, LATERAL])
 
 
 PATH_SCRIPTS: dict[str, Callable[[], ArrayPolicy]] = {
@@ -232,3 +235,8 @@ PATH_SCRIPTS: dict[str, Callable[[], ArrayPolicy]] = {
     "steer by force": SteerByForce,
 }
 """Scripts for ``cutenv/PathCut-v1`` by name."""
+EXCISION_SCRIPTS: dict[str, Callable[[], ArrayPolicy]] = {
+    "excision by force": SteerByForce,
+    "excision on the line": BladeOnLine,
+}
+"""Scripts for ``cutenv/Excision-v1`` by name."""

@@ -38,6 +38,9 @@ def coasting(speed: ArrayLike) -> Array:
     return v * _REACTION + v**2 / (2.0 * _DECELERATION)
 
 
+_HELD_ACROSS = 0.35  # [N]: with what is left along the cut, less than friction holds by itself
+
+
 class StopAndUnload:
     """Shared ending of a cut: stop at the target, turn upright, draw back until the tissue is unloaded, rest.
 
@@ -56,6 +59,8 @@ class StopAndUnload:
         The estimated tip and its distance to the target [m], at the last observation, or at those of n cuts.
     estimates : Records, shape (n,)
         All that is estimated of the cuts, :data:`cutenv.policy.tip_estimate.CUT_ESTIMATE`.
+    across : array of shape (n,), or float
+        Force across the cut at the last observation [N], given by scripts whose blade feels one.
     """
 
     def __init__(
@@ -77,6 +82,7 @@ class StopAndUnload:
         self.estimates: StructArray = np.zeros(count, CUT_ESTIMATE)
         self.tip: Any = np.zeros(count)
         self.left: Any = np.zeros(count)
+        self.across: Array | float = 0.0
         self._stopping, self._unloaded = np.zeros(count, bool), np.zeros(count, bool)
 
     def forget(self, cuts: Indices) -> None:
@@ -102,7 +108,8 @@ class StopAndUnload:
         self._stopping |= self.left - coasting(seen[:, SPEED_COLUMN]) <= self._margin
         # While the blade draws back, friction lowers the measured force, so that zero is reached while the tissue still
         # holds the blade with a force of friction's size: little energy is left, and the rest counts as unloaded.
-        self._unloaded |= self._stopping & (seen[:, FORCE_COLUMN] <= 0.0)
+        held = (seen[:, FORCE_COLUMN] > 0.0) | (np.abs(self.across) > _HELD_ACROSS)
+        self._unloaded |= self._stopping & ~held
         return self._stopping, choose(self._unloaded, self._rest, self._draw_back)
 
 

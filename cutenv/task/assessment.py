@@ -207,6 +207,8 @@ class Millisecond(NamedTuple):
     """Force on the blade, true or measured [N]."""
     felt: float
     """Measured force [N]."""
+    held: float
+    """Force with which the tissue holds the blade [N]: measured, and where it has a part across the cut, their norm."""
     tip: float
     """Crack tip, true or estimated [m]."""
     jump: float
@@ -216,16 +218,26 @@ class Millisecond(NamedTuple):
 
 
 @njit_inline
+def norm_held(felt: float, across: float) -> float:
+    """Return the force with which the tissue holds a blade back or to a side [N], from those along and across the cut.
+
+    A blade that is turned feels less along its way, and one that is drawn back is pulled by friction alone.
+    """
+    back = max(felt, 0.0)
+    return math.sqrt(back * back + across * across)
+
+
+@njit_inline
 def count_lane(count: Struct, k: Integer, now: Millisecond) -> None:
     """Count a millisecond of lane ``k``; sets ``count.end``, an index in :data:`~cutenv.task.reward.ENDS`.
 
     ``count`` are the accumulators of a row (:func:`count_dtype`).
     """
-    position, velocity, force, felt, tip, jump, depth = now
+    position, velocity, force, felt, held, tip, jump, depth = now
     moved, speed, size = position - count.position[k], abs(velocity), abs(force)
     depth = max(depth, SHALLOWEST)
     furthest = max(count.furthest[k], position)
-    unloaded = felt < count.friction_per_depth[k] * depth + FORCE_UNLOADED
+    unloaded = held < count.friction_per_depth[k] * depth + FORCE_UNLOADED
     may_finish = unloaded and furthest >= count.target[k] - NEAR_TARGET
     resting = may_finish and speed < SPEED_AT_REST
     loaded_at = count.loaded_at[k] if may_finish else position

@@ -142,6 +142,7 @@ def expect_one(task: Task) -> Callable[..., None]:
 def begin_some(task: Task) -> Callable[..., None]:
     """Return the function that resets many cuts."""
     begin_task, know, observe, from_truth = task.begin, task.expect, task.observe_start, task.from_truth
+    length = task.length
 
     def begin_some(
         passed: WorkQueue,
@@ -188,7 +189,10 @@ def begin_some(task: Task) -> Callable[..., None]:
                 cuts.known[n] = start.cuts.known[0]
             cuts.sensors[n].seed = seed
             cuts.sensors[n].episode = episode
-            cuts.tasks[n].target = start.target if start.target > 0.0 else drawn_length(seed, episode)
+            target = start.target
+            if target <= 0.0:
+                target = drawn_length(seed, episode) if length is None else length(given, (seed, episode))
+            cuts.tasks[n].target = target
             if start.before > 0.0:
                 begin_at(cuts.states[n], cuts.progresses[n], cuts.tasks[n].target - start.before)
             profile, nominal, along = cuts.profiles[n], cuts.nominals[n], cuts.specimens[n]

@@ -207,6 +207,8 @@ class Task(Declaration):
     hidden: tuple[str, ...] = ()
     """Names of the privileged features that the task adds to those of gentle cutting."""
 
+    length: Callable[..., float] | None = None
+    """Return the target length [m] from what is given and a key; None: it is drawn from 60 to 100 mm."""
     begin: Callable[..., None] | None = None
     """Begin a cut whose records were begun as those of gentle cutting, from what is given and a key."""
     expect: Callable[..., None] | None = None

@@ -14,7 +14,7 @@ from cutenv.cutting.dtypes import PROFILE, READING
 from cutenv.cutting.simulate import Physics
 from cutenv.plant.simulator import SimulatedPlant
 from cutenv.task.assessment import charge_end
-from cutenv.task.beginning import begin_at, begin_one, expect, expect_one
+from cutenv.task.beginning import begin_at, begin_one, drawn_length, expect, expect_one
 from cutenv.task.declare import WAYS, Cuts, OneCut, Task, command_of
 from cutenv.task.gentle import GENTLE_CUT
 from cutenv.task.info import COST, GROUPS, OUT_OF_RANGE, PLACES, WHOLE_NUMBERS
@@ -87,6 +87,10 @@ class TaskOptions:
 
     def check_length(self, length: float) -> None:
         """Raise ValueError if a cut of a target length [m] does not fit."""
+
+    def drawn_length(self, tissue: TissueDescription, seed: int, episode: int) -> float:
+        """Return the target length of a key [m], where none is given."""
+        return float(drawn_length(np.uint64(seed), np.uint64(episode)))
 
     def whole(self) -> StructArray | None:
         """Return the record of the whole cut before it begins, shape (1,); None: zeros."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -36,7 +36,7 @@ from cutenv.cutting.steering import (
     stand_on_line,
     turned,
 )
-from cutenv.task.beginning import LONGEST
+from cutenv.task.beginning import LONGEST, drawn_length
 from cutenv.task.declare import (
     WAYS,
     ActionAxis,
@@ -62,7 +62,16 @@ from cutenv.task_quantities import (
 )
 from cutenv.tissue.crack_tip import ESTIMATED_EVERY
 from cutenv.tissue.description import TissueDescription
-from cutenv.tissue.drawn_lines import KINDS, LEAST_LENGTH, MIXED_LINES, OF_A_KIND, DrawnLines, drawn_lines, given_line
+from cutenv.tissue.drawn_lines import (
+    KINDS,
+    LEAST_LENGTH,
+    MIXED_KINDS,
+    MIXED_LINES,
+    OF_A_KIND,
+    DrawnLines,
+    drawn_lines,
+    given_line,
+)
 from cutenv.tissue.grid import LENGTH, N_POINTS, POINTS_PER_METRE, SPACING
 from cutenv.tissue.lines import WIDTH, CutLine, length_within, places_within, through
 from cutenv.tissue.specimen import Specimen
@@ -143,9 +152,10 @@ PATH: np.dtype[Any] = np.dtype(
 )
 """Record of a cut's line, and of its distance to it so far, by which its path is assessed."""
 
+_FUSIFORM = KINDS.index("fusiform")
 GIVEN_LINE = MIXED_LINES + 1
 """Number, after those of the kinds, of a line that is given."""
-_KINDS = len(KINDS)
+_KINDS = len(MIXED_KINDS)
 _EVERY = round(ESTIMATED_EVERY / TICK)
 _STEP = 0.0002  # [m] of line after which the expected crack turns, as in cutenv.tissue.path_model
 _AHEAD = 10  # points of the grid in the first distance at which the line is observed
@@ -324,6 +334,18 @@ def fetch(cuts: Cuts, i: int, first: Integer, last: Integer) -> None:
         prefetch(steering.sideways, tip)
         prefetch(steering.off_line, 3 * tip)
         prefetch(steering.toughness, tip)
+
+
+@njit_internal
+def length(given: tuple[StructArray, int], key: tuple[Integer, Integer]) -> float:
+    """Return the length to cut of a key [m]: that of its line, or for a line without one a drawn length."""
+    own: float = given[0][line_index(key[0], key[1], given[1])].length
+    return own if own > 0.0 else drawn_length(key[0], key[1])
+
+
+@njit
+def _length_of(lines: StructArray, kind: int, seed: Integer, episode: Integer) -> float:
+    return length((lines, kind), (seed, episode))
 
 
 @njit_internal
@@ -542,6 +564,7 @@ PATH_CUT = Task(
     errors=PATH_ERRORS,
     truth=PATH_TRUTH,
     hidden=_HIDDEN,
+    length=length,
     begin=begin,
     expect=expect,
     observe_start=observe_start,
@@ -606,6 +629,11 @@ class LineChoice:
     def check(self, length: float) -> None:
         """Raise ValueError if a cut of a target length [m] does not fit a given line."""
         if self._given is None:
+            if self.kind == _FUSIFORM and length > LONGEST:
+                raise ValueError(
+                    f"target_length = {length:g} m: a half of a fusiform excision is cut from end to end, 60 to 100 mm. "
+                    f"Leave target_length out, or give at most {LONGEST:g} m."
+                )
             return
         within = length_within(self._given)
         if within < length + ROOM - 1e-9:
@@ -635,13 +663,15 @@ class PathOptions(TaskOptions):
 
     names = ("line", *PathConstants.__dataclass_fields__, *SteeringParameters.__dataclass_fields__)
     task = PATH_CUT
+    usual: ClassVar[str] = "mixed"
+    """Kind of line where none is given."""
 
     def __init__(self, keywords: dict[str, Any]) -> None:
         super().__init__(keywords)
-        self.line = LineChoice(keywords.pop("line", "mixed"))
+        self.line = LineChoice(keywords.pop("line", self.usual))
         if keywords.get("relaxing_share", 0.0) != 0.0:
             raise ValueError(
-                f"relaxing_share = {keywords['relaxing_share']!r}: {self.task.environment} has only "
+                f"relaxing_share = {keywords['relaxing_share']!r}: tissue that is cut along a line has only "
                 "relaxing_share=0.0. Leave it out."
             )
         self.constants, self.steering = taken_from(keywords, PathConstants), taken_from(keywords, SteeringParameters)
@@ -649,6 +679,10 @@ class PathOptions(TaskOptions):
     def check_length(self, length: float) -> None:
         """Raise ValueError if a cut of a target length [m] does not fit a given line."""
         self.line.check(length)
+
+    def drawn_length(self, tissue: TissueDescription, seed: int, episode: int) -> float:
+        """Return the target length of a key [m]: that of its line, or a drawn one."""
+        return _length_of(*self.beginning(tissue), np.uint64(seed), np.uint64(episode))
 
     def whole(self) -> StructArray:
         """Return the record of a path before it begins, :data:`PATH` of shape (1,)."""

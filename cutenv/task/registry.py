@@ -93,6 +93,10 @@ _CORRECTING: Mapping[str, Any] = {
     "base": "script", "hold": 2, "control_hz": 25, "epochs": 4, "batch_size": 8000, "critic_first": 0.05,
     "validation_specimens": 1000,
 }  # fmt: skip
+_OFF_LINE = (
+    ("mean_distance_mm", "mean distance to the line", "mm", 2),
+    ("largest_distance_mm", "largest distance to the line", "mm", 2),
+)
 _SHIPPED = (
     RegisteredTask(
         name="gentle",
@@ -143,10 +147,7 @@ _SHIPPED = (
         rig="cutenv.envs.rig_path_cut:RigPathCutEnv",
         along="along a drawn line",
         line=True,
-        errors=(
-            ("mean_distance_mm", "mean distance to the line", "mm", 2),
-            ("largest_distance_mm", "largest distance to the line", "mm", 2),
-        ),
+        errors=_OFF_LINE,
         features="cutenv.policy.path_features:PathFeatures",
         scripts="cutenv.policy.path_scripts:PATH_SCRIPTS",
         script="steer by force",
@@ -158,6 +159,24 @@ _SHIPPED = (
         infos="cutenv.learning.demonstration:PATH_INFOS",
         played="cutenv.play.played_path_cut:PlayedPathCut",
         hand="cutenv.browser.stylus_steps:HandPathCut",
+    ),
+    RegisteredTask(
+        name="excision",
+        id="cutenv/Excision-v1",
+        task="cutenv.task.path:PATH_CUT",
+        single="cutenv.envs.excision:ExcisionEnv",
+        vector="cutenv.envs.excision:ExcisionVectorEnv",
+        along="along one side of an excision",
+        errors=_OFF_LINE,
+        features="cutenv.policy.path_features:PathFeatures",
+        scripts="cutenv.policy.path_scripts:EXCISION_SCRIPTS",
+        script="excision by force",
+        planner="cutenv.policy.map_planner:PathPlanner",
+        options={
+            **_CORRECTING, "timesteps": 15_000_000, "exploration": 0.15,
+            "last_exploration": 0.05, "learning_rate": 7e-4,
+        },
+        infos="cutenv.learning.demonstration:PATH_INFOS",
     ),
 )  # fmt: skip
 TASKS = {each.name: each for each in _SHIPPED}

@@ -34,6 +34,7 @@ from cutenv.task.assessment import (
     charge_stored,
     conclude,
     count_lane,
+    norm_held,
     observe_rest,
     reward_of,
     succeeded,
@@ -277,8 +278,9 @@ def advance_row(task: Task) -> Callable[..., int]:
             for k in range(len(row.blade)):
                 across = 0.0 if force is None else force(lanes, k)
                 charged = row.force[k] if size is None else size(row.force[k], across)
+                held = row.felt[k] if force is None else norm_held(row.felt[k], across)
                 now = Millisecond(
-                    row.blade[k], row.speed[k], charged, row.felt[k], row.tip[k], row.jump[k], row.depth[k]
+                    row.blade[k], row.speed[k], charged, row.felt[k], held, row.tip[k], row.jump[k], row.depth[k]
                 )
                 count_lane(counts, k, now)
                 over += 1 if row.going[k] == 1 and counts.end[k] != 0 else 0
@@ -290,10 +292,10 @@ def advance_row(task: Task) -> Callable[..., int]:
                 if from_truth:
                     across = 0.0 if force is None else force(lanes, k)
                     charged = row.force[k] if size is None else size(row.force[k], across)
+                    held = row.felt[k] if force is None else norm_held(row.felt[k], across)
                     depth = depth_at(cuts.profiles[row.cut[k]], position)
-                    count_lane(
-                        counts, k, Millisecond(position, speed, charged, row.felt[k], row.tip[k], row.jump[k], depth)
-                    )
+                    now = Millisecond(position, speed, charged, row.felt[k], held, row.tip[k], row.jump[k], depth)
+                    count_lane(counts, k, now)
                 elif row.going[k] == 1:
                     if measure is not None:
                         measure(stepping, k)
@@ -315,6 +317,7 @@ def advance_row(task: Task) -> Callable[..., int]:
 def count_seen(task: Task) -> Callable[..., None]:
     """Return the function that counts a reading, whose further measurements are in what is known of the cut."""
     expect, learn, count, size, across = task.expect_at, task.learn, task.count, task.size, WAYS - 1
+    sideways = task.motion.force is not None
 
     def count_seen(stepping: Stepping, k: Integer, position: float, speed: float) -> None:
         """Count a reading of the cut in lane ``k``: tip and runs are estimated from the force that is ``felt``.
@@ -332,7 +335,8 @@ def count_seen(task: Task) -> Callable[..., None]:
         if learn is not None:
             learn(known, tick, position, tip)
         force = felt if size is None else size(felt, known.ways[across])
-        count_lane(counts, k, Millisecond(position, speed, force, felt, tip, jump, depth))
+        held = norm_held(felt, known.ways[across]) if sideways else felt
+        count_lane(counts, k, Millisecond(position, speed, force, felt, held, tip, jump, depth))
         if count is not None:
             count(stepping.step, k, position, tip, known.ways[across])
 

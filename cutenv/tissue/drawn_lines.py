@@ -41,18 +41,27 @@ from cutenv.tissue.path_model import (
 from cutenv.tissue.place_model import TipStiffness, off_line
 from cutenv.tissue.tables import FOLDER
 
-KINDS = ("straight", "arc", "s", "excision", "random")
-"""Kinds of drawn lines."""
+MIXED_KINDS = ("straight", "arc", "s", "excision", "random")
+"""Kinds of drawn lines of which "mixed" is one; their targets are drawn apart from them."""
+KINDS = (*MIXED_KINDS, "fusiform")
+"""All kinds of drawn lines; a half of a fusiform excision has a length of its own, and is cut from end to end."""
 MIXED_LINES = len(KINDS)
-"""Number of the kind that is one of all of these."""
+"""Number of the kind that is one of :data:`MIXED_KINDS`."""
 OF_A_KIND = 64
 """Lines of each kind but the straight one."""
 LEAST_LENGTH = 0.13
 """Length of each within the slab [m]: the longest cut that is drawn, and room for the blade that leads its tip."""
+LENGTH_TO_WIDTH = 2.5, 4.0
+"""Range of a fusiform excision's length over its width, as surgeons plan them."""
+END_ANGLES = math.radians(25.0), math.radians(45.0)
+"""Range of the angle between each of its sides and its axis, at its ends [rad]."""
+FUSIFORM_LENGTHS = 0.060, 0.100
+"""Range of the length of one side [m]: that from which targets are drawn."""
 LEAST_ASIDE = 0.008
 """Distance that each but the straight one comes away from the axis of the slab within the longest cut [m]."""
 STORED: dict[str, Any] = {"element": "quad8", "formulation": "plane_stress", "poisson": 0.3}
 """The model whose solutions are stored: that of the measured liver."""
+_FUSIFORM = KINDS.index("fusiform")
 _LONGEST = 201  # points of the longest cut that is drawn
 _SEED = 29
 _FILE = "lines.json"
@@ -62,6 +71,7 @@ LINE: np.dtype[Any] = np.dtype(
         np.record,
         [
             ("within", "f8"),  # length within the slab [m]
+            ("length", "f8"),  # length to cut [m]; 0: one that is drawn
             ("x_excess", "f8", (N_POINTS,)),  # x - s [m]
             ("y", "f8", (N_POINTS,)),  # [m]
             ("cosine", "f8", (N_POINTS,)),  # of its direction
@@ -103,6 +113,11 @@ def given_line(line: CutLine, element: str, formulation: str, poisson: float) ->
     return DrawnLines((line,), line_record(line, found, base))
 
 
+def length_of_bends(line: CutLine) -> float:
+    """Return the length of a line up to where it is straight for good [m]."""
+    return float(SPACING * np.flatnonzero(line.curvature)[-1])
+
+
 @lru_cache(maxsize=2)
 def drawn_lines(element: str, formulation: str, poisson: float) -> DrawnLines:
     """Return all drawn lines: the straight one, then those of each kind in order.
@@ -122,8 +137,15 @@ def drawn_lines(element: str, formulation: str, poisson: float) -> DrawnLines:
             lines += [line, mirrored(line)]
             solved += [found, TipStiffness(found.along, -found.coupled, found.across)]
     records = np.concatenate([line_record(line, found, base) for line, found in zip(lines, solved, strict=True)])
+    for number in range(first_number(_FUSIFORM), len(lines)):
+        records[number]["length"] = length_of_bends(lines[number])
     records.setflags(write=False)
     return DrawnLines(tuple(lines), records)
+
+
+def first_number(kind: int) -> int:
+    """Return the number of the first line of a kind, 1 or more, among all that are drawn."""
+    return 1 + OF_A_KIND * (kind - 1)
 
 
 def kind_of(number: int) -> str:
@@ -132,7 +154,7 @@ def kind_of(number: int) -> str:
 
 
 def first_of_pair(kind: int, number: int, seed: int = _SEED) -> CutLine:
-    """Draw one line of a kind, 1 to 4, with its bends and its place within the limits; ``number`` is even.
+    """Draw one line of a kind, 1 to 5, with its bends and its place within the limits; ``number`` is even.
 
     Another ``seed`` draws lines that no task has.
     """
@@ -142,7 +164,10 @@ def first_of_pair(kind: int, number: int, seed: int = _SEED) -> CutLine:
             line = _drawn(KINDS[kind], rng)
         except ValueError:  # it bends too far, or leaves the slab
             continue
-        if length_within(line) >= LEAST_LENGTH and abs(line.y[:_LONGEST]).max() >= LEAST_ASIDE:
+        if kind == _FUSIFORM:
+            if FUSIFORM_LENGTHS[0] <= length_of_bends(line) <= FUSIFORM_LENGTHS[1]:
+                return line  # it leaves the slab 40 mm or more beyond its end
+        elif length_within(line) >= LEAST_LENGTH and abs(line.y[:_LONGEST]).max() >= LEAST_ASIDE:
             return line
 
 
@@ -153,6 +178,9 @@ def _drawn(kind: str, rng: np.random.Generator) -> CutLine:
         return s_shape(rng.uniform(0.022, 0.06), length=rng.uniform(0.05, 0.1))
     if kind == "excision":
         return half_ellipse(rng.uniform(0.06, 0.11), height=rng.uniform(0.008, 0.018))
+    if kind == "fusiform":
+        length = rng.uniform(FUSIFORM_LENGTHS[0] / 1.2, FUSIFORM_LENGTHS[1])
+        return half_ellipse(length, 0.5 * length / rng.uniform(*LENGTH_TO_WIDTH), rng.uniform(*END_ANGLES))
     return random_line(rng, largest_curvature=rng.uniform(20.0, LARGEST_CURVATURE), least_length=LEAST_LENGTH)
 
 

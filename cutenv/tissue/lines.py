@@ -22,7 +22,7 @@ LARGEST_CURVATURE = 50.0
 """Limit on a line's curvature [1/m]: a radius of 20 mm, more than the tissue that a blade drags along."""
 STEEPEST = math.radians(60.0)
 """Limit on the angle of a line to the axis of the slab [rad]."""
-_CHORD = 0.7  # distance of the chord that cuts off half an excision from the centre, over the half axis
+_CHORD = 0.7  # distance of a chord that cuts off half an excision from the centre, over the half axis
 _PARTS = 20001  # points of a curve for its integral
 _FINE = 20  # parts of the grid's spacing for the integrals
 _ROUNDING = 1e-9
@@ -98,7 +98,7 @@ def s_shape(radius: float, length: float = 0.1) -> CutLine:
     return bent(sine_and_cosine(2.0 * math.pi * share)[0] / math.copysign(size, radius))
 
 
-def half_ellipse(length: float = 0.08, height: float = 0.015) -> CutLine:
+def half_ellipse(length: float = 0.08, height: float = 0.015, end_angle: float | None = None) -> CutLine:
     """Return one side of an elliptical excision: out from the axis of the slab and back to it.
 
     Parameters
@@ -106,17 +106,31 @@ def half_ellipse(length: float = 0.08, height: float = 0.015) -> CutLine:
     length, height : float
         Of the part of an ellipse that a chord cuts off, from end to end and to its summit [m]; a negative height is on
         the right. A whole half would leave the axis at right angles, where no blade can begin.
+    end_angle : float, optional
+        Angle to the axis at which it leaves and comes back [rad], more than that of a parabola of this height. By
+        default the chord is at 0.7 of the half axis of the ellipse.
 
     Raises
     ------
     ValueError
-        If it leaves the slab, or bends too far.
+        If it leaves the slab, bends too far, or no ellipse has this angle.
     """
     length = in_range("length", length, 0.02, LENGTH, "m", "Give the distance between the ends of the excision.")
     size = in_range("height", abs(height), 1e-3, WIDTH / 2.0 - SIDE_MARGIN, "m", "Give the height of one side.")
-    u, square = np.linspace(-1.0, 1.0, _PARTS), 1.0 - _CHORD * _CHORD
-    root, rise = np.sqrt(1.0 - square * u * u), math.copysign(size, height) / (1.0 - _CHORD)
-    x, y = 0.5 * length * (u + 1.0), rise * (root - _CHORD)
+    chord = _CHORD
+    if end_angle is not None:
+        steepness = sine_and_cosine(np.array(end_angle))
+        over = float(steepness[0] / steepness[1]) * length / (2.0 * size) - 1.0
+        parabola = math.degrees(math.atan(4.0 * size / length))
+        if not over > 1.0:
+            raise ValueError(
+                f"end_angle = {end_angle:g} rad: an ellipse that is {1e3 * length:g} mm long and {1e3 * size:g} mm high "
+                f"ends at more than {parabola:.1f} degrees. Give {math.radians(parabola):.3f} to {STEEPEST:.3f} rad."
+            )
+        chord = 1.0 / over
+    u, square = np.linspace(-1.0, 1.0, _PARTS), 1.0 - chord * chord
+    root, rise = np.sqrt(1.0 - square * u * u), math.copysign(size, height) / (1.0 - chord)
+    x, y = 0.5 * length * (u + 1.0), rise * (root - chord)
     rates = np.full(_PARTS, 0.5 * length), -rise * square * u / root
     return _laid((x, y), rates, (np.zeros(_PARTS), -rise * square / (root * root * root)), u)
 

@@ -13,7 +13,7 @@ from cutenv.envs.path_cut import PathCutEnv, to_path_action
 from cutenv.policy.path_scripts import BladeOnLine, StraightOn
 from cutenv.task.observation import COMPONENTS
 from cutenv.task.path import PATH_COMPONENTS
-from cutenv.tissue.drawn_lines import KINDS, STORED, drawn_lines, first_of_pair, kind_of
+from cutenv.tissue.drawn_lines import KINDS, MIXED_KINDS, STORED, drawn_lines, first_of_pair, kind_of
 from cutenv.tissue.lines import arc, length_within
 from cutenv.tissue.path_model import stiffness_on_line
 from cutenv.tissue.specimen import Specimen
@@ -72,8 +72,11 @@ def test_a_cut_between_turns_of_the_crack_is_in_the_map_at_once():
 def test_drawn_lines_are_as_told():
     lines, records = drawn_lines(*STORED.values())
     for n, line in enumerate(lines):
+        if kind_of(n) == "fusiform":
+            continue
         assert length_within(line) >= 0.13
         assert (abs(line.y[:201]).max() >= 0.008) == (kind_of(n) != "straight")
+        assert records["length"][n] == 0.0
     for n in range(1, len(lines), 2):
         np.testing.assert_array_equal(lines[n].y, -lines[n + 1].y)
     for name in ("along", "coupled", "across"):
@@ -99,7 +102,7 @@ def test_every_kind_is_drawn_and_the_seed_draws_the_line():
         env = PathCutEnv()
         env.reset(seed=seed)
         found[seed] = kind_of(int(env.cutting.whole["line"][0]))
-    assert set(found.values()) == set(KINDS)
+    assert set(found.values()) == set(MIXED_KINDS)
     again = PathCutEnv()
     again.reset(seed=7)
     assert kind_of(int(again.cutting.whole["line"][0])) == found[7]
@@ -178,3 +181,18 @@ def test_a_length_beyond_a_given_line_is_refused_at_reset():
     env.reset(seed=0)
     with pytest.raises(ValueError, match="leaves the slab"):
         env.reset(options={"target_length": 0.06})
+
+
+def test_a_loaded_blade_that_is_turned_across_its_way_stays_loaded():
+    """It feels nothing along its way then, but the tissue still holds it from the side."""
+    env = PathCutEnv(line="straight", target_length=0.06)
+    env.reset(seed=1)
+    for speed, turn, steps in ((0.012, 0.0, 265), (0.0, 0.0, 20), (0.0, 1.5, 55), (0.0, 0.0, 60)):
+        for _ in range(steps):
+            _, _, ended, _, info = env.step(to_path_action(speed, UPRIGHT, turn))
+            assert not ended
+    along, across = env.cutting.readings["force"][-1], env.cutting.across[-1]
+    assert along < env.plant.cuts["laws"]["friction_per_depth"][0, 0] * 0.01
+    assert abs(across) > 1.0
+    assert info["truth"]["blade_m"] - info["truth"]["tip_m"] > 0.005
+    assert env.cutting.progress["quiet"][0] == 0.0
