@@ -106,8 +106,8 @@ def publish(folder: Path, to: Path = PUBLISHED) -> None:
     summarise_cuts(to, protocol)
 
 
-def add_submission(path: Path, to: Path = PUBLISHED) -> None:
-    """Repeat every cut of a submission, and add it to the published comparison.
+def add_submission(path: Path, to: Path = PUBLISHED, policies: Sequence[str] = ()) -> None:
+    """Repeat every cut of a submission, by its policies if they are given, and add it to the published comparison.
 
     Raises
     ------
@@ -115,7 +115,7 @@ def add_submission(path: Path, to: Path = PUBLISHED) -> None:
         If it is damaged, a return differs, or it is no entry; names what is wrong.
     """
     protocol = kept_protocol(to)
-    entry, runs = checked(path)
+    entry, runs, script = checked(path, policies)
     if entry.protocol != protocol:
         raise ValueError(f"{path} is of protocol {entry.protocol.version}, not {protocol.version}: it is no entry.")
     taken = {slug(name) for name in (*ENTRIES, *SCRIPTED, *read_facts(to))}
@@ -123,6 +123,8 @@ def add_submission(path: Path, to: Path = PUBLISHED) -> None:
         raise ValueError(f"{path}: the name {entry.policy!r} is taken; submit it with another --name.")
     for number, (rows, run) in enumerate(zip(runs, entry.runs, strict=True)):
         facts = {"contestant": entry.policy, "training_seed": number, "author": entry.author, "date": entry.date}
-        facts |= {"code": entry.code or "–", "returns_after_cuts": dict(run.after)}
-        write_run(to, facts, {protocol.training_class: rows}, protocol.training_class)
+        facts |= {"code": entry.code or "–", "returns_after_cuts": dict(run.after), "kind": entry.kind}
+        facts |= {"digest": entry.digest, "salt": entry.salt}
+        cuts = {protocol.training_class: rows} | ({} if number else {protocol.script: script})
+        write_run(to, facts, cuts, protocol.training_class)
     summarise_cuts(to, protocol)
