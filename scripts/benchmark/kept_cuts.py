@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import gzip
+import hashlib
 import io
 import json
 from collections.abc import Mapping, Sequence
@@ -114,10 +115,10 @@ def merge_cuts(source: Path, target: Path, *, replace: bool) -> int:
 
 
 def read_facts(folder: Path) -> dict[str, list[dict[str, Any]]]:
-    """Return the facts of the runs of every contestant, without reading their cuts."""
+    """Return the facts of the runs of every contestant, and the digest of their ``cuts``: equal cuts, equal digests."""
     found: dict[str, list[dict[str, Any]]] = {}
     for path in sorted((folder / "cuts").glob("*.csv.gz")):
-        with gzip.open(path, "rt", encoding="utf-8") as file:
-            facts = json.loads(file.readline().removeprefix("# "))
-        found.setdefault(facts["contestant"], []).append(facts)
+        first, _, rest = gzip.decompress(path.read_bytes()).partition(b"\n")
+        facts = json.loads(first.decode().removeprefix("# "))
+        found.setdefault(facts["contestant"], []).append({**facts, "cuts": hashlib.sha256(rest).hexdigest()})
     return found
