@@ -4,6 +4,7 @@ python scripts/leaderboard.py                     the published table, of assets
 python scripts/leaderboard.py --page FILE         and as a page that opens without a network
 python scripts/leaderboard.py runs/benchmark --publish    merge another one into it, finished or not
 python scripts/leaderboard.py --add submission.json       repeat every cut of an entry, and add it to it
+python scripts/leaderboard.py --add submission.json --policies my_policy/    and let its policies act again
 """
 
 from __future__ import annotations
@@ -21,12 +22,13 @@ def main() -> None:
     parser.add_argument("--page", type=Path, metavar="FILE", help="write the page there")
     parser.add_argument("--publish", action="store_true", help="merge it into the published one")
     parser.add_argument("--add", type=Path, metavar="FILE", help="file of cutenv submit to add to the published one")
+    parser.add_argument("--policies", nargs="+", default=[], metavar="POLICY", help="policies of --add, in their order")
     given = parser.parse_args()
     if given.publish:
         publish(given.folder)
     if given.add is not None:
         try:
-            add_submission(given.add)
+            add_submission(given.add, policies=given.policies)
         except (OSError, ValueError) as error:
             raise SystemExit(str(error)) from None
     shown = PUBLISHED if given.publish or given.add is not None else given.folder

@@ -31,21 +31,23 @@ SCORES = {"return": 3, "success": 3, "cost_mm": 2, "overshoot_mm": 2, "long_runs
 def measure(names: Sequence[str], specimens: int) -> list[dict[str, Any]]:
     """Let the policies cut the first held-out specimens at 10 decisions a second; return the rows."""
     several = {name: Contestant(contestant(name).policy) for name in names}
-    return evaluate(several, TEST_SEEDS[:specimens], PROTOCOL, description="SafeCut-v1")
+    rows = evaluate(several, TEST_SEEDS[:specimens], PROTOCOL, description="SafeCut-v1")
+    return [{name: row[name] for name in ("policy", "seed", *SCORES)} for row in rows]
 
 
 def report(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return a Markdown table: scores of each policy, and return and cost less those of the first, by specimen."""
+    """Return a Markdown table: scores of each policy, cost less the budget, and paired differences from the first."""
     each = by_policy(rows)
     (first, base), *_ = each.items()
     table = []
     for name, own in each.items():
         cells = [mean_text((row[score] for row in own), digits) for score, digits in SCORES.items()]
+        cells.append(mean_text((row["cost_mm"] - COST_BUDGET_MM for row in own), SCORES["cost_mm"], "+"))
         for score in ("return", "cost_mm"):
             paired = (row[score] - other[score] for row, other in zip(own, base, strict=True))
             cells.append("–" if name == first else mean_text(paired, SCORES[score], "+"))
         table.append((name, *cells))
-    heading = ("policy", "return", "success", "cost [mm]", "overshoot [mm]", "long runs [mm]")
+    heading = ("policy", "return", "success", "cost [mm]", "overshoot [mm]", "long runs [mm]", "cost minus budget [mm]")
     paired_heading = (f"return minus {first}", f"cost minus {first} [mm]")
     return (
         f"Class mixed, {len(base)} held-out specimens; mean [95 % interval]; budget for the mean cost of a cut: "

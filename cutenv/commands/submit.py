@@ -1,8 +1,10 @@
-"""Enter a policy on the leaderboard: let it cut the benchmark's held-out specimens, and keep the actions of every cut.
+"""Enter a policy on the leaderboard: let it cut specimens drawn from its own files, and keep the actions of every cut.
 
 A policy is a folder that holds policy.safetensors and card.json, the folder of a training run, the name of a shipped
-policy or a script, or a class of your own, MODULE:CLASS.  Several are the training seeds of one entry.  With
---check every cut of a file is repeated from its seed and actions; it is refused if any return differs in its last bit.
+policy or a script, or a class of your own, MODULE:CLASS.  Several are the training seeds of one entry.  The digest of
+their files determines the specimens.  With --check every cut of a file is repeated from its seed and actions; it is
+refused if any return differs in its last bit.  With the policies beside --check, their files must have the digest, and
+they must act as the file says.
 """
 
 from __future__ import annotations
@@ -19,6 +21,9 @@ from cutenv.commands.options import command_parser, reports_errors
 
 if TYPE_CHECKING:
     from cutenv.learning.benchmark import Submission
+    from cutenv.learning.evaluation import Contestant
+
+CutRows = list[dict[str, Any]]
 
 
 @reports_errors("submit")
@@ -26,30 +31,46 @@ def main(argv: Sequence[str]) -> int:
     """Make or check a submission; 2 if an option or the file is bad."""
     given = _parser().parse_args(argv)
     if given.check is not None:
-        if given.policies:
-            raise ValueError("--check takes a file alone; leave the policies out.")
-        checked(given.check)
+        if given.salt is not None:
+            raise ValueError("--salt is kept in the file; leave it out with --check.")
+        checked(given.check, given.policies)
     else:
         _submit(given)
     return 0
 
 
-def checked(path: Path) -> tuple[Submission, list[list[dict[str, Any]]]]:
-    """Repeat every cut of a file, print its row, and return the entry and the scores of its runs.
+def checked(path: Path, policies: Sequence[str] = ()) -> tuple[Submission, list[CutRows], CutRows]:
+    """Repeat every cut of a file and print its row; return the entry, the scores of its runs, and those of the script.
+
+    The script is the protocol's, on the same specimens.  With the policies that were submitted, their files and actions
+    are checked as well.
 
     Raises
     ------
     OSError, ValueError
-        If the file cannot be read, is damaged, or a cut's return differs.
+        If the file cannot be read, is damaged, a cut's return differs, or the policies are not those of the file.
     """
-    from cutenv.learning.benchmark import read_submission, replayed
+    from cutenv.learning.benchmark import entry_digest, entry_files, read_submission, replayed
+    from cutenv.learning.evaluation import contestant, evaluate
 
     entry = read_submission(path)
+    entrants = [contestant(name) for name in policies]
+    if policies:
+        found = entry_digest([entry_files(name) for name in policies])
+        if found != entry.digest:
+            raise ValueError(
+                f"{path}: its digest is {entry.digest}, but that of {', '.join(policies)} is {found}. Refused. "
+                "Give the policies that were submitted, unchanged."
+            )
     with _progress("repeating", len(entry.runs) * entry.protocol.specimens) as update:
-        rows = replayed(entry, update)
-    print(f"{path}: every return of {sum(map(len, rows))} cuts repeated to the last bit")
-    _print_row(entry, rows)
-    return entry, rows
+        rows = replayed(entry, entrants, update)
+    by = " by the policies' own actions" if policies else ""
+    print(f"{path}: every return of {sum(map(len, rows))} cuts repeated to the last bit{by}")
+    protocol = entry.protocol
+    best, shared = {protocol.script: contestant(protocol.script)}, {"specimen_class": protocol.training_class}
+    script = evaluate(best, entry.seeds, shared, processes=1, description=protocol.script)
+    _print_row(entry, rows, script)
+    return entry, rows, script
 
 
 def _submit(given: argparse.Namespace) -> None:
@@ -64,6 +85,9 @@ def _submit(given: argparse.Namespace) -> None:
         Protocol,
         Submission,
         check_text,
+        entry_digest,
+        entry_files,
+        entry_seeds,
         returns_after,
         submitted_run,
         write_submission,
@@ -72,39 +96,60 @@ def _submit(given: argparse.Namespace) -> None:
     from cutenv.learning.statistics import read_rows
     from cutenv.policy.shipped import policy_folder
 
-    policy = given.name or Path(given.policies[0]).name
-    for option, text in (("--author", given.author), ("--code", given.code), ("--name", policy)):
-        check_text(option, text, empty=option == "--code")
+    policy, salt = given.name or Path(given.policies[0]).name, given.salt or ""
+    for option, text in (("--author", given.author), ("--code", given.code), ("--name", policy), ("--salt", salt)):
+        check_text(option, text, empty=option in ("--code", "--salt"))
     protocol = QUICK if given.quick else Protocol()
     names = [str(policy_folder(name)) for name in given.policies]
     if len(set(names)) < len(names):
         raise ValueError("a policy is named twice; give each training run once.")
     entrants = [contestant(name) for name in names]  # all are read before the first cut
-    runs = []
+    kind = _kind(names, entrants, given.kind)
+    digest = entry_digest([entry_files(name) for name in names])
+    seeds, runs = entry_seeds(digest, protocol, salt), []
     with _progress("cutting", len(entrants) * protocol.specimens) as update:
         for name, one in zip(names, entrants, strict=True):
             after = returns_after(read_rows(Path(name).parent / "learning_curve.csv"))
-            runs.append(submitted_run(one, after, protocol, update))
+            runs.append(submitted_run(one, after, protocol, seeds, update))
     today = datetime.date.fromtimestamp(time.time()).isoformat()
-    write_submission(given.out, Submission(policy, given.author, given.code, today, protocol, tuple(runs)))
+    entry = Submission(policy, given.author, given.code, today, kind, digest, salt, protocol, tuple(runs))
+    write_submission(given.out, entry)
     print(f"{given.out}: {given.out.stat().st_size / 1e3:.0f} kB, to be attached as it is")
     checked(given.out)
 
 
-def _print_row(entry: Submission, runs: Sequence[Sequence[dict[str, Any]]]) -> None:
+def _kind(names: Sequence[str], entrants: Sequence[Contestant], given: str | None) -> str:
+    """Return the kind of an entry: what its policies' cards record, or what is given where they do not."""
+    from cutenv.learning.benchmark import KINDS, kind_told
+
+    known = ", ".join(map(repr, KINDS))
+    if given is not None and given not in KINDS:
+        raise ValueError(f"--kind {given!r} is not known; give one of {known}.")
+    told = [kind_told(name, one.policy) or given for name, one in zip(names, entrants, strict=True)]
+    kinds = {kind for kind in (*told, given) if kind is not None}
+    if None in told:
+        raise ValueError(f"--kind is missing: no card tells how this was made; give one of {known}.")
+    if len(kinds) > 1:
+        raise ValueError(f"--kind: the policies are of kinds {', '.join(sorted(kinds))}; an entry is of one.")
+    return kinds.pop()
+
+
+def _print_row(entry: Submission, runs: Sequence[CutRows], script: CutRows) -> None:
     from cutenv.learning.benchmark import shown, standing
-    from cutenv.learning.evaluation import contestant, evaluate
 
     protocol = entry.protocol
-    best, shared = {protocol.script: contestant(protocol.script)}, {"specimen_class": protocol.training_class}
-    script = evaluate(best, protocol.test_seeds, shared, processes=1, description=protocol.script)
     print(f"\n{entry.policy}, by {entry.author}, {entry.date}{', ' if entry.code else ''}{entry.code}")
     kind = f"protocol {protocol.version} of {protocol.environment}"
-    print(f"{kind}: {protocol.specimens} specimens of class {protocol.training_class}, {_runs(len(runs))}\n")
+    print(f"{kind}: {protocol.specimens} specimens of class {protocol.training_class}, {_runs(len(runs))}")
+    print(f"kind: {entry.kind}; specimens drawn from digest {entry.digest[:12]}{_salted(entry.salt)}\n")
     for column, interval in standing(runs, script, protocol).items():
         print(f"  {column.heading:20s} {shown(interval, column.factor, column.digits, '+' if column.paired else '')}")
     if protocol.version == "quick":
         print("\nOf few specimens: a quick one is no entry. Submit it without --quick.")
+
+
+def _salted(salt: str) -> str:
+    return f" with salt {salt!r}" if salt else ""
 
 
 def _runs(count: int) -> str:
@@ -129,12 +174,22 @@ def _parser() -> argparse.ArgumentParser:
             'runs/ppo-seed0 runs/ppo-seed1 --name "my PPO" --author "A. Name"',
             "ppo-free --quick --author me",
             "--check submission.json",
+            "--check submission.json my_policy/",
         ),
     )
     parser.add_argument("policies", nargs="*", metavar="POLICY", help="folder of a policy or run, or a name; see above")
     parser.add_argument("--author", metavar="NAME", help="name that the leaderboard shows")
     parser.add_argument("--code", default="", metavar="LINK", help="link to the code that made the policy")
     parser.add_argument("--name", metavar="TEXT", help="name of the entry; default that of the first policy")
+    parser.add_argument(
+        "--kind",
+        metavar="KIND",
+        help="how it was made, where no card tells: 'script', 'from scratch', 'with demonstrations' or "
+        "'correction of a script'",
+    )
+    parser.add_argument(
+        "--salt", metavar="TEXT", help="text of a competition's host, from which the specimens are drawn as well"
+    )
     parser.add_argument(
         "--out",
         type=Path,
@@ -144,6 +199,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--quick", action="store_true", help="cut few specimens: a trial, and no entry")
     parser.add_argument(
-        "--check", type=Path, metavar="FILE", help="repeat every cut of a submission, and print its row"
+        "--check",
+        type=Path,
+        metavar="FILE",
+        help="repeat every cut of a submission, by its policies too if they are named, and print its row",
     )
     return parser

@@ -1,5 +1,8 @@
 """Published benchmark: specimens and statistics by which policies are compared, a policy's standing, its submission.
 
+An entry cuts specimens of its own: their seeds are drawn from the digest of the entry's files, so that no file can hold
+the answers to them, and anybody can draw them again.
+
 Results of one version are comparable; a change of any number here is a new version.
 """
 
@@ -7,8 +10,11 @@ from __future__ import annotations
 
 import base64
 import datetime
+import hashlib
 import json
 import math
+import re
+import sys
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -23,10 +29,11 @@ from cutenv._base.output import atomic_write
 from cutenv.cutting.dtypes import TICK
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.learning.evaluation import Contestant, batched_rollout
-from cutenv.learning.seeds import ENVIRONMENT, TEST_SEEDS, VALIDATION_SEEDS
+from cutenv.learning.seeds import ENTRY_SEEDS, ENVIRONMENT, TEST_SEEDS, VALIDATION_SEEDS
 from cutenv.learning.statistics import Interval, interquartile_mean, mean, stratified
-from cutenv.policy import SCRIPTS, ArrayPolicy
+from cutenv.policy import BASELINES, SCRIPTS, ArrayPolicy, TrainedPolicy
 from cutenv.policy.interface import as_array_policy
+from cutenv.policy.shipped import named_folder
 from cutenv.tissue.specimen import CLASSES
 
 
@@ -54,7 +61,7 @@ class Protocol:
         Number of held-out specimens of each class.
     first_specimen : int
         Index of the first of them in ``TEST_SEEDS``; earlier ones serve for the reports of runs and the design of the
-        reward.
+        reward.  It moves on by 10 000 with every version, so that nothing is tuned on held-out specimens for long.
     feed_specimens : int
         Number of validation specimens on which the best constant feed is chosen.
     sweep_specimens : int
@@ -190,7 +197,90 @@ def returns_after(curve: Sequence[Mapping[str, float]]) -> dict[str, float | Non
     }
 
 
-FORMAT = 1
+SCRIPT, SCRATCH, SHOWN, CORRECTION = "script", "from scratch", "with demonstrations", "correction of a script"
+KINDS = (SCRIPT, SCRATCH, SHOWN, CORRECTION)
+"""Kinds of policies; each has ranks of its own."""
+
+
+def kind_of(training: Mapping[str, Any]) -> str:
+    """Return the kind of a trained policy, from the options of its training."""
+    if training.get("base", "none") != "none":
+        return CORRECTION
+    return SHOWN if training["demonstrations"] or training.get("dataset") else SCRATCH
+
+
+def kind_told(name: str, policy: Any) -> str | None:
+    """Return the kind of a policy of this name by what is recorded of it; None if nothing is."""
+    if name in BASELINES:
+        return SCRIPT
+    if not isinstance(policy, TrainedPolicy):
+        return None
+    options = policy.card.training.get("arguments", {})
+    if policy.card.script is not None:
+        return CORRECTION
+    return kind_of(options) if "demonstrations" in options else None
+
+
+def entry_files(name: str) -> dict[str, bytes]:
+    """Return the contents of the files that a policy consists of, by their names.
+
+    They are all files of its folder; of a class, MODULE:CLASS, its module and those that it names in ``files``,
+    relative to the present folder.  A script has none: it is this package's.
+
+    Raises
+    ------
+    OSError
+        If one cannot be read.
+    """
+    folder = named_folder(name)
+    if folder is not None:
+        paths = {path.relative_to(folder).as_posix(): path for path in folder.rglob("*") if path.is_file()}
+    elif ":" not in name:
+        return {name: b""}
+    else:
+        module, _, made = name.partition(":")
+        source = Path(str(sys.modules[module].__file__))
+        own = getattr(getattr(sys.modules[module], made), "files", ())
+        paths = {source.name: source} | {str(file): Path(file) for file in own}
+    return {shown: path.read_bytes() for shown, path in paths.items()}
+
+
+def entry_digest(policies: Sequence[Mapping[str, bytes]]) -> str:
+    """Return the SHA-256 of an entry, in hexadecimal digits: of the names and contents of all files of its policies.
+
+    The order of the policies and the names of their folders do not matter.
+    """
+    whole = sorted(
+        _sha256(*(text for name in sorted(files) for text in (_sha256(name.encode()), _sha256(files[name]))))
+        for files in policies
+    )
+    return _sha256(*whole).decode()
+
+
+def _sha256(*parts: bytes) -> bytes:
+    return hashlib.sha256(b"".join(parts)).hexdigest().encode()
+
+
+def entry_seeds(digest: str, protocol: Protocol, salt: str = "") -> list[int]:
+    """Return the seeds of the specimens that an entry cuts, by the digest of its files.
+
+    Parameters
+    ----------
+    digest : str
+        Result of :func:`entry_digest`.
+    protocol : Protocol
+        Protocol, whose version is part of what they are drawn from, and their number.
+    salt : str
+        What the host of a competition adds after the files are fixed, so that trying many files gains nothing.
+    """
+    drawn = (
+        hashlib.sha256(json.dumps([protocol.version, salt, digest, number]).encode()).digest()
+        for number in range(protocol.specimens)
+    )
+    return [ENTRY_SEEDS[int.from_bytes(one[:8]) % len(ENTRY_SEEDS)] for one in drawn]
+
+
+FORMAT = 2
 """Version of the file."""
 CHOICES = ("control_hz", "angle_mode", "fixed_angle_deg")
 """Keyword arguments of the environment that a policy may choose; all others are the protocol's."""
@@ -224,14 +314,27 @@ class SubmittedRun:
 
 @dataclass(frozen=True)
 class Submission:
-    """An entry: policy, author, link to its code, date, and its runs on the specimens of a protocol."""
+    """An entry: policy, author, link to its code, date, kind, and its runs on the specimens drawn from its digest."""
 
     policy: str
     author: str
     code: str
     date: str
+    kind: str
+    digest: str
+    salt: str
     protocol: Protocol
     runs: tuple[SubmittedRun, ...]
+
+    @property
+    def seeds(self) -> list[int]:
+        """Seeds of the specimens."""
+        return entry_seeds(self.digest, self.protocol, self.salt)
+
+
+def _begin(policy: ArrayPolicy, count: int) -> None:
+    """Begin cuts with random numbers that do not tell the specimens' seeds, as those of an evaluation would."""
+    policy.begin([np.random.default_rng(place) for place in range(count)])
 
 
 class _Recorded(ArrayPolicy):
@@ -242,7 +345,7 @@ class _Recorded(ArrayPolicy):
         self.actions: list[Array32] = []
 
     def begin(self, rngs: Sequence[np.random.Generator]) -> None:
-        self._policy.begin(rngs)
+        _begin(self._policy, len(rngs))
 
     def forget(self, cuts: Indices) -> None:
         self._policy.forget(cuts)
@@ -252,21 +355,37 @@ class _Recorded(ArrayPolicy):
         return self.actions[-1]
 
 
-class _Repeated(ArrayPolicy):
-    """Actions as recorded, the last one of a cut for ever."""
+_ALIKE = 1e-3
+"""Difference of actions that another machine may make, whose sums of float32 round otherwise."""
 
-    def __init__(self, actions: Sequence[np.ndarray]) -> None:
-        self._actions, self._decision = actions, -1
+
+class _Repeated(ArrayPolicy):
+    """Actions as recorded, the last one of a cut for ever; beside them a policy that should have taken them, if any.
+
+    ``apart`` is the first cut in which it would have acted otherwise, with the decision.
+    """
+
+    def __init__(self, actions: Sequence[np.ndarray], policy: ArrayPolicy | None) -> None:
+        self._actions, self._policy, self._decision = actions, policy, -1
+        self.apart: tuple[int, int] | None = None
 
     def begin(self, rngs: Sequence[np.random.Generator]) -> None:
         self._decision = -1
+        if self._policy is not None:
+            _begin(self._policy, len(rngs))
 
     def forget(self, cuts: Indices) -> None:
         raise NotImplementedError("a recorded cut does not begin again")
 
     def act(self, observations: Array32) -> Array32:
         self._decision += 1
-        return np.stack([own[min(self._decision, len(own) - 1)] for own in self._actions])
+        told = np.stack([own[min(self._decision, len(own) - 1)] for own in self._actions])
+        if self._policy is not None and self.apart is None:
+            going = self._decision < np.array([len(own) for own in self._actions])
+            other = ~(np.abs(self._policy.act(observations) - told) <= _ALIKE).all(axis=1) & going
+            if other.any():
+                self.apart = int(np.argmax(other)), self._decision + 1
+        return told
 
 
 def _cut(
@@ -280,9 +399,13 @@ def _cut(
 
 
 def submitted_run(
-    one: Contestant, after: Mapping[str, float | None], protocol: Protocol, finished: Finished = lambda count: None
+    one: Contestant,
+    after: Mapping[str, float | None],
+    protocol: Protocol,
+    seeds: Sequence[int],
+    finished: Finished = lambda count: None,
 ) -> SubmittedRun:
-    """Let a policy cut the specimens of the headline, and keep its actions.
+    """Let a policy cut the specimens of an entry, and keep its actions.
 
     Raises
     ------
@@ -295,32 +418,51 @@ def submitted_run(
     _check_arguments(one.arguments)
     returns: list[float] = []
     actions: list[np.ndarray] = []
-    for first in range(0, protocol.specimens, _BATCH):
-        seeds, kept = protocol.test_seeds[first : first + _BATCH], _Recorded(policy)
-        rows, decisions = _cut(kept, seeds, one.arguments, protocol, finished)
+    for first in range(0, len(seeds), _BATCH):
+        kept = _Recorded(policy)
+        rows, decisions = _cut(kept, seeds[first : first + _BATCH], one.arguments, protocol, finished)
         whole = np.stack(kept.actions, axis=1)
         returns += [row["return"] for row in rows]
         actions += [whole[n, :count] for n, count in enumerate(decisions)]
     return SubmittedRun(dict(one.arguments), tuple(returns), tuple(actions), dict(after))
 
 
-def replayed(entry: Submission, finished: Finished = lambda count: None) -> list[list[dict[str, Any]]]:
+def replayed(
+    entry: Submission, policies: Sequence[Contestant] = (), finished: Finished = lambda count: None
+) -> list[list[dict[str, Any]]]:
     """Repeat every cut from its seed and actions; return the scores, by run.
+
+    Parameters
+    ----------
+    entry : Submission
+        The entry.
+    policies : sequence of Contestant
+        Its policies, one for each run, which must act as the file says; none: that is not checked.
+    finished : callable
+        Called with the number of cuts that have ended with a decision.
 
     Raises
     ------
     ValueError
-        If a return differs in its last bit, or a cut takes another number of decisions; names the cut.
+        If a return differs in its last bit, a cut takes another number of decisions, or a policy acts otherwise; names
+        the cut.
     """
-    repeated = []
+    repeated, seeds = [], entry.seeds
+    if policies and len(policies) != len(entry.runs):
+        raise ValueError(f"the file holds {len(entry.runs)} runs, and {len(policies)} policies are given. Refused.")
     for number, run in enumerate(entry.runs, 1):
         rows: list[dict[str, Any]] = []
+        policy = as_array_policy(policies[number - 1].policy) if policies else None
+        if policies and dict(policies[number - 1].arguments) != dict(run.arguments):
+            raise ValueError(
+                f"run {number}: the policy wants {dict(policies[number - 1].arguments)}, but the file says "
+                f"{dict(run.arguments)}. Refused."
+            )
         for first in range(0, len(run.returns), _BATCH):
             part = slice(first, first + _BATCH)
             actions = run.actions[part]
-            found, decisions = _cut(
-                _Repeated(actions), entry.protocol.test_seeds[part], run.arguments, entry.protocol, finished
-            )
+            again = _Repeated(actions, policy)
+            found, decisions = _cut(again, seeds[part], run.arguments, entry.protocol, finished)
             for row, count, own, told in zip(found, decisions, actions, run.returns[part], strict=True):
                 cut = f"run {number}, specimen {row['seed']}"
                 if count != len(own):
@@ -330,6 +472,12 @@ def replayed(entry: Submission, finished: Finished = lambda count: None) -> list
                         f"{cut}: its replay returns {row['return']!r}, but the file says {told!r}. Refused. "
                         f"The file was altered, or made by another version than cutenv {cutenv.__version__}."
                     )
+            if again.apart is not None:
+                cut_number, decision = again.apart
+                raise ValueError(
+                    f"run {number}, specimen {seeds[first + cut_number]}: the policy's action {decision} is not the "
+                    "file's. Refused. Give the policies that were submitted, in the same order."
+                )
             rows += found
         repeated.append(rows)
     return repeated
@@ -358,7 +506,8 @@ def write_submission(path: Path, entry: Submission) -> None:
         part.write_text(json.dumps(content) + "\n", encoding="utf-8")
 
 
-_TEXTS = ("policy", "author", "code", "date")
+_TEXTS = ("policy", "author", "code", "date", "kind", "digest", "salt")
+_MAY_BE_EMPTY = ("code", "salt")
 _LONGEST = 200
 
 
@@ -381,9 +530,14 @@ def read_submission(path: Path, protocols: Sequence[Protocol] = (Protocol(), QUI
         protocol = _protocol(content, protocols)
         texts = {name: content[name] for name in _TEXTS}
         for name, text in texts.items():
-            check_text(name, text, empty=name == "code")
+            check_text(name, text, empty=name in _MAY_BE_EMPTY)
         datetime.date.fromisoformat(texts["date"])
-        runs = tuple(_read_run(run, number, protocol) for number, run in enumerate(content["runs"], 1))
+        if texts["kind"] not in KINDS:
+            raise ValueError(f"kind is {texts['kind']!r}, not one of {', '.join(KINDS)}")
+        if not re.fullmatch("[0-9a-f]{64}", texts["digest"]):
+            raise ValueError(f"digest is {texts['digest']!r}, not 64 hexadecimal digits")
+        seeds = entry_seeds(texts["digest"], protocol, texts["salt"])
+        runs = tuple(_read_run(run, number, seeds) for number, run in enumerate(content["runs"], 1))
     except json.JSONDecodeError as error:
         raise ValueError(f"{path}: it is not whole, or no JSON: {error}. {_AGAIN}") from None
     except KeyError as error:
@@ -415,11 +569,11 @@ def _protocol(content: Mapping[str, Any], protocols: Sequence[Protocol]) -> Prot
     raise ValueError(f"it was made for protocol {content['protocol']} of {content['environment']}, not for {known}")
 
 
-def _read_run(run: Mapping[str, Any], number: int, protocol: Protocol) -> SubmittedRun:
+def _read_run(run: Mapping[str, Any], number: int, seeds: Sequence[int]) -> SubmittedRun:
     arguments, returns, decisions = run["environment_arguments"], run["returns"], run["decisions"]
     _check_arguments(arguments)
-    if not len(returns) == len(decisions) == protocol.specimens:
-        raise ValueError(f"run {number} holds {len(returns)} cuts, not the {protocol.specimens} of the protocol")
+    if not len(returns) == len(decisions) == len(seeds):
+        raise ValueError(f"run {number} holds {len(returns)} cuts, not the {len(seeds)} of the protocol")
     if not all(isinstance(count, int) and count > 0 for count in decisions):
         raise ValueError(f"run {number}: decisions are not all whole numbers above 0")
     whole = _unpacked(run["actions"], number)
@@ -428,9 +582,7 @@ def _read_run(run: Mapping[str, Any], number: int, protocol: Protocol) -> Submit
     bad = np.flatnonzero(~(np.abs(whole) <= 1.0).all(axis=1))
     if len(bad):
         cut = int(np.searchsorted(np.cumsum(decisions), bad[0], side="right"))
-        raise ValueError(
-            f"run {number}, specimen {protocol.test_seeds[cut]}: action {whole[bad[0]]} is outside [-1, 1]"
-        )
+        raise ValueError(f"run {number}, specimen {seeds[cut]}: action {whole[bad[0]]} is outside [-1, 1]")
     actions = tuple(np.split(whole, np.cumsum(decisions)[:-1]))
     return SubmittedRun(arguments, tuple(map(float, returns)), actions, run["returns_after_cuts"])
 

@@ -16,3 +16,5 @@ VALIDATION_SEEDS = range(1_000_000, 2_000_000)
 """Seeds of the specimens on which checkpoints and settings are compared."""
 TEST_SEEDS = range(2_000_000, 3_000_000)
 """Seeds of the held-out specimens; a specimen depends on seed and episode, so these are disjoint from the others."""
+ENTRY_SEEDS = range(2**32, 2**63)
+"""Seeds of the specimens of entries on the leaderboard, drawn for each entry: too many to be solved beforehand."""

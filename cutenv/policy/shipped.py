@@ -83,7 +83,11 @@ def shipped(name: str) -> TrainedPolicy:
     ModuleNotFoundError
         If safetensors is not installed.
     """
-    return TrainedPolicy.load(resources.path(f"{_FOLDER}/{one_of('policy', name, SHIPPED)}"))
+    return TrainedPolicy.load(_shipped_folder(one_of("policy", name, SHIPPED)))
+
+
+def _shipped_folder(name: str) -> Path:
+    return resources.path(f"{_FOLDER}/{name}")
 
 
 def policy_folder(name: str | Path) -> Path:
@@ -92,11 +96,19 @@ def policy_folder(name: str | Path) -> Path:
     return inside if (inside / CARD).is_file() else Path(name)
 
 
+def named_folder(name: str | Path) -> Path | None:
+    """Return the folder of the policy that :func:`named_policy` loads; None if there is none."""
+    if name in SHIPPED:
+        return _shipped_folder(str(name))
+    return policy_folder(name) if Path(name).is_dir() else None
+
+
 def policy_of_class(name: str) -> Policy | None:
     """Make a policy of a user's own class, named ``MODULE:CLASS``; None if the name has not that form.
 
     The module is one in the present folder or an installed one. The class may tell in ``environment_arguments`` with
-    which keywords its environment is made, such as ``{"control_hz": 10}``.
+    which keywords its environment is made, such as ``{"control_hz": 10}``, and in ``files`` which files it reads,
+    relative to the present folder: they are part of an entry on the leaderboard.
 
     Raises
     ------
@@ -127,14 +139,13 @@ def named_policy(name: str | Path) -> TrainedPolicy:
     ModuleNotFoundError
         If safetensors is not installed.
     """
-    if name in SHIPPED:
-        return shipped(str(name))
-    if not Path(name).is_dir():
+    folder = named_folder(name)
+    if folder is None:
         raise ValueError(
             f"policy {str(name)!r} is neither shipped ({', '.join(SHIPPED)}) nor the folder of one. "
             "Give such a name, or the folder that holds its card.json."
         )
-    return TrainedPolicy.load(policy_folder(name))
+    return TrainedPolicy.load(folder)
 
 
 def gentle_policy(name: str | Path) -> TrainedPolicy:

@@ -62,10 +62,11 @@ def summary(every: Mapping[str, Sequence[KeptRun]], protocol: Protocol) -> list[
     if protocol.script not in every:
         raise SystemExit(f"there are no cuts of {protocol.script!r}; cut them: --only {protocol.script!r}")
     headline = protocol.training_class
-    script = every[protocol.script][0].by_class[headline]
+    of_all = every[protocol.script][0].by_class[headline]
     lines: list[Line] = []
     for name, runs in every.items():
         cuts = [run.by_class[headline] for run in runs]
+        script = runs[0].by_class.get(protocol.script, of_all)  # an entry has specimens of its own
         for column, interval in standing(cuts, script, protocol).items():
             score = f"{column.score} minus {protocol.script}" if column.paired else column.score
             if name != protocol.script or not column.paired:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import gzip
+import hashlib
 import io
 import json
 from collections.abc import Mapping, Sequence
@@ -13,7 +14,7 @@ from typing import Any
 
 from benchmark.protocol import slug
 from cutenv._base.output import atomic_write
-from cutenv.learning.benchmark import Protocol
+from cutenv.learning.benchmark import Protocol, entry_seeds
 
 Row = dict[str, str]
 
@@ -34,9 +35,11 @@ class KeptRun:
     ----------
     facts : dict
         ``contestant``, ``training_seed`` (None: a script), ``author``, ``date``, ``code``; of a training run also
-        ``training_minutes``, ``training_decisions`` and ``returns_after_cuts``.
+        ``training_minutes``, ``training_decisions``, ``returns_after_cuts`` and ``kept_its_start``; of an entry
+        ``kind``, and ``digest`` and ``salt`` that its specimens are drawn from.
     by_class : dict of str to list of Row
-        Cuts of each class of specimens, in the order of their seeds.
+        Cuts of each class of specimens, in the order of their seeds; with an entry also, by the name of the protocol's
+        script, those that this made of the entry's specimens.
     """
 
     facts: dict[str, Any]
@@ -78,8 +81,10 @@ def read_run(path: Path, protocol: Protocol) -> KeptRun:
             by_class.setdefault(row["class"], []).append(row)
     except (OSError, EOFError, ValueError, KeyError) as error:
         raise SystemExit(f"{path} is damaged ({error}); delete it, and cut again.") from None
+    own = "digest" in facts
+    seeds = entry_seeds(facts["digest"], protocol, facts["salt"]) if own else list(protocol.test_seeds)
     for kind, rows in by_class.items():
-        if [int(row["seed"]) for row in rows] != list(protocol.test_seeds):
+        if [int(row["seed"]) for row in rows] != seeds:
             raise SystemExit(f"{path} holds other specimens of class {kind} than the protocol; cut them again.")
     return KeptRun(facts, by_class)
 
@@ -110,10 +115,10 @@ def merge_cuts(source: Path, target: Path, *, replace: bool) -> int:
 
 
 def read_facts(folder: Path) -> dict[str, list[dict[str, Any]]]:
-    """Return the facts of the runs of every contestant, without reading their cuts."""
+    """Return the facts of the runs of every contestant, and the digest of their ``cuts``: equal cuts, equal digests."""
     found: dict[str, list[dict[str, Any]]] = {}
     for path in sorted((folder / "cuts").glob("*.csv.gz")):
-        with gzip.open(path, "rt", encoding="utf-8") as file:
-            facts = json.loads(file.readline().removeprefix("# "))
-        found.setdefault(facts["contestant"], []).append(facts)
+        first, _, rest = gzip.decompress(path.read_bytes()).partition(b"\n")
+        facts = json.loads(first.decode().removeprefix("# "))
+        found.setdefault(facts["contestant"], []).append({**facts, "cuts": hashlib.sha256(rest).hexdigest()})
     return found

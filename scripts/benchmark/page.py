@@ -3,19 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from benchmark.protocol import ENTRIES
+from benchmark.protocol import SCRIPTED
+from benchmark.summary import BOUND, IDLE, Table
 from cutenv.report.page import write_page
 from cutenv.report.training_result import Bar, returns_figure
-
-if TYPE_CHECKING:
-    from benchmark.summary import Table
-
-_ROLES = {
-    "learned": "agent", "ablation": "agent", "submitted": "agent", "best script": "script",
-    "upper bound: sees hidden state": "bound",
-}  # fmt: skip
 
 
 def write_page_of(path: Path, standings: Table, about: str) -> None:
@@ -25,6 +17,7 @@ def write_page_of(path: Path, standings: Table, about: str) -> None:
     kind, word = ("good", "An agent beats the best script") if won else ("bad", "No agent beats the best script")
     if not verdicts:
         kind, word = "open", "No agent has been trained"
+    by_return = [name for name in standings.contestants if name in standings.rows]
     write_page(
         path,
         Path(__file__).with_name("leaderboard.html"),
@@ -33,8 +26,8 @@ def write_page_of(path: Path, standings: Table, about: str) -> None:
         kind=kind,
         word=word,
         verdicts=verdicts,
-        entries=ENTRIES,
-        bars=[bar for bar in (_bar(standings, name) for name in standings.contestants) if bar is not None],
+        scripted=SCRIPTED,
+        bars=[bar for bar in (_bar(standings, name) for name in by_return) if bar is not None],
         returns_figure=returns_figure,
     )
 
@@ -42,9 +35,10 @@ def write_page_of(path: Path, standings: Table, about: str) -> None:
 def _bar(standings: Table, name: str) -> Bar | None:
     """Return the difference from the best script; None for an idle policy, whose distance would hide all others."""
     kind = standings.kind(name)
-    if kind == "idle":
+    if kind == IDLE:
         return None
-    role = _ROLES.get(kind, "other")
+    of_others = "script" if name == standings.protocol.script else "bound" if kind == BOUND else "other"
+    role = of_others if name in SCRIPTED else "agent"
     line = standings.difference(name, standings.protocol.script)
     found = (0.0, 0.0, 0.0) if line is None else (line.interval.value, line.interval.low, line.interval.high)
-    return Bar(name, role, *found)
+    return Bar(standings.named(name), role, *found)

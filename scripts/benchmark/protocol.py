@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from cutenv._base.output import atomic_write
-from cutenv.learning.benchmark import Protocol
+from cutenv.commands.train import training_options
+from cutenv.learning.benchmark import Protocol, kind_of
 from cutenv.policy import NULL_POLICIES, ORACLE, SCRIPTS
 
 BEST_FEED = "best constant feed"
@@ -37,6 +38,11 @@ class Entry:
     def training_seeds(self, protocol: Protocol) -> range:
         """Return the seeds of the training runs; they have no specimens in common."""
         return range(min(self.seeds, protocol.most_seeds))
+
+    @property
+    def kind(self) -> str:
+        """Kind of the agent, by the options with which every run of it is trained."""
+        return kind_of(dataclasses.asdict(training_options(self.learner, self.arguments)))
 
 
 _ENTRIES = (

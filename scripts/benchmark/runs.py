@@ -9,7 +9,7 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -20,7 +20,7 @@ from benchmark.kept_cuts import file_of, write_run
 from benchmark.protocol import BEST_FEED, ENTRIES, SCRIPTED, Entry, slug
 from benchmark.robustness import settings
 from cutenv.commands.train import LEARNERS, training_options
-from cutenv.learning.benchmark import Protocol, returns_after
+from cutenv.learning.benchmark import SCRATCH, Protocol, kind_of, returns_after
 from cutenv.learning.evaluation import Contestant, contestant, evaluate
 from cutenv.learning.run_folder import checkpoint_of, git, marked
 from cutenv.learning.seeds import VALIDATION_SEEDS
@@ -257,7 +257,14 @@ class Benchmark:
             "training_minutes": run["training_minutes"],
             "training_decisions": run["arguments"]["demonstrations"] + tried,
             "returns_after_cuts": returns_after(curve),
+            "kept_its_start": run["agent"] not in OFFLINE and self._kept_its_start(part, run["arguments"]),
         }
+
+    def _kept_its_start(self, part: Part, options: Mapping[str, Any]) -> bool:
+        """Return True if validation kept an actor that had not yet begun to learn by trial, as Progress lets it."""
+        card = json.loads((self.run_of(part) / "policy" / "card.json").read_text())
+        held = 0.0 if kind_of(options) == SCRATCH else options["critic_first"] * options["timesteps"]
+        return bool(card["training"]["decisions"] <= held)
 
     def sweep(self, pool: Executor) -> None:
         """Evaluate the remaining participants with other constants."""

@@ -7,13 +7,24 @@ from typing import Any
 
 from benchmark.aggregate import AFTER, ALL, UNCHANGED, Line, verdict
 from benchmark.protocol import ENTRIES, FEWEST_SEEDS, REFERENCE, SCRIPTED
-from cutenv.learning.benchmark import CUT_MARKS, IQM, MEAN, TABLE_COLUMNS, Protocol, TableColumn, shown
+from cutenv.learning.benchmark import (
+    CUT_MARKS,
+    IQM,
+    KINDS,
+    MEAN,
+    SCRIPT,
+    TABLE_COLUMNS,
+    Protocol,
+    TableColumn,
+    shown,
+)
 from cutenv.policy import NULL_POLICIES, ORACLE
 
 Heading, Rows = list[str], list[list[str]]
-SUBMITTED = "submitted"
 BOUND, IDLE = "upper bound: sees hidden state", "idle"
+_ORDER = (*KINDS, BOUND, IDLE)
 _OUT_OF_COMPETITION = (BOUND, IDLE)
+AS_BEGUN = "no better than its start"
 _NOTHING = "–"
 
 
@@ -30,6 +41,13 @@ class Table:
         Rows of sweeps.csv.
     facts : mapping
         Facts of each contestant's runs.
+
+    Attributes
+    ----------
+    contestants : list of str
+        All of them, the best return first.
+    rows : list of str
+        Those who have a row, by kind and then by return: of several whose cuts are equal, the first.
     """
 
     def __init__(
@@ -46,6 +64,13 @@ class Table:
             {line.contestant for line in lines},
             key=lambda name: (-self._by_key[name, self.headline, "return", IQM].interval.value, name),
         )
+        self._equals: dict[Any, list[str]] = {}
+        for name in self.contestants:
+            cuts = sorted((str(own["training_seed"]), own["cuts"]) for own in facts.get(name, ()))
+            self._equals.setdefault(tuple(cuts) or name, []).append(name)
+        self._equal_to = {name: names for names in self._equals.values() for name in names}
+        self.rows = [name for name in self.contestants if self._equal_to[name][0] == name]
+        self.rows.sort(key=lambda name: _ORDER.index(self.kind(name)))
         self.columns = [column for column in TABLE_COLUMNS if any(self._of(name, column) for name in self.contestants)]
 
     def line(self, name: str, kind: str, score: str, statistic: str = IQM) -> Line | None:
@@ -64,20 +89,32 @@ class Table:
     def kind(self, name: str) -> str:
         """Return the kind of a contestant."""
         if name in ENTRIES:
-            return "ablation" if ENTRIES[name].change else "learned"
-        if name == self.protocol.script:
-            return "best script"
+            return ENTRIES[name].kind
         if name not in SCRIPTED:
-            return SUBMITTED
-        return BOUND if name == ORACLE else IDLE if name in NULL_POLICIES else "script"
+            return str(self.facts[name][0]["kind"])
+        return BOUND if name == ORACLE else IDLE if name in NULL_POLICIES else SCRIPT
+
+    def named(self, name: str) -> str:
+        """Return the names of all whose cuts are this contestant's."""
+        return ", ".join(self._equal_to[name])
+
+    def as_begun(self, name: str) -> bool:
+        """Return True if validation threw all training away.
+
+        It is recorded of newer runs.  Else it shows where two learners cut equally to the last digit: they have nothing
+        in common but the clone of the demonstrations from which both begin.
+        """
+        trained = [other for other in self._equal_to[name] if other in ENTRIES]
+        recorded = [own.get("kept_its_start", False) for own in self.facts.get(name, ())]
+        return len(trained) > 1 or (name in ENTRIES and bool(recorded) and all(recorded))
 
     def difference(self, name: str, other: str, score: str = "return") -> Line | None:
         """Return a paired difference on the headline's specimens."""
         return self.line(name, self.headline, f"{score} minus {other}", MEAN)
 
     def competitors(self) -> list[str]:
-        """Return those who have a rank, the best first."""
-        return [name for name in self.contestants if self.kind(name) not in _OUT_OF_COMPETITION]
+        """Return those who have a rank, by kind, the best of each first."""
+        return [name for name in self.rows if self.kind(name) not in _OUT_OF_COMPETITION and not self.as_begun(name)]
 
     def not_yet_run(self) -> list[str]:
         """Return the agents that take part, but of which no seed is done."""
@@ -92,26 +129,28 @@ class Table:
         return f"{done}" if done >= wanted else f"{done} of {wanted}{' *' if done else ''}"
 
     def main(self) -> tuple[Heading, Rows]:
-        """Return heading and rows of the main table, the best return first."""
-        ranks = {name: f"{rank}" for rank, name in enumerate(self.competitors(), 1)}
+        """Return heading and rows of the main table, by kind, the best return first; each kind has its ranks."""
+        each = [[name for name in self.competitors() if self.kind(name) == kind] for kind in KINDS]
+        ranks = {name: f"{rank}" for own in each for rank, name in enumerate(own, 1)}
         heading = ["rank", "policy", "kind", "seeds", *(self._heading(column) for column in self.columns)]
         rows = [
-            [ranks.get(name, _NOTHING), name, self.kind(name), self.seeds(name), *map(self._cell(name), self.columns)]
-            for name in self.contestants
+            [ranks.get(name, _NOTHING), self.named(name), self._shown_kind(name), self.seeds(name)]
+            + [self._cell(name, column) for column in self.columns]
+            for name in self.rows
         ]
         empty = [_NOTHING] * len(self.columns)
         for name in self.not_yet_run():
             rows.append([_NOTHING, name, f"{self.kind(name)}, not yet run", self.seeds(name), *empty])
         return heading, rows
 
+    def _shown_kind(self, name: str) -> str:
+        return f"{self.kind(name)}; {AS_BEGUN}" if self.as_begun(name) else self.kind(name)
+
     def _heading(self, column: TableColumn) -> str:
         return f"{column.score} minus {self.protocol.script}" if column.paired else column.heading
 
-    def _cell(self, name: str) -> Any:
-        def cell(column: TableColumn) -> str:
-            return self.shown(self._of(name, column), column.factor, column.digits, "+" if column.paired else "")
-
-        return cell
+    def _cell(self, name: str, column: TableColumn) -> str:
+        return self.shown(self._of(name, column), column.factor, column.digits, "+" if column.paired else "")
 
     def origins(self) -> tuple[Heading, Rows]:
         """Return a table of authors, dates and code, and of the return after numbers of cuts consumed."""
@@ -131,19 +170,22 @@ class Table:
     def verdicts(self) -> list[str]:
         """Return one sentence about every agent, learned here or submitted."""
         sentences = []
-        for name in self.competitors():
+        for name in self.rows:
             found = self.difference(name, self.protocol.script)
             if name not in SCRIPTED and found is not None:
                 by = self.shown(found, digits=3, sign="+")
-                sentences.append(f"{name} against {self.protocol.script}: {verdict(found.interval)} ({by}).")
+                as_begun = f"{AS_BEGUN}, which " if self.as_begun(name) else ""
+                sentences.append(
+                    f"{self.named(name)} against {self.protocol.script}: {as_begun}{verdict(found.interval)} ({by})."
+                )
         return sentences
 
     def classes(self) -> tuple[Heading, Rows]:
         """Return a table of the return on every class of specimens."""
         kinds = [*self.protocol.classes, ALL]
         rows = [
-            [name, *(self.shown(self.line(name, kind, "return"), digits=3) for kind in kinds)]
-            for name in self.contestants
+            [self.named(name), *(self.shown(self.line(name, kind, "return"), digits=3) for kind in kinds)]
+            for name in self.rows
         ]
         return ["policy", *kinds], rows
 

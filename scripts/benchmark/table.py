@@ -9,7 +9,7 @@ from benchmark.aggregate import ALL, read_summary, summary, sweep_lines
 from benchmark.kept_cuts import merge_cuts, read_facts, read_runs, write_run
 from benchmark.page import write_page_of
 from benchmark.protocol import ENTRIES, SCRIPTED, keep_protocol, kept_protocol, slug
-from benchmark.summary import Table
+from benchmark.summary import AS_BEGUN, Table
 from cutenv.commands.submit import checked
 from cutenv.learning.benchmark import Protocol
 from cutenv.learning.statistics import rows_of, write_csv
@@ -47,14 +47,24 @@ def about(table: Table) -> str:
     learned = [name for name in table.contestants if name not in SCRIPTED]
     sentences = [
         f"Protocol {p.version} of {p.environment}: {p.specimens} held-out specimens of class {p.training_class}. "
-        "Interquartile means (IQM) with 95 % stratified bootstrap intervals over training runs and specimens; success, "
-        "cost and overshoot are means. Differences are means, paired by specimen.",
+        "Interquartile means (IQM) with 95 % stratified bootstrap intervals, whose resamples draw training seeds and, "
+        "crossed with them, specimens; success, cost and overshoot are means. Differences are means, paired by "
+        "specimen. Each kind has ranks of its own. Policies that made the same cuts to the last digit are one row.",
         f"'{ALL}' averages the pure classes (uniform, liver, vascular).",
     ]
     if learned:
         sentences.append(
             "The return after a number of cuts is the best one by then on validation specimens, with the least and the "
             "greatest of the runs; demonstrations count as cuts, and a dash stands where nothing was learned by then."
+        )
+    if any(table.as_begun(name) for name in learned):
+        sentences.append(
+            f"An agent whose validation threw all of its training by trial away is '{AS_BEGUN}' and has no rank."
+        )
+    if any("digest" in own for name in learned for own in table.facts.get(name, ())):
+        sentences.append(
+            "Entries by others cut specimens that are drawn from their own files, and so does the script that they are "
+            "compared with."
         )
     if any(table.seeds(name).endswith("*") for name in learned):
         sentences.append("A star marks rows with fewer training runs than the protocol wants.")
@@ -106,8 +116,8 @@ def publish(folder: Path, to: Path = PUBLISHED) -> None:
     summarise_cuts(to, protocol)
 
 
-def add_submission(path: Path, to: Path = PUBLISHED) -> None:
-    """Repeat every cut of a submission, and add it to the published comparison.
+def add_submission(path: Path, to: Path = PUBLISHED, policies: Sequence[str] = ()) -> None:
+    """Repeat every cut of a submission, by its policies if they are given, and add it to the published comparison.
 
     Raises
     ------
@@ -115,7 +125,7 @@ def add_submission(path: Path, to: Path = PUBLISHED) -> None:
         If it is damaged, a return differs, or it is no entry; names what is wrong.
     """
     protocol = kept_protocol(to)
-    entry, runs = checked(path)
+    entry, runs, script = checked(path, policies)
     if entry.protocol != protocol:
         raise ValueError(f"{path} is of protocol {entry.protocol.version}, not {protocol.version}: it is no entry.")
     taken = {slug(name) for name in (*ENTRIES, *SCRIPTED, *read_facts(to))}
@@ -123,6 +133,8 @@ def add_submission(path: Path, to: Path = PUBLISHED) -> None:
         raise ValueError(f"{path}: the name {entry.policy!r} is taken; submit it with another --name.")
     for number, (rows, run) in enumerate(zip(runs, entry.runs, strict=True)):
         facts = {"contestant": entry.policy, "training_seed": number, "author": entry.author, "date": entry.date}
-        facts |= {"code": entry.code or "–", "returns_after_cuts": dict(run.after)}
-        write_run(to, facts, {protocol.training_class: rows}, protocol.training_class)
+        facts |= {"code": entry.code or "–", "returns_after_cuts": dict(run.after), "kind": entry.kind}
+        facts |= {"digest": entry.digest, "salt": entry.salt}
+        cuts = {protocol.training_class: rows} | ({} if number else {protocol.script: script})
+        write_run(to, facts, cuts, protocol.training_class)
     summarise_cuts(to, protocol)

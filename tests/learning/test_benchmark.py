@@ -25,6 +25,7 @@ from benchmark.table import (
     markdown,
     publish,
     read_table,
+    summarise_cuts,
     write_leaderboard,
     write_tables,
 )
@@ -33,8 +34,17 @@ from cutenv._base.validation import parameter_table
 from cutenv.commands.train import LEARNERS, training_options
 from cutenv.learning import benchmark
 from cutenv.learning.arguments import PPOArguments
-from cutenv.learning.benchmark import QUICK, Protocol, Submission, submitted_run, write_submission
-from cutenv.learning.evaluation import contestant, workers
+from cutenv.learning.benchmark import (
+    QUICK,
+    Protocol,
+    Submission,
+    entry_digest,
+    entry_files,
+    entry_seeds,
+    submitted_run,
+    write_submission,
+)
+from cutenv.learning.evaluation import contestant, evaluate, workers
 from cutenv.learning.seeds import ENVIRONMENT, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
 from cutenv.learning.statistics import Interval
 from cutenv.policy import Features, Network, save_policy
@@ -59,7 +69,7 @@ def pretend_trained(runs: Path, name: str, seed: int, protocol: Protocol = TINY)
         environment=ENVIRONMENT,
         environment_arguments={"control_hz": 10},
         features=features,
-        training={"decisions": 1000},
+        training={"decisions": 2_000_000},
     )
     curve = "decisions,cuts,seconds,validation_return\n1000,90,1.0,0.1\n2000,900,2.0,0.3\n"
     (where / "learning_curve.csv").write_text(curve)
@@ -172,14 +182,15 @@ def test_an_idle_policy_is_in_the_table_but_not_in_the_plot_and_has_no_rank(comp
     assert "nothing " not in plot
     ranks = {row[1]: row[0] for row in table.main()[1]}
     assert ranks["nothing"] == "–"
-    assert sorted(ranks[name] for name in NAMES[:3]) == ["1", "2", "3"]
+    assert sorted(ranks[name] for name in NAMES[:2]) == ["1", "2"]
+    assert ranks["return stroke"] == "1"  # among scripts
 
 
 def test_the_cost_of_training_counts_all_that_was_tried_and_shown(compared):
     table = read_table(compared)
     decisions = table.line("PPO", "", "training_decisions", "mean")
     assert decisions is not None
-    assert decisions.interval == Interval(2300.0, 2300.0, 2300.0)  # of which the policy that was kept saw 1000
+    assert decisions.interval == Interval(2300.0, 2300.0, 2300.0)
     heading, rows = table.origins()
     (row,) = (row for row in rows if row[0] == "PPO")
     told = dict(zip(heading, row, strict=True))
@@ -231,12 +242,15 @@ def test_a_submission_becomes_a_row_unless_it_is_damaged_or_its_name_is_taken(co
     monkeypatch.setattr(benchmark.read_submission, "__defaults__", ((TINY, QUICK),))
     published, file = tmp_path / "published", tmp_path / "submission.json"
     publish(compared, published)
-    run = submitted_run(contestant("ppo-free"), {"100": 0.25}, TINY)
-    write_submission(file, Submission("theirs", "A. Name", "https://example.org", "2026-11-23", TINY, (run,)))
-    add_submission(file, published)
+    kind, digest = "with demonstrations", entry_digest([entry_files("ppo-free")])
+    seeds = entry_seeds(digest, TINY)
+    run = submitted_run(contestant("ppo-free"), {"100": 0.25}, TINY, seeds)
+    entry = Submission("theirs", "A. Name", "https://example.org", "2026-11-23", kind, digest, "", TINY, (run,))
+    write_submission(file, entry)
+    add_submission(file, published, ["ppo-free"])
     assert "every return of 4 cuts repeated" in capsys.readouterr().out
     table = read_table(published)
-    assert table.kind("theirs") == "submitted"
+    assert table.kind("theirs") == kind
     assert table.seeds("theirs") == "1 of 5 *"
     line = table.line("theirs", "mixed", "return", "mean")
     assert line is not None
@@ -244,13 +258,65 @@ def test_a_submission_becomes_a_row_unless_it_is_damaged_or_its_name_is_taken(co
     (row,) = (row for row in table.origins()[1] if row[0] == "theirs")
     assert row[1:4] == ["A. Name", "2026-11-23", "https://example.org"]
     assert any(sentence.startswith("theirs against return stroke") for sentence in table.verdicts())
+    script = evaluate({"it": contestant("return stroke")}, seeds, {"specimen_class": "mixed"}, processes=1)
+    difference = np.mean(run.returns) - np.mean([row["return"] for row in script])  # on the entry's own specimens
+    assert table.difference("theirs", "return stroke").interval.value == pytest.approx(difference, abs=2e-4)
+    assert "Entries by others cut specimens that are drawn from their own files" in markdown(published)
     with pytest.raises(ValueError, match="the name 'theirs' is taken"):
         add_submission(file, published)
     altered = dataclasses.replace(run, returns=(0.9, *run.returns[1:]))
-    write_submission(file, Submission("other", "A. Name", "", "2026-11-23", TINY, (altered,)))
-    with pytest.raises(ValueError, match=f"specimen {TINY.test_seeds[0]}: its replay returns"):
+    write_submission(file, dataclasses.replace(entry, policy="other", runs=(altered,)))
+    with pytest.raises(ValueError, match=f"specimen {seeds[0]}: its replay returns"):
         add_submission(file, published)
     assert "other" not in read_table(published).contestants
+
+
+def renamed(folder: Path, name: str, seed: int, **facts) -> None:
+    """Keep the cuts of PPO's run as those of another agent."""
+    run = read_run(file_of(folder, "PPO", seed), TINY)
+    write_run(folder, {**run.facts, "contestant": name, **facts}, run.by_class, "mixed")
+
+
+def test_agents_that_cut_equally_are_one_row_without_a_rank(compared, tmp_path):
+    publish(compared, tmp_path)
+    for name in ("SAC", "TQC"):
+        for seed in range(2):
+            renamed(tmp_path, name, seed)
+    file_of(tmp_path, "PPO", 0).unlink()  # else it is equal as well
+    summarise_cuts(tmp_path, TINY)
+    (row,) = (row for row in read_table(tmp_path).main()[1] if "SAC" in row[1])
+    assert row[:3] == ["–", "SAC, TQC", "with demonstrations; no better than its start"]
+    text = markdown(tmp_path)
+    assert "- SAC, TQC against return stroke: no better than its start, which does not beat it" in text
+    assert "An agent whose validation threw all of its training by trial away" in text
+    write_leaderboard(tmp_path / "page.html", tmp_path)
+    assert "SAC, TQC" in (tmp_path / "page.html").read_text()
+    file_of(tmp_path, "TQC", 1).unlink()
+    summarise_cuts(tmp_path, TINY)
+    assert {row[1]: row[0] for row in read_table(tmp_path).main()[1]}["SAC"] != "–"  # one seed is not all
+
+
+@pytest.mark.parametrize(("kept", "as_begun"), [((True, True), True), ((True, False), False)])
+def test_an_agent_that_kept_its_start_with_every_seed_has_no_rank(compared, tmp_path, kept, as_begun):
+    publish(compared, tmp_path)
+    for seed in range(2):
+        renamed(tmp_path, "SAC", seed, kept_its_start=kept[seed])
+        file_of(tmp_path, "PPO", seed).unlink()
+    summarise_cuts(tmp_path, TINY)
+    table = read_table(tmp_path)
+    assert table.as_begun("SAC") is as_begun
+    assert ("SAC" not in table.competitors()) is as_begun
+
+
+@pytest.mark.parametrize(("decisions", "kept"), [(400_000, True), (464_000, False)])
+def test_a_policy_from_before_the_actor_learned_is_recorded_as_its_start(tmp_path, decisions, kept):
+    """PPO's critic learns alone for a tenth of four million decisions."""
+    benchmark = Benchmark(tmp_path, TINY, ("PPO",), processes=1)
+    card = pretend_trained(tmp_path / "runs", "PPO", 0) / "policy" / "card.json"
+    content = json.loads(card.read_text())
+    content["training"]["decisions"] = decisions
+    card.write_text(json.dumps(content))
+    assert benchmark.facts(Part("PPO", 0))["kept_its_start"] is kept
 
 
 def test_an_interrupted_training_goes_on_and_one_without_checkpoint_begins_anew(tmp_path):
@@ -324,6 +390,10 @@ def test_seeds_of_training_runs_validation_and_test_are_disjoint():
     assert set(Protocol().test_seeds) <= set(TEST_SEEDS)
     assert not set(Protocol().test_seeds) & set(TEST_SEEDS[: PPOArguments().specimens])  # those that every run prints
     assert len(Protocol().test_seeds) == Protocol().specimens
+
+
+def test_the_held_out_specimens_change_with_the_version():
+    assert Protocol().first_specimen == 10_000 * (int(Protocol().version) - 2)
 
 
 def test_the_table_is_written_again_from_the_cuts_alone(compared):

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import re
+
+import numpy as np
 import pytest
+from scipy.stats import norm
 
 pytest.importorskip("tqdm", reason="the comparison needs an extra: pip install 'cutenv[rl]'")
 
@@ -13,6 +17,7 @@ from benchmark.table import PUBLISHED, read_table
 
 from cutenv.learning.benchmark import Protocol
 from cutenv.learning.evaluation import contestant, evaluate
+from cutenv.learning.statistics import interquartile_mean
 from cutenv.policy import NULL_POLICIES, ORACLE, SCRIPTS
 
 
@@ -66,3 +71,31 @@ def test_scripts_and_agents_are_above_chance_and_idleness(table):
     for name in table.competitors():
         if name != "PPO without force":  # blind: most of its training runs come to little
             assert table.line(name, table.headline, "return").interval.low > idle
+
+
+def test_what_the_best_of_many_entries_gains_is_what_the_page_says():
+    """The best of k draws gains the mean of the largest of k normal numbers, times the standard error."""
+    runs, script = (read_runs(PUBLISHED, Protocol())[name] for name in ("PPO", Protocol().script))
+    own, theirs = (
+        np.array([[float(row["return"]) for row in run.by_class["mixed"]] for run in some])
+        for some in (runs[:5], script)
+    )
+    rng, x = np.random.default_rng(0), np.linspace(-8.0, 8.0, 8001)
+    drawn = [rng.integers(own.shape[1], size=own.shape[1]) for _ in range(500)]
+    errors = (
+        np.std([interquartile_mean(own[:, which].ravel()) for which in drawn]),
+        np.std([own[:, which].mean() for which in drawn]),
+        np.std([own[:, which].mean() - theirs[:, which].mean() for which in drawn]),
+    )
+    factors = [np.trapezoid(x * np.gradient(norm.cdf(x) ** k, x), x) for k in (10, 100, 1000)]
+    page = " ".join((PUBLISHED.parents[1] / "docs" / "results" / "leaderboard.md").read_text().split())
+    assert "{:.2f} times with 10, {:.2f} with 100, {:.2f} with 1000".format(*factors) in page
+    told = re.search(r"100 draws gain (\S+) of the interquartile mean, (\S+) of the mean and (\S+) of the paired", page)
+    assert [float(number) for number in told.groups()] == pytest.approx(np.multiply(errors, factors[1]), abs=1e-3)
+    assert f"{100.0 * (1.0 - 0.975**10):.0f} % (10 draws) or {100.0 * (1.0 - 0.975**100):.0f} % (100)" in page
+
+
+def test_agents_that_kept_the_clone_are_one_row_and_have_no_rank(table):
+    rows = {row[1]: row for row in table.main()[1]}
+    assert rows["SAC, TQC"][0] == "–"
+    assert not {"SAC", "TQC"} & {*rows, *table.competitors()}

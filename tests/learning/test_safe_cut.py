@@ -11,6 +11,7 @@ import pytest
 pytest.importorskip("stable_baselines3", reason="the learner is an extra: pip install 'cutenv[rl]'")
 
 import safe_cut
+from kept_rows import keep, kept_rows
 from ppo_lagrangian import LagrangianArguments, PenalisedVecEnv, train
 
 from cutenv.envs.tracks import COST_BUDGET_MM, PROTOCOL
@@ -48,6 +49,7 @@ def test_the_table_shows_paired_differences_from_the_first(rows):
     costs = {name: np.mean([row["cost_mm"] for row in own]) for name, own in by_policy(rows).items()}
     less = costs["return stroke"] - costs[safe_cut.BUDGET_OF]
     assert f"| {less:+.2f} [" in second
+    assert f"| {costs[safe_cut.BUDGET_OF] - COST_BUDGET_MM:+.2f} [" in first
 
 
 def test_rigs_that_the_track_does_not_have_are_refused():
@@ -92,3 +94,8 @@ def test_a_policy_that_does_not_exist_is_refused_before_any_work(monkeypatch, ca
         safe_cut.main()
     assert ended.value.code == 2
     assert "policy 'nobody' is not known" in capsys.readouterr().err
+
+
+def test_what_is_kept_prints_the_same_table(rows, tmp_path):
+    keep(tmp_path / "rows.csv", rows)
+    assert safe_cut.report(kept_rows(tmp_path / "rows.csv", "safe_cut.py")) == safe_cut.report(rows)

@@ -1,4 +1,4 @@
-"""Submissions: what a file says is repeated to the last bit, and what was changed is refused with the cut's name."""
+"""Submissions: specimens drawn from the entry's files, cuts repeated to the last bit, changed ones refused by name."""
 
 from __future__ import annotations
 
@@ -19,6 +19,11 @@ from cutenv.learning.benchmark import (
     TABLE_COLUMNS,
     Protocol,
     Submission,
+    entry_digest,
+    entry_files,
+    entry_seeds,
+    kind_of,
+    kind_told,
     read_submission,
     replayed,
     returns_after,
@@ -26,20 +31,25 @@ from cutenv.learning.benchmark import (
     submitted_run,
     write_submission,
 )
-from cutenv.learning.evaluation import contestant, evaluate
-from cutenv.policy import ConstantFeed
+from cutenv.learning.evaluation import Contestant, batched_rollout, contestant, evaluate
+from cutenv.learning.seeds import ENTRY_SEEDS, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
+from cutenv.policy import ORACLE, ArrayPolicy, ConstantFeed
 from cutenv.policy.actor_network import Network
 
 FEW = dataclasses.replace(QUICK, specimens=6, sweep_specimens=2, resamples=50)
+DIGEST = entry_digest([entry_files("ppo-free")])
+SEEDS = entry_seeds(DIGEST, FEW)
 
 
 def entry(*runs, protocol=FEW) -> Submission:
-    return Submission("mine", "A. Name", "https://example.org/mine", "2026-11-23", protocol, runs)
+    return Submission(
+        "mine", "A. Name", "https://example.org/mine", "2026-11-23", "with demonstrations", DIGEST, "", protocol, runs
+    )
 
 
 @pytest.fixture(scope="module")
 def shipped():
-    return submitted_run(contestant("ppo-free"), returns_after([]), FEW)
+    return submitted_run(contestant("ppo-free"), returns_after([]), FEW, SEEDS)
 
 
 @pytest.fixture
@@ -57,7 +67,7 @@ def changed(path: Path, change) -> Path:
 
 
 def test_a_submission_says_what_the_evaluation_says_and_its_replay_says_the_same(shipped, written):
-    measured = evaluate({"it": contestant("ppo-free")}, FEW.test_seeds, {"specimen_class": "mixed"}, processes=1)
+    measured = evaluate({"it": contestant("ppo-free")}, SEEDS, {"specimen_class": "mixed"}, processes=1)
     assert list(shipped.returns) == [row["return"] for row in measured]
     read = read_submission(written, [FEW])
     assert read.author == "A. Name"
@@ -70,14 +80,14 @@ def test_a_submission_says_what_the_evaluation_says_and_its_replay_says_the_same
 def test_one_changed_action_is_refused_with_its_cut(shipped):
     actions = [own.copy() for own in shipped.actions]
     actions[4][10, 0] += 0.01
-    with pytest.raises(ValueError, match=f"run 1, specimen {FEW.test_seeds[4]}: .* Refused"):
+    with pytest.raises(ValueError, match=f"run 1, specimen {SEEDS[4]}: .* Refused"):
         replayed(entry(dataclasses.replace(shipped, actions=tuple(actions))))
 
 
 def test_one_changed_bit_of_a_return_is_refused_with_its_cut(shipped):
     returns = list(shipped.returns)
     returns[2] = float(np.nextafter(returns[2], 1.0))
-    with pytest.raises(ValueError, match=f"specimen {FEW.test_seeds[2]}: its replay returns .* Refused"):
+    with pytest.raises(ValueError, match=f"specimen {SEEDS[2]}: its replay returns .* Refused"):
         replayed(entry(dataclasses.replace(shipped, returns=tuple(returns))))
 
 
@@ -98,10 +108,9 @@ def test_a_policy_of_python_floats_is_recorded_as_it_acted():
         def __call__(self, observation):
             return [self.speed, 1.0 / 3.0]
 
-    from cutenv.learning.evaluation import Contestant
-
-    run = submitted_run(Contestant(Mine(), {"control_hz": 5}), {}, FEW)
-    assert len(replayed(entry(run))[0]) == FEW.specimens
+    mine = Contestant(Mine(), {"control_hz": 5})
+    run = submitted_run(mine, {}, FEW, SEEDS)
+    assert len(replayed(entry(run), [mine])[0]) == FEW.specimens
 
 
 DAMAGES = {
@@ -112,7 +121,9 @@ DAMAGES = {
     r"author is 'A \| B'; give one line": lambda text: text.replace("A. Name", "A | B"),
     "made for protocol 2 of": lambda text: text.replace('"protocol": "quick"', '"protocol": "2"'),
     "environment argument 'dead_time' is the protocol's": lambda text: text.replace('"angle_mode"', '"dead_time"'),
-    "its format is 9, not 1": lambda text: text.replace('"cutenv_submission": 1', '"cutenv_submission": 9'),
+    "its format is 9, not 2": lambda text: text.replace('"cutenv_submission": 2', '"cutenv_submission": 9'),
+    "kind is 'magic', not one of script, from": lambda text: text.replace("with demonstrations", "magic"),
+    "digest is 'ab.*', not 64 hexadecimal digits": lambda text: text.replace(DIGEST, "ab"),
     "(Error|ncorrect|Invalid|rror|padding)": lambda text: text.replace('"actions": "', '"actions": "QUJD'),
 }
 
@@ -129,7 +140,7 @@ def test_actions_that_no_policy_may_take_and_cuts_that_are_missing_are_refused(s
     actions = [own.copy() for own in shipped.actions]
     actions[1][0, 1] = np.nan
     write_submission(written, entry(dataclasses.replace(shipped, actions=tuple(actions))))
-    with pytest.raises(ValueError, match=rf"specimen {FEW.test_seeds[1]}: .*nan.* is outside \[-1, 1\]"):
+    with pytest.raises(ValueError, match=rf"specimen {SEEDS[1]}: .*nan.* is outside \[-1, 1\]"):
         read_submission(written, [FEW])
     write_submission(written, entry(dataclasses.replace(shipped, returns=shipped.returns[:-1])))
     with pytest.raises(ValueError, match="run 1 holds 5 cuts, not the 6"):
@@ -141,7 +152,7 @@ def test_actions_that_no_policy_may_take_and_cuts_that_are_missing_are_refused(s
 
 def test_whoever_is_shown_the_hidden_state_takes_no_part():
     with pytest.raises(ValueError, match="shown the hidden state, so it takes no part"):
-        submitted_run(contestant("planner with truth"), {}, FEW)
+        submitted_run(contestant("planner with truth"), {}, FEW, SEEDS)
 
 
 def test_a_row_holds_return_difference_and_success_of_all_runs():
@@ -183,7 +194,7 @@ def test_a_quick_submission_is_made_checked_and_said_to_be_no_entry(few, capsys)
     assert capsys.readouterr().out in made
     changed(few / "submission.json", lambda content: content["runs"][0]["returns"].__setitem__(3, 0.99))
     assert submit.main(["--check", "submission.json"]) == 2
-    assert f"specimen {FEW.test_seeds[3]}: its replay returns" in capsys.readouterr().err
+    assert f"specimen {SEEDS[3]}: its replay returns" in capsys.readouterr().err
 
 
 def test_the_folder_of_a_run_is_enough_and_its_curve_is_told(few, capsys):
@@ -194,9 +205,12 @@ def test_the_folder_of_a_run_is_enough_and_its_curve_is_told(few, capsys):
     about = {"environment": FEW.environment, "environment_arguments": {"control_hz": 10}}
     save_policy("runs/it/policy", network, **about, features={"history": 0}, training={})
     Path("runs/it/learning_curve.csv").write_text("decisions,cuts,validation_return\n9000,99,0.25\n")
-    assert submit.main(["runs/it", "--author", "me", "--quick", "--name", "feed", "--out", "feed.json"]) == 0
-    (run,) = read_submission(few / "feed.json").runs
-    assert run.after["100"] == 0.25
+    given = ["runs/it", "--author", "me", "--quick", "--name", "feed", "--out", "feed.json"]
+    assert submit.main(given) == 2
+    assert "--kind is missing: no card tells how this was made" in capsys.readouterr().err
+    assert submit.main([*given, "--kind", "from scratch"]) == 0
+    read = read_submission(few / "feed.json")
+    assert (read.runs[0].after["100"], read.kind) == (0.25, "from scratch")
     assert "feed, by me" in capsys.readouterr().out
 
 
@@ -209,7 +223,12 @@ def test_the_folder_of_a_run_is_enough_and_its_curve_is_told(few, capsys):
         (["ppo-free", "ppo-free", "--author", "me"], "named twice"),
         (["no-such-policy", "--author", "me"], "policy 'no-such-policy' is not known"),
         (["ppo-free", "--author", "me", "--out", "no/folder/s.json"], "give a file in a folder that exists"),
-        (["ppo-free", "--check", "s.json"], "--check takes a file alone"),
+        (["ppo-free", "--author", "me", "--kind", "magic"], "--kind 'magic' is not known; give one of 'script'"),
+        (
+            ["ppo-free", "--author", "me", "--kind", "script"],
+            "of kinds script, with demonstrations; an entry is",
+        ),
+        (["--check", "s.json", "--salt", "x"], "--salt is kept in the file"),
         (["--check", "s.json"], "s.json"),
     ],
 )
@@ -221,7 +240,175 @@ def test_bad_options_are_refused_before_the_first_cut(few, capsys, given, said):
 
 
 def test_a_constant_feed_is_a_policy_like_any_other():
-    from cutenv.learning.evaluation import Contestant
-
-    run = submitted_run(Contestant(ConstantFeed(speed=0.02, angle=1.5)), {}, FEW)
+    run = submitted_run(Contestant(ConstantFeed(speed=0.02, angle=1.5)), {}, FEW, SEEDS)
     assert len(set(run.returns)) == FEW.specimens
+
+
+def test_entries_cut_specimens_that_nothing_else_uses_and_that_change_with_files_version_and_salt():
+    assert len(set(SEEDS)) == FEW.specimens
+    assert all(seed in ENTRY_SEEDS for seed in SEEDS)
+    assert max(TRAINING_SEEDS.stop, VALIDATION_SEEDS.stop, TEST_SEEDS.stop) <= ENTRY_SEEDS.start
+    assert len(ENTRY_SEEDS) > 1e18  # nobody solves them all beforehand
+    others = [
+        entry_seeds(DIGEST, dataclasses.replace(FEW, version="other")),
+        entry_seeds(DIGEST, FEW, "salt"),
+        entry_seeds("0" * 64, FEW),
+    ]
+    assert not set(SEEDS) & {seed for one in others for seed in one}
+
+
+def test_one_byte_of_an_entry_changes_its_specimens_and_the_place_and_order_of_folders_does_not(tmp_path):
+    for name in ("one", "two"):
+        (tmp_path / name / "more").mkdir(parents=True)
+        (tmp_path / name / "card.json").write_text(name)
+        (tmp_path / name / "more" / "weights").write_bytes(bytes(9))
+    (tmp_path / "one").rename(tmp_path / "moved")
+    moved, two = (entry_files(str(tmp_path / name)) for name in ("moved", "two"))
+    assert sorted(moved) == ["card.json", "more/weights"]
+    assert entry_digest([moved, two]) == entry_digest([two, moved])
+    several = [[moved], [two], [moved, two]]
+    several += [[{**moved, "more/weights": bytes(8) + b"\1"}], [{**moved, "another": b""}]]
+    several += [[{"card.json": moved["card.json"] + moved["more/weights"]}]]
+    assert len({entry_digest(one) for one in several}) == len(several)
+
+
+def test_the_files_of_a_class_are_its_module_and_what_it_says_that_it_reads(tmp_path, monkeypatch):
+    (tmp_path / "mine_of_files.py").write_text("class Mine:\n    files = ('table.npz',)\n")
+    (tmp_path / "table.npz").write_bytes(b"table")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    contestant("mine_of_files:Mine")
+    assert entry_files("mine_of_files:Mine")["table.npz"] == b"table"
+    assert sorted(entry_files("mine_of_files:Mine")) == ["mine_of_files.py", "table.npz"]
+
+
+class Table(ArrayPolicy):
+    """The attack: the planner's actions on known specimens, looked up by the first observation of a cut."""
+
+    def __init__(self, known: dict[bytes, np.ndarray]) -> None:
+        self.known, self.hits = known, 0
+
+    def begin(self, rngs):
+        self.plans: list[np.ndarray] | None = None
+
+    def forget(self, cuts):
+        raise NotImplementedError
+
+    def act(self, observations):
+        if self.plans is None:
+            found = [self.known.get(one.tobytes()) for one in observations]
+            self.hits += sum(plan is not None for plan in found)
+            feed = np.tile(np.float32([0.3, 1.0]), (1, 1))  # where the table has nothing
+            self.plans, self.decision = [feed if plan is None else plan for plan in found], -1
+        self.decision += 1
+        return np.stack([plan[min(self.decision, len(plan) - 1)] for plan in self.plans])
+
+
+def table_of(seeds) -> Table:
+    """Record what the planner that is shown the truth does on each specimen."""
+
+    class Recorder(ArrayPolicy):
+        privileged = True
+
+        def __init__(self):
+            self.planner, self.seen, self.done = contestant(ORACLE).policy, [], []
+
+        def begin(self, rngs):
+            self.planner.begin(rngs)
+
+        def set_states(self, states):
+            self.planner.set_states(states)
+
+        def forget(self, cuts):
+            raise NotImplementedError
+
+        def act(self, observations):
+            self.seen.append(observations.copy())
+            self.done.append(np.array(self.planner.act(observations), np.float32))
+            return self.done[-1]
+
+    recorder = Recorder()
+    batched_rollout(recorder, seeds, {"specimen_class": "mixed"})
+    plans = np.stack(recorder.done, axis=1)
+    return Table({first.tobytes(): plan for first, plan in zip(recorder.seen[0], plans, strict=True)})
+
+
+def test_a_table_of_the_planners_actions_wins_on_public_specimens_and_finds_none_of_those_drawn_for_it():
+    table = table_of(FEW.test_seeds)
+    public = submitted_run(Contestant(table), {}, FEW, FEW.test_seeds)
+    assert table.hits == FEW.specimens
+    script = evaluate({"it": contestant("return stroke")}, FEW.test_seeds, {"specimen_class": "mixed"}, processes=1)
+    assert np.mean(public.returns) > np.mean([row["return"] for row in script])
+    content = b"".join(first + plan.tobytes() for first, plan in table.known.items())
+    drawn = entry_seeds(entry_digest([{"table": content}]), FEW)
+    table.hits = 0
+    private = submitted_run(Contestant(table), {}, FEW, drawn)
+    assert table.hits == 0
+    assert np.mean(private.returns) < np.mean(public.returns) - 0.2
+
+
+def test_a_policy_is_not_told_the_seeds_of_its_specimens_by_its_random_numbers():
+    class Curious:
+        def reset(self, rng):
+            told.append(rng.bit_generator.seed_seq.entropy)
+
+        def __call__(self, observation):
+            return [0.0, 1.0]
+
+    told: list[int] = []
+    submitted_run(Contestant(Curious(), {"control_hz": 5}), {}, FEW, SEEDS)
+    assert told
+    assert not set(told) & set(SEEDS)
+
+
+def test_the_policies_beside_the_file_must_have_its_digest_and_act_as_it_says(few, shipped, capsys):
+    write_submission(few / "s.json", entry(shipped))
+    assert submit.main(["--check", "s.json", "ppo-free"]) == 0
+    assert "repeated to the last bit by the policies' own actions" in capsys.readouterr().out
+    assert submit.main(["--check", "s.json", "ppo-fixed"]) == 2
+    assert "but that of ppo-fixed is" in capsys.readouterr().err
+    script = Contestant(contestant("return stroke").policy, shipped.arguments)
+    write_submission(few / "s.json", entry(submitted_run(script, {}, FEW, SEEDS)))  # its cuts, under another's digest
+    assert submit.main(["--check", "s.json"]) == 0
+    assert submit.main(["--check", "s.json", "ppo-free"]) == 2
+    assert "is not the file's. Refused" in capsys.readouterr().err
+
+
+def test_other_actions_than_the_policys_are_refused_with_their_cut(shipped):
+    slower = Contestant(ConstantFeed(speed=0.005, angle=1.5), shipped.arguments)
+    with pytest.raises(ValueError, match=f"run 1, specimen {SEEDS[0]}: the policy's action 1 is not the file's"):
+        replayed(entry(shipped), [slower])
+    with pytest.raises(ValueError, match="holds 1 runs, and 2 policies are given"):
+        replayed(entry(shipped), [contestant("ppo-free")] * 2)
+    with pytest.raises(ValueError, match="run 1: the policy wants"):
+        replayed(entry(shipped), [Contestant(contestant("ppo-free").policy)])
+
+
+def test_a_salt_of_the_host_changes_the_specimens_and_is_kept_in_the_file(few, capsys):
+    assert submit.main(["ppo-free", "--author", "me", "--quick", "--salt", "of the host"]) == 0
+    assert "with salt 'of the host'" in capsys.readouterr().out
+    read = read_submission(few / "submission.json")
+    assert read.seeds == entry_seeds(DIGEST, FEW, "of the host") != SEEDS
+
+
+@pytest.mark.parametrize(
+    ("options", "kind"),
+    [
+        ({"demonstrations": 0}, "from scratch"),
+        ({"demonstrations": 9, "base": "none"}, "with demonstrations"),
+        ({"demonstrations": 0, "dataset": "of/people-v0"}, "with demonstrations"),
+        ({"demonstrations": 0, "base": "script"}, "correction of a script"),
+    ],
+)
+def test_the_kind_of_an_agent_follows_from_the_options_of_its_training(options, kind):
+    assert kind_of(options) == kind
+
+
+def test_the_kind_of_a_policy_is_what_its_card_records():
+    names = ("ppo-free", "ppo-path", "return stroke")
+    assert [kind_told(name, contestant(name).policy) for name in names] == [
+        "with demonstrations",
+        "correction of a script",
+        "script",
+    ]
+    assert kind_told("mine:Mine", ConstantFeed(speed=0.02)) is None
