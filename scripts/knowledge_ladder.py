@@ -18,6 +18,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +35,15 @@ from cutenv.policy import OneReturnStroke, StopAndUnload
 from cutenv.policy.depth_scripts import DepthByTwoForces, FollowDepth
 from cutenv.policy.interface import SPEED_COLUMN, ArrayPolicy
 from cutenv.policy.map_planner import wanted_bend
-from cutenv.policy.path_scripts import SeenPath, SteerByForce, course_back
+from cutenv.policy.path_scripts import (
+    ALONG,
+    ENDING,
+    EXCISION_NUMBERS,
+    HAND_NUMBERS,
+    SeenPath,
+    SteerByForce,
+    course_back,
+)
 from cutenv.tissue.grid import N_POINTS, POINTS_PER_METRE
 
 START = "as the script has it"
@@ -137,14 +146,29 @@ LENGTHS = (0.0053, 0.0055, 0.0029, 0.0011)
 
 
 class PathRung(SteerByForce):
-    """The script with the tip, its distance to the line, or the direction of the crack from elsewhere."""
+    """The script with the tip, its distance to the line, or the direction of the crack from elsewhere.
+
+    ``numbers`` are those of the script, see :func:`cutenv.policy.path_scripts.with_numbers`.
+    """
 
     def __init__(
-        self, *, tip: bool = False, aside: bool = False, crack: bool = False, stop: bool = False, rule: bool = False
+        self,
+        numbers: Mapping[str, float] | None = None,
+        *,
+        tip: bool = False,
+        aside: bool = False,
+        crack: bool = False,
+        stop: bool = False,
+        rule: bool = False,
     ) -> None:
-        self._told = TrueTip() if stop else None
-        unloading = StopAndUnload(margin=-0.0005, retreat_speed=0.012, tip_estimate=self._told)
-        super().__init__(OneReturnStroke(unloading=unloading, **({"approach": 0.0} if stop else {})))
+        numbers, self._told = numbers or {}, TrueTip() if stop else None
+        ending = {"margin": -0.0005, **{name: numbers[name] for name in ENDING if name in numbers}}
+        if stop:  # whoever knows the tip stops there, and needs no return stroke
+            ending["margin"] = -0.0005
+        unloading = StopAndUnload(**{"retreat_speed": 0.012, **ending}, tip_estimate=self._told)
+        along = {name: numbers[name] for name in ALONG if name in numbers} | ({"approach": 0.0} if stop else {})
+        own = {name: value for name, value in numbers.items() if name not in (*ALONG, *ENDING)}
+        super().__init__(OneReturnStroke(unloading=unloading, **along), **own)
         self._tip, self._aside, self._crack, self._rule = tip, aside, crack, rule
 
     def watch(self, batch: CutBatch) -> None:
@@ -184,29 +208,39 @@ def _fill_bends(states: Array, steerings: Array, lengths: Array, bends: Array) -
         bends[n] = wanted_bend(states[n], steerings[n], lengths)
 
 
-PATH_RUNGS: dict[str, Callable[[], SteerByForce]] = {
-    START: SteerByForce,
-    "true tip along the line": lambda: PathRung(tip=True),
-    "true distance of the tip to the line": lambda: PathRung(aside=True),
-    "true direction of the crack": lambda: PathRung(crack=True),
-    "all three": lambda: PathRung(tip=True, aside=True, crack=True),
-    "the true tip for the stop alone": lambda: PathRung(stop=True),
-    "all four": lambda: PathRung(tip=True, aside=True, crack=True, stop=True),
-    "the planner's rule of steering, with truth": lambda: PathRung(aside=True, rule=True),
-    "that, but for the distance to the line": lambda: PathRung(rule=True),
-    "the planner's rule, with the true tip for the stop": lambda: PathRung(aside=True, rule=True, stop=True),
+TOLD: dict[str, dict[str, bool]] = {
+    START: {},
+    "true tip along the line": {"tip": True},
+    "true distance of the tip to the line": {"aside": True},
+    "true direction of the crack": {"crack": True},
+    "all three": {"tip": True, "aside": True, "crack": True},
+    "the true tip for the stop alone": {"stop": True},
+    "all four": {"tip": True, "aside": True, "crack": True, "stop": True},
+    "the planner's rule of steering, with truth": {"aside": True, "rule": True},
+    "that, but for the distance to the line": {"rule": True},
+    "the planner's rule, with the true tip for the stop": {"aside": True, "rule": True, "stop": True},
 }
+"""What each rung along a line is told, by name."""
+
+
+def path_rungs(numbers: Mapping[str, float]) -> dict[str, Callable[[], SteerByForce]]:
+    """Return the rungs of *steer by force* with these numbers."""
+    return {name: partial(PathRung, numbers, **told) for name, told in TOLD.items()}
+
+
+def path_ladder(task: str, numbers: Mapping[str, float]) -> KnowledgeLadder:
+    """Return the ladder of a task along a line."""
+    errors = ("mean_distance_mm", "mean distance to the line"), ("largest_distance_mm", "largest")
+    return KnowledgeLadder(task=task, rungs=path_rungs(numbers), errors=errors)
 
 
 LADDERS = {
     ladder.task: ladder
     for ladder in (
         KnowledgeLadder(task="depth", rungs=DEPTH_RUNGS, errors=(("mean_error_mm", "mean error of the depth"),)),
-        KnowledgeLadder(
-            task="path",
-            rungs=PATH_RUNGS,
-            errors=(("mean_distance_mm", "mean distance to the line"), ("largest_distance_mm", "largest")),
-        ),
+        path_ladder("path", {}),
+        path_ladder("excision", EXCISION_NUMBERS),
+        path_ladder("hand-excision", HAND_NUMBERS),
     )
 }
 

@@ -213,15 +213,18 @@ TABLES = {
             ends=(("force_limit", "the limit of force"), ("layer", "that of the layer")),
             draw=draw_depth,
         ),
-        TaskTable(
-            task="path",
-            errors=(
-                ("mean_distance_mm", "mean distance to the line", "{:.2f} mm"),
-                ("largest_distance_mm", "largest", "{:.2f} mm"),
-                ("area_mm2", "area between", "{:.0f} mm²"),
-            ),
-            ends=(("force_limit", "the limit of force"), ("off_line", "that of the distance")),
-            draw=draw_path,
+        *(
+            TaskTable(
+                task=task,
+                errors=(
+                    ("mean_distance_mm", "mean distance to the line", "{:.2f} mm"),
+                    ("largest_distance_mm", "largest", "{:.2f} mm"),
+                    ("area_mm2", "area between", "{:.0f} mm²"),
+                ),
+                ends=(("force_limit", "the limit of force"), ("off_line", "that of the distance")),
+                draw=draw_path,
+            )
+            for task in ("path", "excision", "hand-excision")
         ),
     )
 }

@@ -1,7 +1,7 @@
 """Tune the scripts of a task by an evolution strategy, as fairly as an agent is trained.
 
     python scripts/tune_scripts.py excision                 every script, 200 generations; writes runs/excision
-    python scripts/tune_scripts.py excision --drive hand    in the version with a compliant hand
+    python scripts/tune_scripts.py hand-excision            those with a hand that yields
     python scripts/tune_scripts.py excision --script NAME --generations 50
     python scripts/tune_scripts.py excision --print         what was found, as a table
 
@@ -25,12 +25,17 @@ import numpy as np
 
 from cutenv._base.arrays import Array
 from cutenv._base.output import atomic_write
-from cutenv.cutting.drive import DRIVES
 from cutenv.envs.batch import CutBatch
 from cutenv.learning.seeds import TRAINING_SEEDS, VALIDATION_SEEDS
-from cutenv.policy import OneReturnStroke, StopAndUnload
-from cutenv.policy.interface import ArrayPolicy
-from cutenv.policy.path_scripts import BladeOnLine, LookAhead, OutsideTheBend, SlowInBends, SteerByForce
+from cutenv.policy.path_scripts import (
+    BladeOnLine,
+    LookAhead,
+    OutsideTheBend,
+    PathScript,
+    SlowInBends,
+    SteerByForce,
+    with_numbers,
+)
 from cutenv.policy.scripted import INCLINED, UPRIGHT
 from cutenv.task.registry import TASKS
 
@@ -63,22 +68,14 @@ ALONG = {
     "margin": Number(-0.0005, -0.015, 0.005),
     "retreat_speed": Number(0.012, 0.003, 0.0254),
 }
-"""Numbers of the script along the cut, a :class:`~cutenv.policy.OneReturnStroke`."""
-
-
-def along(numbers: Mapping[str, float]) -> OneReturnStroke:
-    """Return the script along the cut with these numbers, those of :data:`ALONG`."""
-    own = {name: numbers[name] for name in ALONG if name not in ("margin", "retreat_speed")}
-    unloading = StopAndUnload(margin=numbers["margin"], retreat_speed=numbers["retreat_speed"])
-    return OneReturnStroke(**own, unloading=unloading)
+"""Numbers of the script along the cut, :data:`cutenv.policy.path_scripts.ALONG`."""
 
 
 @dataclass(frozen=True)
 class Family:
     """Scripts that differ by their numbers."""
 
-    make: Callable[..., ArrayPolicy]
-    """Takes the script along the cut, and :attr:`numbers` by keyword."""
+    kind: type[PathScript]
     numbers: Mapping[str, Number]
     """Its own numbers, besides those along the cut."""
 
@@ -86,10 +83,6 @@ class Family:
     def all_numbers(self) -> dict[str, Number]:
         """All numbers that are searched for."""
         return {**ALONG, **self.numbers}
-
-    def script(self, numbers: Mapping[str, float]) -> ArrayPolicy:
-        """Return the script with these numbers."""
-        return self.make(along(numbers), **{name: numbers[name] for name in self.numbers})
 
 
 FAMILIES = {
@@ -103,11 +96,11 @@ FAMILIES = {
 
 
 class Tuning:
-    """Search for the numbers of one family on one task; ``keywords`` are those of the environment."""
+    """Search for the numbers of one family on one task."""
 
-    def __init__(self, task: str, family: Family, keywords: Mapping[str, Any], seed: int) -> None:
-        self._task, self._family = task, family
-        self._single = TASKS[task].single(specimen_class="mixed", control_hz=10, **keywords)
+    def __init__(self, task: str, family: Family, seed: int) -> None:
+        self._family = family
+        self._single = TASKS[task].single(specimen_class="mixed", control_hz=10)
         self._rng = np.random.default_rng(seed)
         numbers = family.all_numbers.values()
         self.low, self.high = (np.array([getattr(each, end) for each in numbers]) for end in ("low", "high"))
@@ -126,7 +119,7 @@ class Tuning:
         everyone = np.arange(count * each)
         batch.give_seeds(list(seeds) * count, everyone, np.random.default_rng(0))
         batch.begin(everyone)
-        scripts = [self._family.script(self.named(place)) for place in places]
+        scripts = [with_numbers(self._family.kind, self.named(place)) for place in places]
         for script in scripts:
             script.begin([np.random.default_rng(0)] * each)
         returns, waiting = np.zeros(count * each), np.zeros(count * each, bool)
@@ -188,21 +181,37 @@ def report(found: Mapping[str, Mapping[str, Any]]) -> str:
     return "\n".join([*lines, "", cuts])
 
 
+def file_of(task: str) -> Path:
+    """Return the file with what was found for a task."""
+    return Path("runs") / task / "tuned.json"
+
+
+def kept(task: str) -> dict[str, Any]:
+    """Return what was found for a task so far, by script."""
+    path = file_of(task)
+    return json.loads(path.read_text()) if path.is_file() else {}
+
+
+def kept_report(task: str) -> str:
+    """Return the table of what was found for a task; SystemExit if there is none."""
+    if not (found := kept(task)):
+        raise SystemExit(f"{file_of(task)} is missing: run scripts/tune_scripts.py {task} first.")
+    return report(found)
+
+
 def main() -> None:
     """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("task", choices=[name for name, task in TASKS.items() if "excision" in name or task.line])
+    along_lines = [name for name, task in TASKS.items() if task.places["task"] == TASKS["path"].places["task"]]
+    parser.add_argument("task", choices=along_lines)
     parser.add_argument("--script", choices=list(FAMILIES), action="append", help="tune this one; default all")
-    parser.add_argument("--drive", choices=DRIVES, default="rig", help="what moves the blade; default rig")
     parser.add_argument("--generations", type=int, default=200, metavar="N", help="default 200")
     parser.add_argument("--seed", type=int, default=0, help="seed of the search")
     parser.add_argument("--print", action="store_true", help="print what was found before")
     arguments = parser.parse_args()
-    path = Path("runs") / arguments.task / f"tuned-{arguments.drive}.json"
-    found = json.loads(path.read_text()) if path.is_file() else {}
+    path, found = file_of(arguments.task), kept(arguments.task)
     for name in () if arguments.print else arguments.script or FAMILIES:
-        keywords = {} if arguments.drive == "rig" else {"drive": arguments.drive}
-        tuning = Tuning(arguments.task, FAMILIES[name], keywords, arguments.seed)
+        tuning = Tuning(arguments.task, FAMILIES[name], arguments.seed)
         found[name] = tuning.run(arguments.generations, lambda line, name=name: print(f"{name}, {line}", flush=True))
         path.parent.mkdir(parents=True, exist_ok=True)
         with atomic_write(path) as part:

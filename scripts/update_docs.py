@@ -72,6 +72,7 @@ import slow_rig_agents
 import stock_learners
 import suite_times
 import task_table
+import tune_scripts
 import tip_errors
 import wear_series
 from benchmark.table import markdown_table
@@ -430,6 +431,16 @@ ON_PAGES: dict[str, dict[str, Callable[[argparse.Namespace], str]]] = {
         "path-cut": lambda _: task_table.TABLES["path"].kept_report(),
         "path-ladder": lambda _: knowledge_ladder.LADDERS["path"].kept_report(),
         "path-speed": lambda _: speed_of("path"),
+    },
+    "docs/results/excision.md": {
+        name: block
+        for task in ("excision", "hand-excision")
+        for name, block in (
+            (f"{task}-tuned", lambda _, task=task: tune_scripts.kept_report(task)),
+            (task, lambda _, task=task: task_table.TABLES[task].kept_report()),
+            (f"{task}-ladder", lambda _, task=task: knowledge_ladder.LADDERS[task].kept_report()),
+            (f"{task}-agents", lambda _, task=task: task_table.TABLES[task].kept_agents_report()),
+        )
     },
     "docs/development/testing.md": {"test-times": lambda _: suite_times.tables(suite_times.read())},
     "docs/development/measures.md": {"measures": lambda _: measure_codebase.comparison()},

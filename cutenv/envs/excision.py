@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from cutenv.envs.described import described
 from cutenv.envs.path_cut import PathCutEnv
 from cutenv.envs.vector import GentleCutVectorEnv
 from cutenv.task.path import PathOptions
 
-__all__ = ["ExcisionEnv", "ExcisionVectorEnv"]
+__all__ = ["ExcisionEnv", "ExcisionVectorEnv", "HandExcisionEnv", "HandExcisionVectorEnv"]
 
 
 class ExcisionOptions(PathOptions):
@@ -39,8 +41,7 @@ class ExcisionEnv(PathCutEnv):
     A side is symmetrical, so that it is the same cut from either end.  There are 64 of them, the same for everybody, of
     which the seed draws one.
 
-    Two versions are compared: a rig that leads the blade, and with ``drive="hand"`` a hand that yields to the force
-    along the cut, so that the blade lurches where the crack runs.
+    Here a rig leads the blade.  In ``cutenv/HandExcision-v1`` a hand does, which yields to the force along the cut.
 
     Arguments
     ---------
@@ -58,3 +59,30 @@ class ExcisionVectorEnv(GentleCutVectorEnv):
     """Many ``cutenv/Excision-v1``, bit for bit equal to single ones with the same seeds and actions."""
 
     single_class = ExcisionEnv
+
+
+@described
+class HandExcisionEnv(ExcisionEnv):
+    """Cut one side of a fusiform excision with a hand that yields to the force along the cut.
+
+    It is :class:`ExcisionEnv` with ``drive="hand"``: a spring and a damper join hand and blade, so that the blade stays
+    behind the hand where the tissue holds it, and lurches where the crack runs.  To the side, and in its direction, the
+    blade goes where the hand leads it.
+
+    Arguments
+    ---------
+    Those of ``cutenv/Excision-v1``, among them {keywords}.
+
+    Version history
+    ---------------
+    v1: the first version; may change until the first comparison of agents is published.
+    """
+
+    def __init__(self, *, drive: str = "hand", **keywords: Any) -> None:
+        super().__init__(drive=drive, **keywords)
+
+
+class HandExcisionVectorEnv(GentleCutVectorEnv):
+    """Many ``cutenv/HandExcision-v1``, bit for bit equal to single ones with the same seeds and actions."""
+
+    single_class = HandExcisionEnv

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ from cutenv._base.arrays import Array, Array32, Indices, StructArray
 from cutenv._base.validation import in_range
 from cutenv.policy.interface import POSITION_COLUMN, SPEED_COLUMN, ArrayPolicy, in_si
 from cutenv.policy.path_features import BACK, CrackCourse
-from cutenv.policy.scripted import OneReturnStroke, Script
+from cutenv.policy.scripted import OneReturnStroke, Script, StopAndUnload
 from cutenv.policy.tip_estimate import TipEstimate
 from cutenv.task.observation import COMPONENTS, DEAD_ZONE, SPEED_SCALE, speed_action
 from cutenv.task.path import LINE_AHEAD, PATH_COMPONENTS, PATH_CUT, TURN_SCALE
@@ -226,6 +227,21 @@ def course_back(seen: SeenPath) -> Array:
     return course(seen, -seen.line[:, ASIDE] - _YIELDED * seen.line[:, LATERAL])
 
 
+ALONG = ("speed", "angle", "approach", "stroke", "stroke_speed", "held", "beyond", "run_share")
+"""Numbers of :class:`~cutenv.policy.scripted.OneReturnStroke`, by which a script moves along the line."""
+ENDING = ("margin", "retreat_speed")
+"""Those of :class:`~cutenv.policy.scripted.StopAndUnload`, by which it ends."""
+
+
+def with_numbers(kind: type[PathScript], numbers: Mapping[str, float]) -> PathScript:
+    """Return a script of a kind with numbers by name: :data:`ALONG`, :data:`ENDING`, and its own; others are usual."""
+    rest = dict(numbers)
+    ending = {name: rest.pop(name) for name in ENDING if name in rest}
+    along = {name: rest.pop(name) for name in ALONG if name in rest}
+    unloading = StopAndUnload(**{"margin": -0.0005, "retreat_speed": 0.012, **ending})
+    return kind(OneReturnStroke(**along, unloading=unloading), **rest)
+
+
 PATH_SCRIPTS: dict[str, Callable[[], ArrayPolicy]] = {
     "straight on": StraightOn,
     "blade on the line": BladeOnLine,
@@ -235,8 +251,20 @@ PATH_SCRIPTS: dict[str, Callable[[], ArrayPolicy]] = {
     "steer by force": SteerByForce,
 }
 """Scripts for ``cutenv/PathCut-v1`` by name."""
+EXCISION_NUMBERS: Mapping[str, float] = {
+    "speed": 0.0172, "angle": 0.814, "approach": 0.0051, "stroke": 0.00303, "stroke_speed": 0.0065, "held": 1.134,
+    "beyond": 0.00295, "run_share": 0.763, "margin": -0.00166, "retreat_speed": 0.0104, "gain": 1.37, "back": 0.032,
+}  # fmt: skip
+"""Numbers of *steer by force* for excisions, in SI units."""
+HAND_NUMBERS: Mapping[str, float] = {}
+"""The same for excisions with a hand that yields."""
 EXCISION_SCRIPTS: dict[str, Callable[[], ArrayPolicy]] = {
-    "excision by force": SteerByForce,
+    "excision by force": partial(with_numbers, SteerByForce, EXCISION_NUMBERS),
     "excision on the line": BladeOnLine,
 }
-"""Scripts for ``cutenv/Excision-v1`` by name."""
+"""Scripts for ``cutenv/Excision-v1`` by name, tuned by ``scripts/tune_scripts.py``."""
+HAND_SCRIPTS: dict[str, Callable[[], ArrayPolicy]] = {
+    "excision by hand and force": partial(with_numbers, SteerByForce, HAND_NUMBERS),
+    "excision by hand on the line": BladeOnLine,
+}
+"""Scripts for ``cutenv/HandExcision-v1`` by name, tuned likewise."""

@@ -631,8 +631,8 @@ class LineChoice:
         if self._given is None:
             if self.kind == _FUSIFORM and length > LONGEST:
                 raise ValueError(
-                    f"target_length = {length:g} m: a half of a fusiform excision is cut from end to end, 60 to 100 mm. "
-                    f"Leave target_length out, or give at most {LONGEST:g} m."
+                    f"target_length = {length:g} m: a half of a fusiform excision is cut from end to end, 60 to 100 "
+                    f"mm. Leave target_length out, or give at most {LONGEST:g} m."
                 )
             return
         within = length_within(self._given)

@@ -97,6 +97,30 @@ _OFF_LINE = (
     ("mean_distance_mm", "mean distance to the line", "mm", 2),
     ("largest_distance_mm", "largest distance to the line", "mm", 2),
 )
+
+
+def _excision(name: str, stem: str, along: str, scripts: str, script: str) -> RegisteredTask:
+    """Return the entry of a task that is cutting along a line, along one side of an excision."""
+    return RegisteredTask(
+        name=name,
+        id=f"cutenv/{stem}-v1",
+        task="cutenv.task.path:PATH_CUT",
+        single=f"cutenv.envs.excision:{stem}Env",
+        vector=f"cutenv.envs.excision:{stem}VectorEnv",
+        along=along,
+        errors=_OFF_LINE,
+        features="cutenv.policy.path_features:PathFeatures",
+        scripts=f"cutenv.policy.path_scripts:{scripts}",
+        script=script,
+        planner="cutenv.policy.map_planner:PathPlanner",
+        options={
+            **_CORRECTING, "timesteps": 15_000_000, "exploration": 0.15, "last_exploration": 0.05,
+            "learning_rate": 7e-4,
+        },
+        infos="cutenv.learning.demonstration:PATH_INFOS",
+    )  # fmt: skip
+
+
 _SHIPPED = (
     RegisteredTask(
         name="gentle",
@@ -160,23 +184,10 @@ _SHIPPED = (
         played="cutenv.play.played_path_cut:PlayedPathCut",
         hand="cutenv.browser.stylus_steps:HandPathCut",
     ),
-    RegisteredTask(
-        name="excision",
-        id="cutenv/Excision-v1",
-        task="cutenv.task.path:PATH_CUT",
-        single="cutenv.envs.excision:ExcisionEnv",
-        vector="cutenv.envs.excision:ExcisionVectorEnv",
-        along="along one side of an excision",
-        errors=_OFF_LINE,
-        features="cutenv.policy.path_features:PathFeatures",
-        scripts="cutenv.policy.path_scripts:EXCISION_SCRIPTS",
-        script="excision by force",
-        planner="cutenv.policy.map_planner:PathPlanner",
-        options={
-            **_CORRECTING, "timesteps": 15_000_000, "exploration": 0.15,
-            "last_exploration": 0.05, "learning_rate": 7e-4,
-        },
-        infos="cutenv.learning.demonstration:PATH_INFOS",
+    _excision("excision", "Excision", "along one side of an excision", "EXCISION_SCRIPTS", "excision by force"),
+    _excision(
+        "hand-excision", "HandExcision", "along one side of an excision, with a hand that yields", "HAND_SCRIPTS",
+        "excision by hand and force",
     ),
 )  # fmt: skip
 TASKS = {each.name: each for each in _SHIPPED}

@@ -124,7 +124,7 @@ def half_ellipse(length: float = 0.08, height: float = 0.015, end_angle: float |
         parabola = math.degrees(math.atan(4.0 * size / length))
         if not over > 1.0:
             raise ValueError(
-                f"end_angle = {end_angle:g} rad: an ellipse that is {1e3 * length:g} mm long and {1e3 * size:g} mm high "
+                f"end_angle = {end_angle:g} rad: an ellipse {1e3 * length:g} mm long and {1e3 * size:g} mm high "
                 f"ends at more than {parabola:.1f} degrees. Give {math.radians(parabola):.3f} to {STEEPEST:.3f} rad."
             )
         chord = 1.0 / over

@@ -16,6 +16,7 @@ IDS = {
     "-".join(re.findall("[A-Z][a-z]+", environment_id)).lower(): environment_id
     for task in TASKS.values()
     for environment_id in (task.id, task.rig_id)
+    if environment_id
 } | {"free-cut": "cutenv/FreeCut-v1"}
 """Name of the page and id of the environment."""
 
