@@ -1,13 +1,15 @@
 """PPO with a memory in one file and plain torch: ``agents/ppo_minimal.py`` with a GRU before actor and critic.
 
-    python agents/ppo_gru.py                                     about four minutes on one core
-    python agents/ppo_gru.py --env cutenv/PathCut-v1 --seed 3    another task
-    python agents/ppo_gru.py --total-decisions 500000            half a minute
+    python agents/ppo_gru.py                                               about three minutes on one core
+    python agents/ppo_gru.py --env cutenv/PathCut-v1 --seed 3              another task
+    python agents/ppo_gru.py --env cutenv/GentleCutRaw-v1 --control-hz 0   a track, which takes no keyword
 
 It needs cutenv's environment, gymnasium, numpy and torch, and nothing from cutenv.learning.  One observation does not
 tell the crack tip; the GRU may keep what earlier ones told.  Actor and critic both see the observation and the memory,
 and no more.  The memory is empty where a cut begins.  It is trained by truncated backpropagation through time: the
 rollout is divided into chunks, each begins with the memory that the rollout had there, and gradients end at its start.
+The standard deviation of the actions is not learned but falls on a schedule, so that at last the mean action, which is
+what is evaluated, does without the noise.
 What it gets is on the page docs/results/memory-gap.md.
 """
 
@@ -56,11 +58,12 @@ class Args:
     """A cut ends by itself, and its score is the plain sum of the rewards."""
     gae_lambda: float = 0.95
     clip_coef: float = 0.2
-    ent_coef: float = 0.0
     vf_coef: float = 0.5
     max_grad_norm: float = 0.5
-    log_std: float = 0.0
-    """Logarithm of the standard deviation of the actions at the start."""
+    exploration: float = 0.8
+    """Standard deviation of the actions at the start."""
+    last_exploration: float = 0.1
+    """The same at the end, to which it falls linearly."""
     eval_specimens: int = 200
     """Number of held-out specimens of the evaluation."""
 
@@ -88,7 +91,7 @@ def layer_init(layer: nn.Linear, std: float = np.sqrt(2)) -> nn.Linear:
 class Agent(nn.Module):
     """A GRU, and after it actor and critic, each of one tanh layer over the observation and the memory."""
 
-    def __init__(self, observation_size: int, action_size: int, hidden_size: int, log_std: float) -> None:
+    def __init__(self, observation_size: int, action_size: int, hidden_size: int) -> None:
         super().__init__()
         self.gru = nn.GRUCell(observation_size, hidden_size)
         for weight in (self.gru.weight_ih, self.gru.weight_hh):
@@ -105,7 +108,7 @@ class Agent(nn.Module):
             nn.Tanh(),
             layer_init(nn.Linear(64, action_size), std=0.01),
         )
-        self.actor_logstd = nn.Parameter(torch.full((action_size,), log_std))
+        self.exploration = 1.0  # standard deviation of the actions; training sets it
 
     def initial_memory(self, count: int) -> torch.Tensor:
         """Return the memory with which a cut begins, shape (count, hidden_size)."""
@@ -137,14 +140,14 @@ class Agent(nn.Module):
 
     def get_action_and_value(
         self, seen: torch.Tensor, actions: torch.Tensor | None = None
-    ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
-        """Return actions, drawn unless given, their log probabilities, the entropies and the values."""
+    ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+        """Return actions, drawn unless given, their log probabilities and the values."""
         mean = self.actor_mean(seen)
-        distribution = Normal(mean, self.actor_logstd.exp().expand_as(mean))
+        distribution = Normal(mean, self.exploration)
         if actions is None:
             actions = distribution.sample()
         log_probabilities = distribution.log_prob(actions).sum(-1)
-        return actions, log_probabilities, distribution.entropy().sum(-1), self.get_value(seen)
+        return actions, log_probabilities, self.get_value(seen)
 
 
 def new_agent(args: Args) -> Agent:
@@ -155,7 +158,7 @@ def new_agent(args: Args) -> Agent:
         space.shape[0] for space in (envs.single_observation_space, envs.single_action_space)
     )
     envs.close()
-    return Agent(observation_size, action_size, args.hidden_size, args.log_std)
+    return Agent(observation_size, action_size, args.hidden_size)
 
 
 def to_env(actions: torch.Tensor) -> np.ndarray:
@@ -234,7 +237,7 @@ class Rollout:
             seen, self.memories[t + 1] = self.agent.remember(
                 self.obs[t : t + 1], self.memories[t], self.begun[t : t + 1]
             )
-            self.actions[t], self.logprobs[t], _, self.values[t] = self.agent.get_action_and_value(seen[0])
+            self.actions[t], self.logprobs[t], self.values[t] = self.agent.get_action_and_value(seen[0])
             observed, rewards, terminated, truncated, _ = self.envs.step(to_env(self.actions[t]))
             done = terminated | truncated
             self.rewards[t] = torch.as_tensor(rewards)
@@ -273,13 +276,13 @@ class Rollout:
 def loss_of(agent: Agent, chosen: Sequences, args: Args) -> tuple[torch.Tensor, torch.Tensor]:
     """Return PPO's loss on some sequences, and the ratio of the probabilities of each action, now over then."""
     seen, _ = agent.remember(chosen.obs, chosen.memory[0], chosen.begun)
-    _, newlogprob, entropy, newvalue = agent.get_action_and_value(seen, chosen.actions)
+    _, newlogprob, newvalue = agent.get_action_and_value(seen, chosen.actions)
     ratio = (newlogprob - chosen.logprobs).exp()
     advantages = (chosen.advantages - chosen.advantages.mean()) / (chosen.advantages.std() + 1e-8)
     clipped = ratio.clamp(1.0 - args.clip_coef, 1.0 + args.clip_coef)
     policy_loss = -torch.min(advantages * ratio, advantages * clipped).mean()
     value_loss = 0.5 * ((newvalue - chosen.targets) ** 2).mean()
-    return policy_loss - args.ent_coef * entropy.mean() + args.vf_coef * value_loss, ratio
+    return policy_loss + args.vf_coef * value_loss, ratio
 
 
 def train(args: Args, verbose: bool = True) -> tuple[Agent, list[float]]:
@@ -298,8 +301,10 @@ def train(args: Args, verbose: bool = True) -> tuple[Agent, list[float]]:
     start, curve = time.time(), []
     num_updates = max(args.total_decisions // args.batch_size, 1)
     for update in range(num_updates):
+        done = update / num_updates
         if args.anneal_lr:
-            optimizer.param_groups[0]["lr"] = args.learning_rate * (1.0 - update / num_updates)
+            optimizer.param_groups[0]["lr"] = args.learning_rate * (1.0 - done)
+        agent.exploration = args.exploration + done * (args.last_exploration - args.exploration)
         finished = rollout.collect()
         if finished:
             curve.append(float(np.mean(finished)))
