@@ -19,7 +19,7 @@ import argparse
 import dataclasses
 import time
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
@@ -75,7 +75,7 @@ class Args:
 
 def make_env(args: Args, num_envs: int) -> gym.vector.VectorEnv:
     """Make the native vector environment, which resets within the step of an end."""
-    rate = {"control_hz": args.control_hz} if args.control_hz else {}
+    rate: dict[str, Any] = {"control_hz": args.control_hz} if args.control_hz else {}
     return gym.make_vec(
         args.env, num_envs=num_envs, vectorization_mode="vector_entry_point", autoreset_mode="SameStep", **rate
     )
