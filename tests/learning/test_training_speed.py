@@ -1,4 +1,4 @@
-"""``scripts/training_speed.py`` trains with the settings of ``cutenv train``; ``scripts/bench.py`` reads its result."""
+"""``scripts/training_speed.py`` trains as ``cutenv train`` does, or with a memory; ``scripts/bench.py`` reads it."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import pytest
 pytest.importorskip("stable_baselines3", reason="the learner is an extra: pip install 'cutenv[rl]'")
 pytest.importorskip("torch", reason="the learner is an extra: pip install 'cutenv[rl]'")
 
+import ppo_gru
 import training_speed
 from program import ROOT
 from speed import ppo
@@ -37,6 +38,17 @@ def test_the_benchmark_reads_what_the_program_prints(tmp_path):
     found = ppo.training_speed(tmp_path / "small.py")
     assert found["decisions"] == 128
     assert set(found) == {"decisions", "decisions_per_s", "environments_share"}
+
+
+def test_learners_with_a_memory_make_the_same_decisions_and_the_ratio_is_that_of_their_rates(monkeypatch):
+    pytest.importorskip("sb3_contrib", reason="the learners are an extra: pip install 'cutenv[rl]'")
+    monkeypatch.setattr(training_speed, "set_cores", lambda count: None)  # for the tests after this one
+    small = ppo_gru.Args(num_envs=4, num_steps=32, hidden_size=8, num_minibatches=2, update_epochs=1)
+    found = training_speed.memory_speed(small, updates=2)
+    assert found["decisions"] == 2 * 4 * 32
+    rates = found["gru_decisions_per_s"], found["recurrent_ppo_decisions_per_s"]
+    assert min(rates) > 0.0
+    assert found["ratio"] == pytest.approx(rates[0] / rates[1])
 
 
 def test_no_updates_are_refused():
