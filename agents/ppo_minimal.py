@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import gymnasium as gym
@@ -132,12 +133,14 @@ def evaluate(agent: Agent, specimens: int) -> tuple[float, float]:
     return float(returns.mean()), float(success.mean())
 
 
-def train(args: Args, verbose: bool = True) -> tuple[Agent, list[float]]:
-    """Train; return the agent, and the mean return of the cuts that ended in each update."""
+def train(
+    args: Args, verbose: bool = True, make: Callable[[int], gym.vector.VectorEnv] = make_env
+) -> tuple[Agent, list[float]]:
+    """Train on the environments that ``make`` makes; return the agent, and the mean return of each update's cuts."""
     torch.manual_seed(args.seed)
     torch.set_num_threads(1)
     rng = np.random.default_rng(args.seed)
-    envs = make_env(args.num_envs)
+    envs = make(args.num_envs)
     agent = Agent(envs.single_observation_space.shape[0], envs.single_action_space.shape[0], args.log_std)
     optimizer = torch.optim.Adam(agent.parameters(), lr=args.learning_rate, eps=1e-5)
 

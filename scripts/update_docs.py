@@ -13,6 +13,7 @@
     python scripts/update_docs.py browser-page              what scripts/measure_page.py left in runs/ (--json)
     python scripts/update_docs.py rig-faults-serial         what scripts/rig_faults.py --serial left in runs/ (--json)
     python scripts/update_docs.py rig-faults-grbl           what scripts/rig_faults.py --grbl left in runs/ (--json)
+    python scripts/update_docs.py exploit-kinds exploits    what scripts/find_exploits.py left in runs/exploits
     python scripts/update_docs.py slow-rig-agents           what scripts/slow_rig_agents.py left in runs/slow-rig
     python scripts/update_docs.py test-times                what a whole run of the tests left (--times tests/times.csv)
     python scripts/update_docs.py calibration-studies partial-depth     some minutes: thirty calibrations; fine bricks
@@ -49,6 +50,7 @@ import class_attacks
 import class_load
 import curved_cuts
 import derive_partial_depth
+import find_exploits
 import fit_layers
 import free_cut
 import gymnasium
@@ -467,6 +469,10 @@ ON_PAGES: dict[str, dict[str, Callable[[argparse.Namespace], str]]] = {
         ),
         "check-depth-score": lambda _: map_score("depth"),
         "check-path-score": lambda _: map_score("path"),
+    },
+    "docs/validation/exploits.md": {
+        "exploit-kinds": lambda _: find_exploits.kinds(),
+        "exploits": lambda _: find_exploits.tables(find_exploits.kept()),
     },
     "docs/validation/depth.md": {
         "depth": lambda _: measure_depth_accuracy.report(

@@ -237,12 +237,12 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return observation, self._info()
 
     def check_start(self, length: float) -> None:
-        """Raise ValueError if ``start_before_target`` is not less than a target length [m], or less than 2 mm."""
+        """Raise ValueError if ``start_before_target`` is not less than a target length [m], or less than 5 mm."""
         self.options.check_length(length)
         if self.start_before_target is None:
             return
         cure = "Distances are in metres: 10 mm is 0.01."
-        if in_range("start_before_target", self.start_before_target, 0.002, 0.130, "m", cure) >= length:
+        if in_range("start_before_target", self.start_before_target, 0.005, 0.130, "m", cure) >= length:
             raise ValueError(
                 f"start_before_target = {self.start_before_target:g} m must be less than the target length, which can "
                 f"be {length:g} m. Give less, or None to begin at the clamp."

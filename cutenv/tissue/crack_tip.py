@@ -230,7 +230,7 @@ def _locate_tip(memory: Struct, mean: MeanTissue, depth: float) -> None:
         drop = memory.pushed - (mean_F + slope * (mean_x - (memory.back_from - memory.pushed_at)))
         believed = mean.friction_per_depth
         friction_per_depth = min(max(0.5 * drop / depth, _SMOOTHEST * believed), _ROUGHEST * believed)
-    tip = memory.back_from - mean_x - (mean_F + friction_per_depth * depth) / slope
+    tip = max(memory.back_from - mean_x - (mean_F + friction_per_depth * depth) / slope, 0.0)  # no cut before the clamp
     ratio = slope / stiffness_behind(mean, tip)
     if _SOFTEST < ratio < _STIFFEST and tip > memory.located - _BACK:
         memory.friction_per_depth = friction_per_depth

@@ -71,7 +71,7 @@ def test_a_misspelt_choice_names_the_nearest(keywords, meant):
 @pytest.mark.parametrize(
     ("keywords", "message"),
     [
-        ({"start_before_target": 0.001}, r"start_before_target = 0\.001 m is outside 0\.002 to 0\.13 m"),
+        ({"start_before_target": 0.004}, r"start_before_target = 0\.004 m is outside 0\.005 to 0\.13 m"),
         ({"start_before_target": 10}, "start_before_target = 10 m is outside .*10 mm is 0.01"),
         ({"start_before_target": 0.06}, r"must be less than the target length, which can be 0\.06 m"),
         ({"start_before_target": 0.02, "target_length": 0.02}, "must be less than the target length"),
@@ -80,6 +80,16 @@ def test_a_misspelt_choice_names_the_nearest(keywords, meant):
 def test_a_start_that_is_not_before_the_target_is_refused(keywords, message):
     with pytest.raises(ValueError, match=message):
         make(**keywords)
+
+
+def test_the_nearest_start_is_no_success_by_doing_nothing():
+    env = make(start_before_target=0.005)
+    env.reset(seed=0)
+    ended = False
+    while not ended:
+        _, _, ended, _, info = env.step(np.array([0.0, 1.0], np.float32))
+    assert info["end"] == "finished"
+    assert not info["is_success"]
 
 
 def test_a_start_is_checked_against_the_target_length_of_a_reset():

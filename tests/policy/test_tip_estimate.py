@@ -12,6 +12,7 @@ from cutenv.policy.interface import in_si
 from cutenv.policy.tip_estimate import nothing_yet, remember_stiffness
 from cutenv.task.observation import to_action
 from cutenv.tissue import Specimen, measured_liver
+from cutenv.tissue.crack_tip import ASSESSED_TIP, MeanTissue, assess_tips, believe_mean
 from cutenv.tissue.specimen import N_POINTS, SPACING, nominal_stiffness, nominal_tissue
 
 QUIET = {"force_noise": 0.0, "force_resolution": 0.0, "depth_noise": 0.0, "force_delay": 0.0}
@@ -154,3 +155,18 @@ def test_the_run_that_is_predicted_is_that_of_the_energy_balance():
     assert found["elastic"] == pytest.approx(6.0 - friction, abs=1e-6)
     assert found["resistance"] == pytest.approx(resistance, rel=1e-5)
     assert found["run"] == pytest.approx(2.0 * (6.0 - friction - 0.02 * resistance) / found["stiffness"], rel=1e-5)
+
+
+def test_no_tip_is_located_before_the_clamp():
+    """A force that is still elastic at the clamp, as of a blade that is turned, extrapolates to a place before it."""
+    forth, back = np.arange(0.0, 0.003, 1e-4), np.arange(0.003, 1e-4, -1e-4)
+    position = np.concatenate([forth, back])
+    speed = np.where(np.arange(len(position)) < len(forth), 0.005, -0.005)
+    depth = np.full(len(position), 0.01)
+    readings = np.column_stack([position, speed, depth, 400.0 * (position + 0.002) + 0.2 * np.sign(speed)])
+    memories, tips = np.zeros(1, ASSESSED_TIP), np.zeros(len(position))
+    believe_mean(memories, 20.0)
+    assess_tips(memories, MeanTissue(np.full(N_POINTS, 400.0), N_POINTS, 20.0), readings, tips)
+    assert memories["probed"][0] == 1
+    assert tips.min() >= 0.0
+    assert memories["located"][0] == 0.0
