@@ -74,6 +74,9 @@ class Motion(Declaration):
     """Let the tissue respond to the motion, and change ``row.force``, that of tissue and friction along the cut."""
     force: Callable[..., float] | None = None
     """Return the force on the blade across the cut [N]; takes lanes and number of the lane."""
+    pull: Callable[..., float] | None = None
+    """Return the part along the cut of the force on a blade that is turned from it, from lanes, number of the lane and
+    the force along the blade [N]; None: that force."""
     stored: Callable[..., float] | None = None
     """Return the energy that is stored besides that of the law [J]; takes the record of a cut."""
     lead: Callable[..., float] | None = None

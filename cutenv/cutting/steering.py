@@ -685,6 +685,18 @@ def lateral_force(places: Struct, n: Integer) -> float:
 
 
 @njit_inline
+def pull_back(places: Struct, n: Integer, felt: float) -> float:
+    """Return the part along the line of the force on a blade, of which ``felt`` is along the blade [N]."""
+    t_x = places.point_cosine[n] + places.line_share[n] * places.rise_cosine[n]
+    t_y = places.point_sine[n] + places.line_share[n] * places.rise_sine[n]
+    turned_ahead, turned_left = (
+        places.ahead[n] * t_x + places.across[n] * t_y,
+        places.across[n] * t_x - places.ahead[n] * t_y,
+    )
+    return felt * turned_ahead - places.lateral[n] * turned_left  # type: ignore[no-any-return]
+
+
+@njit_inline
 def stored_aside(steering: Struct) -> float:
     """Return the energy that is held sideways [J]."""
     return steering.held  # type: ignore[no-any-return]
@@ -718,6 +730,7 @@ STEERED = Motion(
     rub=hold_aside,
     respond=respond_row,
     force=lateral_force,
+    pull=pull_back,
     stored=stored_aside,
     lead=lead_turn,
     stops_at_ends=True,

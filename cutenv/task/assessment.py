@@ -218,13 +218,14 @@ class Millisecond(NamedTuple):
 
 
 @njit_inline
-def norm_held(felt: float, across: float) -> float:
-    """Return the force with which the tissue holds a blade back or to a side [N], from those along and across the cut.
+def norm_held(felt: float, across: float, pull: float) -> float:
+    """Return the force with which the tissue holds a blade back or to a side [N].
 
-    A blade that is turned feels less along its way, and one that is drawn back is pulled by friction alone.
+    ``felt`` and ``across`` are the parts along the blade and across it, ``pull`` is that along the cut: where it is
+    negative, a blade that is drawn back feels friction.
     """
-    back = max(felt, 0.0)
-    return math.sqrt(back * back + across * across)
+    back = max(pull, 0.0)
+    return math.sqrt(back * back + max((felt * felt - pull * pull) + across * across, 0.0))
 
 
 @njit_inline

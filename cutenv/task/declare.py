@@ -241,6 +241,9 @@ class Task(Declaration):
     """Let a simulated rig measure; what it reads are the ``ways`` of what is known."""
     expect_at: Callable[..., None] | None = None
     """Bring the profile that a rig expects up to date, before the tip is estimated."""
+    felt_along: Callable[..., float] | None = None
+    """Return the force along the cut, by which a rig estimates the tip: what is known, place of the blade [m], and the
+    force along the blade [N]; None: that force."""
     learn: Callable[..., None] | None = None
     """Let what is expected follow an estimated tip."""
     hide: Callable[..., None] | None = None

@@ -121,6 +121,7 @@ DEPTH: np.dtype[Any] = np.dtype(
             ("layer", "f8"),
             ("deepest", "f8"),
             ("counts", "i8"),  # number of points in the sums
+            ("begun", "f8"),  # length that was cut at the start [m]
             *whole_fields(DEPTH_COSTS),
         ],
     )
@@ -192,9 +193,24 @@ def breached(depth: Struct) -> bool:
 
 @njit_inline
 def achieved(depth: Struct, target: float) -> bool:
-    """Return True if mean error of the depth and depth into the layer below are within the tolerances of a success."""
-    mean: float = (depth.deep + depth.uncut) / target
+    """Return True if mean error of the depth and depth into the layer below are within the tolerances of a success.
+
+    The mean is that of the length that is left to cut at the start.
+    """
+    mean: float = (depth.deep + depth.uncut) / max(target - depth.begun, SPACING)
     return mean <= DEPTH_TOLERANCE and depth.deepest <= LAYER_TOLERANCE
+
+
+@njit_internal
+def left_loaded(cuts: Cuts, c: Integer) -> tuple[float, float]:
+    """Return the energy that a cut leaves stored [J], also in a floor that is pressed, and R B at the tip [N]."""
+    state, profile, pressed = cuts.states[c], cuts.profiles[c], cuts.motions[c].pressed
+    if pressed <= 0.0:
+        return -1.0, 1.0
+    i, share = grid_index(state.tip)
+    reduced = max(state.blade - state.creep - state.tip, 0.0)
+    stored = 0.5 * lerp(profile.stiffness, i, share) * reduced * reduced + pressed
+    return stored, lerp(profile.toughness, i, share)
 
 
 @njit_inline
@@ -292,6 +308,7 @@ def begin(cuts: Cuts, c: Integer, given: tuple[float, float, int, int], key: tup
         draw_wanted(key[0], key[1], given[2], task.target, depth.wanted)
     if given[3] == 1:
         draw_layer(key[0], key[1], depth.wanted, descent)
+    depth.begun = state.tip
     cell = int(state.tip * POINTS_PER_METRE + 0.5)
     for i in range(cell + 1):  # what is already cut is as deep as wanted, by the measured surface
         descent.floor[i] = 0.0 if given[2] == AT_LEVEL else measured.depth[i] - depth.wanted[i]
@@ -509,6 +526,7 @@ DEPTH_CUT = Task(
     survey=survey,
     breached=breached,
     achieved=achieved,
+    left_loaded=left_loaded,
     observe=observe,
     measure=measure,
     expect_at=expect_at,

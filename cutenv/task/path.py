@@ -242,8 +242,11 @@ def breached(path: Struct) -> bool:
 
 @njit_inline
 def achieved(path: Struct, target: float) -> bool:
-    """Return True if mean and largest distance between cut and line are within the tolerances of a success."""
-    mean: float = path.distance / target
+    """Return True if mean and largest distance between cut and line are within the tolerances of a success.
+
+    The mean is that of the length that is left to cut at the start.
+    """
+    mean: float = path.distance / max(target - path.begun, SPACING)
     return mean <= LINE_TOLERANCE and path.farthest <= FARTHEST_TOLERANCE
 
 
@@ -394,6 +397,16 @@ def expect_at(cuts: Cuts, c: Integer, first: bool, tick: int, position: float) -
     steering = known.motion[0]
     steering.east, steering.north = known.ways[_X] - position, known.ways[_Y]
     steering.lateral = known.ways[_LATERAL]
+
+
+@njit_internal
+def felt_along(known: Struct, position: float, felt: float) -> float:
+    """Return the force along the line of a blade at ``position`` [m], whose own way may be turned from it [N]."""
+    steering = known.motion[0]
+    i, share = grid_index(min(max(position, 0.0), LENGTH))
+    t_x, t_y = lerp(steering.cosine, i, share), lerp(steering.sine, i, share)
+    east, north = known.ways[_EAST], known.ways[_NORTH]
+    return felt * (east * t_x + north * t_y) - known.ways[_LATERAL] * (north * t_x - east * t_y)
 
 
 @njit_internal
@@ -580,6 +593,7 @@ PATH_CUT = Task(
     observe=observe,
     measure=measure,
     expect_at=expect_at,
+    felt_along=felt_along,
     learn=learn,
     observe_seen=observe_seen,
     hide=hide,

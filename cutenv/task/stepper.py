@@ -266,7 +266,7 @@ def begin_lane(task: Task) -> Callable[..., None]:
 def advance_row(task: Task) -> Callable[..., int]:
     """Return the function that advances and counts a millisecond of a row of cuts."""
     update, count, size, force = update_row(task.motion), task.count, task.size, task.motion.force
-    from_truth, measure = task.from_truth, task.measure
+    from_truth, measure, pull = task.from_truth, task.measure, task.motion.pull
     see: Any = None if from_truth else count_seen(task)
 
     def advance_row(stepping: Stepping, readings: StructArray, i: int) -> int:
@@ -278,7 +278,8 @@ def advance_row(task: Task) -> Callable[..., int]:
             for k in range(len(row.blade)):
                 across = 0.0 if force is None else force(lanes, k)
                 charged = row.force[k] if size is None else size(row.force[k], across)
-                held = row.felt[k] if force is None else norm_held(row.felt[k], across)
+                along = row.felt[k] if pull is None else pull(lanes, k, row.felt[k])
+                held = row.felt[k] if force is None else norm_held(row.felt[k], across, along)
                 now = Millisecond(
                     row.blade[k], row.speed[k], charged, row.felt[k], held, row.tip[k], row.jump[k], row.depth[k]
                 )
@@ -292,7 +293,8 @@ def advance_row(task: Task) -> Callable[..., int]:
                 if from_truth:
                     across = 0.0 if force is None else force(lanes, k)
                     charged = row.force[k] if size is None else size(row.force[k], across)
-                    held = row.felt[k] if force is None else norm_held(row.felt[k], across)
+                    along = row.felt[k] if pull is None else pull(lanes, k, row.felt[k])
+                    held = row.felt[k] if force is None else norm_held(row.felt[k], across, along)
                     depth = depth_at(cuts.profiles[row.cut[k]], position)
                     now = Millisecond(position, speed, charged, row.felt[k], held, row.tip[k], row.jump[k], depth)
                     count_lane(counts, k, now)
@@ -317,7 +319,7 @@ def advance_row(task: Task) -> Callable[..., int]:
 def count_seen(task: Task) -> Callable[..., None]:
     """Return the function that counts a reading, whose further measurements are in what is known of the cut."""
     expect, learn, count, size, across = task.expect_at, task.learn, task.count, task.size, WAYS - 1
-    sideways = task.motion.force is not None
+    sideways, felt_along = task.motion.force is not None, task.felt_along
 
     def count_seen(stepping: Stepping, k: Integer, position: float, speed: float) -> None:
         """Count a reading of the cut in lane ``k``: tip and runs are estimated from the force that is ``felt``.
@@ -330,12 +332,13 @@ def count_seen(task: Task) -> Callable[..., None]:
         if expect is not None:
             expect(cuts, c, counts.updates[k] == 0, tick, position)
         depth = max(depth_at(nominal, position), SHALLOWEST)
-        reading = BladeReading(position, speed, depth, felt)
+        pull = felt if felt_along is None else felt_along(known, position, felt)
+        reading = BladeReading(position, speed, depth, pull)
         tip, jump = estimated_tip(known.tip[0], cuts.tasks[c], nominal, tick, reading)
         if learn is not None:
             learn(known, tick, position, tip)
         force = felt if size is None else size(felt, known.ways[across])
-        held = norm_held(felt, known.ways[across]) if sideways else felt
+        held = norm_held(felt, known.ways[across], pull) if sideways else felt
         count_lane(counts, k, Millisecond(position, speed, force, felt, held, tip, jump, depth))
         if count is not None:
             count(stepping.step, k, position, tip, known.ways[across])
