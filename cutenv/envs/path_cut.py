@@ -53,10 +53,11 @@ class PathCutEnv(GentleCutEnv):
 
     {ends}
 
-    The limit is 8 mm.
+    The limit is 8 mm.  A blade is unloaded if neither the part of its force along the line nor that across it holds it:
+    turned across its way, a loaded blade feels little along itself.
 
     Success is that of ``cutenv/GentleCut-v1`` with a mean distance between cut and line of at most 1 mm along the
-    target length, and a largest one of at most 3 mm.
+    length that is cut, and a largest one of at most 3 mm.
 
     Arguments
     ---------

@@ -284,9 +284,17 @@ class PPOArguments(TrialArguments):
     )
     hold: int = option(1, "number of decisions for which what is added to the script's action is held", (1, 100))
     last_exploration: float = option(0.04, "standard deviation of the actions at the end of training", (1e-6, 10.0))
+    forward: float = option(
+        0.0,
+        "mean speed action of an actor that has learned nothing yet: without demonstrations and without a script, one "
+        "that stands learns to stand",
+        (-1.0, 1.0),
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.forward and (self.demonstrations or self.correction):
+            raise BadArguments(f"--forward {self.forward:g} is for --base none with --demonstrations 0")
         if self.hold > 1 and not self.correction:
             raise BadArguments(f"--hold {self.hold} has no effect without --base script")
         if self.correction:
@@ -296,10 +304,10 @@ class PPOArguments(TrialArguments):
                 raise BadArguments("--base script feels the force, which --force unfelt hides; give --base none")
 
     @property
-    def sizes(self) -> dict[str, int]:
-        """Input sizes of actor and critic, and units of a layer: keyword arguments of the actor-critic networks."""
+    def sizes(self) -> dict[str, Any]:
+        """Input sizes of actor and critic, units of a layer, ``forward``: keyword arguments of the networks."""
         inputs = actor_critic_inputs(self.learned_task, self.history, self.critic, self.base)
-        return {**inputs, "hidden": self.hidden}
+        return {**inputs, "hidden": self.hidden} | ({"forward": self.forward} if self.forward else {})
 
     @property
     def correction(self) -> dict[str, Any]:

@@ -47,12 +47,17 @@ def _tower(inputs: int, hidden: int) -> nn.Sequential:
 class AsymmetricActorCritic(ActorCriticPolicy):
     """Policy of Stable-Baselines3 whose actor sees the first ``features`` numbers, and its critic the first ``critic``.
 
-    It draws its actions with a standard deviation that :class:`~cutenv.learning.progress.Progress` sets.
+    It draws its actions with a standard deviation that :class:`~cutenv.learning.progress.Progress` sets.  Before it has
+    learned anything its mean speed action is ``forward``.
     """
 
-    def __init__(self, *args: Any, features: int, critic: int, hidden: int, **kwargs: Any) -> None:
+    def __init__(
+        self, *args: Any, features: int, critic: int, hidden: int, forward: float = 0.0, **kwargs: Any
+    ) -> None:
         self._sizes = {"features": features, "critic": critic, "hidden": hidden}
         super().__init__(*args, **kwargs)
+        with torch.no_grad():
+            self.action_net.bias[0] += forward
 
     def _build_mlp_extractor(self) -> None:
         self.mlp_extractor = Extractor(**self._sizes)  # type: ignore[assignment]  # has all that is used of it
@@ -154,7 +159,9 @@ class RecurrentAsymmetricActorCritic(RecurrentActorCriticPolicy):
     A critic that sees the hidden state needs no memory: the state is all that matters.
     """
 
-    def __init__(self, *args: Any, features: int, critic: int, hidden: int, **kwargs: Any) -> None:
+    def __init__(
+        self, *args: Any, features: int, critic: int, hidden: int, forward: float = 0.0, **kwargs: Any
+    ) -> None:
         own: dict[str, Any] = {
             "net_arch": {"pi": [hidden], "vf": [hidden, hidden]},
             "lstm_hidden_size": hidden,
@@ -172,6 +179,8 @@ class RecurrentAsymmetricActorCritic(RecurrentActorCriticPolicy):
         schedule = kwargs["lr_schedule"] if "lr_schedule" in kwargs else args[2]
         keywords = {"lr": schedule(1), **self.optimizer_kwargs}
         self.optimizer = self.optimizer_class(self.parameters(), **keywords)
+        with torch.no_grad():
+            self.action_net.bias[0] += forward
 
     @staticmethod
     def _process_sequence(  # type: ignore[override]

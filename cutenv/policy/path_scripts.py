@@ -256,7 +256,10 @@ EXCISION_NUMBERS: Mapping[str, float] = {
     "beyond": 0.00295, "run_share": 0.763, "margin": -0.00166, "retreat_speed": 0.0104, "gain": 1.37, "back": 0.032,
 }  # fmt: skip
 """Numbers of *steer by force* for excisions, in SI units."""
-HAND_NUMBERS: Mapping[str, float] = {}
+HAND_NUMBERS: Mapping[str, float] = {
+    "speed": 0.0173, "angle": 0.818, "approach": 0.00706, "stroke": 0.0042, "stroke_speed": 0.00792, "held": 1.282,
+    "beyond": 0.00334, "run_share": 1.207, "margin": -0.00396, "retreat_speed": 0.0121, "gain": 1.457, "back": 0.0237,
+}  # fmt: skip
 """The same for excisions with a hand that yields."""
 EXCISION_SCRIPTS: dict[str, Callable[[], ArrayPolicy]] = {
     "excision by force": partial(with_numbers, SteerByForce, EXCISION_NUMBERS),

@@ -114,8 +114,9 @@ def _excision(name: str, stem: str, along: str, scripts: str, script: str) -> Re
         script=script,
         planner="cutenv.policy.map_planner:PathPlanner",
         options={
-            **_CORRECTING, "timesteps": 15_000_000, "exploration": 0.15, "last_exploration": 0.05,
-            "learning_rate": 7e-4,
+            **_CORRECTING, "control_hz": 10, "environments": 256, "batch_size": 4096, "validation_specimens": 500,
+            "validations": 8, "timesteps": 9_000_000, "exploration": 0.25, "last_exploration": 0.05,
+            "learning_rate": 1.5e-3,
         },
         infos="cutenv.learning.demonstration:PATH_INFOS",
     )  # fmt: skip
