@@ -1,57 +1,85 @@
-"""Draw a cut by the shipped agent as a moving picture: cut.gif in assets/pictures.
+"""Draw cuts as moving pictures, in assets/pictures.
 
-    python scripts/draw_moving_cut.py
+    python scripts/draw_moving_cut.py            cut.gif: a cut by the shipped agent
+    python scripts/draw_moving_cut.py excision   excision.gif: the best script and the agent on the same excision
 
-It runs at twice the speed of the cut, and is repeated after a pause.
+They run at twice the speed of the cut, and are repeated after a pause.
 """
 
 from __future__ import annotations
 
+import argparse
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import gymnasium
 import numpy as np
 from PIL import Image  # comes with matplotlib
 
 import cutenv  # noqa: F401  registers the environments
-from cutenv.policy import named_policy
+from cutenv.learning.evaluation import contestant
+from cutenv.policy.interface import Policy
+from cutenv.task.registry import TASKS
 
-PICTURE = Path(__file__).parents[1] / "assets" / "pictures" / "cut.gif"
-AGENT = "ppo-free"
-SEED = 7
+PICTURES = Path(__file__).parents[1] / "assets" / "pictures"
+CUTS: Mapping[str, tuple[tuple[str, ...], int]] = {
+    "cut": (("ppo-free",), 7),
+    "excision": (("excision by force", "ppo-excision"), 3),
+}
+"""Policies that cut side by side, and the seed of the specimen, by name of the picture."""
 EVERY_S = 0.2
 """Time between two pictures [s], in which GIF can show twice the speed: its unit is 10 ms."""
 PAUSE_MS = 3000
-SIZE = (640, 480)
+WIDTH = 640
 COLOURS = 40
 
 
-def pictures() -> list[Image.Image]:
-    """Return the pictures of a cut, from its start to its end."""
-    agent = named_policy(AGENT)
-    env = gymnasium.make(agent.card.environment, render_mode="rgb_array", **agent.environment_arguments)
+def pictures(name: str, seed: int) -> list[Image.Image]:
+    """Return the pictures of a cut by the policy of this name, from its start to its end."""
+    chosen = contestant(name)
+    arguments: dict[str, Any] = {"control_hz": 10, **chosen.arguments}
+    policy, task = chosen.policy, TASKS[arguments.pop("task", "gentle")]
+    assert isinstance(policy, Policy)
+    env = gymnasium.make(task.id, render_mode="rgb_array", **arguments)
     every = round(EVERY_S * env.metadata["render_fps"])  # decisions
-    observation, info = env.reset(seed=SEED)
-    agent.reset(np.random.default_rng(0))
-    drawn, decisions, over = [env.render()], 0, False
+    observation, info = env.reset(seed=seed)
+    policy.reset(np.random.default_rng(0))
+    drawn, decisions, over, total = [env.render()], 0, False, 0.0
     while not over:
-        observation, _, terminated, truncated, info = env.step(agent(observation))
-        decisions, over = decisions + 1, terminated or truncated
+        observation, reward, terminated, truncated, info = env.step(policy(observation))
+        decisions, over, total = decisions + 1, terminated or truncated, total + float(reward)
         if over or decisions % every == 0:
             drawn.append(env.render())
-    print(f"{AGENT}, seed {SEED}: {info['end']}, success {info['is_success']}, {len(drawn)} pictures")
-    return [Image.fromarray(np.asarray(each)).resize(SIZE, Image.Resampling.LANCZOS) for each in drawn]
+    ended = f"{info['end']}, success {info['is_success']}, return {total:.2f}"
+    print(f"{name}, seed {seed}: {ended}, {len(drawn)} pictures")
+    height = round(WIDTH * drawn[0].shape[0] / drawn[0].shape[1])
+    return [Image.fromarray(np.asarray(each)).resize((WIDTH, height), Image.Resampling.LANCZOS) for each in drawn]
+
+
+def side_by_side(several: Sequence[list[Image.Image]]) -> list[Image.Image]:
+    """Return pictures of several cuts beside each other; one that has ended stands still."""
+    joined = []
+    for k in range(max(map(len, several))):
+        row = [np.asarray(each[min(k, len(each) - 1)]) for each in several]
+        joined.append(Image.fromarray(np.concatenate(row, axis=1)))
+    return joined
 
 
 def main() -> None:
     """Draw the pictures in few colours, those of three of them side by side, and save them."""
-    drawn = pictures()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("picture", nargs="?", choices=list(CUTS), default="cut", help="what to draw; default cut")
+    name = parser.parse_args().picture
+    policies, seed = CUTS[name]
+    drawn = side_by_side([pictures(policy, seed) for policy in policies])
     chosen = np.concatenate([np.asarray(drawn[k]) for k in (0, len(drawn) // 2, -1)])
     palette = Image.fromarray(chosen).quantize(COLOURS, kmeans=3)
     frames = [each.quantize(palette=palette, dither=Image.Dither.NONE) for each in drawn]
     times = [round(500 * EVERY_S)] * (len(frames) - 1) + [PAUSE_MS]
-    frames[0].save(PICTURE, save_all=True, append_images=frames[1:], duration=times, loop=0, optimize=True)
-    print(f"picture: {PICTURE} ({PICTURE.stat().st_size / 1e3:.0f} kB)")
+    path = PICTURES / f"{name}.gif"
+    frames[0].save(path, save_all=True, append_images=frames[1:], duration=times, loop=0, optimize=True)
+    print(f"picture: {path} ({path.stat().st_size / 1e3:.0f} kB)")
 
 
 if __name__ == "__main__":

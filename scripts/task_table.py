@@ -23,6 +23,7 @@ import numpy as np
 from kept_rows import interval_text, keep, kept_rows, mean_text
 
 from cutenv.envs.depth_cut import DepthCutEnv
+from cutenv.envs.excision import ExcisionEnv
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.envs.path_cut import PathCutEnv
 from cutenv.learning.evaluation import Contestant, contestant, evaluate
@@ -142,10 +143,10 @@ class TaskTable:
         return self.agents_report(kept_rows(self.agents_file, f"task_table.py {self.task} --agents runs/NAME/policy"))
 
 
-def cut_drawn(env: GentleCutEnv, name: str, task: str) -> tuple[Any, list[dict[str, Any]]]:
-    """Let a script cut the first held-out specimen; return the last info and the truth of every decision."""
-    policy = TASKS[task].scripts[name]()
-    observation, info = env.reset(seed=TEST_SEEDS[0], options={"episode": 0})
+def cut_drawn(env: GentleCutEnv, name: str, seed: int = TEST_SEEDS[0]) -> tuple[Any, list[dict[str, Any]]]:
+    """Let a policy cut a held-out specimen; return the last info and the truth of every decision."""
+    policy: Any = contestant(name).policy
+    observation, info = env.reset(seed=seed, options={"episode": 0})
     policy.reset(np.random.default_rng(0))
     ended, truths = False, []
     while not ended:
@@ -162,7 +163,7 @@ def draw_depth(path: Path) -> None:
     for axis, wanted in zip(axes, ("ramp", "step"), strict=True):
         env = DepthCutEnv(wanted=wanted, target_length=0.08)
         for name, colour in (("depth by two forces", "tab:blue"), ("hold one depth", "tab:gray")):
-            info, _ = cut_drawn(env, name, "depth")
+            info, _ = cut_drawn(env, name)
             x = np.arange(env.cutting.motion["cell"][0] + 1) * 0.5
             axis.plot(x, 1e3 * env.cutting.floor[: len(x)], color=colour, label=f"floor of the cut, {name}")
         along = np.arange(len(env.cutting.floor)) * 0.5
@@ -178,13 +179,24 @@ def draw_depth(path: Path) -> None:
 
 def draw_path(path: Path) -> None:
     """Draw the cuts of two lines, by the best script and by a blade that follows the line."""
+    cuts = [(f"a line of kind {kind}", PathCutEnv(line=kind, target_length=0.09), 0) for kind in ("excision", "s")]
+    _draw_lines(path, cuts, ("steer by force", "blade on the line"))
+
+
+def draw_excision(path: Path) -> None:
+    """Draw two cuts along sides of excisions, by the agent and by the best script."""
+    cuts = [(f"excision {number}", ExcisionEnv(control_hz=10), number) for number in (1, 2)]
+    _draw_lines(path, cuts, ("ppo-excision", "excision by force"))
+
+
+def _draw_lines(path: Path, cuts: Sequence[tuple[str, PathCutEnv, int]], names: tuple[str, str]) -> None:
+    """Draw cuts by two policies, each from its title, environment and number of the held-out specimen."""
     import matplotlib.pyplot as plt
 
     figure, axes = plt.subplots(2, 1, figsize=(9.5, 5.2), sharex=True, layout="constrained")
-    for axis, kind in zip(axes, ("excision", "s"), strict=True):
-        env = PathCutEnv(line=kind, target_length=0.09)
-        for name, colour in (("steer by force", "tab:blue"), ("blade on the line", "tab:orange")):
-            info, truths = cut_drawn(env, name, "path")
+    for axis, (title, env, number) in zip(axes, cuts, strict=True):
+        for name, colour in zip(names, ("tab:blue", "tab:orange"), strict=True):
+            info, truths = cut_drawn(env, name, TEST_SEEDS[number])
             places = [(truth["blade_x_m"], truth["blade_y_m"]) for truth in truths]
             line, aside = env.cutting.line, env.cutting.cut_distance
             n = len(aside)
@@ -192,9 +204,9 @@ def draw_path(path: Path) -> None:
             area = info["path"]["area_mm2"]
             axis.plot(1e3 * x, 1e3 * y, color=colour, lw=1.5, label=f"cut, {name}: {area:.0f} mm² from the line")
             axis.plot(*(1e3 * np.array(places).T), color=colour, lw=0.7, ls=":", label=f"blade, {name}")
-        whole = slice(0, round(0.09 / SPACING) + 1)
+        whole = slice(0, round(env.cutting.target_length / SPACING) + 1)
         axis.plot(1e3 * line.x[whole], 1e3 * line.y[whole], "k--", lw=0.8, label="line")
-        axis.set(ylabel="across the slab [mm]", title=f"a line of kind {kind}", aspect="equal")
+        axis.set(ylabel="across the slab [mm]", title=title, aspect="equal")
         axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7)
     axes[1].set_xlabel("along the slab, from the clamp [mm]")
     figure.savefig(path, dpi=110)
@@ -222,7 +234,7 @@ TABLES = {
                     ("area_mm2", "area between", "{:.0f} mm²"),
                 ),
                 ends=(("force_limit", "the limit of force"), ("off_line", "that of the distance")),
-                draw=draw_path,
+                draw=draw_path if task == "path" else draw_excision,
             )
             for task in ("path", "excision", "hand-excision")
         ),

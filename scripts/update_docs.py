@@ -74,8 +74,8 @@ import slow_rig_agents
 import stock_learners
 import suite_times
 import task_table
-import tune_scripts
 import tip_errors
+import tune_scripts
 import wear_series
 from benchmark.table import markdown_table
 from kept_rows import kept_json, kept_rows

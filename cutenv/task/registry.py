@@ -115,7 +115,7 @@ def _excision(name: str, stem: str, along: str, scripts: str, script: str) -> Re
         planner="cutenv.policy.map_planner:PathPlanner",
         options={
             **_CORRECTING, "control_hz": 10, "environments": 256, "batch_size": 4096, "validation_specimens": 500,
-            "validations": 8, "timesteps": 9_000_000, "exploration": 0.25, "last_exploration": 0.05,
+            "validations": 8, "timesteps": 7_000_000, "exploration": 0.25, "last_exploration": 0.05,
             "learning_rate": 1.5e-3,
         },
         infos="cutenv.learning.demonstration:PATH_INFOS",

@@ -45,6 +45,7 @@ _STOPPING = 0.020  # [s] between reports while it stops
 _BOOT, _STATE = 4.0, 1.5  # [s]
 _DEAF = 0.1  # [s] beyond its ramp, after which a machine that does not slow down is reset
 _MINUTE = 6e4  # mm/min of a m/s
+_ASKED = 3  # times that the settings are asked for
 _MOVING = ("Idle", "Jog")
 
 
@@ -117,7 +118,10 @@ class GrblAxis(AxisDriver):
             raise RigError(f"the machine at {self._options.port} is not GRBL 1.1; it says {lines}.")
 
     def _compare(self) -> None:
-        self._told = dict(pair for line in self._ask("$$") if (pair := grbl_setting(line)) is not None)
+        for _ in range(_ASKED):  # a late "ok" to an earlier line ends the answer before it has begun
+            self._told = dict(pair for line in self._ask("$$") if (pair := grbl_setting(line)) is not None)
+            if 110 + self._number in self._told:
+                break
         wrong = lines_to_send(self._told, self._settings, self._number)
         if wrong:
             raise RigError(
