@@ -19,13 +19,12 @@ from PIL import Image  # comes with matplotlib
 
 import cutenv  # noqa: F401  registers the environments
 from cutenv.learning.evaluation import contestant
-from cutenv.policy.interface import Policy
 from cutenv.task.registry import TASKS
 
 PICTURES = Path(__file__).parents[1] / "assets" / "pictures"
 CUTS: Mapping[str, tuple[tuple[str, ...], int]] = {
     "cut": (("ppo-free",), 7),
-    "excision": (("excision by force", "ppo-excision"), 3),
+    "excision": (("excision by force", "ppo-excision"), 3_000_031),
 }
 """Policies that cut side by side, and the seed of the specimen, by name of the picture."""
 EVERY_S = 0.2
@@ -39,8 +38,8 @@ def pictures(name: str, seed: int) -> list[Image.Image]:
     """Return the pictures of a cut by the policy of this name, from its start to its end."""
     chosen = contestant(name)
     arguments: dict[str, Any] = {"control_hz": 10, **chosen.arguments}
-    policy, task = chosen.policy, TASKS[arguments.pop("task", "gentle")]
-    assert isinstance(policy, Policy)
+    policy: Any = chosen.policy
+    task = TASKS[arguments.pop("task", "gentle")]
     env = gymnasium.make(task.id, render_mode="rgb_array", **arguments)
     every = round(EVERY_S * env.metadata["render_fps"])  # decisions
     observation, info = env.reset(seed=seed)

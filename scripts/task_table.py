@@ -108,31 +108,48 @@ class TaskTable:
         agents = {f"PPO, run {number}": contestant(str(folder)) for number, folder in enumerate(folders, 1)}
         rows = self._evaluated(agents, specimens, processes)
         scores = ("policy", "seed", "return", "success", *(name for name, _, _ in self.errors))
-        return [{name: row[name] for name in scores} for row in rows]
+        limits = [end for end, _ in self.ends]
+        return [{name: row[name] for name in scores} | {"beyond": float(row["end"] in limits)} for row in rows]
 
     def agents_report(self, rows: Sequence[Mapping[str, Any]]) -> str:
         """Return the comparison as a Markdown table, with the script that comes nearest to each agent."""
         scripts, (error, heading, shown) = TASKS[self.task].scripts, self.errors[0]
         lines = [
-            f"| policy | return | success | {heading} | minus the script that comes nearest |",
-            "| --- | --- | --- | --- | --- |",
+            f"| policy | return | success | {heading} | ended beyond a limit | minus the script that comes nearest "
+            "| success, points |",
+            "| --- | --- | --- | --- | --- | --- | --- |",
         ]
+        leads = []
         for name, own in by_policy(rows).items():
-            nearest = "–"
+            nearest = points = "–"
             if name not in scripts:
                 compared = [row for row in rows if row["policy"] == name or row["policy"] in scripts]
-                paired = [row for row in differences(compared, name, ("return",)) if row["score"] == "return"]
-                least = min(paired, key=lambda row: float(row["low_95"]))
-                nearest = f"{interval_text(least, sign='+')} ({least['baseline']})"
+                paired = differences(compared, name, ("return", "success"))
+                least = min((row for row in paired if row["score"] == "return"), key=lambda row: float(row["low_95"]))
+                script = least["baseline"]
+                of_success = next(row for row in paired if row["score"] == "success" and row["baseline"] == script)
+                nearest = f"{interval_text(least, sign='+')} ({script})"
+                points = interval_text(of_success, digits=1, sign="+", factor=100.0)
+                leads.append((least, of_success))
             lines.append(
                 f"| {name} | {mean_text(row['return'] for row in own)} "
                 f"| {100.0 * np.mean([row['success'] for row in own]):.1f} % "
-                f"| {shown.format(np.mean([row[error] for row in own]))} | {nearest} |"
+                f"| {shown.format(np.mean([row[error] for row in own]))} "
+                f"| {100.0 * np.mean([row['beyond'] for row in own]):.1f} % | {nearest} | {points} |"
             )
-        count = len({row["seed"] for row in rows})
-        return "\n".join(
-            [*lines, "", f"{count} held-out specimens of class mixed; mean and paired difference with 95 % interval."]
-        )
+        count, ends = len({row["seed"] for row in rows}), " or ".join(what for _, what in self.ends)
+        told = [
+            f"{count} held-out specimens of class mixed; mean and paired difference with 95 % interval. The limits are "
+            f"{ends}."
+        ]
+        if len(leads) > 1:
+            least = min((each for each, _ in leads), key=lambda row: float(row["mean"]))
+            fewest = min((each for _, each in leads), key=lambda row: float(row["mean"]))
+            told.append(
+                f"The least of {len(leads)} training runs leads by {interval_text(least, sign='+')} of return, and by "
+                f"{interval_text(fewest, digits=1, sign='+', factor=100.0)} points of success."
+            )
+        return "\n".join([*lines, "", *told])
 
     def kept_report(self) -> str:
         """Return the table of the last measurement; SystemExit if there is none."""

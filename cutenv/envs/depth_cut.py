@@ -55,8 +55,8 @@ class DepthCutEnv(GentleCutEnv):
 
     {ends}
 
-    The limit is 3 mm.  A blade that is pressed on the floor, or hangs on it, is not unloaded; a floor that an end leaves
-    pressed is charged as stored energy.
+    The limit is 3 mm.  A blade that is pressed on the floor, or hangs on it, is not unloaded; a floor that an end
+    leaves pressed is charged as stored energy.
 
     Success is that of ``cutenv/GentleCut-v1`` with a mean error of the depth of at most 1.5 mm along the length that is
     cut, and the layer below not opened deeper than 0.5 mm.

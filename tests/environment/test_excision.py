@@ -68,7 +68,7 @@ def test_a_given_target_is_cut_and_one_beyond_every_side_is_refused():
     env = ExcisionEnv(target_length=0.05)
     env.reset(seed=0)
     assert env.cutting.target_length == 0.05
-    with pytest.raises(ValueError, match="target_length = 0.12 m: a half of a fusiform excision"):
+    with pytest.raises(ValueError, match=r"target_length = 0\.12 m: a half of a fusiform excision"):
         ExcisionEnv(target_length=0.12)
     with pytest.raises(ValueError, match=r"end_angle = 0\.4 rad.*ends at more than 36\.9 degrees"):
         half_ellipse(0.08, 0.015, 0.4)
