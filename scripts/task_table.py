@@ -151,6 +151,23 @@ class TaskTable:
             )
         return "\n".join([*lines, "", *told])
 
+    def short_report(self) -> str:
+        """Return the planner, the training runs together, and the best script, as a Markdown table of what is kept."""
+        agents = kept_rows(self.agents_file, f"task_table.py {self.task} --agents runs/NAME/policy")
+        of_planner = kept_rows(self.file, f"task_table.py {self.task}", TEXTS)
+        scripts, (error, heading, shown) = TASKS[self.task].scripts, self.errors[0]
+        runs = {row["policy"] for row in agents} - set(scripts)
+        several = {
+            "planner with truth, which sees the hidden state": [r for r in of_planner if r["policy"] == ORACLE],
+            f"PPO that corrects the script, {len(runs)} runs": [r for r in agents if r["policy"] in runs],
+            f"best script ({TASKS[self.task].script})": [r for r in agents if r["policy"] == TASKS[self.task].script],
+        }
+        lines = [f"| {self.task} | return | success | {heading} |", "| --- | --- | --- | --- |"]
+        for name, rows in several.items():
+            means = [float(np.mean([row[score] for row in rows])) for score in ("return", "success", error)]
+            lines.append(f"| {name} | {means[0]:.2f} | {means[1]:.2f} | {shown.format(means[2])} |")
+        return "\n".join(lines)
+
     def kept_report(self) -> str:
         """Return the table of the last measurement; SystemExit if there is none."""
         return self.report(kept_rows(self.file, f"task_table.py {self.task}", TEXTS))

@@ -407,7 +407,7 @@ ON_PAGES: dict[str, dict[str, Callable[[argparse.Namespace], str]]] = {
     "docs/validation/field.md": {"field": field},
     "docs/results/speed.md": {"speed": lambda _: speed_of()},
     "docs/results/training.md": {"training": training},
-    "README.md": {"results": results},
+    "README.md": {"results": results, "excision-short": lambda _: task_table.TABLES["excision"].short_report()},
     "docs/results/baselines.md": {"baselines": baselines},
     "docs/results/information.md": {
         "ladder": lambda _: ladder.report(kept_rows(ROOT / ladder.FOLDER / ladder.FILE, "ladder.py")),
