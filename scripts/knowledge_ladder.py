@@ -40,6 +40,7 @@ from cutenv.policy.path_scripts import (
     ENDING,
     EXCISION_NUMBERS,
     HAND_NUMBERS,
+    TUNED_AT,
     SeenPath,
     SteerByForce,
     course_back,
@@ -162,6 +163,7 @@ class PathRung(SteerByForce):
         rule: bool = False,
     ) -> None:
         numbers, self._told = numbers or {}, TrueTip() if stop else None
+        self.environment_arguments = TUNED_AT if numbers else {}
         ending = {"margin": -0.0005, **{name: numbers[name] for name in ENDING if name in numbers}}
         if stop:  # whoever knows the tip stops there, and needs no return stroke
             ending["margin"] = -0.0005

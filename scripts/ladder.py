@@ -75,7 +75,8 @@ RUNGS = {
 def rows_of_rung(policy: ArrayPolicy, name: str, seeds: Sequence[int], task: str = "gentle") -> list[dict[str, Any]]:
     """Return the scores of a script, one row for each seed; a method ``watch(batch)`` is shown the hidden state."""
     count = len(seeds)
-    batch = CutBatch(count, TASKS[task].single(specimen_class="mixed"))
+    arguments = getattr(policy, "environment_arguments", {})
+    batch = CutBatch(count, TASKS[task].single(specimen_class="mixed", **arguments))
     batch.give_seeds(seeds, np.arange(count), np.random.default_rng())
     batch.begin(np.arange(count))
     policy.begin([np.random.default_rng(seed) for seed in seeds])

@@ -65,7 +65,7 @@ class TaskTable:
     def _evaluated(
         self, others: Mapping[str, Contestant], specimens: int, processes: int | None
     ) -> list[dict[str, Any]]:
-        scripts = {name: Contestant(make()) for name, make in TASKS[self.task].scripts.items()}
+        scripts = {name: contestant(name) for name in TASKS[self.task].scripts}
         keywords = {"task": self.task, "specimen_class": "mixed"}
         several = {**others, **scripts}
         return evaluate(several, TEST_SEEDS[:specimens], keywords, processes=processes, description=self.task)

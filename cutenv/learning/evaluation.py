@@ -355,7 +355,8 @@ def contestant(name: str) -> Contestant:
         return Contestant(BASELINES[name]())
     for one in TASKS.values():
         if name in one.scripts:
-            return Contestant(one.scripts[name](), {"task": one.name})
+            script = one.scripts[name]()
+            return Contestant(script, {"task": one.name, **getattr(script, "environment_arguments", {})})
     if name in SHIPPED or Path(name).is_dir():
         policy = named_policy(name)
         task = task_made_as(policy.card.environment)

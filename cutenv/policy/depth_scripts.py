@@ -10,7 +10,7 @@ import numpy as np
 from cutenv._base.arrays import Array, Array32, Indices
 from cutenv._base.validation import in_range
 from cutenv.policy.interface import DEPTH_COLUMN, FORCE_MEAN_COLUMN, POSITION_COLUMN, SPEED_COLUMN, ArrayPolicy, in_si
-from cutenv.policy.scripted import OneReturnStroke
+from cutenv.policy.scripted import OneReturnStroke, Script
 from cutenv.policy.tip_estimate import TipEstimate, TwoForces
 from cutenv.task.depth import DEPTH_COMPONENTS, DEPTH_CUT, DESCENT_SCALE
 from cutenv.task.observation import COMPONENTS, SPEED_SCALE, speed_action
@@ -89,11 +89,15 @@ class DepthScript(ArrayPolicy):
         point = np.clip(((tips + self._lead) / SPACING + 0.5).astype(int), 0, self._passed)
         rows = np.arange(len(point))
         actions = np.empty((len(shown), 3), np.float32)
+        if isinstance(self.along, Script):
+            self.along.unloading.across = seen[:, VERTICAL_MEAN]
         actions[:, :2] = self.along.act(shown)
         depths = self.depths(self._wanted[rows, point], seen, actions)
         level = along[:, DEPTH_COLUMN] - seen[:, BLADE_DEPTH]
         descent = self._gain * (level - (self.surfaces(point) - depths))
         actions[:, 2] = np.clip(speed_action(descent * (SPEED_SCALE / DESCENT_SCALE)), -1.0, 1.0)
+        if isinstance(self.along, Script):  # a blade that is moved up or down at rest is held by friction
+            actions[self.along.unloading.unloaded, 2] = 0.0
         return actions
 
     def tips(self, along: Array, seen: Array) -> Array:

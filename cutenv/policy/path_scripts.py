@@ -5,7 +5,8 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import NamedTuple
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -60,7 +61,14 @@ class PathScript(ArrayPolicy):
     ----------
     along : ArrayPolicy, optional
         Policy of gentle cutting.  Default: the best script.
+
+    Attributes
+    ----------
+    environment_arguments : dict
+        Keywords of the environment for which it was made; none: it may have any.
     """
+
+    environment_arguments: Mapping[str, Any] = MappingProxyType({})
 
     def __init__(self, along: ArrayPolicy | None = None) -> None:
         self.along = along or OneReturnStroke()
@@ -233,13 +241,22 @@ ENDING = ("margin", "retreat_speed")
 """Those of :class:`~cutenv.policy.scripted.StopAndUnload`, by which it ends."""
 
 
+TUNED_AT: Mapping[str, Any] = {"control_hz": 10}
+"""Keywords of the environment in which ``scripts/tune_scripts.py`` finds numbers."""
+
+
 def with_numbers(kind: type[PathScript], numbers: Mapping[str, float]) -> PathScript:
-    """Return a script of a kind with numbers by name: :data:`ALONG`, :data:`ENDING`, and its own; others are usual."""
+    """Return a script of a kind with numbers by name: :data:`ALONG`, :data:`ENDING`, and its own; others are usual.
+
+    It decides as often as when the numbers were found.
+    """
     rest = dict(numbers)
     ending = {name: rest.pop(name) for name in ENDING if name in rest}
     along = {name: rest.pop(name) for name in ALONG if name in rest}
     unloading = StopAndUnload(**{"margin": -0.0005, "retreat_speed": 0.012, **ending})
-    return kind(OneReturnStroke(**along, unloading=unloading), **rest)
+    script = kind(OneReturnStroke(**along, unloading=unloading), **rest)
+    script.environment_arguments = TUNED_AT
+    return script
 
 
 PATH_SCRIPTS: dict[str, Callable[[], ArrayPolicy]] = {

@@ -61,6 +61,8 @@ class StopAndUnload:
         All that is estimated of the cuts, :data:`cutenv.policy.tip_estimate.CUT_ESTIMATE`.
     across : array of shape (n,), or float
         Force across the cut at the last observation [N], given by scripts whose blade feels one.
+    unloaded : array of bool, shape (n,)
+        True for cuts that end at rest, because nothing was felt any more while the blade drew back.
     """
 
     def __init__(
@@ -83,12 +85,12 @@ class StopAndUnload:
         self.tip: Any = np.zeros(count)
         self.left: Any = np.zeros(count)
         self.across: Array | float = 0.0
-        self._stopping, self._unloaded = np.zeros(count, bool), np.zeros(count, bool)
+        self._stopping, self.unloaded = np.zeros(count, bool), np.zeros(count, bool)
 
     def forget(self, cuts: Indices) -> None:
         """Begin those cuts again that are given by index."""
         self.tip_estimate.forget(cuts)
-        self._stopping[cuts] = self._unloaded[cuts] = False
+        self._stopping[cuts] = self.unloaded[cuts] = False
 
     def stop(self, cuts: NDArray[np.bool_]) -> None:
         """Begin the ending of those cuts now, wherever their tips are; ``cuts`` has shape (n,)."""
@@ -109,8 +111,8 @@ class StopAndUnload:
         # While the blade draws back, friction lowers the measured force, so that zero is reached while the tissue still
         # holds the blade with a force of friction's size: little energy is left, and the rest counts as unloaded.
         held = (seen[:, FORCE_COLUMN] > 0.0) | (np.abs(self.across) > _HELD_ACROSS)
-        self._unloaded |= self._stopping & ~held
-        return self._stopping, choose(self._unloaded, self._rest, self._draw_back)
+        self.unloaded |= self._stopping & ~held
+        return self._stopping, choose(self.unloaded, self._rest, self._draw_back)
 
 
 INCLINED = math.radians(45.0)
