@@ -435,14 +435,12 @@ ON_PAGES: dict[str, dict[str, Callable[[argparse.Namespace], str]]] = {
         "path-speed": lambda _: speed_of("path"),
     },
     "docs/results/excision.md": {
-        name: block
-        for task in ("excision", "hand-excision")
-        for name, block in (
-            (f"{task}-tuned", lambda _, task=task: tune_scripts.kept_report(task)),
-            (task, lambda _, task=task: task_table.TABLES[task].kept_report()),
-            (f"{task}-ladder", lambda _, task=task: knowledge_ladder.LADDERS[task].kept_report()),
-            (f"{task}-agents", lambda _, task=task: task_table.TABLES[task].kept_agents_report()),
-        )
+        "excision-tuned": lambda _: tune_scripts.kept_report("excision"),
+        "excision": lambda _: task_table.TABLES["excision"].kept_report(),
+        "excision-ladder": lambda _: knowledge_ladder.LADDERS["excision"].kept_report(),
+        "excision-agents": lambda _: task_table.TABLES["excision"].kept_agents_report(),
+        "hand-excision-tuned": lambda _: tune_scripts.kept_report("hand-excision"),
+        "hand-excision-agents": lambda _: task_table.TABLES["hand-excision"].kept_agents_report(),
     },
     "docs/development/testing.md": {"test-times": lambda _: suite_times.tables(suite_times.read())},
     "docs/development/measures.md": {"measures": lambda _: measure_codebase.comparison()},
