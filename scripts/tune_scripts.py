@@ -14,7 +14,6 @@ specimens.  So the return that is told for a script is of specimens that its tun
 from __future__ import annotations
 
 import argparse
-import json
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -22,9 +21,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from kept_rows import keep_json, kept_json
 
 from cutenv._base.arrays import Array
-from cutenv._base.output import atomic_write
 from cutenv.envs.batch import CutBatch
 from cutenv.learning.seeds import TRAINING_SEEDS, VALIDATION_SEEDS
 from cutenv.policy.path_scripts import (
@@ -186,17 +185,9 @@ def file_of(task: str) -> Path:
     return Path("runs") / task / "tuned.json"
 
 
-def kept(task: str) -> dict[str, Any]:
-    """Return what was found for a task so far, by script."""
-    path = file_of(task)
-    return json.loads(path.read_text()) if path.is_file() else {}
-
-
 def kept_report(task: str) -> str:
     """Return the table of what was found for a task; SystemExit if there is none."""
-    if not (found := kept(task)):
-        raise SystemExit(f"{file_of(task)} is missing: run scripts/tune_scripts.py {task} first.")
-    return report(found)
+    return report(kept_json(file_of(task), f"tune_scripts.py {task}"))
 
 
 def main() -> None:
@@ -209,13 +200,15 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0, help="seed of the search")
     parser.add_argument("--print", action="store_true", help="print what was found before")
     arguments = parser.parse_args()
-    path, found = file_of(arguments.task), kept(arguments.task)
-    for name in () if arguments.print else arguments.script or FAMILIES:
+    if arguments.print:
+        print(kept_report(arguments.task))
+        return
+    path = file_of(arguments.task)
+    found = kept_json(path, "tune_scripts.py") if path.is_file() else {}
+    for name in arguments.script or FAMILIES:
         tuning = Tuning(arguments.task, FAMILIES[name], arguments.seed)
         found[name] = tuning.run(arguments.generations, lambda line, name=name: print(f"{name}, {line}", flush=True))
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with atomic_write(path) as part:
-            part.write_text(json.dumps(found, indent=1) + "\n")
+        keep_json(path, found)
     print(report(found))
 
 
