@@ -209,7 +209,7 @@ class Sequences(NamedTuple):
 
 
 class Rollout:
-    """What all environments did between two updates: tensors of shape (num_steps, num_envs, ...).
+    """Rollout of all environments between two updates: tensors of shape (num_steps, num_envs, ...).
 
     ``memories`` are those before each decision, and ``begun`` is 1 where it is the first of its cut.  The next
     decision has the index num_steps in ``obs``, ``memories`` and ``begun``, and begins the following rollout.

@@ -17,6 +17,7 @@ from cutenv.tissue import place_model
 from cutenv.tissue.drawn_lines import (
     KINDS,
     LEAST_LENGTH,
+    MIXED_KINDS,
     OF_A_KIND,
     STORED,
     drawn_lines,
@@ -75,7 +76,7 @@ def stored_tips() -> tuple[Tips, TipStiffness]:
     stored, grid = stored_stiffness(), np.arange(N_POINTS) * SPACING
     straight, tips = along_whole_line(*stored[0, 0]), []
     for (kind, number), (lengths, stiffness) in stored.items():
-        if kind:
+        if 0 < kind < len(MIXED_KINDS):  # to which the numbers were fitted
             line = first_of_pair(kind, number)
             x, y, angle = (np.interp(lengths, grid, each) for each in (line.x, line.y, line.angle))
             frames = np.moveaxis(np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]), -1, 0)

@@ -36,8 +36,8 @@ from cutenv.policy.depth_scripts import DepthByTwoForces, FollowDepth
 from cutenv.policy.interface import SPEED_COLUMN, ArrayPolicy
 from cutenv.policy.map_planner import wanted_bend
 from cutenv.policy.path_scripts import (
-    ALONG,
-    ENDING,
+    ALONG_NUMBERS,
+    ENDING_NUMBERS,
     EXCISION_NUMBERS,
     HAND_NUMBERS,
     TUNED_AT,
@@ -164,12 +164,12 @@ class PathRung(SteerByForce):
     ) -> None:
         numbers, self._told = numbers or {}, TrueTip() if stop else None
         self.environment_arguments = TUNED_AT if numbers else {}
-        ending = {"margin": -0.0005, **{name: numbers[name] for name in ENDING if name in numbers}}
+        ending = {"margin": -0.0005, **{name: numbers[name] for name in ENDING_NUMBERS if name in numbers}}
         if stop:  # whoever knows the tip stops there, and needs no return stroke
             ending["margin"] = -0.0005
         unloading = StopAndUnload(**{"retreat_speed": 0.012, **ending}, tip_estimate=self._told)
-        along = {name: numbers[name] for name in ALONG if name in numbers} | ({"approach": 0.0} if stop else {})
-        own = {name: value for name, value in numbers.items() if name not in (*ALONG, *ENDING)}
+        along = {name: numbers[name] for name in ALONG_NUMBERS if name in numbers} | ({"approach": 0.0} if stop else {})
+        own = {name: value for name, value in numbers.items() if name not in (*ALONG_NUMBERS, *ENDING_NUMBERS)}
         super().__init__(OneReturnStroke(unloading=unloading, **along), **own)
         self._tip, self._aside, self._crack, self._rule = tip, aside, crack, rule
 
@@ -222,7 +222,7 @@ TOLD: dict[str, dict[str, bool]] = {
     "that, but for the distance to the line": {"rule": True},
     "the planner's rule, with the true tip for the stop": {"aside": True, "rule": True, "stop": True},
 }
-"""What each rung along a line is told, by name."""
+"""Knowledge that each rung along a line is told, by name."""
 
 
 def path_rungs(numbers: Mapping[str, float]) -> dict[str, Callable[[], SteerByForce]]:

@@ -67,7 +67,7 @@ ALONG = {
     "margin": Number(-0.0005, -0.015, 0.005),
     "retreat_speed": Number(0.012, 0.003, 0.0254),
 }
-"""Numbers of the script along the cut, :data:`cutenv.policy.path_scripts.ALONG`."""
+"""Numbers of the script along the cut, :data:`cutenv.policy.path_scripts.ALONG_NUMBERS`."""
 
 
 @dataclass(frozen=True)

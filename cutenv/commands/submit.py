@@ -120,10 +120,10 @@ def _submit(given: argparse.Namespace) -> None:
 
 def _kind(names: Sequence[str], entrants: Sequence[Contestant], given: str | None) -> str:
     """Return the kind of an entry: what its policies' cards record, or what is given where they do not."""
-    from cutenv.learning.benchmark import KINDS, kind_told
+    from cutenv.learning.benchmark import ENTRY_KINDS, kind_told
 
-    known = ", ".join(map(repr, KINDS))
-    if given is not None and given not in KINDS:
+    known = ", ".join(map(repr, ENTRY_KINDS))
+    if given is not None and given not in ENTRY_KINDS:
         raise ValueError(f"--kind {given!r} is not known; give one of {known}.")
     told = [kind_told(name, one.policy) or given for name, one in zip(names, entrants, strict=True)]
     kinds = {kind for kind in (*told, given) if kind is not None}

@@ -44,6 +44,11 @@ def _tower(inputs: int, hidden: int) -> nn.Sequential:
     return nn.Sequential(nn.Linear(inputs, hidden), nn.Tanh(), nn.Linear(hidden, hidden), nn.Tanh())
 
 
+def start_at(actions: Any, forward: float) -> None:
+    """Add a mean speed action to the bias of the layer of actions."""
+    actions.bias[0] += forward
+
+
 class AsymmetricActorCritic(ActorCriticPolicy):
     """Policy of Stable-Baselines3 whose actor sees the first ``features`` numbers, and its critic the first ``critic``.
 
@@ -57,7 +62,7 @@ class AsymmetricActorCritic(ActorCriticPolicy):
         self._sizes = {"features": features, "critic": critic, "hidden": hidden}
         super().__init__(*args, **kwargs)
         with torch.no_grad():
-            self.action_net.bias[0] += forward
+            start_at(self.action_net, forward)
 
     def _build_mlp_extractor(self) -> None:
         self.mlp_extractor = Extractor(**self._sizes)  # type: ignore[assignment]  # has all that is used of it
@@ -180,7 +185,7 @@ class RecurrentAsymmetricActorCritic(RecurrentActorCriticPolicy):
         keywords = {"lr": schedule(1), **self.optimizer_kwargs}
         self.optimizer = self.optimizer_class(self.parameters(), **keywords)
         with torch.no_grad():
-            self.action_net.bias[0] += forward
+            start_at(self.action_net, forward)
 
     @staticmethod
     def _process_sequence(  # type: ignore[override]

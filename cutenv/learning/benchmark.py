@@ -197,28 +197,28 @@ def returns_after(curve: Sequence[Mapping[str, float]]) -> dict[str, float | Non
     }
 
 
-SCRIPT, SCRATCH, SHOWN, CORRECTION = "script", "from scratch", "with demonstrations", "correction of a script"
-KINDS = (SCRIPT, SCRATCH, SHOWN, CORRECTION)
+OF_SCRIPT, SCRATCH, DEMONSTRATED, CORRECTION = "script", "from scratch", "with demonstrations", "correction of a script"
+ENTRY_KINDS = (OF_SCRIPT, SCRATCH, DEMONSTRATED, CORRECTION)
 """Kinds of policies; each has ranks of its own."""
 
 
-def kind_of(training: Mapping[str, Any]) -> str:
+def training_kind(training: Mapping[str, Any]) -> str:
     """Return the kind of a trained policy, from the options of its training."""
     if training.get("base", "none") != "none":
         return CORRECTION
-    return SHOWN if training["demonstrations"] or training.get("dataset") else SCRATCH
+    return DEMONSTRATED if training["demonstrations"] or training.get("dataset") else SCRATCH
 
 
 def kind_told(name: str, policy: Any) -> str | None:
     """Return the kind of a policy of this name by what is recorded of it; None if nothing is."""
     if name in BASELINES:
-        return SCRIPT
+        return OF_SCRIPT
     if not isinstance(policy, TrainedPolicy):
         return None
     options = policy.card.training.get("arguments", {})
     if policy.card.script is not None:
         return CORRECTION
-    return kind_of(options) if "demonstrations" in options else None
+    return training_kind(options) if "demonstrations" in options else None
 
 
 def entry_files(name: str) -> dict[str, bytes]:
@@ -532,8 +532,8 @@ def read_submission(path: Path, protocols: Sequence[Protocol] = (Protocol(), QUI
         for name, text in texts.items():
             check_text(name, text, empty=name in _MAY_BE_EMPTY)
         datetime.date.fromisoformat(texts["date"])
-        if texts["kind"] not in KINDS:
-            raise ValueError(f"kind is {texts['kind']!r}, not one of {', '.join(KINDS)}")
+        if texts["kind"] not in ENTRY_KINDS:
+            raise ValueError(f"kind is {texts['kind']!r}, not one of {', '.join(ENTRY_KINDS)}")
         if not re.fullmatch("[0-9a-f]{64}", texts["digest"]):
             raise ValueError(f"digest is {texts['digest']!r}, not 64 hexadecimal digits")
         seeds = entry_seeds(texts["digest"], protocol, texts["salt"])

@@ -235,9 +235,9 @@ def course_back(seen: SeenPath) -> Array:
     return course(seen, -seen.line[:, ASIDE] - _YIELDED * seen.line[:, LATERAL])
 
 
-ALONG = ("speed", "angle", "approach", "stroke", "stroke_speed", "held", "beyond", "run_share")
+ALONG_NUMBERS = ("speed", "angle", "approach", "stroke", "stroke_speed", "held", "beyond", "run_share")
 """Numbers of :class:`~cutenv.policy.scripted.OneReturnStroke`, by which a script moves along the line."""
-ENDING = ("margin", "retreat_speed")
+ENDING_NUMBERS = ("margin", "retreat_speed")
 """Those of :class:`~cutenv.policy.scripted.StopAndUnload`, by which it ends."""
 
 
@@ -246,14 +246,15 @@ TUNED_AT: Mapping[str, Any] = {"control_hz": 10}
 
 
 def with_numbers(kind: type[PathScript], numbers: Mapping[str, float]) -> PathScript:
-    """Return a script of a kind with numbers by name: :data:`ALONG`, :data:`ENDING`, and its own; others are usual.
+    """Return a script of a kind with numbers by name; those that are not given are usual.
 
-    It decides as often as when the numbers were found.
+    They are those of :data:`ALONG_NUMBERS` and :data:`ENDING_NUMBERS`, and the kind's own.  The script decides as often
+    as when the numbers were found.
     """
     rest = dict(numbers)
-    ending = {name: rest.pop(name) for name in ENDING if name in rest}
-    along = {name: rest.pop(name) for name in ALONG if name in rest}
-    unloading = StopAndUnload(**{"margin": -0.0005, "retreat_speed": 0.012, **ending})
+    margin, retreat_speed = rest.pop("margin", -0.0005), rest.pop("retreat_speed", 0.012)
+    along = {name: rest.pop(name) for name in ALONG_NUMBERS if name in rest}
+    unloading = StopAndUnload(margin=margin, retreat_speed=retreat_speed)
     script = kind(OneReturnStroke(**along, unloading=unloading), **rest)
     script.environment_arguments = TUNED_AT
     return script

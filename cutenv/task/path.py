@@ -406,7 +406,8 @@ def felt_along(known: Struct, position: float, felt: float) -> float:
     i, share = grid_index(min(max(position, 0.0), LENGTH))
     t_x, t_y = lerp(steering.cosine, i, share), lerp(steering.sine, i, share)
     east, north = known.ways[_EAST], known.ways[_NORTH]
-    return felt * (east * t_x + north * t_y) - known.ways[_LATERAL] * (north * t_x - east * t_y)
+    along: float = felt * (east * t_x + north * t_y) - known.ways[_LATERAL] * (north * t_x - east * t_y)
+    return along
 
 
 @njit_internal

@@ -11,7 +11,7 @@ from typing import Any
 
 from cutenv._base.output import atomic_write
 from cutenv.commands.train import training_options
-from cutenv.learning.benchmark import Protocol, kind_of
+from cutenv.learning.benchmark import Protocol, training_kind
 from cutenv.policy import NULL_POLICIES, ORACLE, SCRIPTS
 
 BEST_FEED = "best constant feed"
@@ -42,7 +42,7 @@ class Entry:
     @property
     def kind(self) -> str:
         """Kind of the agent, by the options with which every run of it is trained."""
-        return kind_of(dataclasses.asdict(training_options(self.learner, self.arguments)))
+        return training_kind(dataclasses.asdict(training_options(self.learner, self.arguments)))
 
 
 _ENTRIES = (

@@ -20,7 +20,7 @@ from benchmark.kept_cuts import file_of, write_run
 from benchmark.protocol import BEST_FEED, ENTRIES, SCRIPTED, Entry, slug
 from benchmark.robustness import settings
 from cutenv.commands.train import LEARNERS, training_options
-from cutenv.learning.benchmark import SCRATCH, Protocol, kind_of, returns_after
+from cutenv.learning.benchmark import SCRATCH, Protocol, returns_after, training_kind
 from cutenv.learning.evaluation import Contestant, contestant, evaluate
 from cutenv.learning.run_folder import checkpoint_of, git, marked
 from cutenv.learning.seeds import VALIDATION_SEEDS
@@ -263,7 +263,7 @@ class Benchmark:
     def _kept_its_start(self, part: Part, options: Mapping[str, Any]) -> bool:
         """Return True if validation kept an actor that had not yet begun to learn by trial, as Progress lets it."""
         card = json.loads((self.run_of(part) / "policy" / "card.json").read_text())
-        held = 0.0 if kind_of(options) == SCRATCH else options["critic_first"] * options["timesteps"]
+        held = 0.0 if training_kind(options) == SCRATCH else options["critic_first"] * options["timesteps"]
         return bool(card["training"]["decisions"] <= held)
 
     def sweep(self, pool: Executor) -> None:

@@ -9,10 +9,10 @@ from benchmark.aggregate import AFTER, ALL, UNCHANGED, Line, verdict
 from benchmark.protocol import ENTRIES, FEWEST_SEEDS, REFERENCE, SCRIPTED
 from cutenv.learning.benchmark import (
     CUT_MARKS,
+    ENTRY_KINDS,
     IQM,
-    KINDS,
     MEAN,
-    SCRIPT,
+    OF_SCRIPT,
     TABLE_COLUMNS,
     Protocol,
     TableColumn,
@@ -22,7 +22,7 @@ from cutenv.policy import NULL_POLICIES, ORACLE
 
 Heading, Rows = list[str], list[list[str]]
 BOUND, IDLE = "upper bound: sees hidden state", "idle"
-_ORDER = (*KINDS, BOUND, IDLE)
+_ORDER = (*ENTRY_KINDS, BOUND, IDLE)
 _OUT_OF_COMPETITION = (BOUND, IDLE)
 AS_BEGUN = "no better than its start"
 _NOTHING = "–"
@@ -92,7 +92,7 @@ class Table:
             return ENTRIES[name].kind
         if name not in SCRIPTED:
             return str(self.facts[name][0]["kind"])
-        return BOUND if name == ORACLE else IDLE if name in NULL_POLICIES else SCRIPT
+        return BOUND if name == ORACLE else IDLE if name in NULL_POLICIES else OF_SCRIPT
 
     def named(self, name: str) -> str:
         """Return the names of all whose cuts are this contestant's."""
@@ -130,7 +130,7 @@ class Table:
 
     def main(self) -> tuple[Heading, Rows]:
         """Return heading and rows of the main table, by kind, the best return first; each kind has its ranks."""
-        each = [[name for name in self.competitors() if self.kind(name) == kind] for kind in KINDS]
+        each = [[name for name in self.competitors() if self.kind(name) == kind] for kind in ENTRY_KINDS]
         ranks = {name: f"{rank}" for own in each for rank, name in enumerate(own, 1)}
         heading = ["rank", "policy", "kind", "seeds", *(self._heading(column) for column in self.columns)]
         rows = [

@@ -22,13 +22,13 @@ from cutenv.learning.benchmark import (
     entry_digest,
     entry_files,
     entry_seeds,
-    kind_of,
     kind_told,
     read_submission,
     replayed,
     returns_after,
     standing,
     submitted_run,
+    training_kind,
     write_submission,
 )
 from cutenv.learning.evaluation import Contestant, batched_rollout, contestant, evaluate
@@ -401,7 +401,7 @@ def test_a_salt_of_the_host_changes_the_specimens_and_is_kept_in_the_file(few, c
     ],
 )
 def test_the_kind_of_an_agent_follows_from_the_options_of_its_training(options, kind):
-    assert kind_of(options) == kind
+    assert training_kind(options) == kind
 
 
 def test_the_kind_of_a_policy_is_what_its_card_records():
