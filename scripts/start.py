@@ -3,7 +3,8 @@
 
 usage: python3 scripts/start.py COMMAND [--torch-index URL] [--accept-cuda] [--fast | --long] [ARGUMENT ...]
 
-  train   set up what training needs, then run "cutenv train" with the arguments (--quick: about two minutes)
+  train   set up what training needs, then run "cutenv train" with the arguments; without any, or with --quick
+          (about two minutes), for two tasks side by side
   test    set up everything, and Ray in .venv-ray, then run pytest with the arguments
   setup   set up everything but Ray, and stop
 
@@ -32,6 +33,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 PROGRAMS = {"train": ["-m", "cutenv", "train"], "test": ["-m", "pytest", "-n", "2", "--dist", "worksteal"], "setup": []}
+TWO_TASKS = ["--task", "gentle", "excision"]
 EXTRAS = {"train": "rl", "test": "dev", "setup": "dev"}
 """Extra of pyproject.toml that a command needs; dev holds the others but distributed."""
 RAY = "distributed"  # an extra that wants another Gymnasium, and so an environment of its own
@@ -264,6 +266,8 @@ def main(argv: list[str]) -> int:
         print(f"cutenv: {venv} is ready")
         return 0
     program = options.instead or PROGRAMS[options.command]
+    if options.command == "train" and set(passed_on) <= {"--quick"}:
+        passed_on = [*passed_on, *TWO_TASKS]
     command = [python_of(venv), *program, *passed_on]
     os.chdir(ROOT)
     sys.stdout.flush()

@@ -4,6 +4,7 @@ PPO takes about 4 minutes on 2 cores, recurrent PPO, whose actor has a memory, a
 learn from a script's decisions, some four.  Behaviour cloning imitates a script, or a data set of 'cutenv datasets', in
 some three minutes, without any trial of its own; IQL prefers the better decisions of two scripts or of a data set.
 Everything is written to the folder runs/NAME; an interrupted run continues from its checkpoint with --resume.
+Several tasks (--task gentle excision) are trained side by side, each in a process of its own, in runs/NAME-TASK.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import argparse
 import json
 import shutil
 import sys
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -58,6 +60,9 @@ _NOTES = {
 
 def main(argv: Sequence[str]) -> int:
     """Train; 2 if an option is bad, 130 after Ctrl-C."""
+    several, rest = _several_tasks(argv)
+    if several:
+        return _side_by_side(several, rest)
     given = _parser(_learner(argv)).parse_args(argv)
     learner = given.learner
     del given.learner  # the rest are the options of the run
@@ -67,6 +72,39 @@ def main(argv: Sequence[str]) -> int:
         print(f"cutenv train: {error}", file=sys.stderr)
         return 2
     return 0
+
+
+def _several_tasks(argv: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Return the tasks that --task names and the other arguments; no task unless there are several."""
+    first = argparse.ArgumentParser(prog="cutenv train", add_help=False, allow_abbrev=False)
+    first.add_argument("--task", nargs="+", default=[])
+    chosen, rest = first.parse_known_args(argv)
+    tasks = list(dict.fromkeys(chosen.task))
+    return (tasks, rest) if len(tasks) > 1 and not {"-h", "--help"} & set(rest) else ([], [])
+
+
+def _side_by_side(tasks: Sequence[str], rest: Sequence[str]) -> int:
+    """Train several tasks side by side, after a look at the options of all."""
+    from cutenv.learning.side_by_side import train_side_by_side
+
+    named = argparse.ArgumentParser(prog="cutenv train", add_help=False, allow_abbrev=False)
+    named.add_argument("--name")
+    name, rest = named.parse_known_args(rest)
+    stem = name.name or time.strftime("%Y%m%d-%H%M%S")
+    arguments = {task: [*rest, "--task", task, "--name", f"{stem}-{task}"] for task in tasks}
+    learner = _learner(rest)
+    for own in arguments.values():
+        given = _parser(learner).parse_args(own)
+        try:
+            if given.resume is not None:
+                raise BadArguments("--resume continues one run, which knows its task; leave --task out.")
+            del given.learner
+            run_request(LEARNERS[learner][1], given, learner)
+        except BadArguments as error:
+            print(f"cutenv train: {error}", file=sys.stderr)
+            return 2
+    command = [sys.executable, "-m", "cutenv", "train"]
+    return train_side_by_side({task: [*command, *own] for task, own in arguments.items()})
 
 
 def training_options(learner: str, argv: Sequence[str]) -> LearnerArguments:

@@ -18,7 +18,7 @@ from cutenv.task.registry import TASKS, RegisteredTask, task_of, tasks_in_words
 from cutenv.tissue.specimen import CLASSES
 
 if TYPE_CHECKING:
-    from cutenv.learning.randomised_rigs import RandomisedRigs
+    from cutenv.learning.environment_groups import EnvironmentGroups
     from cutenv.sb3 import FeatureVecEnv
 
 
@@ -229,14 +229,14 @@ class LearnerArguments:
 
         return FeatureVecEnv(seeds, **self._shown)
 
-    def training_environments(self) -> FeatureVecEnv | RandomisedRigs:
+    def training_environments(self) -> FeatureVecEnv | EnvironmentGroups:
         """Make the environments to train in; see :meth:`environments_at`."""
         if self.rigs == 1:
             return self.environments_at(self.training_seeds)
-        from cutenv.learning.randomised_rigs import RandomisedRigs, random_rigs
+        from cutenv.learning.environment_groups import EnvironmentGroups, random_rigs
 
         rigs = random_rigs(self.rigs, self.seed)
-        return RandomisedRigs(rigs, self.training_seeds, **self._shown)
+        return EnvironmentGroups(rigs, self.training_seeds, **self._shown)
 
     @property
     def _shown(self) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from torch.nn.utils.rnn import pad_sequence
 from tqdm import tqdm
 
 from cutenv.learning.arguments import LearnerArguments
-from cutenv.learning.randomised_rigs import RandomisedRigs
+from cutenv.learning.environment_groups import EnvironmentGroups
 from cutenv.policy import Policy
 from cutenv.policy.interface import as_array_policy
 from cutenv.sb3 import FeatureVecEnv
@@ -131,7 +131,7 @@ class CutDataset(NamedTuple):
 
 
 def demonstrations(
-    environments: FeatureVecEnv | RandomisedRigs,
+    environments: FeatureVecEnv | EnvironmentGroups,
     make_script: Callable[[], Policy],
     *,
     decisions: int,
@@ -142,7 +142,7 @@ def demonstrations(
 
     Parameters
     ----------
-    environments : FeatureVecEnv or RandomisedRigs
+    environments : FeatureVecEnv or EnvironmentGroups
         Environments to cut in; they are reset first.
     make_script : callable
         Function that makes a script.
@@ -172,7 +172,7 @@ def demonstrations(
     return Demonstrations(*map(np.stack, zip(*lessons, strict=True)))
 
 
-def script_demonstrations(environments: FeatureVecEnv | RandomisedRigs, arguments: LearnerArguments) -> Demonstrations:
+def script_demonstrations(environments: FeatureVecEnv | EnvironmentGroups, arguments: LearnerArguments) -> Demonstrations:
     """Let the script of the options cut in all environments, as often and with as much noise as they say."""
     return demonstrations(
         environments,

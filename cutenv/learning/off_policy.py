@@ -21,7 +21,7 @@ from cutenv.learning.arguments import CrossQArguments, OffPolicyArguments, SACAr
 from cutenv.learning.asymmetric_actors import AsymmetricCrossQPolicy, AsymmetricSACPolicy, AsymmetricTQCPolicy
 from cutenv.learning.cloning import Cloning, Demonstrations, script_demonstrations
 from cutenv.learning.on_policy import FallingRate
-from cutenv.learning.randomised_rigs import RandomisedRigs
+from cutenv.learning.environment_groups import EnvironmentGroups
 from cutenv.policy import Network
 from cutenv.sb3 import FeatureVecEnv
 
@@ -117,7 +117,7 @@ class OffPolicyLearner:
     network = staticmethod(network)
     activation = "relu"
 
-    def new_model(self, arguments: OffPolicyArguments, environments: FeatureVecEnv | RandomisedRigs) -> Any:
+    def new_model(self, arguments: OffPolicyArguments, environments: FeatureVecEnv | EnvironmentGroups) -> Any:
         """Make an untrained agent."""
         return self.algorithm(self.policy, environments, **off_policy_keywords(arguments))
 

@@ -15,7 +15,7 @@ from cutenv.learning.arguments import LearnerArguments, PPOArguments, TrialArgum
 from cutenv.learning.cloning import Demonstrations, script_demonstrations
 from cutenv.learning.evaluation import contestant, evaluate
 from cutenv.learning.progress import CheckpointExtras, Progress, save_model
-from cutenv.learning.randomised_rigs import RandomisedRigs
+from cutenv.learning.environment_groups import EnvironmentGroups
 from cutenv.learning.run_folder import RunRequest, end_interrupted, export, record_run, write_facts
 from cutenv.learning.statistics import read_rows
 from cutenv.learning.training_report import compare
@@ -53,7 +53,7 @@ class TrialLearner(Protocol):
     def activation(self) -> str:
         """Activation of the actor's layers."""
 
-    def new_model(self, arguments: Any, environments: FeatureVecEnv | RandomisedRigs) -> Any:
+    def new_model(self, arguments: Any, environments: FeatureVecEnv | EnvironmentGroups) -> Any:
         """Make an untrained agent."""
 
     def pretrain(self, model: Any, arguments: Any) -> None:
@@ -79,7 +79,7 @@ class OnPolicyLearner:
     """Function that makes the actor in NumPy from the policy's parameters."""
     activation = "tanh"
 
-    def new_model(self, arguments: PPOArguments, environments: FeatureVecEnv | RandomisedRigs) -> Any:
+    def new_model(self, arguments: PPOArguments, environments: FeatureVecEnv | EnvironmentGroups) -> Any:
         """Make an untrained agent."""
         return self.algorithm(self.policy, environments, **sb3_keywords(arguments))
 

@@ -35,7 +35,7 @@ def _swept() -> list[dict[str, Any]]:
     return [row for row in parameter_table(*RANDOM_GROUPS) if row["sensitivity"]]
 
 
-class RandomisedRigs(VecEnv):
+class EnvironmentGroups(VecEnv):
     """:class:`~cutenv.sb3.FeatureVecEnv` of several rigs, which share the seeds evenly and step together.
 
     Parameters

@@ -5,7 +5,7 @@ import pytest
 
 from cutenv._base.validation import parameter_table
 from cutenv.learning.arguments import BadArguments, PPOArguments
-from cutenv.learning.randomised_rigs import RANDOM_GROUPS, RandomisedRigs, random_rigs
+from cutenv.learning.environment_groups import RANDOM_GROUPS, EnvironmentGroups, random_rigs
 from cutenv.sb3 import FeatureVecEnv
 
 ARGUMENTS = PPOArguments(environments=7, rigs=3, demonstrations=0)
@@ -27,7 +27,7 @@ def test_the_first_rig_is_the_default_one_and_the_others_are_drawn_within_the_ra
 
 def test_rigs_that_step_together_are_bit_for_bit_those_that_step_alone():
     together = ARGUMENTS.training_environments()
-    assert isinstance(together, RandomisedRigs)
+    assert isinstance(together, EnvironmentGroups)
     rigs = random_rigs(3, ARGUMENTS.seed)
     alone = [
         FeatureVecEnv(seeds, hidden_state=True, history=0, **{**ARGUMENTS.environment, **rig})
