@@ -28,8 +28,11 @@ from cutenv.envs.vector import GentleCutVectorEnv
 from cutenv.policy.interface import script_of
 from cutenv.task.info import INFO
 from cutenv.task.registry import task_of
+from cutenv.task.reward import REWARD
 
 __all__ = ["FeatureVecEnv", "NativeVecEnv"]
+
+_GAINS = tuple(f"reward_terms_{term.name}" for term in REWARD if term.gain or term.end_gain)
 
 
 class NativeVecEnv(VecEnv):
@@ -90,6 +93,12 @@ class NativeVecEnv(VecEnv):
         """Observations of the environments, shape (n, k); the next step overwrites them."""
         observations: np.ndarray = self._batch.observations
         return observations
+
+    @property
+    def gained(self) -> np.ndarray:
+        """What the last decision's rewards would be without their costs, shape (n,): progress, accuracy, success."""
+        gains: np.ndarray = sum((self._infos[name] for name in _GAINS), np.zeros(self.num_envs))
+        return gains
 
     def _observe(self) -> np.ndarray:
         """Return the observations after a step; called once for each decision."""

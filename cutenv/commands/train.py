@@ -117,8 +117,8 @@ def training_options(learner: str, argv: Sequence[str]) -> LearnerArguments:
     """
     kind = LEARNERS[learner][1]
     chosen = vars(_parser(learner).parse_args([*argv]))
-    for name in ("learner", "quick", "resume"):
-        del chosen[name]
+    for name in ("learner", "quick", "from_nothing", "resume"):
+        chosen.pop(name, None)
     return kind(**kind.completed(chosen))
 
 

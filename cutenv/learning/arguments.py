@@ -26,6 +26,9 @@ MAX_ENVIRONMENTS = 1000
 """Number of training seeds that belong to one run: that with seed k has those from 1000 k on."""
 
 
+_UPRIGHT = 0.8  # angle action of a blade that is upright enough for a success
+_EASIER_GROUPS = 8  # of EasierEnvironments
+
 QUICKLY: Mapping[str, Any] = {"validations": 4, "validation_specimens": 50, "specimens": 30}
 """Values that ``--quick`` sets for every learner."""
 
@@ -85,6 +88,8 @@ class LearnerArguments:
 
     quick: ClassVar[Mapping[str, Any]] = {}
     """Values that ``--quick`` sets."""
+    from_nothing: ClassVar[Mapping[str, Any]] = {}
+    """Values that ``--from-nothing`` sets; empty: the learner has no such option."""
     tasks: ClassVar[Collection[str]] = ("gentle",)
     """Names of the tasks that the learner is for."""
 
@@ -162,8 +167,10 @@ class LearnerArguments:
             )
 
     @classmethod
-    def completed(cls, chosen: Mapping[str, Any], *, quick: bool = False) -> dict[str, Any]:
-        """Return the options chosen for a new run, those that follow from them, and :attr:`quick` if it is to be quick.
+    def completed(cls, chosen: Mapping[str, Any], *, quick: bool = False, from_nothing: bool = False) -> dict[str, Any]:
+        """Return the options chosen for a new run, and those that follow from them.
+
+        They are those of the task, :attr:`from_nothing` and :attr:`quick` if asked for, and what contradicts none.
 
         Raises
         ------
@@ -173,7 +180,9 @@ class LearnerArguments:
         task, _ = task_of(chosen)
         options = {"script": task.script, **task.options}
         own = {name: value for name, value in options.items() if name in cls.__dataclass_fields__}
-        merged = {**own, **(cls.quick if quick else {}), **chosen}
+        merged = {**own, **(cls.from_nothing if from_nothing else {}), **(cls.quick if quick else {}), **chosen}
+        if from_nothing:
+            merged["demonstrations"] = chosen.get("demonstrations", 0)
         if merged.get("base") == "script":
             merged["demonstrations"] = chosen.get("demonstrations", 0)
         elif "hold" not in chosen:
@@ -231,10 +240,13 @@ class LearnerArguments:
 
     def training_environments(self) -> FeatureVecEnv | EnvironmentGroups:
         """Make the environments to train in; see :meth:`environments_at`."""
-        if self.rigs == 1:
+        easier = getattr(self, "easier", 0.0)
+        if self.rigs == 1 and not easier:
             return self.environments_at(self.training_seeds)
-        from cutenv.learning.environment_groups import EnvironmentGroups, random_rigs
+        from cutenv.learning.environment_groups import EasierEnvironments, EnvironmentGroups, random_rigs
 
+        if easier:
+            return EasierEnvironments(easier, self.training_seeds, **self._shown)
         rigs = random_rigs(self.rigs, self.seed)
         return EnvironmentGroups(rigs, self.training_seeds, **self._shown)
 
@@ -272,6 +284,10 @@ class PPOArguments(TrialArguments):
 
     tasks: ClassVar[Collection[str]] = TASKS
     quick: ClassVar[Mapping[str, Any]] = {"demonstrations": 100_000, "timesteps": 400_000, **QUICKLY}
+    from_nothing: ClassVar[Mapping[str, Any]] = {
+        "base": "none", "forward": 0.3, "easier": 0.5, "control_hz": 5, "environments": 256, "batch_size": 4096,
+        "epochs": 4, "learning_rate": 1.2e-3, "exploration": 0.5, "last_exploration": 0.05, "timesteps": 6_000_000,
+    }  # fmt: skip
 
     rollout: int = option(64, "number of decisions of each environment between updates", (2, 10**6))
     epochs: int = option(10, "number of passes over a rollout", (1, 10**6))
@@ -286,15 +302,26 @@ class PPOArguments(TrialArguments):
     last_exploration: float = option(0.04, "standard deviation of the actions at the end of training", (1e-6, 10.0))
     forward: float = option(
         0.0,
-        "mean speed action of an actor that has learned nothing yet: without demonstrations and without a script, one "
-        "that stands learns to stand",
+        "mean speed action of an actor that has learned nothing yet, whose blade then is upright: without demonstrations "
+        "and without a script, one that stands learns to stand",
         (-1.0, 1.0),
+    )
+    easier: float = option(
+        0.0,
+        "share of training in which the task is easier: half of the cuts begin nearer to the target, costs count less "
+        "and time counts more",
+        (0.0, 1.0),
     )
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.forward and (self.demonstrations or self.correction):
-            raise BadArguments(f"--forward {self.forward:g} is for --base none with --demonstrations 0")
+        for name in ("forward", "easier"):
+            if getattr(self, name) and (self.demonstrations or self.correction):
+                raise BadArguments(f"--{name} {getattr(self, name):g} is for --base none with --demonstrations 0")
+        if self.easier and self.rigs > 1:
+            raise BadArguments(f"--easier {self.easier:g} has environments of its own, and --rigs too: leave one out")
+        if self.easier and self.environments < _EASIER_GROUPS:
+            raise BadArguments(f"--easier {self.easier:g} needs at least {_EASIER_GROUPS} --environments")
         if self.hold > 1 and not self.correction:
             raise BadArguments(f"--hold {self.hold} has no effect without --base script")
         if self.correction:
@@ -305,9 +332,11 @@ class PPOArguments(TrialArguments):
 
     @property
     def sizes(self) -> dict[str, Any]:
-        """Input sizes of actor and critic, units of a layer, ``forward``: keyword arguments of the networks."""
+        """Input sizes of actor and critic, units of a layer, first mean actions: keyword arguments of the networks."""
         inputs = actor_critic_inputs(self.learned_task, self.history, self.critic, self.base)
-        return {**inputs, "hidden": self.hidden} | ({"forward": self.forward} if self.forward else {})
+        begin = {"speed": self.forward, "angle": _UPRIGHT}
+        first = [begin.get(name, 0.0) for name in self.learned_task.task.action_names] if self.forward else []
+        return {**inputs, "hidden": self.hidden} | ({"begin": first} if first else {})
 
     @property
     def correction(self) -> dict[str, Any]:
@@ -329,6 +358,9 @@ class RecurrentPPOArguments(PPOArguments):
     exploration: float = 0.15
     last_exploration: float = 0.05
     critic_first: float = 0.15
+    from_nothing: ClassVar[Mapping[str, Any]] = {
+        "forward": 0.3, "easier": 0.5, "control_hz": 5, "learning_rate": 7e-4, "exploration": 0.5,
+    }  # fmt: skip
     cloning_epochs: int = option(15, "number of passes over the demonstrations", (1, 10**6))
 
     def __post_init__(self) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import gymnasium
@@ -44,25 +45,26 @@ def _tower(inputs: int, hidden: int) -> nn.Sequential:
     return nn.Sequential(nn.Linear(inputs, hidden), nn.Tanh(), nn.Linear(hidden, hidden), nn.Tanh())
 
 
-def start_at(actions: Any, forward: float) -> None:
-    """Add a mean speed action to the bias of the layer of actions."""
-    actions.bias[0] += forward
+def start_at(actions: Any, begin: Sequence[float]) -> None:
+    """Add mean actions to the bias of the layer of actions; none of them where ``begin`` is empty."""
+    if begin:
+        actions.bias += torch.tensor(begin)
 
 
 class AsymmetricActorCritic(ActorCriticPolicy):
     """Policy of Stable-Baselines3 whose actor sees the first ``features`` numbers, and its critic the first ``critic``.
 
     It draws its actions with a standard deviation that :class:`~cutenv.learning.progress.Progress` sets.  Before it has
-    learned anything its mean speed action is ``forward``.
+    learned anything its mean action is ``begin``, by default 0.
     """
 
     def __init__(
-        self, *args: Any, features: int, critic: int, hidden: int, forward: float = 0.0, **kwargs: Any
+        self, *args: Any, features: int, critic: int, hidden: int, begin: Sequence[float] = (), **kwargs: Any
     ) -> None:
         self._sizes = {"features": features, "critic": critic, "hidden": hidden}
         super().__init__(*args, **kwargs)
         with torch.no_grad():
-            start_at(self.action_net, forward)
+            start_at(self.action_net, begin)
 
     def _build_mlp_extractor(self) -> None:
         self.mlp_extractor = Extractor(**self._sizes)  # type: ignore[assignment]  # has all that is used of it
@@ -165,7 +167,7 @@ class RecurrentAsymmetricActorCritic(RecurrentActorCriticPolicy):
     """
 
     def __init__(
-        self, *args: Any, features: int, critic: int, hidden: int, forward: float = 0.0, **kwargs: Any
+        self, *args: Any, features: int, critic: int, hidden: int, begin: Sequence[float] = (), **kwargs: Any
     ) -> None:
         own: dict[str, Any] = {
             "net_arch": {"pi": [hidden], "vf": [hidden, hidden]},
@@ -185,7 +187,7 @@ class RecurrentAsymmetricActorCritic(RecurrentActorCriticPolicy):
         keywords = {"lr": schedule(1), **self.optimizer_kwargs}
         self.optimizer = self.optimizer_class(self.parameters(), **keywords)
         with torch.no_grad():
-            start_at(self.action_net, forward)
+            start_at(self.action_net, begin)
 
     @staticmethod
     def _process_sequence(  # type: ignore[override]

@@ -172,7 +172,9 @@ def demonstrations(
     return Demonstrations(*map(np.stack, zip(*lessons, strict=True)))
 
 
-def script_demonstrations(environments: FeatureVecEnv | EnvironmentGroups, arguments: LearnerArguments) -> Demonstrations:
+def script_demonstrations(
+    environments: FeatureVecEnv | EnvironmentGroups, arguments: LearnerArguments
+) -> Demonstrations:
     """Let the script of the options cut in all environments, as often and with as much noise as they say."""
     return demonstrations(
         environments,

@@ -1,4 +1,4 @@
-"""Domain randomisation: environments on many rigs, whose drive, sensor and measured depth are drawn at random."""
+"""Groups of environments that differ in their keyword arguments: on rigs drawn at random, or easier than the task."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from cutenv._base.validation import parameter_table
 from cutenv.cutting.drive import Rig
+from cutenv.cutting.dtypes import TICK
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.envs.constants import Knowledge
 from cutenv.sb3 import FeatureVecEnv
@@ -36,24 +37,24 @@ def _swept() -> list[dict[str, Any]]:
 
 
 class EnvironmentGroups(VecEnv):
-    """:class:`~cutenv.sb3.FeatureVecEnv` of several rigs, which share the seeds evenly and step together.
+    """:class:`~cutenv.sb3.FeatureVecEnv` in several groups, which share the seeds evenly and step together.
 
     Parameters
     ----------
-    rigs : sequence of mapping
-        Constants of each rig, keyword arguments of the environment.
+    groups : sequence of mapping
+        Keyword arguments of the environments of each group, such as the constants of a rig.
     seeds : sequence of int
-        Seed of each environment, at least as many as rigs.
+        Seed of each environment, at least as many as groups.
     **arguments
         Keyword arguments of :class:`~cutenv.sb3.FeatureVecEnv` that all share.
     """
 
-    def __init__(self, rigs: Sequence[Mapping[str, float]], seeds: Sequence[int], **arguments: Any) -> None:
-        parts = np.array_split(np.asarray(seeds), len(rigs))
+    def __init__(self, groups: Sequence[Mapping[str, float]], seeds: Sequence[int], **arguments: Any) -> None:
+        parts = np.array_split(np.asarray(seeds), len(groups))
         if not len(parts[-1]):
-            raise ValueError(f"{len(seeds)} environments are fewer than {len(rigs)} rigs; give more.")
+            raise ValueError(f"{len(seeds)} environments are fewer than {len(groups)} groups; give more.")
         self.parts = [
-            FeatureVecEnv(part.tolist(), **{**arguments, **rig}) for part, rig in zip(parts, rigs, strict=True)
+            FeatureVecEnv(part.tolist(), **{**arguments, **own}) for part, own in zip(parts, groups, strict=True)
         ]
         self._ends = np.cumsum([part.num_envs for part in self.parts])[:-1]
         super().__init__(len(seeds), self.parts[0].observation_space, self.parts[0].action_space)
@@ -122,3 +123,54 @@ class EnvironmentGroups(VecEnv):
     def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
         """Raise NotImplementedError: there are no single environments to call a method of."""
         return self.parts[0].env_method(method_name)
+
+
+NEARER = (0.015, 0.025, 0.040, 0.055)
+"""Distances before the target from which cuts of an easier task begin [m]; from 10 mm a cut could be over at once."""
+COSTS_AT_FIRST = 0.1
+"""Part of every cost that an easier task charges at first."""
+IMPATIENCE = 1.0
+"""What an easier task charges at first for the whole time until the deadline, beside the reward."""
+
+
+class EasierEnvironments(EnvironmentGroups):
+    """Environments that begin easier than the task and become it: a curriculum for an actor that has learned nothing.
+
+    Half of the cuts begin nearer to the target, at :data:`NEARER`, to the end.  Costs count a tenth at first, so that
+    trying is not charged more than it gains; and time counts more, so that it does not pay to stand still and wait: an
+    end for safety, too, is charged the time that is left.  Both become those of the task linearly.  Returns in the
+    infos are the task's own.
+
+    Parameters
+    ----------
+    until : float
+        Share of the training, above 0, after which costs and time count as in the task.
+    seeds, **arguments
+        See :class:`EnvironmentGroups`; at least eight seeds.
+
+    Attributes
+    ----------
+    share : float
+        Share of the training that is done; who trains sets it.
+    """
+
+    def __init__(self, until: float, seeds: Sequence[int], **arguments: Any) -> None:
+        groups = [{}] * len(NEARER) + [{"start_before_target": distance} for distance in NEARER]
+        super().__init__(groups, seeds, **arguments)
+        self.share, self._until = 0.0, until
+        single = self.parts[0].native.single
+        self._decision = single.ticks * TICK / single.deadline  # share of a deadline
+
+    def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
+        """Return observations, easier rewards, ends and infos; a cut that has ended starts again at once."""
+        shown, rewards, ended, infos = super().step_wait()
+        easier = max(1.0 - self.share / self._until, 0.0)
+        if easier:
+            gained = np.concatenate([part.gained for part in self.parts])
+            waited = np.full(len(rewards), self._decision)
+            for n in np.flatnonzero(ended):
+                if infos[n]["end"] not in ("finished", "deadline"):
+                    waited[n] += max(1.0 - infos[n]["episode"]["l"] * self._decision, 0.0)
+            costs = (1.0 - (1.0 - COSTS_AT_FIRST) * easier) * (gained - rewards)
+            rewards = (gained - costs - IMPATIENCE * easier * waited).astype(np.float32)
+        return shown, rewards, ended, infos

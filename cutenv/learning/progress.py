@@ -21,6 +21,7 @@ from tqdm import tqdm
 
 from cutenv._base.output import atomic_write
 from cutenv.learning.arguments import LearnerArguments, PPOArguments, TrialArguments
+from cutenv.learning.environment_groups import EasierEnvironments
 from cutenv.learning.statistics import write_csv
 
 
@@ -161,6 +162,9 @@ class Progress(BaseCallback):
         self.average()
         a = self._arguments
         share = self.share
+        environments: Any = self.training_env
+        if isinstance(environments, EasierEnvironments):
+            environments.share = share
         taught = a.demonstrations or a.correction
         for parameter in self._actor_parameters():  # a critic that knows nothing yet would spoil what it was taught
             parameter.requires_grad_(not taught or share >= a.critic_first)

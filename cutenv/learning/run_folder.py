@@ -152,10 +152,14 @@ class RunRequest(Generic[Chosen]):
 
 
 def add_run_options(parser: argparse.ArgumentParser, kind: type[LearnerArguments]) -> None:
-    """Add the options of a run: those of its learner, ``--quick`` and ``--resume``."""
+    """Add the options of a run: those of its learner, ``--quick``, ``--from-nothing`` and ``--resume``."""
     add_options(parser, kind)
     replaced = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in kind.quick.items())
     parser.add_argument("--quick", action="store_true", help=f"train for some two minutes: {replaced}")
+    if kind.from_nothing:
+        own = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in kind.from_nothing.items())
+        meaning = f"no script and no demonstrations, an easier task at first: demonstrations 0, {own}"
+        parser.add_argument("--from-nothing", action="store_true", help=meaning)
     parser.add_argument("--resume", type=Path, metavar="RUN", help="folder of an interrupted run to resume")
 
 
@@ -178,11 +182,12 @@ def run_request(kind: type[Chosen], given: argparse.Namespace, prefix: str) -> R
     """
     chosen = dict(vars(given))
     is_quick, resume = chosen.pop("quick"), chosen.pop("resume")
+    from_nothing = chosen.pop("from_nothing", False)
     if resume is not None:
-        if is_quick:
-            raise BadArguments(f"--quick is for a new run, and {resume} keeps its arguments; leave it out.")
+        for flag in ["--quick"] * is_quick + ["--from-nothing"] * from_nothing:
+            raise BadArguments(f"{flag} is for a new run, and {resume} keeps its arguments; leave it out.")
         return RunRequest(resumed(kind, resume, chosen), resume, resume=True)
-    arguments = kind(**kind.completed(for_rig(chosen), quick=is_quick))
+    arguments = kind(**kind.completed(for_rig(chosen), quick=is_quick, from_nothing=from_nothing))
     name = arguments.name or time.strftime(f"{prefix}-%Y%m%d-%H%M%S")
     run = Path("runs") / name
     if run.exists():
