@@ -167,10 +167,14 @@ class LearnerArguments:
             )
 
     @classmethod
-    def completed(cls, chosen: Mapping[str, Any], *, quick: bool = False, from_nothing: bool = False) -> dict[str, Any]:
-        """Return the options chosen for a new run, and those that follow from them.
+    def knowing_nothing(cls, chosen: Mapping[str, Any], *, quick: bool = False) -> dict[str, Any]:
+        """Return the options chosen for a new run from nothing, for :meth:`completed`."""
+        shorter = {name: value for name, value in cls.quick.items() if name in cls.from_nothing} if quick else {}
+        return {"demonstrations": 0, **cls.from_nothing, **shorter, **chosen}
 
-        They are those of the task, :attr:`from_nothing` and :attr:`quick` if asked for, and what contradicts none.
+    @classmethod
+    def completed(cls, chosen: Mapping[str, Any], *, quick: bool = False) -> dict[str, Any]:
+        """Return the options chosen for a new run, those that follow from them, and :attr:`quick` if it is to be quick.
 
         Raises
         ------
@@ -180,9 +184,7 @@ class LearnerArguments:
         task, _ = task_of(chosen)
         options = {"script": task.script, **task.options}
         own = {name: value for name, value in options.items() if name in cls.__dataclass_fields__}
-        merged = {**own, **(cls.from_nothing if from_nothing else {}), **(cls.quick if quick else {}), **chosen}
-        if from_nothing:
-            merged["demonstrations"] = chosen.get("demonstrations", 0)
+        merged = {**own, **(cls.quick if quick else {}), **chosen}
         if merged.get("base") == "script":
             merged["demonstrations"] = chosen.get("demonstrations", 0)
         elif "hold" not in chosen:
@@ -302,8 +304,8 @@ class PPOArguments(TrialArguments):
     last_exploration: float = option(0.04, "standard deviation of the actions at the end of training", (1e-6, 10.0))
     forward: float = option(
         0.0,
-        "mean speed action of an actor that has learned nothing yet, whose blade then is upright: without demonstrations "
-        "and without a script, one that stands learns to stand",
+        "mean speed action of an actor that has learned nothing yet, whose blade then is upright: without "
+        "demonstrations and without a script, one that stands learns to stand",
         (-1.0, 1.0),
     )
     easier: float = option(

@@ -155,7 +155,7 @@ class EasierEnvironments(EnvironmentGroups):
     """
 
     def __init__(self, until: float, seeds: Sequence[int], **arguments: Any) -> None:
-        groups = [{}] * len(NEARER) + [{"start_before_target": distance} for distance in NEARER]
+        groups: list[dict[str, float]] = [{}] * len(NEARER) + [{"start_before_target": distance} for distance in NEARER]
         super().__init__(groups, seeds, **arguments)
         self.share, self._until = 0.0, until
         single = self.parts[0].native.single

@@ -20,8 +20,8 @@ from stable_baselines3.common.buffers import NStepReplayBuffer
 from cutenv.learning.arguments import CrossQArguments, OffPolicyArguments, SACArguments, TQCArguments
 from cutenv.learning.asymmetric_actors import AsymmetricCrossQPolicy, AsymmetricSACPolicy, AsymmetricTQCPolicy
 from cutenv.learning.cloning import Cloning, Demonstrations, script_demonstrations
-from cutenv.learning.on_policy import FallingRate
 from cutenv.learning.environment_groups import EnvironmentGroups
+from cutenv.learning.on_policy import FallingRate
 from cutenv.policy import Network
 from cutenv.sb3 import FeatureVecEnv
 

@@ -13,9 +13,9 @@ import torch
 
 from cutenv.learning.arguments import LearnerArguments, PPOArguments, TrialArguments
 from cutenv.learning.cloning import Demonstrations, script_demonstrations
+from cutenv.learning.environment_groups import EnvironmentGroups
 from cutenv.learning.evaluation import contestant, evaluate
 from cutenv.learning.progress import CheckpointExtras, Progress, save_model
-from cutenv.learning.environment_groups import EnvironmentGroups
 from cutenv.learning.run_folder import RunRequest, end_interrupted, export, record_run, write_facts
 from cutenv.learning.statistics import read_rows
 from cutenv.learning.training_report import compare

@@ -183,11 +183,13 @@ def run_request(kind: type[Chosen], given: argparse.Namespace, prefix: str) -> R
     chosen = dict(vars(given))
     is_quick, resume = chosen.pop("quick"), chosen.pop("resume")
     from_nothing = chosen.pop("from_nothing", False)
+    if from_nothing and resume is None:
+        chosen = kind.knowing_nothing(chosen, quick=is_quick)
     if resume is not None:
         for flag in ["--quick"] * is_quick + ["--from-nothing"] * from_nothing:
             raise BadArguments(f"{flag} is for a new run, and {resume} keeps its arguments; leave it out.")
         return RunRequest(resumed(kind, resume, chosen), resume, resume=True)
-    arguments = kind(**kind.completed(for_rig(chosen), quick=is_quick, from_nothing=from_nothing))
+    arguments = kind(**kind.completed(for_rig(chosen), quick=is_quick))
     name = arguments.name or time.strftime(f"{prefix}-%Y%m%d-%H%M%S")
     run = Path("runs") / name
     if run.exists():

@@ -111,12 +111,14 @@ def test_half_of_the_cuts_of_an_easier_task_begin_nearer_and_none_is_over_at_onc
 
 
 def test_from_nothing_sets_what_an_actor_that_knows_nothing_needs():
-    chosen = PPOArguments.completed({"task": "excision"}, from_nothing=True)
+    chosen = PPOArguments.completed(PPOArguments.knowing_nothing({"task": "excision"}))
     arguments = PPOArguments(**chosen)
-    assert arguments.correction == {} and arguments.demonstrations == 0 and arguments.easier == 0.5
+    assert arguments.correction == {}
+    assert arguments.demonstrations == 0
+    assert arguments.easier == 0.5
     assert arguments.sizes["begin"] == [0.3, 0.8, 0.0]
     assert isinstance(dataclasses.replace(arguments, environments=8).training_environments(), EasierEnvironments)
-    with pytest.raises(BadArguments, match="--easier 0.5 is for --base none with --demonstrations 0"):
+    with pytest.raises(BadArguments, match=r"--easier 0\.5 is for --base none with --demonstrations 0"):
         PPOArguments(easier=0.5)
     with pytest.raises(BadArguments, match="needs at least 8 --environments"):
         dataclasses.replace(arguments, environments=7)

@@ -19,10 +19,12 @@ def test_what_each_prints_is_kept_together_and_told_when_it_ends(capfd):
     assert train_side_by_side({"one": [sys.executable, "-c", SAYS], "two": [sys.executable, "-c", SAYS]}) == 0
     out, _ = capfd.readouterr()
     first, *ends = out.split("\n== ")
-    assert "one: " in first and "two: " in first  # progress, while both run
+    assert "one: " in first
+    assert "two: " in first
     assert sorted(each.splitlines()[0] for each in ends) == ["one", "two"]
     for each in ends:
-        assert "began" in each and "score 7" in each
+        assert "began" in each
+        assert "score 7" in each
         assert "|#" not in each  # a bar is progress, which is no result
 
 
@@ -30,7 +32,8 @@ def test_the_status_of_one_that_fails_is_told_and_the_other_goes_on(capfd):
     fails = [sys.executable, "-c", "import sys; print('no disk'); sys.exit(3)"]
     assert train_side_by_side({"bad": fails, "good": [sys.executable, "-c", SAYS]}) == 3
     out, _ = capfd.readouterr()
-    assert "no disk" in out and "score 7" in out
+    assert "no disk" in out
+    assert "score 7" in out
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
@@ -54,7 +57,8 @@ def test_ctrl_c_reaches_every_training_and_is_waited_for(tmp_path):
     parent.send_signal(signal.SIGINT)
     out, errors = parent.communicate(timeout=60)
     assert parent.returncode == 130
-    assert "saved first" in out and "saved second" in out
+    assert "saved first" in out
+    assert "saved second" in out
     assert "Traceback" not in errors
 
 
