@@ -102,7 +102,7 @@ def _stop(signum: int, frame: FrameType | None) -> None:
 
 
 def _watch(running: list[Training], began: float) -> list[int]:
-    """Show progress until all have ended, and what each printed as it ends; return their exit statuses in that order."""
+    """Show progress until all have ended, and what each printed as it ends; return their exit statuses."""
     here, shown, statuses = sys.stdout.isatty(), -_QUIET, []
     while running:
         for one in [one for one in running if one.process.poll() is not None]:
