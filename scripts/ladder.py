@@ -2,6 +2,7 @@
 
     python scripts/ladder.py                        1000 held-out specimens, some five minutes on 2 cores
     python scripts/ladder.py --specimens 200        a quick look
+    python scripts/ladder.py --specimen-class liver    without tough inclusions; writes runs/ladder/liver.csv
     python scripts/ladder.py --print                prints what is in runs/ladder/
 
 Every rung is the script "return stroke" with other knowledge, but for probe and creep and the planner that knows the
@@ -28,10 +29,12 @@ from cutenv.policy import BASELINES, ORACLE, OneReturnStroke, StopAndUnload, Tip
 from cutenv.policy.interface import ArrayPolicy
 from cutenv.task.info import GROUPS, INFO, column
 from cutenv.task.registry import TASKS
+from cutenv.tissue.specimen import CLASSES
 
-FOLDER, FILE = Path("runs") / "ladder", "ladder.csv"
+FOLDER = Path("runs") / "ladder"
+CLASS = "mixed"
 NEVER = 10.0  # multiples of the resistance: no tip counts as held
-START = "probe and creep"
+START, SCRIPT = "probe and creep", "and giving up before a predicted run"
 SCORES = ("return", "success", "tip_error_mm")
 _SAFETY = column(next(field for field in GROUPS["reward_terms"] if field.name == "safety"))
 
@@ -65,18 +68,20 @@ RUNGS = {
     "mean tissue": lambda: OneReturnStroke(approach=0.0, held=NEVER),
     START: BASELINES[START],
     "stiffness and friction by a return stroke": lambda: OneReturnStroke(held=NEVER),
-    "and giving up before a predicted run": OneReturnStroke,
+    SCRIPT: OneReturnStroke,
     "true tip": lambda: ToldTheTip(NEVER),
     "true tip, and giving up": lambda: ToldTheTip(1.3),
     ORACLE: BASELINES[ORACLE],
 }
 
 
-def rows_of_rung(policy: ArrayPolicy, name: str, seeds: Sequence[int], task: str = "gentle") -> list[dict[str, Any]]:
+def rows_of_rung(
+    policy: ArrayPolicy, name: str, seeds: Sequence[int], task: str = "gentle", specimen_class: str = CLASS
+) -> list[dict[str, Any]]:
     """Return the scores of a script, one row for each seed; a method ``watch(batch)`` is shown the hidden state."""
     count = len(seeds)
     arguments = getattr(policy, "environment_arguments", {})
-    batch = CutBatch(count, TASKS[task].single(specimen_class="mixed", **arguments))
+    batch = CutBatch(count, TASKS[task].single(specimen_class=specimen_class, **arguments))
     batch.give_seeds(seeds, np.arange(count), np.random.default_rng())
     batch.begin(np.arange(count))
     policy.begin([np.random.default_rng(seed) for seed in seeds])
@@ -102,14 +107,14 @@ def rows_of_rung(policy: ArrayPolicy, name: str, seeds: Sequence[int], task: str
     ]
 
 
-def measure(specimens: int, processes: int | None) -> list[dict[str, Any]]:
+def measure(specimens: int, processes: int | None, specimen_class: str = CLASS) -> list[dict[str, Any]]:
     """Return one row for each rung and specimen."""
-    seeds, arguments = list(TEST_SEEDS[:specimens]), {"specimen_class": "mixed"}
+    seeds, arguments = list(TEST_SEEDS[:specimens]), {"specimen_class": specimen_class}
     inferring = {name: Contestant(make()) for name, make in RUNGS.items() if "true tip" not in name}
     found = by_policy(evaluate(inferring, seeds, arguments, processes=processes, description="ladder"))
     rows = []
     for name, make in RUNGS.items():
-        own = rows_of_rung(make(), name, seeds) if name not in found else found[name]
+        own = rows_of_rung(make(), name, seeds, specimen_class=specimen_class) if name not in found else found[name]
         rows += [{"policy": name, "seed": row["seed"], **{score: row[score] for score in SCORES}} for row in own]
     return rows
 
@@ -121,7 +126,7 @@ def interquartile_mean(values: Sequence[float]) -> float:
     return float(ordered[quarter : len(ordered) - quarter].mean())
 
 
-def report(rows: Sequence[Mapping[str, Any]]) -> str:
+def report(rows: Sequence[Mapping[str, Any]], specimen_class: str = CLASS) -> str:
     """Return the ladder as a Markdown table."""
     each = {name: {int(row["seed"]): row for row in own} for name, own in by_policy(rows).items()}
     first, last = (np.mean([row["return"] for row in each[name].values()]) for name in (START, ORACLE))
@@ -140,21 +145,43 @@ def report(rows: Sequence[Mapping[str, Any]]) -> str:
             f"| {100.0 * (np.mean(returns) - first) / (last - first):.0f} % |"
         )
     count = len(each[START])
-    return "\n".join([f"Class mixed, {count} held-out specimens; mean [95 % interval], median tip error.", "", *lines])
+    return "\n".join(
+        [f"Class {specimen_class}, {count} held-out specimens; mean [95 % interval], median tip error.", "", *lines]
+    )
+
+
+def file_of(specimen_class: str) -> str:
+    """Return the name of the file of a class."""
+    return "ladder.csv" if specimen_class == CLASS else f"{specimen_class}.csv"
+
+
+def memory_report(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return what more knowledge earns without tough inclusions, in a sentence: what no memory can exceed."""
+    each = {name: {int(row["seed"]): row for row in own} for name, own in by_policy(rows).items()}
+
+    def gain(name: str) -> str:
+        return mean_text((row["return"] - each[SCRIPT][seed]["return"] for seed, row in each[name].items()), sign="+")
+
+    return (
+        f"On {len(each[SCRIPT])} held-out specimens of class liver the script earns {gain('true tip, and giving up')} "
+        f"more where it is told the tip, and the planner, told all of the truth, {gain(ORACLE)} more."
+    )
 
 
 def main() -> None:
     """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--specimens", type=int, default=1000, metavar="N", help="held-out specimens; default 1000")
+    parser.add_argument("--specimen-class", choices=CLASSES, default=CLASS, help=f"class of specimens; default {CLASS}")
     parser.add_argument("--out", type=Path, default=FOLDER, metavar="FOLDER", help=f"folder; default {FOLDER}")
     parser.add_argument("--processes", type=int, metavar="N", help="number of processes; default one per core")
     parser.add_argument("--print", action="store_true", help="print the kept table without measuring again")
     arguments = parser.parse_args()
+    kind, file = arguments.specimen_class, arguments.out / file_of(arguments.specimen_class)
     if not arguments.print:
-        rows = measure(arguments.specimens, arguments.processes)
-        keep(arguments.out / FILE, rows)
-    print(report(kept_rows(arguments.out / FILE, "ladder.py")), flush=True)
+        rows = measure(arguments.specimens, arguments.processes, kind)
+        keep(file, rows)
+    print(report(kept_rows(file, "ladder.py"), kind), flush=True)
 
 
 if __name__ == "__main__":

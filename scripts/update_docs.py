@@ -410,7 +410,10 @@ ON_PAGES: dict[str, dict[str, Callable[[argparse.Namespace], str]]] = {
     "README.md": {"results": results, "excision-short": lambda _: task_table.TABLES["excision"].short_report()},
     "docs/results/baselines.md": {"baselines": baselines},
     "docs/results/information.md": {
-        "ladder": lambda _: ladder.report(kept_rows(ROOT / ladder.FOLDER / ladder.FILE, "ladder.py")),
+        "ladder": lambda _: ladder.report(kept_rows(ROOT / ladder.FOLDER / "ladder.csv", "ladder.py")),
+        "slab-memory": lambda _: ladder.memory_report(
+            kept_rows(ROOT / ladder.FOLDER / "liver.csv", "ladder.py --specimen-class liver")
+        ),
         "learned-stop": lambda _: learned_stop.report(
             kept_rows(ROOT / ladder.FOLDER / learned_stop.FILE, "learned_stop.py")
         ),
