@@ -21,6 +21,7 @@ from cutenv.recording.schema import RecordError
 from cutenv.recording.specimens import side_by_side
 from cutenv.recording.stated_units import known_spelling, split_header
 from cutenv.recording.text_lines import tabled, text_lines
+from cutenv.recording.time_columns import whole_times
 
 
 class Dialect(NamedTuple):
@@ -68,9 +69,9 @@ def sniff_table(path: Path) -> NamedColumns:
             text=lambda k: cells[k],
             left_out=lost,
         )
-        return columns
+        return whole_times(columns)
     stated = maker_header(lines)
-    return side_by_side(_Reading(path, lines, stated).table())
+    return side_by_side(whole_times(_Reading(path, lines, stated).table()))
 
 
 def split_row(row: str, separator: str) -> list[str]:
@@ -176,9 +177,10 @@ class _Reading:
         )
         found = _header_of(above, rows.dialect, rows.length)
         if self.stated.names and not found.names:
-            names = self.stated.names[-rows.length :] if rows.length < len(self.stated.names) else self.stated.names
-            units = self.stated.units[-rows.length :] if rows.length < len(self.stated.names) else self.stated.units
-            return _Header(tuple(names[: rows.length]), tuple(units[: rows.length]), "")
+            names, units = self.stated.names, self.stated.units
+            if names[0] == "Time" and rows.length == len(names) - 1:  # exported without the time
+                names, units = names[1:], units[1:]
+            return _Header(names[: rows.length], units[: rows.length], "")
         if self.stated.units:
             return found._replace(units=self.stated.units)
         return found
@@ -195,6 +197,7 @@ class _Reading:
         part_names: tuple[str, ...] = ()
         if numbers is not None:
             kept = np.array(here)
+            parts, part_names = _blocks(self._gaps_of_header(kept), len(kept))
             columns = dict(zip(rows.numeric, numbers.T, strict=True))
             typed = functools.cache(lambda k: self._typed(columns, lines, rows, k))
             split = functools.cache(lambda: list(zip(*(split_row(line, separator) for line in lines), strict=True)))
@@ -279,8 +282,7 @@ class _Reading:
                 good.append(i)
             elif kind != "incomplete" and kind != "odd":
                 borders.append(len(good))
-        gaps = self._gaps_of_header(places[good]) if self.stated.starts else []
-        inner = sorted({k for k in (*borders, *gaps) if 0 < k < len(good)})
+        gaps = self._gaps_of_header(places[good])
         cells = [[split[i][k] if k < len(split[i]) else "" for i in good] for k in range(rows.length)]
         left_out = []
         for kind, reason in _REASONS.items():
@@ -288,16 +290,26 @@ class _Reading:
             if where:
                 example = f"line {places[where[0]] + 1}: {lines[where[0]].strip()[:40]!r}"
                 left_out.append(LeftOut(count=len(where), reason=f"{reason} ({example})"))
-        parts = np.searchsorted(np.array(inner), np.arange(len(good)), side="right") if inner else None
-        names = tuple(f"block {k + 1}" for k in range(len(inner) + 1)) if inner else ()
+        parts, names = _blocks([*borders, *gaps], len(good))
         return _Sound(cells, places[good], left_out, parts, names)
 
     def _gaps_of_header(self, places: Index) -> list[int]:
         """Return the rows before which the program wrote the header of another segment."""
+        if not self.stated.starts:
+            return []
         jumps = np.flatnonzero(np.diff(places) > 3) + 1
         return [
             int(k) for k in jumps if any(self.raw[i].startswith("Channels") for i in range(places[k - 1], places[k]))
         ]
+
+
+def _blocks(borders: Sequence[int], n: int) -> tuple[Index | None, tuple[str, ...]]:
+    """Return the block of each of `n` rows, which some borders part, and the names of the blocks."""
+    inner = sorted({k for k in borders if 0 < k < n})
+    if not inner:
+        return None, ()
+    parts = np.searchsorted(np.array(inner), np.arange(n), side="right")
+    return parts, tuple(f"block {k + 1}" for k in range(len(inner) + 1))
 
 
 class _Sound(NamedTuple):
@@ -426,26 +438,38 @@ def _header_of(above: Sequence[str], dialect: Dialect, length: int) -> _Header:
     filled = [line for line in filled if line.strip("\t ,;|-+=:")]
     if not filled:
         return _Header((), (), "nothing stands above them")
-    rows = [_header_cells(line, dialect, length) for line in filled[-8:]]
-    units: tuple[str, ...] = ()
-    names: list[str] = []
-    for cells in reversed(rows):
-        n_filled = sum(bool(cell) for cell in cells)
-        if not units and _are_units(cells):
-            units = tuple(cells)
-        elif n_filled > 1 or (n_filled == 1 and length == 1):
-            if 2 * n_filled < min(length, 8) and len(cells) <= length and _is_label(rows, cells, length):
-                continue
-            names = cells
-            break
-    if units and not names:
-        names = list(units)
+    rows = [_header_cells(line, dialect, length) for line in filled[-8:] if line.lstrip()[:1] not in "{["]
+    units, names = _names_and_units(rows, length)
     if len(names) == length - 1 and not units and all(names):  # R leaves the corner above its row names out
         return _Header(("row", *names), (), "")
     if len(names) < length:
         last = filled[-1].strip()
-        return _Header((), units, f"above them stands {last[:60]!r}: {len(rows[-1])} names for {length} columns")
+        n_names = len(rows[-1]) if rows else 0
+        return _Header((), units, f"above them stands {last[:60]!r}: {n_names} names for {length} columns")
     return _Header(tuple(names), tuple(units), "")
+
+
+def _names_and_units(rows: list[list[str]], length: int) -> tuple[tuple[str, ...], list[str]]:
+    """Return the units and the names among the last lines above a table; () and [] where there are none."""
+    for k in range(len(rows) - 1, max(-1, len(rows) - 5), -1):
+        if not _are_units(rows[k]):
+            continue
+        n_units = sum(bool(cell) for cell in rows[k])
+        above = [row for row in rows[:k] if len(row) >= length and sum(map(bool, row)) >= max(1, n_units - 1)]
+        if above:
+            return tuple(rows[k]), above[-1]
+        below = [row for row in rows[k + 1 :] if len(row) >= length and all(row[:length])]
+        if below:
+            return tuple(rows[k]), below[0]
+        if all(not cell or _is_unit(cell) for cell in rows[k]):
+            return tuple(rows[k]), list(rows[k])
+    for cells in reversed(rows):
+        n_filled = sum(bool(cell) for cell in cells)
+        if n_filled > 1 or (n_filled == 1 and length == 1):
+            if 2 * n_filled < min(length, 8) and len(cells) <= length and _is_label(rows, cells, length):
+                continue
+            return (), cells
+    return (), []
 
 
 def _is_label(rows: list[list[str]], cells: list[str], length: int) -> bool:

@@ -94,6 +94,7 @@ def _labview(lines: list[str]) -> MakerHeader:
     stated: list[dict[str, list[str]]] = []
     file_facts: dict[str, list[str]] = {}
     current: dict[str, list[str]] = {}
+    names: tuple[str, ...] = ()
     inside = True
     for i, line in enumerate(lines):
         cells = [cell.strip() for cell in line.split(separator)]
@@ -106,6 +107,9 @@ def _labview(lines: list[str]) -> MakerHeader:
                 inside = False
                 if "Channels" in current:
                     stated.append(current)
+                    below = lines[i + 1].split(separator) if i + 1 < len(lines) else []
+                    names = names or tuple(cell.strip() for cell in below)
+                    kept[i + 1 : i + 2] = [""] * bool(below)
                 else:
                     file_facts, current = current, {}
     if not stated:  # a header without one of a segment
@@ -127,6 +131,7 @@ def _labview(lines: list[str]) -> MakerHeader:
     rate = 1.0 / steps[0] if columns == "No" and is_time and steps and steps[0] > 0.0 else None
     return MakerHeader(
         lines=kept,
+        names=names,
         units=tuple(units),
         rate=rate,
         starts=tuple(starts) if len(starts) > 1 else (),
@@ -176,10 +181,10 @@ def _biopac(lines: list[str]) -> MakerHeader:
     if above is not None:
         time = lines[above].split("\t")[0].split(",")[0].strip()
         kept[above] = ""
-        if above + 1 < len(kept) and re.fullmatch(r"[\s,;]*(?:\d+[\s,;]*)+", lines[above + 1]):
-            first = lines[above + 1]
-            if not first or not first[0].isdigit():  # the numbers of samples, below the channels alone
-                kept[above + 1] = ""
+        counts = re.findall(r"\d+", lines[above + 1]) if above + 1 < len(kept) else []
+        below = re.fullmatch(r"[\d\s,;]*", lines[above + 1]) if counts else None
+        if below and len(counts) == channels and len(set(counts)) == 1:  # the number of samples of each channel
+            kept[above + 1] = ""
         if not time.startswith("CH"):
             names, units = ["Time", *names], [time, *units]
     return MakerHeader(lines=kept, names=tuple(names), units=tuple(units), rate=rate, maker="AcqKnowledge")

@@ -466,7 +466,8 @@ def _set_position(columns: dict[str, Array], notes: list[str]) -> None:
         return
     low, high = limits("position")
     if (position.min() < low or position.max() > high) and np.ptp(position) <= high:
-        origin = float(position[0] if position[0] - position.min() <= -low else position.min())
+        first, least = float(position[0, 0]), float(position.min())
+        origin = first if first - least <= -low else least
         columns["position"] = position - origin
         notes.append(f"position: counted from {1e3 * origin:.4g} mm, where the record starts.")
 

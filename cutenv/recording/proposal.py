@@ -219,6 +219,8 @@ class _Columns:
             if not self.rises(k) and len(values) > 2:
                 continue
             distinct = len(np.unique(values)) / len(values)
+            if distinct * len(values) < max(3, 0.01 * len(values)) and len(values) >= _FEWEST:
+                continue
             rank = 2.0 * (distinct > 0.9) + distinct + (0.4 if quantity == "time" else 0.2 if dated else 0.0)
             ranked.append((rank, -k))
         if ranked:
@@ -228,7 +230,7 @@ class _Columns:
     def _rising(self) -> int | None:
         """Return the only column without a telling name that never falls."""
         free = [k for k in range(self.n) if self.filled[k] and not self.quantity(k) and not self.is_counter(k)]
-        free = [k for k in free if not {*self.words[k]} & (_FORCES | {*_WAYS} | _DEPTHS)]
+        free = [k for k in free if not {*self.words[k]} & (_FORCES | _TIMES | {*_WAYS} | _DEPTHS)]
         risen = [k for k in free if self.rises(k) and bool((np.diff(self.known(k)) >= 0.0).all())]
         return risen[0] if len(risen) == 1 or (risen and len(self.table) < _FEWEST) else None
 
@@ -336,10 +338,14 @@ class _Columns:
         chosen, others = self.component(forces)
         sign = "-" if self.counts_down(chosen) else ""
         self.items["force"] = f"{sign}{self.name(chosen)}"
+        unnamed = not self.quantity(chosen) and not _FORCES.intersection(self.words[chosen])
+        if others and unnamed:
+            self.ask_unnamed(chosen, others)
+            return chosen
         if others:
-            choices = [(f"{self.table.header(k)}", {"force": self.name(k)}) for k in (chosen, *others)]
+            choices = [(self.table.header(k), {"force": self.name(k)}) for k in (chosen, *others)]
             choices[0] = (choices[0][0], {"force": self.items["force"]})
-            if 2 <= len(others) + 1 <= 3:
+            if len(others) <= 2:
                 listed = ",".join(self.name(k) for k in sorted((chosen, *others)))
                 choices.append((f"norm({listed})", {"force": f"norm({listed})"}))
             self.questions.append(
@@ -373,6 +379,40 @@ class _Columns:
             )
         )
         return chosen
+
+    def ask_unnamed(self, chosen: int, others: list[int]) -> None:
+        """Ask which of some columns without telling names is the force, in newtons; the one that goes on is the way."""
+        free = (chosen, *others)
+        going = [k for k in free if self.goes_on(k)]
+        way = going[0] if len(going) == 1 and "position" not in self.items else None
+        if way == chosen:
+            chosen = others[0]
+        free = (chosen, *(k for k in free if k != chosen))
+        choices = []
+        for k in free:
+            words, items = f"force {self.table.header(k)!r}", {"force": self.name(k), "unit": "N"}
+            if way is not None and way != k:
+                words += f", position {self.table.header(way)!r}"
+                items["position"] = self.with_unit(way)
+            choices.append((words, items))
+        self.items |= choices[0][1]
+        text = "Which column is the force along the cut, in newtons? --unit gives another unit."
+        self.questions.append(Question(about="force", text=text, choices=tuple(choices), proposed=0))
+
+    def goes_on(self, k: int) -> bool:
+        """Return whether a column moves smoothly from one value to another, as a way does and a force does not."""
+        values = self.known(k)
+        steps = np.diff(values)
+        span = float(np.ptp(values))
+        return len(values) >= _FEWEST and bool(
+            abs(values[-1] - values[0]) > 0.5 * span > 20.0 * np.median(np.abs(steps))
+        )
+
+    def with_unit(self, k: int, sign: str = "") -> str:
+        """Return a column as a position in the mapping, with the unit that is assumed if the file states none."""
+        name = f"{sign}{self.name(k)}"
+        unit = "" if self.table.stated(k) else assumed_unit(self.table, "position", [k])
+        return f"{name}[{unit}]" if unit and unit != "m" else name
 
     def component(self, forces: list[int]) -> tuple[int, list[int]]:
         """Return the likeliest column of some that may be the force, and those that may be it as well."""
@@ -418,10 +458,8 @@ class _Columns:
             chosen = widest
         sign = "-" if self.runs_back(chosen, force) else ""
         name = f"{sign}{self.name(chosen)}"
-        silent = not self.table.stated(chosen)
-        unit = assumed_unit(self.table, "position", [chosen]) if silent else ""
-        self.items["position"] = f"{name}[{unit}]" if unit and unit != "m" else name
-        if silent and len(way_units(self.cells[chosen].values)) > 1:
+        self.items["position"] = self.with_unit(chosen, sign)
+        if not self.table.stated(chosen) and len(way_units(self.cells[chosen].values)) > 1:
             self.questions.append(
                 Question(
                     about="position",
