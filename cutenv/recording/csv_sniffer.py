@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cutenv._base.arrays import Array
-from cutenv.recording.cell_values import MISSING, NUMBERS, TIMES, CellValues, cell_values, may_be_thousands
+from cutenv.recording.cell_values import MISSING, NUMBERS, TIMES, CellValues, cell_values, may_be_thousands, plain_float
 from cutenv.recording.maker_headers import MakerHeader, maker_header, stated_rate
 from cutenv.recording.named_columns import Index, LeftOut, NamedColumns
 from cutenv.recording.schema import RecordError
@@ -338,17 +338,23 @@ class _LineJudge:
     def __init__(self, rows: _Rows, header: _Header, shortest: int, wordy: set[int]) -> None:
         self.rows, self.shortest, self.wordy = rows, shortest, wordy
         self.number = functools.partial(_is_number, decimal=rows.dialect.decimal)
-        self.quick = _NUMBER[rows.dialect.decimal].fullmatch
         self.names = {_bare(cell) for cell in header.names if cell} | {_bare(cell) for cell in header.units if cell}
 
     def kind(self, cells: list[str]) -> str:
         """Return "row", "incomplete", or one of the reasons for which a line is none."""
         found = odd = 0
         for k in self.rows.numeric:
-            cell = cells[k] if k < len(cells) else ""
-            if self.quick(cell) or (cell and self.number(cell)):
+            if k >= len(cells) or not (cell := cells[k]):
+                continue
+            try:
+                plain_float(cell, self.rows.dialect.decimal)
                 found += 1
-            elif cell and k not in self.wordy and not MISSING.fullmatch(cell):
+                continue
+            except ValueError:
+                pass
+            if self.number(cell):
+                found += 1
+            elif k not in self.wordy and not MISSING.fullmatch(cell):
                 odd += 1
         if not found:
             return self._text(cells)
