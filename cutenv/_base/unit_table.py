@@ -62,26 +62,35 @@ class Unit(NamedTuple):
 
 _RADIANS = math.pi / 180.0
 LENGTHS = (
-    Unit("m", "m"),
-    Unit("cm", "m", parts=100),
-    Unit("mm", "m", parts=1000),
-    Unit("um", "m", parts=10**6, spellings=("\u00b5m", "\u03bcm")),
-    Unit("in", "m", 0.0254, spellings=("inch",)),
+    Unit("m", "m", spellings=("meter", "meters", "metre", "metres")),
+    Unit("cm", "m", parts=100, spellings=("centimeter", "centimeters", "centimetre", "centimetres")),
+    Unit("mm", "m", parts=1000, spellings=("millimeter", "millimeters", "millimetre", "millimetres")),
+    Unit("um", "m", parts=10**6, spellings=("\u00b5m", "\u03bcm", "micron", "microns", "micrometer", "micrometre")),
+    Unit("in", "m", 0.0254, spellings=("inch", "inches", "\u2033")),
+    Unit("ft", "m", 0.3048, spellings=("feet", "foot")),
 )
 TIMES = (
-    Unit("s", "s", spellings=("sec", "second", "seconds")),
-    Unit("ms", "s", parts=1000, spellings=("msec",)),
-    Unit("us", "s", parts=10**6, spellings=("\u00b5s", "\u03bcs")),
-    Unit("min", "s", 60.0),
+    Unit("s", "s", spellings=("sec", "secs", "second", "seconds", "sek", "sekunde", "sekunden", "seconde", "secondes")),
+    Unit("ms", "s", parts=1000, spellings=("msec", "msecs", "millis", "millisec", "milliseconds", "millisekunden")),
+    Unit("us", "s", parts=10**6, spellings=("\u00b5s", "\u03bcs", "usec", "micros", "microsec", "microseconds")),
+    Unit("ns", "s", parts=10**9, spellings=("nsec", "nsecs", "nanosec", "nanosecs", "nanoseconds")),
+    Unit("min", "s", 60.0, spellings=("minute", "minutes", "mins", "minuten")),
+    Unit("h", "s", 3600.0, spellings=("hr", "hour", "hours", "std", "stunden")),
+    Unit("d", "s", 86400.0, spellings=("day", "days")),
 )
-# gf, kgf, lbf: by the standard acceleration of free fall, 9.80665 m/s2. "1": normalised, a pure number.
+# gf, kgf, lbf: by the standard acceleration of free fall, 9.80665 m/s2; a load cell's g, kg and lb are these. "1":
+# normalised, a pure number.
 FORCES = (
     Unit("N", "N", spellings=("newton", "newtons")),
-    Unit("mN", "N", parts=1000),
+    Unit("mN", "N", parts=1000, spellings=("millinewton", "millinewtons")),
+    Unit("uN", "N", parts=10**6, spellings=("\u00b5N", "\u03bcN", "micronewton", "micronewtons")),
+    Unit("cN", "N", parts=100),
+    Unit("daN", "N", 10.0),
     Unit("kN", "N", 1e3),
-    Unit("gf", "N", 9.80665e-3),
-    Unit("kgf", "N", 9.80665),
-    Unit("lbf", "N", 4.4482216152605),
+    Unit("gf", "N", 9.80665e-3, spellings=("g", "gram", "grams", "gramm", "p", "pond")),
+    Unit("kgf", "N", 9.80665, spellings=("kg", "kp", "kilogram", "kilograms")),
+    Unit("lbf", "N", 4.4482216152605, spellings=("lb", "lbs", "pound", "pounds", "lbsf")),
+    Unit("ozf", "N", 0.27801385095378, spellings=("oz", "ounce", "ounces")),
     Unit("1", "1", spellings=("-",)),
 )
 SPEEDS = (

@@ -15,9 +15,11 @@ from typing import NamedTuple
 from cutenv._base.unit_table import Unit
 from cutenv._base.validation import in_range
 from cutenv.recording import ColumnMap, Imported, RecordError, read_record
+from cutenv.recording.column_map import parse_expression
 from cutenv.recording.csv_file import is_own
-from cutenv.recording.csv_sniffer import SniffedTable, sniff_table, split_row
-from cutenv.recording.importers import guessed_columns
+from cutenv.recording.csv_sniffer import sniff_table
+from cutenv.recording.named_columns import NamedColumns
+from cutenv.recording.proposal import proposal
 from cutenv.recording.schema import FIELD_UNITS
 from cutenv.trace import Trace
 
@@ -27,6 +29,7 @@ PICKED = ("time", "force", "position", "depth", "speed", "angle")
 """Fields of a record for which a column can be picked."""
 _MOST_FILES, _MOST_COLUMNS, _LONGEST_LINE, _SHOWN_ROWS = 20, 64, 20_000, 8
 _MOST_STAGED = 8
+_SI = {field: units[0].sign for field, units in FIELD_UNITS.items()}
 _BY_HAND = {"depth": "mm", "angle": "deg"}  # fields that may be one number, and its unit in the form
 
 
@@ -197,7 +200,7 @@ class Uploads:
         return DroppedFile(shown, path, bool(content) and is_own(path))
 
 
-def _table_of(file: DroppedFile) -> SniffedTable:
+def _table_of(file: DroppedFile) -> NamedColumns:
     try:
         table = sniff_table(file.path)
     except RecordError as error:
@@ -207,27 +210,29 @@ def _table_of(file: DroppedFile) -> SniffedTable:
     return table
 
 
-def _previewed(table: SniffedTable) -> tuple[tuple[PreviewColumn, ...], dict[str, str]]:
-    """Return the first cells of each column, and the form as it is guessed."""
-    rows = [split_row(row, table.separator) for row in table.rows[:_SHOWN_ROWS]]
+def _previewed(table: NamedColumns) -> tuple[tuple[PreviewColumn, ...], dict[str, str]]:
+    """Return the first cells of each column, and the form as it is proposed."""
+    cells = [tuple(table.text(k)[:_SHOWN_ROWS]) for k in range(table.n_columns)]
     names = [*table.headers, *[""] * table.n_columns]
-    columns = tuple(
-        PreviewColumn(names[k], tuple(row[k] if k < len(row) else "" for row in rows)) for k in range(table.n_columns)
-    )
+    columns = tuple(PreviewColumn(names[k], cells[k]) for k in range(table.n_columns))
     form: dict[str, str] = {}
-    for field, column in zip(PICKED, guessed_columns(table), strict=False):
-        if column is not None:
-            form[field] = str(column + 1)
-            if _header_unit(table, column, field) is None:
-                form[f"{field}_unit"] = FIELD_UNITS[field][0].sign
-    return columns, form
-
-
-def _header_unit(table: SniffedTable, column: int, field: str) -> str | None:
     try:
-        return table.unit(column, field)
-    except RecordError:
-        return None
+        items = proposal(table).items
+    except RecordError:  # no column can be a force: the teacher may know better
+        return columns, form
+    for field in ("time", "force", "position"):
+        if field not in items:
+            continue
+        expression = parse_expression(field, items[field])
+        place = table.index(expression.columns[0])
+        form[field] = str(place + 1)
+        if expression.sign < 0.0:
+            form[f"{field}_sign"] = "-"
+        if not table.stated(place):
+            form[f"{field}_unit"] = expression.unit or items.get("unit" if field == "force" else "", _SI[field])
+    if "rate" in items:
+        form["rate"] = items["rate"].removesuffix("Hz")
+    return columns, form
 
 
 def units_by_field() -> dict[str, tuple[Unit, ...]]:

@@ -13,7 +13,8 @@ from pathlib import Path
 
 from cutenv._base.output import atomic_write
 from cutenv._base.validation import in_range, one_of
-from cutenv.recording.schema import FIELD_UNITS, UNITS, Column, RecordError
+from cutenv.recording.schema import UNITS, Column, RecordError
+from cutenv.recording.stated_units import unit_of_field
 from cutenv.tissue.description import checked_fields
 
 MAP_SCHEMA = "cutenv-columns/1"
@@ -23,7 +24,6 @@ MAP_FILE = "cutenv-columns.json"
 
 _SET_BY_HAND = ("speed", "angle", "depth")  # fields that may be one number for the whole record
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
-_SPELLINGS = {each: unit.name for units in FIELD_UNITS.values() for unit in units for each in unit.spellings}
 
 USUAL_UNITS = {"time": "ms", "position": "mm", "speed": "mm/s", "angle": "deg", "depth": "mm"}
 """Unit of each field in most files, for examples in messages."""
@@ -223,8 +223,7 @@ def known_unit(field: str, unit: str) -> str:
     ValueError
         If the unit is unknown; the message names the nearest.
     """
-    spelt = unit.strip()
-    return one_of(f"unit of {field}", _SPELLINGS.get(spelt, spelt), UNITS[field])
+    return unit_of_field(field, unit) or one_of(f"unit of {field}", unit.strip(), UNITS[field])
 
 
 def column_of(field: str, unit: str) -> Column:

@@ -1,22 +1,27 @@
-"""Tables of numbers from any program: encoding, separator, decimal sign, header and units are detected."""
+"""Tables of numbers from any program: encoding, separator, decimal sign, header, units and specimens are detected."""
 
 from __future__ import annotations
 
 import csv
-import difflib
+import functools
 import re
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array
-from cutenv.recording.column_map import known_unit
-from cutenv.recording.schema import UNITS, UTF_16, RecordError, check_beginning
+from cutenv.recording.cell_values import MISSING, NUMBERS, TIMES, CellValues, cell_values, may_be_thousands, plain_float
+from cutenv.recording.maker_headers import MakerHeader, maker_header, stated_rate
+from cutenv.recording.named_columns import Index, LeftOut, NamedColumns
+from cutenv.recording.schema import RecordError
+from cutenv.recording.specimens import side_by_side
+from cutenv.recording.stated_units import known_spelling, split_header
+from cutenv.recording.text_lines import tabled, text_lines
+from cutenv.recording.time_columns import whole_times
 
 
 class Dialect(NamedTuple):
@@ -27,202 +32,21 @@ class Dialect(NamedTuple):
 
 
 # In order of preference if two explain the lines equally well; quotation marks distinguish commas of both kinds.
-_DIALECTS = [Dialect(*pair) for pair in ("\t.", "\t,", ";.", ";,", ",.", " .", " ,", ",,")]
-_NAMES = {"\t": "tab", ";": "semicolon", ",": "comma", " ": "blanks"}
+_DIALECTS = [Dialect(*pair) for pair in ("\t.", "\t,", ";.", ";,", ",.", "|.", "|,", " .", " ,", ",,")]
+_NAMES = {"\t": "tab", ";": "semicolon", ",": "comma", "|": "bar", " ": "blanks"}
 _SAMPLE = 400  # lines from which the separator is chosen
-_NO_ROW = frozenset(("", "#", "%", "/"))  # beginnings of lines that are blank or comments
-_NUMBERS = {
-    ".": re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"),
-    ",": re.compile(r"[+-]?(?:\d+(?:,\d+)?|,\d+)(?:[eE][+-]?\d+)?"),
-}
+_NO_ROW = frozenset(("", "#", "%", "/", "!"))  # beginnings of lines that are blank or comments
 _POINT, _COMMA = re.compile(r"\d\.\d"), re.compile(r"\d,\d")
-_MISSING = re.compile(r"|--?|[+-]?(nan|inf(inity)?)|#?n/?a|#value!|#div/0!|null|none", re.IGNORECASE)
-_BRACKETS = re.compile(r"(.*\S)\s*[\[(]([^\[\]()]*)[\])]")
+_NUMBER = {sign: re.compile(pattern) for sign, pattern in NUMBERS.items()}
+_GROUPED = {
+    ".": re.compile(r"[+-]?[1-9]\d{0,2}(?:[, '\u2019\u00a0\u202f\u2009]\d{3})+(?:\.\d*)?"),
+    ",": re.compile(r"[+-]?[1-9]\d{0,2}(?:[. '\u2019\u00a0\u202f\u2009]\d{3})+(?:,\d*)?"),
+}
+_FEWEST_NUMBERS = 0.25  # share of the filled cells that are numbers, in a table
+_COMMON = 0.05  # share of the rows above which a length or a gap is the file's habit, not damage
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SniffedTable:
-    """Rows of a text file, with the content of its header.
-
-    Attributes
-    ----------
-    path : Path
-        Path of the file.
-    headers : tuple of str
-        Headers of the columns, as in the file; empty if it has none.
-    units_row : tuple of str
-        Units below the headers, empty if there is no such row.
-    separator, decimal : str
-        Separator of cells (a space: any number of blanks), and decimal sign.
-    rows : list of str
-        Lines that hold numbers.
-    lines : ndarray of int, shape (n,)
-        Their numbers in the file, from 1.
-    n_columns : int
-        Number of cells in a row.
-    above : str
-        Text above the numbers in place of a header, for messages.
-    """
-
-    path: Path
-    headers: tuple[str, ...]
-    units_row: tuple[str, ...]
-    separator: str
-    decimal: str
-    rows: list[str]
-    lines: NDArray[np.intp]
-    n_columns: int
-    above: str
-    row_name: ClassVar[str] = "line"
-    """Word for a row in messages."""
-
-    def __str__(self) -> str:
-        decimal = "comma" if self.decimal == "," else "point"
-        return f"{self.n_columns} columns, separator {_NAMES[self.separator]}, decimal {decimal}, {len(self.rows)} rows"
-
-    def index(self, name: str) -> int:
-        """Return the index of the column with this name, with or without its unit, or at this place (``#2``).
-
-        Raises
-        ------
-        RecordError
-            If none or several match; the message names the nearest.
-        """
-        if (place := re.fullmatch(r"#(\d{1,9})", name)) is not None:
-            if not 1 <= int(place[1]) <= self.n_columns:
-                raise RecordError(self.path, f"there is no column {name}: the rows have {self.n_columns}.")
-            return int(place[1]) - 1
-        if not self.headers:
-            raise RecordError(
-                self.path,
-                f"there is no column {name!r}, for no line above the numbers names them ({self.above}). Write a line "
-                "of names there, or name columns by their place: time=#1 force=#2.",
-            )
-        spellings: list[Callable[[str], str]] = [str.strip, lambda text: bare_name(text).lower(), column_stem]
-        for spelling in spellings:
-            found = [i for i, header in enumerate(self.headers) if spelling(header) == spelling(name)]
-            if len(found) > 1:
-                places = " and ".join(f"#{i + 1}" for i in found)
-                raise RecordError(self.path, f"columns {places} are both called {name!r}. Name the one by its place.")
-            if found and found[0] < self.n_columns:
-                return found[0]
-        names = {bare_name(header).lower(): header for header in self.headers[: self.n_columns] if header}
-        nearest = difflib.get_close_matches(bare_name(name).lower(), names, n=1, cutoff=0.5)
-        hint = f" Did you mean {bare_name(names[nearest[0]])!r}?" if nearest else ""
-        raise RecordError(self.path, f"there is no column {name!r}; there are {', '.join(names.values())}.{hint}")
-
-    def unit(self, index: int, field: str) -> str | None:
-        """Return the unit that the header gives a column as a field of a trace; None if it gives none.
-
-        Raises
-        ------
-        RecordError
-            If it gives an unknown one.
-        """
-        if index >= len(self.headers):
-            return None
-        header = self.headers[index]
-        said = self.units_row[index] if index < len(self.units_row) else ""
-        if (bracketed := _BRACKETS.fullmatch(header)) is not None:
-            said = bracketed[2]
-        elif not said and (ending := _without_ending(header)[1]) and _is_unit(field, ending):
-            said = ending
-        elif not said and header.strip() == "force_1" and field == "force":
-            said = "1"
-        said = said.strip("[]() \t")
-        if not said:
-            return None
-        try:
-            return known_unit(field, said)
-        except ValueError as error:
-            raise RecordError(
-                self.path, f"column {header!r}: {error} Or give it in the mapping: {field}={bare_name(header)}[unit]."
-            ) from None
-
-    def numbers(self, indices: list[int]) -> Array:
-        """Return some columns as numbers, shape (n, len(indices)), all of them finite.
-
-        Raises
-        ------
-        RecordError
-            If a cell is not a number; the message names its line.
-        """
-        rows, separator = self.rows, self.separator
-        if self.decimal == separator == ",":
-            rows, separator = ["\t".join(split_row(row, ",")) for row in rows], "\t"
-        if self.decimal == ",":
-            rows = [row.replace(",", ".") for row in rows]
-        try:
-            if self._is_ragged():
-                raise ValueError("rows of unequal length")
-            values = np.loadtxt(
-                rows,
-                delimiter=None if separator == " " else separator,
-                usecols=indices,
-                comments=None,
-                quotechar='"',
-                ndmin=2,
-            )
-            if len(values) != len(rows) or not np.isfinite(values).all():
-                raise ValueError("cells without a number")
-        except (ValueError, OverflowError) as error:
-            raise self._bad_cell(indices, str(error)) from None
-        return values
-
-    def texts(self, indices: list[int]) -> list[tuple[str, ...]]:
-        """Return some columns as text, a tuple for each row.
-
-        Raises
-        ------
-        RecordError
-            If a row is too short; the message names its line.
-        """
-        found = []
-        for row, line in zip(self.rows, self.lines, strict=True):
-            cells = split_row(row, self.separator)
-            if len(cells) <= max(indices):
-                raise self._ragged(int(line), len(cells))
-            found.append(tuple(cells[i] for i in indices))
-        return found
-
-    def _is_ragged(self) -> bool:
-        if any('"' in row for row in self.rows):
-            found = {len(split_row(row, self.separator)) for row in self.rows}
-        elif self.separator == " ":
-            found = {len(row.split()) for row in self.rows}
-        else:
-            found = {row.count(self.separator) + 1 for row in self.rows}
-        return found != {self.n_columns}
-
-    def _ragged(self, line: int, cells: int) -> RecordError:
-        return RecordError(
-            self.path,
-            f"line {line} has {cells} cells, the others have {self.n_columns}. Complete the line or delete it.",
-        )
-
-    def _bad_cell(self, indices: list[int], reason: str) -> RecordError:
-        """Return an error that names the bad cell; only an unreadable file is searched cell by cell."""
-        number = _NUMBERS[self.decimal]
-        for row, line in zip(self.rows, self.lines, strict=True):
-            cells = split_row(row, self.separator)
-            if len(cells) != self.n_columns:
-                return self._ragged(int(line), len(cells))
-            for i in indices:
-                cell = cells[i]
-                name = self.headers[i] if i < len(self.headers) and self.headers[i] else f"#{i + 1}"
-                where = f"line {line}, column {name!r}"
-                if number.fullmatch(cell) and np.isfinite(float(cell.replace(",", "."))):
-                    continue
-                if _MISSING.fullmatch(cell) or number.fullmatch(cell):
-                    return RecordError(
-                        self.path, f"{where} has no finite number but {cell!r}. Delete the line, or repair the record."
-                    )
-                clock = " A time of day: give rate=1000Hz (what it was) instead." if cell.count(":") else ""
-                return RecordError(self.path, f"{where} has {cell[:40]!r}, which is no number.{clock}")
-        return RecordError(self.path, f"its numbers are not read: {reason}.")
-
-
-def sniff_table(path: Path) -> SniffedTable:
+def sniff_table(path: Path) -> NamedColumns:
     """Read a text file, and detect its format.
 
     Raises
@@ -230,51 +54,24 @@ def sniff_table(path: Path) -> SniffedTable:
     RecordError
         If it holds no table of numbers.
     """
-    lines = _decoded(path).replace("\r\n", "\n").replace("\r", "\n").split("\n")
-    written = [i for i, line in enumerate(lines) if line.lstrip()[:1] not in _NO_ROW]
-    if not written:
-        raise RecordError(path, "it holds no numbers: every line is blank or a comment.")
-    around = max(0, len(written) // 2 - _SAMPLE // 2)
-    sample = [lines[i] for i in written[around : around + _SAMPLE]]
-    explained = {dialect: _explained(sample, dialect) for dialect in _DIALECTS}
-    best = [dialect for dialect, share in explained.items() if share == max(explained.values())]
-    tables = [_table(path, lines, written, sample, dialect) for dialect in best]
-    # A sample of whole numbers does not show the decimal sign; the other rows do. "0,15" is one number or two; if both
-    # explain the lines, the header decides.
-    return max(
-        tables,
-        key=lambda table: (
-            table.decimal == _decimal_sign(table.rows, table.separator),
-            len(table.headers) == table.n_columns,
-            table.n_columns > 1,
-        ),
-    )
-
-
-def bare_name(header: str) -> str:
-    """Return a header without the unit in brackets."""
-    found = _BRACKETS.fullmatch(header.strip())
-    return (found[1] if found else header).strip()
-
-
-def column_stem(header: str) -> str:
-    """Return a header without its unit, in small letters."""
-    return _without_ending(bare_name(header))[0].lower()
-
-
-def _without_ending(header: str) -> tuple[str, str]:
-    """Split a header such as ``force_N``, ``force / N`` or ``force in N`` into name and unit.
-
-    Only a known unit makes an ending a unit: ``F_1`` is a channel, ``a / b`` a ratio.
-    """
-    parts = re.split(r"\s*/\s*|\s+in\s+", header.strip(), maxsplit=1)
-    if len(parts) == 2 and any(_is_unit(field, parts[1]) for field in UNITS):
-        return parts[0], parts[1]
-    units = sorted({unit for units in UNITS.values() for unit in units if unit != "1"}, key=len, reverse=True)
-    for unit in units:
-        if header.strip().endswith(f"_{unit}") and not header.startswith("_"):
-            return header.strip().removesuffix(f"_{unit}"), unit
-    return header.strip(), ""
+    lines = text_lines(path)
+    parted = tabled(lines)
+    if parted is not None:
+        cells = [[cell.strip() for cell in column] for column in zip(*parted.rows, strict=True)]
+        lost = (LeftOut(count=parted.odd, reason="lines of another form"),) if parted.odd else ()
+        columns = NamedColumns(
+            path=path,
+            headers=parted.names,
+            n_columns=len(cells),
+            lines=np.array(parted.lines),
+            about=parted.kind,
+            typed=functools.cache(lambda k: cell_values(cells[k], ".")),
+            text=lambda k: cells[k],
+            left_out=lost,
+        )
+        return whole_times(columns)
+    stated = maker_header(lines)
+    return side_by_side(whole_times(_Reading(path, lines, stated).table()))
 
 
 def split_row(row: str, separator: str) -> list[str]:
@@ -285,104 +82,429 @@ def split_row(row: str, separator: str) -> list[str]:
         except (csv.Error, ValueError):  # a quotation that does not end, or is as long as the file
             cells = row.split(separator)
         return [cell.strip() for cell in cells]
+    if separator == "|":
+        row = row.strip().strip("|")
     return row.split() if separator == " " else [cell.strip() for cell in row.split(separator)]
 
 
-def _decoded(path: Path) -> str:
-    content = path.read_bytes()
-    check_beginning(path, content, "text", UTF_16)
-    encodings = ("utf-16",) if content[:2] in UTF_16 else ("utf-8-sig", "cp1252")
-    for encoding in encodings:
+@dataclass
+class _Rows:
+    """Rows of cells in one dialect, before they are read: how many cells, and which columns hold numbers."""
+
+    dialect: Dialect
+    length: int
+    numeric: list[int]
+    first: int  # place among the written lines
+    share: float
+
+
+class _Reading:
+    """One pass over the lines of a text file."""
+
+    def __init__(self, path: Path, lines: list[str], stated: MakerHeader) -> None:
+        self.path, self.stated = path, stated
+        self.raw = lines
+        self.lines = stated.lines
+        self.written = [i for i, line in enumerate(self.lines) if line.lstrip()[:1] not in _NO_ROW]
+        self.written = [i for i in self.written if self.lines[i].strip("\t ,;|-+=")] or self.written
+        if not self.written:
+            raise RecordError(path, "it holds no numbers: every line is blank or a comment.")
+        around = max(0, len(self.written) // 2 - _SAMPLE // 2)
+        self.sample = [self.lines[i] for i in self.written[around : around + _SAMPLE]]
+
+    def table(self) -> NamedColumns:
+        """Return the table, in the dialect that explains its lines best."""
+        explained = {dialect: _explained(self.sample, dialect) for dialect in _DIALECTS}
+        best = [dialect for dialect, share in explained.items() if share >= max(explained.values()) - 1e-9]
+        found = [rows for dialect in best if (rows := self._rows(dialect)) is not None]
+        if not found:
+            raise RecordError(self.path, "it holds no rows of numbers, parted by commas, semicolons, tabs or blanks.")
+        # A sample of whole numbers does not show the decimal sign; the other rows do. "0,15" is one number or two; if
+        # both explain the lines, the header decides.
+        chosen = max(
+            found,
+            key=lambda rows: (
+                rows.dialect.decimal == self._decimal_sign(rows),
+                len(self._header(rows).names) == rows.length,
+                rows.length > 1,
+            ),
+        )
+        return self._read(chosen)
+
+    def _rows(self, dialect: Dialect) -> _Rows | None:
+        rows = [split_row(line, dialect.separator) for line in self.sample]
+        is_number = functools.partial(_is_number, decimal=dialect.decimal)
+        rows = [row for row in rows if any(map(is_number, row))]
+        if not rows:
+            return None
+        counts = Counter(map(len, rows))
+        usual = counts.most_common(1)[0][0]
+        length = max(
+            n for n, count in counts.items() if n == usual or (n > usual and count > max(2, _COMMON * len(rows)))
+        )
+        rows = [[*row, *[""] * (length - len(row))] for row in rows if usual <= len(row) <= length]
+        filled = [[row[k] for row in rows if row[k]] for k in range(length)]
+        numeric = [k for k, cells in enumerate(filled) if cells and 2 * sum(map(is_number, cells)) >= len(cells)]
+        n_filled, n_numbers = sum(map(len, filled)), sum(len(filled[k]) for k in numeric)
+        if not numeric or n_numbers < _FEWEST_NUMBERS * n_filled:
+            return None
+        texts = [k for k in range(length) if k not in numeric and filled[k]]
+        if dialect.separator == " " and len(texts) > 1:  # words between numbers are prose
+            return None
+
+        def holds_numbers(line: str) -> bool:
+            cells = split_row(line, dialect.separator)
+            if not usual <= len(cells) <= length:
+                return False
+            found = [is_number(cells[i]) if i < len(cells) else False for i in numeric]
+            return any(found) and all(
+                good or i >= len(cells) or MISSING.fullmatch(cells[i]) for good, i in zip(found, numeric, strict=True)
+            )
+
+        first = next((k for k, i in enumerate(self.written) if holds_numbers(self.lines[i])), None)
+        return None if first is None else _Rows(dialect, length, numeric, first, n_numbers / n_filled)
+
+    def _decimal_sign(self, rows: _Rows) -> str:
+        here = [self.lines[i] for i in self.written[rows.first :]]
+        points, commas = (any(sign.search(row) for row in here) for sign in (_POINT, _COMMA))
+        if commas and points:  # one of them parts thousands
+            return rows.dialect.decimal
+        return "," if commas and not points and rows.dialect.separator != "," else "."
+
+    def _header(self, rows: _Rows) -> _Header:
+        above = (
+            self.raw[: self.written[rows.first]] if not self.stated.maker else self.lines[: self.written[rows.first]]
+        )
+        found = _header_of(above, rows.dialect, rows.length)
+        if self.stated.names and not found.names:
+            names, units = self.stated.names, self.stated.units
+            if names[0] == "Time" and rows.length == len(names) - 1:  # exported without the time
+                names, units = names[1:], units[1:]
+            return _Header(names[: rows.length], units[: rows.length], "")
+        if self.stated.units:
+            return found._replace(units=self.stated.units)
+        return found
+
+    def _read(self, rows: _Rows) -> NamedColumns:
+        here = self.written[rows.first :]
+        header = self._header(rows)
+        above = [line for line in self.lines[: here[0]] if line.strip()]
+        separator, decimal = rows.dialect
+        lines = [self.lines[i] for i in here]
+        numbers = self._all_numbers(lines, rows)
+        left_out: list[LeftOut] = []
+        parts: Index | None = None
+        part_names: tuple[str, ...] = ()
+        if numbers is not None:
+            kept = np.array(here)
+            parts, part_names = _blocks(self._gaps_of_header(kept), len(kept))
+            columns = dict(zip(rows.numeric, numbers.T, strict=True))
+            typed = functools.cache(lambda k: self._typed(columns, lines, rows, k))
+            split = functools.cache(lambda: list(zip(*(split_row(line, separator) for line in lines), strict=True)))
+            text: Callable[[int], Sequence[str]] = lambda k: split()[k]  # noqa: E731
+        else:
+            sound = self._sound(lines, np.array(here), rows, header)
+            kept, left_out, parts, part_names = sound.places, sound.left_out, sound.parts, sound.part_names
+            text = sound.cells.__getitem__
+            typed = functools.cache(lambda k: cell_values(sound.cells[k], decimal))
+        if 2 * len(kept) < len(here):
+            raise RecordError(self.path, "it holds no table of numbers: most of its lines are of another form.")
+        sign = "comma" if decimal == "," else "point"
+        maker = f"{self.stated.maker}, " if self.stated.maker else ""
+        rate = self.stated.rate if self.stated.maker else stated_rate(above)
+        return NamedColumns(
+            path=self.path,
+            headers=header.names,
+            units=header.units,
+            n_columns=rows.length,
+            lines=kept + 1,
+            about=f"{maker}separator {_NAMES[separator]}, decimal {sign}",
+            typed=typed,
+            text=text,
+            parts=parts,
+            part_names=part_names,
+            part_starts=self.stated.starts if parts is not None and len(self.stated.starts) == len(part_names) else (),
+            rate=rate,
+            left_out=tuple(left_out),
+            above=header.above,
+        )
+
+    def _all_numbers(self, lines: list[str], rows: _Rows) -> Array | None:
+        """Return the numbers of a file in which every row is whole, shape (n, numeric columns); None for any other."""
+        separator, decimal = rows.dialect
+        if '"' in lines[0] or any('"' in line for line in lines) or (decimal == separator) or separator == "|":
+            return None
+        if len(lines) > 1 and self.raw[-1] != "" and len(lines[-1]) < len(lines[-2]):
+            return None  # perhaps cut off
+        lengths = (
+            {len(line.split()) for line in lines} if separator == " " else {line.count(separator) + 1 for line in lines}
+        )
+        if lengths != {rows.length}:
+            return None
+        if decimal == ",":
+            lines = [line.replace(",", ".") for line in lines]
         try:
-            text = content.decode(encoding)
-        except UnicodeDecodeError:
-            continue
-        if "\0" in text:
-            raise RecordError(path, "it is no text: it holds zero bytes. Export the record as text, in UTF-8.")
-        return text
-    raise RecordError(path, "it is no text in UTF-8, UTF-16 or Windows' encoding. Save it as UTF-8.")
+            values = np.loadtxt(
+                lines, delimiter=None if separator == " " else separator, usecols=rows.numeric, comments=None, ndmin=2
+            )
+        except (ValueError, OverflowError):
+            return None
+        whole = len(values) == len(lines) and bool(np.isfinite(values).all())
+        if not whole or any(may_be_thousands(column) for column in values.T):
+            return None
+        return values
+
+    def _typed(self, columns: dict[int, Array], lines: list[str], rows: _Rows, k: int) -> CellValues:
+        found = columns.get(k)
+        if found is not None and np.abs(found).max() < 2.0**53:
+            return CellValues(values=found)
+        return cell_values([split_row(line, rows.dialect.separator)[k] for line in lines], rows.dialect.decimal)
+
+    def _sound(self, lines: list[str], places: Index, rows: _Rows, header: _Header) -> _Sound:
+        """Part the sound rows from the other lines below the first one, line by line."""
+        separator, decimal = rows.dialect
+        split = [split_row(line, separator) for line in lines]
+        counts = Counter(map(len, split))
+        shortest = min(k for k, count in counts.items() if count >= _COMMON * len(split) or len(counts) == 1)
+        judge = _LineJudge(rows, header, shortest, _common_words(split, rows.numeric, decimal))
+        kinds = [judge.kind(cells) for cells in split]
+        if bool(self.raw[-1]) and places[-1] == len(self.raw) - 1 and _is_cut_off(split[-1], split[-10:-1]):
+            kinds[-1] = "incomplete"
+        good: list[int] = []
+        borders: list[int] = []  # numbers of sound rows in front of text
+        other_columns = False
+        for i, kind in enumerate(kinds):
+            if kind in ("header", "other header"):
+                other_columns = kind == "other header"
+            if kind == "row" and other_columns:
+                kinds[i] = "other columns"
+            elif kind == "row":
+                good.append(i)
+            elif kind != "incomplete" and kind != "odd":
+                borders.append(len(good))
+        gaps = self._gaps_of_header(places[good])
+        cells = [[split[i][k] if k < len(split[i]) else "" for i in good] for k in range(rows.length)]
+        left_out = []
+        for kind, reason in _REASONS.items():
+            where = [i for i, each in enumerate(kinds) if each == kind]
+            if where:
+                example = f"line {places[where[0]] + 1}: {lines[where[0]].strip()[:40]!r}"
+                left_out.append(LeftOut(count=len(where), reason=f"{reason} ({example})"))
+        parts, names = _blocks([*borders, *gaps], len(good))
+        return _Sound(cells, places[good], left_out, parts, names)
+
+    def _gaps_of_header(self, places: Index) -> list[int]:
+        """Return the rows before which the program wrote the header of another segment."""
+        if not self.stated.starts:
+            return []
+        jumps = np.flatnonzero(np.diff(places) > 3) + 1
+        return [
+            int(k) for k in jumps if any(self.raw[i].startswith("Channels") for i in range(places[k - 1], places[k]))
+        ]
 
 
-def _decimal_sign(rows: list[str], separator: str) -> str:
-    points, commas = (any(sign.search(row) for row in rows) for sign in (_POINT, _COMMA))
-    return "," if commas and not points and separator != "," else "."
+def _blocks(borders: Sequence[int], n: int) -> tuple[Index | None, tuple[str, ...]]:
+    """Return the block of each of `n` rows, which some borders part, and the names of the blocks."""
+    inner = sorted({k for k in borders if 0 < k < n})
+    if not inner:
+        return None, ()
+    parts = np.searchsorted(np.array(inner), np.arange(n), side="right")
+    return parts, tuple(f"block {k + 1}" for k in range(len(inner) + 1))
+
+
+class _Sound(NamedTuple):
+    """Cells of the sound rows by column, their places in the file, the lines left out, and the blocks."""
+
+    cells: list[list[str]]
+    places: Index
+    left_out: list[LeftOut]
+    parts: Index | None
+    part_names: tuple[str, ...]
+
+
+_REASONS = {
+    "incomplete": "incomplete lines, or of more cells than the others",
+    "odd": "lines with words in place of numbers",
+    "text": "lines that are no readings",
+    "other header": "lines that are no readings",
+    "other columns": "rows below another header",
+    "header": "the header, repeated between the rows",
+}
+
+
+class _LineJudge:
+    """Judge of what a line below the first row is."""
+
+    def __init__(self, rows: _Rows, header: _Header, shortest: int, wordy: set[int]) -> None:
+        self.rows, self.shortest, self.wordy = rows, shortest, wordy
+        self.number = functools.partial(_is_number, decimal=rows.dialect.decimal)
+        self.names = {_bare(cell) for cell in header.names if cell} | {_bare(cell) for cell in header.units if cell}
+
+    def kind(self, cells: list[str]) -> str:
+        """Return "row", "incomplete", or one of the reasons for which a line is none."""
+        found = odd = 0
+        for k in self.rows.numeric:
+            if k >= len(cells) or not (cell := cells[k]):
+                continue
+            try:
+                plain_float(cell, self.rows.dialect.decimal)
+                found += 1
+                continue
+            except ValueError:
+                pass
+            if self.number(cell):
+                found += 1
+            elif k not in self.wordy and not MISSING.fullmatch(cell):
+                odd += 1
+        if not found:
+            return self._text(cells)
+        if odd:
+            return "odd"
+        more = cells[self.rows.length :]
+        return "incomplete" if len(cells) < self.shortest or any(map(self.number, more)) else "row"
+
+    def _text(self, cells: list[str]) -> str:
+        """Return what a line without numbers is."""
+        filled = [cell for cell in cells if cell]
+        if all(MISSING.fullmatch(cell) for cell in filled):
+            return "row" if len(cells) >= self.shortest else "incomplete"
+        if all(_bare(cell) in self.names for cell in filled):
+            return "header"
+        wide = len(filled) >= max(2, self.shortest - 1) and not any(map(self.number, filled))
+        return "other header" if wide and not all(map(_is_unit, filled)) else "text"
+
+
+def _bare(cell: str) -> str:
+    """Return a name or a unit without brackets, in small letters."""
+    return split_header(cell)[0].strip("()[] ").lower()
+
+
+def _is_cut_off(cells: list[str], before: list[list[str]]) -> bool:
+    """Return whether the last line of a file breaks off: shorter than the others, or with fewer decimals."""
+    usual = [row for row in before if len(row) >= len(cells)]
+    if not usual:
+        return False
+    if len(cells) < len(usual[-1]):
+        return True
+    decimals = {len(row[len(cells) - 1].partition(".")[2] or row[len(cells) - 1].partition(",")[2]) for row in usual}
+    last = cells[-1].replace(",", ".").partition(".")[2]
+    return len(decimals) == 1 and len(last) < next(iter(decimals))
+
+
+def _common_words(split: list[list[str]], numeric: list[int], decimal: str) -> set[int]:
+    """Return the columns in which words are common, such as a remark beside a few numbers."""
+    sample = split[:: max(1, len(split) // 1000)]
+    found = set()
+    for k in numeric:
+        cells = [row[k] for row in sample if k < len(row) and row[k]]
+        words = sum(not _is_number(cell, decimal=decimal) and not MISSING.fullmatch(cell) for cell in cells)
+        if words > max(2, _COMMON * len(cells)):
+            found.add(k)
+    return found
+
+
+def _is_number(cell: str, *, decimal: str) -> bool:
+    """Return whether a cell holds a number, with thousands or a unit perhaps, or a time."""
+    if _NUMBER[decimal].fullmatch(cell):
+        return True
+    if not any(sign.isdigit() for sign in cell):
+        return False
+    if _GROUPED[decimal].fullmatch(cell) or TIMES.fullmatch(cell):
+        return True
+    number = _NUMBER[decimal].match(cell)
+    return number is not None and _is_unit(cell[number.end() :])
+
+
+def _is_unit(text: str) -> bool:
+    return known_spelling(text) is not None
 
 
 def _explained(sample: list[str], dialect: Dialect) -> float:
     """Return the share of the lines that is numbers and their separators, in rows of the most frequent length [1]."""
     rows = [split_row(line, dialect.separator) for line in sample]
     length, _ = Counter(len(row) for row in rows).most_common(1)[0]
-    number = _NUMBERS[dialect.decimal]
     cells = [cell for row in rows if len(row) == length for cell in row]
-    numbers = sum(len(cell) + 1 for cell in cells if number.fullmatch(cell))
+    numbers = sum(len(cell) + 1 for cell in cells if not cell or _is_number(cell, decimal=dialect.decimal))
+    if all(not cell for cell in cells):
+        return 0.0
     return numbers / sum(len(cell) + 1 for row in rows for cell in row)
 
 
-def _table(path: Path, lines: list[str], written: list[int], sample: list[str], dialect: Dialect) -> SniffedTable:
-    separator, decimal = dialect
-    number = _NUMBERS[decimal]
-    rows = [split_row(line, separator) for line in sample]
-    length, _ = Counter(len(row) for row in rows).most_common(1)[0]
-    rows = [row for row in rows if len(row) == length]
-    numeric = [i for i in range(length) if 2 * sum(bool(number.fullmatch(row[i])) for row in rows) >= len(rows)]
+class _Header(NamedTuple):
+    """Names and units of the columns, and a description of what stands in their place if there are none."""
 
-    def holds_numbers(line: str) -> bool:
-        cells = split_row(line, separator)
-        if len(cells) != length:
-            return False
-        found = [bool(number.fullmatch(cells[i])) for i in numeric]
-        return any(found) and all(
-            is_number or _MISSING.fullmatch(cells[i]) for is_number, i in zip(found, numeric, strict=True)
-        )
-
-    first = next((k for k, i in enumerate(written) if holds_numbers(lines[i])), None)
-    if first is None:
-        raise RecordError(path, "it holds no rows of numbers, parted by commas, semicolons, tabs or blanks.")
-    here = written[first:]
-    headers, units_row, above = _header(lines[: here[0]], separator, length)
-    return SniffedTable(
-        path=path,
-        headers=headers,
-        units_row=units_row,
-        separator=separator,
-        decimal=decimal,
-        rows=[lines[i] for i in here],
-        lines=np.array(here) + 1,
-        n_columns=length,
-        above=above,
-    )
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    above: str
 
 
-def _header(above: list[str], separator: str, length: int) -> tuple[tuple[str, ...], tuple[str, ...], str]:
-    """Return names and units from the last lines above the numbers, and a description if there are none."""
-    filled = [line.strip().lstrip("#%/").strip(" ") for line in above]
-    filled = [line for line in filled if line.strip()]
+def _header_of(above: Sequence[str], dialect: Dialect, length: int) -> _Header:
+    """Return names and units from the last lines above the numbers."""
+    filled = [line.lstrip(" #%/!").rstrip("\n ") if line.lstrip()[:1] in "#%/!" else line for line in above]
+    filled = [line for line in filled if line.strip("\t ,;|-+=:")]
     if not filled:
-        return (), (), "nothing stands above them"
-    last = _header_cells(filled[-1], separator)
-    if len(filled) > 1 and _are_units(last):
-        names = _header_cells(filled[-2], separator)
-        if len(names) >= length:
-            return tuple(names), tuple(last), ""
-    if len(last) < length:
-        return (), (), f"above them stands {filled[-1][:60]!r}: {len(last)} names for {length} columns"
-    return tuple(last), (), ""
+        return _Header((), (), "nothing stands above them")
+    rows = [_header_cells(line, dialect, length) for line in filled[-8:] if line.lstrip()[:1] not in "{["]
+    units, names = _names_and_units(rows, length)
+    if len(names) == length - 1 and not units and all(names):  # R leaves the corner above its row names out
+        return _Header(("row", *names), (), "")
+    if len(names) < length:
+        last = filled[-1].strip()
+        n_names = len(rows[-1]) if rows else 0
+        return _Header((), units, f"above them stands {last[:60]!r}: {n_names} names for {length} columns")
+    return _Header(tuple(names), tuple(units), "")
 
 
-def _header_cells(line: str, separator: str) -> list[str]:
-    if separator == " ":
-        line = re.sub(r"\s+(?=[\[(])", "", line)  # "time [s] force [N]" are two names
-    return split_row(line, separator)
+def _names_and_units(rows: list[list[str]], length: int) -> tuple[tuple[str, ...], list[str]]:
+    """Return the units and the names among the last lines above a table; () and [] where there are none."""
+    for k in range(len(rows) - 1, max(-1, len(rows) - 5), -1):
+        if not _are_units(rows[k]):
+            continue
+        n_units = sum(bool(cell) for cell in rows[k])
+        above = [row for row in rows[:k] if len(row) >= length and sum(map(bool, row)) >= max(1, n_units - 1)]
+        if above:
+            return tuple(rows[k]), above[-1]
+        below = [row for row in rows[k + 1 :] if len(row) >= length and all(row[:length])]
+        if below:
+            return tuple(rows[k]), below[0]
+        if all(not cell or _is_unit(cell) for cell in rows[k]):
+            return tuple(rows[k]), list(rows[k])
+    for cells in reversed(rows):
+        n_filled = sum(bool(cell) for cell in cells)
+        if n_filled > 1 or (n_filled == 1 and length == 1):
+            if 2 * n_filled < min(length, 8) and len(cells) <= length and _is_label(rows, cells, length):
+                continue
+            return (), cells
+    return (), []
 
 
-def _are_units(cells: list[str]) -> bool:
-    said = [cell.strip("[]() ") for cell in cells if cell.strip("[]() ")]
-    return bool(said) and all(any(_is_unit(field, unit) for field in UNITS) for unit in said)
+def _is_label(rows: list[list[str]], cells: list[str], length: int) -> bool:
+    """Return whether a line names specimens rather than columns: fuller ones stand above it."""
+    here = sum(bool(cell) for cell in cells)
+    return any(len(row) >= length and sum(bool(cell) for cell in row) > here and row is not cells for row in rows)
 
 
-def _is_unit(field: str, text: str) -> bool:
-    try:
-        known_unit(field, text)
-    except ValueError:
+def _header_cells(line: str, dialect: Dialect, length: int) -> list[str]:
+    if dialect.separator != " ":
+        return split_row(line.strip(" "), dialect.separator)
+    wide = [cell for cell in re.split(r"\s{2,}|\t", line.strip()) if cell]
+    if len(wide) == length:
+        return wide
+    cells = split_row(re.sub(r"\s+(?=[\[(])", "", line), " ")  # "time [s] force [N]" are two names
+    if len(cells) == length:
+        return cells
+    for separator in (",", ";", "\t"):
+        other = split_row(line, separator)
+        if len(other) == length:
+            return other
+    return cells
+
+
+def _are_units(cells: Sequence[str]) -> bool:
+    said = [cell.strip() for cell in cells if cell.strip()]
+    if not said:
         return False
-    return True
+    known = [_is_unit(cell) for cell in said]
+    if all(re.fullmatch(r"[\[(<{].{0,12}[\])>}]", cell) for cell in said):
+        return any(known) or len(said) > 1
+    return any(known) and 2 * sum(known) >= len(said) and all(len(cell) <= 12 for cell in said)

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import os
-import re
-import shlex
-import unicodedata
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,23 +16,17 @@ from cutenv.measurement import QualityIssue, quality_issues
 from cutenv.recording import mcap_file
 from cutenv.recording.column_map import MAP_FILE, ColumnMap
 from cutenv.recording.csv_file import is_own
-from cutenv.recording.csv_sniffer import SniffedTable, bare_name, column_stem, sniff_table
+from cutenv.recording.csv_sniffer import sniff_table
 from cutenv.recording.cut_detection import STANDARD, CutSearch, FoundCut, contact_level, find_cuts, find_tare
 from cutenv.recording.files import load
-from cutenv.recording.mapped_columns import MappedReadings, NumberTable
+from cutenv.recording.mapped_columns import MappedReadings, RecordRows
+from cutenv.recording.named_columns import LeftOut, NamedColumns
+from cutenv.recording.proposal import Proposal, proposal
 from cutenv.recording.ros_bag import BAGS, bag_table
-from cutenv.recording.schema import UNITS, RecordError
+from cutenv.recording.schema import RecordError
 from cutenv.trace import Trace
 
 _NAMED_INSIDE = (".parquet", ".h5", ".hdf5")  # formats that need no mapping
-# Names of the blade's way in other programs' headers, without accents.
-_WAYS = {
-    "way", "position", "pos", "displacement", "travel", "weg", "verschiebung", "deplacement", "desplazamiento",
-    "posicion", "spostamento", "posizione",
-}  # fmt: skip
-_DEPTHS = {"depth", "thickness", "tiefe", "dicke", "profondeur", "epaisseur"}
-_FORCES = {"force", "kraft", "f", "fx", "load", "last", "fuerza", "forza"}
-_TIMES = {"time", "timestamp", "t", "zeit", "zeitstempel", "temps", "tiempo", "tempo"}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -64,6 +55,8 @@ class Imported:
         Assumptions and corrections, in words, to be shown to the reader.
     unused : tuple of str
         Headers of the columns that `mapping` does not name.
+    left_out : tuple of LeftOut
+        Rows of the file that are in no record, with their number.
     """
 
     path: Path
@@ -75,6 +68,7 @@ class Imported:
     flaws: tuple[tuple[QualityIssue, ...], ...]
     notes: tuple[str, ...]
     unused: tuple[str, ...] = ()
+    left_out: tuple[LeftOut, ...] = ()
 
     @property
     def sound(self) -> tuple[Trace, ...]:
@@ -201,39 +195,88 @@ def load_foreign(
     table = _foreign_table(path, mapping)
     if mapping is None:
         mapping = _saved_mapping(path, table)
-        table = _foreign_table(path, mapping) if isinstance(table, NumberTable) else table
-    notes = [f"{path.name}: {table}."]
-    readings = MappedReadings.of(table, mapping, notes)
+        table = _foreign_table(path, mapping) if path.suffix.lower() in BAGS else table
+    return imported(table, mapping, search)
+
+
+def look_at(path: str | os.PathLike[str], mapping: ColumnMap | None = None) -> tuple[Imported, Proposal]:
+    """Read a foreign file by a mapping or, without one, by the proposal that is made of the file.
+
+    Parameters
+    ----------
+    path : path
+        Path of the file.
+    mapping : ColumnMap, optional
+        Mapping of its columns.
+
+    Returns
+    -------
+    imported : Imported
+        Records and cuts.
+    asked : Proposal
+        Mapping that was proposed, with the questions whose proposed answers were taken.
+
+    Raises
+    ------
+    RecordError
+        If the file cannot be read, or it leaves a question open that has no likeliest answer.
+    OSError
+        If the file cannot be opened.
+    """
+    path = Path(path)
+    table = _foreign_table(path, mapping)
+    found = proposal(table) if mapping is None else Proposal(items={})
+    chosen = mapping or found.mapping
+    if chosen is None:
+        raise OpenQuestions(path, found)
+    table = _foreign_table(path, chosen) if mapping is None and path.suffix.lower() in BAGS else table
+    return imported(table, chosen), found
+
+
+class OpenQuestions(RecordError):
+    """Error for a file that leaves open what nobody can guess: `asked` has the questions."""
+
+    def __init__(self, path: Path, asked: Proposal) -> None:
+        questions = " ".join(map(str, asked.questions))
+        super().__init__(path, f"{questions} Answer in the mapping: {asked}")
+        self.asked = asked
+
+
+def imported(table: NamedColumns, mapping: ColumnMap, search: CutSearch | None = STANDARD) -> Imported:
+    """Read the records and cuts of named columns through a mapping; raises as :func:`load_foreign`."""
+    readings = MappedReadings.of(table, mapping)
     records: list[_Searched] = []
     parts: list[tuple[Trace, tuple[QualityIssue, ...]]] = []
-    for group, rows in _records_of(table, mapping):
-        whole = readings.trace(group, rows, None)
-        tare = None if search is None else _tare(readings, whole, rows, search)
-        name = f"record {' '.join(group.values())}: " if group else ""
-        plain = whole if tare is None else readings.trace(group, rows, tare)
+    told: list[str] = []
+    for record in readings.records():
+        whole = readings.trace(record, None)
+        tare = None if search is None else _tare(readings, whole, record, search)
+        name = f"record {' '.join(record.group.values())}: " if record.group else ""
+        plain = whole if tare is None else readings.trace(record, tare)
         found = [] if search is None else find_cuts(plain, search)
-        if group and found:  # the file defines one cut, the search its start and end
+        if record.group and mapping.split_by and found:  # the file defines one cut, the search its start and end
             found = [FoundCut(start=found[0].start, stop=found[-1].stop)]
         records.append(_Searched(whole, plain, tare, tuple(found)))
         if search is not None:
-            notes += [name + note for note in _remarks(readings, records[-1], search)]
+            told += [name + note for note in _remarks(readings, records[-1], search)]
         for cut in found or [FoundCut(start=0, stop=len(plain))]:
-            parts.append(_cut(plain, cut, readings.lines[rows]))
+            parts.append(_cut(plain, cut, readings.lines[record.rows], table.row_name))
     return Imported(
-        path=path,
+        path=table.path,
         mapping=mapping,
         records=tuple(record.whole for record in records),
         tared=tuple(record.tared for record in records),
         cuts=tuple(record.cuts for record in records),
         traces=tuple(trace for trace, _ in parts),
         flaws=tuple(found_flaws for _, found_flaws in parts),
-        notes=tuple(notes),
+        notes=(f"{table.path.name}: {table}.", *map(str, readings.left_out), *readings.notes, *told),
         unused=_unused(table, mapping),
+        left_out=tuple(readings.left_out),
     )
 
 
-def _foreign_table(path: Path, mapping: ColumnMap | None = None) -> SniffedTable:
-    """Return the numbers of a text file or a bag; those of a bag at the times of the mapping's force."""
+def _foreign_table(path: Path, mapping: ColumnMap | None = None) -> NamedColumns:
+    """Return the columns of a text file or a bag; those of a bag at the times of the mapping's force."""
     if path.suffix.lower() not in BAGS:
         return sniff_table(path)
     if mapping is None:
@@ -242,127 +285,39 @@ def _foreign_table(path: Path, mapping: ColumnMap | None = None) -> SniffedTable
     return bag_table(path, [name for field in fields for name in mapping.expression(field).columns])
 
 
-def _how_to_map(table: SniffedTable) -> str:
-    """Return the columns of a table and, last, the ``--map`` that is guessed for it."""
-    time, force, position = guessed_columns(table)
-    items = ["rate=1000Hz" if time is None else f"time={_name(table, time)}", f"force={_name(table, force)}"]
-    items += [] if position is None else [f"position={_name(table, position)}"]
-    items += [f"{field}={_name(table, k)}" for field, k in _turned_and_deep(table, (time, force, position))]
-    unit = "" if _unit(table, force, "force") else " --unit N"
-    names = f"Its columns: {', '.join(table.headers)}. " if table.headers else ""
-    guess = f"--map {' '.join(map(shlex.quote, items))}{unit}"
-    return f"{names}Correct this where it is wrong; it is kept beside the files for the next time: {guess}"
+def _how_to_map(table: NamedColumns) -> str:
+    """Return the columns of a table, what it leaves open and, last, the ``--map`` that is proposed for it."""
+    found = proposal(table)
+    names = f"Its columns: {', '.join(filter(None, table.headers))}. " if any(table.headers) else ""
+    asked = "".join(f"{question} " for question in found.questions)
+    if found.mapping is None:
+        return f"{names}{asked}Answer that in the mapping: {found}"
+    return f"{names}{asked}Correct this where it is wrong; it is kept beside the files for the next time: {found}"
 
 
-def _turned_and_deep(table: SniffedTable, taken: tuple[int | None, ...]) -> list[tuple[str, int]]:
-    """Return the fields "angle" and "depth" with their columns, where just one has the unit, and the depth's name."""
-    columns = [k for k in range(table.n_columns) if k not in taken]
-    angles = [k for k in columns if _unit(table, k, "angle")]
-    named = [k for k in columns if not _DEPTHS.isdisjoint(_words(table, k)) and _WAYS.isdisjoint(_words(table, k))]
-    depths = [k for k in named if _unit(table, k, "depth")]
-    return [(field, found[0]) for field, found in (("angle", angles), ("depth", depths)) if len(found) == 1]
-
-
-def guessed_columns(table: SniffedTable) -> tuple[int | None, int, int | None]:
-    """Return the columns that are probably time, force and position."""
-    columns = range(table.n_columns)
-    force = _found(table, "force", _FORCES, ())
-    time = _found(table, "time", _TIMES, (force,))
-    ways = [k for k in columns if k not in (force, time) and _is_way(table, k)]
-    position = ways[0] if len(ways) == 1 else None
-    if force is None and {*columns} <= {time, position}:
-        position = None
-    if time is None and table.n_columns > 1:
-        time = next((k for k in columns if k not in (force, position)), None)
-    if force is None:
-        force = next((k for k in columns if k not in (time, position)), None)
-    if force is None:  # one column is left for time and force: a rate replaces time
-        time, force = None, next(k for k in columns if k != position)
-    return time, force, position
-
-
-def _found(table: SniffedTable, field: str, names: set[str], taken: tuple[int | None, ...]) -> int | None:
-    """Return the first column with a unit of the field in its header, or else by its name and without any unit."""
-    columns = [k for k in range(table.n_columns) if k not in taken]
-    told = next((k for k in columns if _unit(table, k, field)), None)
-    if told is not None:
-        return told
-    return next((k for k in columns if not _has_unit(table, k) and not names.isdisjoint(_words(table, k))), None)
-
-
-def _words(table: SniffedTable, column: int) -> list[str]:
-    """Return the words of a column's name in small letters, without accents."""
-    if column >= len(table.headers):
-        return []
-    plain = unicodedata.normalize("NFD", column_stem(table.headers[column]))
-    return re.findall(r"[a-z]+", "".join(letter for letter in plain if not unicodedata.combining(letter)))
-
-
-def _has_unit(table: SniffedTable, column: int) -> bool:
-    return any(_unit(table, column, field) for field in UNITS)
-
-
-def _is_way(table: SniffedTable, column: int) -> bool:
-    """Return whether a column is plainly the blade's way: by its name, and a unit of length in its header or none."""
-    if not _unit(table, column, "position") and _has_unit(table, column):
-        return False
-    words = _words(table, column)
-    return words == ["x"] or (not _WAYS.isdisjoint(words) and _DEPTHS.isdisjoint(words))
-
-
-def _unit(table: SniffedTable, column: int, field: str) -> str | None:
-    """Return the unit of a field in a column's header; None if it has none, or that of another field."""
-    try:
-        return table.unit(column, field)
-    except RecordError:
-        return None
-
-
-def _name(table: SniffedTable, column: int) -> str:
-    """Return a column as written after ``--map``: its bare name, or its number where the name is not plain."""
-    names = [bare_name(header) for header in table.headers]
-    is_plain = re.compile(r"[^\W\d][\w .]*|/[\w./]+")  # a name, or that of a topic
-    plain = column < len(names) and is_plain.fullmatch(names[column]) and names.count(names[column]) == 1
-    return names[column] if plain else f"#{column + 1}"
-
-
-def _saved_mapping(path: Path, table: SniffedTable) -> ColumnMap:
+def _saved_mapping(path: Path, table: NamedColumns) -> ColumnMap:
     try:
         return ColumnMap.load(path.parent)
     except FileNotFoundError:
         raise RecordError(path, f"which of its columns is what? Name them: {_how_to_map(table)}") from None
 
 
-def _unused(table: SniffedTable, mapping: ColumnMap) -> tuple[str, ...]:
+def _unused(table: NamedColumns, mapping: ColumnMap) -> tuple[str, ...]:
     names = [name for field in mapping.fields for name in mapping.expression(field).columns]
     used = {table.index(name) for name in (*names, *mapping.split_by)}
     return tuple(header for k, header in enumerate(table.headers[: table.n_columns]) if header and k not in used)
 
 
-def _records_of(table: SniffedTable, mapping: ColumnMap) -> list[tuple[dict[str, str], NDArray[np.intp]]]:
-    """Return the rows of each record, and the values that separate it from others."""
-    if not mapping.split_by:
-        return [({}, np.arange(len(table.rows)))]
-    keys = table.texts([table.index(name) for name in mapping.split_by])
-    rows: dict[tuple[str, ...], list[int]] = {}
-    for i, key in enumerate(keys):
-        rows.setdefault(key, []).append(i)
-    names = [bare_name(name) for name in mapping.split_by]
-    return [(dict(zip(names, key, strict=True)), np.array(where)) for key, where in rows.items()]
-
-
-def _tare(
-    readings: MappedReadings, whole: Trace, rows: NDArray[np.intp], search: CutSearch
-) -> tuple[Array, int] | None:
+def _tare(readings: MappedReadings, whole: Trace, record: RecordRows, search: CutSearch) -> tuple[Array, int] | None:
     """Return the components' offsets [force unit] in their common quiet start, and its length; None without one."""
     if not readings.expression.is_norm:
         tare = find_tare(whole, search)
         return None if tare is None else (np.array([tare.offset]), tare.stop)
-    tares = [find_tare(readings.component(rows, k), search) for k in range(readings.force.shape[1])]
+    tares = [find_tare(readings.component(record, k), search) for k in range(readings.force.shape[1])]
     stops = [tare.stop for tare in tares if tare is not None]
     if len(stops) < len(tares):
         return None
-    return np.asarray(readings.force[rows[: min(stops)]].mean(axis=0)), min(stops)
+    return np.asarray(readings.force[record.rows[: min(stops)]].mean(axis=0)), min(stops)
 
 
 class _Searched(NamedTuple):
@@ -405,14 +360,14 @@ def _remarks(readings: MappedReadings, record: _Searched, search: CutSearch) -> 
     return told
 
 
-def _cut(trace: Trace, cut: FoundCut, lines: NDArray[np.intp]) -> tuple[Trace, tuple[QualityIssue, ...]]:
+def _cut(trace: Trace, cut: FoundCut, lines: NDArray[np.intp], row_name: str) -> tuple[Trace, tuple[QualityIssue, ...]]:
     """Return a cut of a record, with its place in the metadata, and its flaws with their lines in the file."""
     part = trace.select(cut.samples)
     lines = lines[cut.samples]
     where = {"lines": [int(lines[0]), int(lines[-1])], "instants": [cut.start, cut.stop - 1]}
     part = part.with_metadata({**part.metadata, **where})
     located = tuple(
-        dataclasses.replace(flaw, message=f"lines {lines[flaw.rows[0]]} to {lines[flaw.rows[1]]}: {flaw.message}")
+        dataclasses.replace(flaw, message=f"{row_name}s {lines[flaw.rows[0]]} to {lines[flaw.rows[1]]}: {flaw.message}")
         for flaw in quality_issues(part)
     )
     return part, located

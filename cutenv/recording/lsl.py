@@ -26,7 +26,8 @@ from cutenv._base.imports import optional_import
 from cutenv._base.validation import one_of
 from cutenv.recording.appending import AppendingRecord
 from cutenv.recording.column_map import ColumnMap
-from cutenv.recording.mapped_columns import STAMP, MappedReadings, NumberTable
+from cutenv.recording.mapped_columns import STAMP, along_cut, columns_in_si
+from cutenv.recording.named_columns import NamedColumns
 from cutenv.recording.schema import RecordError, unit_of
 from cutenv.trace import Reading
 
@@ -280,11 +281,18 @@ def record_stream(
             kept = samples if seconds is None else samples[samples[:, 0] < seconds]
             if len(kept):
                 numbers = count + 1 + np.arange(len(kept))
-                table = NumberTable.of(path, inlet.name, inlet.headers, kept, numbers)
-                mapped = MappedReadings.of(table, mapping, [])
+                table = NamedColumns.of(
+                    path,
+                    list(zip(inlet.headers, kept.T, strict=True)),
+                    about=inlet.name,
+                    row_name="reading",
+                    lines=numbers,
+                )
+                columns, force_unit = columns_in_si(table, mapping, [], guess=False)
+                _check_finite(table, mapping)
                 if record is None:
-                    record = _begun(inlet, path, fields, mapped.force_unit)
-                readings = _rows(mapped)
+                    record = _begun(inlet, path, fields, force_unit)
+                readings = _rows(columns, mapping)
                 record.append(readings)
                 count += len(readings)
                 told(readings[-1])
@@ -304,10 +312,22 @@ def _begun(inlet: LslInlet, path: Path, fields: list[str], force_unit: str) -> A
     return AppendingRecord(path, facts, fields=fields, force_unit=force_unit)
 
 
-def _rows(mapped: MappedReadings) -> list[Reading]:
-    assert mapped.time is not None  # a stream has stamps
-    columns = {"time": mapped.time, "force": mapped.along_cut(mapped.force), **mapped.sensed}
-    values = [columns[name].tolist() if name in columns else [None] * len(mapped.time) for name in Reading._fields]
+def _check_finite(table: NamedColumns, mapping: ColumnMap) -> None:
+    for field in mapping.fields:
+        for name in mapping.expression(field).columns:
+            values = table.values(table.index(name))
+            for row in np.flatnonzero(~np.isfinite(values))[:1]:
+                raise RecordError(
+                    table.path,
+                    f"reading {table.lines[row]} of {table.about}: {table.header(table.index(name))!r} is {values[row]}"
+                    ", no finite number. Leave that column out of the mapping, or repair its source.",
+                )
+
+
+def _rows(columns: dict[str, Array], mapping: ColumnMap) -> list[Reading]:
+    force = along_cut(mapping.expression("force"), columns["force"])
+    fields = {"force": force, **{name: values[:, 0] for name, values in columns.items() if name != "force"}}
+    values = [fields[name].tolist() if name in fields else [None] * len(force) for name in Reading._fields]
     return list(map(Reading._make, zip(*values, strict=True)))
 
 

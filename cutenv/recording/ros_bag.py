@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv._base.imports import optional_import
-from cutenv.recording.csv_sniffer import bare_name
-from cutenv.recording.mapped_columns import STAMP, NumberTable
+from cutenv.recording.mapped_columns import STAMP
+from cutenv.recording.named_columns import NamedColumns, bare_name
 from cutenv.recording.schema import RecordError
 
 BAGS = (".mcap", ".bag", ".db3")
@@ -40,7 +40,7 @@ class _Topic:
     headers: tuple[str, ...] = ()
 
 
-def bag_table(path: Path, names: Collection[str] = ()) -> NumberTable:
+def bag_table(path: Path, names: Collection[str] = ()) -> NamedColumns:
     """Read a bag: an ``.mcap`` or ``.db3`` file of ROS 2, also one out of a bag's folder, or a ``.bag`` of ROS 1.
 
     Parameters
@@ -125,7 +125,7 @@ def _numbers_in(message: Any, path: str = "", unit: str = "") -> Iterator[tuple[
         yield (f"{path} [{unit}]" if unit else path), float(message)
 
 
-def _joined(path: Path, topics: dict[str, _Topic], names: Collection[str]) -> NumberTable:
+def _joined(path: Path, topics: dict[str, _Topic], names: Collection[str]) -> NamedColumns:
     topic_of = {bare_name(header): topic for topic, found in topics.items() for header in found.headers}
     needed = list(dict.fromkeys(topic_of[name] for name in map(bare_name, names) if name in topic_of))
     forces = [topic for topic, found in topics.items() if any(header.endswith("[N]") for header in found.headers)]
@@ -147,4 +147,6 @@ def _joined(path: Path, topics: dict[str, _Topic], names: Collection[str]) -> Nu
         whole = values[topic].T
         columns += [one[kept] if topic == base else np.interp(rows[kept], times[topic], one) for one in whole]
     headers = (f"{STAMP} [s]", *(header for found in topics.values() for header in found.headers))
-    return NumberTable.of(path, base, headers, np.column_stack(columns), kept + 1)
+    return NamedColumns.of(
+        path, list(zip(headers, columns, strict=True)), about=f"readings of {base}", row_name="reading", lines=kept + 1
+    )

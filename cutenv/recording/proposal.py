@@ -1,0 +1,526 @@
+"""Proposal of a mapping for a foreign file: which column is what, and the questions that the file leaves open."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import unicodedata
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cutenv._base.arrays import Array
+from cutenv.recording.column_map import ColumnMap
+from cutenv.recording.mapped_columns import assumed_unit
+from cutenv.recording.named_columns import NamedColumns, bare_name, column_stem
+from cutenv.recording.plausible_units import FASTEST, SLOWEST, time_units, usual_step, way_units
+from cutenv.recording.schema import UNITS, RecordError
+from cutenv.recording.stated_units import known_spelling
+
+# Words in other programs' headers, without accents; the likelier ones first.
+_WAYS = (
+    "position", "pos", "displacement", "displ", "disp", "travel", "stroke", "way", "weg", "standardweg", "traversenweg",
+    "extension", "crosshead", "distance", "verschiebung", "deplacement", "desplazamiento", "posicion", "spostamento",
+    "posizione", "verfahrweg", "kolbenweg", "deformation", "verformung", "carriage", "stage", "feed", "actuator", "x",
+)  # fmt: skip
+_DEPTHS = {"depth", "thickness", "tiefe", "dicke", "profondeur", "epaisseur", "width", "diameter", "gap"}
+_FORCES = {
+    "force", "kraft", "f", "fx", "fy", "fz", "load", "last", "fuerza", "forza", "standardkraft", "prufkraft", "weight",
+    "gewicht", "loadcell", "kraftaufnehmer", "effort", "wrench", "cell", "hx", "scale", "reading", "charge", "newton",
+}  # fmt: skip
+_TIMES = {
+    "time", "timestamp", "timestamps", "t", "zeit", "zeitstempel", "temps", "tiempo", "tempo", "stamp", "ts", "elapsed",
+    "pruefzeit", "prufzeit", "testzeit", "date", "datetime", "datum", "uhrzeit", "clock", "millis", "micros", "seconds",
+    "sec", "ms", "us", "duration", "laufzeit", "messzeit", "rostime", "epoch", "secs",
+}  # fmt: skip
+_COUNTERS = {
+    "seq", "index", "idx", "count", "counter", "sample", "samples", "no", "nr", "number", "row", "point", "pt", "frame",
+    "id", "line", "scan", "n", "i", "reading", "record", "nseq", "cycle", "event", "messpunkt", "lfd",
+}  # fmt: skip
+_DERIVED = {
+    "stress",
+    "strain",
+    "spannung",
+    "dehnung",
+    "energy",
+    "work",
+    "torque",
+    "moment",
+    "energie",
+    "max",
+    "peak",
+    "rate",
+}
+_OTHER_FORCE_UNITS = ("N", "mN", "kN", "gf", "kgf", "lbf", "1")
+_FEWEST = 20  # readings in which a sign or the only rising column shows
+
+
+@dataclass(frozen=True, kw_only=True)
+class Question:
+    """What a file leaves open, with the answers among which a person chooses.
+
+    Attributes
+    ----------
+    about : str
+        Field of the mapping: "time", "force", "position" or "rate".
+    text : str
+        The question.
+    choices : tuple of (str, mapping)
+        Answers as words, and as items of the mapping (``{"unit": "mN"}``) which they set.
+    proposed : int or None
+        Index of the answer that is taken if nobody is asked; None if none is likelier than the others.
+    """
+
+    about: str
+    text: str
+    choices: tuple[tuple[str, Mapping[str, str]], ...]
+    proposed: int | None = None
+
+    def __str__(self) -> str:
+        listed = ", ".join(words for words, _ in self.choices)
+        taken = f" {self.choices[self.proposed][0]} is taken." if self.proposed is not None else ""
+        return f"{self.text} ({listed}){taken}" if self.choices else f"{self.text}{taken}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Proposal:
+    """Mapping that a file's own statements suggest, as items of a command line, and what they leave open.
+
+    Attributes
+    ----------
+    items : mapping
+        ``{"time": "t[ms]", "force": "F", "unit": "N"}``: fields, ``rate`` and the force's ``unit``.
+    questions : tuple of Question
+        Open questions; the answers that are proposed are among the items.
+    """
+
+    items: Mapping[str, str]
+    questions: tuple[Question, ...] = ()
+
+    @property
+    def mapping(self) -> ColumnMap | None:
+        """The mapping; None while a question without a proposed answer is open."""
+        if any(question.proposed is None for question in self.questions):
+            return None
+        fields = [f"{name}={text}" for name, text in self.items.items() if name != "unit"]
+        return ColumnMap.parse(fields, unit=self.items.get("unit"))
+
+    def answered(self, question: Question, items: Mapping[str, str]) -> Proposal:
+        """Return the proposal with a question answered by some items."""
+        rest = tuple(each for each in self.questions if each is not question)
+        both = {**self.items, **items}
+        if "[" in both.get("force", "") and both.get("unit"):
+            both.pop("unit")
+        return replace(self, items=both, questions=rest)
+
+    def __str__(self) -> str:
+        """Options of a command line, such as ``--map time=t force=F --unit N``."""
+        fields = [shlex.quote(f"{name}={text}") for name, text in self.items.items() if name != "unit"]
+        unit = f" --unit {self.items['unit']}" if "unit" in self.items else ""
+        return f"--map {' '.join(fields)}{unit}"
+
+
+def proposal(table: NamedColumns) -> Proposal:
+    """Return the mapping that the columns suggest by their names, units and numbers, and the open questions.
+
+    Raises
+    ------
+    RecordError
+        If no column can be a force.
+    """
+    return _Columns(table).proposal()
+
+
+class _Columns:
+    """Columns of a table by what they may be."""
+
+    def __init__(self, table: NamedColumns) -> None:
+        self.table = table
+        self.n = table.n_columns
+        self.cells = [table.typed(k) for k in range(self.n)]
+        self.words = [_words(table, k) for k in range(self.n)]
+        self.filled = [np.isfinite(each.values).sum() >= 2 and each.kind != "text" for each in self.cells]
+        self.questions: list[Question] = []
+        self.items: dict[str, str] = {}
+
+    def proposal(self) -> Proposal:
+        """Return mapping and questions."""
+        time = self.time()
+        forces = self.forces(time)
+        ways = self.ways(time, forces)
+        if not forces:
+            forces = self.unnamed_forces(time, ways)
+        if not forces and time is not None and not ways:  # one column is left for time and force: force needs one
+            forces, time = [time], None
+        if not forces:
+            names = ", ".join(self.table.header(k) for k in range(self.n))
+            raise RecordError(
+                self.table.path,
+                f"none of its columns ({names}) can be a force. Export the force, too; or name its column, force=#2.",
+            )
+        self.ask_time(time)
+        force = self.ask_force(forces)
+        position = self.ask_position([k for k in ways if k not in (time, *forces)], force)
+        self.add_others((time, force, position))
+        order = ("time", "rate", "force", "position", "angle", "depth", "unit")
+        return Proposal(
+            items={name: self.items[name] for name in order if name in self.items}, questions=tuple(self.questions)
+        )
+
+    def quantity(self, k: int) -> str:
+        """Return the quantity of a column's stated unit, "" if none is stated, "unknown" if it is not known."""
+        said = self.table.stated(k)
+        if not said:
+            return ""
+        known = known_spelling(said)
+        return known.quantity if known is not None else "unknown"
+
+    def name(self, k: int) -> str:
+        """Return a column as written in a mapping: its bare name, or its place where the name is not plain."""
+        names = [bare_name(header) for header in self.table.headers]
+        is_plain = re.compile(r"[^\W\d][\w .]*|/[\w./]+")  # a name, or that of a topic
+        stems = [column_stem(header) for header in self.table.headers]
+        plain = (
+            k < len(names)
+            and is_plain.fullmatch(names[k])
+            and names.count(names[k]) == 1
+            and [name.lower() for name in names].count(names[k].lower()) == 1
+            and stems.count(names[k].lower()) <= 1
+        )
+        return names[k] if plain else f"#{k + 1}"
+
+    def rises(self, k: int) -> bool:
+        """Return whether a column goes on as time does: upwards, but for restarts of the clock."""
+        values = self.cells[k].values[np.isfinite(self.cells[k].values)]
+        steps = np.diff(values)
+        return len(steps) > 0 and bool(steps.max() > 0.0) and bool((steps < 0.0).mean() < 0.1)
+
+    def is_counter(self, k: int) -> bool:
+        """Return whether a column counts the readings."""
+        values = self.cells[k].values[np.isfinite(self.cells[k].values)]
+        by_one = bool((np.diff(values) == 1.0).mean() > 0.9) if len(values) > 2 else False
+        counts = not self.words[k] or bool(_COUNTERS.intersection(self.words[k]))
+        return by_one and counts and not _TIMES.intersection(self.words[k]) and not self.quantity(k)
+
+    def time(self) -> int | None:
+        """Return the column that is time."""
+        ranked: list[tuple[float, int]] = []
+        for k in range(self.n):
+            if not self.filled[k]:
+                continue
+            values = self.cells[k].values[np.isfinite(self.cells[k].values)]
+            named = bool(_TIMES.intersection(self.words[k])) or self.words[k] == ["x", "value"]
+            named &= not _DERIVED.intersection(self.words[k])
+            quantity = self.quantity(k)
+            dated = self.cells[k].kind in ("clock", "date")
+            if quantity not in ("", "time", "unknown") or not (dated or quantity == "time" or named):
+                continue
+            if not self.rises(k) and len(values) > 2:
+                continue
+            distinct = len(np.unique(values)) / len(values)
+            if distinct * len(values) < max(3, 0.01 * len(values)) and len(values) >= _FEWEST:
+                continue
+            rank = 2.0 * (distinct > 0.9) + distinct + (0.4 if quantity == "time" else 0.2 if dated else 0.0)
+            ranked.append((rank, -k))
+        if ranked:
+            return -max(ranked)[1]
+        return self._rising()
+
+    def _rising(self) -> int | None:
+        """Return the only column without a telling name that never falls."""
+        free = [k for k in range(self.n) if self.filled[k] and not self.quantity(k) and not self.is_counter(k)]
+        free = [k for k in free if not {*self.words[k]} & (_FORCES | _TIMES | {*_WAYS} | _DEPTHS)]
+        risen = [k for k in free if self.rises(k) and bool((np.diff(self.known(k)) >= 0.0).all())]
+        return risen[0] if len(risen) == 1 or (risen and len(self.table) < _FEWEST) else None
+
+    def forces(self, time: int | None) -> list[int]:
+        """Return the columns that state a unit of force, or else those that are called so and state no known unit."""
+        free = [k for k in range(self.n) if k != time and self.filled[k]]
+        told = [k for k in free if self.quantity(k) == "force" or self.is_normalised(k)]
+        named = [k for k in told if _FORCES.intersection(self.words[k]) and not _DERIVED.intersection(self.words[k])]
+        if told:
+            return named or told
+        named = [k for k in free if _FORCES.intersection(self.words[k]) and not _DERIVED.intersection(self.words[k])]
+        silent = [k for k in named if not self.quantity(k)]
+        return silent or [k for k in named if self.quantity(k) in ("unknown", "other")]
+
+    def is_normalised(self, k: int) -> bool:
+        """Return whether a column is a force without a unit, by our own name of it."""
+        try:
+            return self.table.unit(k, "force") == "1"
+        except RecordError:
+            return False
+
+    def unnamed_forces(self, time: int | None, ways: Sequence[int]) -> list[int]:
+        """Return the columns without a unit and a telling name that may be a force."""
+        free = [k for k in range(self.n) if k != time and self.filled[k] and not self.quantity(k)]
+        free = [k for k in free if k not in ways and self.cells[k].kind == "number" and not self.is_counter(k)]
+        moving = [k for k in free if np.ptp(self.known(k)) > 0.0]
+        return moving or free
+
+    def ways(self, time: int | None, forces: Sequence[int]) -> list[int]:
+        """Return the columns that may be the blade's way, the likeliest first."""
+        free = [k for k in range(self.n) if k != time and k not in forces and self.filled[k]]
+        free = [k for k in free if not _DEPTHS.intersection(self.words[k]) and not _DERIVED.intersection(self.words[k])]
+        told = [k for k in free if self.quantity(k) == "length"]
+        named = [k for k in free if not self.quantity(k) and set(_WAYS).intersection(self.words[k])]
+        named = [k for k in named if "x" not in self.words[k] or self.words[k] == ["x"] or len(self.words[k]) > 1]
+        found = told or named
+
+        def rank(k: int) -> int:
+            return min((_WAYS.index(word) for word in self.words[k] if word in _WAYS), default=len(_WAYS))
+
+        return sorted(found, key=rank)
+
+    def known(self, k: int) -> Array:
+        """Return the numbers of a column that are there."""
+        values = self.cells[k].values
+        return values[np.isfinite(values)]
+
+    def ask_time(self, time: int | None) -> None:
+        """Set the time, or ask for the readings a second."""
+        if time is None:
+            if self.table.rate is not None:
+                self.items["rate"] = f"{self.table.rate:.10g}Hz"
+                return
+            still = [k for k in range(self.n) if _TIMES.intersection(self.words[k]) and self.filled[k]]
+            why = "no column is a time"
+            if still and abs(float(self.known(still[0])[0])) > 1e8:
+                why = f"the time in {self.table.header(still[0])!r} stands still: 32 bits were too few for it"
+            self.questions.append(
+                Question(about="rate", text=f"How many readings a second? {why}; rate=...Hz gives them.", choices=())
+            )
+            return
+        name, cells = self.name(time), self.cells[time]
+        if self.quantity(time) == "time" or cells.unit:
+            self.items["time"] = name
+            unit = self.table.unit(time, "time") or "s"
+            rate = self.rate(time, unit)
+            if not SLOWEST <= rate <= FASTEST:
+                others = [other for other in time_units(replace(cells, unit="")) if other != unit]
+                text = f"Its times in {unit} make {rate:.3g} readings a second. Correct the unit in the header"
+                text += f"; in {others[0]} they would make {self.rate(time, others[0]):.4g}." if others else "."
+                self.questions.append(Question(about="time", text=text, choices=()))
+            return
+        units = time_units(cells)
+        if not units:
+            self.items["time"] = name
+            self.questions.append(
+                Question(
+                    about="time",
+                    text=f"In which unit is {self.table.header(time)!r}? None makes a usual rate.",
+                    choices=tuple((unit, {"time": f"{name}[{unit}]"}) for unit in UNITS["time"]),
+                )
+            )
+            return
+        self.items["time"] = name if units[0] == "s" else f"{name}[{units[0]}]"
+        by_one = bool((np.diff(self.known(time)) == 1.0).mean() > 0.9) and len(self.table) >= _FEWEST
+        if by_one and not _TIMES.intersection(self.words[time]):
+            self.questions.append(
+                Question(
+                    about="time",
+                    text=f"Is {self.table.header(time)!r}, which counts by one, a time?",
+                    choices=tuple((unit, {"time": f"{name}[{unit}]"}) for unit in units),
+                    proposed=None,
+                )
+            )
+
+    def rate(self, time: int, unit: str) -> float:
+        """Return the readings a second of a column of times in a unit [Hz]; 0 if there is no step."""
+        step = usual_step(self.cells[time].values) * UNITS["time"][unit]
+        if len(self.table) < _FEWEST:
+            return SLOWEST
+        return 1.0 / step if step else 0.0
+
+    def ask_force(self, forces: list[int]) -> int:
+        """Set the force; ask for the column and the unit if the file leaves them open."""
+        chosen, others = self.component(forces)
+        sign = "-" if self.counts_down(chosen) else ""
+        self.items["force"] = f"{sign}{self.name(chosen)}"
+        unnamed = not self.quantity(chosen) and not _FORCES.intersection(self.words[chosen])
+        if others and unnamed:
+            self.ask_unnamed(chosen, others)
+            return chosen
+        if others:
+            choices = [(self.table.header(k), {"force": self.name(k)}) for k in (chosen, *others)]
+            choices[0] = (choices[0][0], {"force": self.items["force"]})
+            if len(others) <= 2:
+                listed = ",".join(self.name(k) for k in sorted((chosen, *others)))
+                choices.append((f"norm({listed})", {"force": f"norm({listed})"}))
+            self.questions.append(
+                Question(
+                    about="force", text="Which column is the force along the cut?", choices=tuple(choices), proposed=0
+                )
+            )
+        quantity = self.quantity(chosen)
+        if quantity == "force" or self.is_normalised(chosen):
+            return chosen
+        header = self.table.header(chosen)
+        if quantity == "":
+            self.items["unit"] = "N"
+            self.questions.append(
+                Question(
+                    about="force",
+                    text=f"In which unit is the force {header!r}?",
+                    choices=tuple((unit, {"unit": unit}) for unit in _OTHER_FORCE_UNITS),
+                    proposed=0,
+                )
+            )
+            return chosen
+        said = self.table.stated(chosen)
+        units = _OTHER_FORCE_UNITS if quantity == "unknown" else ("1",)
+        cure = "" if quantity == "unknown" else "; calibrate it to newtons, or take it as normalised, 1"
+        self.questions.append(
+            Question(
+                about="force",
+                text=f"The force {header!r} is in {said!r}, which is no known unit of force{cure}. In which is it?",
+                choices=tuple((unit, {"unit": unit}) for unit in units),
+            )
+        )
+        return chosen
+
+    def ask_unnamed(self, chosen: int, others: list[int]) -> None:
+        """Ask which of some columns without telling names is the force, in newtons; the one that goes on is the way."""
+        free = (chosen, *others)
+        going = [k for k in free if self.goes_on(k)]
+        way = going[0] if len(going) == 1 and "position" not in self.items else None
+        if way == chosen:
+            chosen = others[0]
+        free = (chosen, *(k for k in free if k != chosen))
+        choices = []
+        for k in free:
+            words, items = f"force {self.table.header(k)!r}", {"force": self.name(k), "unit": "N"}
+            if way is not None and way != k:
+                words += f", position {self.table.header(way)!r}"
+                items["position"] = self.with_unit(way)
+            choices.append((words, items))
+        self.items |= choices[0][1]
+        text = "Which column is the force along the cut, in newtons? --unit gives another unit."
+        self.questions.append(Question(about="force", text=text, choices=tuple(choices), proposed=0))
+
+    def goes_on(self, k: int) -> bool:
+        """Return whether a column moves smoothly from one value to another, as a way does and a force does not."""
+        values = self.known(k)
+        steps = np.diff(values)
+        span = float(np.ptp(values))
+        return len(values) >= _FEWEST and bool(
+            abs(values[-1] - values[0]) > 0.5 * span > 20.0 * np.median(np.abs(steps))
+        )
+
+    def with_unit(self, k: int, sign: str = "") -> str:
+        """Return a column as a position in the mapping, with the unit that is assumed if the file states none."""
+        name = f"{sign}{self.name(k)}"
+        unit = "" if self.table.stated(k) else assumed_unit(self.table, "position", [k])
+        return f"{name}[{unit}]" if unit and unit != "m" else name
+
+    def component(self, forces: list[int]) -> tuple[int, list[int]]:
+        """Return the likeliest column of some that may be the force, and those that may be it as well."""
+        spans = {k: float(np.ptp(self.known(k))) for k in forces}
+        axes = [k for k in forces if self.words[k] and re.fullmatch(r"f?[xyz]", self.words[k][-1])]
+        plain = [k for k in forces if k not in axes]
+        if len(axes) > 1 and not plain:
+            chosen = max(axes, key=lambda k: spans[k])
+            return chosen, [k for k in axes if k != chosen and spans[k] > 0.05 * spans[chosen]]
+        forces = plain or forces
+        chosen = next((k for k in forces if spans[k] > 0.0), forces[0])
+        rest = [k for k in forces if k != chosen and spans[k] > 0.0 and not self.alike(k, chosen)]
+        return chosen, rest
+
+    def alike(self, k: int, other: int) -> bool:
+        """Return whether two columns hold the same."""
+        return np.array_equal(self.cells[k].values, self.cells[other].values, equal_nan=True)
+
+    def counts_down(self, force: int) -> bool:
+        """Return whether a force counts negative under load, as machines count compression."""
+        values = self.known(force)
+        if len(values) < _FEWEST:
+            return False
+        low, high = (float(np.quantile(values, share)) for share in (0.002, 0.998))
+        if low < 0.0 and high < 0.15 * -low:
+            return True
+        start = values[: max(5, len(values) // 20)]
+        rest = float(np.median(start))
+        return bool(np.ptp(start) < 0.1 * (high - low)) and rest - low > 4.0 * (high - rest)
+
+    def ask_position(self, ways: list[int], force: int) -> int | None:
+        """Set the position, counted away from the clamp; ask for it and its unit if the file leaves them open."""
+        moving = [k for k in ways if np.ptp(self.known(k)) > 0.0]
+        if not moving:
+            return None
+        chosen = moving[0]
+        first = self.rank_of(chosen)
+        others = [k for k in moving[1:] if self.rank_of(k) == first and not self.alike(k, chosen)]
+        if others and all(re.fullmatch(r"[xyz]", self.words[k][-1]) for k in (chosen, *others) if self.words[k]):
+            widest = max((chosen, *others), key=lambda k: float(np.ptp(self.known(k))))
+            span = float(np.ptp(self.known(widest)))
+            others = [k for k in (chosen, *others) if k != widest and np.ptp(self.known(k)) > 0.05 * span]
+            chosen = widest
+        sign = "-" if self.runs_back(chosen, force) else ""
+        name = f"{sign}{self.name(chosen)}"
+        self.items["position"] = self.with_unit(chosen, sign)
+        if not self.table.stated(chosen) and len(way_units(self.cells[chosen].values)) > 1:
+            self.questions.append(
+                Question(
+                    about="position",
+                    text=f"In which unit is the position {self.table.header(chosen)!r}?",
+                    choices=tuple(
+                        (each, {"position": f"{name}[{each}]"}) for each in way_units(self.cells[chosen].values)
+                    ),
+                    proposed=0,
+                )
+            )
+        if others:
+            choices = ((self.table.header(k), {"position": self.name(k)}) for k in others)
+            self.questions.append(
+                Question(
+                    about="position",
+                    text="Which column is the position of the blade?",
+                    choices=((self.table.header(chosen), {"position": self.items["position"]}), *choices),
+                    proposed=0,
+                )
+            )
+        return chosen
+
+    def rank_of(self, k: int) -> int:
+        """Return the place of a column's name among those of ways."""
+        return min((_WAYS.index(word) for word in self.words[k] if word in _WAYS), default=len(_WAYS))
+
+    def runs_back(self, way: int, force: int) -> bool:
+        """Return whether a way counts toward the clamp: it falls while the force acts."""
+        position, acting = self.cells[way].values, self.cells[force].values
+        known = np.isfinite(position)
+        if np.count_nonzero(known) < _FEWEST:
+            return False
+        if not known.all():  # a slower column
+            position = np.interp(np.arange(len(position)), np.flatnonzero(known), position[known])
+        rest = float(np.nanmedian(acting[: max(3, len(acting) // 20)]))
+        loaded = np.abs(np.nan_to_num(acting - rest)) > 0.2 * float(np.nanmax(np.abs(acting - rest)))
+        steps = np.diff(position)
+        if self.table.parts is not None:
+            steps[np.diff(self.table.parts) != 0] = 0.0
+        under = steps[loaded[1:]]
+        span = float(np.ptp(position))
+        return bool(under.sum() < -0.3 * span and np.count_nonzero(under < 0.0) > np.count_nonzero(under > 0.0))
+
+    def add_others(self, taken: tuple[int | None, ...]) -> None:
+        """Set angle and depth where just one column has the unit, and the depth's name."""
+        free = [k for k in range(self.n) if k not in taken and self.filled[k]]
+        angles = [k for k in free if self.quantity(k) == "angle"]
+        depths = [k for k in free if {"depth", "tiefe", "profondeur"}.intersection(self.words[k])]
+        depths = [k for k in depths if self.quantity(k) == "length" and not set(_WAYS).intersection(self.words[k])]
+        for field, found, limit in (("angle", angles, np.pi), ("depth", depths, 0.1)):
+            if len(found) == 1:
+                size = UNITS[field][self.table.unit(found[0], field) or ""]
+                values = self.known(found[0]) * size
+                if len(values) == len(self.table) and values.min() >= 0.0 and values.max() <= limit:
+                    self.items[field] = self.name(found[0])
+
+
+def _words(table: NamedColumns, column: int) -> list[str]:
+    """Return the words of a column's name in small letters, without accents."""
+    if column >= len(table.headers):
+        return []
+    stem = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", re.sub(r"\s*[\[(].*?[\])]", "", table.headers[column]))
+    plain = unicodedata.normalize("NFD", column_stem(stem))
+    return re.findall(r"[a-z]+", "".join(letter for letter in plain if not unicodedata.combining(letter)))

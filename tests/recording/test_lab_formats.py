@@ -1,0 +1,73 @@
+"""Files of laboratories are right at first try, or ask; and a map that is printed reads its file."""
+
+from __future__ import annotations
+
+import shlex
+from collections import Counter
+from pathlib import Path
+
+import pytest
+from lab_formats import FORMATS, LabFormat
+
+from cutenv.recording import ColumnMap, RecordError
+from cutenv.recording.importers import Imported, OpenQuestions, load_foreign, look_at
+from cutenv.trace import Trace
+
+NAMES = [each.name for each in FORMATS]
+
+
+def written(given: LabFormat, folder: Path) -> Path:
+    path = folder / given.name
+    path.write_bytes(given.content)
+    return path
+
+
+def is_right(imported: Imported, given: LabFormat) -> bool:
+    """Return whether the records are those of the truth, within a hundredth."""
+    pairs = list(zip(imported.records, given.truth, strict=False))
+    return len(imported.records) == len(given.truth) and all(
+        trace.duration == pytest.approx(truth.duration_s, rel=0.01)
+        and trace.force.max() == pytest.approx(truth.peak_N, rel=0.01)
+        and travel(trace) == (None if truth.travel_mm is None else pytest.approx(truth.travel_mm, rel=0.01))
+        for trace, truth in pairs
+    )
+
+
+def travel(trace: Trace) -> float | None:
+    return None if trace.position is None else 1e3 * float(trace.position.max() - trace.position.min())
+
+
+@pytest.mark.parametrize("given", FORMATS, ids=NAMES)
+def test_a_file_is_right_at_first_try_or_asks_what_it_leaves_open(given: LabFormat, tmp_path: Path) -> None:
+    path = written(given, tmp_path)
+    if not given.readable:
+        with pytest.raises(OpenQuestions) as caught:
+            look_at(path)
+        assert len(caught.value.asked.questions) == given.asks
+        return
+    imported, asked = look_at(path)
+    assert is_right(imported, given), (str(asked), imported.notes)
+    assert len(asked.questions) == given.asks
+    assert sum(each.count for each in imported.left_out) == given.left_out
+    assert all(any(str(each) in note for note in imported.notes) for each in imported.left_out)
+
+
+@pytest.mark.parametrize("given", [each for each in FORMATS if each.readable], ids=lambda each: each.name)
+def test_the_map_of_the_message_reads_the_file_as_it_was_understood(given: LabFormat, tmp_path: Path) -> None:
+    path = written(given, tmp_path)
+    with pytest.raises(RecordError) as caught:
+        load_foreign(path)
+    items, _, unit = caught.value.reason.rpartition("--map ")[2].partition(" --unit ")
+    by_message = load_foreign(path, ColumnMap.parse(shlex.split(items), unit=unit or None))
+    assert is_right(by_message, given)
+    understood, _ = look_at(path)
+    assert [trace.with_metadata({}) for trace in by_message.records] == [
+        trace.with_metadata({}) for trace in understood.records
+    ]
+
+
+def test_nine_of_ten_formats_are_right_with_at_most_one_question() -> None:
+    readable = [each for each in FORMATS if each.readable]
+    assert max(each.asks for each in FORMATS) <= 1
+    assert len(readable) >= 0.9 * len(FORMATS)
+    assert not [name for name, count in Counter(NAMES).items() if count > 1]
