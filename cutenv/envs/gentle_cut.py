@@ -180,7 +180,10 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.fixed_angle = math.radians(fixed_angle_deg) if angle_mode == "fixed" else None
         measured = {} if rig is None else rig_constants(rig, drive=drive)
         self.constants = Constants.from_keywords(
-            {**measured, **constants}, drive=drive, others=[*ARGUMENTS, *self.options_class.names]
+            {**measured, **constants},
+            drive=drive,
+            others=[*ARGUMENTS, *self.options_class.names],
+            of=type(self).__name__,
         )
         self.greatest_action = greatest_action(self.constants.limits.top_speed)
         """Speed action to which faster ones are reduced."""

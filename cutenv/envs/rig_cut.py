@@ -164,7 +164,9 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.specimen_class = specimen_class
         self.tissue = TissueSource(tissue)
         one_of("drive", drive, ("rig", "pd"))
-        self.constants = Constants.from_keywords(constants, drive=drive, others=[*_ARGUMENTS, *self.option_names])
+        self.constants = Constants.from_keywords(
+            constants, drive=drive, others=[*_ARGUMENTS, *self.option_names], of=type(self).__name__
+        )
         self.metadata = {**self.metadata, "render_fps": control_hz}
         self.action_space = spaces.Box(-1.0, 1.0, (len(self.task.action_names),), np.float32)
         self.observation_space = spaces.Box(-CLIP, CLIP, (len(self.task.all_components),), np.float32)
