@@ -19,6 +19,7 @@ from cutenv._engine.jit import warn_before_first_compile
 from cutenv.cutting.drive import DRIVES
 from cutenv.envs.constants import Constants, rig_constants
 from cutenv.envs.described import described
+from cutenv.envs.step_limit import LimitedSpec, most_steps
 from cutenv.envs.tissue_source import TissueSource
 from cutenv.plant.simulator import ANGLE_RANGE, SimulatedPlant
 from cutenv.task.beginning import LONGEST, SHORTEST
@@ -131,6 +132,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 50}  # noqa: RUF012  as in Env
+    spec = LimitedSpec()
     options_class: ClassVar[type[TaskOptions]] = TaskOptions
     """Task, and the options that it adds."""
 
@@ -177,6 +179,8 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.specimen_class = specimen_class
         self.tissue = TissueSource(tissue)
         self.ticks = round(_UPDATES_HZ / control_hz)
+        self.most_steps = most_steps(self.deadline, self.ticks)
+        """Decisions after which a cut has ended, whatever was done."""
         self.fixed_angle = math.radians(fixed_angle_deg) if angle_mode == "fixed" else None
         measured = {} if rig is None else rig_constants(rig, drive=drive)
         self.constants = Constants.from_keywords(

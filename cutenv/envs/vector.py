@@ -17,6 +17,7 @@ from cutenv._base.validation import in_range, one_of
 from cutenv._engine.jit import warn_before_first_compile
 from cutenv.envs.batch import CutBatch
 from cutenv.envs.gentle_cut import RESET_OPTIONS, GentleCutEnv
+from cutenv.envs.step_limit import LimitedSpec
 from cutenv.task.beginning import begin_some
 from cutenv.task.declare import Cuts
 from cutenv.task.info import GROUPS, INFO, column
@@ -49,6 +50,8 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         ``reset(options={"reset_mask": mask})``).
     render_mode : None
         Only None: a batch is not drawn; use one environment to draw.
+    max_episode_steps : int, optional
+        As ``spec`` has it when the environment is made again; at least the decisions of a whole cut, which ends itself.
     **keywords
         Keywords of :class:`~cutenv.envs.gentle_cut.GentleCutEnv`, the same for all.
 
@@ -58,6 +61,7 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
     True where it is present.
     """
 
+    spec = LimitedSpec()
     single_class: ClassVar[type[GentleCutEnv]] = GentleCutEnv
     """Class of the single environment."""
     metadata: dict[str, Any] = {  # noqa: RUF012  as in VectorEnv
@@ -72,6 +76,7 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         *,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         render_mode: None = None,
+        max_episode_steps: int | None = None,
         **keywords: Any,
     ) -> None:
         cure = "Give the whole number of environments."
@@ -88,6 +93,13 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         self.render_mode = None
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.single = self.single_class(**keywords)  # checks the keywords, and makes the start that all share
+        self.most_steps = self.single.most_steps
+        """Decisions after which a cut has ended, whatever was done."""
+        if max_episode_steps is not None and max_episode_steps < self.most_steps:
+            raise ValueError(
+                f"max_episode_steps = {max_episode_steps}: a batch does not truncate its cuts, which the deadline ends "
+                f'after {self.most_steps} decisions. Give deadline_s, or vectorization_mode="sync".'
+            )
         warn_before_first_compile(step_some(self.single.task), begin_some(self.single.task))
         self.metadata = {
             **self.metadata,

@@ -283,7 +283,8 @@ def test_bad_keywords_are_refused_by_name_and_place(task, keywords, message):
 
 
 @pytest.mark.parametrize(
-    ("task", "typed", "meant"), [("depth", "weight_uncat", "weight_uncut"), ("path", "weight_offline", "weight_off_line")]
+    ("task", "typed", "meant"),
+    [("depth", "weight_uncat", "weight_uncut"), ("path", "weight_offline", "weight_off_line")],
 )
 def test_an_unknown_keyword_is_told_that_of_the_task_which_is_nearest(task, typed, meant):
     with pytest.raises(TypeError, match=rf"unexpected keyword argument '{typed}'. Did you mean '{meant}'"):
