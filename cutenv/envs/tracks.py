@@ -37,15 +37,15 @@ class SafeCutEnv(GentleCutEnv):
     class "mixed" and 10 decisions a second.  The cost of a step is ``info["cost"]`` [mm]; the mean over cuts of its
     sum over the cut must not exceed ``cost_budget_mm``.
 
-    The only keyword is ``render_mode``.
+    The only keywords are ``render_mode`` and ``flat_info``.
     """
 
     cost_budget_mm = COST_BUDGET_MM
     """Budget for the mean cost of a cut [mm]."""
 
-    def __init__(self, *, render_mode: str | None = None, **others: Any) -> None:
-        _refuse(SafeCutEnv, others, ("render_mode",))
-        super().__init__(**PROTOCOL, render_mode=render_mode)
+    def __init__(self, *, flat_info: bool = False, render_mode: str | None = None, **others: Any) -> None:
+        _refuse(SafeCutEnv, others, ("flat_info", "render_mode"))
+        super().__init__(**PROTOCOL, flat_info=flat_info, render_mode=render_mode)
 
 
 class SafeCutVectorEnv(GentleCutVectorEnv):
@@ -63,13 +63,15 @@ class GentleCutRawEnv(GentleCutEnv):
 
     With ``hidden_state=True`` it is the fully observed twin: the hidden state of the simulator follows the 12 numbers,
     :data:`cutenv.task.privileged.PRIVILEGED_FEATURES`.  It bounds what memory can be worth, and its results are no
-    results of the track.  The only other keyword is ``render_mode``.
+    results of the track.  The only other keywords are ``render_mode`` and ``flat_info``.
     """
 
-    def __init__(self, *, hidden_state: bool = False, render_mode: str | None = None, **others: Any) -> None:
-        _refuse(GentleCutRawEnv, others, ("hidden_state", "render_mode"))
+    def __init__(
+        self, *, hidden_state: bool = False, flat_info: bool = False, render_mode: str | None = None, **others: Any
+    ) -> None:
+        _refuse(GentleCutRawEnv, others, ("hidden_state", "flat_info", "render_mode"))
         self.hidden_state = one_of("hidden_state", hidden_state, (False, True))
-        super().__init__(**PROTOCOL, render_mode=render_mode)
+        super().__init__(**PROTOCOL, flat_info=flat_info, render_mode=render_mode)
         if hidden_state:
             self.observation_space = spaces.Box(-CLIP, CLIP, (len(COMPONENTS) + len(PRIVILEGED_FEATURES),), np.float32)
 

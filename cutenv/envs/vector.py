@@ -16,6 +16,7 @@ from cutenv._base.arrays import StructArray
 from cutenv._base.validation import in_range, one_of
 from cutenv._engine.jit import warn_before_first_compile
 from cutenv.envs.batch import CutBatch
+from cutenv.envs.flat_info import flat_infos
 from cutenv.envs.gentle_cut import RESET_OPTIONS, GentleCutEnv
 from cutenv.envs.step_limit import LimitedSpec
 from cutenv.task.beginning import begin_some
@@ -141,7 +142,7 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
             self.batch.give_seeds(self._seeds_of_all(seed), which, self.np_random)
         self.batch.begin(which, options)
         self._ended[which] = False
-        return self._shown(), self._info(self._infos_at_start(which), self._mask(which))
+        return self._shown(), self._told(self._info(self._infos_at_start(which), self._mask(which)))
 
     def step(self, actions: Observations) -> tuple[Observations, Numbers, Flags, Flags, dict[str, Any]]:
         """Apply an action, shape (2,), to each environment, in all (num_envs, 2); see ``autoreset_mode`` for ends."""
@@ -168,7 +169,10 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         if len(finished) and self.autoreset_mode != AutoresetMode.SAME_STEP:
             self._add_ends(info, ended, ends)
         self._ended = self._none_waits if self.autoreset_mode == AutoresetMode.SAME_STEP else ended
-        return self._shown(), rewards, ended.copy(), np.zeros(self.num_envs, bool), info
+        return self._shown(), rewards, ended.copy(), np.zeros(self.num_envs, bool), self._told(info)
+
+    def _told(self, info: dict[str, Any]) -> dict[str, Any]:
+        return flat_infos(info, self.batch.task.ends) if self.single.flat_info else info
 
     def _shown(self) -> Observations:
         """Return the present observations of all environments, a copy."""
