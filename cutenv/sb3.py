@@ -23,7 +23,8 @@ from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecEnv
 
-from cutenv._base.validation import in_range
+from cutenv._base.validation import in_range, one_of
+from cutenv.envs.gentle_cut import RESET_OPTIONS
 from cutenv.envs.vector import GentleCutVectorEnv
 from cutenv.policy.interface import script_of
 from cutenv.task.info import INFO
@@ -45,8 +46,9 @@ class NativeVecEnv(VecEnv):
     Parameters
     ----------
     seeds : int or sequence of int
-        Number of environments, whose seeds then are 0, 1, 2, ..., or the seed of each.  An environment draws its
-        specimens, one for each episode, from its own seed; ``PPO(..., seed=...)`` has no influence on them.
+        Number of environments, whose seeds then are 0, 1, 2, ... until :meth:`seed` gives others, as ``PPO(...,
+        seed=...)`` does; or the seed of each, which is kept.  An environment draws its specimens, one for each episode,
+        from its own seed.
     hidden_state : bool
         Whether the hidden state of the simulator follows the observation, for a critic such as that of
         :mod:`cutenv.learning.asymmetric_actors` or the fully observed twin of ``cutenv/GentleCutRaw-v1``.  A
@@ -62,6 +64,7 @@ class NativeVecEnv(VecEnv):
     ) -> None:
         self._task, _ = task_of({"task": task})
         self._hidden = len(self._task.privileged) if hidden_state else 0  # numbers after the observation
+        self._keeps_seeds = not isinstance(seeds, int)
         self.specimen_seeds = list(range(seeds) if isinstance(seeds, int) else seeds)  # SB3 has a _seeds of its own
         """Seed of each environment."""
         count = len(self.specimen_seeds)
@@ -113,14 +116,50 @@ class NativeVecEnv(VecEnv):
         return self._batch.append_hidden(shown, numbers) if self._hidden else shown.copy()
 
     def reset(self) -> np.ndarray:
-        """Reset every environment to episode :attr:`first_episode` of its seed."""
+        """Reset every environment to episode :attr:`first_episode` of its seed, with the options that were set."""
         start = time.perf_counter()
-        self.native.reset(seed=self.specimen_seeds, options={"episode": self.first_episode})
+        wanted = self._options
+        self._reset_options()  # they hold for one reset, even if it refuses them
+        groups: dict[int, list[int]] = {}  # environments by their options; equal ones are one object
+        for n, options in enumerate(wanted):
+            groups.setdefault(id(options) if options else 0, []).append(n)
+        for which in groups.values():
+            mask = np.zeros(self.num_envs, bool)
+            mask[which] = True
+            options = {"episode": self.first_episode, **wanted[which[0]], "reset_mask": mask}
+            self.native.reset(seed=self.specimen_seeds, options=options)
         self._returns[:] = self._costs[:] = self._lengths[:] = 0
         self.cuts += self.num_envs
         shown = self._observe_start(np.arange(self.num_envs))
         self.seconds += time.perf_counter() - start
         return shown
+
+    def seed(self, seed: int | None = None) -> list[int | None]:
+        """Give environment i the seed ``seed + i`` from the next reset on, or draw one; return the seeds.
+
+        Seeds that were given one by one are kept, and returned.
+        """
+        if not self._keeps_seeds:
+            first = int(np.random.default_rng().integers(2**32)) if seed is None else int(seed)
+            self.specimen_seeds = [first + n for n in range(self.num_envs)]
+        return list(self.specimen_seeds)
+
+    def set_options(self, options: list[dict[str, Any]] | dict[str, Any] | None = None) -> None:
+        """Set options of the next reset alone, for all environments or for each: those of ``GentleCutEnv.reset``.
+
+        Raises
+        ------
+        ValueError
+            If there is no such option, or a list is not one for each environment.
+        """
+        if isinstance(options, list) and len(options) != self.num_envs:
+            raise ValueError(
+                f"options holds {len(options)} entries; give one for each of {self.num_envs} environments."
+            )
+        for each in options if isinstance(options, list) else [options or {}]:
+            for name in each:
+                one_of("option", name, RESET_OPTIONS)
+        super().set_options(options)
 
     def step_async(self, actions: np.ndarray) -> None:
         """Store the actions, shape (n, 2), or (n, 3) with depth, for :meth:`step_wait`."""
@@ -257,7 +296,7 @@ class FeatureVecEnv(NativeVecEnv):
         return shown
 
     def reset(self) -> np.ndarray:
-        """Reset every environment to episode :attr:`first_episode` of its seed."""
+        """Reset every environment as :meth:`NativeVecEnv.reset` does."""
         shown = super().reset()
         if self._script is not None:
             self._script.begin([np.random.default_rng() for _ in self._all])

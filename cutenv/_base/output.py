@@ -6,6 +6,7 @@ import os
 import secrets
 import select
 import sys
+import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -62,6 +63,16 @@ def put_in_place(part: Path, target: Path) -> None:
     """Give a file that is whole, and flushed, the name of another one in its folder."""
     part.replace(target)
     _flush_folder(target.parent)
+
+
+def check_writable(what: str, folder: Path) -> None:
+    """Raise OSError, named ``what``, if no file can be made in a folder: before the work whose result goes there."""
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise OSError(f"{what} {folder}: nothing can be written there ({reason}). Give another place.") from None
 
 
 def whole_files(paths: Iterable[Path]) -> list[Path]:

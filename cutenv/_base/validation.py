@@ -67,13 +67,28 @@ def one_of(name: str, value: T, choices: Iterable[T]) -> T:
     """Return ``value`` if it is one of ``choices``; otherwise raise ValueError and suggest the nearest."""
     known = list(choices)
     if value not in known:
-        nearest = difflib.get_close_matches(str(value), [str(choice) for choice in known], n=1, cutoff=0.5)
-        hint = f" Did you mean {nearest[0]!r}?" if nearest else ""
-        listed = ", ".join(repr(choice) for choice in known)
+        hint, listed = _nearest(value, known), ", ".join(repr(choice) for choice in known)
         if hint and len(known) > _MANY:
             raise ValueError(f"{name} {value!r} is not known.{hint} All: {listed}.")
         raise ValueError(f"{name} must be one of {listed}, got {value!r}.{hint}")
     return value
+
+
+def unexpected_keyword(of: str, keyword: str, known: Iterable[str] = (), cure: str = "") -> TypeError:
+    """Return the error that Python raises for a keyword which ``of`` does not take, with the nearest of those known.
+
+    Libraries that try what an environment takes, as TorchRL does, look for Python's words in a TypeError.
+    """
+    names = list(known)
+    listed = f" It takes {', '.join(names)}." if names else ""
+    said = f"{of}.__init__() got an unexpected keyword argument {keyword!r}.{_nearest(keyword, names)}{listed} {cure}"
+    return TypeError(said.rstrip())
+
+
+def _nearest(value: Any, known: Iterable[Any]) -> str:
+    """Return a sentence that names the nearest choice; "" if none is near."""
+    nearest = difflib.get_close_matches(str(value), [str(choice) for choice in known], n=1, cutoff=0.5)
+    return f" Did you mean {nearest[0]!r}?" if nearest else ""
 
 
 ParameterProvenance = Literal["measured", "derived", "assumed", "choice"]

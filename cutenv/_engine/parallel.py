@@ -31,13 +31,21 @@ def set_cores(count: int) -> None:
     _threads = None
 
 
+def _number_of_cores(text: str) -> int:
+    """Return the number that the environment variable gives; an error names the variable."""
+    cure = "Give a whole number of cores, or unset it."
+    if not text.strip().isdecimal():
+        raise ValueError(f"CUTENV_CORES = {text!r} is no number of cores. {cure}")
+    return int(in_range("CUTENV_CORES", int(text), 1, 4096, "1", cure))
+
+
 def cores() -> int:
     """Return the number of threads in use."""
     return _cores
 
 
-if "CUTENV_CORES" in os.environ:
-    set_cores(int(os.environ["CUTENV_CORES"]))
+if _wanted := os.environ.get("CUTENV_CORES"):
+    set_cores(_number_of_cores(_wanted))
 
 
 def parallel_for(

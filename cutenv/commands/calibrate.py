@@ -19,7 +19,7 @@ from cutenv.commands.options import (
     command_parser,
     layer_depth_given,
     length_given,
-    made_folder,
+    made_place,
     reports_errors,
     watched,
 )
@@ -133,9 +133,9 @@ def _check_outputs(arguments: argparse.Namespace) -> None:
         raise ValueError(f"--report {arguments.report} must end in .html; its data go beside it as .json.")
     if arguments.report is not None and arguments.report.with_suffix(".json") == arguments.out:
         raise ValueError(f"--report {arguments.report} would write its data over --out; give it another name.")
-    for path in (arguments.out, arguments.report):
+    for option, path in (("--out", arguments.out), ("--report", arguments.report)):
         if path is not None:
-            made_folder("folder", path.parent)
+            made_place(option, path)
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -11,7 +11,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from cutenv.commands.options import command_parser, reports_errors
+from cutenv.commands.options import command_parser, made_place, reports_errors
 
 
 @reports_errors("convert")
@@ -28,6 +28,7 @@ def main(argv: Sequence[str]) -> int:
     if arguments.unit is not None and arguments.map is None:
         raise ValueError("--unit goes with --map: cutenv's own files have their units in the header.")
     mapping = None if arguments.map is None else ColumnMap.parse(arguments.map, unit=arguments.unit)
+    made_place("--out", arguments.out)
     traces = []
     for path in arguments.records:
         imported = read_record(path, mapping, search=STANDARD if arguments.cuts else None)
@@ -35,7 +36,6 @@ def main(argv: Sequence[str]) -> int:
         traces += [trace.with_metadata({"name": path.stem, **trace.metadata}) for trace in kept]
         for note in imported.notes:
             print(f"note: {note}", file=sys.stderr)
-    arguments.out.parent.mkdir(parents=True, exist_ok=True)
     save(traces, arguments.out)
     readings = sum(map(len, traces))
     print(f"{len(traces)} record{'s' * (len(traces) != 1)}, {readings} readings: {arguments.out}")

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cutenv.commands.options import command_parser, reports_errors
+from cutenv.commands.options import command_parser, made_folder, reports_errors
 from cutenv.learning.options import add_options, from_options, option
 from cutenv.learning.seeds import TRAINING_SEEDS
 from cutenv.recording.schema import parse_length
@@ -74,6 +74,7 @@ def main(argv: Sequence[str]) -> int:
 
     lerobot = arguments.format == "lerobot"
     folder = lerobot_folder(arguments.dataset) if lerobot else free_folder(arguments.dataset)
+    made_folder("DATASET", folder.parent)
     keywords, cuts = cuts_of(arguments)
     source = arguments.policy or "recorded cuts"
     if lerobot:

@@ -17,7 +17,7 @@ from cutenv.commands.options import (
     add_specimen_class,
     add_target_length,
     command_parser,
-    made_folder,
+    made_place,
     reports_errors,
     target_length,
     watched,
@@ -67,7 +67,7 @@ def main(argv: Sequence[str]) -> int:
     length = target_length(arguments)
     for option, path in (("--out", arguments.out), ("--page", arguments.page)):
         if path is not None:
-            made_folder(option, path.parent)
+            made_place(option, path)
     policy = gentle_policy(arguments.policy)
     name = Path(arguments.policy).name
     print(f"{count} specimens of class {arguments.specimen_class} on which nothing was trained or chosen\n")

@@ -8,7 +8,7 @@ from collections.abc import Container, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cutenv.commands.options import command_parser, made_folder, reports_errors, watched
+from cutenv.commands.options import command_parser, made_folder, made_place, reports_errors, watched
 
 if TYPE_CHECKING:  # slow to import, and --help does not need it
     from cutenv.trace import Trace
@@ -54,7 +54,7 @@ def _calibrate(arguments: argparse.Namespace) -> int:
     kind = "circles" if arguments.circles else "chessboard" if arguments.charuco is None else "charuco"
     tag = None if arguments.charuco is None else parse_length("--charuco", arguments.charuco)
     board = CalibrationBoard.parse(arguments.board, parse_length("--spacing", arguments.spacing), kind, tag)
-    made_folder("folder", arguments.out.parent)
+    made_place("--out", arguments.out)
     plane = None if arguments.plane is None else (str(arguments.plane), read_image(arguments.plane))
     images = ((str(path), read_image(path)) for path in watched(arguments.files, "finding the board", "image"))
     cameras = calibrate_cameras(images, board, stereo=arguments.stereo, plane=plane)

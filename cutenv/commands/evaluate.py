@@ -13,7 +13,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from cutenv.commands.options import command_parser, reports_errors
+from cutenv.commands.options import command_parser, made_folder, reports_errors
 from cutenv.task.registry import TASKS
 from cutenv.tissue.specimen import CLASSES
 
@@ -59,7 +59,7 @@ def _evaluate(arguments: argparse.Namespace) -> None:
         told = ", ".join(f"{name!r} is for {task!r}" for name, task in tasks.items())
         raise ValueError(f"POLICY names policies of several tasks: {told}. Give those of one.")
     if arguments.out:
-        arguments.out.mkdir(parents=True, exist_ok=True)
+        made_folder("--out", arguments.out)
     rows = evaluate(
         chosen,
         seeds[: arguments.specimens],

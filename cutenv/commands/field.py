@@ -14,7 +14,7 @@ from cutenv.commands.options import (
     add_record_options,
     command_parser,
     length_given,
-    made_folder,
+    made_place,
     reports_errors,
 )
 
@@ -37,8 +37,7 @@ def main(argv: Sequence[str]) -> int:
     thickness = length_given(arguments, "thickness", (1e-4, 0.5), _CURE)
     if arguments.zones is not None and arguments.zones < 1:
         raise ValueError(f"--zones {arguments.zones}: give 1 or more.")
-    if arguments.out is not None:
-        made_folder("--out", arguments.out.parent)
+    made_place("--out", arguments.out or Path("field.html"))
     tracks = BeadTracks.load(arguments.tracks)
     records = read_records(arguments)
     for note in records.notes:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeVar
 
 from cutenv._base.document import LANGUAGES
-from cutenv._base.output import reader_has_gone
+from cutenv._base.output import check_writable, reader_has_gone
 
 if TYPE_CHECKING:  # slow to import, and --help does not need it
     from cutenv.measurement import DepthProfile
@@ -328,12 +328,29 @@ def made_folder(option: str, folder: Path) -> Path:
     ValueError
         If a file has its name.
     OSError
-        If it cannot be made.
+        If it cannot be made, or nothing can be written there.
     """
     if folder.exists() and not folder.is_dir():
         raise ValueError(f"{option} {folder} is a file; give a folder.")
     folder.mkdir(parents=True, exist_ok=True)
+    check_writable(option, folder)
     return folder
+
+
+def made_place(option: str, file: Path) -> Path:
+    """Return the path of a file that is to be written; its folder is made as by :func:`made_folder`.
+
+    Raises
+    ------
+    ValueError
+        If it is a folder.
+    OSError
+        If its folder cannot be made, or nothing can be written there.
+    """
+    if file.is_dir():
+        raise ValueError(f"{option} {file} is a folder; give a file.")
+    made_folder(option, file.parent)
+    return file
 
 
 def watched(items: Iterable[T], description: str, unit: str, *, total: int | None = None) -> Iterable[T]:

@@ -18,6 +18,7 @@ from cutenv.commands.options import (
     check_line,
     command_parser,
     made_folder,
+    made_place,
     reports_errors,
     target_length,
 )
@@ -62,12 +63,13 @@ def main(argv: Sequence[str]) -> int:
         )
     if arguments.line is not None:
         check_line(arguments.line, [arguments.task])
+    if arguments.picture is not None:
+        made_place("--picture", arguments.picture)
+    made_folder("--out", arguments.out)
     agent = _agent_of(arguments)
     axes = None if arguments.axes is None else HandleAxes.parse(arguments.axes)
     open_display()  # before what takes half a minute where it has to be compiled
     print("preparing the first specimen ...", file=sys.stderr, flush=True)
-    if arguments.picture is not None:
-        made_folder("--picture", arguments.picture.parent)
     target = _EMULATED_TARGET if length is None else length
     url = arguments.device_url or INVERSE3_URL
     with named_device(arguments.device, target=target, url=url, axes=axes, shares=agent is not None) as device:

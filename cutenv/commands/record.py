@@ -13,7 +13,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cutenv.commands.options import command_parser, reports_errors
+from cutenv.commands.options import command_parser, made_place, reports_errors
 
 if TYPE_CHECKING:
     from cutenv.trace import Reading
@@ -38,7 +38,7 @@ def main(argv: Sequence[str]) -> int:
         raise ValueError(f"--out {arguments.out} grows while it is written: give a .csv, and convert it afterwards.")
     if arguments.out.exists():
         raise ValueError(f"--out {arguments.out} exists; records are never overwritten. Give another name.")
-    arguments.out.parent.mkdir(parents=True, exist_ok=True)
+    made_place("--out", arguments.out)
     with closing(LslInlet(arguments.stream, scope=arguments.scope)) as inlet:
         print(f"recording {arguments.stream!r}; Ctrl-C ends the record", file=sys.stderr, flush=True)
         try:

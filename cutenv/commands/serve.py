@@ -46,6 +46,7 @@ def main(argv: Sequence[str]) -> int:
     from cutenv.classroom.class_server import class_app, new_token
     from cutenv.classroom.class_site import ClassSite
     from cutenv.classroom.class_store import ClassStore
+    from cutenv.classroom.folder_claim import FolderClaim
     from cutenv.classroom.lesson import Lesson
     from cutenv.classroom.live_rig import LiveRig
     from cutenv.classroom.xapi_statements import Courier, StatementQueue
@@ -66,6 +67,13 @@ def main(argv: Sequence[str]) -> int:
     live = None if arguments.watch is None else LiveRig(arguments.watch)
     listening = _listening(arguments.host, port)
     address = f"http{'s' * secure}://{_shown_host(arguments.host)}:{listening.getsockname()[1]}/"
+    claim = FolderClaim(arguments.folder, address)
+    if claim.other:
+        print(
+            f"note: {arguments.folder} is served already, at {claim.other}, with another token for the teacher. If "
+            "that is not meant, end one of the two servers, or give this one a folder of its own",
+            file=sys.stderr,
+        )
     courier = None
     if arguments.lrs is not None:
         login = arguments.lrs_login.read_text(encoding="utf-8").strip()
@@ -106,6 +114,7 @@ def main(argv: Sequence[str]) -> int:
         if courier is not None:
             courier.close()
         lesson.close()
+        claim.close()
     return 0
 
 

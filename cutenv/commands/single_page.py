@@ -9,7 +9,7 @@ from pathlib import Path
 from cutenv._base.document import LANGUAGES
 from cutenv.browser.page_alone import OFFERED, OFFERED_LINES, write_page_alone
 from cutenv.browser.scorm_package import write_scorm_package
-from cutenv.commands.options import add_task, check_line, command_parser, made_folder, reports_errors
+from cutenv.commands.options import add_task, check_line, command_parser, made_place, reports_errors
 from cutenv.tissue.drawn_lines import KINDS
 from cutenv.tissue.specimen import CLASSES
 
@@ -23,7 +23,9 @@ def main(argv: Sequence[str]) -> int:
     tasks = tuple(arguments.task or ("gentle",))
     if arguments.line:
         check_line(arguments.line[0], tasks)
-    made_folder("PAGE", arguments.page.parent)
+    made_place("PAGE", arguments.page)
+    if arguments.scorm is not None:
+        made_place("PACKAGE", arguments.scorm)
     options = {
         "tasks": tasks,
         "lines": arguments.line or OFFERED_LINES,
@@ -33,7 +35,6 @@ def main(argv: Sequence[str]) -> int:
         "language": arguments.language,
     }
     if arguments.scorm is not None:
-        made_folder("PACKAGE", arguments.scorm.parent)
         size = write_scorm_package(arguments.scorm, pass_mark=arguments.pass_mark, **options)
         print(f"package: {arguments.scorm} ({size / 1e6:.1f} MB, SCORM 1.2); add it to a course of a learning platform")
     size = write_page_alone(arguments.page, **options)

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cutenv.commands.inputs import LoadedTraces, Source, read_records, targets
-from cutenv.commands.options import made_folder, target_length, watched
+from cutenv.commands.options import made_place, target_length, watched
 from cutenv.commands.score import reference_set
 from cutenv.measurement.calibration import RefusedRecord
 from cutenv.recording import OperatorRow, recorded_operators
@@ -123,4 +123,4 @@ def check_page(out: Path | None) -> None:
         return
     if out.suffix != ".html":
         raise ValueError(f"--out {out} must end in .html; the numbers go beside it as .csv.")
-    made_folder("--out", out.parent)
+    made_place("--out", out)

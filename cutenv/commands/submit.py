@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cutenv._base.output import check_writable
 from cutenv.commands.options import command_parser, reports_errors
 
 if TYPE_CHECKING:
@@ -80,6 +81,7 @@ def _submit(given: argparse.Namespace) -> None:
         raise ValueError("--author is missing; give the name that the leaderboard shows.")
     if not given.out.absolute().parent.is_dir() or given.out.is_dir():
         raise ValueError(f"--out {given.out}: give a file in a folder that exists.")
+    check_writable("--out", given.out.absolute().parent)
     from cutenv.learning.benchmark import (
         QUICK,
         Protocol,

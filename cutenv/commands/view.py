@@ -16,7 +16,7 @@ from cutenv.commands.options import (
     add_target_length,
     command_parser,
     line_given,
-    made_folder,
+    made_place,
     reports_errors,
     target_length,
 )
@@ -28,8 +28,7 @@ def main(argv: Sequence[str]) -> int:
     """Run the command; return 0, or 2 if the record or the options are bad."""
     arguments = _parser().parse_args(argv)
     target, line = target_length(arguments), line_given(arguments)
-    if arguments.out is not None:
-        made_folder("--out", arguments.out.parent)
+    made_place("--out", arguments.out or Path("view.html"))
     records = read_records(arguments)
     for note in records.notes:
         print(f"note: {note}", file=sys.stderr)

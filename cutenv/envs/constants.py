@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv._base.validation import check_parameters, one_of, parameter
+from cutenv._base.validation import check_parameters, one_of, parameter, unexpected_keyword
 from cutenv.cutting.drive import DRIVES, Drive, Rig
 from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.sensor import SensorParameters
@@ -84,7 +84,7 @@ def rig_constants(rig: str | Path, *, drive: str = "rig") -> dict[str, float]:
     measured = simulator_keywords(settings)
     try:
         Constants.from_keywords(measured, drive=drive)
-    except ValueError as error:
+    except (TypeError, ValueError) as error:
         raise ValueError(f"{rig}: [identified] {error}") from None
     return measured
 
@@ -103,16 +103,18 @@ class Constants:
 
     @classmethod
     def from_keywords(
-        cls, keywords: Mapping[str, float], *, drive: str = "rig", others: Iterable[str] = ()
+        cls, keywords: Mapping[str, float], *, drive: str = "rig", others: Iterable[str] = (), of: str = "Constants"
     ) -> Constants:
         """Sort flat ``keywords`` (weights as ``weight_<term>``) into their groups.
 
-        ``others`` are the keywords that the caller handles itself; they are suggested for a misspelt name as well.
+        ``others`` are the keywords that the caller, ``of``, handles itself; they are suggested for a misspelt name too.
 
         Raises
         ------
-        ValueError, TypeError
-            For an unknown name (the nearest is suggested) and for a value out of range.
+        TypeError
+            For an unknown name, in Python's words (the nearest is suggested), and for a value that is no number.
+        ValueError
+            For a value out of range.
         """
         kinds: dict[str, Any] = {
             "drive": DRIVES[one_of("drive", drive, DRIVES)],
@@ -132,9 +134,11 @@ class Constants:
         tissue = {field.name for field in dataclasses.fields(TissueDescription)}
         for keyword, value in keywords.items():
             if keyword in tissue and keyword not in owner:
-                raise ValueError(f"{keyword} belongs to the tissue: pass tissue=FILE, a TissueDescription as JSON.")
+                raise unexpected_keyword(
+                    of, keyword, cure="It belongs to the tissue: pass tissue=FILE, a TissueDescription as JSON."
+                )
             if keyword not in owner:
-                one_of("keyword", keyword, sorted([*owner, *others]))
+                raise unexpected_keyword(of, keyword, sorted([*owner, *others]))
             group, name = owner[keyword]
             chosen[group][name] = value
         try:

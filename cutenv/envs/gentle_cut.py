@@ -19,6 +19,8 @@ from cutenv._engine.jit import warn_before_first_compile
 from cutenv.cutting.drive import DRIVES
 from cutenv.envs.constants import Constants, rig_constants
 from cutenv.envs.described import described
+from cutenv.envs.flat_info import flat_info
+from cutenv.envs.step_limit import LimitedSpec, most_steps
 from cutenv.envs.tissue_source import TissueSource
 from cutenv.plant.simulator import ANGLE_RANGE, SimulatedPlant
 from cutenv.task.beginning import LONGEST, SHORTEST
@@ -105,6 +107,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     reward_from         "truth" "truth" or "estimate" (tip from force, as on a rig)
     drive               "rig"   "rig" (holds position), "pd" (PD control) or "hand" (yields to force)
     rig                 None    a rig's TOML file; what it says of the rig replaces the parameter table's
+    flat_info           False   True: infos are numbers alone, without groups
     render_mode         None    "rgb_array" or "human"
     =================== ======= ===========================================================================
 
@@ -125,12 +128,20 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     (blade outside 0.1 to 2.54 cm/s: the tissue answers as at the nearest measured speed) and, at the end, ``end`` and
     ``is_success``.
 
+    Flat info
+    ---------
+    With ``flat_info=True``, for wrappers that take neither dictionaries nor text, an entry of a group is named after
+    both (``truth_tip_m``), and all are numbers: ``truth_specimen_class`` counts in "uniform", "liver", "vascular" from
+    0, ``end`` in the table above from 1, and flags are 0 or 1.  ``end`` and ``is_success`` are then there at every
+    step, 0 until the end.
+
     Version history
     ---------------
     v1: the first version that is released; may change until the first comparison of agents is published.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array", "human"], "render_fps": 50}  # noqa: RUF012  as in Env
+    spec = LimitedSpec()
     options_class: ClassVar[type[TaskOptions]] = TaskOptions
     """Task, and the options that it adds."""
 
@@ -148,6 +159,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         reward_from: str = "truth",
         drive: str = "rig",
         rig: str | Path | None = None,
+        flat_info: bool = False,
         render_mode: str | None = None,
         **constants: Any,
     ) -> None:
@@ -170,6 +182,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.start_before_target = start_before_target
         self.check_start(SHORTEST if self.target_length is None else self.target_length)
         self.render_mode = render_mode
+        self.flat_info = one_of("flat_info", flat_info, (False, True))
         self.metadata = {**self.metadata, "render_fps": control_hz}
         self.action_space = spaces.Box(-1.0, 1.0, (len(self.task.action_names),), np.float32)
         self.observation_space = spaces.Box(-CLIP, CLIP, (len(self.task.all_components),), np.float32)
@@ -177,10 +190,15 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.specimen_class = specimen_class
         self.tissue = TissueSource(tissue)
         self.ticks = round(_UPDATES_HZ / control_hz)
+        self.most_steps = most_steps(self.deadline, self.ticks)
+        """Decisions after which a cut has ended, whatever was done."""
         self.fixed_angle = math.radians(fixed_angle_deg) if angle_mode == "fixed" else None
         measured = {} if rig is None else rig_constants(rig, drive=drive)
         self.constants = Constants.from_keywords(
-            {**measured, **constants}, drive=drive, others=[*ARGUMENTS, *self.options_class.names]
+            {**measured, **constants},
+            drive=drive,
+            others=[*ARGUMENTS, *self.options_class.names],
+            of=type(self).__name__,
         )
         self.greatest_action = greatest_action(self.constants.limits.top_speed)
         """Speed action to which faster ones are reduced."""
@@ -234,7 +252,7 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         observation = self.cutting.rest(self.start_angle)
         if self.render_mode == "human":
             self.render()
-        return observation, self._info()
+        return observation, self._told(self._info())
 
     def check_start(self, length: float) -> None:
         """Raise ValueError if ``start_before_target`` is not less than a target length [m], or less than 5 mm."""
@@ -329,7 +347,10 @@ class GentleCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             info["is_success"] = cutting.success
         if self.render_mode == "human":
             self.render()
-        return observation, reward, self._ended, False, info
+        return observation, reward, self._ended, False, self._told(info)
+
+    def _told(self, info: dict[str, Any]) -> dict[str, Any]:
+        return flat_info(info, self.task.ends) if self.flat_info else info
 
     def _info(self) -> dict[str, Any]:
         numbers = self.cutting.info()

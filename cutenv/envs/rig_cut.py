@@ -18,6 +18,7 @@ from cutenv.envs.constants import Constants
 from cutenv.envs.gentle_cut import GentleCutEnv, check_rate, checked_episode, checked_length
 from cutenv.envs.rig_source import RigSource
 from cutenv.envs.rig_work import Work, action_text, blade_angle, numbers
+from cutenv.envs.step_limit import LimitedSpec, most_steps
 from cutenv.envs.tissue_source import TissueSource
 from cutenv.plant import Plant, SimulatedPlant
 from cutenv.recording.appending import CutListener
@@ -119,6 +120,7 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """
 
     metadata: dict[str, Any] = {"render_modes": [], "render_fps": 50}  # noqa: RUF012  as in Env
+    spec = LimitedSpec()
     options_class: ClassVar[type[TaskOptions]] = TaskOptions
     """Task, and the options that it adds."""
     option_names: ClassVar[tuple[str, ...]] = ()
@@ -160,11 +162,15 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             raise ValueError(f"render_mode = {render_mode!r}: a rig is not drawn; record the cut and score it.")
         self.ticks = round(_UPDATES_HZ / control_hz)
         self.deadline = in_range("deadline_s", deadline_s, 1.0, 3600.0, "s", "Give the seconds for a cut.")
+        self.most_steps = most_steps(self.deadline, self.ticks)
+        """Decisions after which a cut has ended, whatever was done."""
         self.target_length = None if target_length is None else checked_length(target_length)
         self.specimen_class = specimen_class
         self.tissue = TissueSource(tissue)
         one_of("drive", drive, ("rig", "pd"))
-        self.constants = Constants.from_keywords(constants, drive=drive, others=[*_ARGUMENTS, *self.option_names])
+        self.constants = Constants.from_keywords(
+            constants, drive=drive, others=[*_ARGUMENTS, *self.option_names], of=type(self).__name__
+        )
         self.metadata = {**self.metadata, "render_fps": control_hz}
         self.action_space = spaces.Box(-1.0, 1.0, (len(self.task.action_names),), np.float32)
         self.observation_space = spaces.Box(-CLIP, CLIP, (len(self.task.all_components),), np.float32)

@@ -8,7 +8,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from cutenv._base.validation import one_of
+from cutenv._base.validation import one_of, unexpected_keyword
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.envs.vector import GentleCutVectorEnv, Observations
 from cutenv.task.observation import CLIP, COMPONENTS
@@ -23,13 +23,11 @@ PPO without a constraint costs three quarters of it: to keep to the budget it lo
 """
 
 
-def _refuse(track: str, keywords: dict[str, Any], taken: str) -> None:
-    """Raise ValueError for a keyword that a track does not take."""
+def _refuse(track: type[GentleCutEnv], keywords: dict[str, Any], taken: tuple[str, ...]) -> None:
+    """Raise TypeError for a keyword that a track does not take."""
     for name in keywords:
-        raise ValueError(
-            f"{track} takes no keyword {name!r}, only {taken}: its protocol is frozen. Leave it out, or make "
-            "cutenv/GentleCut-v1 with it."
-        )
+        cure = "The protocol of a track is frozen: leave it out, or make cutenv/GentleCut-v1 with it."
+        raise unexpected_keyword(track.__name__, name, taken, cure)
 
 
 class SafeCutEnv(GentleCutEnv):
@@ -39,15 +37,15 @@ class SafeCutEnv(GentleCutEnv):
     class "mixed" and 10 decisions a second.  The cost of a step is ``info["cost"]`` [mm]; the mean over cuts of its
     sum over the cut must not exceed ``cost_budget_mm``.
 
-    The only keyword is ``render_mode``.
+    The only keywords are ``render_mode`` and ``flat_info``.
     """
 
     cost_budget_mm = COST_BUDGET_MM
     """Budget for the mean cost of a cut [mm]."""
 
-    def __init__(self, *, render_mode: str | None = None, **others: Any) -> None:
-        _refuse("cutenv/SafeCut-v1", others, "render_mode")
-        super().__init__(**PROTOCOL, render_mode=render_mode)
+    def __init__(self, *, flat_info: bool = False, render_mode: str | None = None, **others: Any) -> None:
+        _refuse(SafeCutEnv, others, ("flat_info", "render_mode"))
+        super().__init__(**PROTOCOL, flat_info=flat_info, render_mode=render_mode)
 
 
 class SafeCutVectorEnv(GentleCutVectorEnv):
@@ -65,13 +63,15 @@ class GentleCutRawEnv(GentleCutEnv):
 
     With ``hidden_state=True`` it is the fully observed twin: the hidden state of the simulator follows the 12 numbers,
     :data:`cutenv.task.privileged.PRIVILEGED_FEATURES`.  It bounds what memory can be worth, and its results are no
-    results of the track.  The only other keyword is ``render_mode``.
+    results of the track.  The only other keywords are ``render_mode`` and ``flat_info``.
     """
 
-    def __init__(self, *, hidden_state: bool = False, render_mode: str | None = None, **others: Any) -> None:
-        _refuse("cutenv/GentleCutRaw-v1", others, "hidden_state and render_mode")
+    def __init__(
+        self, *, hidden_state: bool = False, flat_info: bool = False, render_mode: str | None = None, **others: Any
+    ) -> None:
+        _refuse(GentleCutRawEnv, others, ("hidden_state", "flat_info", "render_mode"))
         self.hidden_state = one_of("hidden_state", hidden_state, (False, True))
-        super().__init__(**PROTOCOL, render_mode=render_mode)
+        super().__init__(**PROTOCOL, flat_info=flat_info, render_mode=render_mode)
         if hidden_state:
             self.observation_space = spaces.Box(-CLIP, CLIP, (len(COMPONENTS) + len(PRIVILEGED_FEATURES),), np.float32)
 

@@ -16,7 +16,9 @@ from cutenv._base.arrays import StructArray
 from cutenv._base.validation import in_range, one_of
 from cutenv._engine.jit import warn_before_first_compile
 from cutenv.envs.batch import CutBatch
+from cutenv.envs.flat_info import flat_infos
 from cutenv.envs.gentle_cut import RESET_OPTIONS, GentleCutEnv
+from cutenv.envs.step_limit import LimitedSpec
 from cutenv.task.beginning import begin_some
 from cutenv.task.declare import Cuts
 from cutenv.task.info import GROUPS, INFO, column
@@ -49,6 +51,8 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         ``reset(options={"reset_mask": mask})``).
     render_mode : None
         Only None: a batch is not drawn; use one environment to draw.
+    max_episode_steps : int, optional
+        As ``spec`` has it when the environment is made again; at least the decisions of a whole cut, which ends itself.
     **keywords
         Keywords of :class:`~cutenv.envs.gentle_cut.GentleCutEnv`, the same for all.
 
@@ -58,6 +62,7 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
     True where it is present.
     """
 
+    spec = LimitedSpec()
     single_class: ClassVar[type[GentleCutEnv]] = GentleCutEnv
     """Class of the single environment."""
     metadata: dict[str, Any] = {  # noqa: RUF012  as in VectorEnv
@@ -72,6 +77,7 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         *,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         render_mode: None = None,
+        max_episode_steps: int | None = None,
         **keywords: Any,
     ) -> None:
         cure = "Give the whole number of environments."
@@ -88,6 +94,13 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         self.render_mode = None
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.single = self.single_class(**keywords)  # checks the keywords, and makes the start that all share
+        self.most_steps = self.single.most_steps
+        """Decisions after which a cut has ended, whatever was done."""
+        if max_episode_steps is not None and max_episode_steps < self.most_steps:
+            raise ValueError(
+                f"max_episode_steps = {max_episode_steps}: a batch does not truncate its cuts, which the deadline ends "
+                f'after {self.most_steps} decisions. Give deadline_s, or vectorization_mode="sync".'
+            )
         warn_before_first_compile(step_some(self.single.task), begin_some(self.single.task))
         self.metadata = {
             **self.metadata,
@@ -129,7 +142,7 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
             self.batch.give_seeds(self._seeds_of_all(seed), which, self.np_random)
         self.batch.begin(which, options)
         self._ended[which] = False
-        return self._shown(), self._info(self._infos_at_start(which), self._mask(which))
+        return self._shown(), self._told(self._info(self._infos_at_start(which), self._mask(which)))
 
     def step(self, actions: Observations) -> tuple[Observations, Numbers, Flags, Flags, dict[str, Any]]:
         """Apply an action, shape (2,), to each environment, in all (num_envs, 2); see ``autoreset_mode`` for ends."""
@@ -156,7 +169,10 @@ class GentleCutVectorEnv(VectorEnv[Observations, Observations, NDArray[Any]]):
         if len(finished) and self.autoreset_mode != AutoresetMode.SAME_STEP:
             self._add_ends(info, ended, ends)
         self._ended = self._none_waits if self.autoreset_mode == AutoresetMode.SAME_STEP else ended
-        return self._shown(), rewards, ended.copy(), np.zeros(self.num_envs, bool), info
+        return self._shown(), rewards, ended.copy(), np.zeros(self.num_envs, bool), self._told(info)
+
+    def _told(self, info: dict[str, Any]) -> dict[str, Any]:
+        return flat_infos(info, self.batch.task.ends) if self.single.flat_info else info
 
     def _shown(self) -> Observations:
         """Return the present observations of all environments, a copy."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -92,6 +93,16 @@ class EnvironmentGroups(VecEnv):
     def reset(self) -> np.ndarray:
         """Reset every environment to episode :attr:`first_episode` of its seed."""
         return np.concatenate([part.reset() for part in self.parts])
+
+    def seed(self, seed: int | None = None) -> list[int | None]:
+        """Return the seeds of the environments, which were given one by one and are kept."""
+        return [own for part in self.parts for own in part.seed(seed)]
+
+    def set_options(self, options: list[dict[str, Any]] | dict[str, Any] | None = None) -> None:
+        """Set options of the next reset alone, for all environments or for each; see the environments of one rig."""
+        bounds = itertools.pairwise([0, *self._ends.tolist(), None])
+        for part, (first, last) in zip(self.parts, bounds, strict=True):
+            part.set_options(options[first:last] if isinstance(options, list) else options)
 
     def step_async(self, actions: np.ndarray) -> None:
         """Store the actions, shape (n, 2), for :meth:`step_wait`."""

@@ -39,8 +39,7 @@ class LeRobotEnv(gymnasium.Wrapper[Any, Any, Any, Any]):
         spec = env.spec
         assert spec is not None  # it was made by its id
         self.task, self.task_description = spec.id, INSTRUCTION
-        inner: Any = env.unwrapped
-        self._max_episode_steps = round(1000 * inner.deadline / inner.ticks)
+        self._max_episode_steps = spec.max_episode_steps
         self.state_names = measured_names(spec.id)
         state = Box(-np.inf, np.inf, (len(self.state_names),), np.float32)
         self.observation_space = Dict({"agent_pos": state, "environment_state": env.observation_space})

@@ -16,7 +16,7 @@ from typing import Any, Generic, NoReturn, TypeVar
 import gymnasium
 
 import cutenv
-from cutenv._base.output import atomic_write
+from cutenv._base.output import atomic_write, check_writable
 from cutenv.learning.arguments import BadArguments, LearnerArguments, for_rig
 from cutenv.learning.options import add_options, declared, flag_of, parse
 from cutenv.learning.seeds import TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
@@ -43,7 +43,11 @@ def record_run(arguments: LearnerArguments, run: Path, agent: str) -> dict[str, 
     for name, seeds in used.items():
         assert all(seed in ranges[name] for seed in (*seeds[:1], *seeds[-1:])), f"seeds of {name} leave their range"
     assert TRAINING_SEEDS.stop <= VALIDATION_SEEDS.start < VALIDATION_SEEDS.stop <= TEST_SEEDS.start
-    run.mkdir(parents=True, exist_ok=True)
+    try:
+        run.mkdir(parents=True, exist_ok=True)
+        check_writable("folder", run)
+    except OSError as error:
+        raise BadArguments(str(error)) from None
     content = {
         "agent": agent,
         "arguments": dataclasses.asdict(arguments),

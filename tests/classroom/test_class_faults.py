@@ -253,6 +253,18 @@ def test_every_attack_of_the_table_has_its_test(attack: str, test: str) -> None:
     assert f"\ndef {function}(" in (Path(__file__).parent / name).read_text(encoding="utf-8"), attack
 
 
+def test_a_second_server_on_a_folder_says_where_the_first_one_is_and_a_dead_one_claims_nothing(tmp_path: Path) -> None:
+    folder = tmp_path / "class"
+    with Served(folder) as first:
+        assert not any("served already" in note for note in first.notes)
+        with Served(folder) as second, Served(tmp_path / "other class") as elsewhere:
+            (told,) = [note for note in second.notes if "served already" in note]
+            assert f"{folder} is served already, at {first.address}, with another token for the teacher." in told
+            assert not any("served already" in note for note in elsewhere.notes)
+    with Served(folder) as next_one:  # the first was killed
+        assert not any("served already" in note for note in next_one.notes)
+
+
 # Over TLS, by a real server
 
 

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import gc
 import math
+import os
+import re
+import subprocess
 import sys
 import threading
 import time
@@ -15,7 +18,7 @@ import pytest
 from cutenv._engine.fuse import expression, fuse
 from cutenv._engine.intrinsics import as_float64_view, without_refcount
 from cutenv._engine.jit import njit, njit_nogil
-from cutenv._engine.parallel import _pool, cores, parallel_for, set_cores
+from cutenv._engine.parallel import _number_of_cores, _pool, cores, parallel_for, set_cores
 from cutenv._engine.work_queue import atomic_add, atomic_load, make_queue, mark_done, next_chunk, wait_done
 
 
@@ -324,3 +327,26 @@ def test_an_error_meanwhile_is_raised_when_the_others_are_through(some_cores):
     with pytest.raises(OSError, match="nothing to be had"):
         parallel_for(slowly, 100, fewest=10, meanwhile=fail)
     assert len(through) == some_cores - 1, "all but the caller's own stretch"
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ("abc", "CUTENV_CORES = 'abc' is no number of cores"),
+        ("1.5", "CUTENV_CORES = '1.5' is no number of cores"),
+        ("-1", "CUTENV_CORES = '-1' is no number of cores"),
+        ("0", "CUTENV_CORES = 0 is outside 1 to 4096"),
+    ],
+)
+def test_a_bad_number_of_cores_names_the_variable_and_the_cure(given, said):
+    with pytest.raises(ValueError, match=f"{re.escape(said)}.*Give a whole number of cores, or unset it"):
+        _number_of_cores(given)
+
+
+@pytest.mark.parametrize(("given", "used"), [("3", "3"), ("", str(cores()))])
+def test_the_environment_sets_the_number_of_cores(given, used):
+    program = "from cutenv._engine.parallel import cores; print(cores())"
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, env=os.environ | {"CUTENV_CORES": given}
+    )
+    assert done.stdout.strip() == used, done.stderr

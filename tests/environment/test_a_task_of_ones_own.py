@@ -58,7 +58,7 @@ def test_its_end_and_its_weight_hold():
         if last[2]["end"] == "surge":
             assert 0.01 * last[0][-1] > LIMIT
     assert "surge" in ends
-    with pytest.raises(ValueError, match="weight_surge"):
+    with pytest.raises(TypeError, match="weight_surge"):
         SteadyCutEnv(weight_surg=1.0)
 
 

@@ -255,7 +255,6 @@ def test_scripts_cut_alone_as_in_a_batch(task, name):
         ("depth", {"reward_from": "guess"}, "reward_from"),
         ("depth", {"layer_limit": -1.0}, "layer_limit"),
         ("depth", {"surface_spread": 2.0}, "surface_spread"),
-        ("depth", {"weight_uncat": 1.0}, "weight_uncut"),
         ("depth", {"edge_length": 5.0}, "edge_length"),
         ("path", {"line": "circle"}, "line must be one of"),
         ("path", {"line": [(0.0, 0.0), (0.05, 0.01), (0.03, 0.02)]}, r"turns back at \(0.03, 0.02\) m"),
@@ -276,12 +275,20 @@ def test_scripts_cut_alone_as_in_a_batch(task, name):
         ("path", {"relaxing_share": 0.3}, "relaxing_share = 0.3"),
         ("path", {"line_limit": -1.0}, "line_limit"),
         ("path", {"crack_curvature": 1e9}, "crack_curvature"),
-        ("path", {"weight_offline": 1.0}, "weight_off_line"),
     ],
 )
 def test_bad_keywords_are_refused_by_name_and_place(task, keywords, message):
     with pytest.raises(ValueError, match=message):
         TASKS[task].single(**keywords)
+
+
+@pytest.mark.parametrize(
+    ("task", "typed", "meant"),
+    [("depth", "weight_uncat", "weight_uncut"), ("path", "weight_offline", "weight_off_line")],
+)
+def test_an_unknown_keyword_is_told_that_of_the_task_which_is_nearest(task, typed, meant):
+    with pytest.raises(TypeError, match=rf"unexpected keyword argument '{typed}'. Did you mean '{meant}'"):
+        TASKS[task].single(**{typed: 1.0})
 
 
 def test_unknown_tasks_are_refused():

@@ -61,6 +61,18 @@ def test_more_rigs_than_environments_are_refused():
         PPOArguments(environments=7, rigs=9)
 
 
+def test_options_and_seeds_reach_every_rig():
+    together = ARGUMENTS.training_environments()
+    assert together.seed(40) == list(range(7))
+    together.set_options([{"target_length": 0.06 + 0.005 * n} for n in range(7)])
+    together.reset()
+    lengths = np.concatenate([part.native.cuts.tasks["target"] for part in together.parts])
+    np.testing.assert_allclose(lengths, 0.06 + 0.005 * np.arange(7))
+    together.set_options({"target_length": 0.09})
+    together.reset()
+    assert all((part.native.cuts.tasks["target"] == 0.09).all() for part in together.parts)
+
+
 EASY = {"task": "path", "history": 0, "control_hz": 10}
 
 

@@ -16,6 +16,7 @@ from cutenv.policy.depth_features import DepthFeatures
 from cutenv.sb3 import FeatureVecEnv, NativeVecEnv
 from cutenv.task.depth import DEPTH_CUT
 from cutenv.task.privileged import PRIVILEGED_FEATURES, privileged_names
+from cutenv.tissue import Specimen
 
 pytest.importorskip("stable_baselines3", reason="the learner is an extra: pip install 'cutenv[rl]'")
 SEEDS = (3, 8, 21)
@@ -135,6 +136,70 @@ def test_what_cannot_be_set_or_called_is_refused_and_says_why():
         environments.set_attr("ticks", 5)
     with pytest.raises(NotImplementedError, match="step in one"):
         environments.env_method("render")
+
+
+def theirs(count: int) -> DummyVecEnv:
+    """Stable-Baselines3's own list of environments."""
+    return DummyVecEnv([lambda: gymnasium.make(ENVIRONMENT, **KEYWORDS)] * count)
+
+
+SPECIMEN = Specimen.homogeneous(modulus=40e3, fracture_resistance=150.0, depth=0.015)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"target_length": 0.08},
+        [{"target_length": 0.08}, {}, {"episode": 4}],
+        {"specimen": SPECIMEN.to_json(), "target_length": 0.07},
+    ],
+)
+def test_options_hold_for_one_reset_as_in_stable_baselines_own_list(options):
+    both = NativeVecEnv(3, **KEYWORDS), theirs(3)
+    seen = []
+    for environments in both:
+        environments.seed(0)
+        environments.set_options(options)
+        seen.append(environments.reset())
+    np.testing.assert_array_equal(*seen)
+    plain = NativeVecEnv(3, **KEYWORDS).reset()
+    assert not np.array_equal(seen[0], plain)
+    np.testing.assert_array_equal(both[0].reset(), plain)
+
+
+def test_features_start_with_the_options_too():
+    environments = FeatureVecEnv(2, **KEYWORDS)
+    environments.set_options({"target_length": 0.08})
+    environments.reset()
+    np.testing.assert_array_equal(environments.native.cuts.tasks["target"], 0.08)
+
+
+def test_options_that_cannot_be_used_are_refused():
+    environments = NativeVecEnv(2, **KEYWORDS)
+    with pytest.raises(ValueError, match="Did you mean 'target_length'"):
+        environments.set_options({"target_lenght": 0.08})
+    with pytest.raises(ValueError, match="options holds 3 entries; give one for each of 2 environments"):
+        environments.set_options([{}] * 3)
+    environments.set_options({"target_length": 80})
+    with pytest.raises(ValueError, match=r"80 mm is 0\.08"):
+        environments.reset()
+    np.testing.assert_array_equal(environments.reset(), NativeVecEnv(2, **KEYWORDS).reset())
+
+
+def test_a_seed_is_taken_where_the_number_of_environments_was_given():
+    environments, others = NativeVecEnv(3, **KEYWORDS), theirs(3)
+    assert environments.seed(6) == others.seed(6) == [6, 7, 8]
+    np.testing.assert_array_equal(environments.reset(), others.reset())
+    assert len(set(environments.seed())) == 3
+    PPO("MlpPolicy", environments, n_steps=64, batch_size=64, seed=11)
+    assert environments.specimen_seeds == [11, 12, 13]
+
+
+def test_seeds_given_one_by_one_are_kept_and_told():
+    environments = NativeVecEnv(SEEDS, **KEYWORDS)
+    start = environments.reset()
+    assert environments.seed(6) == list(SEEDS)
+    np.testing.assert_array_equal(environments.reset(), start)
 
 
 TWO_SEEDS = (3, 8)

@@ -336,7 +336,7 @@ def test_a_free_angle_is_refused_on_a_rig_whose_angle_is_set_by_hand(tmp_path):
     ],
 )
 def test_bad_arguments_name_themselves_before_anything_moves(keywords, named):
-    with pytest.raises((ValueError, FileNotFoundError), match=named):
+    with pytest.raises((TypeError, ValueError, FileNotFoundError), match=named):
         RigCutEnv(**keywords)
 
 

@@ -16,6 +16,7 @@ from cutenv.commands.options import (
     add_task,
     command_parser,
     made_folder,
+    made_place,
     reports_errors,
     target_length,
 )
@@ -116,8 +117,10 @@ def _check_out(arguments: argparse.Namespace) -> None:
     out: Path | None = arguments.out
     if out is not None and out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise FileExistsError(f"--out {out} is there already and not empty; give another folder.")
+    if out is not None:
+        made_folder("--out", out)
     if arguments.json is not None:
-        made_folder("--json", arguments.json.parent)
+        made_place("--json", arguments.json)
 
 
 def _write(arguments: argparse.Namespace, evaluation: Evaluation) -> None:
@@ -129,7 +132,6 @@ def _write(arguments: argparse.Namespace, evaluation: Evaluation) -> None:
             part.write_text(evaluation.to_json() + "\n", encoding="utf-8")
         print(f"json: {arguments.json}")
     if arguments.out is not None:
-        arguments.out.mkdir(parents=True, exist_ok=True)
         write_evaluation(arguments.out / _PAGE, evaluation)
         print(f"page: {arguments.out / _PAGE}; records: {arguments.out / _RECORDS}")
 

@@ -12,7 +12,8 @@ from collections.abc import Sequence
 from datetime import date
 from pathlib import Path
 
-from cutenv.commands.options import RIG, command_parser, reports_errors
+from cutenv._base.output import check_writable
+from cutenv.commands.options import RIG, command_parser, made_place, reports_errors
 from cutenv.rig.config.settings import RIG_NAMES, RigSettings
 from cutenv.rig.connection import connected, operator_of, settings_of
 from cutenv.rig.errors import RigError
@@ -36,6 +37,10 @@ def main(argv: Sequence[str]) -> int:
                 f"{arguments.rig} tells its position every {1e3 * period:g} ms, too seldom to see how it starts: "
                 f"{1e3 * _SELDOM:g} ms or less are needed. Write a motor_lag_ms that you know into [identified]."
             )
+        if arguments.write:
+            check_writable("--write", Path(arguments.rig).absolute().parent)
+        if arguments.picture is not None:
+            made_place("--picture", arguments.picture)
         with connected(arguments.rig) as rig:
             settings = rig.settings
             operator = operator_of(settings)

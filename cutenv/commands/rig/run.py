@@ -26,6 +26,7 @@ from cutenv.commands.options import (
     check_line,
     command_parser,
     line_given,
+    made_folder,
     reports_errors,
     target_length,
 )
@@ -215,6 +216,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
     if arguments.lsl and arguments.rig == "fake":
         raise ValueError("--lsl streams in real time, which a fake rig has none of. Give --rig emulator, or a file.")
+    made_folder("--out", arguments.out)
     policy, keywords = chosen_policy(arguments.policy, arguments.task)
     env = _environment(arguments, keywords, records=arguments.out)
     outlet = None

@@ -13,7 +13,14 @@ from typing import TYPE_CHECKING, Any
 
 from cutenv._base.validation import in_range
 from cutenv.commands.inputs import chosen_cut, read_records
-from cutenv.commands.options import add_cut, add_record_options, add_specimen_class, command_parser, reports_errors
+from cutenv.commands.options import (
+    add_cut,
+    add_record_options,
+    add_specimen_class,
+    command_parser,
+    made_place,
+    reports_errors,
+)
 from cutenv.cutting.drive import DRIVES
 from cutenv.rig.config.settings import EMULATOR, FAKE
 from cutenv.rig.errors import RigError
@@ -42,6 +49,8 @@ def main(argv: Sequence[str]) -> int:
         raise ValueError("--speed-cm-s: a record does not hold the desired speed; give the one that was commanded.")
     speed = in_range("--speed-cm-s", arguments.speed_cm_s or _USUAL, 0.05, 3.81, "cm/s", "The rig reaches 3.81.") / 100
     given = dict(_gain(text) for text in arguments.gain)
+    if arguments.picture is not None:
+        made_place("--picture", arguments.picture)
     trace = _cut(str(source), speed, given, arguments) if made else chosen_cut(read_records(arguments), arguments.cut)
     from cutenv.measurement import speed_tracking
 

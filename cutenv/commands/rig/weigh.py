@@ -10,7 +10,9 @@ import re
 import sys
 from collections.abc import Sequence
 from datetime import date
+from pathlib import Path
 
+from cutenv._base.output import check_writable
 from cutenv.commands.options import RIG, command_parser, reports_errors
 from cutenv.rig.config.settings import RIG_NAMES, RigSettings
 from cutenv.rig.connection import connected, operator_of
@@ -29,6 +31,8 @@ def main(argv: Sequence[str]) -> int:
     if arguments.write and arguments.rig in RIG_NAMES:
         raise ValueError(f'--write needs a rig\'s file, and "{arguments.rig}" has none.')
     try:
+        if arguments.write:
+            check_writable("--write", Path(arguments.rig).absolute().parent)
         with connected(arguments.rig) as rig:
             found = weigh(rig.plant, masses, operator_of(rig.settings))
             settings = rig.settings
