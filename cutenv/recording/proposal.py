@@ -47,6 +47,7 @@ _DERIVED = {
     "work",
     "torque",
     "moment",
+    *(f"{letter}{axis}" for letter in "tm" for axis in "xyz"),  # of a wrench
     "energie",
     "max",
     "peak",
@@ -228,10 +229,12 @@ class _Columns:
         return self._rising()
 
     def _rising(self) -> int | None:
-        """Return the only column without a telling name that never falls."""
+        """Return the only column without a telling name that never falls, or the only one of them with even steps."""
         free = [k for k in range(self.n) if self.filled[k] and not self.quantity(k) and not self.is_counter(k)]
         free = [k for k in free if not {*self.words[k]} & (_FORCES | _TIMES | {*_WAYS} | _DEPTHS)]
         risen = [k for k in free if self.rises(k) and bool((np.diff(self.known(k)) >= 0.0).all())]
+        even = [k for k in risen if np.ptp(np.diff(self.known(k))) < 1e-3 * np.ptp(self.known(k)) / len(self.table)]
+        risen = even if len(even) == 1 else risen
         return risen[0] if len(risen) == 1 or (risen and len(self.table) < _FEWEST) else None
 
     def forces(self, time: int | None) -> list[int]:
