@@ -1,9 +1,10 @@
-"""Table of DepthCut-v1 or PathCut-v1: scripts, planner with truth and agents on the same held-out specimens.
+"""Table of a task: scripts, planner with truth and agents on the same held-out specimens.
 
     python scripts/task_table.py depth                     500 specimens; writes runs/depth/depth.csv
     python scripts/task_table.py path --print              the table of what is in runs/path
     python scripts/task_table.py path --agents runs/NAME/policy ...    2000 specimens; writes runs/path/agents.csv
     python scripts/task_table.py path --agents --print     the table of what is in there
+    python scripts/task_table.py path --from-nothing runs/NAME/policy ...    1000; writes runs/path/from-nothing.csv
     python scripts/task_table.py depth --picture FILE      two cuts, as a PNG: floor, wanted depth and layer below
     python scripts/task_table.py path --picture FILE       line, way of the blade and cut from above
 
@@ -45,7 +46,7 @@ class TaskTable:
     """Scores that the task adds: name, heading, format with unit."""
     ends: tuple[tuple[str, str], ...]
     """Ends for safety that are counted: name, and what it is."""
-    draw: Callable[[Path], None]
+    draw: Callable[[Path], None] | None = None
     """Draws a picture of two cuts."""
 
     @property
@@ -57,6 +58,11 @@ class TaskTable:
     def agents_file(self) -> Path:
         """File with one row for each cut of an agent or a script."""
         return self.file.with_name("agents.csv")
+
+    @property
+    def from_nothing_file(self) -> Path:
+        """File with one row for each cut of an agent that learned from nothing, or of a script."""
+        return self.file.with_name("from-nothing.csv")
 
     def measure(self, specimens: int, processes: int | None) -> list[dict[str, Any]]:
         """Return one row for each cut of every script and of the planner."""
@@ -123,11 +129,8 @@ class TaskTable:
         for name, own in by_policy(rows).items():
             nearest = points = "–"
             if name not in scripts:
-                compared = [row for row in rows if row["policy"] == name or row["policy"] in scripts]
-                paired = differences(compared, name, ("return", "success"))
-                least = min((row for row in paired if row["score"] == "return"), key=lambda row: float(row["low_95"]))
+                least, of_success = self.lead(rows, name)
                 script = least["baseline"]
-                of_success = next(row for row in paired if row["score"] == "success" and row["baseline"] == script)
                 nearest = f"{interval_text(least, sign='+')} ({script})"
                 points = interval_text(of_success, digits=1, sign="+", factor=100.0)
                 leads.append((least, of_success))
@@ -150,6 +153,33 @@ class TaskTable:
                 f"{interval_text(fewest, digits=1, sign='+', factor=100.0)} points of success."
             )
         return "\n".join([*lines, "", *told])
+
+    def lead(self, rows: Sequence[Mapping[str, Any]], name: str) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
+        """Return an agent's differences of return and of success from the script that comes nearest to it."""
+        scripts = TASKS[self.task].scripts
+        compared = [row for row in rows if row["policy"] == name or row["policy"] in scripts]
+        paired = differences(compared, name, ("return", "success"))
+        least = min((row for row in paired if row["score"] == "return"), key=lambda row: float(row["low_95"]))
+        nearest = (row for row in paired if row["score"] == "success" and row["baseline"] == least["baseline"])
+        return least, next(nearest)
+
+    def from_nothing_row(self) -> str:
+        """Return a row of Markdown of the runs from nothing: their means, and the least of their leads."""
+        rows = kept_rows(self.from_nothing_file, f"task_table.py {self.task} --from-nothing runs/NAME/policy")
+        each, scripts = by_policy(rows), TASKS[self.task].scripts
+        runs = [name for name in each if name not in scripts]
+        least, points = min((self.lead(rows, name) for name in runs), key=lambda lead: float(lead[0]["mean"]))
+        script = each[least["baseline"]]
+
+        def mean(score: str, *several: Sequence[Mapping[str, Any]]) -> float:
+            return float(np.mean([row[score] for own in several for row in own]))
+
+        learned = [each[name] for name in runs]
+        return (
+            f"| {self.task} | {len(runs)} | {mean('return', *learned):.3f} | {100.0 * mean('success', *learned):.1f} % "
+            f"| {least['baseline']}: {mean('return', script):.3f}, {100.0 * mean('success', script):.1f} % "
+            f"| {interval_text(least, sign='+')} | {interval_text(points, digits=1, sign='+', factor=100.0)} |"
+        )
 
     def short_report(self) -> str:
         """Return the planner, the training runs together, and the best script, as a Markdown table of what is kept."""
@@ -175,6 +205,18 @@ class TaskTable:
     def kept_agents_report(self) -> str:
         """Return the table of the last measurement of agents; SystemExit if there is none."""
         return self.agents_report(kept_rows(self.agents_file, f"task_table.py {self.task} --agents runs/NAME/policy"))
+
+
+def from_nothing_report() -> str:
+    """Return what was learned from nothing on every task, as a Markdown table of what is kept."""
+    lines = [
+        "| task | runs | return | success | best script | least lead of the runs | success, points |",
+        "| --- | --- | --- | --- | --- | --- | --- |",
+        *(table.from_nothing_row() for table in TABLES.values() if table.from_nothing_file.is_file()),
+    ]
+    return "\n".join(
+        [*lines, "", "1000 held-out specimens of class mixed; means, and paired differences [95 % interval]."]
+    )
 
 
 def cut_drawn(env: GentleCutEnv, name: str, seed: int = TEST_SEEDS[0]) -> tuple[Any, list[dict[str, Any]]]:
@@ -251,6 +293,11 @@ TABLES = {
     table.task: table
     for table in (
         TaskTable(
+            task="gentle",
+            errors=(("tip_error_mm", "tip error", "{:.2f} mm"),),
+            ends=(("force_limit", "the limit of force"), ("overshoot", "that beyond the target")),
+        ),
+        TaskTable(
             task="depth",
             errors=(
                 ("mean_error_mm", "mean error of the depth", "{:.2f} mm"),
@@ -281,14 +328,29 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("task", choices=list(TABLES), help="the task that is cut")
     parser.add_argument("--agents", nargs="*", type=Path, metavar="FOLDER", help="policies of training runs, compared")
-    parser.add_argument("--specimens", type=int, metavar="N", help="number of specimens; default 500, of agents 2000")
+    parser.add_argument("--from-nothing", nargs="+", type=Path, metavar="FOLDER", help="those of runs from nothing")
+    parser.add_argument(
+        "--specimens",
+        type=int,
+        metavar="N",
+        help="number of specimens; default 500, of agents 2000, of those from nothing 1000",
+    )
     parser.add_argument("--processes", type=int, metavar="N", help="number of processes; default one per core")
     parser.add_argument("--print", action="store_true", help="print the kept table without measuring again")
     parser.add_argument("--picture", type=Path, metavar="FILE", help="draw two cuts, and stop")
     arguments = parser.parse_args()
     table, agents, processes = TABLES[arguments.task], arguments.agents, arguments.processes
     if arguments.picture is not None:
+        if table.draw is None:
+            parser.error(f"{arguments.task} has no picture here; docs/pictures has its own")
         table.draw(arguments.picture)
+        return
+    if arguments.from_nothing:
+        keep(
+            table.from_nothing_file,
+            table.measure_agents(arguments.from_nothing, arguments.specimens or 1000, processes),
+        )
+        print(table.from_nothing_row())
         return
     if agents is None:
         if not arguments.print:

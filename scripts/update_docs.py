@@ -442,6 +442,7 @@ ON_PAGES: dict[str, dict[str, Callable[[argparse.Namespace], str]]] = {
         "excision": lambda _: task_table.TABLES["excision"].kept_report(),
         "excision-ladder": lambda _: knowledge_ladder.LADDERS["excision"].kept_report(),
         "excision-agents": lambda _: task_table.TABLES["excision"].kept_agents_report(),
+        "from-nothing": lambda _: task_table.from_nothing_report(),
         "hand-excision-tuned": lambda _: tune_scripts.kept_report("hand-excision"),
         "hand-excision-agents": lambda _: task_table.TABLES["hand-excision"].kept_agents_report(),
     },

@@ -89,9 +89,10 @@ class RegisteredTask:
         return ("return", "success", *(error[0] for error in self.errors), "peak_force_N", "time_s")
 
 
-_CORRECTING: Mapping[str, Any] = {
-    "base": "script", "hold": 2, "control_hz": 25, "epochs": 4, "batch_size": 8000, "critic_first": 0.05,
-    "validation_specimens": 1000,
+_CORRECTING: Mapping[str, Any] = {"base": "script", "hold": 2, "epochs": 4, "critic_first": 0.05}
+_ALONG_LINE: Mapping[str, Any] = {
+    **_CORRECTING, "control_hz": 10, "environments": 256, "batch_size": 4096, "validation_specimens": 500,
+    "validations": 8, "timesteps": 7_000_000, "exploration": 0.25, "last_exploration": 0.05, "learning_rate": 1.5e-3,
 }  # fmt: skip
 _OFF_LINE = (
     ("mean_distance_mm", "mean distance to the line", "mm", 2),
@@ -113,11 +114,7 @@ def _excision(name: str, stem: str, along: str, scripts: str, script: str) -> Re
         scripts=f"cutenv.policy.path_scripts:{scripts}",
         script=script,
         planner="cutenv.policy.map_planner:PathPlanner",
-        options={
-            **_CORRECTING, "control_hz": 10, "environments": 256, "batch_size": 4096, "validation_specimens": 500,
-            "validations": 8, "timesteps": 7_000_000, "exploration": 0.25, "last_exploration": 0.05,
-            "learning_rate": 1.5e-3,
-        },
+        options=_ALONG_LINE,
         infos="cutenv.learning.demonstration:PATH_INFOS",
     )  # fmt: skip
 
@@ -155,8 +152,8 @@ _SHIPPED = (
         script="depth by two forces",
         planner="cutenv.policy.map_planner:DepthPlanner",
         options={
-            **_CORRECTING, "timesteps": 12_000_000, "exploration": 0.05,
-            "last_exploration": 0.02, "learning_rate": 5e-4,
+            **_CORRECTING, "control_hz": 25, "batch_size": 8000, "validation_specimens": 1000,
+            "timesteps": 12_000_000, "exploration": 0.05, "last_exploration": 0.02, "learning_rate": 5e-4,
         },
         infos="cutenv.learning.demonstration:DEPTH_INFOS",
         played="cutenv.play.played_depth_cut:PlayedDepthCut",
@@ -177,10 +174,7 @@ _SHIPPED = (
         scripts="cutenv.policy.path_scripts:PATH_SCRIPTS",
         script="steer by force",
         planner="cutenv.policy.map_planner:PathPlanner",
-        options={
-            **_CORRECTING, "timesteps": 24_000_000, "exploration": 0.15,
-            "last_exploration": 0.05, "learning_rate": 7e-4,
-        },
+        options=_ALONG_LINE,
         infos="cutenv.learning.demonstration:PATH_INFOS",
         played="cutenv.play.played_path_cut:PlayedPathCut",
         hand="cutenv.browser.stylus_steps:HandPathCut",
