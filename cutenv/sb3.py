@@ -99,7 +99,7 @@ class NativeVecEnv(VecEnv):
 
     @property
     def gained(self) -> np.ndarray:
-        """What the last decision's rewards would be without their costs, shape (n,): progress, accuracy, success."""
+        """Gains of the last decision, shape (n,): its rewards without their costs; progress, accuracy, success."""
         gains: np.ndarray = sum((self._infos[name] for name in _GAINS), np.zeros(self.num_envs))
         return gains
 

@@ -24,12 +24,13 @@ from cutenv.commands.options import (
 )
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from cutenv._base.arrays import StructArray
     from cutenv.plant.simulator import SimulatedPlant
     from cutenv.policy import Policy
+    from cutenv.task.registry import RegisteredTask
 
-SCRIPT = "return stroke"
-"""Name of the best script (docs/results/training.md)."""
 UNSEEN = 3_000_000
 """First seed beyond those on which agents are trained, chosen and tested."""
 
@@ -44,7 +45,8 @@ class DemoCut:
     reward: float
     end: str
     success: bool
-    tip_error_mm: float
+    error: float
+    """The first of the errors that the task has in tables, such as the tip's [mm]."""
     peak_force_N: float
     time_s: float
     specimen_class: str
@@ -52,13 +54,16 @@ class DemoCut:
     force_limit_per_depth: float
     readings: StructArray
     plant: SimulatedPlant
+    picture: NDArray[np.uint8] | None
+    """The cut at its end as a window shows it: of the first specimen, where the blade is also led aside or down."""
 
 
 @reports_errors("demo")
 def main(argv: Sequence[str]) -> int:
     """Run the command: cut, print the table, write the picture; return 0, or 2 if an option is bad."""
     arguments = _parser().parse_args(argv)
-    from cutenv.policy import BASELINES, gentle_policy
+    from cutenv.policy import named_policy
+    from cutenv.task.registry import task_made_as
 
     count = int(in_range("--specimens", arguments.specimens, 1, 1000, "1", "A handful is enough to look at."))
     seed = UNSEEN + int(in_range("--seed", arguments.seed, 0, 10**9, "1", "Give a whole number from 0."))
@@ -68,17 +73,20 @@ def main(argv: Sequence[str]) -> int:
     for option, path in (("--out", arguments.out), ("--page", arguments.page)):
         if path is not None:
             made_place(option, path)
-    policy = gentle_policy(arguments.policy)
-    name = Path(arguments.policy).name
+    policy = named_policy(arguments.policy)
+    name, task = Path(arguments.policy).name, task_made_as(policy.card.environment)
+    if arguments.page is not None and task.name != "gentle":
+        raise ValueError(f"--page shows gentle cutting, and {name} cuts {task.along}. Leave it out.")
     print(f"{count} specimens of class {arguments.specimen_class} on which nothing was trained or chosen\n")
     specimens = DemoSpecimens(arguments.specimen_class, seed, count, length)
-    agent = demo_cuts(policy, policy.environment_arguments, specimens, name)
+    agent = demo_cuts(policy, policy.environment_arguments, specimens, name, task)
     # Fixed or free, the script gets the angle that the agent has; it decides as often as it was tuned for.
     angles = {key: policy.environment_arguments[key] for key in _ANGLES if key in policy.environment_arguments}
-    script = demo_cuts(BASELINES[SCRIPT](), angles, specimens, SCRIPT)
-    _print_table({name: agent, SCRIPT: script})
-    print(f"\nSo few cuts decide nothing; 200 specimens do: cutenv evaluate {arguments.policy} '{SCRIPT}'")
-    _write(agent[0], script[0], name, arguments)
+    best: Any = task.scripts[task.script]()
+    script = demo_cuts(best, {**angles, **getattr(best, "environment_arguments", {})}, specimens, task.script, task)
+    _print_table({name: agent, task.script: script}, task)
+    print(f"\nSo few cuts decide nothing; 200 specimens do: cutenv evaluate {arguments.policy} '{task.script}'")
+    _write({name: agent[0], task.script: script[0]}, arguments)
     return 0
 
 
@@ -93,17 +101,30 @@ class DemoSpecimens:
 
 
 def demo_cuts(
-    policy: Policy, environment_arguments: Mapping[str, Any], specimens: DemoSpecimens, title: str = "cutting"
+    policy: Policy,
+    environment_arguments: Mapping[str, Any],
+    specimens: DemoSpecimens,
+    title: str = "cutting",
+    task: RegisteredTask | None = None,
 ) -> list[DemoCut]:
-    """Cut the specimens, each to its end; ``title`` is the text of the progress bar."""
-    from cutenv.envs.gentle_cut import GentleCutEnv
+    """Cut the specimens, each to its end; ``title`` is the text of the progress bar, and the task gentle cutting."""
+    from cutenv.task.registry import TASKS
 
-    specimen_class, length = specimens.specimen_class, specimens.target_length
-    env = GentleCutEnv(specimen_class=specimen_class, target_length=length, **environment_arguments)
-    return [_cut(env, policy, specimens.seed, episode) for episode in watched(range(specimens.count), title, "cut")]
+    task = task or TASKS["gentle"]
+    arguments = {"specimen_class": specimens.specimen_class, **environment_arguments}
+    if specimens.target_length is not None:
+        arguments["target_length"] = specimens.target_length
+    drawn = {} if task.name == "gentle" else {"render_mode": "rgb_array"}
+    env = task.single(**arguments, **drawn)
+    cuts = [
+        _cut(env, policy, (specimens.seed, episode), task) for episode in watched(range(specimens.count), title, "cut")
+    ]
+    env.close()
+    return cuts
 
 
-def _cut(env: Any, policy: Policy, seed: int, episode: int) -> DemoCut:
+def _cut(env: Any, policy: Policy, specimen: tuple[int, int], task: RegisteredTask) -> DemoCut:
+    seed, episode = specimen
     observation, _ = env.reset(seed=seed, options={"episode": episode})
     policy.reset(np.random.default_rng((seed, episode)))
     rewards, parts, ended = [], [], False
@@ -112,11 +133,15 @@ def _cut(env: Any, policy: Policy, seed: int, episode: int) -> DemoCut:
         rewards.append(reward)
         parts.append(env.cutting.readings.copy())
     readings, truth = np.concatenate(parts), info["truth"]
+    error = task.errors[0][0]
+    known = {"tip_error_mm": 1e3 * abs(truth["tip_m"] - truth["target_length_m"])}
+    for group in info.values():
+        known |= group if isinstance(group, Mapping) else {}
     return DemoCut(
         reward=math.fsum(rewards),
         end=env.cutting.end,
         success=bool(info["is_success"]),
-        tip_error_mm=1e3 * abs(truth["tip_m"] - truth["target_length_m"]),
+        error=float(known[error]),
         peak_force_N=float(readings["true_force"].max()),
         time_s=float(readings["time"][-1]),
         specimen_class=truth["specimen_class"],
@@ -124,43 +149,61 @@ def _cut(env: Any, policy: Policy, seed: int, episode: int) -> DemoCut:
         force_limit_per_depth=env.force_limit_per_depth,
         readings=readings,
         plant=env.plant,
+        picture=env.render() if env.render_mode and episode == 0 else None,
     )
 
 
 _COLUMNS: dict[str, Callable[[DemoCut], float]] = {
     "return": lambda cut: cut.reward,
     "success": lambda cut: float(cut.success),
-    "tip error [mm]": lambda cut: cut.tip_error_mm,
+    "error": lambda cut: cut.error,
     "peak force [N]": lambda cut: cut.peak_force_N,
     "time [s]": lambda cut: cut.time_s,
 }
 
 
-def _print_table(by_policy: Mapping[str, Sequence[DemoCut]]) -> None:
+def _print_table(by_policy: Mapping[str, Sequence[DemoCut]], task: RegisteredTask) -> None:
     """Print every specimen, then the means."""
-    print(" " * _WIDTH + "".join(title.rjust(16) for title in _COLUMNS))
+    _, error, unit, _ = task.errors[0]
+    titles = [f"{error} [{unit}]" if title == "error" else title for title in _COLUMNS]
+    widths = [max(len(title) + 2, 16) for title in titles]
+    print(" " * _WIDTH + "".join(title.rjust(width) for title, width in zip(titles, widths, strict=True)))
     for number, same in enumerate(zip(*by_policy.values(), strict=True), 1):
         print(f"specimen {number}: {same[0].specimen_class}, cut to {1e3 * same[0].target_length:.0f} mm")
         for name, cut in zip(by_policy, same, strict=True):
-            _print_row(name, [cut])
+            _print_row(name, [cut], widths)
     print("mean")
     for name, own in by_policy.items():
-        _print_row(name, own)
+        _print_row(name, own, widths)
 
 
-def _print_row(name: str, own: Sequence[DemoCut]) -> None:
+def _print_row(name: str, own: Sequence[DemoCut], widths: Sequence[int]) -> None:
     means = [float(np.mean([value(cut) for cut in own])) for value in _COLUMNS.values()]
     ended = f"  {own[0].end}" if len(own) == 1 and own[0].end != "finished" else ""
-    print(f"  {name}".ljust(_WIDTH) + "".join(f"{mean:.2f}".rjust(16) for mean in means) + ended)
+    print(
+        f"  {name}".ljust(_WIDTH)
+        + "".join(f"{mean:.2f}".rjust(width) for mean, width in zip(means, widths, strict=True))
+        + ended
+    )
 
 
-def _write(agent: DemoCut, script: DemoCut, name: str, arguments: argparse.Namespace) -> None:
-    """Write the agent's cut of the first specimen: a picture, and the page in 3-D."""
-    from cutenv.report import CutPicture, draw_cut
+def _write(cuts: Mapping[str, DemoCut], arguments: argparse.Namespace) -> None:
+    """Write the first specimen's cuts: a picture of the agent's, or of both from above, and the page in 3-D."""
+    from cutenv.report import CutPicture, draw_cut, draw_pictures
 
+    (name, agent), (script_name, script) = cuts.items()
+    drawn = {
+        f"{whose}: return {cut.reward:.2f}, {cut.end}": cut.picture
+        for whose, cut in cuts.items()
+        if cut.picture is not None
+    }
+    if drawn:
+        draw_pictures(arguments.out, drawn)
+        print(f"\npicture: {arguments.out}")
+        return
     cut = CutPicture(
         policy=name,
-        caption=f"{name}, specimen 1: return {agent.reward:.2f} ({SCRIPT}: {script.reward:.2f})",
+        caption=f"{name}, specimen 1: return {agent.reward:.2f} ({script_name}: {script.reward:.2f})",
         readings=agent.readings,
         depth=agent.plant.depth,
         target_length=agent.target_length,
@@ -183,7 +226,12 @@ def _parser() -> argparse.ArgumentParser:
     parser = command_parser(
         "demo",
         __doc__,
-        examples=("", "--page cut.html", "--specimens 10 --specimen-class vascular --target-length 80mm"),
+        examples=(
+            "",
+            "--page cut.html",
+            "--policy ppo-excision",
+            "--specimens 10 --specimen-class vascular --target-length 80mm",
+        ),
         note="Nothing is trained and nothing is downloaded. A few cuts show how an agent cuts, not how good it is: "
         "'cutenv evaluate' compares on hundreds.",
     )
@@ -191,13 +239,12 @@ def _parser() -> argparse.ArgumentParser:
         "--policy",
         default=DEFAULT_SHIPPED,
         metavar="POLICY",
-        help=f"shipped policy of gentle cutting ('cutenv evaluate --list'), or folder of a trained one; default "
-        f"{DEFAULT_SHIPPED}",
+        help=f"shipped policy ('cutenv evaluate --list'), or folder of a trained one; default {DEFAULT_SHIPPED}",
     )
     parser.add_argument("--specimens", type=int, default=5, metavar="N", help="number of specimens; default 5")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the specimens; default 0")
     add_specimen_class(parser, "mixed")
-    add_target_length(parser, "drawn from 60mm to 100mm")
+    add_target_length(parser, "drawn from 60mm to 100mm; along an excision, its end")
     parser.add_argument(
         "--out", type=Path, default=Path("demo.png"), metavar="FILE", help="picture to write; default demo.png"
     )

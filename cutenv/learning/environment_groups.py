@@ -141,7 +141,7 @@ NEARER = (0.015, 0.025, 0.040, 0.055)
 COSTS_AT_FIRST = 0.1
 """Part of every cost that an easier task charges at first."""
 IMPATIENCE = 1.0
-"""What an easier task charges at first for the whole time until the deadline, beside the reward."""
+"""Charge of an easier task at first for the whole time until the deadline, beside the reward."""
 
 
 class EasierEnvironments(EnvironmentGroups):

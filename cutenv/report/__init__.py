@@ -1,6 +1,6 @@
 """Figures and pages of results."""
 
-from cutenv.report.record_figure import RecordPicture, draw_cut, draw_record
+from cutenv.report.record_figure import RecordPicture, draw_cut, draw_pictures, draw_record
 from cutenv.report.training_page import CutPicture, TrainingResult, training_headline, write_training_page
 
 __all__ = [
@@ -8,6 +8,7 @@ __all__ = [
     "RecordPicture",
     "TrainingResult",
     "draw_cut",
+    "draw_pictures",
     "draw_record",
     "training_headline",
     "write_training_page",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,6 +18,7 @@ from cutenv.trace import Trace
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from numpy.typing import NDArray
 
     from cutenv.report.training_result import CutPicture
     from cutenv.task.episode import ShownDepth
@@ -49,6 +50,18 @@ def draw_cut(path: Path, cut: CutPicture, title: str) -> None:
         If matplotlib is not installed; the message gives the command that installs it.
     """
     write_figure(path, cut_figure(cut), title)
+
+
+def draw_pictures(path: Path, pictures: Mapping[str, NDArray[np.uint8]]) -> None:
+    """Write pictures of the viewer below each other, each below its title; the suffix of the path gives the format."""
+    first = next(iter(pictures.values()))
+    height = _WIDE * first.shape[0] / first.shape[1] + 0.3
+    figure = new_figure(_WIDE, height * len(pictures))
+    for axes, (title, picture) in zip(np.atleast_1d(figure.subplots(len(pictures), 1)), pictures.items(), strict=True):
+        axes.imshow(picture, interpolation="lanczos")
+        axes.set_title(title, fontsize=9, loc="left")
+        axes.set_axis_off()
+    write_figure(path, figure)
 
 
 def cut_figure(cut: CutPicture, *, width: float = _WIDE, others: Sequence[CutPicture] = ()) -> Figure:

@@ -41,6 +41,23 @@ def test_the_means_are_those_of_the_specimens_and_a_picture_is_written(
     assert out.read_bytes().startswith(b"\x89PNG")
 
 
+def test_an_agent_of_another_task_cuts_beside_that_tasks_script(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "cut.png"
+    line = ["demo", "--policy", "ppo-excision", "--specimens", "2", "--out", str(out)]
+    assert cli.main(line) == 0
+    printed = capsys.readouterr().out
+    assert "mean distance to the line [mm]" in printed
+    shown = rows(printed)
+    assert [name for name, _ in shown] == ["ppo-excision", "excision by force"] * 3
+    assert all(numbers[2] > 0.0 for _, numbers in shown)
+    height, width = (int.from_bytes(out.read_bytes()[at : at + 4], "big") for at in (20, 16))
+    assert height > width  # both cuts, one above the other
+    assert cli.main([*line, "--page", str(tmp_path / "cut.html")]) == 2
+    assert "--page shows gentle cutting" in capsys.readouterr().err
+
+
 def test_the_page_shows_the_first_specimen(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("meshcat", reason="the 3-D viewer is an extra: pip install 'cutenv[view3d]'")
     page = tmp_path / "cut.html"
