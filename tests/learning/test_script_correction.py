@@ -159,7 +159,7 @@ def test_a_run_begins_as_the_script_and_its_policy_is_evaluated(
     folder = tmp_path / "runs" / "small"
     policy = TrainedPolicy.load(folder / "policy")
     assert policy.card.script == SCRIPT
-    assert policy.card.environment_arguments["control_hz"] == 25
+    assert policy.card.environment_arguments["control_hz"] == 10
     model = stable_baselines3.PPO.load(folder / "policy.zip", device="cpu")
     shown = FeatureVecEnv(SEEDS, script=SCRIPT, hidden_state=True, **TASK).reset()
     expected, _ = model.predict(shown, deterministic=True)
