@@ -20,7 +20,7 @@ from cutenv.recording.named_columns import Index, LeftOut, NamedColumns
 from cutenv.recording.schema import RecordError
 from cutenv.recording.specimens import side_by_side
 from cutenv.recording.stated_units import known_spelling, split_header
-from cutenv.recording.text_lines import tabled, text_lines
+from cutenv.recording.text_lines import plain_rows, tabled, text_lines
 from cutenv.recording.time_columns import whole_times
 
 
@@ -36,6 +36,7 @@ _DIALECTS = [Dialect(*pair) for pair in ("\t.", "\t,", ";.", ";,", ",.", "|.", "
 _NAMES = {"\t": "tab", ";": "semicolon", ",": "comma", "|": "bar", " ": "blanks"}
 _SAMPLE = 400  # lines from which the separator is chosen
 _NO_ROW = frozenset(("", "#", "%", "/", "!"))  # beginnings of lines that are blank or comments
+_KEY_LINE = re.compile(r"\w[\w ]{0,30}:\s+\S.*")  # "rows: 1361", which names no columns
 _POINT, _COMMA = re.compile(r"\d\.\d"), re.compile(r"\d,\d")
 _NUMBER = {sign: re.compile(pattern) for sign, pattern in NUMBERS.items()}
 _GROUPED = {
@@ -70,8 +71,8 @@ def sniff_table(path: Path) -> NamedColumns:
             left_out=lost,
         )
         return whole_times(columns)
-    stated = maker_header(lines)
-    return side_by_side(whole_times(_Reading(path, lines, stated).table()))
+    lines = plain_rows(lines)
+    return side_by_side(whole_times(_Reading(path, lines, maker_header(lines)).table()))
 
 
 def split_row(row: str, separator: str) -> list[str]:
@@ -442,9 +443,11 @@ def _header_of(above: Sequence[str], dialect: Dialect, length: int) -> _Header:
     """Return names and units from the last lines above the numbers."""
     filled = [line.lstrip(" #%/!").rstrip("\n ") if line.lstrip()[:1] in "#%/!" else line for line in above]
     filled = [line for line in filled if line.strip("\t ,;|-+=:")]
+    if dialect.separator == " ":
+        filled = [line for line in filled if not _KEY_LINE.fullmatch(line.strip())]
     if not filled:
         return _Header((), (), "nothing stands above them")
-    rows = [_header_cells(line, dialect, length) for line in filled[-8:] if line.lstrip()[:1] not in "{["]
+    rows = [_header_cells(line, dialect, length) for line in filled[-8:] if line.lstrip()[:1] != "{"]
     units, names = _names_and_units(rows, length)
     if len(names) == length - 1 and not units and all(names):  # R leaves the corner above its row names out
         return _Header(("row", *names), (), "")
@@ -471,6 +474,8 @@ def _names_and_units(rows: list[list[str]], length: int) -> tuple[tuple[str, ...
             return tuple(rows[k]), list(rows[k])
     for cells in reversed(rows):
         n_filled = sum(bool(cell) for cell in cells)
+        if any(_NUMBER["."].fullmatch(cell) for cell in cells):
+            continue
         if n_filled > 1 or (n_filled == 1 and length == 1):
             if 2 * n_filled < min(length, 8) and len(cells) <= length and _is_label(rows, cells, length):
                 continue

@@ -52,7 +52,9 @@ _DERIVED = {
     "peak",
     "rate",
 }
+_WANTED = {"commanded", "command", "cmd", "target", "setpoint", "soll", "desired", "reference", "demand", "peak", "min"}
 _OTHER_FORCE_UNITS = ("N", "mN", "kN", "gf", "kgf", "lbf", "1")
+_USUAL_FORCE = (0.02, 500.0)  # [N]
 _FEWEST = 20  # readings in which a sign or the only rising column shows
 
 
@@ -232,6 +234,8 @@ class _Columns:
         free = [k for k in range(self.n) if self.filled[k] and not self.quantity(k) and not self.is_counter(k)]
         free = [k for k in free if not {*self.words[k]} & (_FORCES | _TIMES | {*_WAYS} | _DEPTHS)]
         risen = [k for k in free if self.rises(k) and bool((np.diff(self.known(k)) >= 0.0).all())]
+        steady = [k for k in risen if bool((np.diff(self.known(k)) > 0.0).mean() > 0.9)]  # a way rests at its ends
+        risen = steady if len(steady) == 1 else risen
         return risen[0] if len(risen) == 1 or (risen and len(self.table) < _FEWEST) else None
 
     def forces(self, time: int | None) -> list[int]:
@@ -268,10 +272,7 @@ class _Columns:
         named = [k for k in named if "x" not in self.words[k] or self.words[k] == ["x"] or len(self.words[k]) > 1]
         found = told or named
 
-        def rank(k: int) -> int:
-            return min((_WAYS.index(word) for word in self.words[k] if word in _WAYS), default=len(_WAYS))
-
-        return sorted(found, key=rank)
+        return sorted(found, key=self.rank_of)
 
     def known(self, k: int) -> Array:
         """Return the numbers of a column that are there."""
@@ -358,13 +359,14 @@ class _Columns:
             return chosen
         header = self.table.header(chosen)
         if quantity == "":
-            self.items["unit"] = "N"
+            likely = self.likely_unit(chosen)
+            self.items["unit"] = likely
             self.questions.append(
                 Question(
                     about="force",
                     text=f"In which unit is the force {header!r}?",
                     choices=tuple((unit, {"unit": unit}) for unit in _OTHER_FORCE_UNITS),
-                    proposed=0,
+                    proposed=_OTHER_FORCE_UNITS.index(likely),
                 )
             )
             return chosen
@@ -379,6 +381,12 @@ class _Columns:
             )
         )
         return chosen
+
+    def likely_unit(self, force: int) -> str:
+        """Return the unit in which a force that states none is one of cutting: newtons, unless they cannot be."""
+        span = float(np.ptp(self.known(force)))
+        good = [unit for unit in ("N", "mN", "kN") if _USUAL_FORCE[0] <= span * UNITS["force"][unit] <= _USUAL_FORCE[1]]
+        return good[0] if good else "N"
 
     def ask_unnamed(self, chosen: int, others: list[int]) -> None:
         """Ask which of some columns without telling names is the force, in newtons; the one that goes on is the way."""
@@ -418,7 +426,7 @@ class _Columns:
         """Return the likeliest column of some that may be the force, and those that may be it as well."""
         spans = {k: float(np.ptp(self.known(k))) for k in forces}
         axes = [k for k in forces if self.words[k] and re.fullmatch(r"f?[xyz]", self.words[k][-1])]
-        plain = [k for k in forces if k not in axes]
+        plain = [k for k in forces if k not in axes and not _WANTED.intersection(self.words[k])]
         if len(axes) > 1 and not plain:
             chosen = max(axes, key=lambda k: spans[k])
             return chosen, [k for k in axes if k != chosen and spans[k] > 0.05 * spans[chosen]]
@@ -483,8 +491,9 @@ class _Columns:
         return chosen
 
     def rank_of(self, k: int) -> int:
-        """Return the place of a column's name among those of ways."""
-        return min((_WAYS.index(word) for word in self.words[k] if word in _WAYS), default=len(_WAYS))
+        """Return the place of a column's name among those of ways; one that is only wanted comes last."""
+        wanted = len(_WAYS) * bool(_WANTED.intersection(self.words[k]))
+        return wanted + min((_WAYS.index(word) for word in self.words[k] if word in _WAYS), default=len(_WAYS))
 
     def runs_back(self, way: int, force: int) -> bool:
         """Return whether a way counts toward the clamp: it falls while the force acts."""

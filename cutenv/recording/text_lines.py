@@ -16,7 +16,9 @@ _PAIR = re.compile(
     r"(?P<unit>[^\W\d]+(?:/\w+)?|%|\u00b0)?(?=[\s,;|}]|$)",
     re.IGNORECASE,
 )
-_ARROW = re.compile(r"\s*(\S+(?: \S+)?)\s*->\s?(.*)")
+_ARROW = re.compile(r"\s*(\S+(?: \S+)?)\s*->\s?(.*?)\s*")
+_LOGGED = re.compile(rf"\W*({TIMES.pattern})\W+(?:[A-Z]{{3,8}}\W+)?(.*)")  # a time in front of what a logger wrote
+_BESIDE = re.compile(rf"\s*(?:[+-]?{NUMBERS['.']}\s+[^\W\d]+(?:\s+|$))+")  # numbers with their units behind them
 _FEWEST_PAIRS = 0.8  # share of the lines that are pairs, in a file of pairs
 
 
@@ -57,7 +59,9 @@ def tabled(lines: Sequence[str]) -> Tabled | None:
     if filled[0].lstrip()[:1] in "[{":
         return _json(lines)
     if sum(bool(_ARROW.match(line)) for line in filled) > _FEWEST_PAIRS * len(filled):
-        return _arrows(lines)
+        return _arrows(lines, _ARROW)
+    if sum(bool(_LOGGED.fullmatch(line) and _PAIR.search(line)) for line in filled) > _FEWEST_PAIRS * len(filled):
+        return _arrows(lines, _LOGGED)
     middle = filled[len(filled) // 2]
     pairs = _PAIR.findall(middle)
     if (
@@ -69,9 +73,20 @@ def tabled(lines: Sequence[str]) -> Tabled | None:
     return None
 
 
+def plain_rows(lines: Sequence[str]) -> list[str]:
+    """Return lines without what some programs put around their cells: brackets, and blanks in front of units."""
+    filled = [line for line in lines[:400] if line.strip()]
+    few = _FEWEST_PAIRS * len(filled)
+    if sum(bool(re.fullmatch(r"\s*\[.*\],?\s*", line)) for line in filled) > few:
+        return [line.strip(" [],") for line in lines]
+    if sum(bool(_BESIDE.fullmatch(line)) for line in filled) > few:
+        return [re.sub(r"(?<=\d)\s+(?=[^\W\d])", "", line) for line in lines]
+    return list(lines)
+
+
 def _leftover(line: str) -> str:
-    """Return what is neither key nor value in a line of pairs."""
-    return re.sub(r"[\s,;|{}]+", "", _PAIR.sub("", line))
+    """Return what is neither key nor value in a line of pairs, but for a word in front."""
+    return re.sub(r"[\s,;|{}]+", "", _PAIR.sub("", re.sub(r"^\s*[A-Za-z]+[:>\s]+(?=[A-Za-z_]+\s*[:=])", "", line)))
 
 
 def _key_values(lines: Sequence[str]) -> Tabled | None:
@@ -92,13 +107,13 @@ def _key_values(lines: Sequence[str]) -> Tabled | None:
     return Tabled("key and value", names, rows, numbers, odd) if rows else None
 
 
-def _arrows(lines: Sequence[str]) -> Tabled | None:
-    """Part the time in front of each line of Arduino's serial monitor from what the board wrote."""
-    parted = [(i, found) for i, line in enumerate(lines, 1) if (found := _ARROW.match(line))]
+def _arrows(lines: Sequence[str], form: re.Pattern[str]) -> Tabled | None:
+    """Part the time in front of each line, as Arduino's serial monitor and loggers put it there, from the rest."""
+    parted = [(i, found) for i, line in enumerate(lines, 1) if (found := form.fullmatch(line))]
     clocks = [found[1] for _, found in parted]
     if not TIMES.fullmatch(clocks[len(clocks) // 2]):
         return None
-    written = [found[2] for _, found in parted]
+    written = [found[form.groups] for _, found in parted]
     inner = tabled(written)
     if inner is not None:
         rows = [[clocks[line - 1], *row] for line, row in zip(inner.lines, inner.rows, strict=True)]
