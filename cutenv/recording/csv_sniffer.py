@@ -14,9 +14,17 @@ from typing import NamedTuple
 import numpy as np
 
 from cutenv._base.arrays import Array
-from cutenv.recording.cell_values import MISSING, NUMBERS, TIMES, CellValues, cell_values, may_be_thousands, plain_float
+from cutenv.recording.cell_values import (
+    MISSING,
+    MOMENT_PATTERN,
+    NUMBER_PATTERNS,
+    CellValues,
+    cell_values,
+    may_be_thousands,
+    plain_float,
+)
 from cutenv.recording.maker_headers import MakerHeader, maker_header, stated_rate
-from cutenv.recording.named_columns import Index, LeftOut, NamedColumns
+from cutenv.recording.named_columns import LeftOut, NamedColumns, RowNumbers
 from cutenv.recording.schema import RecordError
 from cutenv.recording.specimens import side_by_side
 from cutenv.recording.stated_units import known_spelling, split_header
@@ -38,7 +46,7 @@ _SAMPLE = 400  # lines from which the separator is chosen
 _NO_ROW = frozenset(("", "#", "%", "/", "!"))  # beginnings of lines that are blank or comments
 _KEY_LINE = re.compile(r"\w[\w ]{0,30}:\s+\S.*")  # "rows: 1361", which names no columns
 _POINT, _COMMA = re.compile(r"\d\.\d"), re.compile(r"\d,\d")
-_NUMBER = {sign: re.compile(pattern) for sign, pattern in NUMBERS.items()}
+_NUMBER = {sign: re.compile(pattern) for sign, pattern in NUMBER_PATTERNS.items()}
 _GROUPED = {
     ".": re.compile(r"[+-]?[1-9]\d{0,2}(?:[, '\u2019\u00a0\u202f\u2009]\d{3})+(?:\.\d*)?"),
     ",": re.compile(r"[+-]?[1-9]\d{0,2}(?:[. '\u2019\u00a0\u202f\u2009]\d{3})+(?:,\d*)?"),
@@ -194,7 +202,7 @@ class _Reading:
         lines = [self.lines[i] for i in here]
         numbers = self._all_numbers(lines, rows)
         left_out: list[LeftOut] = []
-        parts: Index | None = None
+        parts: RowNumbers | None = None
         part_names: tuple[str, ...] = ()
         if numbers is not None:
             kept = np.array(here)
@@ -261,7 +269,7 @@ class _Reading:
             return CellValues(values=found)
         return cell_values([split_row(line, rows.dialect.separator)[k] for line in lines], rows.dialect.decimal)
 
-    def _sound(self, lines: list[str], places: Index, rows: _Rows, header: _Header) -> _Sound:
+    def _sound(self, lines: list[str], places: RowNumbers, rows: _Rows, header: _Header) -> _Sound:
         """Part the sound rows from the other lines below the first one, line by line."""
         separator, decimal = rows.dialect
         split = [split_row(line, separator) for line in lines]
@@ -294,7 +302,7 @@ class _Reading:
         parts, names = _blocks([*borders, *gaps], len(good))
         return _Sound(cells, places[good], left_out, parts, names)
 
-    def _gaps_of_header(self, places: Index) -> list[int]:
+    def _gaps_of_header(self, places: RowNumbers) -> list[int]:
         """Return the rows before which the program wrote the header of another segment."""
         if not self.stated.starts:
             return []
@@ -304,7 +312,7 @@ class _Reading:
         ]
 
 
-def _blocks(borders: Sequence[int], n: int) -> tuple[Index | None, tuple[str, ...]]:
+def _blocks(borders: Sequence[int], n: int) -> tuple[RowNumbers | None, tuple[str, ...]]:
     """Return the block of each of `n` rows, which some borders part, and the names of the blocks."""
     inner = sorted({k for k in borders if 0 < k < n})
     if not inner:
@@ -317,9 +325,9 @@ class _Sound(NamedTuple):
     """Cells of the sound rows by column, their places in the file, the lines left out, and the blocks."""
 
     cells: list[list[str]]
-    places: Index
+    places: RowNumbers
     left_out: list[LeftOut]
-    parts: Index | None
+    parts: RowNumbers | None
     part_names: tuple[str, ...]
 
 
@@ -410,7 +418,7 @@ def _is_number(cell: str, *, decimal: str) -> bool:
         return True
     if not any(sign.isdigit() for sign in cell):
         return False
-    if _GROUPED[decimal].fullmatch(cell) or TIMES.fullmatch(cell):
+    if _GROUPED[decimal].fullmatch(cell) or MOMENT_PATTERN.fullmatch(cell):
         return True
     number = _NUMBER[decimal].match(cell)
     return number is not None and _is_unit(cell[number.end() :])

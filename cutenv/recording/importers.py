@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,7 +22,7 @@ from cutenv.recording.cut_detection import STANDARD, CutSearch, FoundCut, contac
 from cutenv.recording.files import load
 from cutenv.recording.mapped_columns import MappedReadings, RecordRows
 from cutenv.recording.named_columns import LeftOut, NamedColumns
-from cutenv.recording.proposal import Proposal, proposal
+from cutenv.recording.proposal import Proposal, Question, proposal
 from cutenv.recording.ros_bag import BAGS, bag_table
 from cutenv.recording.schema import RecordError
 from cutenv.trace import Trace
@@ -57,6 +58,10 @@ class Imported:
         Headers of the columns that `mapping` does not name.
     left_out : tuple of LeftOut
         Rows of the file that are in no record, with their number.
+    questions : tuple of Question
+        What the file leaves open, where a proposed answer was taken.
+    assumed : tuple of str
+        Those of the notes that no reader may miss: what was assumed, interpolated, sorted, or parted.
     """
 
     path: Path
@@ -69,6 +74,8 @@ class Imported:
     notes: tuple[str, ...]
     unused: tuple[str, ...] = ()
     left_out: tuple[LeftOut, ...] = ()
+    questions: tuple[Question, ...] = ()
+    assumed: tuple[str, ...] = ()
 
     @property
     def sound(self) -> tuple[Trace, ...]:
@@ -126,8 +133,7 @@ def read_record(
         If the format's library is not installed; the message gives the pip command.
     """
     path = Path(path)
-    own_bag = path.suffix.lower() == ".mcap" and mcap_file.holds_cuts(path)
-    is_mapped = path.suffix.lower() not in _NAMED_INSIDE and not own_bag
+    is_mapped = _may_be_mapped(path)
     if mapping is not None:
         if is_mapped:
             return load_foreign(path, mapping, search=search)
@@ -199,8 +205,13 @@ def load_foreign(
     return imported(table, mapping, search)
 
 
-def look_at(path: str | os.PathLike[str], mapping: ColumnMap | None = None) -> tuple[Imported, Proposal]:
-    """Read a foreign file by a mapping or, without one, by the proposal that is made of the file.
+def look_at(
+    path: str | os.PathLike[str], mapping: ColumnMap | None = None, answers: Mapping[str, str] | None = None
+) -> Imported:
+    """Read any record as it is understood, before anybody scores it.
+
+    A record of this package is read as it is. Any other file is read by `mapping`, by the one that was saved beside it,
+    or by the proposal that is made of its own statements; the questions that these leave open are among the result.
 
     Parameters
     ----------
@@ -208,29 +219,45 @@ def look_at(path: str | os.PathLike[str], mapping: ColumnMap | None = None) -> t
         Path of the file.
     mapping : ColumnMap, optional
         Mapping of its columns.
+    answers : mapping, optional
+        Items of the mapping that a person gave as answers: ``{"unit": "mN"}``.
 
     Returns
     -------
-    imported : Imported
-        Records and cuts.
-    asked : Proposal
-        Mapping that was proposed, with the questions whose proposed answers were taken.
+    Imported
+        Its `questions` are those whose proposed answers were taken.
 
     Raises
     ------
+    OpenQuestions
+        If the file leaves a question open that has no likeliest answer.
     RecordError
-        If the file cannot be read, or it leaves a question open that has no likeliest answer.
+        If the file cannot be read: names place, reason and cure.
     OSError
         If the file cannot be opened.
     """
     path = Path(path)
-    table = _foreign_table(path, mapping)
-    found = proposal(table) if mapping is None else Proposal(items={})
-    chosen = mapping or found.mapping
-    if chosen is None:
+    if mapping is not None:
+        return read_record(path, mapping)
+    if not _may_be_mapped(path) or is_own(path):
+        return read_record(path)
+    kept = path.parent / MAP_FILE
+    if answers is None and kept.is_file():
+        try:
+            return read_record(path)
+        except RecordError:
+            note = f"the columns kept in {kept} do not fit this file."
+    else:
+        note = ""
+    table = _foreign_table(path)
+    found = proposal(table)
+    if answers:
+        found = found.answered(answers)
+    if found.mapping is None:
         raise OpenQuestions(path, found)
-    table = _foreign_table(path, chosen) if mapping is None and path.suffix.lower() in BAGS else table
-    return imported(table, chosen), found
+    table = _foreign_table(path, found.mapping) if path.suffix.lower() in BAGS else table
+    understood = imported(table, found.mapping)
+    return dataclasses.replace(understood, questions=found.questions, notes=(*understood.notes, *[note] * bool(note)))
 
 
 class OpenQuestions(RecordError):
@@ -270,9 +297,16 @@ def imported(table: NamedColumns, mapping: ColumnMap, search: CutSearch | None =
         traces=tuple(trace for trace, _ in parts),
         flaws=tuple(found_flaws for _, found_flaws in parts),
         notes=(f"{table.path.name}: {table}.", *map(str, readings.left_out), *readings.notes, *told),
+        assumed=tuple(readings.notes),
         unused=_unused(table, mapping),
         left_out=tuple(readings.left_out),
     )
+
+
+def _may_be_mapped(path: Path) -> bool:
+    """Return whether a file is text or a bag of another program, by its suffix and its beginning."""
+    own_bag = path.suffix.lower() == ".mcap" and mcap_file.holds_cuts(path)
+    return path.suffix.lower() not in _NAMED_INSIDE and not own_bag
 
 
 def _foreign_table(path: Path, mapping: ColumnMap | None = None) -> NamedColumns:

@@ -6,13 +6,13 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from cutenv.recording.cell_values import NUMBERS, cell_values
+from cutenv.recording.cell_values import NUMBER_PATTERNS, cell_values
 from cutenv.recording.stated_units import known_spelling
 
 _END = "***End_of_Header***"
 _LABCHART = ("Interval=", "ExcelDateTime=", "TimeFormat=", "DateFormat=", "ChannelTitle=", "Range=", "UnitName=",
              "TopValue=", "BottomValue=", "BlockName=")  # fmt: skip
-_NUMBER = NUMBERS["."].replace(r"\.", "[.,]")
+_NUMBER = NUMBER_PATTERNS["."].replace(r"\.", "[.,]")
 _RATE = re.compile(
     r"(?:sampl\w*[ _.-]*(?:rate|freq\w*)|samplerate|samples?[ _]per[ _]second|abtast(?:rate|frequenz)|"
     r"messrate|data ?rate|scan rate|acquisition rate|frequency|fs|rate)\b[^\d\n]{0,14}?"

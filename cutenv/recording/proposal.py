@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shlex
 import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -11,10 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cutenv._base.arrays import Array
-from cutenv.recording.column_map import ColumnMap
+from cutenv.recording.column_map import ColumnMap, options_text
 from cutenv.recording.mapped_columns import assumed_unit
 from cutenv.recording.named_columns import NamedColumns, bare_name, column_stem
-from cutenv.recording.plausible_units import FASTEST, SLOWEST, time_units, usual_step, way_units
+from cutenv.recording.plausible_units import GREATEST_RATE, LEAST_RATE, time_units, usual_step, way_units
 from cutenv.recording.schema import UNITS, RecordError
 from cutenv.recording.stated_units import known_spelling
 
@@ -60,7 +59,7 @@ _FEWEST = 20  # readings in which a sign or the only rising column shows
 
 @dataclass(frozen=True, kw_only=True)
 class Question:
-    """What a file leaves open, with the answers among which a person chooses.
+    """Question that a file leaves open, with the answers among which a person chooses.
 
     Attributes
     ----------
@@ -108,19 +107,24 @@ class Proposal:
         fields = [f"{name}={text}" for name, text in self.items.items() if name != "unit"]
         return ColumnMap.parse(fields, unit=self.items.get("unit"))
 
-    def answered(self, question: Question, items: Mapping[str, str]) -> Proposal:
-        """Return the proposal with a question answered by some items."""
-        rest = tuple(each for each in self.questions if each is not question)
+    def answered(self, items: Mapping[str, str]) -> Proposal:
+        """Return the proposal with some items set, and without the questions that they answer."""
         both = {**self.items, **items}
-        if "[" in both.get("force", "") and both.get("unit"):
-            both.pop("unit")
+        if "rate" in items:
+            both.pop("time", None)
+        rest = tuple(
+            each
+            for each in self.questions
+            if not (
+                any(set(answer) <= set(items) for _, answer in each.choices)
+                or (each.about == "rate" and ("rate" in items or "time" in items))
+            )
+        )
         return replace(self, items=both, questions=rest)
 
     def __str__(self) -> str:
         """Options of a command line, such as ``--map time=t force=F --unit N``."""
-        fields = [shlex.quote(f"{name}={text}") for name, text in self.items.items() if name != "unit"]
-        unit = f" --unit {self.items['unit']}" if "unit" in self.items else ""
-        return f"--map {' '.join(fields)}{unit}"
+        return options_text(self.items)
 
 
 def proposal(table: NamedColumns) -> Proposal:
@@ -165,10 +169,7 @@ class _Columns:
         force = self.ask_force(forces)
         position = self.ask_position([k for k in ways if k not in (time, *forces)], force)
         self.add_others((time, force, position))
-        order = ("time", "rate", "force", "position", "angle", "depth", "unit")
-        return Proposal(
-            items={name: self.items[name] for name in order if name in self.items}, questions=tuple(self.questions)
-        )
+        return Proposal(items=self.items, questions=tuple(self.questions))
 
     def quantity(self, k: int) -> str:
         """Return the quantity of a column's stated unit, "" if none is stated, "unknown" if it is not known."""
@@ -298,7 +299,7 @@ class _Columns:
             self.items["time"] = name
             unit = self.table.unit(time, "time") or "s"
             rate = self.rate(time, unit)
-            if not SLOWEST <= rate <= FASTEST:
+            if not LEAST_RATE <= rate <= GREATEST_RATE:
                 others = [other for other in time_units(replace(cells, unit="")) if other != unit]
                 text = f"Its times in {unit} make {rate:.3g} readings a second. Correct the unit in the header"
                 text += f"; in {others[0]} they would make {self.rate(time, others[0]):.4g}." if others else "."
@@ -331,7 +332,7 @@ class _Columns:
         """Return the readings a second of a column of times in a unit [Hz]; 0 if there is no step."""
         step = usual_step(self.cells[time].values) * UNITS["time"][unit]
         if len(self.table) < _FEWEST:
-            return SLOWEST
+            return LEAST_RATE
         return 1.0 / step if step else 0.0
 
     def ask_force(self, forces: list[int]) -> int:

@@ -8,17 +8,21 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from cutenv.recording.cell_values import NUMBERS, TIMES
+from cutenv.recording.cell_values import MOMENT_PATTERN, NUMBER_PATTERNS
 from cutenv.recording.schema import UTF_16, RecordError, check_beginning
 
 _PAIR = re.compile(
-    rf"(?P<key>[^\W\d][\w ./\[\]()-]*?|\"[^\"]+\")\s*[:=]\s*(?P<value>{NUMBERS['.']}|nan|-?inf)\s*"
+    rf"(?P<key>[^\W\d][\w ./\[\]()-]*?|\"[^\"]+\")\s*[:=]\s*(?P<value>{NUMBER_PATTERNS['.']}|nan|-?inf)\s*"
     r"(?P<unit>[^\W\d]+(?:/\w+)?|%|\u00b0)?(?=[\s,;|}]|$)",
     re.IGNORECASE,
 )
 _ARROW = re.compile(r"\s*(\S+(?: \S+)?)\s*->\s?(.*?)\s*")
-_LOGGED = re.compile(rf"\W*({TIMES.pattern})\W+(?:[A-Z]{{3,8}}\W+)?(.*)")  # a time in front of what a logger wrote
-_BESIDE = re.compile(rf"\s*(?:[+-]?{NUMBERS['.']}\s+[^\W\d]+(?:\s+|$))+")  # numbers with their units behind them
+_LOGGED = re.compile(
+    rf"\W*({MOMENT_PATTERN.pattern})\W+(?:[A-Z]{{3,8}}\W+)?(.*)"
+)  # a time in front of what a logger wrote
+_BESIDE = re.compile(
+    rf"\s*(?:[+-]?{NUMBER_PATTERNS['.']}\s+[^\W\d]+(?:\s+|$))+"
+)  # numbers with their units behind them
 _FEWEST_PAIRS = 0.8  # share of the lines that are pairs, in a file of pairs
 
 
@@ -111,7 +115,7 @@ def _arrows(lines: Sequence[str], form: re.Pattern[str]) -> Tabled | None:
     """Part the time in front of each line, as Arduino's serial monitor and loggers put it there, from the rest."""
     parted = [(i, found) for i, line in enumerate(lines, 1) if (found := form.fullmatch(line))]
     clocks = [found[1] for _, found in parted]
-    if not TIMES.fullmatch(clocks[len(clocks) // 2]):
+    if not MOMENT_PATTERN.fullmatch(clocks[len(clocks) // 2]):
         return None
     written = [found[form.groups] for _, found in parted]
     inner = tabled(written)
@@ -124,7 +128,7 @@ def _arrows(lines: Sequence[str], form: re.Pattern[str]) -> Tabled | None:
     for cells in split:
         counts[len(cells)] = counts.get(len(cells), 0) + 1
     usual = max(counts, key=lambda length: counts[length])
-    number = re.compile(NUMBERS["."])
+    number = re.compile(NUMBER_PATTERNS["."])
     good = [k for k, cells in enumerate(split) if len(cells) == usual and all(number.fullmatch(cell) for cell in cells)]
     if not good:
         return None
