@@ -50,6 +50,7 @@ _ZONE = r"(?:\s*(?:Z|UTC|GMT|[A-Z]{2,4}T|(?P<zone>[+-]\d{2}:?\d{2})))?(?:\[[\w/]
 _MOMENTS = (
     re.compile(rf"(?:{_DATE}(?:[T ,;_-]+|\s+)(?:at )?)?{_CLOCK}{_ZONE}"),
     re.compile(rf"(?P<date>\d{{8}})[T _-]{_COMPACT}{_ZONE}"),
+    re.compile(rf"(?:[A-Z][a-z]{{2}},? +)?(?P<date>[A-Z][a-z]{{2}} +\d{{1,2}}),? +{_CLOCK}(?: +\d{{4}})?"),
     re.compile(rf"(?:(?P<days>-?\d+) days?,? )(?:\+?){_CLOCK}"),
 )
 MOMENT_PATTERN = re.compile("|".join(re.sub(r"\?P<\w+>", "", pattern.pattern) for pattern in _MOMENTS))
@@ -277,6 +278,8 @@ def _day(date: str, *, day_first: bool) -> int:
     parts = [part for part in re.split(r"[-/., ]+", date) if part]
     if len(parts) == 1:
         parts = [date[:4], date[4:6], date[6:]]
+    if len(parts) == 2:  # in some year
+        parts.append("2000")
     if parts[0].isalpha():
         parts = [parts[1], parts[0], parts[2]]
     if len(parts[0]) == 4:

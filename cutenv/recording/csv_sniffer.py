@@ -51,6 +51,7 @@ _GROUPED = {
     ".": re.compile(r"[+-]?[1-9]\d{0,2}(?:[, '\u2019\u00a0\u202f\u2009]\d{3})+(?:\.\d*)?"),
     ",": re.compile(r"[+-]?[1-9]\d{0,2}(?:[. '\u2019\u00a0\u202f\u2009]\d{3})+(?:,\d*)?"),
 }
+_RUN = 5  # rows below one another that begin a table
 _FEWEST_NUMBERS = 0.25  # share of the filled cells that are numbers, in a table
 _COMMON = 0.05  # share of the rows above which a length or a gap is the file's habit, not damage
 
@@ -170,8 +171,20 @@ class _Reading:
                 good or i >= len(cells) or MISSING.fullmatch(cells[i]) for good, i in zip(found, numeric, strict=True)
             )
 
-        first = next((k for k, i in enumerate(self.written) if holds_numbers(self.lines[i])), None)
+        first = self._first(holds_numbers)
         return None if first is None else _Rows(dialect, length, numeric, first, n_numbers / n_filled)
+
+    def _first(self, holds_numbers: Callable[[str], bool]) -> int | None:
+        """Return the place of the first row: of the first of a run, for a table of results may stand above."""
+        anywhere = None
+        for k, i in enumerate(self.written):
+            if not holds_numbers(self.lines[i]):
+                continue
+            anywhere = k if anywhere is None else anywhere
+            run = [self.lines[j] for j in self.written[k + 1 : k + _RUN]]
+            if all(map(holds_numbers, run)):
+                return k
+        return anywhere
 
     def _decimal_sign(self, rows: _Rows) -> str:
         here = [self.lines[i] for i in self.written[rows.first :]]
@@ -347,7 +360,7 @@ class _LineJudge:
     def __init__(self, rows: _Rows, header: _Header, shortest: int, wordy: set[int]) -> None:
         self.rows, self.shortest, self.wordy = rows, shortest, wordy
         self.number = functools.partial(_is_number, decimal=rows.dialect.decimal)
-        self.names = {_bare(cell) for cell in header.names if cell} | {_bare(cell) for cell in header.units if cell}
+        self.heads = [[_bare(cell) for cell in cells[: rows.length]] for cells in (header.names, header.units)]
 
     def kind(self, cells: list[str]) -> str:
         """Return "row", "incomplete", or one of the reasons for which a line is none."""
@@ -377,7 +390,8 @@ class _LineJudge:
         filled = [cell for cell in cells if cell]
         if all(MISSING.fullmatch(cell) for cell in filled):
             return "row" if len(cells) >= self.shortest else "incomplete"
-        if all(_bare(cell) in self.names for cell in filled):
+        bare = [_bare(cell) for cell in cells[: self.rows.length]]
+        if any(head[: len(bare)] == bare for head in self.heads):
             return "header"
         wide = len(filled) >= max(2, self.shortest - 1) and not any(map(self.number, filled))
         return "other header" if wide and not all(map(_is_unit, filled)) else "text"

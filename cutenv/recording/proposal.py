@@ -53,6 +53,7 @@ _DERIVED = {
 }
 _WANTED = {"commanded", "command", "cmd", "target", "setpoint", "soll", "desired", "reference", "demand", "peak", "min"}
 _OTHER_FORCE_UNITS = ("N", "mN", "kN", "gf", "kgf", "lbf", "1")
+_FEWEST_TICKS = 4  # different times of a coarse clock that show its step
 _USUAL_FORCE = (0.02, 500.0)  # [N]
 _FEWEST = 20  # readings in which a sign or the only rising column shows
 
@@ -157,7 +158,7 @@ class _Columns:
         ways = self.ways(time, forces)
         if not forces:
             forces = self.unnamed_forces(time, ways)
-        if not forces and time is not None and not ways:  # one column is left for time and force: force needs one
+        if not forces and time is not None and not ways and not self.quantity(time):  # force needs the one column
             forces, time = [time], None
         if not forces:
             names = ", ".join(self.table.header(k) for k in range(self.n))
@@ -222,7 +223,7 @@ class _Columns:
             if not self.rises(k) and len(values) > 2:
                 continue
             distinct = len(np.unique(values)) / len(values)
-            if distinct * len(values) < max(3, 0.01 * len(values)) and len(values) >= _FEWEST:
+            if distinct * len(values) < _FEWEST_TICKS and len(values) >= _FEWEST:
                 continue
             rank = 2.0 * (distinct > 0.9) + distinct + (0.4 if quantity == "time" else 0.2 if dated else 0.0)
             ranked.append((rank, -k))
@@ -456,6 +457,7 @@ class _Columns:
         """Set the position, counted away from the clamp; ask for it and its unit if the file leaves them open."""
         moving = [k for k in ways if np.ptp(self.known(k)) > 0.0]
         if not moving:
+            self.ask_unknown_way(force)
             return None
         chosen = moving[0]
         first = self.rank_of(chosen)
@@ -490,6 +492,21 @@ class _Columns:
                 )
             )
         return chosen
+
+    def ask_unknown_way(self, force: int) -> None:
+        """Ask for the unit of a position that states one which nobody knows."""
+        for k in range(self.n):
+            if k == force or not self.filled[k] or self.quantity(k) != "unknown" or self.words[k] == ["x", "value"]:
+                continue
+            if not set(_WAYS).intersection(self.words[k]) or _DERIVED.intersection(self.words[k]):
+                continue
+            name, said = self.name(k), self.table.stated(k)
+            choices = [(f"{unit}", {"position": f"{name}[{unit}]"}) for unit in ("mm", "cm", "m", "um", "in")]
+            text = f"The position {self.table.header(k)!r} is in {said!r}, which is no known unit. In which is it?"
+            self.questions.append(
+                Question(about="position", text=text, choices=(("left out", {}), *choices), proposed=0)
+            )
+            return
 
     def rank_of(self, k: int) -> int:
         """Return the place of a column's name among those of ways; one that is only wanted comes last."""
