@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import lab_clocks
+import lab_harder
 import lab_loggers
 import lab_machines
 import lab_variants
 from lab_cut import FORMATS, LabFormat, Truth
 
-__all__ = ["FORMATS", "LabFormat", "Truth", "lab_clocks", "lab_loggers", "lab_machines", "lab_variants"]
+__all__ = ["FORMATS", "LabFormat", "Truth", "lab_clocks", "lab_harder", "lab_loggers", "lab_machines", "lab_variants"]

@@ -23,21 +23,21 @@ from lab_cut import (
     table,
 )
 
-add("tab_cap.txt", "variant", "", ["TIME\tFORCE\tPOSITION", "S\tN\tMM", *table([T, F, X], "\t")])
+add("tab_cap.txt", "people and programs", "tab cap", ["TIME\tFORCE\tPOSITION", "S\tN\tMM", *table([T, F, X], "\t")])
 add(
     "blanks_units.txt",
-    "variant",
-    "",
+    "people and programs",
+    "blanks units",
     [
         "  Time (s)    Load (N)    Crosshead Position (mm)",
         *table([(TIME, "%10.4f"), (FORCE, "%10.5f"), (WAY, "%10.4f")], " "),
     ],
 )
-add("semi_point.csv", "variant", "", ["Zeit in s;Kraft in N;Weg in mm", *table([T, F, X], ";")])
+add("semi_point.csv", "people and programs", "semi point", ["Zeit in s;Kraft in N;Weg in mm", *table([T, F, X], ";")])
 add(
     "thou_space.csv",
-    "variant",
-    "",
+    "people and programs",
+    "thou space",
     [
         "t [ms];F [mN];x [um]",
         *(
@@ -48,8 +48,8 @@ add(
 )
 add(
     "thou_dot.csv",
-    "variant",
-    "",
+    "people and programs",
+    "thou dot",
     [
         "t [ms];F [mN];x [um]",
         *(
@@ -60,8 +60,8 @@ add(
 )
 add(
     "thou_dot_whole.csv",
-    "variant",
-    "",
+    "people and programs",
+    "thou dot whole",
     [
         "t [ms];F [mN];x [um]",
         *(
@@ -72,8 +72,8 @@ add(
 )
 add(
     "thou_apos.csv",
-    "variant",
-    "",
+    "people and programs",
+    "thou apos",
     [
         "t [ms];F [mN]",
         *(f"{1e3 * t:.0f};{1e3 * f:,.1f}".replace(",", "'") for t, f, x in zip(TIME, FORCE, WAY, strict=True)),
@@ -82,32 +82,37 @@ add(
 )
 add(
     "thou_time.csv",
-    "variant",
-    "",
+    "people and programs",
+    "thou time",
     ['"t (ms)","F (mN)"', *(f'"{1e3 * t:,.0f}","{1e3 * f:,.2f}"' for t, f, x in zip(TIME, FORCE, WAY, strict=True))],
     truth=FORCE_ALONE,
 )
-add("quoted_all.csv", "variant", "", ['"Time (s)","Force (N)","Disp. (mm)"', *table([T, F, X], quote='"')])
-add("trailing.csv", "variant", "", ["Time (s),Force (N),Disp. (mm),", *(r + "," for r in STANDARD)])
+add(
+    "quoted_all.csv",
+    "people and programs",
+    "quoted all",
+    ['"Time (s)","Force (N)","Disp. (mm)"', *table([T, F, X], quote='"')],
+)
+add("trailing.csv", "people and programs", "trailing", ["Time (s),Force (N),Disp. (mm),", *(r + "," for r in STANDARD)])
 add(
     "kv_units_hdr.txt",
-    "variant",
-    "",
+    "people and programs",
+    "kv units hdr",
     ["Force unit: N", "Position unit: mm", "Time unit: s", "", "Time\tForce\tPosition", *table([T, F, X], "\t")],
     asks=1,
 )
-add("pos_m.csv", "variant", "", ["time,force,position", *table([T, F, (WAY / 1e3, "%.6f")])], asks=1)
-add("cm.csv", "variant", "", ["time [s],force [N],position [cm]", *table([T, F, (WAY / 10, "%.5f")])])
+add("pos_m.csv", "people and programs", "pos m", ["time,force,position", *table([T, F, (WAY / 1e3, "%.6f")])], asks=1)
+add("cm.csv", "people and programs", "cm", ["time [s],force [N],position [cm]", *table([T, F, (WAY / 10, "%.5f")])])
 add(
     "ft.csv",
-    "variant",
-    "",
+    "people and programs",
+    "ft",
     ["time [s],force [lbf],position [ft]", *table([T, (FORCE / 4.4482216, "%.6f"), (WAY / 304.8, "%.7f")])],
 )
 add(
     "lbs.csv",
-    "variant",
-    "",
+    "people and programs",
+    "lbs",
     [
         "Elapsed Time (sec),Load (lbs),Extension (inches)",
         *table([T, (FORCE / 4.4482216, "%.6f"), (WAY / 25.4, "%.6f")]),
@@ -115,25 +120,36 @@ add(
 )
 add(
     "kgf.csv",
-    "variant",
-    "",
+    "people and programs",
+    "kgf",
     [
         "No.,Time(s),Load(kgf),Stroke(mm)",
         *(f"{k + 1},{r}" for k, r in enumerate(table([T, (FORCE / 9.80665, "%.6f"), X]))),
     ],
 )
-add("ozf.csv", "variant", "", ["Time (s),Load (ozf)", *table([T, (FORCE / 0.27801385, "%.6f")])], truth=FORCE_ALONE)
-add("us.csv", "variant", "", ["micros,force_mN,pos_um", *table([(1e6 * TIME, "%d"), MILLINEWTONS, MICRO_X])])
+add(
+    "ozf.csv",
+    "people and programs",
+    "ozf",
+    ["Time (s),Load (ozf)", *table([T, (FORCE / 0.27801385, "%.6f")])],
+    truth=FORCE_ALONE,
+)
+add(
+    "us.csv",
+    "people and programs",
+    "us",
+    ["micros,force_mN,pos_um", *table([(1e6 * TIME, "%d"), MILLINEWTONS, MICRO_X])],
+)
 add(
     "ms_float.csv",
-    "variant",
-    "",
+    "people and programs",
+    "ms float",
     ["Timestamp (ms),Force (mN),Position (mm)", *table([(1e3 * TIME, "%.1f"), MILLINEWTONS, X])],
 )
 add(
     "iso_plus.csv",
-    "variant",
-    "",
+    "people and programs",
+    "iso plus",
     [
         "time,F [N]",
         *(f"{at(t).isoformat(timespec='microseconds')}+01:00,{f:.4f}" for t, f in zip(TIME, FORCE, strict=True)),
@@ -142,8 +158,8 @@ add(
 )
 add(
     "iso_space.csv",
-    "variant",
-    "",
+    "people and programs",
+    "iso space",
     [
         "time;F [N]",
         *(
@@ -155,8 +171,8 @@ add(
 )
 add(
     "us_date.csv",
-    "variant",
-    "",
+    "people and programs",
+    "us date",
     [
         "time,F [N]",
         *(f"{at(t).strftime('%m/%d/%Y %I:%M:%S.%f %p')},{f:.4f}" for t, f in zip(TIME, FORCE, strict=True)),
@@ -165,8 +181,8 @@ add(
 )
 add(
     "clock_only_ms.csv",
-    "variant",
-    "",
+    "people and programs",
+    "clock only ms",
     [
         "Uhrzeit\tKraft[N]",
         *(f"{at(t).strftime('%H:%M:%S,%f')[:-3]}\t{f:.4f}".replace(".", ",") for t, f in zip(TIME, FORCE, strict=True)),
@@ -175,41 +191,53 @@ add(
 )
 add(
     "clock_sec_ms.csv",
-    "variant",
-    "",
+    "people and programs",
+    "clock sec ms",
     [
         "Time,Millis,Force (N)",
         *(f"{at(t).strftime('%H:%M:%S')},{round(t * 1000) % 1000},{f:.4f}" for t, f in zip(TIME, FORCE, strict=True)),
     ],
     truth=FORCE_ALONE,
 )
-add("sample_rate_hdr.csv", "variant", "", ["Sample Rate: 200 Hz", "", "Force [N],Displacement [mm]", *table([F, X])])
+add(
+    "sample_rate_hdr.csv",
+    "people and programs",
+    "sample rate hdr",
+    ["Sample Rate: 200 Hz", "", "Force [N],Displacement [mm]", *table([F, X])],
+)
 add(
     "rate_hash.csv",
-    "variant",
-    "",
+    "people and programs",
+    "rate hash",
     ["# fs = 200", "# channels: force (N), position (mm)", "force_N;position_mm", *table([F, X], ";")],
 )
-add("abtast.csv", "variant", "", ["Abtastrate;200 Hz", "Kraft [N];Weg [mm]", *table([F, X], ";", ",")])
-add("dt.csv", "variant", "", ["dt;0,005 s", "Kraft [N];Weg [mm]", *table([F, X], ";", ",")])
+add(
+    "abtast.csv", "people and programs", "abtast", ["Abtastrate;200 Hz", "Kraft [N];Weg [mm]", *table([F, X], ";", ",")]
+)
+add("dt.csv", "people and programs", "dt", ["dt;0,005 s", "Kraft [N];Weg [mm]", *table([F, X], ";", ",")])
 add(
     "index_rate.csv",
-    "variant",
-    "",
+    "people and programs",
+    "index rate",
     ["Sampling interval (ms): 5", "Sample,Force (N),Position (mm)", *(f"{k},{r}" for k, r in enumerate(table([F, X])))],
 )
-add("neg_pull.csv", "variant", "", ["Time (s),Force (N),Position (mm)", *table([T, (-FORCE, "%.5f"), X])])
+add(
+    "neg_pull.csv",
+    "people and programs",
+    "neg pull",
+    ["Time (s),Force (N),Position (mm)", *table([T, (-FORCE, "%.5f"), X])],
+)
 add(
     "offset.csv",
-    "variant",
-    "",
+    "people and programs",
+    "offset",
     ["Time (s),Force (N),Position (mm)", *table([T, (FORCE + 2.5, "%.5f"), X])],
     truth=(Truth(peak_N=5.63),),
 )
 add(
     "six.csv",
-    "variant",
-    "",
+    "people and programs",
+    "six",
     [
         "time,Fx,Fy,Fz,Tx,Ty,Tz",
         *table(
@@ -229,8 +257,8 @@ add(
 )
 add(
     "six_units.csv",
-    "variant",
-    "",
+    "people and programs",
+    "six units",
     [
         "Time (s),Fx (N),Fy (N),Fz (N),Tx (Nmm),Ty (Nmm),Tz (Nmm)",
         *table(
@@ -248,7 +276,12 @@ add(
     truth=FORCE_ALONE,
     asks=1,
 )
-add("pose.csv", "variant", "", ["t_s,fx_N,x_mm,y_mm,z_mm", *table([T, F, X, (0 * WAY, "%.3f"), (0 * WAY + 5, "%.3f")])])
+add(
+    "pose.csv",
+    "people and programs",
+    "pose",
+    ["t_s,fx_N,x_mm,y_mm,z_mm", *table([T, F, X, (0 * WAY, "%.3f"), (0 * WAY + 5, "%.3f")])],
+)
 add(
     "sto.sto",
     "",
@@ -267,29 +300,29 @@ add(
 )
 add(
     "tdms_txt.txt",
-    "variant",
-    "",
+    "people and programs",
+    "tdms txt",
     ["Root Name\tTitle", "cut\t", "", "Group\tChannel", "", "Time*\tForce*", "s\tN", *table([T, F], "\t")],
     truth=FORCE_ALONE,
 )
 add(
     "markdown.md",
-    "variant",
-    "",
+    "people and programs",
+    "markdown",
     ["| t [s] | F [N] | x [mm] |", "| --- | --- | --- |", *(f"| {r} |" for r in table([T, F, X], " | "))],
 )
-add("jsonarr.txt", "variant", "", [f"[{r}]" for r in table([T, F, X], ", ")], asks=1)
+add("jsonarr.txt", "people and programs", "jsonarr", [f"[{r}]" for r in table([T, F, X], ", ")], asks=1)
 add(
     "py_log.txt",
-    "variant",
-    "",
+    "people and programs",
+    "py log",
     [f"INFO: time={t:.3f} force={f:.4f} pos={x:.3f}" for t, f, x in zip(TIME, FORCE, WAY, strict=True)],
     asks=1,
 )
 add(
     "dewesoft.txt",
-    "variant",
-    "",
+    "people and programs",
+    "dewesoft",
     [
         "Data1",
         "",
@@ -303,8 +336,8 @@ add(
 )
 add(
     "itx.itx",
-    "variant",
-    "",
+    "people and programs",
+    "itx",
     [
         "IGOR",
         "WAVES/D\ttime_s\tforce_N",
@@ -318,8 +351,8 @@ add(
 )
 add(
     "octave.txt",
-    "variant",
-    "",
+    "people and programs",
+    "octave",
     [
         "# Created by Octave 8.4",
         "# name: data",
@@ -334,8 +367,8 @@ add(
 )
 add(
     "nan_pos.csv",
-    "variant",
-    "",
+    "people and programs",
+    "nan pos",
     [
         "t [s],F [N],x [mm]",
         *(
@@ -346,8 +379,8 @@ add(
 )
 add(
     "text_col.csv",
-    "variant",
-    "",
+    "people and programs",
+    "text col",
     [
         "t [s],state,F [N],x [mm]",
         *(
@@ -358,8 +391,8 @@ add(
 )
 add(
     "trial_col.csv",
-    "variant",
-    "",
+    "people and programs",
+    "trial col",
     [
         "trial,t [s],F [N],x [mm]",
         *(f"1,{r}" for r in STANDARD),
@@ -369,8 +402,8 @@ add(
 )
 add(
     "hdr_repeat_time0.csv",
-    "variant",
-    "",
+    "people and programs",
+    "hdr repeat time0",
     [
         "t [s],F [N],x [mm]",
         *STANDARD,
@@ -383,16 +416,21 @@ add(
 )
 add(
     "dup_time.csv",
-    "variant",
-    "",
+    "people and programs",
+    "dup time",
     ["t [s],F [N],x [mm]", *(r for k, row in enumerate(STANDARD) for r in ([row, row] if k in (5, 600) else [row]))],
     left_out=2,
 )
-add("late.csv", "variant", "", ["t [s],F [N],x [mm]", *STANDARD[:600], STANDARD[601], STANDARD[600], *STANDARD[602:]])
+add(
+    "late.csv",
+    "people and programs",
+    "late",
+    ["t [s],F [N],x [mm]", *STANDARD[:600], STANDARD[601], STANDARD[600], *STANDARD[602:]],
+)
 add(
     "trigger0.csv",
-    "variant",
-    "",
+    "people and programs",
+    "trigger0",
     [
         ",time,Fx,Fy",
         *(f"{k},0.0,{f:.4f},0.0" for k, f in enumerate(FORCE[:6])),
@@ -404,8 +442,8 @@ add(
 )
 add(
     "excel_time_frac.csv",
-    "variant",
-    "",
+    "people and programs",
+    "excel time frac",
     [
         "Time;Force [N]",
         *(f"{0.4244444 + t / 86400:.12f};{f:.4f}".replace(".", ",") for t, f in zip(TIME, FORCE, strict=True)),
@@ -414,15 +452,15 @@ add(
 )
 add(
     "degC.csv",
-    "variant",
-    "",
+    "people and programs",
+    "degC",
     ["Time (s),Temp (\u00b0C),Force (N),Position (mm)", *table([T, (0 * TIME + 21.3, "%.1f"), F, X])],
     encoding="cp1252",
 )
 add(
     "stress_first.csv",
-    "variant",
-    "",
+    "people and programs",
+    "stress first",
     [
         "Time (s),Stress (MPa),Strain (%),Load (N),Stroke (mm)",
         *table([T, (FORCE / 5, "%.4f"), (WAY / 3, "%.4f"), F, X]),
@@ -430,29 +468,34 @@ add(
 )
 add(
     "two_loads.csv",
-    "variant",
-    "",
+    "people and programs",
+    "two loads",
     ["Time (s),Load (N),Peak Load (N),Position (mm)", *table([T, F, (np.maximum.accumulate(FORCE), "%.5f"), X])],
 )
 add(
     "cmd_pos.csv",
-    "variant",
-    "",
+    "people and programs",
+    "cmd pos",
     ["time_s,force_N,commanded_position_mm,position_mm", *table([T, F, (WAY + 0.1, "%.4f"), X])],
 )
 add(
     "speed_first.csv",
-    "variant",
-    "",
+    "people and programs",
+    "speed first",
     ["Time [s];Speed [mm/min];Force [N];Travel [mm]", *table([T, (0 * TIME + 450, "%.1f"), F, X], ";", ",")],
 )
-add("utf8bom.csv", "variant", "", ["\ufeffTime (s),Force (N),Position (mm)", *STANDARD])
-add("mac.csv", "variant", "", ["Time (s),Force (N),Position (mm)", *STANDARD], newline="\r")
-add("spaces_sep.csv", "variant", "", ["Time (s), Force (N), Position (mm)", *(r.replace(",", ", ") for r in STANDARD)])
+add("utf8bom.csv", "people and programs", "utf8bom", ["\ufeffTime (s),Force (N),Position (mm)", *STANDARD])
+add("mac.csv", "people and programs", "mac", ["Time (s),Force (N),Position (mm)", *STANDARD], newline="\r")
+add(
+    "spaces_sep.csv",
+    "people and programs",
+    "spaces sep",
+    ["Time (s), Force (N), Position (mm)", *(r.replace(",", ", ") for r in STANDARD)],
+)
 add(
     "fixed.txt",
-    "variant",
-    "",
+    "people and programs",
+    "fixed",
     [
         "      time     force  position",
         "        s         N        mm",
@@ -461,41 +504,63 @@ add(
 )
 add(
     "winwedge.txt",
-    "variant",
-    "",
+    "people and programs",
+    "winwedge",
     [f"{t:8.3f} s  {f:+.3f} N" for t, f in zip(TIME, FORCE, strict=True)],
     truth=FORCE_ALONE,
     asks=0,
 )
 add(
     "gauge.txt",
-    "variant",
-    "",
+    "people and programs",
+    "gauge",
     [f"{at(t).strftime('%H:%M:%S.%f')[:-3]}, {f:+.3f} N" for t, f in zip(TIME, FORCE, strict=True)],
     truth=FORCE_ALONE,
 )
 add(
     "kN_small.csv",
-    "variant",
-    "",
+    "people and programs",
+    "kN small",
     ["Time;Force;Position", "[s];[kN];[mm]", *table([T, (FORCE / 1e3, "%.7f"), X], ";", ",")],
 )
 add(
     "units_below_paren.csv",
-    "variant",
-    "",
+    "people and programs",
+    "units below paren",
     ["Time,Load,Position", "(sec),(lbf),(in)", *table([T, (FORCE / 4.4482216, "%.6f"), (WAY / 25.4, "%.6f")])],
 )
-add("time_named_units.csv", "variant", "", ["Elapsed seconds,Force newtons,Travel millimeters", *STANDARD])
-add("dash_name.csv", "variant", "", ["time-s,force-N,position-mm", *STANDARD])
-add("camel.csv", "variant", "", ["timeMs,forceMn,positionMm", *table([(1e3 * TIME, "%d"), MILLINEWTONS, X])], asks=1)
-add("kraft_sensor.csv", "variant", "", ["Zeit;Kraftsensor 1;Wegsensor", "s;N;mm", *table([T, F, X], ";", ",")])
+add(
+    "time_named_units.csv",
+    "people and programs",
+    "time named units",
+    ["Elapsed seconds,Force newtons,Travel millimeters", *STANDARD],
+)
+add("dash_name.csv", "people and programs", "dash name", ["time-s,force-N,position-mm", *STANDARD])
+add(
+    "camel.csv",
+    "people and programs",
+    "camel",
+    ["timeMs,forceMn,positionMm", *table([(1e3 * TIME, "%d"), MILLINEWTONS, X])],
+    asks=1,
+)
+add(
+    "kraft_sensor.csv",
+    "people and programs",
+    "kraft sensor",
+    ["Zeit;Kraftsensor 1;Wegsensor", "s;N;mm", *table([T, F, X], ";", ",")],
+)
 add(
     "fr.csv",
-    "variant",
-    "",
+    "people and programs",
+    "fr",
     ["Temps (s);Force (N);D\u00e9placement (mm)", *table([T, F, X], ";", ",")],
     encoding="cp1252",
 )
-add("jp.csv", "variant", "", ["\u6642\u9593(s),\u8377\u91cd(N),\u5909\u4f4d(mm)", *STANDARD])
-add("cn_gbk.csv", "variant", "", ["\u65f6\u95f4(s),\u529b(N),\u4f4d\u79fb(mm)", *STANDARD], encoding="gbk")
+add("jp.csv", "people and programs", "jp", ["\u6642\u9593(s),\u8377\u91cd(N),\u5909\u4f4d(mm)", *STANDARD])
+add(
+    "cn_gbk.csv",
+    "people and programs",
+    "cn gbk",
+    ["\u65f6\u95f4(s),\u529b(N),\u4f4d\u79fb(mm)", *STANDARD],
+    encoding="gbk",
+)

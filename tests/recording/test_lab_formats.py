@@ -67,6 +67,32 @@ def test_the_map_of_the_message_reads_the_file_as_it_was_understood(given: LabFo
     ]
 
 
+@pytest.mark.parametrize(
+    ("lines", "why"),
+    [
+        (
+            ["Load cell test", "FT ground truth: [-0.79, 1.2] N", "measured 2.1 N at 3 mm after 4 s"] * 20,
+            "no (rows|table) of numbers",
+        ),
+        (
+            ["Time (s),Strain (%),Stress (MPa)", *(f"{k / 100},{k / 9:.3f},{k / 7:.3f}" for k in range(99))],
+            "can be a force",
+        ),
+        (
+            ["Time (s),Torque (Nm),Angle (deg)", *(f"{k / 100},{k / 9:.3f},{k / 7:.3f}" for k in range(99))],
+            "can be a force",
+        ),
+        (["t;F;x", *(f"{k};{k};{k}" for k in range(50)), "x;t;F", *(f"{k};{k};{k}" for k in range(70))], "other form"),
+    ],
+)
+def test_what_is_no_record_of_a_force_is_refused_without_a_map(lines: list[str], why: str, tmp_path: Path) -> None:
+    path = tmp_path / "file.txt"
+    path.write_text("\n".join(lines) + "\n")
+    with pytest.raises(RecordError, match=why) as caught:
+        look_at(path)
+    assert "--map" not in caught.value.reason
+
+
 def test_nine_of_ten_formats_are_right_with_at_most_one_question() -> None:
     readable = [each for each in FORMATS if each.readable]
     assert max(each.asks for each in FORMATS) <= 1
