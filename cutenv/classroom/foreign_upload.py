@@ -75,7 +75,7 @@ class Upload:
     guess: Mapping[str, str]
     """The form as it is guessed: columns by number from 1, and units where the header is silent."""
     questions: tuple[str, ...] = ()
-    """What the first such file leaves open, with the answer that the guess takes."""
+    """Questions that the first such file leaves open, with the answer that the guess takes."""
 
     def read(self, form: Mapping[str, str]) -> tuple[list[ReadCut], list[str], list[RecordPicture]]:
         """Read the files by a form of columns and units; return the cuts, notes on how they were read, and pictures.
