@@ -15,15 +15,16 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 import scipy.io
-from binary_formats import BINARY, ROS, ROWS, CompressionType, forces, ros2, stage, workbook
-from lab_formats import FORCE, RATE, TIME, WAY, N
+from lab_bags import ROS, CompressionType, forces, ros2, stage
+from lab_binary import ROWS, workbook
+from lab_cut import FORCE, FORMATS, RATE, TIME, WAY, N
 
 from cutenv import cli
 from cutenv.recording import ColumnMap, RecordError, load_foreign, read_record, save
 from cutenv.recording.foreign_files import SUFFIXES, foreign_columns
 from cutenv.recording.importers import look_at
 
-CONTENT = {each.name: each.content for each in BINARY}
+CONTENT = {each.name: each.content for each in FORMATS}
 
 
 def given(folder: Path, name: str) -> Path:

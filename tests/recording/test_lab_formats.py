@@ -7,15 +7,12 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
-from binary_formats import BINARY
-from lab_formats import FORMATS as TEXT
-from lab_formats import LabFormat
+from lab_formats import FORMATS, LabFormat
 
 from cutenv.recording import ColumnMap, RecordError
 from cutenv.recording.importers import Imported, OpenQuestions, load_foreign, look_at
 from cutenv.trace import Trace
 
-FORMATS = [*TEXT, *BINARY]
 NAMES = [each.name for each in FORMATS]
 
 
