@@ -15,14 +15,14 @@ from cutenv.measurement.measured_cut import SPECIMEN_KEY
 from cutenv.recording import ColumnMap, Imported, RecordError, read_record
 from cutenv.recording.column_map import MAP_FILE
 from cutenv.recording.files import FORMATS
-from cutenv.recording.foreign_files import PACKED, is_record_folder
-from cutenv.recording.foreign_files import SUFFIXES as FOREIGN
+from cutenv.recording.foreign_files import FOREIGN_SUFFIXES, PACKED, is_record_folder
 from cutenv.trace import Trace
 
 SUFFIXES = tuple(FORMATS)
 """Endings of this package's record files, which are looked for in a folder."""
 MAPPED_SUFFIXES = (
-    ".txt", ".tsv", ".dat", ".asc", ".lvm", ".tra", ".log", ".prn", ".out", ".json", ".jsonl", ".sto", ".mot", *FOREIGN
+    ".txt", ".tsv", ".dat", ".asc", ".lvm", ".tra", ".log", ".prn", ".out", ".json", ".jsonl", ".sto", ".mot",
+    *FOREIGN_SUFFIXES,
 )  # fmt: skip
 """Endings of other programs' files, which are looked for, too, where a mapping is given or kept."""
 

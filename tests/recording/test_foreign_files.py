@@ -21,7 +21,7 @@ from lab_cut import FORCE, FORMATS, RATE, TIME, WAY, N
 
 from cutenv import cli
 from cutenv.recording import ColumnMap, RecordError, load_foreign, read_record, save
-from cutenv.recording.foreign_files import SUFFIXES, foreign_columns
+from cutenv.recording.foreign_files import FOREIGN_SUFFIXES, foreign_columns
 from cutenv.recording.importers import look_at
 
 CONTENT = {each.name: each.content for each in FORMATS}
@@ -317,4 +317,4 @@ def test_a_record_of_ours_keeps_its_names_and_takes_no_map(tmp_path: Path) -> No
 
 def test_every_suffix_that_is_read_stands_in_the_documentation() -> None:
     page = (Path(__file__).parents[2] / "docs/how-to/foreign-records.md").read_text(encoding="utf-8")
-    assert [suffix for suffix in SUFFIXES if f"`{suffix}`" not in page] == []
+    assert [suffix for suffix in FOREIGN_SUFFIXES if f"`{suffix}`" not in page] == []
