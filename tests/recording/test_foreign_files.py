@@ -46,7 +46,7 @@ def given(folder: Path, name: str) -> Path:
     ],
 )
 def test_what_is_odd_in_a_file_is_said(name: str, said: str, tmp_path: Path) -> None:
-    imported, _ = look_at(given(tmp_path, name))
+    imported = look_at(given(tmp_path, name))
     assert [note for note in imported.notes if said in note], imported.notes
 
 
@@ -57,7 +57,7 @@ def test_a_chunk_of_which_part_is_left_is_read_so_far(compression: CompressionTy
     chunk = 17 + int.from_bytes(content[9:17], "little")  # behind the magic bytes and the header
     length = int.from_bytes(content[chunk + 1 : chunk + 9], "little")
     path.write_bytes(content[: chunk + 9 + int(0.85 * length)])
-    (trace,) = look_at(path)[0].records
+    (trace,) = look_at(path).records
     assert 0.3 * TIME[-1] < trace.duration < 0.9 * TIME[-1]
     assert np.allclose(trace.force, FORCE[: len(trace)], atol=1e-12)
 
@@ -87,7 +87,7 @@ def test_an_encoding_that_nobody_reads_costs_its_topic_alone(tmp_path: Path) -> 
             writer.add_message(odd, k * 5_000_000, b"\x00", 0)
             writer.add_message(good, k * 5_000_000, json.dumps({"force_N": float(FORCE[k])}).encode(), 0)
         writer.finish()
-    imported, _ = look_at(tmp_path / "more.mcap")
+    imported = look_at(tmp_path / "more.mcap")
     assert imported.records[0].force.max() == pytest.approx(FORCE.max())
     assert "/odd is left out: a message of it is not read (messages in cbor are not read)" in imported.notes
 
@@ -99,7 +99,7 @@ def test_the_folder_of_a_bag_is_one_record(tmp_path: Path) -> None:
     for k, part in enumerate((messages[:800], messages[800:])):
         (folder / f"rig_{k}.mcap").write_bytes(ros2(part))
     (folder / "metadata.yaml").write_text("rosbag2_bagfile_information:\n  version: 9\n")
-    imported, _ = look_at(folder)
+    imported = look_at(folder)
     assert imported.records[0].duration == pytest.approx(TIME[-1])
     assert np.allclose(imported.records[0].force, FORCE)
 
@@ -153,7 +153,7 @@ def test_a_table_of_matlab_is_named_with_its_cure(tmp_path: Path) -> None:
 
 def test_objects_of_python_are_not_unpickled(tmp_path: Path) -> None:
     np.savez(tmp_path / "odd.npz", about=np.array([{"a": 1}], dtype=object), time=TIME, force=FORCE)
-    imported, _ = look_at(tmp_path / "odd.npz")
+    imported = look_at(tmp_path / "odd.npz")
     assert "about left out: it holds objects of Python, which are not unpickled" in imported.notes
     np.save(tmp_path / "odd.npy", np.array([{"a": 1}], dtype=object))
     with pytest.raises(RecordError, match="it is no file of NumPy"):
@@ -168,7 +168,7 @@ def test_what_has_no_times_and_no_rate_is_asked_for_them(tmp_path: Path) -> None
 
 def test_an_image_beside_the_readings_is_left_out_with_its_shape(tmp_path: Path) -> None:
     np.savez(tmp_path / "a.npz", time=TIME, force_N=FORCE, picture=np.zeros((480, 640)))
-    imported, _ = look_at(tmp_path / "a.npz")
+    imported = look_at(tmp_path / "a.npz")
     assert "picture left out: its shape (480, 640) is that of no table" in imported.notes
 
 
@@ -222,8 +222,8 @@ def test_every_episode_with_a_wrench_is_a_record(
     described: dict[str, Any], asks: int, version: str, tmp_path: Path
 ) -> None:
     wrench = {"dtype": "float32", "shape": [6], **described}
-    imported, asked = look_at(lerobot(tmp_path / "set", wrench, SIX, fps=RATE, version=version))
-    assert len(asked.questions) == asks
+    imported = look_at(lerobot(tmp_path / "set", wrench, SIX, fps=RATE, version=version))
+    assert len(imported.questions) == asks
     assert [record.duration for record in imported.records] == [pytest.approx(TIME[-1])] * 2
     assert [record.force.max() for record in imported.records] == [
         pytest.approx(share * FORCE.max(), rel=1e-5) for share in (1.0, 0.8)
@@ -236,7 +236,7 @@ def test_a_sensor_that_is_faster_than_the_frames_is_read_in_full(tmp_path: Path)
     frames = N // 4
     window = SIX[: 4 * frames].reshape(frames, 4, 6)
     wrench = {"dtype": "float32", "shape": [4, 6], "names": NAMES, "info": {"unit": "N"}}
-    imported, _ = look_at(lerobot(tmp_path / "set", wrench, window, fps=RATE / 4, version="v3.0"))
+    imported = look_at(lerobot(tmp_path / "set", wrench, window, fps=RATE / 4, version="v3.0"))
     first = imported.records[0]
     assert np.allclose(first.time, TIME[: 4 * frames], atol=1e-6)
     assert np.allclose(first.force, FORCE[: 4 * frames], atol=1e-6)
@@ -248,8 +248,8 @@ def test_our_own_data_set_comes_back_with_its_force_and_position(tmp_path: Path)
 
     keywords, cuts = cuts_of(Arguments(dataset="cutenv/x", format="lerobot", policy="probe and creep", cuts=2))
     write_lerobot(tmp_path / "set", "x", keywords, cuts)
-    imported, asked = look_at(tmp_path / "set")
-    assert not asked.questions
+    imported = look_at(tmp_path / "set")
+    assert not imported.questions
     for record, cut in zip(imported.records, cuts, strict=True):
         assert np.allclose(record.force, cut.infos["force_N"][:-1], atol=1e-5)
         assert np.allclose(record.position, cut.infos["position_m"][:-1], atol=1e-6)
@@ -260,7 +260,7 @@ def test_our_own_data_set_comes_back_with_its_force_and_position(tmp_path: Path)
 
 
 def test_a_folder_is_scored_whatever_we_wrote_into_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (cut,) = load_foreign(given(tmp_path, "rosbag2.mcap"), look_at(given(tmp_path, "rosbag2.mcap"))[0].mapping).traces
+    (cut,) = load_foreign(given(tmp_path, "rosbag2.mcap"), look_at(given(tmp_path, "rosbag2.mcap")).mapping).traces
     (tmp_path / "cuts").mkdir()
     for k, suffix in enumerate((".csv", ".mcap", ".parquet", ".h5")):
         save([cut.with_metadata({"name": f"c{k}"})], tmp_path / "cuts" / f"c{k}{suffix}")
@@ -304,7 +304,7 @@ def test_the_folders_of_bags_and_data_sets_in_a_folder_are_found(tmp_path: Path)
 
 
 def test_a_record_of_ours_keeps_its_names_and_takes_no_map(tmp_path: Path) -> None:
-    trace = look_at(given(tmp_path, "plain.xlsx"))[0].records[0]
+    trace = look_at(given(tmp_path, "plain.xlsx")).records[0]
     for suffix in (".parquet", ".h5", ".mcap"):
         path = tmp_path / f"ours{suffix}"
         save([dataclasses.replace(trace, metadata={})], path)
