@@ -62,6 +62,7 @@ def read(path: Path, names: Collection[str] = ()) -> NamedColumns:
     if any(name in columns for name in windows):
         columns, episodes = _in_full(columns, windows, episodes, fps)
     units = {field.name: (field.metadata or {}).get(b"unit", b"").decode() for field in table.schema}
+    units |= {"timestamp": "s"} if described else {}
     arrays = [_labelled(name, values, features.get(name, {}), units.get(name, "")) for name, values in columns.items()]
     if fps and "timestamp" not in columns:
         arrays.append(NamedArray("fps", np.array([float(fps)])))

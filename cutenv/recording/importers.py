@@ -148,8 +148,8 @@ def read_record(
         except RecordError as foreign:  # no table of numbers either
             raise (error if path.suffix.lower() in FORMATS else foreign) from None
         cure = "if another program wrote it, leave it as it is and name its columns, as at the end of this message."
-        own = f"(Cutenv's own format it is not: {error.reason})"
-        raise RecordError(path, f"{cure} {own} {_how_to_map(table)}") from None
+        own = f" (Cutenv's own format it is not: {error.reason})" if path.suffix.lower() in FORMATS else ""
+        raise RecordError(path, f"{cure}{own} {_how_to_map(table)}") from None
     return Imported(
         path=path,
         mapping=None,
@@ -213,7 +213,7 @@ def load_foreign(
     table = _foreign_table(path, mapping)
     if mapping is None:
         mapping = _saved_mapping(path, table)
-        table = table if is_text(path) else _foreign_table(path, mapping)
+        table = _foreign_table(path, mapping) if table.source else table
     return imported(table, mapping, search)
 
 
@@ -267,7 +267,7 @@ def look_at(
         found = found.answered(answers)
     if found.mapping is None:
         raise OpenQuestions(path, found)
-    table = table if is_text(path) else _foreign_table(path, found.mapping)
+    table = _foreign_table(path, found.mapping) if table.source else table
     understood = imported(table, found.mapping)
     return dataclasses.replace(understood, questions=found.questions, notes=(*understood.notes, *[note] * bool(note)))
 
