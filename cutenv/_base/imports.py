@@ -29,7 +29,7 @@ def optional_import(name: str, package: str, format_name: str, extra: str = "dat
     try:
         return importlib.import_module(name)
     except ModuleNotFoundError as error:
-        if (error.name or "").partition(".")[0] != package:
+        if (error.name or "").partition(".")[0] != name.partition(".")[0]:
             raise
         raise ModuleNotFoundError(
             f"{format_name} is read and written with {package}, which is not installed: pip install 'cutenv[{extra}]'",

@@ -14,15 +14,17 @@ from cutenv.measurement.calibration import RefusedRecord
 from cutenv.measurement.measured_cut import SPECIMEN_KEY
 from cutenv.recording import ColumnMap, Imported, RecordError, read_record
 from cutenv.recording.column_map import MAP_FILE
+from cutenv.recording.files import FORMATS
+from cutenv.recording.foreign_files import FOREIGN_SUFFIXES, PACKED, is_record_folder
 from cutenv.trace import Trace
 
-SUFFIXES = (".csv", ".parquet", ".h5", ".hdf5", ".mcap")
-"""Endings of the record files that are looked for in a folder."""
+SUFFIXES = tuple(FORMATS)
+"""Endings of this package's record files, which are looked for in a folder."""
 MAPPED_SUFFIXES = (
-    ".txt", ".tsv", ".dat", ".asc", ".lvm", ".tra", ".log", ".prn", ".out", ".json", ".jsonl", ".sto", ".mot", ".bag",
-    ".db3",
+    ".txt", ".tsv", ".dat", ".asc", ".lvm", ".tra", ".log", ".prn", ".out", ".json", ".jsonl", ".sto", ".mot",
+    *FOREIGN_SUFFIXES,
 )  # fmt: skip
-"""Endings of other programs' files, which are looked for, too, where a mapping is given."""
+"""Endings of other programs' files, which are looked for, too, where a mapping is given or kept."""
 
 
 class Source(NamedTuple):
@@ -128,7 +130,8 @@ def chosen_cut(records: LoadedTraces, number: int | None) -> Trace:
 def record_files(arguments: argparse.Namespace) -> list[Path]:
     """Return the files of ``arguments.records``, with patterns expanded and folders replaced by the records in them.
 
-    A table of operators and the command's own output are no records.
+    Files of other programs are looked for where there is a mapping, given or kept. The folder of a bag, or of a data
+    set of LeRobot, is one record. A table of operators and the command's own output are no records.
 
     Raises
     ------
@@ -150,17 +153,25 @@ def record_files(arguments: argparse.Namespace) -> list[Path]:
     files: list[Path] = []
     mapped = arguments.map is not None or getattr(arguments, "every_text", False)
     for path in given:
-        if not path.is_dir():
+        if not path.is_dir() or is_record_folder(path):
             files.append(path)
             continue
-        endings = (*SUFFIXES, *MAPPED_SUFFIXES) if mapped else SUFFIXES
-        inside = [each for each in sorted(path.iterdir()) if each.suffix.lower() in endings and each.is_file()]
+        every = mapped or (path / MAP_FILE).is_file()
+        inside = [each for each in sorted(path.iterdir()) if _is_record(each, mapped=every)]
         inside = [each for each in inside if each.resolve() not in ours and each.name != MAP_FILE]
         if not inside:
-            others = "" if mapped else "; those of other programs need --map"
+            endings = (*SUFFIXES, *MAPPED_SUFFIXES) if every else SUFFIXES
+            others = "" if every else "; those of other programs need --map"
             raise FileNotFoundError(f"no records in {path}; they end in {', '.join(endings)}{others}.")
         files += inside
     return files
+
+
+def _is_record(path: Path, *, mapped: bool) -> bool:
+    """Return whether something in a folder is a record by its name; other programs' files only if `mapped`."""
+    suffix = Path(path.stem).suffix if mapped and path.suffix.lower() == PACKED else path.suffix
+    known = (*SUFFIXES, *MAPPED_SUFFIXES) if mapped else SUFFIXES
+    return suffix.lower() in known if path.is_file() else is_record_folder(path)
 
 
 def targets(traces: list[Trace], given: float | None) -> tuple[list[float | None], list[str]]:

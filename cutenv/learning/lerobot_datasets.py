@@ -1,8 +1,10 @@
 """LeRobot data sets, format v3.0, of cuts by a script, a trained agent or a person: Parquet, with the force in newtons.
 
 A frame is a decision. ``observation.state`` holds what a rig measures, in the units of its names;
+``observation.wrench`` those of it that are forces on the blade, with their unit, frame and rate;
 ``observation.environment_state`` the environment's own observation, scaled, as a policy of this package sees it. The
 observation after the last decision is left out, as LeRobot has it. ``info`` is nothing that a policy may see.
+:func:`cutenv.recording.read_record` reads such a data set, or anybody's with a force, an episode as a record.
 """
 
 from __future__ import annotations
@@ -33,6 +35,9 @@ ENV_FILE = "env.py"
 INSTRUCTION = "Cut the slice of liver gently to the target length, and unload the blade there."
 """Task of every cut in words, as LeRobot gives it to policies that read."""
 _ELSEWHERE = ("time_s", "is_success", *INTERVENED)
+_FORCES = {"force_N": "force_x_N", "lateral_force_N": "force_y_N", "vertical_force_N": "force_z_N"}
+"""Components of ``observation.wrench`` that may be measured, by the names of the infos, in their order."""
+_FRAME = "blade: x against its motion, y to its right, z up"
 _FRAMES_IN_FILE, _FILES_IN_CHUNK, _MEGABYTES = (
     200_000,
     1000,
@@ -138,6 +143,7 @@ def _episodes(demonstrations: Sequence[Demonstration], rate: float, measured: Se
         episodes.append(
             {
                 "observation.state": np.column_stack([infos[name] for name in measured]).astype(np.float32),
+                "observation.wrench": _forces(infos, measured),
                 "observation.environment_state": cut.observations[:-1].astype(np.float32),
                 "action": cut.actions.astype(np.float32),
                 "next.reward": cut.rewards.astype(np.float32),
@@ -157,21 +163,30 @@ def _episodes(demonstrations: Sequence[Demonstration], rate: float, measured: Se
     return episodes
 
 
+def _forces(infos: Mapping[str, NDArray[np.float64]], measured: Sequence[str]) -> NDArray[np.float32]:
+    """Return the measured components of force [N], shape (n, k), or (n,) for one, as LeRobot has it."""
+    columns = [infos[name].astype(np.float32) for name in _FORCES if name in measured]
+    return columns[0] if len(columns) == 1 else np.column_stack(columns)
+
+
 def _features(episode: Columns, keywords: Mapping[str, Any], cut: Demonstration) -> dict[str, dict[str, Any]]:
     """Return LeRobot's description of every column."""
     task, _ = task_of(dict(keywords))
     measured = measured_names(task.id)
     names: dict[str, list[str] | None] = {
         "observation.state": list(measured),
+        "observation.wrench": [component for name, component in _FORCES.items() if name in measured],
         "observation.environment_state": [each["name"] for each in observation_scaling(task.id)],
         "action": list(task.task.action_names),
         "info": [name for name in cut.infos if name not in (*measured, *_ELSEWHERE)],
     }
     kinds = {"f": "float32", "i": "int64", "b": "bool"}
-    return {
+    described: dict[str, dict[str, Any]] = {
         name: {"dtype": kinds[values.dtype.kind], "shape": list(values.shape[1:]) or [1], "names": names.get(name)}
         for name, values in episode.items()
     }
+    described["observation.wrench"]["info"] = {"unit": "N", "frame": _FRAME, "rate_hz": float(keywords["control_hz"])}
+    return described
 
 
 def _files(episodes: Sequence[Columns]) -> list[list[int]]:

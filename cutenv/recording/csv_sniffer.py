@@ -56,15 +56,15 @@ _FEWEST_NUMBERS = 0.25  # share of the filled cells that are numbers, in a table
 _COMMON = 0.05  # share of the rows above which a length or a gap is the file's habit, not damage
 
 
-def sniff_table(path: Path) -> NamedColumns:
-    """Read a text file, and detect its format.
+def sniff_table(path: Path, lines: list[str] | None = None) -> NamedColumns:
+    """Read a text file, or lines in its place, and detect its format.
 
     Raises
     ------
     RecordError
         If it holds no table of numbers.
     """
-    lines = text_lines(path)
+    lines = text_lines(path) if lines is None else lines
     parted = tabled(lines)
     if parted is not None:
         cells = [[cell.strip() for cell in column] for column in zip(*parted.rows, strict=True)]

@@ -25,13 +25,14 @@ class _Format(NamedTuple):
 
 
 _HDF5 = _Format("HDF5", hdf5_file.write, hdf5_file.read)
-_FORMATS = {
+FORMATS = {
     ".csv": _Format("CSV", csv_file.write, csv_file.read),
     ".parquet": _Format("Parquet", parquet_file.write, parquet_file.read),
     ".h5": _HDF5,
     ".hdf5": _HDF5,
     ".mcap": _Format("MCAP", mcap_file.write, mcap_file.read),
 }
+"""Formats of a record by their suffixes."""
 
 
 def save(traces: Trace | Iterable[Trace], path: str | os.PathLike[str]) -> None:
@@ -157,7 +158,7 @@ def check_format(path: Path) -> None:
 
 
 def _format_of(path: Path) -> _Format:
-    if path.suffix.lower() not in _FORMATS:
-        known = ", ".join(_FORMATS)
+    if path.suffix.lower() not in FORMATS:
+        known = ", ".join(FORMATS)
         raise RecordError(path, f"its suffix {path.suffix!r} is no format of a record. Use one of {known}.")
-    return _FORMATS[path.suffix.lower()]
+    return FORMATS[path.suffix.lower()]

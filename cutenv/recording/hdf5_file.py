@@ -53,7 +53,7 @@ def read(path: Path) -> list[CutTable]:
         If it is not such a file; the message names group and dataset.
     """
     h5py = optional_import("h5py", "h5py", "HDF5")
-    _check_heaps(path)
+    check_heaps(path)
     try:
         with h5py.File(path, "r") as file:
             cuts = _cuts(h5py, file)
@@ -154,7 +154,7 @@ def _natural(name: str) -> list[tuple[int, str]]:
     return [(int(part), "") if place % 2 else (-1, part) for place, part in enumerate(parts)]
 
 
-def _check_heaps(path: Path) -> None:
+def check_heaps(path: Path) -> None:
     """Raise ValueError for a file with a heap in which an object points outside, or to itself.
 
     Text of variable length, which other programs use for attributes, is stored in heaps without a checksum. A length of

@@ -17,17 +17,14 @@ from cutenv.measurement import QualityIssue, quality_issues
 from cutenv.recording import mcap_file
 from cutenv.recording.column_map import MAP_FILE, ColumnMap
 from cutenv.recording.csv_file import is_own
-from cutenv.recording.csv_sniffer import sniff_table
 from cutenv.recording.cut_detection import STANDARD, CutSearch, FoundCut, contact_level, find_cuts, find_tare
-from cutenv.recording.files import load
+from cutenv.recording.files import FORMATS, load
+from cutenv.recording.foreign_files import foreign_columns, is_text
 from cutenv.recording.mapped_columns import MappedReadings, RecordRows
 from cutenv.recording.named_columns import LeftOut, NamedColumns
 from cutenv.recording.proposal import Proposal, Question, proposal
-from cutenv.recording.ros_bag import BAGS, bag_table
-from cutenv.recording.schema import RecordError
+from cutenv.recording.schema import SCHEMA, RecordError
 from cutenv.trace import Trace
-
-_NAMED_INSIDE = (".parquet", ".h5", ".hdf5")  # formats that need no mapping
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -133,28 +130,26 @@ def read_record(
         If the format's library is not installed; the message gives the pip command.
     """
     path = Path(path)
-    is_mapped = _may_be_mapped(path)
     if mapping is not None:
-        if is_mapped:
+        if is_text(path) or not _is_ours(path):
             return load_foreign(path, mapping, search=search)
         raise RecordError(
-            path,
-            "a mapping is for other programs' text and bags; here the names of the columns define them. Leave it out.",
+            path, "a mapping is for other programs' files; here the names of the columns define them. Leave it out."
         )
     try:
         traces = tuple(load(path))
     except RecordError as error:
-        if not is_mapped or is_own(path):
+        if _is_ours(path):
             raise
         if (path.parent / MAP_FILE).is_file():
             return load_foreign(path, search=search)
         try:
             table = _foreign_table(path)
-        except RecordError:  # no table of numbers either
-            raise error from None
+        except RecordError as foreign:  # no table of numbers either
+            raise (error if path.suffix.lower() in FORMATS else foreign) from None
         cure = "if another program wrote it, leave it as it is and name its columns, as at the end of this message."
-        own = f"(Cutenv's own format it is not: {error.reason})"
-        raise RecordError(path, f"{cure} {own} {_how_to_map(table)}") from None
+        own = f" (Cutenv's own format it is not: {error.reason})" if path.suffix.lower() in FORMATS else ""
+        raise RecordError(path, f"{cure}{own} {_how_to_map(table)}") from None
     return Imported(
         path=path,
         mapping=None,
@@ -165,6 +160,23 @@ def read_record(
         flaws=tuple(map(quality_issues, traces)),
         notes=(f"{path.name}: {len(traces)} cut{'' if len(traces) == 1 else 's'}, as recorded.",),
     )
+
+
+def _is_ours(path: Path) -> bool:
+    """Return whether a file was written as a record of this package, whole or damaged."""
+    if path.suffix.lower() == ".mcap":
+        return mcap_file.holds_cuts(path)
+    if is_text(path):
+        return path.is_file() and is_own(path)
+    return path.suffix.lower() in FORMATS and SCHEMA.partition("/")[0].encode() in path.read_bytes()
+
+
+def _loads(path: Path) -> bool:
+    """Return whether a file's own names of columns define them."""
+    try:
+        return bool(load(path))
+    except RecordError:
+        return False
 
 
 def load_foreign(
@@ -201,7 +213,7 @@ def load_foreign(
     table = _foreign_table(path, mapping)
     if mapping is None:
         mapping = _saved_mapping(path, table)
-        table = _foreign_table(path, mapping) if path.suffix.lower() in BAGS else table
+        table = _foreign_table(path, mapping) if table.source else table
     return imported(table, mapping, search)
 
 
@@ -239,7 +251,7 @@ def look_at(
     path = Path(path)
     if mapping is not None:
         return read_record(path, mapping)
-    if not _may_be_mapped(path) or is_own(path):
+    if _is_ours(path) or (path.suffix.lower() in FORMATS and not is_text(path) and _loads(path)):
         return read_record(path)
     kept = path.parent / MAP_FILE
     if answers is None and kept.is_file():
@@ -255,7 +267,7 @@ def look_at(
         found = found.answered(answers)
     if found.mapping is None:
         raise OpenQuestions(path, found)
-    table = _foreign_table(path, found.mapping) if path.suffix.lower() in BAGS else table
+    table = _foreign_table(path, found.mapping) if table.source else table
     understood = imported(table, found.mapping)
     return dataclasses.replace(understood, questions=found.questions, notes=(*understood.notes, *[note] * bool(note)))
 
@@ -303,20 +315,12 @@ def imported(table: NamedColumns, mapping: ColumnMap, search: CutSearch | None =
     )
 
 
-def _may_be_mapped(path: Path) -> bool:
-    """Return whether a file is text or a bag of another program, by its suffix and its beginning."""
-    own_bag = path.suffix.lower() == ".mcap" and mcap_file.holds_cuts(path)
-    return path.suffix.lower() not in _NAMED_INSIDE and not own_bag
-
-
 def _foreign_table(path: Path, mapping: ColumnMap | None = None) -> NamedColumns:
-    """Return the columns of a text file or a bag; those of a bag at the times of the mapping's force."""
-    if path.suffix.lower() not in BAGS:
-        return sniff_table(path)
+    """Return the columns of a file; where they have clocks of their own, at the times of the mapping's force."""
     if mapping is None:
-        return bag_table(path)
+        return foreign_columns(path)
     fields = ("force", *(field for field in mapping.fields if field not in ("force", "time")))
-    return bag_table(path, [name for field in fields for name in mapping.expression(field).columns])
+    return foreign_columns(path, [name for field in fields for name in mapping.expression(field).columns])
 
 
 def _how_to_map(table: NamedColumns) -> str:

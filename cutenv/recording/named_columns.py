@@ -70,6 +70,8 @@ class NamedColumns:
         Text above the numbers in place of a header, for messages.
     row_name : str
         Word for a row in messages.
+    source : str
+        Topic, stream or group whose readings are the rows, while others are interpolated; "" if all columns share them.
     """
 
     path: Path
@@ -88,6 +90,7 @@ class NamedColumns:
     notes: tuple[str, ...] = ()
     above: str = "nothing stands above them"
     row_name: str = "line"
+    source: str = ""
 
     @classmethod
     def of(

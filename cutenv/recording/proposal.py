@@ -46,6 +46,7 @@ _DERIVED = {
     "work",
     "torque",
     "moment",
+    *(f"{letter}{axis}" for letter in "tm" for axis in "xyz"),  # of a wrench
     "energie",
     "max",
     "peak",

@@ -1,30 +1,31 @@
-"""Bags of ROS 1 and ROS 2 as tables: every number of every message a column, brought to the times of one topic."""
+"""Bags of ROS 1 and ROS 2, and other MCAP, as tables: every number of every message is a column."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cutenv._base.imports import optional_import
-from cutenv.recording.mapped_columns import STAMP
+from cutenv.recording.bag_messages import messages
+from cutenv.recording.joined_series import Series, joined
 from cutenv.recording.named_columns import NamedColumns, bare_name
 from cutenv.recording.schema import RecordError
 
-BAGS = (".mcap", ".bag", ".db3")
-"""Suffixes of bags: MCAP, ROS 1, and ROS 2 in SQLite."""
 _LONGEST_ARRAY = 16  # a longer one is a picture or a cloud of points, not a few sensors or joints
 _UNITS = {  # of REP 103, by message and field
     ("geometry_msgs/msg/Wrench", "force"): "N",
+    ("geometry_msgs/msg/Wrench", "torque"): "N m",
     ("geometry_msgs/msg/Twist", "linear"): "m/s",
     ("geometry_msgs/msg/Pose", "position"): "m",
     ("geometry_msgs/msg/PointStamped", "point"): "m",
     ("geometry_msgs/msg/Transform", "translation"): "m",
 }
+_TIMES_INSIDE = ("header", "timestamp", "stamp")  # fields of messages that hold the time of the reading
+_CLOCKS_APART = 1e9  # [ns] between the clocks of two topics, beyond which they are not the same clock
+_FEW_REPEATED = 0.1  # share of repeated stamps up to which they are a slip, and not a clock that is too coarse
 
 
 class _PictureFound(Exception):
@@ -33,20 +34,41 @@ class _PictureFound(Exception):
 
 @dataclass
 class _Topic:
-    """Messages of a topic: their times [ns], and the numbers in them by header."""
+    """Messages of a topic: their times [ns], and the numbers in them by header, with the messages that hold them."""
 
     stamps: list[int] = field(default_factory=list)
-    rows: list[list[float]] = field(default_factory=list)
-    headers: tuple[str, ...] = ()
+    received: list[int] = field(default_factory=list)
+    columns: dict[str, tuple[list[int], list[float]]] = field(default_factory=dict)
+    trouble: str = ""
+
+    def add(self, received: int, message: Any, topic: str) -> None:
+        """Add the numbers in a message."""
+        leaves = dict(_numbers_in(message))
+        for name, value in leaves.items():
+            places, values = self.columns.setdefault(f"{topic}{name}", ([], []))
+            places.append(len(self.stamps))
+            values.append(value)
+        self.stamps.append(_stamp_of(message) or received)  # a stamp of 0 was never filled in
+        self.received.append(received)
+
+    def series(self, topic: str, times: list[int], origin: int) -> Iterator[Series]:
+        """Yield columns that the same messages hold; those of two publishers on one topic are apart."""
+        seconds = 1e-9 * np.array([stamp - origin for stamp in times], dtype=np.float64)
+        alike: dict[tuple[int, ...], list[str]] = {}
+        for name, (places, _) in self.columns.items():
+            alike.setdefault(tuple(places), []).append(name)
+        for together, names in alike.items():
+            values = np.column_stack([self.columns[name][1] for name in names])
+            yield Series(source=topic, headers=tuple(names), times=seconds[list(together)], values=values)
 
 
 def bag_table(path: Path, names: Collection[str] = ()) -> NamedColumns:
-    """Read a bag: an ``.mcap`` or ``.db3`` file of ROS 2, also one out of a bag's folder, or a ``.bag`` of ROS 1.
+    """Read a bag: of ROS 2 (``.mcap``, ``.db3`` or its folder), of ROS 1 (``.bag``), or MCAP of JSON or Protobuf.
 
     Parameters
     ----------
     path : path
-        Path of the file.
+        Path of the file or folder.
     names : collection of str
         Columns that are needed, such as ``/ft/wrench.wrench.force.x``, that of the force first: the rows are the
         messages of its topic, from where to where all the needed topics have messages. Without it, the rows are those
@@ -57,47 +79,83 @@ def bag_table(path: Path, names: Collection[str] = ()) -> NamedColumns:
     RecordError
         If it is no bag, a damaged one, or holds no numbers.
     ModuleNotFoundError
-        If rosbags is not installed; names the pip command.
+        If a library is not installed; names the pip command.
     """
-    reading = optional_import("rosbags.highlevel", "rosbags", "A bag of ROS", extra="ros")
-    typesys = optional_import("rosbags.typesys", "rosbags", "A bag of ROS", extra="ros")
-    path.open("rb").close()  # a missing file is a missing file
+    if not path.is_dir():
+        path.open("rb").close()  # a missing file is a missing file
     topics: dict[str, _Topic] = {}
+    notes: list[str] = []
     try:
-        # Definitions are in the bag, except in those of ROS 2 before 2023.
-        store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
-        with reading.AnyReader([path], default_typestore=store) as reader:
-            for connection in reader.connections:
-                _collect(reader, connection, topics)
-    except Exception as error:  # the library raises errors of any kind for a damaged file
-        reason = str(error).partition("\n")[0] or type(error).__name__
-        raise RecordError(path, f"it is no bag of ROS, or a damaged one ({reason}). Take the file again.") from None
-    if not topics:
-        raise RecordError(path, "none of its topics holds numbers of a sensor. Record the force's topic, too.")
-    return _joined(path, topics, names)
+        for topic, received, content in messages(path, notes):
+            found = topics.setdefault(topic, _Topic())
+            if not found.trouble:
+                _add(found, received, content, topic)
+    except ModuleNotFoundError:
+        raise
+    except Exception as error:  # the libraries raise errors of any kind for a damaged file
+        raise RecordError(
+            path, f"it is no bag of ROS, or a damaged one ({_reason(error)}). Take the file again."
+        ) from None
+    sound = {topic: found for topic, found in topics.items() if found.columns and not found.trouble}
+    notes += [f"{topic} is left out: {found.trouble}" for topic, found in topics.items() if found.trouble.strip("-")]
+    if not sound:
+        told = f" ({'; '.join(notes)})" if notes else ""
+        raise RecordError(path, f"none of its topics holds numbers of a sensor{told}. Record the force's topic, too.")
+    needed = {*map(bare_name, names)}
+    wanted = {topic: found for topic, found in sound.items() if needed & {*map(bare_name, found.columns)}}
+    times = _times(wanted or sound, notes)
+    origin = min(min(times.get(topic, found.stamps)) for topic, found in sound.items())
+    every = [
+        each for topic, found in sound.items() for each in found.series(topic, times.get(topic, found.stamps), origin)
+    ]
+    return joined(path, every, names, notes)
 
 
-def _collect(reader: Any, connection: Any, topics: dict[str, _Topic]) -> None:
-    """Add the numbers in a connection's messages to its topic; nothing for messages without a few numbers."""
-    found = topics.get(connection.topic, _Topic())
-    for _, received, content in reader.messages([connection]):
-        message = reader.deserialize(content, connection.msgtype)
-        try:
-            leaves = dict(_numbers_in(message))
-        except _PictureFound:
-            return
-        headers = tuple(f"{connection.topic}{name}" for name in leaves)
-        if not headers or (found.headers and headers != found.headers):
-            if found.headers:
-                raise ValueError(f"the messages of {connection.topic} hold different numbers")
-            return
-        found.headers = headers
-        stamp = getattr(getattr(message, "header", None), "stamp", None)
-        measured = 0 if stamp is None else stamp.sec * 1_000_000_000 + stamp.nanosec
-        found.stamps.append(measured or received)  # a stamp of 0 was never filled in
-        found.rows.append(list(leaves.values()))
-    if found.rows:
-        topics[connection.topic] = found
+def _add(found: _Topic, received: int, content: Any, topic: str) -> None:
+    try:
+        found.add(received, content(), topic)
+    except ModuleNotFoundError:
+        raise
+    except _PictureFound:
+        found.trouble = "-"
+    except Exception as error:
+        found.trouble = f"a message of it is not read ({_reason(error)})"
+
+
+def _reason(error: Exception) -> str:
+    return str(error).partition("\n")[0] or type(error).__name__
+
+
+def _times(topics: Mapping[str, _Topic], notes: list[str]) -> dict[str, list[int]]:
+    """Return the times of topics [ns]: of their headers, or of the log where those are of several clocks or coarse."""
+    offsets = [float(np.median(np.subtract(found.stamps, found.received))) for found in topics.values()]
+    if max(offsets) - min(offsets) > _CLOCKS_APART:
+        notes.append("the stamps in the headers are of different clocks; the times of the log are taken")
+        return {topic: found.received for topic, found in topics.items()}
+    times = {}
+    for topic, found in topics.items():
+        stamped, logged = len({*found.stamps}), len({*found.received})
+        is_coarse = stamped < (1.0 - _FEW_REPEATED) * len(found.stamps) and logged > stamped
+        if is_coarse:
+            notes.append(f"{topic}: {len(found.stamps) - stamped} stamps repeat; the times of the log are taken")
+        times[topic] = found.received if is_coarse else found.stamps
+    return times
+
+
+def _stamp_of(message: Any) -> int:
+    """Return the time that a message itself holds [ns]; 0 if it holds none."""
+    for name in _TIMES_INSIDE:
+        inside = _field(message, name)
+        stamp = _field(inside, "stamp") if name == "header" else inside
+        whole = next((value for key in ("sec", "secs", "seconds") if (value := _field(stamp, key)) is not None), None)
+        if isinstance(whole, int):
+            parts = (_field(stamp, key) for key in ("nanosec", "nsec", "nsecs", "nanos"))
+            return whole * 1_000_000_000 + int(next((part for part in parts if part is not None), 0))
+    return 0
+
+
+def _field(message: Any, name: str) -> Any:
+    return message.get(name) if isinstance(message, dict) else getattr(message, name, None)
 
 
 def _numbers_in(message: Any, path: str = "", unit: str = "") -> Iterator[tuple[str, float]]:
@@ -115,38 +173,14 @@ def _numbers_in(message: Any, path: str = "", unit: str = "") -> Iterator[tuple[
                 yield from _numbers_in(value, f"{path}.{name}", _UNITS.get((kind, name), unit))
     elif isinstance(message, dict):
         for name, value in message.items():
-            yield f"{path}.{name}", float(value)
-    elif isinstance(message, np.ndarray):
+            if not (path == "" and name in _TIMES_INSIDE and _stamp_of(message)):
+                yield from _numbers_in(value, f"{path}.{name}", unit)
+    elif isinstance(message, np.ndarray | list | tuple):
         if len(message) > _LONGEST_ARRAY:
             raise _PictureFound
-        if message.dtype.kind in "fiu":
-            yield from ((f"{path}.{k}", float(value)) for k, value in enumerate(message))
+        for k, value in enumerate(message.tolist() if isinstance(message, np.ndarray) else message):
+            yield from _numbers_in(value, f"{path}.{k}", unit)
+    elif isinstance(message, bytes):
+        raise _PictureFound
     elif isinstance(message, int | float) and not isinstance(message, bool):
         yield (f"{path} [{unit}]" if unit else path), float(message)
-
-
-def _joined(path: Path, topics: dict[str, _Topic], names: Collection[str]) -> NamedColumns:
-    topic_of = {bare_name(header): topic for topic, found in topics.items() for header in found.headers}
-    needed = list(dict.fromkeys(topic_of[name] for name in map(bare_name, names) if name in topic_of))
-    forces = [topic for topic, found in topics.items() if any(header.endswith("[N]") for header in found.headers)]
-    base = needed[0] if needed else max(forces or topics, key=lambda topic: len(topics[topic].stamps))
-    origin = min(topics[base].stamps)
-    times, values = {}, {}
-    for topic, found in topics.items():
-        seconds = 1e-9 * np.array([stamp - origin for stamp in found.stamps], dtype=np.float64)
-        order = np.argsort(seconds, kind="stable")
-        times[topic], values[topic] = seconds[order], np.array(found.rows, dtype=np.float64)[order]
-    rows, used = times[base], needed or [base]
-    first, last = max(times[topic][0] for topic in used), min(times[topic][-1] for topic in used)
-    kept: NDArray[np.intp] = np.flatnonzero((rows >= first) & (rows <= last))
-    if len(kept) < 2:
-        listed = ", ".join(f"{topic} from {times[topic][0]:.3f} s to {times[topic][-1]:.3f} s" for topic in used)
-        raise RecordError(path, f"its topics have no two readings at the same time: {listed}. Map topics that do.")
-    columns = [rows[kept]]
-    for topic in topics:
-        whole = values[topic].T
-        columns += [one[kept] if topic == base else np.interp(rows[kept], times[topic], one) for one in whole]
-    headers = (f"{STAMP} [s]", *(header for found in topics.values() for header in found.headers))
-    return NamedColumns.of(
-        path, list(zip(headers, columns, strict=True)), about=f"readings of {base}", row_name="reading", lines=kept + 1
-    )

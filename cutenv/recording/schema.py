@@ -103,8 +103,8 @@ _BEGINNINGS = {
     b"SQLite format 3\x00": "a bag of ROS 2 in SQLite, or another SQLite file",
     b"PK\x03\x04": "a zip file or a spreadsheet",
     b"\xd0\xcf\x11\xe0": "an old Excel workbook",
-    b"\x1f\x8b": "a gzip file (unpack it first)",
-    b"TDSm": "a LabVIEW TDMS file (export it as text)",
+    b"\x1f\x8b": "a gzip file",
+    b"TDSm": "a LabVIEW TDMS file",
     **dict.fromkeys(UTF_16, "text in UTF-16"),
 }
 

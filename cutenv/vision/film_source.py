@@ -31,10 +31,8 @@ class VideoFrame(NamedTuple):
 
 @dataclass(frozen=True)
 class VideoFacts:
-    """Header of a video: size [px], frames a second [Hz], number of frames or 0 where it does not say."""
+    """Header of a video: frames a second [Hz], number of frames that it shows or 0 where it does not say."""
 
-    width: int
-    height: int
     rate: float
     frames: int
 
@@ -48,14 +46,14 @@ def video_facts(path: Path | str) -> VideoFacts:
 def video_frames(
     path: Path | str, *, size: tuple[int, int] | None = None, rate: float | None = None
 ) -> Iterator[VideoFrame]:
-    """Read a video frame by frame.
+    """Read a video frame by frame, as a player shows it: what was trimmed away is left out, and frames are turned.
 
     Parameters
     ----------
     path : path
         Any format that FFmpeg reads.
     size : (int, int), optional
-        Width and height that the frames must have [px].
+        Width and height that the frames must have when turned [px].
     rate : float, optional
         Frames a second [Hz], in place of the times that the file holds.
 
@@ -69,12 +67,7 @@ def video_frames(
     """
     with _opened(path) as container:
         facts = _facts(path, container)
-        if size is not None and (facts.width, facts.height) != size:
-            raise ValueError(
-                f"{path} has frames of {facts.width} x {facts.height} px, but the calibration is for {size[0]} x "
-                f"{size[1]}: it is of another camera, or the video was scaled or turned. Use the camera's own images."
-            )
-        count, last = 0, -math.inf
+        count, last, shape = 0, -math.inf, None
         try:
             for frame in container.decode(video=0):
                 time = frame.time if rate is None else count / rate
@@ -82,10 +75,18 @@ def video_frames(
                     raise ValueError(
                         f"{path}: the time of frame {count} is {time}, that before {last:g} s: give its rate, --rate."
                     )
-                if (frame.width, frame.height) != (facts.width, facts.height):
-                    raise ValueError(f"{path}: the size changes at frame {count} to {frame.width} x {frame.height} px.")
-                yield VideoFrame(count, float(time), np.asarray(frame.to_ndarray(format="gray"), np.uint8))
-                count, last = count + 1, float(time)
+                image = _turned(np.asarray(frame.to_ndarray(format="gray"), np.uint8), frame)
+                height, width = image.shape
+                if size is not None and (width, height) != size:
+                    raise ValueError(
+                        f"{path} has frames of {width} x {height} px, but the calibration is for {size[0]} x "
+                        f"{size[1]}: it is of another camera, or one held otherwise, or the video was scaled. Use "
+                        "the camera's own images."
+                    )
+                if image.shape != (shape or image.shape):
+                    raise ValueError(f"{path}: the size changes at frame {count} to {width} x {height} px.")
+                yield VideoFrame(count, float(time), image)
+                count, last, shape = count + 1, float(time), image.shape
         except av.FFmpegError as error:
             raise ValueError(f"{path} is damaged after frame {count - 1}: {error.strerror}.") from None
         if count < max(2, _SHORT * facts.frames):
@@ -109,11 +110,25 @@ def _opened(path: Path | str) -> Iterator[av.container.InputContainer]:
 
 def _facts(path: Path | str, container: av.container.InputContainer) -> VideoFacts:
     stream = container.streams.video[0]
-    # A damaged stream has no codec, and with it neither of these.
-    width, height, rate = (getattr(stream, name, None) for name in ("width", "height", "average_rate"))
-    if not (width and height and rate):
+    # A damaged stream has no codec, and with it none of these.
+    if not all(getattr(stream, name, None) for name in ("width", "height", "average_rate")):
         raise ValueError(f"{path} does not say the size or rate of its frames: it is damaged.")
-    return VideoFacts(width, height, float(rate), stream.frames)
+    rate, frames = float(stream.average_rate or 0), stream.frames
+    if frames and stream.duration and stream.time_base:  # the file of a trimmed video may hold more than it shows
+        frames = min(frames, round(float(stream.duration * stream.time_base) * rate))
+    return VideoFacts(rate, frames)
+
+
+def _turned(image: NDArray[np.uint8], frame: av.VideoFrame) -> NDArray[np.uint8]:
+    """Return an image as it is to be shown, by quarter turns and mirrors of the frame's display matrix."""
+    beside: Any = frame.side_data  # a mapping, but PyAV's stubs are of another opinion
+    if "DISPLAYMATRIX" not in beside:
+        return image
+    # FFmpeg's libavutil/display.h: x' = a x + c y, y' = b x + d y, by rows (a, b, u), (c, d, v), (x, y, w).
+    a, b, _, c, d = np.frombuffer(bytes(beside["DISPLAYMATRIX"]), np.int32)[:5].tolist()
+    is_upright = abs(a) + abs(d) > abs(b) + abs(c)
+    shown, across, down = (image, a, d) if is_upright else (image.T, c, b)
+    return np.ascontiguousarray(shown[:: -1 if down < 0 else 1, :: -1 if across < 0 else 1])
 
 
 _PATIENCE = 3.0  # [s] without a frame, after which a camera is dead

@@ -64,6 +64,36 @@ def test_every_decision_is_a_frame_with_the_force_in_newtons(
     assert info["codebase_version"] == "v3.0"
 
 
+def test_the_wrench_states_its_components_unit_frame_and_rate(
+    folder: Path, made: tuple[dict[str, Any], list[Demonstration]]
+) -> None:
+    table = parquet.read_table(folder / "data/chunk-000/file-000.parquet").to_pydict()
+    wrench = json.loads((folder / "meta/info.json").read_text())["features"]["observation.wrench"]
+    assert (wrench["dtype"], wrench["shape"], wrench["names"]) == ("float32", [1], ["force_x_N"])
+    assert wrench["info"] == {
+        "unit": "N", "frame": "blade: x against its motion, y to its right, z up", "rate_hz": 10.0
+    }  # fmt: skip
+    force = np.concatenate([cut.infos["force_N"][:-1] for cut in made[1]]).astype(np.float32)
+    assert np.array_equal(np.array(table["observation.wrench"], np.float32), force)
+
+
+@pytest.mark.parametrize(
+    ("policy", "components"),
+    [("follow the depth", {"force_x_N": "force_N", "force_z_N": "vertical_force_N"}),
+     ("steer by force", {"force_x_N": "force_N", "force_y_N": "lateral_force_N"})],
+)  # fmt: skip
+def test_a_task_with_more_components_of_force_writes_them(
+    tmp_path: Path, policy: str, components: dict[str, str]
+) -> None:
+    keywords, cuts = cuts_of(Arguments(dataset="cutenv/x", format="lerobot", policy=policy, cuts=1))
+    write_lerobot(tmp_path / "set", "x", keywords, cuts)
+    table = parquet.read_table(tmp_path / "set/data/chunk-000/file-000.parquet").to_pydict()
+    wrench = json.loads((tmp_path / "set/meta/info.json").read_text())["features"]["observation.wrench"]
+    assert wrench["names"] == list(components)
+    felt = np.column_stack([cuts[0].infos[name][:-1] for name in components.values()])
+    assert np.array_equal(np.array(table["observation.wrench"], np.float32), felt.astype(np.float32))
+
+
 def test_the_statistics_are_those_of_the_frames(folder: Path) -> None:
     stats = json.loads((folder / "meta/stats.json").read_text())
     table = parquet.read_table(folder / "data/chunk-000/file-000.parquet")

@@ -19,6 +19,7 @@ CALLED = {
     "can": "python-can",
     "cv2": "opencv-python-headless",
     "pygame": "pygame-ce",
+    "python_calamine": "python-calamine",
     "sb3_contrib": "sb3-contrib",
     "serial": "pyserial",
     "stable_baselines3": "stable-baselines3",

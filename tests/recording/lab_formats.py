@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import lab_bags
+import lab_binary
 import lab_clocks
 import lab_harder
 import lab_loggers
@@ -9,4 +11,15 @@ import lab_machines
 import lab_variants
 from lab_cut import FORMATS, LabFormat, Truth
 
-__all__ = ["FORMATS", "LabFormat", "Truth", "lab_clocks", "lab_harder", "lab_loggers", "lab_machines", "lab_variants"]
+__all__ = [
+    "FORMATS",
+    "LabFormat",
+    "Truth",
+    "lab_bags",
+    "lab_binary",
+    "lab_clocks",
+    "lab_harder",
+    "lab_loggers",
+    "lab_machines",
+    "lab_variants",
+]

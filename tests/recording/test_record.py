@@ -147,7 +147,7 @@ def test_a_damaged_record_of_ours_and_what_is_no_table_are_not_sent_to_the_mappi
 
 def test_a_mapping_is_for_files_of_other_programs(tmp_path: Path) -> None:
     save(cuts(), tmp_path / "record.h5")
-    with pytest.raises(RecordError, match="a mapping is for other programs' text and bags"):
+    with pytest.raises(RecordError, match="a mapping is for other programs' files"):
         read_record(tmp_path / "record.h5", MAPPING)
 
 
