@@ -100,6 +100,7 @@ COMMANDS = {
     "submit": Command("enter a policy on the leaderboard, or check an entry", extra="rl"),
     "datasets": Command("record cuts as a data set of Minari or LeRobot, force included", extra="data"),
     "record": Command("record a force stream of the Lab Streaming Layer as a cut", extra="streams"),
+    "look": Command("show any lab's file as it is understood, before a score"),
     "convert": Command("convert records: CSV, Parquet, HDF5, and bags of ROS without ROS"),
     "calibrate": Command("fit a tissue to your own records of cuts"),
     "depth": Command("measure the depth of cut from video of a marked blade", extra="vision"),

@@ -17,6 +17,7 @@
     python scripts/update_docs.py slow-rig-agents           what scripts/slow_rig_agents.py left in runs/slow-rig
     python scripts/update_docs.py test-times                what a whole run of the tests left (--times tests/times.csv)
     python scripts/update_docs.py calibration-studies partial-depth     some minutes: thirty calibrations; fine bricks
+    python scripts/update_docs.py lab-formats               every format of a laboratory, read as it is
     python scripts/update_docs.py errata tissue-file rig-file slow-rig metrics weights ends class-attacks
     python scripts/update_docs.py --check parameters        fails if a block is not what it would print
     python scripts/update_docs.py --picture                 draws assets/pictures/cut.png
@@ -55,6 +56,7 @@ import fit_layers
 import free_cut
 import gymnasium
 import knowledge_ladder
+import lab_format_table
 import ladder
 import leaderboard
 import learned_stop
@@ -522,6 +524,7 @@ ON_PAGES: dict[str, dict[str, Callable[[argparse.Namespace], str]]] = {
             kept_json(ROOT / slow_rig_agents.DEFAULT, "slow_rig_agents.py --train")
         )
     },
+    "docs/reference/files/formats.md": {"lab-formats": lambda _: lab_format_table.markdown()},
     "docs/how-to/browser.md": {"browser-page": lambda _: measure_page.markdown(left_by(measure_page))},
     "docs/validation/class-server.md": {
         "class-load": lambda _: class_load.markdown(left_by(class_load)),

@@ -14,10 +14,17 @@ from cutenv.measurement.calibration import RefusedRecord
 from cutenv.measurement.measured_cut import SPECIMEN_KEY
 from cutenv.recording import ColumnMap, Imported, RecordError, read_record
 from cutenv.recording.column_map import MAP_FILE
+from cutenv.recording.files import FORMATS
+from cutenv.recording.foreign_files import FOREIGN_SUFFIXES, PACKED, is_record_folder
 from cutenv.trace import Trace
 
-SUFFIXES = (".csv", ".parquet", ".h5", ".hdf5")
-"""Endings of the record files that are looked for in a folder."""
+SUFFIXES = tuple(FORMATS)
+"""Endings of this package's record files, which are looked for in a folder."""
+MAPPED_SUFFIXES = (
+    ".txt", ".tsv", ".dat", ".asc", ".lvm", ".tra", ".log", ".prn", ".out", ".json", ".jsonl", ".sto", ".mot",
+    *FOREIGN_SUFFIXES,
+)  # fmt: skip
+"""Endings of other programs' files, which are looked for, too, where a mapping is given or kept."""
 
 
 class Source(NamedTuple):
@@ -46,7 +53,7 @@ def read_records(arguments: argparse.Namespace) -> LoadedTraces:
     OSError
         If a file cannot be opened.
     """
-    mapping = _mapping(arguments)
+    mapping = given_mapping(arguments)
     pattern = _pattern(arguments.specimen)
     if arguments.confirm is not None:
         made_folder("--confirm", arguments.confirm)
@@ -64,7 +71,7 @@ def read_records(arguments: argparse.Namespace) -> LoadedTraces:
             if mapping is None and (path.parent / MAP_FILE).is_file():
                 remembered.add(str(path.parent / MAP_FILE))
             continue
-        notes += imported.notes if arguments.verbose else ()
+        notes += imported.notes if arguments.verbose else _unmissable(imported)
         if mapping is None and imported.mapping is not None:
             remembered.add(str(path.parent / MAP_FILE))
         if arguments.confirm is not None:
@@ -91,7 +98,10 @@ def read_records(arguments: argparse.Namespace) -> LoadedTraces:
         raise ValueError(f"{many}:\n{listed}{hint}")
     if mapping is not None and traces:
         for folder in {path.parent for path in arguments.records}:
-            notes.append(f"columns kept in {mapping.save(folder)} for the next time")
+            try:
+                notes.append(f"columns kept in {mapping.save(folder)} for the next time")
+            except OSError as error:  # a share that is read-only: the job itself can do without
+                notes.append(f"columns not kept in {folder} ({error.strerror or error}); give --map again next time")
     return LoadedTraces(traces, refused, notes, sources)
 
 
@@ -120,7 +130,8 @@ def chosen_cut(records: LoadedTraces, number: int | None) -> Trace:
 def record_files(arguments: argparse.Namespace) -> list[Path]:
     """Return the files of ``arguments.records``, with patterns expanded and folders replaced by the records in them.
 
-    A table of operators and the command's own output are no records.
+    Files of other programs are looked for where there is a mapping, given or kept. The folder of a bag, or of a data
+    set of LeRobot, is one record. A table of operators and the command's own output are no records.
 
     Raises
     ------
@@ -140,16 +151,27 @@ def record_files(arguments: argparse.Namespace) -> list[Path]:
             "'cutenv score --example' scores a simulated one."
         )
     files: list[Path] = []
+    mapped = arguments.map is not None or getattr(arguments, "every_text", False)
     for path in given:
-        if not path.is_dir():
+        if not path.is_dir() or is_record_folder(path):
             files.append(path)
             continue
-        inside = [each for each in sorted(path.iterdir()) if each.suffix.lower() in SUFFIXES and each.is_file()]
-        inside = [each for each in inside if each.resolve() not in ours]
+        every = mapped or (path / MAP_FILE).is_file()
+        inside = [each for each in sorted(path.iterdir()) if _is_record(each, mapped=every)]
+        inside = [each for each in inside if each.resolve() not in ours and each.name != MAP_FILE]
         if not inside:
-            raise FileNotFoundError(f"no records in {path}; they end in {', '.join(SUFFIXES)}.")
+            endings = (*SUFFIXES, *MAPPED_SUFFIXES) if every else SUFFIXES
+            others = "" if every else "; those of other programs need --map"
+            raise FileNotFoundError(f"no records in {path}; they end in {', '.join(endings)}{others}.")
         files += inside
     return files
+
+
+def _is_record(path: Path, *, mapped: bool) -> bool:
+    """Return whether something in a folder is a record by its name; other programs' files only if `mapped`."""
+    suffix = Path(path.stem).suffix if mapped and path.suffix.lower() == PACKED else path.suffix
+    known = (*SUFFIXES, *MAPPED_SUFFIXES) if mapped else SUFFIXES
+    return suffix.lower() in known if path.is_file() else is_record_folder(path)
 
 
 def targets(traces: list[Trace], given: float | None) -> tuple[list[float | None], list[str]]:
@@ -170,12 +192,18 @@ def targets(traces: list[Trace], given: float | None) -> tuple[list[float | None
     return [given if length is None else length for length in own], notes
 
 
-def _mapping(arguments: argparse.Namespace) -> ColumnMap | None:
+def given_mapping(arguments: argparse.Namespace) -> ColumnMap | None:
+    """Return the mapping of the options ``--map`` and ``--unit``, None without; ValueError for ``--unit`` alone."""
     if arguments.map is None:
         if arguments.unit is not None:
             raise ValueError("--unit goes with --map: cutenv's own files have their units in the header.")
         return None
     return ColumnMap.parse(arguments.map, unit=arguments.unit)
+
+
+def _unmissable(imported: Imported) -> list[str]:
+    """Return what a reader must know of a file of another program: rows left out, and what was assumed."""
+    return [f"{imported.path.name}: {said}" for said in (*map(str, imported.left_out), *imported.assumed)]
 
 
 def _pattern(text: str | None) -> re.Pattern[str] | None:

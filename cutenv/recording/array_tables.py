@@ -16,7 +16,7 @@ from cutenv.recording.column_map import column_of
 from cutenv.recording.joined_series import Series, joined
 from cutenv.recording.mapped_columns import assumed_unit
 from cutenv.recording.named_columns import NamedColumns
-from cutenv.recording.plausible_units import FASTEST, SLOWEST
+from cutenv.recording.plausible_units import GREATEST_RATE, LEAST_RATE
 from cutenv.recording.schema import RecordError
 from cutenv.recording.stated_units import known_spelling, split_header, unit_of_field
 
@@ -288,6 +288,6 @@ def _rate(arrays: Sequence[NamedArray]) -> float | None:
             rate = value * {"khz": 1e3, "mhz": 1e6}.get(unit.lower(), 1.0)
         elif name.lower() in _STEPS and value > 0.0:
             rate = 1.0 / column_of("time", unit_of_field("time", unit) or "s").to_si(np.array([value]))[0]
-        if rate is not None and SLOWEST <= rate <= FASTEST:
+        if rate is not None and LEAST_RATE <= rate <= GREATEST_RATE:
             return float(rate)
     return None

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
+import re
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -14,6 +16,7 @@ from cutenv._base.imports import optional_import
 from cutenv.recording.array_tables import NamedArray, table_of_arrays
 from cutenv.recording.named_columns import NamedColumns
 from cutenv.recording.schema import RecordError
+from cutenv.recording.stated_units import known_spelling
 
 _EPISODE = "episode_index"
 _COUNTERS = ("frame_index", "index", "task_index", _EPISODE)  # LeRobot's own numbers, which nobody measures
@@ -59,14 +62,13 @@ def read(path: Path, names: Collection[str] = ()) -> NamedColumns:
     if any(name in columns for name in windows):
         columns, episodes = _in_full(columns, windows, episodes, fps)
     units = {field.name: (field.metadata or {}).get(b"unit", b"").decode() for field in table.schema}
-    arrays = [
-        NamedArray(name, values, **_labels(name, values, features.get(name, {}), units.get(name, "")))
-        for name, values in columns.items()
-    ]
+    units |= {"timestamp": "s"} if described else {}
+    arrays = [_labelled(name, values, features.get(name, {}), units.get(name, "")) for name, values in columns.items()]
     if fps and "timestamp" not in columns:
         arrays.append(NamedArray("fps", np.array([float(fps)])))
     about = "data set of LeRobot" if described else {".parquet": "Parquet"}.get(path.suffix.lower(), "Arrow")
-    return table_of_arrays(path, arrays, about, names, parts=episodes, part_name="episode")
+    table = table_of_arrays(path, arrays, about, names, parts=episodes, part_name="episode")
+    return _without_copies(table) if described else table
 
 
 def _table(files: list[Path], features: Mapping[str, Any]) -> Any:
@@ -93,7 +95,7 @@ def _values(column: Any) -> NDArray[Any] | None:
     if types.is_dictionary(kind):
         column, kind = column.cast(kind.value_type), kind.value_type
     if types.is_list(kind) or types.is_large_list(kind) or types.is_fixed_size_list(kind):
-        rows = column.combine_chunks()
+        rows = column.combine_chunks() if isinstance(column, arrow.ChunkedArray) else column
         inner = rows.flatten()
         matrix = None if rows.null_count else _values(inner)
         lengths = {*rows.value_lengths().to_pylist()} if not types.is_fixed_size_list(kind) else {kind.list_size}
@@ -131,20 +133,47 @@ def _in_full(
     )
 
 
-def _labels(name: str, values: NDArray[Any], feature: Mapping[str, Any], unit: str) -> dict[str, Any]:
-    """Return names and units of a column and of the lists in it, as a data set's description gives them."""
+def _labelled(name: str, values: NDArray[Any], feature: Mapping[str, Any], unit: str) -> NamedArray:
+    """Return a column with names and units of what is in it, as a data set's description gives them."""
     stated = {**feature, **(feature.get("info") or {})}
     units = next((stated[key] for key in ("units", "unit") if stated.get(key)), unit)
     count = values.shape[1] if values.ndim == 2 else 1
     labels = tuple(_flat(feature.get("names")))
-    if len(labels) != count and name.rpartition(".")[2].partition("_")[0] == "wrench" and count in (3, 6):
+    if len(labels) != count and _is_wrench(name) and count in (3, 6):
         labels = _WRENCH[:count]
-    listed = tuple(map(str, units)) if isinstance(units, list) and len(units) == count else ()
-    return {
-        "unit": units if isinstance(units, str) else "",
-        "names": tuple(f"{name}.{label}" for label in labels) if len(labels) == count else (),
-        "units": listed,
-    }
+    return NamedArray(
+        name,
+        values,
+        unit=units if isinstance(units, str) else "",
+        names=tuple(f"{name}.{label}" for label in labels) if len(labels) == count else (),
+        units=tuple(map(str, units)) if isinstance(units, list) and len(units) == count else (),
+    )
+
+
+def _is_wrench(name: str) -> bool:
+    return "wrench" in re.split(r"[._]", name.lower())
+
+
+def _without_copies(table: NamedColumns) -> NamedColumns:
+    """Return a data set's columns without the forces outside of its wrenches: these are means, limits and copies."""
+    kept = [k for k, header in enumerate(table.headers) if _is_wrench(header) or not _is_force(table, k)]
+    left = [header for k, header in enumerate(table.headers) if k not in kept]
+    if not left or not any(_is_wrench(header) for header in table.headers):
+        return table
+    return dataclasses.replace(
+        table,
+        headers=tuple(table.headers[k] for k in kept),
+        units=tuple(table.units[k] for k in kept),
+        n_columns=len(kept),
+        typed=lambda k: table.typed(kept[k]),
+        text=lambda k: table.text(kept[k]),
+        notes=(*table.notes, f"left out beside the wrench: {', '.join(left)}"),
+    )
+
+
+def _is_force(table: NamedColumns, column: int) -> bool:
+    known = known_spelling(table.stated(column))
+    return known is not None and known.quantity == "force"
 
 
 def _flat(names: Any) -> Iterator[str]:

@@ -15,6 +15,7 @@ from cutenv._base.imports import optional_import
 
 BAGS = (".mcap", ".bag", ".db3", ".active")
 """Suffixes of bags: MCAP, ROS 1, ROS 2 in SQLite, and a ROS 1 bag whose recorder was killed (``.bag.active``)."""
+_FILES = (".mcap", ".db3")  # in the folder of a bag
 _LARGEST = 1 << 31  # bytes of a record, so that a damaged length does not request all memory
 _MAGIC, _MAGIC_1 = b"\x89MCAP0\r\n", b"#ROSBAG V2.0\n"
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = 2, 3, 4, 5, 6  # operation codes of MCAP
@@ -31,8 +32,8 @@ class Message(NamedTuple):
 
 def is_bag(path: Path) -> bool:
     """Return whether a path is a bag by its suffix, or the folder of a ROS 2 bag."""
-    if path.is_dir():
-        return (path / "metadata.yaml").is_file() or any(each.suffix in (".mcap", ".db3") for each in path.iterdir())
+    if path.is_dir():  # ROS 2 calls the first file after the folder, and writes the other at the end
+        return any((path / name).is_file() for name in ("metadata.yaml", *(f"{path.name}_0{each}" for each in _FILES)))
     return path.suffix.lower() in BAGS
 
 
@@ -46,7 +47,7 @@ def messages(path: Path, notes: list[str]) -> Iterator[Message]:
     Exception
         Any, of a damaged file.
     """
-    if path.is_dir() and (files := sorted(each for each in path.iterdir() if each.suffix in (".mcap", ".db3"))):
+    if path.is_dir() and (files := sorted(each for each in path.iterdir() if each.suffix in _FILES)):
         for file in files:
             yield from messages(file, notes)
     elif path.suffix.lower() == ".mcap":

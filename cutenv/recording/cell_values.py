@@ -15,17 +15,17 @@ from cutenv.recording.stated_units import known_spelling
 _EXACT = 2**53  # integers beyond lose digits as floating-point numbers: nanoseconds since 1970 do
 _EPOCH = datetime.date(1970, 1, 1).toordinal()
 _DAY = 86_400 * 10**9  # [ns]
-NUMBERS = {
+NUMBER_PATTERNS = {
     ".": r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?",
     ",": r"[+-]?(?:\d+(?:,\d*)?|,\d+)(?:[eEdD][+-]?\d+)?",
 }
 """Patterns of a number, by its decimal sign."""
-_NUMBER = {sign: re.compile(pattern) for sign, pattern in NUMBERS.items()}
+_NUMBER = {sign: re.compile(pattern) for sign, pattern in NUMBER_PATTERNS.items()}
 _GROUPS = {  # whole numbers in groups of three, and perhaps decimals
     sign: re.compile(rf"[+-]?[1-9]\d{{0,2}}(?:{group}\d{{3}})+(?:{re.escape(sign)}\d*)?(?:[eE][+-]?\d+)?")
     for sign, group in ((".", "[, '\u2019\u00a0\u202f\u2009]"), (",", "[. '\u2019\u00a0\u202f\u2009]"))
 }
-_WITH_UNIT = {sign: re.compile(rf"({pattern})\s*([^\d\s.,:;+-]\S*)") for sign, pattern in NUMBERS.items()}
+_WITH_UNIT = {sign: re.compile(rf"({pattern})\s*([^\d\s.,:;+-]\S*)") for sign, pattern in NUMBER_PATTERNS.items()}
 MISSING = re.compile(
     r"|[-*.?_#]+|[+-]?(?:nan|inf(?:inity)?|1\.#\w+|ol|over(?:load|flow|range)?)|#?n/?a|#\w+[!?]|#div/0!|null|none|nat|"
     r"err(?:or)?|invalid|missing|open|fault",
@@ -50,9 +50,10 @@ _ZONE = r"(?:\s*(?:Z|UTC|GMT|[A-Z]{2,4}T|(?P<zone>[+-]\d{2}:?\d{2})))?(?:\[[\w/]
 _MOMENTS = (
     re.compile(rf"(?:{_DATE}(?:[T ,;_-]+|\s+)(?:at )?)?{_CLOCK}{_ZONE}"),
     re.compile(rf"(?P<date>\d{{8}})[T _-]{_COMPACT}{_ZONE}"),
+    re.compile(rf"(?:[A-Z][a-z]{{2}},? +)?(?P<date>[A-Z][a-z]{{2}} +\d{{1,2}}),? +{_CLOCK}(?: +\d{{4}})?"),
     re.compile(rf"(?:(?P<days>-?\d+) days?,? )(?:\+?){_CLOCK}"),
 )
-TIMES = re.compile("|".join(re.sub(r"\?P<\w+>", "", pattern.pattern) for pattern in _MOMENTS))
+MOMENT_PATTERN = re.compile("|".join(re.sub(r"\?P<\w+>", "", pattern.pattern) for pattern in _MOMENTS))
 """Pattern of a date with its time, a clock time or a duration."""
 
 
@@ -93,7 +94,7 @@ def cell_values(cells: Sequence[str], decimal: str) -> CellValues:
     except ValueError:
         pass
     filled = next((cell for cell in cells if not MISSING.fullmatch(cell)), "")
-    if ":" in filled or TIMES.fullmatch(filled):
+    if ":" in filled or MOMENT_PATTERN.fullmatch(filled):
         moments = _times(cells)
         if moments is not None:
             return moments
@@ -277,6 +278,8 @@ def _day(date: str, *, day_first: bool) -> int:
     parts = [part for part in re.split(r"[-/., ]+", date) if part]
     if len(parts) == 1:
         parts = [date[:4], date[4:6], date[6:]]
+    if len(parts) == 2:  # in some year
+        parts.append("2000")
     if parts[0].isalpha():
         parts = [parts[1], parts[0], parts[2]]
     if len(parts[0]) == 4:

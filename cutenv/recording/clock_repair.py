@@ -5,24 +5,23 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array
+from cutenv.recording.named_columns import RowNumbers
 
-Index = NDArray[np.intp]
 _DAY, _HALF, _HOUR = 86_400.0, 43_200.0, 3600.0  # [s]
 _LATE = 8  # readings by which one may come out of order
 _FEW = 0.02  # share of repeated times that are repeated readings, not a coarse clock
 
 
-class Stretch(NamedTuple):
+class ClockStretch(NamedTuple):
     """Rows of one record, and their strictly increasing times [s]."""
 
-    rows: Index
+    rows: RowNumbers
     time: Array
 
 
-def stretches(time: Array, rows: Index, *, of_day: bool, notes: list[str]) -> tuple[list[Stretch], int]:
+def stretches(time: Array, rows: RowNumbers, *, of_day: bool, notes: list[str]) -> tuple[list[ClockStretch], int]:
     """Return the records in some rows whose clock may restart, with the number of repeated readings left out.
 
     Parameters
@@ -47,7 +46,7 @@ def stretches(time: Array, rows: Index, *, of_day: bool, notes: list[str]) -> tu
     for part in np.split(np.arange(len(rows)), borders):
         kept, fine = _spread(here[part], notes)
         repeated += len(part) - len(kept)
-        found.append(Stretch(rows[part][kept], fine))
+        found.append(ClockStretch(rows[part][kept], fine))
     if len(found) > 1:
         notes.append(f"the clock starts again {len(found) - 1} times: a record each.")
     return found, repeated
@@ -68,7 +67,7 @@ def _unwound(time: Array, notes: list[str]) -> Array:
     return np.asarray(time + added)
 
 
-def _restarts(time: Array) -> tuple[Index, list[int]]:
+def _restarts(time: Array) -> tuple[RowNumbers, list[int]]:
     """Return the order in which the rows were measured, and where the clock starts again in it."""
     falls = np.flatnonzero(np.diff(time) < 0.0)
     order = np.arange(len(time))
@@ -89,7 +88,7 @@ def _restarts(time: Array) -> tuple[Index, list[int]]:
     return order, borders
 
 
-def _spread(time: Array, notes: list[str]) -> tuple[Index, Array]:
+def _spread(time: Array, notes: list[str]) -> tuple[RowNumbers, Array]:
     """Return the readings to keep, and times that increase: repeated ones are spread if the clock is a coarse one."""
     every = np.arange(len(time))
     same = np.diff(time) <= 0.0
@@ -115,6 +114,6 @@ def _spread(time: Array, notes: list[str]) -> tuple[Index, Array]:
     return every, fine
 
 
-def _only_first(starts: Index, n: int) -> bool:
+def _only_first(starts: RowNumbers, n: int) -> bool:
     """Return whether only the first time is repeated, by readings before a trigger."""
     return len(starts) > 1 and n - len(starts) == int(starts[1]) - 1

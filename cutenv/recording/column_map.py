@@ -7,7 +7,8 @@ import dataclasses
 import json
 import os
 import re
-from collections.abc import Iterable
+import shlex
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -168,6 +169,15 @@ class ColumnMap:
             raise ValueError("force is not mapped. Write force=column, or force=norm(Fx,Fy,Fz).")
         return cls(**given, unit=unit, rate=rate, split_by=split_by)
 
+    def __str__(self) -> str:
+        """Options of a command line that give this mapping, such as ``--map time=t force=F --unit N``."""
+        items = {field: getattr(self, field) for field in self.fields}
+        if self.rate is not None:
+            items["rate"] = f"{self.rate:.10g}Hz"
+        if self.split_by:
+            items["split_by"] = ",".join(self.split_by)
+        return options_text(items | ({} if self.unit is None else {"unit": self.unit}))
+
     def to_json(self) -> str:
         """Return JSON text, from which :meth:`from_json` restores the mapping exactly."""
         return json.dumps({"schema": MAP_SCHEMA, **dataclasses.asdict(self)}, indent=1) + "\n"
@@ -213,6 +223,14 @@ class ColumnMap:
             return cls.from_json(path.read_text(encoding="utf-8"))
         except (ValueError, RecursionError) as error:  # including bytes that are not UTF-8
             raise RecordError(path, f"no mapping of columns: {error}") from None
+
+
+def options_text(items: Mapping[str, str]) -> str:
+    """Return the options of a command line for the items of a mapping, of which "unit" is the force's unit."""
+    order = ("time", "rate", *(field for field in UNITS if field != "time"), "split_by")
+    fields = [shlex.quote(f"{name}={items[name]}") for name in order if name in items]
+    unit = f" --unit {items['unit']}" if "unit" in items else ""
+    return f"--map {' '.join(fields)}{unit}"
 
 
 def known_unit(field: str, unit: str) -> str:

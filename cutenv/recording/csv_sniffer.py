@@ -14,13 +14,21 @@ from typing import NamedTuple
 import numpy as np
 
 from cutenv._base.arrays import Array
-from cutenv.recording.cell_values import MISSING, NUMBERS, TIMES, CellValues, cell_values, may_be_thousands, plain_float
+from cutenv.recording.cell_values import (
+    MISSING,
+    MOMENT_PATTERN,
+    NUMBER_PATTERNS,
+    CellValues,
+    cell_values,
+    may_be_thousands,
+    plain_float,
+)
 from cutenv.recording.maker_headers import MakerHeader, maker_header, stated_rate
-from cutenv.recording.named_columns import Index, LeftOut, NamedColumns
+from cutenv.recording.named_columns import LeftOut, NamedColumns, RowNumbers
 from cutenv.recording.schema import RecordError
 from cutenv.recording.specimens import side_by_side
 from cutenv.recording.stated_units import known_spelling, split_header
-from cutenv.recording.text_lines import tabled, text_lines
+from cutenv.recording.text_lines import plain_rows, tabled, text_lines
 from cutenv.recording.time_columns import whole_times
 
 
@@ -36,12 +44,14 @@ _DIALECTS = [Dialect(*pair) for pair in ("\t.", "\t,", ";.", ";,", ",.", "|.", "
 _NAMES = {"\t": "tab", ";": "semicolon", ",": "comma", "|": "bar", " ": "blanks"}
 _SAMPLE = 400  # lines from which the separator is chosen
 _NO_ROW = frozenset(("", "#", "%", "/", "!"))  # beginnings of lines that are blank or comments
+_KEY_LINE = re.compile(r"\w[\w ]{0,30}:\s+\S.*")  # "rows: 1361", which names no columns
 _POINT, _COMMA = re.compile(r"\d\.\d"), re.compile(r"\d,\d")
-_NUMBER = {sign: re.compile(pattern) for sign, pattern in NUMBERS.items()}
+_NUMBER = {sign: re.compile(pattern) for sign, pattern in NUMBER_PATTERNS.items()}
 _GROUPED = {
     ".": re.compile(r"[+-]?[1-9]\d{0,2}(?:[, '\u2019\u00a0\u202f\u2009]\d{3})+(?:\.\d*)?"),
     ",": re.compile(r"[+-]?[1-9]\d{0,2}(?:[. '\u2019\u00a0\u202f\u2009]\d{3})+(?:,\d*)?"),
 }
+_RUN = 5  # rows below one another that begin a table
 _FEWEST_NUMBERS = 0.25  # share of the filled cells that are numbers, in a table
 _COMMON = 0.05  # share of the rows above which a length or a gap is the file's habit, not damage
 
@@ -70,8 +80,8 @@ def sniff_table(path: Path, lines: list[str] | None = None) -> NamedColumns:
             left_out=lost,
         )
         return whole_times(columns)
-    stated = maker_header(lines)
-    return side_by_side(whole_times(_Reading(path, lines, stated).table()))
+    lines = plain_rows(lines)
+    return side_by_side(whole_times(_Reading(path, lines, maker_header(lines)).table()))
 
 
 def split_row(row: str, separator: str) -> list[str]:
@@ -161,8 +171,20 @@ class _Reading:
                 good or i >= len(cells) or MISSING.fullmatch(cells[i]) for good, i in zip(found, numeric, strict=True)
             )
 
-        first = next((k for k, i in enumerate(self.written) if holds_numbers(self.lines[i])), None)
+        first = self._first(holds_numbers)
         return None if first is None else _Rows(dialect, length, numeric, first, n_numbers / n_filled)
+
+    def _first(self, holds_numbers: Callable[[str], bool]) -> int | None:
+        """Return the place of the first row: of the first of a run, for a table of results may stand above."""
+        anywhere = None
+        for k, i in enumerate(self.written):
+            if not holds_numbers(self.lines[i]):
+                continue
+            anywhere = k if anywhere is None else anywhere
+            run = [self.lines[j] for j in self.written[k + 1 : k + _RUN]]
+            if all(map(holds_numbers, run)):
+                return k
+        return anywhere
 
     def _decimal_sign(self, rows: _Rows) -> str:
         here = [self.lines[i] for i in self.written[rows.first :]]
@@ -193,20 +215,19 @@ class _Reading:
         lines = [self.lines[i] for i in here]
         numbers = self._all_numbers(lines, rows)
         left_out: list[LeftOut] = []
-        parts: Index | None = None
+        parts: RowNumbers | None = None
         part_names: tuple[str, ...] = ()
         if numbers is not None:
             kept = np.array(here)
             parts, part_names = _blocks(self._gaps_of_header(kept), len(kept))
             columns = dict(zip(rows.numeric, numbers.T, strict=True))
-            typed = functools.cache(lambda k: self._typed(columns, lines, rows, k))
-            split = functools.cache(lambda: list(zip(*(split_row(line, separator) for line in lines), strict=True)))
-            text: Callable[[int], Sequence[str]] = lambda k: split()[k]  # noqa: E731
+            text = _columns_of(lines, {}, rows)
+            typed = functools.cache(lambda k: _typed(columns, text, k, decimal))
         else:
             sound = self._sound(lines, np.array(here), rows, header)
             kept, left_out, parts, part_names = sound.places, sound.left_out, sound.parts, sound.part_names
-            text = sound.cells.__getitem__
-            typed = functools.cache(lambda k: cell_values(sound.cells[k], decimal))
+            text, columns = sound.cells, sound.numbers
+            typed = functools.cache(lambda k: _typed(columns, sound.cells, k, decimal))
         if 2 * len(kept) < len(here):
             raise RecordError(self.path, "it holds no table of numbers: most of its lines are of another form.")
         sign = "comma" if decimal == "," else "point"
@@ -254,22 +275,19 @@ class _Reading:
             return None
         return values
 
-    def _typed(self, columns: dict[int, Array], lines: list[str], rows: _Rows, k: int) -> CellValues:
-        found = columns.get(k)
-        if found is not None and np.abs(found).max() < 2.0**53:
-            return CellValues(values=found)
-        return cell_values([split_row(line, rows.dialect.separator)[k] for line in lines], rows.dialect.decimal)
-
-    def _sound(self, lines: list[str], places: Index, rows: _Rows, header: _Header) -> _Sound:
+    def _sound(self, lines: list[str], places: RowNumbers, rows: _Rows, header: _Header) -> _Sound:
         """Part the sound rows from the other lines below the first one, line by line."""
         separator, decimal = rows.dialect
-        split = [split_row(line, separator) for line in lines]
-        counts = Counter(map(len, split))
-        shortest = min(k for k, count in counts.items() if count >= _COMMON * len(split) or len(counts) == 1)
-        judge = _LineJudge(rows, header, shortest, _common_words(split, rows.numeric, decimal))
-        kinds = [judge.kind(cells) for cells in split]
-        if bool(self.raw[-1]) and places[-1] == len(self.raw) - 1 and _is_cut_off(split[-1], split[-10:-1]):
-            kinds[-1] = "incomplete"
+        whole = _whole_line(rows, lines)
+        split = {i: split_row(line, separator) for i, line in enumerate(lines) if not (whole and whole(line))}
+        counts = Counter(map(len, split.values())) + Counter({rows.length: len(lines) - len(split)})
+        shortest = min(k for k, count in counts.items() if count >= _COMMON * len(lines) or len(counts) == 1)
+        wordy = set() if whole else _common_words(list(split.values()), rows.numeric, decimal)
+        judge = _LineJudge(rows, header, shortest, wordy)
+        kinds = [judge.kind(split[i]) if i in split else "row" for i in range(len(lines))]
+        if bool(self.raw[-1]) and places[-1] == len(self.raw) - 1:
+            last = [split_row(line, separator) for line in lines[-10:]]
+            kinds[-1] = "incomplete" if _is_cut_off(last[-1], last[:-1]) else kinds[-1]
         good: list[int] = []
         borders: list[int] = []  # numbers of sound rows in front of text
         other_columns = False
@@ -283,7 +301,7 @@ class _Reading:
             elif kind != "incomplete" and kind != "odd":
                 borders.append(len(good))
         gaps = self._gaps_of_header(places[good])
-        cells = [[split[i][k] if k < len(split[i]) else "" for i in good] for k in range(rows.length)]
+        kept, own = [lines[i] for i in good], {k: split[i] for k, i in enumerate(good) if i in split}
         left_out = []
         for kind, reason in _REASONS.items():
             where = [i for i, each in enumerate(kinds) if each == kind]
@@ -291,9 +309,10 @@ class _Reading:
                 example = f"line {places[where[0]] + 1}: {lines[where[0]].strip()[:40]!r}"
                 left_out.append(LeftOut(count=len(where), reason=f"{reason} ({example})"))
         parts, names = _blocks([*borders, *gaps], len(good))
-        return _Sound(cells, places[good], left_out, parts, names)
+        numbers = _few_gaps(kept, own, rows) if whole else {}
+        return _Sound(_columns_of(kept, own, rows), numbers, places[good], left_out, parts, names)
 
-    def _gaps_of_header(self, places: Index) -> list[int]:
+    def _gaps_of_header(self, places: RowNumbers) -> list[int]:
         """Return the rows before which the program wrote the header of another segment."""
         if not self.stated.starts:
             return []
@@ -303,7 +322,54 @@ class _Reading:
         ]
 
 
-def _blocks(borders: Sequence[int], n: int) -> tuple[Index | None, tuple[str, ...]]:
+def _typed(columns: dict[int, Array], text: Callable[[int], Sequence[str]], k: int, decimal: str) -> CellValues:
+    """Return a column that was read as numbers, or read it from its text, where large numbers keep their digits."""
+    found = columns.get(k)
+    if found is not None and np.abs(found[np.isfinite(found)]).max(initial=0.0) < 2.0**53:
+        return CellValues(values=found)
+    return cell_values(text(k), decimal)
+
+
+def _columns_of(lines: list[str], split: dict[int, list[str]], rows: _Rows) -> Callable[[int], Sequence[str]]:
+    """Return a function that gives the cells of a column; a line that is shorter has its last cells empty."""
+
+    @functools.cache
+    def cells() -> list[list[str]]:
+        every = [split.get(i) or split_row(line, rows.dialect.separator) for i, line in enumerate(lines)]
+        return [[each[k] if k < len(each) else "" for each in every] for k in range(rows.length)]
+
+    return lambda k: cells()[k]
+
+
+def _whole_line(rows: _Rows, lines: list[str]) -> Callable[[str], object] | None:
+    """Return a quick test for lines of numbers alone; None where cells may hold more than plain numbers."""
+    separator, decimal = rows.dialect
+    if separator in (" ", "|") or separator == decimal or len(rows.numeric) < rows.length:
+        return None
+    number = rf"\s*(?:{NUMBER_PATTERNS[decimal]})\s*"
+    whole = re.compile(rf"{number}(?:{re.escape(separator)}{number}){{{rows.length - 1}}}").fullmatch
+    sample = lines[:: max(1, len(lines) // 200)]
+    return whole if 2 * sum(whole(line) is not None for line in sample) > len(sample) else None
+
+
+def _few_gaps(lines: list[str], split: dict[int, list[str]], rows: _Rows) -> dict[int, Array]:
+    """Return the columns of rows of plain numbers with missing ones among them, NaN there; {} for other cells."""
+    separator, decimal = rows.dialect
+    plain = list(lines)
+    for i, cells in split.items():
+        filled = [*cells[: rows.length], *[""] * (rows.length - len(cells))]
+        if not all(_NUMBER[decimal].fullmatch(cell) or MISSING.fullmatch(cell) for cell in filled):
+            return {}
+        plain[i] = separator.join(cell if _NUMBER[decimal].fullmatch(cell) else "nan" for cell in filled)
+    plain = [line.replace(",", ".") for line in plain] if decimal == "," else plain
+    try:
+        values = np.loadtxt(plain, delimiter=separator, comments=None, ndmin=2)
+    except (ValueError, OverflowError):
+        return {}
+    return {} if any(may_be_thousands(column) for column in values.T) else dict(enumerate(values.T))
+
+
+def _blocks(borders: Sequence[int], n: int) -> tuple[RowNumbers | None, tuple[str, ...]]:
     """Return the block of each of `n` rows, which some borders part, and the names of the blocks."""
     inner = sorted({k for k in borders if 0 < k < n})
     if not inner:
@@ -315,10 +381,11 @@ def _blocks(borders: Sequence[int], n: int) -> tuple[Index | None, tuple[str, ..
 class _Sound(NamedTuple):
     """Cells of the sound rows by column, their places in the file, the lines left out, and the blocks."""
 
-    cells: list[list[str]]
-    places: Index
+    cells: Callable[[int], Sequence[str]]
+    numbers: dict[int, Array]
+    places: RowNumbers
     left_out: list[LeftOut]
-    parts: Index | None
+    parts: RowNumbers | None
     part_names: tuple[str, ...]
 
 
@@ -338,7 +405,7 @@ class _LineJudge:
     def __init__(self, rows: _Rows, header: _Header, shortest: int, wordy: set[int]) -> None:
         self.rows, self.shortest, self.wordy = rows, shortest, wordy
         self.number = functools.partial(_is_number, decimal=rows.dialect.decimal)
-        self.names = {_bare(cell) for cell in header.names if cell} | {_bare(cell) for cell in header.units if cell}
+        self.heads = [[_bare(cell) for cell in cells[: rows.length]] for cells in (header.names, header.units)]
 
     def kind(self, cells: list[str]) -> str:
         """Return "row", "incomplete", or one of the reasons for which a line is none."""
@@ -368,7 +435,8 @@ class _LineJudge:
         filled = [cell for cell in cells if cell]
         if all(MISSING.fullmatch(cell) for cell in filled):
             return "row" if len(cells) >= self.shortest else "incomplete"
-        if all(_bare(cell) in self.names for cell in filled):
+        bare = [_bare(cell) for cell in cells[: self.rows.length]]
+        if any(head[: len(bare)] == bare for head in self.heads):
             return "header"
         wide = len(filled) >= max(2, self.shortest - 1) and not any(map(self.number, filled))
         return "other header" if wide and not all(map(_is_unit, filled)) else "text"
@@ -409,7 +477,7 @@ def _is_number(cell: str, *, decimal: str) -> bool:
         return True
     if not any(sign.isdigit() for sign in cell):
         return False
-    if _GROUPED[decimal].fullmatch(cell) or TIMES.fullmatch(cell):
+    if _GROUPED[decimal].fullmatch(cell) or MOMENT_PATTERN.fullmatch(cell):
         return True
     number = _NUMBER[decimal].match(cell)
     return number is not None and _is_unit(cell[number.end() :])
@@ -442,9 +510,11 @@ def _header_of(above: Sequence[str], dialect: Dialect, length: int) -> _Header:
     """Return names and units from the last lines above the numbers."""
     filled = [line.lstrip(" #%/!").rstrip("\n ") if line.lstrip()[:1] in "#%/!" else line for line in above]
     filled = [line for line in filled if line.strip("\t ,;|-+=:")]
+    if dialect.separator == " ":
+        filled = [line for line in filled if not _KEY_LINE.fullmatch(line.strip())]
     if not filled:
         return _Header((), (), "nothing stands above them")
-    rows = [_header_cells(line, dialect, length) for line in filled[-8:] if line.lstrip()[:1] not in "{["]
+    rows = [_header_cells(line, dialect, length) for line in filled[-8:] if line.lstrip()[:1] != "{"]
     units, names = _names_and_units(rows, length)
     if len(names) == length - 1 and not units and all(names):  # R leaves the corner above its row names out
         return _Header(("row", *names), (), "")
@@ -471,6 +541,8 @@ def _names_and_units(rows: list[list[str]], length: int) -> tuple[tuple[str, ...
             return tuple(rows[k]), list(rows[k])
     for cells in reversed(rows):
         n_filled = sum(bool(cell) for cell in cells)
+        if any(_NUMBER["."].fullmatch(cell) for cell in cells):
+            continue
         if n_filled > 1 or (n_filled == 1 and length == 1):
             if 2 * n_filled < min(length, 8) and len(cells) <= length and _is_label(rows, cells, length):
                 continue

@@ -35,7 +35,7 @@ _READERS: dict[str, _Reader] = {
     ".tdms": tdms_file.read,
     **dict.fromkeys((".xdf", ".xdfz"), xdf_file.read),
 }
-SUFFIXES = (*_READERS, *spreadsheet.SUFFIXES)
+FOREIGN_SUFFIXES = (*_READERS, *spreadsheet.WORKBOOKS)
 """Suffixes of the formats that are no text."""
 PACKED = ".gz"
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,7 +22,7 @@ from cutenv.recording.files import FORMATS, load
 from cutenv.recording.foreign_files import foreign_columns, is_text
 from cutenv.recording.mapped_columns import MappedReadings, RecordRows
 from cutenv.recording.named_columns import LeftOut, NamedColumns
-from cutenv.recording.proposal import Proposal, proposal
+from cutenv.recording.proposal import Proposal, Question, proposal
 from cutenv.recording.schema import SCHEMA, RecordError
 from cutenv.trace import Trace
 
@@ -54,6 +55,10 @@ class Imported:
         Headers of the columns that `mapping` does not name.
     left_out : tuple of LeftOut
         Rows of the file that are in no record, with their number.
+    questions : tuple of Question
+        What the file leaves open, where a proposed answer was taken.
+    assumed : tuple of str
+        Those of the notes that no reader may miss: what was assumed, interpolated, sorted, or parted.
     """
 
     path: Path
@@ -66,6 +71,8 @@ class Imported:
     notes: tuple[str, ...]
     unused: tuple[str, ...] = ()
     left_out: tuple[LeftOut, ...] = ()
+    questions: tuple[Question, ...] = ()
+    assumed: tuple[str, ...] = ()
 
     @property
     def sound(self) -> tuple[Trace, ...]:
@@ -141,8 +148,8 @@ def read_record(
         except RecordError as foreign:  # no table of numbers either
             raise (error if path.suffix.lower() in FORMATS else foreign) from None
         cure = "if another program wrote it, leave it as it is and name its columns, as at the end of this message."
-        own = f"(Cutenv's own format it is not: {error.reason})"
-        raise RecordError(path, f"{cure} {own} {_how_to_map(table)}") from None
+        own = f" (Cutenv's own format it is not: {error.reason})" if path.suffix.lower() in FORMATS else ""
+        raise RecordError(path, f"{cure}{own} {_how_to_map(table)}") from None
     return Imported(
         path=path,
         mapping=None,
@@ -162,6 +169,14 @@ def _is_ours(path: Path) -> bool:
     if is_text(path):
         return path.is_file() and is_own(path)
     return path.suffix.lower() in FORMATS and SCHEMA.partition("/")[0].encode() in path.read_bytes()
+
+
+def _loads(path: Path) -> bool:
+    """Return whether a file's own names of columns define them."""
+    try:
+        return bool(load(path))
+    except RecordError:
+        return False
 
 
 def load_foreign(
@@ -198,12 +213,17 @@ def load_foreign(
     table = _foreign_table(path, mapping)
     if mapping is None:
         mapping = _saved_mapping(path, table)
-        table = table if is_text(path) else _foreign_table(path, mapping)
+        table = _foreign_table(path, mapping) if table.source else table
     return imported(table, mapping, search)
 
 
-def look_at(path: str | os.PathLike[str], mapping: ColumnMap | None = None) -> tuple[Imported, Proposal]:
-    """Read a foreign file by a mapping or, without one, by the proposal that is made of the file.
+def look_at(
+    path: str | os.PathLike[str], mapping: ColumnMap | None = None, answers: Mapping[str, str] | None = None
+) -> Imported:
+    """Read any record as it is understood, before anybody scores it.
+
+    A record of this package is read as it is. Any other file is read by `mapping`, by the one that was saved beside it,
+    or by the proposal that is made of its own statements; the questions that these leave open are among the result.
 
     Parameters
     ----------
@@ -211,29 +231,45 @@ def look_at(path: str | os.PathLike[str], mapping: ColumnMap | None = None) -> t
         Path of the file.
     mapping : ColumnMap, optional
         Mapping of its columns.
+    answers : mapping, optional
+        Items of the mapping that a person gave as answers: ``{"unit": "mN"}``.
 
     Returns
     -------
-    imported : Imported
-        Records and cuts.
-    asked : Proposal
-        Mapping that was proposed, with the questions whose proposed answers were taken.
+    Imported
+        Its `questions` are those whose proposed answers were taken.
 
     Raises
     ------
+    OpenQuestions
+        If the file leaves a question open that has no likeliest answer.
     RecordError
-        If the file cannot be read, or it leaves a question open that has no likeliest answer.
+        If the file cannot be read: names place, reason and cure.
     OSError
         If the file cannot be opened.
     """
     path = Path(path)
-    table = _foreign_table(path, mapping)
-    found = proposal(table) if mapping is None else Proposal(items={})
-    chosen = mapping or found.mapping
-    if chosen is None:
+    if mapping is not None:
+        return read_record(path, mapping)
+    if _is_ours(path) or (path.suffix.lower() in FORMATS and not is_text(path) and _loads(path)):
+        return read_record(path)
+    kept = path.parent / MAP_FILE
+    if answers is None and kept.is_file():
+        try:
+            return read_record(path)
+        except RecordError:
+            note = f"the columns kept in {kept} do not fit this file."
+    else:
+        note = ""
+    table = _foreign_table(path)
+    found = proposal(table)
+    if answers:
+        found = found.answered(answers)
+    if found.mapping is None:
         raise OpenQuestions(path, found)
-    table = table if mapping is not None or is_text(path) else _foreign_table(path, chosen)
-    return imported(table, chosen), found
+    table = _foreign_table(path, found.mapping) if table.source else table
+    understood = imported(table, found.mapping)
+    return dataclasses.replace(understood, questions=found.questions, notes=(*understood.notes, *[note] * bool(note)))
 
 
 class OpenQuestions(RecordError):
@@ -273,6 +309,7 @@ def imported(table: NamedColumns, mapping: ColumnMap, search: CutSearch | None =
         traces=tuple(trace for trace, _ in parts),
         flaws=tuple(found_flaws for _, found_flaws in parts),
         notes=(f"{table.path.name}: {table}.", *map(str, readings.left_out), *readings.notes, *told),
+        assumed=tuple(readings.notes),
         unused=_unused(table, mapping),
         left_out=tuple(readings.left_out),
     )

@@ -95,6 +95,7 @@ def joined(path: Path, every: Sequence[Series], names: Collection[str], notes: S
         about=f"readings of {series[base].source}",
         row_name="reading",
         lines=kept + 1,
+        source=series[base].source if len(series) > 1 else "",
         left_out=(LeftOut(count=repeated, reason="they repeat a time; the first of each is kept"),) if repeated else (),
         notes=tuple(notes),
     )

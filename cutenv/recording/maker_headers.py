@@ -6,13 +6,13 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from cutenv.recording.cell_values import NUMBERS, cell_values
+from cutenv.recording.cell_values import NUMBER_PATTERNS, cell_values
 from cutenv.recording.stated_units import known_spelling
 
 _END = "***End_of_Header***"
 _LABCHART = ("Interval=", "ExcelDateTime=", "TimeFormat=", "DateFormat=", "ChannelTitle=", "Range=", "UnitName=",
              "TopValue=", "BottomValue=", "BlockName=")  # fmt: skip
-_NUMBER = NUMBERS["."].replace(r"\.", "[.,]")
+_NUMBER = NUMBER_PATTERNS["."].replace(r"\.", "[.,]")
 _RATE = re.compile(
     r"(?:sampl\w*[ _.-]*(?:rate|freq\w*)|samplerate|samples?[ _]per[ _]second|abtast(?:rate|frequenz)|"
     r"messrate|data ?rate|scan rate|acquisition rate|frequency|fs|rate)\b[^\d\n]{0,14}?"
@@ -21,8 +21,8 @@ _RATE = re.compile(
 )
 _STEP = re.compile(
     r"(?:sampl\w*[ _.-]*(?:interval|period|time)|interval|delta[ _]?[xt]|d[xt]|time ?step|increment|schrittweite|"
-    r"abtast(?:intervall|zeit)|messintervall|datarate interval)\b[^\d\n]{0,14}?"
-    + rf"({_NUMBER})\s*([a-zA-Z\u00b5\u03bc]*)",
+    r"abtast(?:intervall|zeit)|messintervall|datarate interval)\b"
+    r"(?:\s*[\[(](?P<ahead>\w+)[\])])?[^\d\n]{0,14}?" + rf"(?P<number>{_NUMBER})\s*(?P<unit>[a-zA-Z\u00b5\u03bc]*)",
     re.IGNORECASE,
 )
 _SIZE = {"khz": 1e3, "ks/s": 1e3}
@@ -74,10 +74,11 @@ def stated_rate(above: Sequence[str]) -> float | None:
         if found := _RATE.search(plain):
             rates.add(_float(found[1]) * _SIZE.get(found[2].lower(), 1.0))
         elif found := _STEP.search(plain):
-            unit = known_spelling(found[2]) if found[2] else None
+            said = found["ahead"] or found["unit"]
+            unit = known_spelling(said) if said else None
             size = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0}.get(unit.unit if unit else "s")
-            if size and _float(found[1]) > 0.0:
-                rates.add(1.0 / (_float(found[1]) * size))
+            if size and _float(found["number"]) > 0.0:
+                rates.add(1.0 / (_float(found["number"]) * size))
     good = {rate for rate in rates if 1.0 <= rate <= 1e6}
     return good.pop() if len(good) == 1 else None
 

@@ -18,13 +18,13 @@ from cutenv.recording.cell_values import CellValues
 from cutenv.recording.clock_repair import stretches
 from cutenv.recording.column_map import USUAL_UNITS, ColumnMap, Expression, column_of
 from cutenv.recording.cut_detection import noise_level
-from cutenv.recording.named_columns import Index, LeftOut, NamedColumns, bare_name
-from cutenv.recording.plausible_units import FASTEST, time_units, usual_step, way_units
+from cutenv.recording.named_columns import LeftOut, NamedColumns, RowNumbers, bare_name
+from cutenv.recording.plausible_units import GREATEST_RATE, time_units, usual_step, way_units
 from cutenv.recording.schema import FIELD_UNITS, RecordError
 from cutenv.recording.stated_units import QUANTITY_OF, known_spelling
 from cutenv.trace import Trace, limits
 
-Mask = NDArray[np.bool_]
+_Mask = NDArray[np.bool_]
 
 STAMP = "stamp"
 """Name of the column with the time of a reading."""
@@ -41,7 +41,7 @@ class RecordRows(NamedTuple):
     """One record: values that part it from the others, and its rows with their times [s]."""
 
     group: dict[str, str]
-    rows: Index
+    rows: RowNumbers
     time: Array
 
 
@@ -73,7 +73,7 @@ class MappedReadings:
 
     table: NamedColumns
     mapping: ColumnMap
-    kept: Index
+    kept: RowNumbers
     time: Array | None
     force: Array
     sensed: dict[str, Array]
@@ -126,7 +126,7 @@ class MappedReadings:
         return self.mapping.expression("force")
 
     @property
-    def lines(self) -> Index:
+    def lines(self) -> RowNumbers:
         """Lines of the file that hold the rows."""
         return self.table.lines[self.kept]
 
@@ -173,7 +173,7 @@ class MappedReadings:
             self.left_out.append(LeftOut(count=lost, reason="single readings between restarts of the clock"))
         return long
 
-    def _groups(self) -> list[tuple[dict[str, str], Index]]:
+    def _groups(self) -> list[tuple[dict[str, str], RowNumbers]]:
         """Return the rows of each group of `split_by`, and its values."""
         if not self.mapping.split_by:
             return [({}, np.arange(len(self.kept)))]
@@ -184,7 +184,7 @@ class MappedReadings:
         names = [bare_name(name) for name in self.mapping.split_by]
         return [(dict(zip(names, key, strict=True)), np.array(where)) for key, where in rows.items()]
 
-    def _parts(self, rows: Index) -> list[tuple[dict[str, str], Index, float | None]]:
+    def _parts(self, rows: RowNumbers) -> list[tuple[dict[str, str], RowNumbers, float | None]]:
         """Return name, rows and beginning [s] of each specimen or block among some rows."""
         if self.table.parts is None:
             return [({}, rows, None)]
@@ -209,7 +209,7 @@ class MappedReadings:
                 return
         parts.append(new)
 
-    def _check_groups(self, rows: Index) -> None:
+    def _check_groups(self, rows: RowNumbers) -> None:
         """Raise RecordError if some column parts the rows into records whose times are the same."""
         assert self.time is not None
         time = self.time[rows]
@@ -328,7 +328,7 @@ def along_cut(expression: Expression, components: Array) -> Array:
     return expression.sign * _norm(components) if expression.is_norm else components[:, 0]
 
 
-def separating_columns(table: NamedColumns, mapping: ColumnMap, rows: Index, time: Array) -> tuple[str, ...]:
+def separating_columns(table: NamedColumns, mapping: ColumnMap, rows: RowNumbers, time: Array) -> tuple[str, ...]:
     """Return the columns whose few values part rows with repeated times into records; () if none do."""
     used = {table.index(name) for field in mapping.fields for name in mapping.expression(field).columns}
     shown = slice(0, 2000)
@@ -352,9 +352,9 @@ def separating_columns(table: NamedColumns, mapping: ColumnMap, rows: Index, tim
     return ()
 
 
-def _joined(columns: dict[str, Array], kept: Index, notes: list[str]) -> Index:
+def _joined(columns: dict[str, Array], kept: RowNumbers, notes: list[str]) -> RowNumbers:
     """Keep the rows with a force if other columns are slower or faster, and interpolate these there, in time."""
-    known: dict[str, Mask] = {field: np.all(np.isfinite(values), axis=1) for field, values in columns.items()}
+    known: dict[str, _Mask] = {field: np.all(np.isfinite(values), axis=1) for field, values in columns.items()}
     share = {field: float(np.mean(~each)) for field, each in known.items()}
     time = columns.get("time")
     sparse = [field for field in columns if field != "time" and share[field] > _SPARSE and known[field].sum() >= 2]
@@ -386,12 +386,12 @@ def _finite(
     columns: dict[str, Array],
     places: dict[str, list[int]],
     cells: dict[int, CellValues],
-    kept: Index,
+    kept: RowNumbers,
     left_out: list[LeftOut],
-) -> Index:
+) -> RowNumbers:
     """Keep the rows that hold a number in every column, and say how many do not."""
-    bad: dict[str, Mask] = {f: ~np.all(np.isfinite(values), axis=1) for f, values in columns.items()}
-    lost: Mask = np.logical_or.reduce(list(bad.values()))
+    bad: dict[str, _Mask] = {f: ~np.all(np.isfinite(values), axis=1) for f, values in columns.items()}
+    lost: _Mask = np.logical_or.reduce(list(bad.values()))
     if not lost.any():
         return kept
     row = int(np.argmax(lost))
@@ -413,12 +413,14 @@ def _finite(
     return kept[~lost]
 
 
-def _without_spikes(table: NamedColumns, columns: dict[str, Array], kept: Index, left_out: list[LeftOut]) -> Index:
+def _without_spikes(
+    table: NamedColumns, columns: dict[str, Array], kept: RowNumbers, left_out: list[LeftOut]
+) -> RowNumbers:
     """Leave out single readings of force or position that no sensor can have shown between their neighbours."""
     for field in ("force", "position"):
         if field not in columns or len(kept) < _FEWEST:
             continue
-        odd: Mask = np.zeros(len(kept), dtype=bool)
+        odd: _Mask = np.zeros(len(kept), dtype=bool)
         for component in columns[field].T:
             odd |= spikes(component)
         if not odd.any():
@@ -436,7 +438,7 @@ def _without_spikes(table: NamedColumns, columns: dict[str, Array], kept: Index,
     return kept
 
 
-def spikes(values: Array) -> Mask:
+def spikes(values: Array) -> _Mask:
     """Return which readings stand alone, farther from their neighbours than the whole record ranges; shape (n,)."""
     calm = median_filter(values, size=5, mode="nearest")
     away = np.abs(values - calm)
@@ -451,7 +453,7 @@ def _check_rate(table: NamedColumns, time: Array | None) -> None:
     if time is None or len(time) < _FEWEST:
         return
     step = usual_step(time)
-    if step and 1.0 / step > FASTEST:
+    if step and 1.0 / step > GREATEST_RATE:
         raise RecordError(
             table.path,
             f"its times make {1.0 / step:.3g} readings a second, which no force sensor gives: the unit of time is "

@@ -18,7 +18,7 @@ from cutenv.recording.cell_values import CellValues, of_array
 from cutenv.recording.schema import UNITS, RecordError
 from cutenv.recording.stated_units import known_spelling, split_header, unit_of_field, without_brackets
 
-Index = NDArray[np.intp]
+RowNumbers = NDArray[np.intp]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,17 +70,19 @@ class NamedColumns:
         Text above the numbers in place of a header, for messages.
     row_name : str
         Word for a row in messages.
+    source : str
+        Topic, stream or group whose readings are the rows, while others are interpolated; "" if all columns share them.
     """
 
     path: Path
     headers: tuple[str, ...]
     n_columns: int
-    lines: Index
+    lines: RowNumbers
     about: str
     typed: Callable[[int], CellValues]
     text: Callable[[int], Sequence[str]]
     units: tuple[str, ...] = ()
-    parts: Index | None = None
+    parts: RowNumbers | None = None
     part_names: tuple[str, ...] = ()
     part_starts: tuple[float, ...] = ()
     rate: float | None = None
@@ -88,6 +90,7 @@ class NamedColumns:
     notes: tuple[str, ...] = ()
     above: str = "nothing stands above them"
     row_name: str = "line"
+    source: str = ""
 
     @classmethod
     def of(
@@ -98,7 +101,7 @@ class NamedColumns:
         units: Mapping[str, str] | Sequence[str] = (),
         about: str,
         row_name: str = "row",
-        lines: Index | None = None,
+        lines: RowNumbers | None = None,
         **facts: Any,
     ) -> Self:
         """Make them of arrays that a binary format, a bag or a stream holds.

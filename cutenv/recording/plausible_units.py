@@ -8,7 +8,7 @@ from cutenv._base.arrays import Array
 from cutenv.recording.cell_values import CellValues
 from cutenv.recording.schema import UNITS
 
-SLOWEST, FASTEST = 1.0, 1e5
+LEAST_RATE, GREATEST_RATE = 1.0, 1e5
 """Readings a second of a record [Hz], beyond which its unit of time must be wrong."""
 _USUAL_RATE = (4.0, 5e4)  # [Hz]
 _USUAL_TIME = (0.2, 3.6e4)  # [s]

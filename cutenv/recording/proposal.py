@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shlex
 import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -11,10 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cutenv._base.arrays import Array
-from cutenv.recording.column_map import ColumnMap
+from cutenv.recording.column_map import ColumnMap, options_text
 from cutenv.recording.mapped_columns import assumed_unit
 from cutenv.recording.named_columns import NamedColumns, bare_name, column_stem
-from cutenv.recording.plausible_units import FASTEST, SLOWEST, time_units, usual_step, way_units
+from cutenv.recording.plausible_units import GREATEST_RATE, LEAST_RATE, time_units, usual_step, way_units
 from cutenv.recording.schema import UNITS, RecordError
 from cutenv.recording.stated_units import known_spelling
 
@@ -53,13 +52,16 @@ _DERIVED = {
     "peak",
     "rate",
 }
+_WANTED = {"commanded", "command", "cmd", "target", "setpoint", "soll", "desired", "reference", "demand", "peak", "min"}
 _OTHER_FORCE_UNITS = ("N", "mN", "kN", "gf", "kgf", "lbf", "1")
+_FEWEST_TICKS = 4  # different times of a coarse clock that show its step
+_USUAL_FORCE = (0.02, 500.0)  # [N]
 _FEWEST = 20  # readings in which a sign or the only rising column shows
 
 
 @dataclass(frozen=True, kw_only=True)
 class Question:
-    """What a file leaves open, with the answers among which a person chooses.
+    """Question that a file leaves open, with the answers among which a person chooses.
 
     Attributes
     ----------
@@ -107,19 +109,24 @@ class Proposal:
         fields = [f"{name}={text}" for name, text in self.items.items() if name != "unit"]
         return ColumnMap.parse(fields, unit=self.items.get("unit"))
 
-    def answered(self, question: Question, items: Mapping[str, str]) -> Proposal:
-        """Return the proposal with a question answered by some items."""
-        rest = tuple(each for each in self.questions if each is not question)
+    def answered(self, items: Mapping[str, str]) -> Proposal:
+        """Return the proposal with some items set, and without the questions that they answer."""
         both = {**self.items, **items}
-        if "[" in both.get("force", "") and both.get("unit"):
-            both.pop("unit")
+        if "rate" in items:
+            both.pop("time", None)
+        rest = tuple(
+            each
+            for each in self.questions
+            if not (
+                any(set(answer) <= set(items) for _, answer in each.choices)
+                or (each.about == "rate" and ("rate" in items or "time" in items))
+            )
+        )
         return replace(self, items=both, questions=rest)
 
     def __str__(self) -> str:
         """Options of a command line, such as ``--map time=t force=F --unit N``."""
-        fields = [shlex.quote(f"{name}={text}") for name, text in self.items.items() if name != "unit"]
-        unit = f" --unit {self.items['unit']}" if "unit" in self.items else ""
-        return f"--map {' '.join(fields)}{unit}"
+        return options_text(self.items)
 
 
 def proposal(table: NamedColumns) -> Proposal:
@@ -152,7 +159,7 @@ class _Columns:
         ways = self.ways(time, forces)
         if not forces:
             forces = self.unnamed_forces(time, ways)
-        if not forces and time is not None and not ways:  # one column is left for time and force: force needs one
+        if not forces and time is not None and not ways and not self.quantity(time):  # force needs the one column
             forces, time = [time], None
         if not forces:
             names = ", ".join(self.table.header(k) for k in range(self.n))
@@ -164,10 +171,7 @@ class _Columns:
         force = self.ask_force(forces)
         position = self.ask_position([k for k in ways if k not in (time, *forces)], force)
         self.add_others((time, force, position))
-        order = ("time", "rate", "force", "position", "angle", "depth", "unit")
-        return Proposal(
-            items={name: self.items[name] for name in order if name in self.items}, questions=tuple(self.questions)
-        )
+        return Proposal(items=self.items, questions=tuple(self.questions))
 
     def quantity(self, k: int) -> str:
         """Return the quantity of a column's stated unit, "" if none is stated, "unknown" if it is not known."""
@@ -220,7 +224,7 @@ class _Columns:
             if not self.rises(k) and len(values) > 2:
                 continue
             distinct = len(np.unique(values)) / len(values)
-            if distinct * len(values) < max(3, 0.01 * len(values)) and len(values) >= _FEWEST:
+            if distinct * len(values) < _FEWEST_TICKS and len(values) >= _FEWEST:
                 continue
             rank = 2.0 * (distinct > 0.9) + distinct + (0.4 if quantity == "time" else 0.2 if dated else 0.0)
             ranked.append((rank, -k))
@@ -233,8 +237,8 @@ class _Columns:
         free = [k for k in range(self.n) if self.filled[k] and not self.quantity(k) and not self.is_counter(k)]
         free = [k for k in free if not {*self.words[k]} & (_FORCES | _TIMES | {*_WAYS} | _DEPTHS)]
         risen = [k for k in free if self.rises(k) and bool((np.diff(self.known(k)) >= 0.0).all())]
-        even = [k for k in risen if np.ptp(np.diff(self.known(k))) < 1e-3 * np.ptp(self.known(k)) / len(self.table)]
-        risen = even if len(even) == 1 else risen
+        steady = [k for k in risen if bool((np.diff(self.known(k)) > 0.0).mean() > 0.9)]  # a way rests at its ends
+        risen = steady if len(steady) == 1 else risen
         return risen[0] if len(risen) == 1 or (risen and len(self.table) < _FEWEST) else None
 
     def forces(self, time: int | None) -> list[int]:
@@ -271,10 +275,7 @@ class _Columns:
         named = [k for k in named if "x" not in self.words[k] or self.words[k] == ["x"] or len(self.words[k]) > 1]
         found = told or named
 
-        def rank(k: int) -> int:
-            return min((_WAYS.index(word) for word in self.words[k] if word in _WAYS), default=len(_WAYS))
-
-        return sorted(found, key=rank)
+        return sorted(found, key=self.rank_of)
 
     def known(self, k: int) -> Array:
         """Return the numbers of a column that are there."""
@@ -300,7 +301,7 @@ class _Columns:
             self.items["time"] = name
             unit = self.table.unit(time, "time") or "s"
             rate = self.rate(time, unit)
-            if not SLOWEST <= rate <= FASTEST:
+            if not LEAST_RATE <= rate <= GREATEST_RATE:
                 others = [other for other in time_units(replace(cells, unit="")) if other != unit]
                 text = f"Its times in {unit} make {rate:.3g} readings a second. Correct the unit in the header"
                 text += f"; in {others[0]} they would make {self.rate(time, others[0]):.4g}." if others else "."
@@ -333,7 +334,7 @@ class _Columns:
         """Return the readings a second of a column of times in a unit [Hz]; 0 if there is no step."""
         step = usual_step(self.cells[time].values) * UNITS["time"][unit]
         if len(self.table) < _FEWEST:
-            return SLOWEST
+            return LEAST_RATE
         return 1.0 / step if step else 0.0
 
     def ask_force(self, forces: list[int]) -> int:
@@ -361,13 +362,14 @@ class _Columns:
             return chosen
         header = self.table.header(chosen)
         if quantity == "":
-            self.items["unit"] = "N"
+            likely = self.likely_unit(chosen)
+            self.items["unit"] = likely
             self.questions.append(
                 Question(
                     about="force",
                     text=f"In which unit is the force {header!r}?",
                     choices=tuple((unit, {"unit": unit}) for unit in _OTHER_FORCE_UNITS),
-                    proposed=0,
+                    proposed=_OTHER_FORCE_UNITS.index(likely),
                 )
             )
             return chosen
@@ -382,6 +384,12 @@ class _Columns:
             )
         )
         return chosen
+
+    def likely_unit(self, force: int) -> str:
+        """Return the unit in which a force that states none is one of cutting: newtons, unless they cannot be."""
+        span = float(np.ptp(self.known(force)))
+        good = [unit for unit in ("N", "mN", "kN") if _USUAL_FORCE[0] <= span * UNITS["force"][unit] <= _USUAL_FORCE[1]]
+        return good[0] if good else "N"
 
     def ask_unnamed(self, chosen: int, others: list[int]) -> None:
         """Ask which of some columns without telling names is the force, in newtons; the one that goes on is the way."""
@@ -421,7 +429,7 @@ class _Columns:
         """Return the likeliest column of some that may be the force, and those that may be it as well."""
         spans = {k: float(np.ptp(self.known(k))) for k in forces}
         axes = [k for k in forces if self.words[k] and re.fullmatch(r"f?[xyz]", self.words[k][-1])]
-        plain = [k for k in forces if k not in axes]
+        plain = [k for k in forces if k not in axes and not _WANTED.intersection(self.words[k])]
         if len(axes) > 1 and not plain:
             chosen = max(axes, key=lambda k: spans[k])
             return chosen, [k for k in axes if k != chosen and spans[k] > 0.05 * spans[chosen]]
@@ -450,6 +458,7 @@ class _Columns:
         """Set the position, counted away from the clamp; ask for it and its unit if the file leaves them open."""
         moving = [k for k in ways if np.ptp(self.known(k)) > 0.0]
         if not moving:
+            self.ask_unknown_way(force)
             return None
         chosen = moving[0]
         first = self.rank_of(chosen)
@@ -485,9 +494,25 @@ class _Columns:
             )
         return chosen
 
+    def ask_unknown_way(self, force: int) -> None:
+        """Ask for the unit of a position that states one which nobody knows."""
+        for k in range(self.n):
+            if k == force or not self.filled[k] or self.quantity(k) != "unknown" or self.words[k] == ["x", "value"]:
+                continue
+            if not set(_WAYS).intersection(self.words[k]) or _DERIVED.intersection(self.words[k]):
+                continue
+            name, said = self.name(k), self.table.stated(k)
+            choices = [(f"{unit}", {"position": f"{name}[{unit}]"}) for unit in ("mm", "cm", "m", "um", "in")]
+            text = f"The position {self.table.header(k)!r} is in {said!r}, which is no known unit. In which is it?"
+            self.questions.append(
+                Question(about="position", text=text, choices=(("left out", {}), *choices), proposed=0)
+            )
+            return
+
     def rank_of(self, k: int) -> int:
-        """Return the place of a column's name among those of ways."""
-        return min((_WAYS.index(word) for word in self.words[k] if word in _WAYS), default=len(_WAYS))
+        """Return the place of a column's name among those of ways; one that is only wanted comes last."""
+        wanted = len(_WAYS) * bool(_WANTED.intersection(self.words[k]))
+        return wanted + min((_WAYS.index(word) for word in self.words[k] if word in _WAYS), default=len(_WAYS))
 
     def runs_back(self, way: int, force: int) -> bool:
         """Return whether a way counts toward the clamp: it falls while the force acts."""

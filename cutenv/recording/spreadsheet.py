@@ -14,17 +14,17 @@ from cutenv.recording.csv_sniffer import sniff_table
 from cutenv.recording.named_columns import NamedColumns
 from cutenv.recording.schema import RecordError
 
-SUFFIXES = (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods")
-_WORKBOOKS = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0")  # first bytes; many a logger calls a text file .xls
+WORKBOOKS = (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods")
+_OLD = b"\xd0\xcf\x11\xe0"  # first bytes of an Excel workbook before 2007
 _FEWEST = 10  # rows of a table that is a record beside longer ones, and no list of results
 
 
 def is_workbook(path: Path) -> bool:
-    """Return whether a file is a workbook, by its suffix and its first bytes."""
-    if path.suffix.lower() not in SUFFIXES:
-        return False
+    """Return whether a file is a workbook by its suffix; ``.xls`` by its first bytes: loggers call text so, too."""
+    if path.suffix.lower() != ".xls":
+        return path.suffix.lower() in WORKBOOKS
     with path.open("rb") as file:
-        return file.read(4) in _WORKBOOKS
+        return file.read(4) in (_OLD, b"PK\x03\x04")
 
 
 def read(path: Path, names: Collection[str] = ()) -> NamedColumns:

@@ -68,12 +68,19 @@ def split_header(header: str) -> tuple[str, str]:
         return (inner, also) if known_spelling(said) is None and known_spelling(also) else (name, said)
     if (found := re.fullmatch(r"([^_].*)_((?:mm|cm|m|in)_s)", name)) is not None:  # a speed
         return found[1], found[2]
-    for pattern in (r"(.*?\S)\s*/\s*(\S+)", r"(.*\S)\s+in\s+(\S+)", r"(.*\S)\s*,\s*(\S+)", r"(.*[^_\s])_(\w+)"):
+    for pattern in (
+        r"(.*\w)-(\w+)",
+        r"(.*?\S)\s*/\s*(\S+)",
+        r"(.*\S)\s+in\s+(\S+)",
+        r"(.*\S)\s*,\s*(\S+)",
+        r"(.*[^_\s])_(\w+)",
+    ):
         found = re.fullmatch(pattern, name)
         if found is None:
             continue
         known = known_spelling(found[2])
-        if known is not None and (known.quantity != "other" or pattern != r"(.*[^_\s])_(\w+)"):
+        joined = pattern in (r"(.*[^_\s])_(\w+)", r"(.*\w)-(\w+)")
+        if known is not None and (known.quantity != "other" or not joined):
             return found[1].strip(), found[2]
     if (found := re.fullmatch(r"(.*\w)\s+(\S{2,}|N|s)", name)) is not None and (
         (known := known_spelling(found[2])) is not None and known.quantity in ("force", "length", "time")

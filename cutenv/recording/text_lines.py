@@ -8,15 +8,21 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from cutenv.recording.cell_values import NUMBERS, TIMES
+from cutenv.recording.cell_values import MOMENT_PATTERN, NUMBER_PATTERNS
 from cutenv.recording.schema import UTF_16, RecordError, check_beginning
 
 _PAIR = re.compile(
-    rf"(?P<key>[^\W\d][\w ./\[\]()-]*?|\"[^\"]+\")\s*[:=]\s*(?P<value>{NUMBERS['.']}|nan|-?inf)\s*"
+    rf"(?P<key>[^\W\d][\w ./\[\]()-]*?|\"[^\"]+\")\s*[:=]\s*(?P<value>{NUMBER_PATTERNS['.']}|nan|-?inf)\s*"
     r"(?P<unit>[^\W\d]+(?:/\w+)?|%|\u00b0)?(?=[\s,;|}]|$)",
     re.IGNORECASE,
 )
-_ARROW = re.compile(r"\s*(\S+(?: \S+)?)\s*->\s?(.*)")
+_ARROW = re.compile(r"\s*(\S+(?: \S+)?)\s*->\s?(.*?)\s*")
+_LOGGED = re.compile(
+    rf"\W*({MOMENT_PATTERN.pattern})\W+(?:[A-Z]{{3,8}}\W+)?(.*)"
+)  # a time in front of what a logger wrote
+_BESIDE = re.compile(
+    rf"\s*(?:[+-]?{NUMBER_PATTERNS['.']}\s+[^\W\d]+(?:\s+|$))+"
+)  # numbers with their units behind them
 _FEWEST_PAIRS = 0.8  # share of the lines that are pairs, in a file of pairs
 
 
@@ -57,7 +63,9 @@ def tabled(lines: Sequence[str]) -> Tabled | None:
     if filled[0].lstrip()[:1] in "[{":
         return _json(lines)
     if sum(bool(_ARROW.match(line)) for line in filled) > _FEWEST_PAIRS * len(filled):
-        return _arrows(lines)
+        return _arrows(lines, _ARROW)
+    if sum(bool(_LOGGED.fullmatch(line) and _PAIR.search(line)) for line in filled) > _FEWEST_PAIRS * len(filled):
+        return _arrows(lines, _LOGGED)
     middle = filled[len(filled) // 2]
     pairs = _PAIR.findall(middle)
     if (
@@ -69,9 +77,20 @@ def tabled(lines: Sequence[str]) -> Tabled | None:
     return None
 
 
+def plain_rows(lines: Sequence[str]) -> list[str]:
+    """Return lines without what some programs put around their cells: brackets, and blanks in front of units."""
+    filled = [line for line in lines[:400] if line.strip()]
+    few = _FEWEST_PAIRS * len(filled)
+    if sum(bool(re.fullmatch(r"\s*\[.*\],?\s*", line)) for line in filled) > few:
+        return [line.strip(" [],") for line in lines]
+    if sum(bool(_BESIDE.fullmatch(line)) for line in filled) > few:
+        return [re.sub(r"(?<=\d)\s+(?=[^\W\d])", "", line) for line in lines]
+    return list(lines)
+
+
 def _leftover(line: str) -> str:
-    """Return what is neither key nor value in a line of pairs."""
-    return re.sub(r"[\s,;|{}]+", "", _PAIR.sub("", line))
+    """Return what is neither key nor value in a line of pairs, but for a word in front."""
+    return re.sub(r"[\s,;|{}]+", "", _PAIR.sub("", re.sub(r"^\s*[A-Za-z]+[:>\s]+(?=[A-Za-z_]+\s*[:=])", "", line)))
 
 
 def _key_values(lines: Sequence[str]) -> Tabled | None:
@@ -92,13 +111,13 @@ def _key_values(lines: Sequence[str]) -> Tabled | None:
     return Tabled("key and value", names, rows, numbers, odd) if rows else None
 
 
-def _arrows(lines: Sequence[str]) -> Tabled | None:
-    """Part the time in front of each line of Arduino's serial monitor from what the board wrote."""
-    parted = [(i, found) for i, line in enumerate(lines, 1) if (found := _ARROW.match(line))]
+def _arrows(lines: Sequence[str], form: re.Pattern[str]) -> Tabled | None:
+    """Part the time in front of each line, as Arduino's serial monitor and loggers put it there, from the rest."""
+    parted = [(i, found) for i, line in enumerate(lines, 1) if (found := form.fullmatch(line))]
     clocks = [found[1] for _, found in parted]
-    if not TIMES.fullmatch(clocks[len(clocks) // 2]):
+    if not MOMENT_PATTERN.fullmatch(clocks[len(clocks) // 2]):
         return None
-    written = [found[2] for _, found in parted]
+    written = [found[form.groups] for _, found in parted]
     inner = tabled(written)
     if inner is not None:
         rows = [[clocks[line - 1], *row] for line, row in zip(inner.lines, inner.rows, strict=True)]
@@ -109,7 +128,7 @@ def _arrows(lines: Sequence[str]) -> Tabled | None:
     for cells in split:
         counts[len(cells)] = counts.get(len(cells), 0) + 1
     usual = max(counts, key=lambda length: counts[length])
-    number = re.compile(NUMBERS["."])
+    number = re.compile(NUMBER_PATTERNS["."])
     good = [k for k, cells in enumerate(split) if len(cells) == usual and all(number.fullmatch(cell) for cell in cells)]
     if not good:
         return None

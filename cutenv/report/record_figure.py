@@ -265,12 +265,12 @@ def draw_record(path: Path, picture: RecordPicture, title: str = "") -> None:
     write_figure(path, record_figure(picture), title)
 
 
-def record_figure(picture: RecordPicture) -> Figure:
-    """Draw the figure of :func:`draw_record`: force over time, and position below it if known."""
+def record_figure(picture: RecordPicture, width: float | None = None) -> Figure:
+    """Draw the figure of :func:`draw_record`: force over time, and position below it if known; width [in]."""
     record, quiet, cuts, flaws = picture.record, picture.quiet, picture.cuts, picture.flaws
     parts = list(cuts) or [slice(0, len(record))]
     with_position = record.position is not None
-    figure = new_figure(_WIDTH, 5.6 if with_position else 4.0)
+    figure = new_figure(width or _WIDTH, 5.6 if with_position else 4.0)
     rows = figure.subplots(2, 1, sharex=True, height_ratios=(2.4, 1.0)) if with_position else [figure.subplots()]
     force = rows[0]
     _draw_whole_force(force, record, picture.tared)

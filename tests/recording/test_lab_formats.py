@@ -45,9 +45,9 @@ def test_a_file_is_right_at_first_try_or_asks_what_it_leaves_open(given: LabForm
             look_at(path)
         assert len(caught.value.asked.questions) == given.asks
         return
-    imported, asked = look_at(path)
-    assert is_right(imported, given), (str(asked), imported.notes)
-    assert len(asked.questions) == given.asks
+    imported = look_at(path)
+    assert is_right(imported, given), (str(imported.mapping), imported.notes)
+    assert len(imported.questions) == given.asks
     assert sum(each.count for each in imported.left_out) == given.left_out
     assert all(any(str(each) in note for note in imported.notes) for each in imported.left_out)
 
@@ -60,10 +60,37 @@ def test_the_map_of_the_message_reads_the_file_as_it_was_understood(given: LabFo
     items, _, unit = caught.value.reason.rpartition("--map ")[2].partition(" --unit ")
     by_message = load_foreign(path, ColumnMap.parse(shlex.split(items), unit=unit or None))
     assert is_right(by_message, given)
-    understood, _ = look_at(path)
+    understood = look_at(path)
+    assert str(understood.mapping) == str(by_message.mapping)
     assert [trace.with_metadata({}) for trace in by_message.records] == [
         trace.with_metadata({}) for trace in understood.records
     ]
+
+
+@pytest.mark.parametrize(
+    ("lines", "why"),
+    [
+        (
+            ["Load cell test", "FT ground truth: [-0.79, 1.2] N", "measured 2.1 N at 3 mm after 4 s"] * 20,
+            "no (rows|table) of numbers",
+        ),
+        (
+            ["Time (s),Strain (%),Stress (MPa)", *(f"{k / 100},{k / 9:.3f},{k / 7:.3f}" for k in range(99))],
+            "can be a force",
+        ),
+        (
+            ["Time (s),Torque (Nm),Angle (deg)", *(f"{k / 100},{k / 9:.3f},{k / 7:.3f}" for k in range(99))],
+            "can be a force",
+        ),
+        (["t;F;x", *(f"{k};{k};{k}" for k in range(50)), "x;t;F", *(f"{k};{k};{k}" for k in range(70))], "other form"),
+    ],
+)
+def test_what_is_no_record_of_a_force_is_refused_without_a_map(lines: list[str], why: str, tmp_path: Path) -> None:
+    path = tmp_path / "file.txt"
+    path.write_text("\n".join(lines) + "\n")
+    with pytest.raises(RecordError, match=why) as caught:
+        look_at(path)
+    assert "--map" not in caught.value.reason
 
 
 def test_nine_of_ten_formats_are_right_with_at_most_one_question() -> None:
