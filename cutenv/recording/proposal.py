@@ -147,7 +147,9 @@ class _Columns:
         self.n = table.n_columns
         self.cells = [table.typed(k) for k in range(self.n)]
         self.words = [_words(table, k) for k in range(self.n)]
-        self.filled = [np.isfinite(each.values).sum() >= 2 and each.kind != "text" for each in self.cells]
+        self.filled = [
+            np.isfinite(each.values).sum() >= min(2, len(table)) and each.kind != "text" for each in self.cells
+        ]
         self.questions: list[Question] = []
         self.items: dict[str, str] = {}
 
@@ -198,7 +200,9 @@ class _Columns:
         """Return whether a column goes on as time does: upwards, but for restarts of the clock."""
         values = self.cells[k].values[np.isfinite(self.cells[k].values)]
         steps = np.diff(values)
-        return len(steps) > 0 and bool(steps.max() > 0.0) and bool((steps < 0.0).mean() < 0.1)
+        if not len(steps):
+            return len(self.table) == 1  # nothing shows that it does not
+        return bool(steps.max() > 0.0) and bool((steps < 0.0).mean() < 0.1)
 
     def is_counter(self, k: int) -> bool:
         """Return whether a column counts the readings."""
