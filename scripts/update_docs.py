@@ -69,6 +69,7 @@ import memory_gap
 import numpy as np
 import promises
 import recover_layers
+import return_strokes
 import rig_faults
 import rig_soak
 import safe_cut
@@ -413,6 +414,9 @@ ON_PAGES: dict[str, dict[str, Callable[[argparse.Namespace], str]]] = {
     "docs/results/baselines.md": {"baselines": baselines},
     "docs/results/information.md": {
         "ladder": lambda _: ladder.report(kept_rows(ROOT / ladder.FOLDER / "ladder.csv", "ladder.py")),
+        "return-strokes": lambda _: return_strokes.report(
+            kept_rows(ROOT / return_strokes.FILE, "return_strokes.py POLICY ...")
+        ),
         "slab-memory": lambda _: ladder.memory_report(
             kept_rows(ROOT / ladder.FOLDER / "liver.csv", "ladder.py --specimen-class liver")
         ),
