@@ -29,12 +29,14 @@ _RATES = {
 _STEPS = {
     "dt", "delta_t", "deltat", "isi", "sample_interval", "sampling_interval", "sample_period", "sampling_period",
     "samplinginterval", "sampleinterval", "time_step", "timestep", "step", "wf_increment", "increment", "delta_x",
-    "ts", "xincrement", "x_increment",
+    "ts", "xincrement", "x_increment", "tinterval", "interval", "t_step", "tsample", "t_sample",
 }  # fmt: skip
 _TIMES = re.compile(
     r"(?:.*[^a-z])?(?:t|time|times|timestamp|timestamps|zeit|zeitstempel|temps|tiempo|tempo|clock|stamp|datetime|"
     r"time_?(?:stamp|sec|secs|seconds|s|ms|us|ns)|elapsed)"
 )
+_FORCES = {"wrench", "ft", "force", "forces"}
+_COMPONENTS = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
 _CLOCKS = re.compile(r"t_\w+|time_?\w+|\w+_t")  # of one sensor, if they run
 
 
@@ -172,9 +174,11 @@ def _records(arrays: Sequence[NamedArray], notes: list[str]) -> dict[str, list[N
         stems = {re.sub(r"\d+", "#", name) for name in groups}
         if len(groups) > 1 and len(stems) == 1 and set.intersection(*map(_names_of, groups.values())):
             others = [each for each in arrays if not each.name.startswith(tuple(f"{name}." for name in groups))]
-            left = _names_of(others)
+            left = {
+                each.name for each in others if each.values.size > 1 and not is_time(each.name, each.values.reshape(-1))
+            }
             notes += [f"left out beside the records: {', '.join(sorted(left))}"] if left else []
-            shared = [each for each in others if each.values.size == 1]
+            shared = [each for each in others if each.values.size == 1 or is_time(each.name, each.values.reshape(-1))]
             ordered = sorted(groups, key=lambda name: [int(digits) for digits in re.findall(r"\d+", name)])
             return {name.rpartition(".")[2]: [*groups[name], *shared] for name in ordered}
     return {"": list(arrays)}
@@ -268,11 +272,18 @@ def _columns(array: NamedArray, notes: list[str]) -> list[_Column]:
         notes.append(f"{array.name} left out: its shape {array.values.shape} is that of no table")
         return []
     count = values.shape[1]
-    labels = [array.name] if count == 1 else [f"{array.name}.{k + 1}".lstrip(".") for k in range(count)]
-    labels = list(array.names) if len(array.names) == count else labels
+    labels = list(array.names) if len(array.names) == count else _labels(array.name, count)
     units = array.units if len(array.units) == count else [array.unit] * count
     values = values.astype(str) if values.dtype.kind == "S" else values
     return [_Column(label, unit, values[:, k]) for k, (label, unit) in enumerate(zip(labels, units, strict=True))]
+
+
+def _labels(name: str, count: int) -> list[str]:
+    """Return the names of the columns of a matrix that nothing names: components of a force, or their numbers."""
+    if count == 1:
+        return [name]
+    of_force = _FORCES.intersection(re.split(r"[^a-z]+", name.lower())) and count in (3, 6)
+    return [f"{name}.{each}".lstrip(".") for each in (_COMPONENTS if of_force else range(1, count + 1))][:count]
 
 
 def _rate(arrays: Sequence[NamedArray]) -> float | None:

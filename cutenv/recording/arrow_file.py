@@ -20,7 +20,6 @@ from cutenv.recording.stated_units import known_spelling
 
 _EPISODE = "episode_index"
 _COUNTERS = ("frame_index", "index", "task_index", _EPISODE)  # LeRobot's own numbers, which nobody measures
-_WRENCH = ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
 _INFO = "meta/info.json"
 
 
@@ -54,7 +53,10 @@ def read(path: Path, names: Collection[str] = ()) -> NamedColumns:
     except Exception as error:  # Arrow raises errors of any kind for a damaged file
         reason = str(error).partition("\n")[0] or type(error).__name__
         raise RecordError(path, f"it is no file of Arrow, or a damaged one ({reason}). Take the file again.") from None
-    columns = {name: values for name in table.column_names if (values := _values(table.column(name))) is not None}
+    found = {name: _values(table.column(name)) for name in table.column_names}
+    columns = {name: values for name, values in found.items() if values is not None}
+    odd = [f"{name} ({table.schema.field(name).type})" for name, values in found.items() if values is None]
+    notes = [f"left out, because they are no columns of numbers: {', '.join(odd)}"] if odd else []
     episodes = columns.get(_EPISODE)
     if _EPISODE in columns:
         columns = {name: values for name, values in columns.items() if name not in _COUNTERS}
@@ -67,7 +69,7 @@ def read(path: Path, names: Collection[str] = ()) -> NamedColumns:
     if fps and "timestamp" not in columns:
         arrays.append(NamedArray("fps", np.array([float(fps)])))
     about = "data set of LeRobot" if described else {".parquet": "Parquet"}.get(path.suffix.lower(), "Arrow")
-    table = table_of_arrays(path, arrays, about, names, parts=episodes, part_name="episode")
+    table = table_of_arrays(path, arrays, about, names, notes, parts=episodes, part_name="episode")
     return _without_copies(table) if described else table
 
 
@@ -139,8 +141,6 @@ def _labelled(name: str, values: NDArray[Any], feature: Mapping[str, Any], unit:
     units = next((stated[key] for key in ("units", "unit") if stated.get(key)), unit)
     count = values.shape[1] if values.ndim == 2 else 1
     labels = tuple(_flat(feature.get("names")))
-    if len(labels) != count and _is_wrench(name) and count in (3, 6):
-        labels = _WRENCH[:count]
     return NamedArray(
         name,
         values,

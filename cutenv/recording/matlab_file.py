@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cutenv._base.imports import optional_import
+from cutenv.recording.array_names import Elements, named_arrays
 from cutenv.recording.array_tables import NamedArray, below_one_another, table_of_arrays
 from cutenv.recording.named_columns import NamedColumns
 from cutenv.recording.schema import RecordError
-from cutenv.recording.stated_units import known_spelling
 
 _VERSION_7_3 = b"MATLAB 7.3"
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _DEEPEST = 8  # structures in structures
-_FEW_TEXTS = 16  # a longer list of text may be a column of times, and not names or units
 _LABCHART = {"data", "datastart", "dataend", "titles", "samplerate"}
 
 
@@ -53,7 +51,7 @@ def read(path: Path, names: Collection[str] = ()) -> NamedColumns:
         raise RecordError(path, f"it is no file of MATLAB, or a damaged one ({reason}). Take the file again.") from None
     if content.keys() >= _LABCHART:
         return _labchart(path, content, notes)
-    return table_of_arrays(path, _arrays(content), "file of MATLAB", names, notes)
+    return table_of_arrays(path, named_arrays(content), "file of MATLAB", names, notes)
 
 
 def _variables(path: Path, notes: list[str]) -> dict[str, Any]:
@@ -74,19 +72,15 @@ def _plain(name: str, value: Any, notes: list[str], depth: int = 0) -> Any:
         for k, each in enumerate(value.reshape(-1), 1):
             inner = {key: _plain(f"{name}.{key}", each[key], notes, depth + 1) for key in value.dtype.names}
             parts[f"{name}_{k}"] = inner
-        return next(iter(parts.values())) if len(parts) == 1 else _Several(parts)
+        return next(iter(parts.values())) if len(parts) == 1 else Elements(parts)
     if value.dtype.kind == "O":  # cells
         cells = [_plain(f"{name}_{k}", each, notes, depth + 1) for k, each in enumerate(value.reshape(-1), 1)]
         if all(isinstance(cell, list) and len(cell) <= 1 for cell in cells):
             return [cell[0] if cell else "" for cell in cells]
-        return _Several({f"{name}_{k}": cell for k, cell in enumerate(cells, 1)})
+        return Elements({f"{name}_{k}": cell for k, cell in enumerate(cells, 1)})
     if value.dtype.kind == "U":
         return [str(each).strip() for each in value.reshape(-1)]
     return value
-
-
-class _Several(dict[str, Any]):
-    """Elements of an array of structures or cells, named by their numbers."""
 
 
 def _object(name: str, notes: list[str]) -> None:
@@ -119,54 +113,8 @@ def _hdf5_plain(h5py: Any, file: Any, name: str, item: Any, notes: list[str], de
         ]
         if all(isinstance(cell, list) and len(cell) <= 1 for cell in cells):
             return [cell[0] if cell else "" for cell in cells]
-        return _Several({f"{name}_{k}": cell for k, cell in enumerate(cells, 1)})
+        return Elements({f"{name}_{k}": cell for k, cell in enumerate(cells, 1)})
     return values
-
-
-def _arrays(content: Mapping[str, Any], before: str = "") -> Iterator[NamedArray]:
-    """Yield the numbers of a structure with their places, and with the names and units that stand beside them."""
-    lists = {name: tuple(value) for name, value in content.items() if isinstance(value, list) and value}
-    vectors = [name for name, value in content.items() if isinstance(value, np.ndarray) and value.size > 1]
-    units = {name: _unit_beside(name, content) for name in vectors}
-    in_order = next((texts for texts in lists.values() if len(texts) == len(vectors) > 1 and _are_units(texts)), ())
-    units |= dict(zip(vectors, in_order, strict=False))
-    for name, value in content.items():
-        place = f"{before}{name}"
-        if isinstance(value, _Several):
-            yield from _arrays(value, before)
-        elif isinstance(value, dict):
-            yield from _arrays(value, f"{place}.")
-        elif isinstance(value, np.ndarray):
-            yield replace(_labelled(place, value, lists), unit=units.get(name) or _unit_beside(name, content))
-        elif isinstance(value, list) and len(value) > _FEW_TEXTS:
-            yield NamedArray(place, np.array(value))
-
-
-def _labelled(place: str, values: NDArray[Any], lists: Mapping[str, tuple[str, ...]]) -> NamedArray:
-    """Return a matrix with the lists of text beside it that have an entry for each of its columns."""
-    counts = {count for count in values.shape if count > 1} if values.ndim == 2 else set()
-    fitting = {name: texts for name, texts in lists.items() if len(texts) in counts and any(texts)}
-    units = next((texts for texts in fitting.values() if _are_units(texts)), ())
-    labels = next((texts for texts in fitting.values() if texts != units and len({*texts}) == len(texts)), ())
-    return NamedArray(place, values, names=labels, units=units)
-
-
-def _are_units(texts: Collection[str]) -> bool:
-    return all(not text or known_spelling(text) is not None for text in texts)
-
-
-def _unit_beside(name: str, content: Mapping[str, Any]) -> str:
-    """Return the unit that a variable called after another holds, ``force_unit``, or a structure ``units.force``."""
-    stem = name.lower()
-    called = {f"{stem}_unit", f"{stem}_units", f"{stem}unit", f"{stem}units", f"unit_{stem}", f"units_{stem}"}
-    for other, value in content.items():
-        if isinstance(value, dict) and other.lower() in ("unit", "units"):
-            value = value.get(name)
-        elif other.lower() not in called:
-            continue
-        if isinstance(value, list) and len(value) == 1:
-            return str(value[0])
-    return ""
 
 
 def _labchart(path: Path, content: Mapping[str, Any], notes: list[str]) -> NamedColumns:

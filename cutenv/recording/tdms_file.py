@@ -23,7 +23,7 @@ _ABOUT = "LabVIEW's TDMS"
 
 
 class _Channel(NamedTuple):
-    """A channel: group, name, unit, values; seconds from the group's start to the first value, and between two or 0."""
+    """A channel: group, name, unit, values, time of the first value [s], and seconds between two values or 0."""
 
     group: str
     name: str
@@ -74,13 +74,15 @@ def read(path: Path, names: Collection[str] = ()) -> NamedColumns:
 
 def _channel(group: Any, channel: Any) -> _Channel:
     stated = {**group.properties, **channel.properties}
+    began = channel.properties.get("wf_start_time")
+    since = 0.0 if began is None else np.datetime64(began, "us").astype(np.int64) / 1e6
     unit = next((str(stated[key]).strip() for key in _UNITS if str(stated.get(key, "")).strip()), "")
     return _Channel(
         group=group.name,
         name=channel.name,
         unit=re.sub(r"^\((.*)\)$", r"\1", unit),
         values=np.asarray(channel[:]),
-        start=float(channel.properties.get("wf_start_offset", 0.0)),
+        start=since + float(channel.properties.get("wf_start_offset", 0.0)),
         step=float(channel.properties.get("wf_increment", 0.0)),
     )
 

@@ -17,7 +17,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import scipy.io
-from lab_cut import FORCE, FORMATS, OTHER_FORCE, OTHER_WAY, RATE, START, TIME, TWO, WAY, LabFormat, N
+from lab_cut import FORCE, FORMATS, OTHER_FORCE, OTHER_WAY, RATE, START, TIME, TWO, WAY, LabFormat, N, Truth
 from nptdms import ChannelObject, RootObject, TdmsWriter
 
 ROWS = list(zip(TIME.tolist(), FORCE.tolist(), WAY.tolist(), strict=True))
@@ -151,6 +151,16 @@ add_file(
     "two_clocks.mat", "MATLAB", "force at 200 Hz, position at 50 Hz, each with its times",
     saved(t_force=TIME, force_N=FORCE, t_pos=TIME[SLOW], pos_mm=WAY[SLOW]),
 )  # fmt: skip
+SIGNALS = np.array([[(FORCE, "Force [N]"), (WAY, "Stage [mm]")]], dtype=[("values", object), ("label", object)])
+add_file(
+    "simulink.mat", "Simulink", "structure with time",
+    saved(logged={"time": TIME, "signals": SIGNALS, "blockName": "rig/log"}),
+)  # fmt: skip
+add_file(
+    "spike2.mat", "Spike2", "a structure for each channel",
+    saved(**{f"rig_Ch{k}": {"title": title, "interval": 1.0 / RATE, "units": unit, "values": values, "length": N}
+             for k, title, unit, values in ((1, "Force", "mN", 1e3 * FORCE), (2, "Travel", "mm", WAY))}),
+)  # fmt: skip
 add_file(
     "datenum.mat", "MATLAB", "datenum: days since the year 0",
     saved(time=740042.4244444444 + TIME / 86400.0, force_N=FORCE, pos_mm=WAY),
@@ -188,6 +198,10 @@ add_file(
     "matrix.npz", "NumPy", "a matrix by rows, and its rate",
     lambda path: np.savez_compressed(path, force_N=FORCE, x_mm=WAY, fs=RATE),
 )  # fmt: skip
+add_file(
+    "named_matrix.npz", "NumPy", "a matrix, its names and units in arrays of text",
+    lambda path: np.savez(path, data=np.array(ROWS), columns=["time", "force", "pos"], units=["s", "N", "mm"]),
+)  # fmt: skip
 RECORDS = np.array(ROWS, dtype=[("time_s", "f8"), ("force_N", "f4"), ("pos_mm", "f4")])
 add_file("records.npy", "NumPy", "an array of records", lambda path: np.save(path, RECORDS))
 
@@ -212,6 +226,11 @@ def one_dataset(file: Any) -> None:
     made.attrs["sampling_rate"], made.attrs["columns"], made.attrs["units"] = RATE, ["force", "position"], ["N", "mm"]
 
 
+def six(file: Any) -> None:
+    file["time_s"], file["tcp/x_mm"] = TIME, WAY
+    file["ft/wrench"] = np.column_stack([FORCE, 0.0 * FORCE, 0.0 * FORCE, *[0.02 * FORCE] * 3])
+
+
 def compound(file: Any) -> None:
     file["table"] = RECORDS
 
@@ -222,7 +241,7 @@ def trials(file: Any) -> None:
         group.attrs["num_samples"] = N
         group["time_s"], group["obs/force_N"], group["obs/x_mm"] = TIME, force, way
         group["dones"] = np.arange(N) == N - 1
-    file["mask/train"] = np.array([b"demo_0", b"demo_1"])
+    file["mask/train"], file["returns"] = np.array([b"demo_0", b"demo_1"]), np.array([0.5, 0.7])
 
 
 def frame(file: Any) -> None:
@@ -237,6 +256,7 @@ add_file("units.h5", "h5py", "groups, units in attributes", hdf5(with_units))
 add_file("raw.hdf5", "a logger", "one dataset, names and rate in attributes", hdf5(one_dataset))
 add_file("compound.h5", "PyTables", "a table of records", hdf5(compound))
 add_file("demonstrations.hdf5", "robomimic", "a group for each demonstration", hdf5(trials), truth=TWO)
+add_file("wrench.h5", "a robot's logger", "a wrench in six columns", hdf5(six), asks=1)
 add_file("frame.h5", "pandas", "to_hdf", hdf5(frame))
 
 # Parquet and Feather.
@@ -260,6 +280,12 @@ add_file(
         "note": ["" if k else "start" for k in range(N)], "x_mm": pa.array(WAY.round(3)).cast(pa.decimal128(12, 3)),
     }), path),
     left_out=1,
+)  # fmt: skip
+add_file(
+    "ragged.parquet", "a robot's logger", "lists of changing length beside the force",
+    lambda path: pq.write_table(pa.table({
+        "t_s": TIME, "force_N": FORCE, "x_mm": WAY, "cells": [[0.5] * (k % 3) for k in range(N)],
+    }), path),
 )  # fmt: skip
 add_file(
     "episodes.parquet", "LeRobot", "one file of a data set, two episodes",
@@ -309,6 +335,15 @@ add_file(
            for group, pair in (("Liver A", (FORCE, WAY)), ("Liver B", (OTHER_FORCE, OTHER_WAY)))
            for name, values, unit in zip(("Force", "Travel"), pair, ("N", "mm"), strict=True))),
     truth=TWO,
+)  # fmt: skip
+LATE = np.datetime64(START, "us") + np.timedelta64(100_000, "us")
+add_file(
+    "late_stage.tdms", "LabVIEW", "two rates, the stage's a tenth of a second later",
+    tdms(ChannelObject("Load", "Force", FORCE, {"wf_increment": 1.0 / RATE, "unit_string": "N",
+                                                "wf_start_time": np.datetime64(START, "us")}),
+         ChannelObject("Stage", "Position", WAY[20::4],
+                       {"wf_increment": 4.0 / RATE, "unit_string": "mm", "wf_start_time": LATE})),
+    truth=(Truth(duration_s=float(TIME[-1]) - 0.08),),
 )  # fmt: skip
 add_file(
     "rates.tdms", "LabVIEW", "two rates",

@@ -38,7 +38,8 @@ def given(folder: Path, name: str) -> Path:
     [
         ("two_clocks.mat", "no unit is given, s is assumed"),
         ("sheets.xlsx", "sheets that are left out: 'Results'"),
-        ("demonstrations.hdf5", "left out beside the records: mask.train"),
+        ("demonstrations.hdf5", "left out beside the records: returns"),
+        ("ragged.parquet", "left out, because they are no columns of numbers: cells (list<element: double>)"),
         ("coarse.mcap", "680 stamps repeat; the times of the log are taken"),
         ("clocks.mcap", "of different clocks; the times of the log are taken"),
         ("killed_zstd.mcap", "the recorder was killed, or the file lost its end; 1702 messages up to there"),
