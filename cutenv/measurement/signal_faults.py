@@ -17,7 +17,7 @@ from cutenv.measurement.strokes import END_WINDOW, STANDSTILL_SPEED
 
 Sureness = Literal["certain", "likely", "possible"]
 
-SLOWEST, FASTEST = 2.0, 50e3
+SLOWEST_RATE, FASTEST_RATE = 2.0, 50e3
 """Readings a second that no record of a cut has fewer or more of [Hz]."""
 
 MAINS = (50.0, 60.0)
@@ -86,6 +86,12 @@ class Readings:
     def all_rows(self) -> tuple[int, int]:
         """First and last row."""
         return 0, len(self) - 1
+
+    @property
+    def span(self) -> float:
+        """Range of the force without its outermost readings, which may be spikes [force unit]."""
+        low, high = np.percentile(self.force, (0.5, 99.5))
+        return float(high - low)
 
     @property
     def resolution(self) -> float:
@@ -157,9 +163,9 @@ def _forward(readings: Readings) -> Iterator[Fault]:
 
 
 def _rate(readings: Readings) -> Iterator[Fault]:
-    if readings.step == 0.0 or SLOWEST <= 1.0 / readings.step <= FASTEST:
+    if readings.step == 0.0 or SLOWEST_RATE <= 1.0 / readings.step <= FASTEST_RATE:
         return
-    unit = "milliseconds" if readings.step > 1.0 / SLOWEST else "seconds divided by 1000, or a counter's"
+    unit = "milliseconds" if readings.step > 1.0 / SLOWEST_RATE else "seconds divided by 1000, or a counter's"
     seen = f"there are {1.0 / readings.step:.3g} readings a second"
     cure = f"Give the unit of time: it looks like {unit}."
     yield Fault("rate", readings.all_rows, "certain", seen, cure)
@@ -205,9 +211,8 @@ def _spikes(readings: Readings) -> Iterator[Fault]:
         return
     usual = median_filter(force, 4 * _SPIKE_LENGTH + 1, mode="nearest")
     beyond = force - usual
-    low, high = np.percentile(usual, (0.5, 99.5))
     share = _SPIKE_RANGE if _SPIKE_LENGTH * readings.step < _SPIKE_TIME else 1.0  # a hand can press for longer
-    limit = max(_SPIKE_NOISE * readings.noise, share * float(high - low), 2.5 * readings.resolution)
+    limit = max(_SPIKE_NOISE * readings.noise, share * readings.span, 2.5 * readings.resolution)
     far = np.flatnonzero(np.abs(beyond) > limit)
     groups = np.split(far, np.flatnonzero(np.diff(far) > 1) + 1) if len(far) else []
     found = [group for group in groups if len(group) <= _SPIKE_LENGTH and _returns(force, group, limit)]

@@ -11,7 +11,7 @@ from cutenv.measurement.signal_faults import Fault, Readings, Sureness, column_f
 from cutenv.scoring.validity import holds_two_cuts, is_truncated, starts_late
 from cutenv.trace import Trace
 
-KINDS = (
+FAULT_NAMES = (
     "frozen", "saturated", "spike", "gap", "doubled", "drift", "offset", "sign", "aliasing", "hum", "filtered",
     "clock jump", "uneven clock", "rate", "quantised", "counts", "swapped", "cut off", "two cuts", "speed", "short",
     "range",
@@ -122,5 +122,5 @@ def _drift(readings: Readings) -> Iterator[Fault]:
 
 def _limit(readings: Readings, newtons: float, share: float) -> float:
     """Return how much force counts as none: newtons, if it has that unit, or if it is more, a share of the range."""
-    span = max(share * float(np.ptp(readings.force)), 1.5 * readings.resolution)
+    span = max(share * readings.span, 1.5 * readings.resolution)
     return max(newtons, span) if readings.force_unit == "N" else span

@@ -26,6 +26,7 @@ _FASTEST = 2.0  # [m/s], the greatest speed of a blade
 _AGAIN = 0.010  # [m] of open crack crossed under force that count as another cut
 _LOADED = 0.5  # fraction of the force at the first passage: friction is a fifth, and at most two fifths
 _NOTHING = 0.1  # [N], or 0.05 of the range of force: reading of a sensor without contact
+_EACH_ALONE = ": two cuts in one record. Save each in a file of its own, or number their rows in a column 'cut'"
 _PLACE = 1e-3  # [m], bin width for comparing the forces of two passages
 _UNLOADED = 0.25  # fraction of the largest force below which a record without position counts as unloaded
 _LOADED_FOR = 0.3  # [s] of load on either side of such a pause
@@ -83,7 +84,7 @@ def holds_two_cuts(trace: Trace) -> str:
         i = int(restarts[0])
         return (
             f"the blade is {1e3 * back[i]:.3g} mm further back from one reading to the next, at "
-            f"{trace.time[i + 1]:.3g} s, where another record follows: save each in a file of its own"
+            f"{trace.time[i + 1]:.3g} s{_EACH_ALONE}"
         )
     furthest = np.maximum.accumulate(x)
     forward = trace.blade_speed > STANDSTILL_SPEED
@@ -99,10 +100,7 @@ def holds_two_cuts(trace: Trace) -> str:
     if np.count_nonzero(loaded) * _PLACE < _AGAIN:
         return ""
     place = float(places[np.flatnonzero(loaded)[0]])
-    return (
-        f"the blade cuts again at {100 * place:.1f} cm, where it had cut before: two cuts in one record. Save each in "
-        "a file of its own, or number their rows in a column 'cut'"
-    )
+    return f"the blade cuts again at {100 * place:.1f} cm, where it had cut before{_EACH_ALONE}"
 
 
 def validity_warnings(trace: Trace, quality: Sequence[QualityIssue]) -> list[str]:
