@@ -114,6 +114,7 @@ COMMANDS = {
         description="A motor and a force sensor that a policy meets through the simulator's interface.",
     ),
     "score": Command("score recorded cuts: a card and a page"),
+    "check": Command("name what is wrong with records of force, each with where it is and its cure"),
     "study": Command("study several people: reliability of the metrics, groups, learning"),
     "pass-mark": Command("find a pass mark, how often it errs, and whether raters agree with the score"),
     "view": Command("show a recorded cut in 3-D, in a page that opens from disk"),

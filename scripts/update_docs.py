@@ -18,6 +18,7 @@
     python scripts/update_docs.py test-times                what a whole run of the tests left (--times tests/times.csv)
     python scripts/update_docs.py calibration-studies partial-depth     some minutes: thirty calibrations; fine bricks
     python scripts/update_docs.py lab-formats               every format of a laboratory, read as it is
+    python scripts/update_docs.py record-faults             three minutes: a thousand faulty records, 500 clean ones
     python scripts/update_docs.py errata tissue-file rig-file slow-rig metrics weights ends class-attacks
     python scripts/update_docs.py --check parameters        fails if a block is not what it would print
     python scripts/update_docs.py --picture                 draws assets/pictures/cut.png
@@ -68,6 +69,7 @@ import measure_seen_runs
 import memory_gap
 import numpy as np
 import promises
+import record_faults
 import recover_layers
 import return_strokes
 import rig_faults
@@ -492,6 +494,7 @@ ON_PAGES: dict[str, dict[str, Callable[[argparse.Namespace], str]]] = {
         "live-camera": lambda _: camera_beside_rig.markdown(left_by(camera_beside_rig)),
     },
     "docs/validation/errata.md": {"errata": errata},
+    "docs/validation/record-faults.md": {"record-faults": lambda _: record_faults.table()},
     "docs/reference/metrics.md": {
         "metrics": metrics,
         "depth-metrics": lambda _: metric_table(MAP_METRICS["depth"]),

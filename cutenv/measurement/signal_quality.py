@@ -187,7 +187,9 @@ def _clock(trace: Trace) -> list[QualityIssue]:
     step = np.diff(trace.time)
     usual = float(np.median(step))
     found = []
-    for i in np.flatnonzero(step > GAP_STEPS * usual).tolist():
+    gaps = step > GAP_STEPS * usual
+    gaps &= gaps.mean() <= UNEVEN_SHARE  # so many are no gaps: the readings come in bursts
+    for i in np.flatnonzero(gaps).tolist():
         lost = f"{step[i]:.3g} s, {step[i] / usual:.0f} usual steps"
         if trace.position is not None:
             way = abs(float(trace.position[i + 1] - trace.position[i]))
@@ -196,7 +198,7 @@ def _clock(trace: Trace) -> list[QualityIssue]:
             refuse = bool(step[i] > GAP_TIME)
         message = f"nothing was recorded for {lost}. Record it again, or use the parts on either side."
         found.append(QualityIssue(kind="gap", rows=(i, i + 1), message=message, refuse=refuse))
-    uneven = (np.abs(step - usual) > UNEVEN_STEP * usual) & (step <= GAP_STEPS * usual)
+    uneven = (np.abs(step - usual) > UNEVEN_STEP * usual) & ~gaps
     if uneven.mean() > UNEVEN_SHARE:
         first, last = _ends(uneven)
         message = (

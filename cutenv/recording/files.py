@@ -120,22 +120,26 @@ def load(path: str | os.PathLike[str], *, force: str | None = None) -> list[Trac
     if force is not None:
         one_of("force", force, ALONG_CUT)
     path = Path(path)
-    chosen = _format_of(path)
-    try:
-        with path.open("rb") as file:
-            check_beginning(path, file.read(16), chosen.name)
-        tables = chosen.read(path)
-    except (FileNotFoundError, PermissionError, IsADirectoryError, RecordError):
-        raise
-    except (OSError, ValueError) as error:
-        raise RecordError(path, str(error)) from None
     traces = []
-    for table in tables:
+    for table in tables_in(path):
         try:
             traces += traces_of(table, force)
         except ValueError as error:
             raise RecordError(path, f"{table.name}{error}") from None
     return traces
+
+
+def tables_in(path: Path) -> list[CutTable]:
+    """Return the columns of a file as it states them, before they are checked to be records; raises as :func:`load`."""
+    chosen = _format_of(path)
+    try:
+        with path.open("rb") as file:
+            check_beginning(path, file.read(16), chosen.name)
+        return chosen.read(path)
+    except (FileNotFoundError, PermissionError, IsADirectoryError, RecordError):
+        raise
+    except (OSError, ValueError) as error:
+        raise RecordError(path, str(error)) from None
 
 
 def load_one(path: str | os.PathLike[str], *, force: str | None = None) -> Trace:

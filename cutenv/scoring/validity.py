@@ -22,9 +22,11 @@ class Unavailable(ValueError):
 LONGEST_RECORD = 3600.0
 """Longest record that is scored [s]."""
 _OPEN = 0.015  # [m] behind the furthest point the crack is open: the tip never lags the blade by that much
+_FASTEST = 2.0  # [m/s], the greatest speed of a blade
 _AGAIN = 0.010  # [m] of open crack crossed under force that count as another cut
 _LOADED = 0.5  # fraction of the force at the first passage: friction is a fifth, and at most two fifths
 _NOTHING = 0.1  # [N], or 0.05 of the range of force: reading of a sensor without contact
+_EACH_ALONE = ": two cuts in one record. Save each in a file of its own, or number their rows in a column 'cut'"
 _PLACE = 1e-3  # [m], bin width for comparing the forces of two passages
 _UNLOADED = 0.25  # fraction of the largest force below which a record without position counts as unloaded
 _LOADED_FOR = 0.3  # [s] of load on either side of such a pause
@@ -53,6 +55,22 @@ def is_truncated(trace: Trace) -> str:
     )
 
 
+def starts_late(trace: Trace) -> str:
+    """Return the reason why the record misses the beginning of its cut; "" if it does not, or without position."""
+    if trace.position is None:
+        return ""
+    last = max(int(np.searchsorted(trace.time, trace.time[0] + END_WINDOW)), 1)
+    last = min(last, len(trace) - 1)
+    speed = float((trace.position[last] - trace.position[0]) / (trace.time[last] - trace.time[0]))
+    nothing = _NOTHING if trace.force_unit == "N" else 0.05 * float(np.ptp(trace.force))
+    if speed < END_SPEED or float(trace.force[: last + 1].min()) < 2.0 * nothing:
+        return ""
+    return (
+        f"the record begins under force while the blade moves at {1e3 * speed:.2g} mm/s: start it before the blade "
+        "touches the tissue"
+    )
+
+
 def holds_two_cuts(trace: Trace) -> str:
     """Return the reason why the record holds more than one cut; "" if it does not, or if there is no position.
 
@@ -61,6 +79,13 @@ def holds_two_cuts(trace: Trace) -> str:
     if trace.position is None:
         return ""
     x, F = trace.position, trace.force
+    back, usual = -np.diff(x), float(np.median(np.diff(trace.time)))
+    if (restarts := np.flatnonzero(back > max(_OPEN, _FASTEST * usual))).size:
+        i = int(restarts[0])
+        return (
+            f"the blade is {1e3 * back[i]:.3g} mm further back from one reading to the next, at "
+            f"{trace.time[i + 1]:.3g} s{_EACH_ALONE}"
+        )
     furthest = np.maximum.accumulate(x)
     forward = trace.blade_speed > STANDSTILL_SPEED
     again = forward & (x < furthest - _OPEN)
@@ -75,10 +100,7 @@ def holds_two_cuts(trace: Trace) -> str:
     if np.count_nonzero(loaded) * _PLACE < _AGAIN:
         return ""
     place = float(places[np.flatnonzero(loaded)[0]])
-    return (
-        f"the blade cuts again at {100 * place:.1f} cm, where it had cut before: two cuts in one record. Save each in "
-        "a file of its own, or number their rows in a column 'cut'"
-    )
+    return f"the blade cuts again at {100 * place:.1f} cm, where it had cut before{_EACH_ALONE}"
 
 
 def validity_warnings(trace: Trace, quality: Sequence[QualityIssue]) -> list[str]:

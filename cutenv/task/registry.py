@@ -89,11 +89,13 @@ class RegisteredTask:
         return ("return", "success", *(error[0] for error in self.errors), "peak_force_N", "time_s")
 
 
-_CORRECTING: Mapping[str, Any] = {"base": "script", "hold": 2, "epochs": 4, "critic_first": 0.05}
-_ALONG_LINE: Mapping[str, Any] = {
-    **_CORRECTING, "control_hz": 10, "environments": 256, "batch_size": 4096, "validation_specimens": 500,
-    "validations": 8, "timesteps": 7_000_000, "exploration": 0.25, "last_exploration": 0.05, "learning_rate": 1.5e-3,
+_CORRECTING: Mapping[str, Any] = {
+    "base": "script", "hold": 2, "control_hz": 10, "environments": 256, "batch_size": 4096, "epochs": 4,
+    "critic_first": 0.05, "validation_specimens": 500, "validations": 8,
 }  # fmt: skip
+_ALONG_LINE: Mapping[str, Any] = {
+    **_CORRECTING, "timesteps": 7_000_000, "exploration": 0.25, "last_exploration": 0.05, "learning_rate": 1.5e-3,
+}
 _OFF_LINE = (
     ("mean_distance_mm", "mean distance to the line", "mm", 2),
     ("largest_distance_mm", "largest distance to the line", "mm", 2),
@@ -152,8 +154,8 @@ _SHIPPED = (
         script="depth by two forces",
         planner="cutenv.policy.map_planner:DepthPlanner",
         options={
-            **_CORRECTING, "control_hz": 25, "batch_size": 8000, "validation_specimens": 1000,
-            "timesteps": 12_000_000, "exploration": 0.05, "last_exploration": 0.02, "learning_rate": 5e-4,
+            **_CORRECTING, "timesteps": 5_000_000, "exploration": 0.12, "last_exploration": 0.03,
+            "learning_rate": 1e-3,
         },
         infos="cutenv.learning.demonstration:DEPTH_INFOS",
         played="cutenv.play.played_depth_cut:PlayedDepthCut",

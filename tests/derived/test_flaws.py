@@ -176,6 +176,13 @@ def test_an_irregular_clock_is_worth_a_look(seed: int) -> None:
     assert quality_issues(dataclasses.replace(force_only(cut), time=cut.time + jitter)) == ()
 
 
+def test_readings_that_come_in_bursts_are_an_irregular_clock_and_no_gaps() -> None:
+    cut = force_only(one_cut(0))
+    steps = 1e-3 * np.where(np.arange(len(cut) - 1) % 8 == 0, 6.6, 0.2)
+    found = quality_issues(dataclasses.replace(cut, time=np.concatenate(([0.0], np.cumsum(steps)))))
+    assert [flaw.kind for flaw in found] == ["clock"]
+
+
 @pytest.mark.parametrize("factor", [0.5, 2.0, -1.0])
 def test_a_speed_that_disagrees_with_the_position_is_worth_a_look(factor: float) -> None:
     cut = recorded_cut("2 cm", speed=0.01, turns=(0.02, 0.0)).trace

@@ -270,7 +270,7 @@ def test_without_a_seed_environments_differ():
         (lambda: gymnasium.make_vec(ENVIRONMENT, num_envs=0), ValueError, "num_envs = 0"),
         (lambda: gymnasium.make_vec(ENVIRONMENT, num_envs=2, autoreset_mode="samestep"), ValueError, "SameStep"),
         (lambda: gymnasium.make_vec(ENVIRONMENT, num_envs=2, render_mode="rgb_array"), ValueError, "render_mode"),
-        (lambda: gymnasium.make_vec(ENVIRONMENT, num_envs=2, specimen_clas="liver"), ValueError, "specimen_class"),
+        (lambda: gymnasium.make_vec(ENVIRONMENT, num_envs=2, specimen_clas="liver"), TypeError, "specimen_class"),
         (
             lambda: gymnasium.make_vec(ENVIRONMENT, num_envs=2).step(np.zeros((2, 2))),
             gymnasium.error.ResetNeeded,
