@@ -163,8 +163,9 @@ def memory_report(rows: Sequence[Mapping[str, Any]]) -> str:
         return mean_text((row["return"] - each[SCRIPT][seed]["return"] for seed, row in each[name].items()), sign="+")
 
     return (
-        f"On {len(each[SCRIPT])} held-out specimens of class liver the script earns {gain('true tip, and giving up')} "
-        f"more where it is told the tip, and the planner, told all of the truth, {gain(ORACLE)} more."
+        f"The script, told the tip, earns {gain('true tip, and giving up')} more; the planner, told all of the truth, "
+        f"{gain(ORACLE)} more.\n\n{len(each[SCRIPT])} held-out specimens of class liver; mean difference from the script "
+        "that is told nothing [95 % interval]."
     )
 
 

@@ -57,7 +57,7 @@ def test_the_run_knows_its_task_and_begins_with_a_script_of_it(finished):
     facts = json.loads((finished[0] / "run.json").read_text())
     assert facts["environment"] == "cutenv/DepthCut-v1"
     assert (facts["arguments"]["task"], facts["arguments"]["script"]) == ("depth", "depth by two forces")
-    assert facts["arguments"]["control_hz"] == 25
+    assert facts["arguments"]["control_hz"] == 10
 
 
 def test_agent_scripts_and_planner_met_the_same_specimens_and_agent_and_scripts_more(finished):
