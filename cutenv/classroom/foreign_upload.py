@@ -21,6 +21,7 @@ from cutenv.recording.csv_sniffer import sniff_table
 from cutenv.recording.named_columns import NamedColumns
 from cutenv.recording.proposal import proposal
 from cutenv.recording.schema import FIELD_UNITS
+from cutenv.report import RecordPicture
 from cutenv.trace import Trace
 
 LARGEST_UPLOAD = 16 * 2**20
@@ -73,9 +74,11 @@ class Upload:
     """Columns of the first file whose columns have to be picked; () if there is none."""
     guess: Mapping[str, str]
     """The form as it is guessed: columns by number from 1, and units where the header is silent."""
+    questions: tuple[str, ...] = ()
+    """Questions that the first such file leaves open, with the answer that the guess takes."""
 
-    def read(self, form: Mapping[str, str]) -> tuple[list[ReadCut], list[str]]:
-        """Read the files by a form of columns and units; return the cuts, and notes on how they were read.
+    def read(self, form: Mapping[str, str]) -> tuple[list[ReadCut], list[str], list[RecordPicture]]:
+        """Read the files by a form of columns and units; return the cuts, notes on how they were read, and pictures.
 
         Raises
         ------
@@ -85,15 +88,17 @@ class Upload:
         mapping = picked_map(form) if self.columns else None
         cuts: list[ReadCut] = []
         notes: list[str] = []
+        pictures: list[RecordPicture] = []
         for file in self.files:
             try:
                 found: Imported = read_record(file.path, None if file.own else mapping)
             except RecordError as error:
                 raise ValueError(f"{file.name}: {error.reason}") from None
+            pictures += [RecordPicture(**found.picture(k)) for k in range(len(found.records))]
             notes += [note.replace(file.path.name, file.name) for note in found.notes]
             for trace, flaws in zip(found.traces, found.flaws, strict=True):
                 cuts.append(ReadCut(file.name, trace, " ".join(each.message for each in flaws if each.refuse)))
-        return cuts, notes
+        return cuts, notes, pictures
 
 
 def picked_map(form: Mapping[str, str]) -> ColumnMap:
@@ -161,11 +166,13 @@ class Uploads:
         try:
             staged = [self._stage(folder / f"record{k}.csv", *file) for k, file in enumerate(files, 1)]
             foreign = next((file for file in staged if not file.own), None)
-            columns, guess = ((), {}) if foreign is None else _previewed(_table_of(foreign))
+            columns, guess, questions = ((), {}, ()) if foreign is None else _previewed(_table_of(foreign))
         except BaseException:
             shutil.rmtree(folder, ignore_errors=True)
             raise
-        upload = Upload(id=secrets.token_urlsafe(9), files=tuple(staged), columns=columns, guess=guess)
+        upload = Upload(
+            id=secrets.token_urlsafe(9), files=tuple(staged), columns=columns, guess=guess, questions=questions
+        )
         with self._guard:
             oldest = list(self._staged)[: max(0, len(self._staged) + 1 - _MOST_STAGED)]
             self._staged[upload.id] = (upload, folder)
@@ -210,16 +217,17 @@ def _table_of(file: DroppedFile) -> NamedColumns:
     return table
 
 
-def _previewed(table: NamedColumns) -> tuple[tuple[PreviewColumn, ...], dict[str, str]]:
-    """Return the first cells of each column, and the form as it is proposed."""
+def _previewed(table: NamedColumns) -> tuple[tuple[PreviewColumn, ...], dict[str, str], tuple[str, ...]]:
+    """Return the first cells of each column, the form as it is proposed, and the questions that stay open."""
     cells = [tuple(table.text(k)[:_SHOWN_ROWS]) for k in range(table.n_columns)]
     names = [*table.headers, *[""] * table.n_columns]
     columns = tuple(PreviewColumn(names[k], cells[k]) for k in range(table.n_columns))
     form: dict[str, str] = {}
     try:
-        items = proposal(table).items
-    except RecordError:  # no column can be a force: the teacher may know better
-        return columns, form
+        found = proposal(table)
+    except RecordError as error:  # no column can be a force: the teacher may know better
+        return columns, form, (error.reason,)
+    items = found.items
     for field in ("time", "force", "position"):
         if field not in items:
             continue
@@ -232,7 +240,7 @@ def _previewed(table: NamedColumns) -> tuple[tuple[PreviewColumn, ...], dict[str
             form[f"{field}_unit"] = expression.unit or items.get("unit" if field == "force" else "", _SI[field])
     if "rate" in items:
         form["rate"] = items["rate"].removesuffix("Hz")
-    return columns, form
+    return columns, form, tuple(map(str, found.questions))
 
 
 def units_by_field() -> dict[str, tuple[Unit, ...]]:

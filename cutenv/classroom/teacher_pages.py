@@ -22,9 +22,12 @@ from cutenv.classroom.class_site import TEACHER_COOKIE, UPLOAD_PATH, ClassSite, 
 from cutenv.classroom.class_store import KEPT, SAVED, TEACHER, Place
 from cutenv.classroom.foreign_upload import PICKED, picked_length, units_by_field
 from cutenv.classroom.live_rig import LiveRig
+from cutenv.report.page import embedded_figure
+from cutenv.report.record_figure import record_figure
 from cutenv.scoring.study.estimate import FEWEST_PEOPLE
 
 _MOST_CODES = 500
+_MOST_PICTURES = 12
 _TICKET_LASTS = 60.0  # [s]
 
 
@@ -341,6 +344,7 @@ class UploadPages:
         """Return the page on which records are sent and read."""
         form = values.pop("form", None) or (upload.guess if upload else {})
         filled = {"trouble": "", "cuts": [], "notes": [], "kept": []} | values
+        filled["pictures"] = [embedded_figure(record_figure(each)) for each in values.get("pictures", ())]
         codes = [code for code, _ in self._lesson.store.codes()]
         root = "../../" if upload else "../"
         return self._site.page(
@@ -377,9 +381,10 @@ class UploadPages:
             return RedirectResponse("../upload", 303)
         try:
             target = picked_length(form)
-            cuts, notes = await run_in_threadpool(staged.read, form)
+            cuts, notes, pictures = await run_in_threadpool(staged.read, form)
             if form.get("do") != "keep":
-                return await run_in_threadpool(self.upload_page, staged, form=form, cuts=cuts, notes=notes)
+                shown: dict[str, Any] = {"cuts": cuts, "notes": notes, "pictures": pictures[:_MOST_PICTURES]}
+                return await run_in_threadpool(self.upload_page, staged, form=form, **shown)
             if form.get("consent") != "yes":
                 raise ValueError(self._site.words["no_consent"])
             sound = [cut.trace for cut in cuts if not cut.flaw]

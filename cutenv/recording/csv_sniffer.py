@@ -221,14 +221,13 @@ class _Reading:
             kept = np.array(here)
             parts, part_names = _blocks(self._gaps_of_header(kept), len(kept))
             columns = dict(zip(rows.numeric, numbers.T, strict=True))
-            typed = functools.cache(lambda k: self._typed(columns, lines, rows, k))
-            split = functools.cache(lambda: list(zip(*(split_row(line, separator) for line in lines), strict=True)))
-            text: Callable[[int], Sequence[str]] = lambda k: split()[k]  # noqa: E731
+            text = _columns_of(lines, {}, rows)
+            typed = functools.cache(lambda k: _typed(columns, text, k, decimal))
         else:
             sound = self._sound(lines, np.array(here), rows, header)
             kept, left_out, parts, part_names = sound.places, sound.left_out, sound.parts, sound.part_names
-            text = sound.cells.__getitem__
-            typed = functools.cache(lambda k: cell_values(sound.cells[k], decimal))
+            text, columns = sound.cells, sound.numbers
+            typed = functools.cache(lambda k: _typed(columns, sound.cells, k, decimal))
         if 2 * len(kept) < len(here):
             raise RecordError(self.path, "it holds no table of numbers: most of its lines are of another form.")
         sign = "comma" if decimal == "," else "point"
@@ -276,22 +275,19 @@ class _Reading:
             return None
         return values
 
-    def _typed(self, columns: dict[int, Array], lines: list[str], rows: _Rows, k: int) -> CellValues:
-        found = columns.get(k)
-        if found is not None and np.abs(found).max() < 2.0**53:
-            return CellValues(values=found)
-        return cell_values([split_row(line, rows.dialect.separator)[k] for line in lines], rows.dialect.decimal)
-
     def _sound(self, lines: list[str], places: RowNumbers, rows: _Rows, header: _Header) -> _Sound:
         """Part the sound rows from the other lines below the first one, line by line."""
         separator, decimal = rows.dialect
-        split = [split_row(line, separator) for line in lines]
-        counts = Counter(map(len, split))
-        shortest = min(k for k, count in counts.items() if count >= _COMMON * len(split) or len(counts) == 1)
-        judge = _LineJudge(rows, header, shortest, _common_words(split, rows.numeric, decimal))
-        kinds = [judge.kind(cells) for cells in split]
-        if bool(self.raw[-1]) and places[-1] == len(self.raw) - 1 and _is_cut_off(split[-1], split[-10:-1]):
-            kinds[-1] = "incomplete"
+        whole = _whole_line(rows, lines)
+        split = {i: split_row(line, separator) for i, line in enumerate(lines) if not (whole and whole(line))}
+        counts = Counter(map(len, split.values())) + Counter({rows.length: len(lines) - len(split)})
+        shortest = min(k for k, count in counts.items() if count >= _COMMON * len(lines) or len(counts) == 1)
+        wordy = set() if whole else _common_words(list(split.values()), rows.numeric, decimal)
+        judge = _LineJudge(rows, header, shortest, wordy)
+        kinds = [judge.kind(split[i]) if i in split else "row" for i in range(len(lines))]
+        if bool(self.raw[-1]) and places[-1] == len(self.raw) - 1:
+            last = [split_row(line, separator) for line in lines[-10:]]
+            kinds[-1] = "incomplete" if _is_cut_off(last[-1], last[:-1]) else kinds[-1]
         good: list[int] = []
         borders: list[int] = []  # numbers of sound rows in front of text
         other_columns = False
@@ -305,7 +301,7 @@ class _Reading:
             elif kind != "incomplete" and kind != "odd":
                 borders.append(len(good))
         gaps = self._gaps_of_header(places[good])
-        cells = [[split[i][k] if k < len(split[i]) else "" for i in good] for k in range(rows.length)]
+        kept, own = [lines[i] for i in good], {k: split[i] for k, i in enumerate(good) if i in split}
         left_out = []
         for kind, reason in _REASONS.items():
             where = [i for i, each in enumerate(kinds) if each == kind]
@@ -313,7 +309,8 @@ class _Reading:
                 example = f"line {places[where[0]] + 1}: {lines[where[0]].strip()[:40]!r}"
                 left_out.append(LeftOut(count=len(where), reason=f"{reason} ({example})"))
         parts, names = _blocks([*borders, *gaps], len(good))
-        return _Sound(cells, places[good], left_out, parts, names)
+        numbers = _few_gaps(kept, own, rows) if whole else {}
+        return _Sound(_columns_of(kept, own, rows), numbers, places[good], left_out, parts, names)
 
     def _gaps_of_header(self, places: RowNumbers) -> list[int]:
         """Return the rows before which the program wrote the header of another segment."""
@@ -323,6 +320,53 @@ class _Reading:
         return [
             int(k) for k in jumps if any(self.raw[i].startswith("Channels") for i in range(places[k - 1], places[k]))
         ]
+
+
+def _typed(columns: dict[int, Array], text: Callable[[int], Sequence[str]], k: int, decimal: str) -> CellValues:
+    """Return a column that was read as numbers, or read it from its text, where large numbers keep their digits."""
+    found = columns.get(k)
+    if found is not None and np.abs(found[np.isfinite(found)]).max(initial=0.0) < 2.0**53:
+        return CellValues(values=found)
+    return cell_values(text(k), decimal)
+
+
+def _columns_of(lines: list[str], split: dict[int, list[str]], rows: _Rows) -> Callable[[int], Sequence[str]]:
+    """Return a function that gives the cells of a column; a line that is shorter has its last cells empty."""
+
+    @functools.cache
+    def cells() -> list[list[str]]:
+        every = [split.get(i) or split_row(line, rows.dialect.separator) for i, line in enumerate(lines)]
+        return [[each[k] if k < len(each) else "" for each in every] for k in range(rows.length)]
+
+    return lambda k: cells()[k]
+
+
+def _whole_line(rows: _Rows, lines: list[str]) -> Callable[[str], object] | None:
+    """Return a quick test for lines of numbers alone; None where cells may hold more than plain numbers."""
+    separator, decimal = rows.dialect
+    if separator in (" ", "|") or separator == decimal or len(rows.numeric) < rows.length:
+        return None
+    number = rf"\s*(?:{NUMBER_PATTERNS[decimal]})\s*"
+    whole = re.compile(rf"{number}(?:{re.escape(separator)}{number}){{{rows.length - 1}}}").fullmatch
+    sample = lines[:: max(1, len(lines) // 200)]
+    return whole if 2 * sum(whole(line) is not None for line in sample) > len(sample) else None
+
+
+def _few_gaps(lines: list[str], split: dict[int, list[str]], rows: _Rows) -> dict[int, Array]:
+    """Return the columns of rows of plain numbers with missing ones among them, NaN there; {} for other cells."""
+    separator, decimal = rows.dialect
+    plain = list(lines)
+    for i, cells in split.items():
+        filled = [*cells[: rows.length], *[""] * (rows.length - len(cells))]
+        if not all(_NUMBER[decimal].fullmatch(cell) or MISSING.fullmatch(cell) for cell in filled):
+            return {}
+        plain[i] = separator.join(cell if _NUMBER[decimal].fullmatch(cell) else "nan" for cell in filled)
+    plain = [line.replace(",", ".") for line in plain] if decimal == "," else plain
+    try:
+        values = np.loadtxt(plain, delimiter=separator, comments=None, ndmin=2)
+    except (ValueError, OverflowError):
+        return {}
+    return {} if any(may_be_thousands(column) for column in values.T) else dict(enumerate(values.T))
 
 
 def _blocks(borders: Sequence[int], n: int) -> tuple[RowNumbers | None, tuple[str, ...]]:
@@ -337,7 +381,8 @@ def _blocks(borders: Sequence[int], n: int) -> tuple[RowNumbers | None, tuple[st
 class _Sound(NamedTuple):
     """Cells of the sound rows by column, their places in the file, the lines left out, and the blocks."""
 
-    cells: list[list[str]]
+    cells: Callable[[int], Sequence[str]]
+    numbers: dict[int, Array]
     places: RowNumbers
     left_out: list[LeftOut]
     parts: RowNumbers | None

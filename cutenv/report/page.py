@@ -73,7 +73,7 @@ def write_page(path: Path, template: str | Path, *, language: str = "en", **valu
 
     def embedded(figure: Figure) -> EmbeddedFigure:
         translation.figure(figure)
-        return _embedded(figure)
+        return embedded_figure(figure)
 
     document = render(_TEMPLATES / template, values, folders=[_TEMPLATES], filters=_FILTERS | {"embedded": embedded})
     write_text(path, translation.page(document))
@@ -114,7 +114,8 @@ def estimate_text(mean: float, low: float, high: float, digits: int) -> str:
     return f"{number(mean, digits)} [{number(low, digits)}, {number(high, digits)}]"
 
 
-def _embedded(figure: Figure) -> EmbeddedFigure:
+def embedded_figure(figure: Figure) -> EmbeddedFigure:
+    """Return a figure as an address that holds its drawing, for a page."""
     drawing = io.BytesIO()
     kind: Literal["drawing", "photo"] = "photo" if any(axes.images for axes in figure.axes) else "drawing"
     figure.savefig(drawing, format="svg", metadata={"Date": None}, transparent=kind == "drawing")

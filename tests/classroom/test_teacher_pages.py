@@ -250,6 +250,7 @@ def test_a_record_of_another_program_is_looked_at_and_kept_and_marked(room: Room
     assert "<td>0,050</td>" in form
     looked = words(teacher.post(path, data=COLUMNS | {"target": "70"}).text)
     assert re.search(r"Anna Schmidt.csv \d+ 1\.80 s 3\.9 N .* – 100\.0 mm", looked), looked
+    assert teacher.post(path, data=COLUMNS).text.count('<img src="data:image/svg+xml;base64,') == 1
     kept = teacher.post(path, data=KEEP | {"target": "70"})
     assert (kept.status_code, kept.headers["location"]) == (303, "../people/P01")
     assert "from another program, not confirmed by the law" in words(teacher.get("/teacher/people/P01").text)
@@ -402,3 +403,15 @@ def test_a_curve_is_drawn_of_scores_and_a_mean_of_three_people_or_more() -> None
     many = score_curve([[10, 20], [20, 30, 40], [30, 40]])
     assert many.count("<polyline") == 4
     assert "<circle" not in many
+
+
+def test_what_a_file_leaves_open_is_asked_on_the_page_and_a_way_toward_the_clamp_is_turned(room: Room) -> None:
+    teacher = full(room, 1)
+    rows = "".join(
+        f"{k / 100:.2f};{3.0 * (50 < k < 150):.1f};{60.0 - 0.3 * min(max(k - 50, 0), 100):.2f}\n".replace(".", ",")
+        for k in range(200)
+    )
+    path = uploaded(teacher, "t [s];Kraft;Weg [mm]\n" + rows)
+    form = teacher.get(path).text
+    assert "In which unit is the force" in form
+    assert re.search(r'name="position_sign" value="-" checked', form)
