@@ -148,7 +148,9 @@ class _Columns:
         self.n = table.n_columns
         self.cells = [table.typed(k) for k in range(self.n)]
         self.words = [_words(table, k) for k in range(self.n)]
-        self.filled = [np.isfinite(each.values).sum() >= 2 and each.kind != "text" for each in self.cells]
+        self.filled = [
+            np.isfinite(each.values).sum() >= min(2, len(table)) and each.kind != "text" for each in self.cells
+        ]
         self.questions: list[Question] = []
         self.items: dict[str, str] = {}
 
@@ -199,14 +201,19 @@ class _Columns:
         """Return whether a column goes on as time does: upwards, but for restarts of the clock."""
         values = self.cells[k].values[np.isfinite(self.cells[k].values)]
         steps = np.diff(values)
-        return len(steps) > 0 and bool(steps.max() > 0.0) and bool((steps < 0.0).mean() < 0.1)
+        if not len(steps):
+            return len(self.table) == 1  # nothing shows that it does not
+        return bool(steps.max() > 0.0) and bool((steps < 0.0).mean() < 0.1)
+
+    def goes_by_one(self, k: int) -> bool:
+        """Return whether a column grows by one from reading to reading."""
+        values = self.known(k)
+        return len(values) > 2 and bool((np.diff(values) == 1.0).mean() > 0.9)
 
     def is_counter(self, k: int) -> bool:
         """Return whether a column counts the readings."""
-        values = self.cells[k].values[np.isfinite(self.cells[k].values)]
-        by_one = bool((np.diff(values) == 1.0).mean() > 0.9) if len(values) > 2 else False
         counts = not self.words[k] or bool(_COUNTERS.intersection(self.words[k]))
-        return by_one and counts and not _TIMES.intersection(self.words[k]) and not self.quantity(k)
+        return self.goes_by_one(k) and counts and not _TIMES.intersection(self.words[k]) and not self.quantity(k)
 
     def time(self) -> int | None:
         """Return the column that is time."""
@@ -237,9 +244,11 @@ class _Columns:
         free = [k for k in range(self.n) if self.filled[k] and not self.quantity(k) and not self.is_counter(k)]
         free = [k for k in free if not {*self.words[k]} & (_FORCES | _TIMES | {*_WAYS} | _DEPTHS)]
         risen = [k for k in free if self.rises(k) and bool((np.diff(self.known(k)) >= 0.0).all())]
+        if len(self.table) < _FEWEST:
+            return risen[0] if risen else None
         steady = [k for k in risen if bool((np.diff(self.known(k)) > 0.0).mean() > 0.9)]  # a way rests at its ends
         risen = steady if len(steady) == 1 else risen
-        return risen[0] if len(risen) == 1 or (risen and len(self.table) < _FEWEST) else None
+        return risen[0] if len(risen) == 1 else None
 
     def forces(self, time: int | None) -> list[int]:
         """Return the columns that state a unit of force, or else those that are called so and state no known unit."""
@@ -319,8 +328,7 @@ class _Columns:
             )
             return
         self.items["time"] = name if units[0] == "s" else f"{name}[{units[0]}]"
-        by_one = bool((np.diff(self.known(time)) == 1.0).mean() > 0.9) and len(self.table) >= _FEWEST
-        if by_one and not _TIMES.intersection(self.words[time]):
+        if self.goes_by_one(time) and len(self.table) >= _FEWEST and not _TIMES.intersection(self.words[time]):
             self.questions.append(
                 Question(
                     about="time",
