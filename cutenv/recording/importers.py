@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import mmap
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -168,7 +169,10 @@ def _is_ours(path: Path) -> bool:
         return mcap_file.holds_cuts(path)
     if is_text(path):
         return path.is_file() and is_own(path)
-    return path.suffix.lower() in FORMATS and SCHEMA.partition("/")[0].encode() in path.read_bytes()
+    if path.suffix.lower() not in FORMATS or not path.stat().st_size:
+        return False
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+        return content.find(SCHEMA.partition("/")[0].encode()) >= 0
 
 
 def _loads(path: Path) -> bool:
