@@ -108,6 +108,12 @@ def bag_table(path: Path, names: Collection[str] = ()) -> NamedColumns:
     every = [
         each for topic, found in sound.items() for each in found.series(topic, times.get(topic, found.stamps), origin)
     ]
+    if len(every) == 1 and np.ptp(every[0].times) == 0.0:  # a writer that leaves the time of its log out
+        pairs = list(zip(every[0].headers, every[0].values.T, strict=True))
+        notes.append("its messages were not logged with times")
+        return NamedColumns.of(
+            path, pairs, about=f"readings of {every[0].source}", row_name="reading", notes=tuple(notes)
+        )
     return joined(path, every, names, notes)
 
 

@@ -39,6 +39,16 @@ def mcap_of_json(path: Path) -> None:
         writer.finish()
 
 
+def mcap_without_log_times(path: Path) -> None:
+    with path.open("wb") as file:
+        writer = McapWriter(file)
+        writer.start()
+        channel = writer.register_channel("/cell", "json", schema_id=0)
+        for time, force, way in zip(TIME.tolist(), FORCE.tolist(), WAY.tolist(), strict=True):
+            writer.add_message(channel, 0, json.dumps({"t_s": time, "force_N": force, "x_mm": way}).encode(), 0)
+        writer.finish()
+
+
 def protobuf_message() -> tuple[bytes, Any]:
     """File descriptors and class of a message with a time, two forces and a list."""
     kinds = descriptor_pb2.FieldDescriptorProto
@@ -76,6 +86,7 @@ def mcap_of_protobuf(path: Path) -> None:
 
 
 add_file("tree.mcap", "Foxglove", "JSON with times of their own", mcap_of_json)
+add_file("untimed.mcap", "a script", "JSON without a schema and without times of the log", mcap_without_log_times)
 add_file("tactile.mcap", "Foxglove", "Protobuf in LZ4", mcap_of_protobuf)
 
 # Bags of ROS. Each message is topic, type, time of its log [ns] and content.
