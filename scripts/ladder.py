@@ -164,8 +164,8 @@ def memory_report(rows: Sequence[Mapping[str, Any]]) -> str:
 
     return (
         f"The script, told the tip, earns {gain('true tip, and giving up')} more; the planner, told all of the truth, "
-        f"{gain(ORACLE)} more.\n\n{len(each[SCRIPT])} held-out specimens of class liver; mean difference from the script "
-        "that is told nothing [95 % interval]."
+        f"{gain(ORACLE)} more.\n\n{len(each[SCRIPT])} held-out specimens of class liver; mean difference from the "
+        "script that is told nothing [95 % interval]."
     )
 
 

@@ -94,7 +94,11 @@ _CORRECTING: Mapping[str, Any] = {
     "critic_first": 0.05, "validation_specimens": 500, "validations": 8,
 }  # fmt: skip
 _ALONG_LINE: Mapping[str, Any] = {
-    **_CORRECTING, "timesteps": 7_000_000, "exploration": 0.25, "last_exploration": 0.05, "learning_rate": 1.5e-3,
+    **_CORRECTING,
+    "timesteps": 7_000_000,
+    "exploration": 0.25,
+    "last_exploration": 0.05,
+    "learning_rate": 1.5e-3,
 }
 _OFF_LINE = (
     ("mean_distance_mm", "mean distance to the line", "mm", 2),
