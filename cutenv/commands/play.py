@@ -10,6 +10,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from cutenv._base.output import check_writable
 from cutenv.commands.options import (
     add_lsl,
     add_specimen_class,
@@ -17,7 +18,6 @@ from cutenv.commands.options import (
     add_task,
     check_line,
     command_parser,
-    made_folder,
     made_place,
     reports_errors,
     target_length,
@@ -65,7 +65,8 @@ def main(argv: Sequence[str]) -> int:
         check_line(arguments.line, [arguments.task])
     if arguments.picture is not None:
         made_place("--picture", arguments.picture)
-    made_folder("--out", arguments.out)
+    place = arguments.out.absolute()  # made when everything else is known to be right
+    check_writable("--out", next(each for each in (place, *place.parents) if each.is_dir()))
     agent = _agent_of(arguments)
     axes = None if arguments.axes is None else HandleAxes.parse(arguments.axes)
     open_display()  # before what takes half a minute where it has to be compiled
