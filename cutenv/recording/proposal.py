@@ -52,6 +52,12 @@ _DERIVED = {
     "peak",
     "rate",
 }
+_NO_FORCES = _DERIVED | {
+    "drehmoment", "couple", "momento", "temperature", "temp", "temperatur", "pressure", "druck", "pression", "voltage",
+    "volts", "current", "strom", "humidity", "speed", "velocity", "geschwindigkeit", "vitesse", "acceleration", "accel",
+    "beschleunigung", "angle", "winkel", "rpm", "battery", "status", "nm", "nmm", "kpa", "mpa", "psi", "degc",
+}  # fmt: skip
+"""Words of columns that are offered as a force to nobody, though they state no unit that is known."""
 _WANTED = {"commanded", "command", "cmd", "target", "setpoint", "soll", "desired", "reference", "demand", "peak", "min"}
 _OTHER_FORCE_UNITS = ("N", "mN", "kN", "gf", "kgf", "lbf", "1")
 _FEWEST_TICKS = 4  # different times of a coarse clock that show its step
@@ -272,6 +278,7 @@ class _Columns:
         """Return the columns without a unit and a telling name that may be a force."""
         free = [k for k in range(self.n) if k != time and self.filled[k] and not self.quantity(k)]
         free = [k for k in free if k not in ways and self.cells[k].kind == "number" and not self.is_counter(k)]
+        free = [k for k in free if not _NO_FORCES.intersection(self.words[k])]
         moving = [k for k in free if np.ptp(self.known(k)) > 0.0]
         return moving or free
 

@@ -82,6 +82,10 @@ def test_the_map_of_the_message_reads_the_file_as_it_was_understood(given: LabFo
             ["Time (s),Torque (Nm),Angle (deg)", *(f"{k / 100},{k / 9:.3f},{k / 7:.3f}" for k in range(99))],
             "can be a force",
         ),
+        (
+            ["time_s,torque_Nm,speed_rpm", *(f"{k / 100},{k / 9:.3f},{100 + k % 3}" for k in range(99))],
+            "can be a force",
+        ),
         (["t;F;x", *(f"{k};{k};{k}" for k in range(50)), "x;t;F", *(f"{k};{k};{k}" for k in range(70))], "other form"),
     ],
 )
