@@ -243,7 +243,7 @@ class _Columns:
             ranked.append((rank, -k))
         if ranked:
             return -max(ranked)[1]
-        return self._rising()
+        return None if self.table.rate is not None else self._rising()  # a stated rate is no column's to overrule
 
     def _rising(self) -> int | None:
         """Return the only column without a telling name that never falls, or the only one of them with even steps."""
@@ -407,7 +407,7 @@ class _Columns:
         return good[0] if good else "N"
 
     def ask_unnamed(self, chosen: int, others: list[int]) -> None:
-        """Ask which of some columns without telling names is the force, in newtons; the one that goes on is the way."""
+        """Ask which of some columns without telling names is the force; the one that goes on is the way."""
         free = (chosen, *others)
         going = [k for k in free if self.goes_on(k)]
         way = going[0] if len(going) == 1 and "position" not in self.items else None
@@ -416,13 +416,14 @@ class _Columns:
         free = (chosen, *(k for k in free if k != chosen))
         choices = []
         for k in free:
-            words, items = f"force {self.table.header(k)!r}", {"force": self.name(k), "unit": "N"}
+            unit = self.likely_unit(k)
+            words, items = f"force {self.table.header(k)!r} in {unit}", {"force": self.name(k), "unit": unit}
             if way is not None and way != k:
                 words += f", position {self.table.header(way)!r}"
                 items["position"] = self.with_unit(way)
             choices.append((words, items))
         self.items |= choices[0][1]
-        text = "Which column is the force along the cut, in newtons? --unit gives another unit."
+        text = "Which column is the force along the cut? --unit gives another unit."
         self.questions.append(Question(about="force", text=text, choices=tuple(choices), proposed=0))
 
     def goes_on(self, k: int) -> bool:

@@ -6,6 +6,7 @@ import shlex
 from collections import Counter
 from pathlib import Path
 
+import numpy as np
 import pytest
 from lab_formats import FORMATS, LabFormat
 
@@ -102,3 +103,15 @@ def test_nine_of_ten_formats_are_right_with_at_most_one_question() -> None:
     assert max(each.asks for each in FORMATS) <= 1
     assert len(readable) >= 0.9 * len(FORMATS)
     assert not [name for name, count in Counter(NAMES).items() if count > 1]
+
+
+def test_a_rate_that_the_header_states_is_kept_where_a_column_only_rises(tmp_path: Path) -> None:
+    path = tmp_path / "logger.txt"
+    header = ["Start: 2024-05-03 10:22:33", "Interval = 10 ms", "Channel 1: load cell", "", "Ch1\tCh2"]
+    way = np.clip((np.arange(600) - 100) * 0.1, 0.0, 30.0)
+    force = np.where((way > 0.0) & (way < 30.0), 500.0 + 2500.0 * np.abs(np.sin(way)), 0.0)
+    path.write_text("\n".join([*header, *(f"{f:.2f}\t{x:.3f}" for f, x in zip(force, way, strict=True))]) + "\n")
+    understood = look_at(path)
+    assert str(understood.mapping) == "--map rate=100Hz force=Ch1 'position=Ch2[mm]' --unit mN"
+    assert len(understood.questions) == 1
+    assert understood.records[0].time[-1] == pytest.approx(5.99)
