@@ -108,7 +108,7 @@ def table_of_arrays(
         raise RecordError(path, f"it holds no arrays of numbers, a value for each instant{said}.")
     if len(found) > 1:
         return below_one_another(path, about, found, told)
-    table = replace(found[0][1], notes=tuple(told))
+    table = replace(found[0][1], notes=(*told, *found[0][1].notes))
     if parts is None or len(parts) != len(table):
         return table
     numbers, part_of = np.unique(parts, return_inverse=True)
@@ -137,7 +137,7 @@ def below_one_another(
         parts=np.repeat(np.arange(len(alike)), [len(table) for _, table in alike]),
         part_names=tuple(name for name, _ in alike),
         left_out=tuple(each for _, table in alike for each in table.left_out),
-        notes=(*notes, *told),
+        notes=(*notes, *told, *(note for _, table in alike for note in table.notes)),
     )
 
 

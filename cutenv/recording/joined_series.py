@@ -88,6 +88,10 @@ def joined(path: Path, every: Sequence[Series], names: Collection[str], notes: S
             each.values[kept, column] if k == base else np.interp(rows[kept], each.times, each.values[:, column])
             for column in range(len(each.headers))
         ]
+    apart = [each.source for each in series if each.times[0] > rows[-1] or each.times[-1] < rows[0]]
+    if apart:
+        told = f"no reading of {' or '.join(apart)} lies in the time of {series[base].source}: another clock?"
+        notes = (*notes, told)
     repeated = len(every[base].times) - len(rows)
     return NamedColumns.of(
         path,

@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -319,3 +320,18 @@ def test_a_record_of_ours_keeps_its_names_and_takes_no_map(tmp_path: Path) -> No
 def test_every_suffix_that_is_read_stands_in_the_documentation() -> None:
     page = (Path(__file__).parents[2] / "docs/how-to/foreign-records.md").read_text(encoding="utf-8")
     assert [suffix for suffix in FOREIGN_SUFFIXES if f"`{suffix}`" not in page] == []
+
+
+def test_a_series_on_another_clock_is_said(tmp_path: Path) -> None:
+    path, times = tmp_path / "two_clocks.h5", np.arange(600) / 100.0
+    with h5py.File(path, "w") as file:
+        for group, name, clock, values in (
+            ("sensor", "force", 1.714e9 + times, np.sin(times)),
+            ("stage", "position", times, times / 300.0),
+        ):
+            file[f"{group}/time_s"] = clock[:: 1 if group == "sensor" else 2]
+            file[f"{group}/{name}"] = values[:: 1 if group == "sensor" else 2]
+            file[f"{group}/{name}"].attrs["unit"] = "N" if name == "force" else "m"
+    understood = look_at(path)
+    assert understood.records[0].position is None
+    assert any("no reading of stage.time_s lies in the time of sensor.time_s" in note for note in understood.notes)
