@@ -156,17 +156,13 @@ def file_of(specimen_class: str) -> str:
 
 
 def memory_report(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return what more knowledge earns without tough inclusions, in a sentence: what no memory can exceed."""
+    """Return what more knowledge earns without tough inclusions, as a Markdown table: no memory earns more."""
     each = {name: {int(row["seed"]): row for row in own} for name, own in by_policy(rows).items()}
-
-    def gain(name: str) -> str:
-        return mean_text((row["return"] - each[SCRIPT][seed]["return"] for seed, row in each[name].items()), sign="+")
-
-    return (
-        f"The script, told the tip, earns {gain('true tip, and giving up')} more; the planner, told all of the truth, "
-        f"{gain(ORACLE)} more.\n\n{len(each[SCRIPT])} held-out specimens of class liver; mean difference from the "
-        "script that is told nothing [95 % interval]."
-    )
+    lines = ["| told | return minus that of the script, which is told nothing |", "| --- | --- |"]
+    for told, name in (("the tip", "true tip, and giving up"), ("all of the truth (the planner)", ORACLE)):
+        gain = (row["return"] - each[SCRIPT][seed]["return"] for seed, row in each[name].items())
+        lines.append(f"| {told} | {mean_text(gain, sign='+')} |")
+    return "\n".join([*lines, "", f"{len(each[SCRIPT])} held-out specimens of class liver; mean [95 % interval]."])
 
 
 def main() -> None:

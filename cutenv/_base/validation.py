@@ -74,7 +74,11 @@ def one_of(name: str, value: T, choices: Iterable[T]) -> T:
     return value
 
 
-def unexpected_keyword(of: str, keyword: str, known: Iterable[str] = (), cure: str = "") -> TypeError:
+class UnexpectedKeyword(TypeError):
+    """Keyword that is not taken: Python's own error, which a command can tell apart from a fault of the program."""
+
+
+def unexpected_keyword(of: str, keyword: str, known: Iterable[str] = (), cure: str = "") -> UnexpectedKeyword:
     """Return the error that Python raises for a keyword which ``of`` does not take, with the nearest of those known.
 
     Libraries that try what an environment takes, as TorchRL does, look for Python's words in a TypeError.
@@ -82,7 +86,7 @@ def unexpected_keyword(of: str, keyword: str, known: Iterable[str] = (), cure: s
     names = list(known)
     listed = f" It takes {', '.join(names)}." if names else ""
     said = f"{of}.__init__() got an unexpected keyword argument {keyword!r}.{_nearest(keyword, names)}{listed} {cure}"
-    return TypeError(said.rstrip())
+    return UnexpectedKeyword(said.rstrip())
 
 
 def _nearest(value: Any, known: Iterable[Any]) -> str:

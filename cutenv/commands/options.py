@@ -44,10 +44,11 @@ def command_parser(
 def reports_errors(name: str, *also: type[Exception]) -> Callable[[Main], Main]:
     """Return a decorator of the ``main`` of ``cutenv NAME``: what bad input raises is one line, and the exit status 2.
 
-    That is OSError, ValueError and ``also``; a missing module passes, because the command line names its extra,
-    and so does the end of the program that reads the output.
+    That is OSError, ValueError, a keyword that no environment takes, and ``also``.  A missing module passes, because
+    the command line names its extra, and so does the end of the program that reads the output.
     """
     bad: tuple[type[Exception], ...] = (OSError, ValueError, *also)
+    looked_at: tuple[type[Exception], ...] = (*bad, TypeError)
 
     def decorated(main: Main) -> Main:
         @functools.wraps(main)
@@ -56,8 +57,10 @@ def reports_errors(name: str, *also: type[Exception]) -> Callable[[Main], Main]:
                 return main(argv)
             except ModuleNotFoundError:
                 raise
-            except bad as error:
+            except looked_at as error:
                 if isinstance(error, BrokenPipeError) and reader_has_gone():
+                    raise
+                if not isinstance(error, bad) and not _is_unexpected_keyword(error):
                     raise
                 print(f"cutenv {name}: {error}", file=sys.stderr)
                 return 2
@@ -65,6 +68,12 @@ def reports_errors(name: str, *also: type[Exception]) -> Callable[[Main], Main]:
         return guarded
 
     return decorated
+
+
+def _is_unexpected_keyword(error: Exception) -> bool:
+    from cutenv._base.validation import UnexpectedKeyword
+
+    return isinstance(error, UnexpectedKeyword)
 
 
 def add_target_length(parser: argparse.ArgumentParser, default: str) -> None:

@@ -49,7 +49,7 @@ class Training:
             if found:
                 shown = f", {found['shown']}" if found["shown"] else ""
                 self.progress = f"{found['share']} %{shown}"
-            else:
+            elif line.strip() or (self.printed and self.printed[-1]):  # bars that are gone leave empty lines
                 self.printed.append(line.rstrip())
 
     def interrupt(self) -> None:

@@ -64,7 +64,8 @@ def test_every_learner_has_options_and_examples_of_its_own(learner: str) -> None
     parser = train._parser(learner)
     check_help(parser)
     check_examples("train", parser)
-    fields = {field.name for field in dataclasses.fields(train.LEARNERS[learner][1])}
+    kind = train.LEARNERS[learner][1]
+    fields = {field.name for field in dataclasses.fields(kind)} | ({"from_nothing"} if kind.from_nothing else set())
     assert {action.dest for action in options_of(parser)} == fields | {"learner", "quick", "resume"}
 
 
