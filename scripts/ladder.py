@@ -158,10 +158,10 @@ def file_of(specimen_class: str) -> str:
 def memory_report(rows: Sequence[Mapping[str, Any]]) -> str:
     """Return what more knowledge earns without tough inclusions, as a Markdown table: no memory earns more."""
     each = {name: {int(row["seed"]): row for row in own} for name, own in by_policy(rows).items()}
-    lines = ["| told | return minus that of the script, which is told nothing |", "| --- | --- |"]
-    for told, name in (("the tip", "true tip, and giving up"), ("all of the truth (the planner)", ORACLE)):
+    lines = ["| knowledge | return minus that of the script without it |", "| --- | --- |"]
+    for known, name in (("the tip", "true tip, and giving up"), ("all of the truth (the planner)", ORACLE)):
         gain = (row["return"] - each[SCRIPT][seed]["return"] for seed, row in each[name].items())
-        lines.append(f"| {told} | {mean_text(gain, sign='+')} |")
+        lines.append(f"| {known} | {mean_text(gain, sign='+')} |")
     return "\n".join([*lines, "", f"{len(each[SCRIPT])} held-out specimens of class liver; mean [95 % interval]."])
 
 

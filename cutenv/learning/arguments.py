@@ -242,13 +242,10 @@ class LearnerArguments:
 
     def training_environments(self) -> FeatureVecEnv | EnvironmentGroups:
         """Make the environments to train in; see :meth:`environments_at`."""
-        easier = getattr(self, "easier", 0.0)
-        if self.rigs == 1 and not easier:
+        if self.rigs == 1:
             return self.environments_at(self.training_seeds)
-        from cutenv.learning.environment_groups import EasierEnvironments, EnvironmentGroups, random_rigs
+        from cutenv.learning.environment_groups import EnvironmentGroups, random_rigs
 
-        if easier:
-            return EasierEnvironments(easier, self.training_seeds, **self._shown)
         rigs = random_rigs(self.rigs, self.seed)
         return EnvironmentGroups(rigs, self.training_seeds, **self._shown)
 
@@ -331,6 +328,14 @@ class PPOArguments(TrialArguments):
                 raise BadArguments(f"--demonstrations {self.demonstrations} has no use with --base script; give 0")
             if self.force == "unfelt":
                 raise BadArguments("--base script feels the force, which --force unfelt hides; give --base none")
+
+    def training_environments(self) -> FeatureVecEnv | EnvironmentGroups:
+        """Make the environments to train in, easier at first if that is asked for."""
+        if not self.easier:
+            return super().training_environments()
+        from cutenv.learning.environment_groups import EasierEnvironments
+
+        return EasierEnvironments(self.easier, self.training_seeds, **self._shown)
 
     @property
     def sizes(self) -> dict[str, Any]:

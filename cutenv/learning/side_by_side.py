@@ -31,7 +31,7 @@ class Training:
     def __init__(self, name: str, command: Sequence[str]) -> None:
         self.name = name
         self.progress = "begins"
-        """Last progress that it told, such as "45 %, return 0.31, success 0.42"."""
+        """Last progress that it printed, such as "45 %, return 0.31, success 0.42"."""
         self.printed: list[str] = []
         """Lines that it printed, without its bars of progress."""
         own_group = os.name != "nt"  # so that Ctrl-C reaches it once, from here
