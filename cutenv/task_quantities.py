@@ -30,6 +30,16 @@ OVERSHOOT_ALLOWED = 0.005
 """Overshoot of the tip beyond the target above which the task ends [m]."""
 FORCE_LIMIT_PER_DEPTH = 1000.0
 """Force per depth at which a task ends for safety by default, and which a score counts as too much [N/m]."""
+FORCE_ALLOWED = 400.0
+"""Force per depth of cut up to which no force cost is charged [N/m]."""
+LAG_ALLOWED = 0.010
+"""Lag of the tip behind the blade up to which no lag cost is charged [m]."""
+LAG_CHARGED = 0.010
+"""Largest excess lag that is charged [m]: in a soft and tough specimen no blade can keep the tip nearer."""
+DECELERATION = 0.1
+"""Deceleration of a stopping blade, in the cost of haste [m/s2]."""
+TIME_SCALE = 30.0
+"""Time that costs its weight once [s]."""
 SHALLOWEST = 0.001
 """Smallest depth by which a force is divided in reward, score and policies: the smallest that was measured [m]."""
 MEASURABLE_DEPTH = 0.5 * SHALLOWEST

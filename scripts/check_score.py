@@ -1,13 +1,15 @@
-"""Check that the overall score agrees with the task: same specimens, cut by scripts, agents, planner and nobody.
+"""Check that the overall score agrees with the task: same specimens, cut by scripts, agents, planner and hands.
 
     python scripts/check_score.py                   500 specimens of each class, some fifteen minutes
+    python scripts/check_score.py --hand            simulated people as well, who hold it by a spring; half an hour
     python scripts/check_score.py --specimens 50    a quick look
     python scripts/check_score.py --task depth --specimens 60    cuts along a wanted depth; some ten minutes
     python scripts/check_score.py --task path --specimens 60     cuts along a drawn line; likewise
     python scripts/check_score.py --print           prints what is in runs/check-score/
 
 A success must have more than any failure on the same specimen; where two returns differ by more than 0.1, the score
-must agree in 95 % of the pairs.  The records are those of a simulator: where the tip ended is noted in them.
+must agree in 95 % of the pairs.  The records are those of a simulator: where the tip ended is noted in them.  A record
+without a score is in no pair: in most of them nothing was cut.
 """
 
 from __future__ import annotations
@@ -23,6 +25,7 @@ import numpy as np
 from benchmark.table import markdown_table
 from kept_rows import keep, kept_rows
 from scipy.stats import spearmanr
+from simulated_hands import DRIVEN, SKILLS, SimulatedHand
 
 from cutenv.envs.depth_cut import DepthCutEnv
 from cutenv.envs.path_cut import PathCutEnv
@@ -42,7 +45,7 @@ from cutenv.task.registry import TASKS
 from cutenv.tissue.lines import places_within
 from cutenv.trace import Trace
 
-FOLDER, FILE = Path("runs") / "check-score", "rows.csv"
+FOLDER, FILE, HAND_FILE = Path("runs") / "check-score", "rows.csv", "hand.csv"
 TEXTS = ("class", "policy", "end")
 """Columns of the kept rows that are no numbers."""
 CLASSES = ("mixed", "vascular", "liver", "uniform")
@@ -64,17 +67,19 @@ class Agreement(NamedTuple):
     success_wrong: int
     pairs: int
     agreeing: float
+    possible: float
+    """The same of a score that puts every success first, and else orders by the return: none can agree more often."""
     rank_correlation: float
+    unscored: int
 
 
 def measure(names: Iterable[str], specimens: int, kind: str) -> list[dict[str, Any]]:
     """Let everybody cut the first held-out specimens of a class, and score the records."""
     rows = []
     for name in names:
-        one = contestant(name)
-        rate = {"control_hz": 10} if name in NULL_POLICIES else {}
+        policy, arguments = player(name)
         seeds = TEST_SEEDS[:specimens]
-        cuts = batched_rollout(one.policy, seeds, {**one.arguments, **rate, "specimen_class": kind}, readings=True)
+        cuts = batched_rollout(policy, seeds, {**arguments, "specimen_class": kind}, readings=True)
         for seed, cut in zip(seeds, cuts, strict=True):
             told, tip = cut.scores(), cut.readings["tip"]
             target, end = float(told["target_length_mm"]) / 1e3, len(tip)
@@ -85,6 +90,14 @@ def measure(names: Iterable[str], specimens: int, kind: str) -> list[dict[str, A
                 given_up = {"return": np.nan, "success": 0.0, "score": scored(cut, target, end, "given up")}
                 rows.append(row | {"policy": GIVES_UP} | given_up)
     return rows
+
+
+def player(name: str) -> tuple[Any, Mapping[str, Any]]:
+    """Return one who cuts, and the arguments of the environment that they need."""
+    if name in SKILLS:
+        return SimulatedHand(SKILLS[name]), DRIVEN
+    one = contestant(name)
+    return one.policy, {**one.arguments, **({"control_hz": 10} if name in NULL_POLICIES else {})}
 
 
 class Deeper(FollowDepth):
@@ -223,19 +236,21 @@ def map_report(task: MapTask, rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def scored(cut: Any, target: float, count: int, end: str) -> float:
-    """Return the overall score of the first ``count`` readings of a cut that ended in that way."""
+    """Return the overall score of the first ``count`` readings of a cut that ended in that way; NaN without one."""
     noted = {TIP_AT_END: float(cut.readings["tip"][count - 1]), "end": end}
     trace = recorded_trace(cut.readings[:count], cut.measured_depth, **noted)
-    return float(score(trace, target_length=target).overall_score or 0.0)
+    found = score(trace, target_length=target).overall_score
+    return np.nan if found is None else float(found)
 
 
 def agreement(rows: Sequence[Mapping[str, Any]]) -> Agreement:
     """Compare score and task over all pairs of cuts of the same specimen."""
     by_specimen: dict[Any, list[tuple[float, float, float]]] = {}
-    for row in rows:
+    known = [row for row in rows if np.isfinite(float(row["score"]))]
+    for row in known:
         numbers = float(row["return"]), float(row["success"]), float(row["score"])
         by_specimen.setdefault((row["class"], row["seed"]), []).append(numbers)
-    success_pairs = success_wrong = pairs = agreeing = 0
+    success_pairs = success_wrong = pairs = agreeing = possible = 0
     for cuts in by_specimen.values():
         for (return_1, success_1, score_1), (return_2, success_2, score_2) in combinations(cuts, 2):
             if success_1 != success_2:
@@ -244,10 +259,12 @@ def agreement(rows: Sequence[Mapping[str, Any]]) -> Agreement:
             if abs(return_1 - return_2) > DIFFERENT:
                 pairs += 1
                 agreeing += (return_1 - return_2) * (score_1 - score_2) > 0.0
+                possible += (return_1 - return_2) * (success_1 - success_2) >= 0.0
     whole = np.array([numbers for cuts in by_specimen.values() for numbers in cuts])
     whole = whole[np.isfinite(whole[:, 0])]
     correlation = float(spearmanr(whole[:, 0], whole[:, 2]).statistic)
-    return Agreement(success_pairs, success_wrong, pairs, agreeing / max(pairs, 1), correlation)
+    shares = agreeing / max(pairs, 1), possible / max(pairs, 1)
+    return Agreement(success_pairs, success_wrong, pairs, *shares, correlation, len(rows) - len(known))
 
 
 def mean_scores(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
@@ -255,7 +272,7 @@ def mean_scores(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     scores: dict[str, list[float]] = {}
     for row in rows:
         scores.setdefault(str(row["policy"]), []).append(float(row["score"]))
-    return {name: float(np.mean(own)) for name, own in scores.items()}
+    return {name: float(np.mean(np.nan_to_num(own))) for name, own in scores.items()}
 
 
 def report(rows: Sequence[Mapping[str, Any]]) -> str:
@@ -263,18 +280,26 @@ def report(rows: Sequence[Mapping[str, Any]]) -> str:
     kinds = list(dict.fromkeys(row["class"] for row in rows))
     by_kind = {kind: [row for row in rows if row["class"] == kind] for kind in kinds}
     specimens = len({row["seed"] for row in rows})
-    found = {kind: agreement(own) for kind, own in by_kind.items()}
+    groups = {kind: {"": own} for kind, own in by_kind.items()}
+    if any(row["policy"] in SKILLS for row in rows):
+        for kind, own in by_kind.items():
+            hands = [row for row in own if row["policy"] in SKILLS]
+            groups[kind] = {", all": own, ", hands alone": hands}
+    found = {f"{kind}{who}": agreement(own) for kind, parts in groups.items() for who, own in parts.items()}
     table = [
         (
             kind, f"{a.success_wrong} of {a.success_pairs}", f"{100 * a.agreeing:.1f} % of {a.pairs}",
-            f"{a.rank_correlation:.2f}",
+            f"{100 * a.possible:.1f} %", f"{a.rank_correlation:.2f}", str(a.unscored),
         )
         for kind, a in found.items()
     ]  # fmt: skip
     means = {kind: mean_scores(own) for kind, own in by_kind.items()}
     names = sorted(means[kinds[0]], key=lambda name: -means[kinds[0]][name])
     scores = [(name, *(f"{means[kind][name]:.0f}" for kind in kinds)) for name in names]
-    head = ("class", "success not above failure", "score agrees with the return", "rank correlation")
+    head = (
+        "class", "success not above failure", "score agrees with the return", "at most", "rank correlation",
+        "without a score",
+    )  # fmt: skip
     return (
         f"{specimens} held-out specimens of each class.\n\n{markdown_table(head, table)}\n\n"
         f"Mean overall score:\n\n{markdown_table(('who cut', *kinds), scores)}"
@@ -288,6 +313,7 @@ def main() -> None:
     parser.add_argument("--specimens", type=int, default=500, metavar="N", help="of each class; default 500")
     parser.add_argument("--classes", nargs="+", default=CLASSES, choices=CLASSES, help="default all")
     parser.add_argument("--out", type=Path, default=FOLDER, metavar="FOLDER", help=f"folder; default {FOLDER}")
+    parser.add_argument("--hand", action="store_true", help="let simulated people of several skills cut as well")
     parser.add_argument("--print", action="store_true", help="print the kept table without measuring again")
     arguments = parser.parse_args()
     if arguments.specimens < 1:
@@ -298,10 +324,12 @@ def main() -> None:
             keep(path, measure_map(arguments.task, arguments.specimens))
         print(map_report(task, kept_rows(path, f"check_score.py --task {arguments.task}", TEXTS)), flush=True)
         return
+    file = HAND_FILE if arguments.hand else FILE
     if not arguments.print:
-        rows = [row for kind in arguments.classes for row in measure(PLAYERS, arguments.specimens, kind)]
-        keep(arguments.out / FILE, rows)
-    print(report(kept_rows(arguments.out / FILE, "check_score.py", TEXTS)), flush=True)
+        players = (*PLAYERS, *SKILLS) if arguments.hand else PLAYERS
+        rows = [row for kind in arguments.classes for row in measure(players, arguments.specimens, kind)]
+        keep(arguments.out / file, rows)
+    print(report(kept_rows(arguments.out / file, f"check_score.py{' --hand' * arguments.hand}", TEXTS)), flush=True)
 
 
 if __name__ == "__main__":

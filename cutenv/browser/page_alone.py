@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.signal import butter, sosfilt_zi
 
 import cutenv
 from cutenv._base import resources
@@ -21,21 +20,25 @@ from cutenv._base.document import LANGUAGES, render, texts_by_key
 from cutenv._base.output import atomic_write
 from cutenv._base.validation import in_range, one_of
 from cutenv.cutting.dtypes import READING
-from cutenv.measurement.strokes import STANDSTILL_SPEED
+from cutenv.measurement.strokes import SHORTEST_STROKE, STANDSTILL_SPEED
 from cutenv.play.devices import INCLINED, LEAD, LEVEL_REACH, LOWERED_BY_NOTCH, NOTCH, TRAVEL
 from cutenv.play.hand_model import PLAYED_HAND
 from cutenv.scoring import points
-from cutenv.scoring.validity import BANDWIDTH, RATE, SHORTEST_FORCE
+from cutenv.scoring.cut_metrics import HASTE_RATE
 from cutenv.task.assessment import NEAR_TARGET
 from cutenv.task.depth import DESCENT_SCALE
 from cutenv.task.registry import TASKS, tasks_with
-from cutenv.task.reward import FORCE_ALLOWED, TERMS, TIME_AT_REST
+from cutenv.task.reward import TERMS, TIME_AT_REST
 from cutenv.task_quantities import (
     ANGLE_TOLERANCE,
     CLOSE,
+    DECELERATION,
     DEPTH_TOLERANCE,
     FARTHEST_TOLERANCE,
+    FORCE_ALLOWED,
     FORCE_LIMIT_PER_DEPTH,
+    LAG_ALLOWED,
+    LAG_CHARGED,
     LAYER_LIMIT,
     LAYER_TOLERANCE,
     LINE_LIMIT,
@@ -241,24 +244,26 @@ def specimen_data(
 
 def scoring_data() -> dict[str, Any]:
     """Return the numbers of the overall score, for a page that computes it from the true tip; SI units."""
-    lowpass = butter(2, BANDWIDTH, fs=RATE, output="sos")
     return {
         "points": {
             "limits": points.LIMIT_POINTS,
             "way": points.WAY_POINTS,
             "accuracy": points.ACCURACY_POINTS,
             "success": points.SUCCESS_POINTS,
+            "control": points.CONTROL_POINTS,
             "tissue": points.TISSUE_POINTS,
-            "steadiness": points.STEADINESS_POINTS,
             "time": points.TIME_POINTS,
         },
         "map_points": points.MAP_POINTS,
         "map_cost": points.MAP_COST,
-        "tissue": [(name, *limits) for name, limits in points.TISSUE_HARMED.items()],
+        "map_missed": points.MAP_MISSED,
+        "charged": points.CHARGED,
+        "of_part": points.OF_PART,
+        "per": points.PER,
+        "halved": points.HALVED,
         "missed": points.MISSED,
         "beyond_limit": points.BEYOND_LIMIT,
         "deadline": points.DEADLINE,
-        "restless": points.RESTLESS,
         "close": CLOSE,
         "overshoot_allowed": OVERSHOOT_ALLOWED,
         "layer_limit": LAYER_LIMIT,
@@ -267,10 +272,12 @@ def scoring_data() -> dict[str, Any]:
         "shallowest": SHALLOWEST,
         "standstill": STANDSTILL_SPEED,
         "speed_window": SPEED_WINDOW,
-        "rate": RATE,
-        "shortest": SHORTEST_FORCE,
-        # scipy.signal.sosfiltfilt continues a signal by three times the filter's three taps.
-        "filter": {"section": lowpass[0].tolist(), "start": sosfilt_zi(lowpass)[0].tolist(), "pad": 9},
+        "shortest_stroke": SHORTEST_STROKE,
+        "haste_rate": HASTE_RATE,
+        "stopping": 2.0 * DECELERATION * TIP_TOLERANCE,
+        "force_allowed": FORCE_ALLOWED,
+        "lag_allowed": LAG_ALLOWED,
+        "lag_charged": LAG_CHARGED,
     }
 
 

@@ -204,22 +204,34 @@ def _averaged(values: Array, count: int) -> Array:
     return np.asarray(values[:whole].reshape(-1, count).mean(axis=1))
 
 
-def _spikes(readings: Readings) -> Iterator[Fault]:
-    """Find one or two readings far from those on either side, by more than the noise there and than any drop."""
+def spikes(readings: Readings) -> tuple[list[NDArray[np.intp]], Array]:
+    """Find one or two readings far from those on either side, by more than the noise there and than any drop.
+
+    Returns
+    -------
+    list of ndarray
+        Rows of each spike.
+    ndarray of shape (n,)
+        Usual force beside each reading [force unit].
+    """
     force = readings.force
     if len(force) < 4 * _SPIKE_LENGTH + 1:
-        return
+        return [], force
     usual = median_filter(force, 4 * _SPIKE_LENGTH + 1, mode="nearest")
     beyond = force - usual
     share = _SPIKE_RANGE if _SPIKE_LENGTH * readings.step < _SPIKE_TIME else 1.0  # a hand can press for longer
     limit = max(_SPIKE_NOISE * readings.noise, share * readings.span, 2.5 * readings.resolution)
     far = np.flatnonzero(np.abs(beyond) > limit)
     groups = np.split(far, np.flatnonzero(np.diff(far) > 1) + 1) if len(far) else []
-    found = [group for group in groups if len(group) <= _SPIKE_LENGTH and _returns(force, group, limit)]
+    return [group for group in groups if len(group) <= _SPIKE_LENGTH and _returns(force, group, limit)], usual
+
+
+def _spikes(readings: Readings) -> Iterator[Fault]:
+    (found, usual), force = spikes(readings), readings.force
     if not found:
         return
-    top = max(found, key=lambda group: float(np.abs(beyond[group]).max()))
-    i = int(top[np.argmax(np.abs(beyond[top]))])
+    top = max(found, key=lambda group: float(np.abs(force - usual)[group].max()))
+    i = int(top[np.argmax(np.abs(force - usual)[top])])
     seen = f"{force[i]:.4g} for {len(top)} reading{'s' * (len(top) > 1)} among {usual[i]:.3g}"
     more = f", and {len(found) - 1} like it" if len(found) > 1 else ""
     cure = "Leave these readings out, and look at cable and connector."
@@ -285,17 +297,29 @@ def _levels(readings: Readings) -> Iterator[Fault]:
         yield Fault("quantised", readings.all_rows, "certain", seen, cure)
 
 
-def _filtered(readings: Readings) -> Iterator[Fault]:
-    """Find a force that is smooth over hundredths of a second, over which a crack's runs are sudden."""
-    if readings.step == 0.0:
-        return
+def smoothness(readings: Readings) -> tuple[float, float] | None:
+    """Return how smooth a force is over hundredths of a second, over which a crack's runs are sudden.
+
+    Returns
+    -------
+    tuple of float or None
+        Variance of second over that of first differences of means over 10 ms: 3 for noise, 2 for sudden drops, less for
+        a force that a filter has smoothed; and the frequency above which it does not change [Hz]. None if the record is
+        too short, has too few readings a second, or its force does not change.
+    """
+    if readings.step == 0.0 or readings.step > 2.0 * _EVEN:
+        return None
     smooth = _averaged(readings.force, max(1, round(_EVEN / readings.step)))
-    if len(smooth) < 8 * FEWEST_LEVELS or readings.step > 2.0 * _EVEN:
-        return
-    first = float(np.mean(np.diff(smooth) ** 2))
-    if first > 0.0 and (ratio := float(np.mean(np.diff(smooth, 2) ** 2)) / first) < _SMOOTH:
-        rate = 1.0 / max(_EVEN, readings.step)
-        seen = f"nothing in the force changes faster than some {rate * math.sqrt(ratio) / (2.0 * math.pi):.2g} Hz"
+    if len(smooth) < 8 * FEWEST_LEVELS or not (first := float(np.mean(np.diff(smooth) ** 2))) > 0.0:
+        return None
+    ratio = float(np.mean(np.diff(smooth, 2) ** 2)) / first
+    return ratio, math.sqrt(ratio) / (2.0 * math.pi * max(_EVEN, readings.step))
+
+
+def _filtered(readings: Readings) -> Iterator[Fault]:
+    found = smoothness(readings)
+    if found is not None and found[0] < _SMOOTH:
+        seen = f"nothing in the force changes faster than some {found[1]:.2g} Hz"
         cure = "Take the filter of amplifier or program out, or set it to a fifth of the readings a second."
         yield Fault("filtered", readings.all_rows, "likely", seen, cure)
 

@@ -26,7 +26,8 @@ END_WINDOW = 0.1
 END_SPEED = 0.8e-3
 """Mean speed below which the blade rests at a record's end [m/s]: the slowest cut of the thesis moves at 1 mm/s."""
 
-_SHORTEST = 0.2e-3  # [m]
+SHORTEST_STROKE = 0.2e-3
+"""Shortest way of a stroke [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,7 +51,7 @@ def strokes(trace: Trace) -> list[Stroke]:
     borders = [0, *(np.flatnonzero(np.diff(direction)) + 1).tolist(), len(trace)]
     found = []
     for start, stop in itertools.pairwise(borders):
-        if direction[start] != 0.0 and abs(position[stop - 1] - position[start]) >= _SHORTEST:
+        if direction[start] != 0.0 and abs(position[stop - 1] - position[start]) >= SHORTEST_STROKE:
             found.append(Stroke(start=start, stop=stop, forward=bool(direction[start] > 0)))
     return found
 

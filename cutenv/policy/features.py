@@ -30,8 +30,7 @@ from cutenv.policy.interface import (
 )
 from cutenv.policy.tip_estimate import CUT_ESTIMATE, estimate_cut, nothing_yet
 from cutenv.task.observation import CLIP, COMPONENTS, SCALES, checked_observation
-from cutenv.task.reward import DECELERATION
-from cutenv.task_quantities import SHALLOWEST
+from cutenv.task_quantities import DECELERATION, SHALLOWEST
 from cutenv.tissue.crack_tip import BladeReading
 from cutenv.tissue.description import measured_liver
 from cutenv.tissue.specimen import nominal_tissue

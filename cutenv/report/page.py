@@ -24,9 +24,9 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 from cutenv._base.document import phrases_from_english, render
 from cutenv._base.output import atomic_write
 from cutenv.task.registry import TASKS
-from cutenv.task.reward import FORCE_ALLOWED, LAG_ALLOWED, REWARD
+from cutenv.task.reward import REWARD
 from cutenv.task.weights import RewardWeights
-from cutenv.task_quantities import ANGLE_TOLERANCE, TIP_TOLERANCE
+from cutenv.task_quantities import ANGLE_TOLERANCE, FORCE_ALLOWED, LAG_ALLOWED, TIP_TOLERANCE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -18,10 +18,12 @@ from cutenv.measurement.strokes import STANDSTILL_SPEED, strokes, turning_points
 from cutenv.scoring.metric import metric
 from cutenv.scoring.scored_cut import ScoredCut
 from cutenv.scoring.validity import BANDWIDTH, RATE, Unavailable, even_instants
-from cutenv.task_quantities import force_per_depth
+from cutenv.task_quantities import DECELERATION, TIP_TOLERANCE, force_per_depth
 
 _ALL = "any record; where position is known, while the blade advances"
 _PER_DEPTH = ("depth", "newtons")
+HASTE_RATE = 200.0
+"""Rate at which the blade's speed is taken for :func:`haste` [Hz]."""
 DROP_SHARE = 0.1
 """Smallest fall of the force that counts as a drop, as a fraction of its range."""
 
@@ -349,6 +351,17 @@ def uncontrolled_share(cut: ScoredCut) -> float:
 def largest_jump(cut: ScoredCut) -> float:
     """Longest unstable run of the crack."""
     return float(cut.jumps.max())
+
+
+@metric(
+    "1", "lower", formula="integral of v^2 abs(dx) / (2 x 0.1 m/s2 x 3 mm x L)", source="cost of the task",
+    validity="speed over 5 ms, or from one reading to the next", needs=("position", "target_length"),
+    invariances=("time_shift", "force_scale", "force_offset", "resampling", "rest_after", "units"),
+)  # fmt: skip
+def haste(cut: ScoredCut) -> float:
+    """Mean way that the blade would need to stop, over 3 mm: how far it goes on when the tissue gives way."""
+    moved = np.abs(np.diff(np.interp(even_instants(cut.time, HASTE_RATE), cut.time, cut.position)))
+    return float((moved**3).sum()) * HASTE_RATE**2 / (2.0 * DECELERATION * TIP_TOLERANCE * cut.length)
 
 
 @metric(

@@ -7,46 +7,53 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
+from cutenv.measurement.strokes import strokes
 from cutenv.scoring.scored_cut import ScoredCut
 from cutenv.task_quantities import (
     ANGLE_TOLERANCE,
     CLOSE,
+    FORCE_ALLOWED,
     FORCE_LIMIT_PER_DEPTH,
+    LAG_ALLOWED,
+    LAG_CHARGED,
     LAYER_LIMIT,
     LINE_LIMIT,
     OVERSHOOT_ALLOWED,
-    RUN_ALLOWED,
+    TIME_SCALE,
     TIP_TOLERANCE,
     closeness,
+    force_per_depth,
+    lag,
     tip_error,
     wedge,
 )
 
-LIMIT_POINTS = 5.0
-"""ScorePoints for a cut within the limits of the task."""
-WAY_POINTS, ACCURACY_POINTS, SUCCESS_POINTS = 25.0, 10.0, 20.0
-"""ScorePoints for the tip's way to the target, for a tip near it, and for a success."""
-TISSUE_POINTS, STEADINESS_POINTS, TIME_POINTS = 25.0, 10.0, 5.0
-"""ScorePoints for sparing the tissue, for a steady force, and for the time, of a success."""
-MISSED = 0.375
-"""Share of these that counts where the target was missed, so that every success has more than any failure."""
-BEYOND_LIMIT = 0.16
+LIMIT_POINTS, WAY_POINTS, ACCURACY_POINTS, SUCCESS_POINTS = 5.0, 25.0, 10.0, 10.0
+"""Points for a cut within the limits of the task, for the tip's way to the target, for a tip near it, for a success."""
+CONTROL_POINTS, TISSUE_POINTS, TIME_POINTS = 25.0, 20.0, 5.0
+"""Points of a success: for a blade that can stop where the tissue gives way, for sparing the tissue, for the time."""
+HALVED = {"control": 0.2, "tissue": 0.05, "time": 0.05}
+"""Charge of the task at which half of these points are left; a third at twice the charge, a quarter at three times."""
+MISSED = 0.2
+"""Charge of the task, in all, at which all other points count half where the target was missed."""
+BEYOND_LIMIT = 0.12
 """Share of the points for the way that counts after a cut beyond a limit: less than a cut not begun has."""
+CHARGED = {
+    "haste": 0.06, "uncontrolled": 0.1, "jump": 0.03, "force": 0.012, "lag": 0.02, "backward": 0.1, "time": 0.1
+}  # fmt: skip
+"""Weights of the costs that the task charges for the way in which a cut was made."""
 DEADLINE = 30.0
-"""Duration of a cut that has no points for the time [s]."""
-TISSUE_HARMED = {
-    "uncontrolled_share": (0.0, 1.0 / 0.7),
-    "largest_jump": (RUN_ALLOWED, 0.020),
-    "peak_force_per_depth": (600.0, 1000.0),
-    "mean_lag": (0.008, 0.020),
-}
-"""Metrics that take points for the tissue: value up to which nothing is taken, and how far beyond it all is."""
+"""Time after which a cut of a person ends by default [s]."""
 MAP_POINTS = 30.0
-"""Points for the depth of a cut along a wanted depth, or its path along a line; gentle cutting then has the others."""
+"""Points for the depth of a cut along a wanted depth, or its path along a line; the other parts then share the rest."""
 MAP_COST = 0.44
 """Charge of the task for depth or path from which on there are no points; a point is then as dear as the others."""
-RESTLESS = 2.0
-"""RMS rate of the force over its peak that has no points for steadiness [1/s]."""
+MAP_MISSED = 0.375
+"""Share of these that counts where the target was missed, so that every success has more than any failure."""
+PER = {"run": 0.010, "force": 100.0, "lag": 0.010, "time": TIME_SCALE}
+"""Run [m], force over time [N/m s], lag over time [m s] and time [s] that cost their weight once."""
 _LEAST_ANGLE = 0.5 * math.pi - ANGLE_TOLERANCE  # [rad]
 
 
@@ -73,8 +80,9 @@ class ScorePoints:
 def task_points(cut: ScoredCut, metrics: Mapping[str, float]) -> tuple[ScorePoints, ...]:
     """Return the points of a cut whose tip and target are known, in the order of the task.
 
-    Reaching the target and sparing the tissue dominate; a steady force and the time decide among successes. The
-    quantities are those that the task's reward charges.
+    A success has the points for its end whole, and in addition those for the way in which it was made: under control,
+    gentle with the tissue, in time. Where the target was missed, the points for the end count the less, the more the
+    task charges for the way. Each quantity is one that the task's reward charges.
 
     Parameters
     ----------
@@ -91,57 +99,100 @@ def task_points(cut: ScoredCut, metrics: Mapping[str, float]) -> tuple[ScorePoin
     end, length = float(cut.tip[cut.end]), cut.length
     off = tip_error(end, length)
     way = min(max(end / length, 0.0), 1.0)
+    charged = charges(cut, metrics)
+    counts = _left(sum(charged.values()), MISSED)
     fault = beyond_limit(cut, metrics)
     if fault:
-        return (
-            ScorePoints(
-                part="way",
-                points=BEYOND_LIMIT * WAY_POINTS * way,
-                most=WAY_POINTS,
-                reason=f"{fault}: little else counts",
-            ),
-        )
+        points = counts * BEYOND_LIMIT * WAY_POINTS * way
+        return (ScorePoints(part="way", points=points, most=WAY_POINTS, reason=f"{fault}: little else counts"),)
     success = is_success(cut)
-    counts = way * (1.0 if success else MISSED)
-    less = "" if success else f"; counts for less, because {_missed(cut)}"
+    less = "" if success else f"; {_missed(cut)}, so it counts {counts:.0%}: {_dearest(charged)}"
+    counts = 1.0 if success else counts
     side = "short of" if end < length else "beyond"
     gained = (
-        ScorePoints(part="limits", points=LIMIT_POINTS, most=LIMIT_POINTS, reason="not too long, not too much force"),
-        ScorePoints(
-            part="way", points=WAY_POINTS * way, most=WAY_POINTS, reason=f"{way:.0%} of the way to the target was cut"
-        ),
-        ScorePoints(
-            part="accuracy",
-            points=ACCURACY_POINTS * float(closeness(end, length)),
-            most=ACCURACY_POINTS,
-            reason=f"the cut ends {1e3 * off:.1f} mm {side} the target; from {1e3 * CLOSE:.0f} mm on there is nothing",
-        ),
-        ScorePoints(
-            part="success", points=SUCCESS_POINTS * success, most=SUCCESS_POINTS, reason=_success(cut, success=success)
-        ),
-    )
-    qualities = (
-        ("tissue", TISSUE_POINTS, _tissue(metrics), "few and short runs, little pressing and dragging"),
-        ("steadiness", STEADINESS_POINTS, _steadiness(metrics), "a force that changes slowly"),
+        ("limits", LIMIT_POINTS, 1.0, f"not too long, not too much force{less}"),
+        ("way", WAY_POINTS, way, f"{way:.0%} of the way to the target was cut{less}"),
         (
-            "time",
-            TIME_POINTS,
-            1.0 - metrics.get("duration", DEADLINE) / DEADLINE,
-            f"from {DEADLINE:.0f} s on there is nothing",
+            "accuracy",
+            ACCURACY_POINTS,
+            float(closeness(end, length)),
+            f"the cut ends {1e3 * off:.1f} mm {side} the target; from {1e3 * CLOSE:.0f} mm on there is nothing{less}",
         ),
+        ("success", SUCCESS_POINTS, float(success), _success(cut, success=success)),
     )
-    gentle = gained + tuple(
-        ScorePoints(part=name, points=most * counts * _share(quality), most=most, reason=why + less)
-        for name, most, quality, why in qualities
+    gentle = tuple(
+        ScorePoints(part=name, points=counts * most * share, most=most, reason=why) for name, most, share, why in gained
+    ) + tuple(
+        ScorePoints(
+            part=name,
+            points=most * _left(sum(charged[each] for each in OF_PART[name]), HALVED[name]) if success else 0.0,
+            most=most,
+            reason=why if success else f"{why}; nothing, because {_missed(cut)}",
+        )
+        for name, most, why in (
+            ("control", CONTROL_POINTS, "a blade that can stop at once where the tissue gives way"),
+            ("tissue", TISSUE_POINTS, "few and short runs, little pressing and dragging"),
+            ("time", TIME_POINTS, "a cut that is soon made"),
+        )
     )
     found = cut.judged_map
     if found is None:
         return gentle
     share = 1.0 - MAP_POINTS / 100.0
+    counts *= way * (1.0 if success else MAP_MISSED)
     of_map = MAP_POINTS * counts * _share(1.0 - found.cost(length) / MAP_COST)
     added = ScorePoints(part=found.part, points=of_map, most=MAP_POINTS, reason=f"{found.words(length)}{less}")
     gentle = tuple(dataclasses.replace(each, points=share * each.points, most=share * each.most) for each in gentle)
     return *gentle, added
+
+
+OF_PART = {"control": ("haste",), "tissue": ("uncontrolled", "jump", "force", "lag", "backward"), "time": ("time",)}
+"""Charges by which each part of the way in which a cut was made is scored."""
+_WORDS = {
+    "haste": "too fast to stop", "uncontrolled": "the tissue ran", "jump": "long runs", "force": "pressed hard",
+    "lag": "dragged along", "backward": "backed up", "time": "it took long",
+}  # fmt: skip
+
+
+def charges(cut: ScoredCut, metrics: Mapping[str, float]) -> dict[str, float]:
+    """Return what the task charges for the way in which a cut was made, by :data:`CHARGED`.
+
+    Parameters
+    ----------
+    cut : ScoredCut
+        The cut.
+    metrics : mapping of str to float
+        Values of the metrics that are available.
+
+    Raises
+    ------
+    Unavailable
+        If the tip or the target is unknown.
+    """
+    runs, lasts = cut.jumps, cut.weights
+    pressed = np.maximum(force_per_depth(cut.newtons, cut.depth) - FORCE_ALLOWED, 0.0)
+    dragged = np.clip(lag(cut.position, cut.tip) - LAG_ALLOWED, 0.0, LAG_CHARGED)
+    back = [cut.position[stroke.start] - cut.position[stroke.stop - 1] for stroke in strokes(cut.trace)]
+    quantities = {
+        "haste": metrics.get("haste", 0.0),
+        "uncontrolled": float(runs.sum()) / cut.length,
+        "jump": float(((runs / PER["run"]) ** 2).sum()),
+        "force": float(lasts @ pressed) / PER["force"],
+        "lag": float(lasts @ dragged) / PER["lag"],
+        "backward": sum(max(float(way), 0.0) for way in back) / cut.length,
+        "time": metrics.get("duration", DEADLINE) / PER["time"],
+    }
+    return {name: weight * quantities[name] for name, weight in CHARGED.items()}
+
+
+def _left(charged: float, halved: float) -> float:
+    """Return the share of points that is left by a charge, 1 without any; a half at ``halved``."""
+    return halved / (halved + charged)
+
+
+def _dearest(charged: Mapping[str, float]) -> str:
+    """Return in words what was charged most."""
+    return _WORDS[max(charged, key=lambda name: charged[name])]
 
 
 def is_success(cut: ScoredCut) -> bool:
@@ -226,17 +277,6 @@ def _success(cut: ScoredCut, *, success: bool) -> str:
     if ended != "finished":
         return f"the cut was not finished: {ended}"
     return _map_missed(cut) or "the blade must end upright"
-
-
-def _tissue(metrics: Mapping[str, float]) -> float:
-    """Return 1 for tissue that was spared, less for runs, pressing and dragging."""
-    return 1.0 - sum(max(metrics.get(name, 0.0) - free, 0.0) / most for name, (free, most) in TISSUE_HARMED.items())
-
-
-def _steadiness(metrics: Mapping[str, float]) -> float:
-    """Return 1 for a force that does not change, less for its rate over its peak."""
-    peak = metrics.get("peak_force", 0.0)
-    return 1.0 - metrics.get("force_rate", 0.0) / peak / RESTLESS if peak > 0.0 else 0.0
 
 
 def _share(value: float) -> float:

@@ -22,7 +22,7 @@ from cutenv.scoring.reference import ReferenceSet
 from cutenv.scoring.scored_cut import ScoredCut
 from cutenv.scoring.technique import TechniqueFault, technique_faults
 from cutenv.scoring.truth import ASIDE_AT_END, FLOOR_AT_END, TIP_AT_END, Truth
-from cutenv.scoring.validity import Unavailable, validity_warnings
+from cutenv.scoring.validity import Unavailable, validity_warnings, without_spikes
 from cutenv.tissue import TissueDescription, measured_liver
 from cutenv.tissue.expected_cut import along_line
 from cutenv.tissue.lines import CutLine, through
@@ -266,6 +266,7 @@ def score(
         trace = positions_along(line, trace)
     elif trace.metadata.get(LINE_KEY) is not None:
         line = _noted_line(trace)
+    trace, left_out = without_spikes(trace)
     cut = ScoredCut(
         trace=trace,
         line=line,
@@ -293,7 +294,7 @@ def score(
         no_score=no_score,
         reference="" if reference is None else f"{reference.name} ({len(reference)} cuts: {reference.about})",
         faults=faults,
-        notes=(*score_notes(cut, points, outcome), *doubted_depth(cut)),
+        notes=(*score_notes(cut, points, outcome), *doubted_depth(cut), *([left_out] if left_out else [])),
         depth_map=_available(lambda: cut.depth_map) if cut.tells_depth and not cut.twofold else None,
         path_map=_available(lambda: cut.path_map) if cut.line is not None and not cut.twofold else None,
     )
@@ -341,7 +342,9 @@ def _overall(
         return (), "", doubt
     known = {name: scored.value for name, scored in metrics.items() if scored.value is not None}
     with contextlib.suppress(Unavailable):
-        return task_points(cut, known), outcome_of(cut, known), ""
+        points, outcome = task_points(cut, known), outcome_of(cut, known)
+        doubt = cut.no_mark(known.get("work_over_fracture"))
+        return ((), "", doubt) if doubt else (points, outcome, "")
     if reference is None:
         return (), "", "no reference set of such records"
     if reference.force_unit != cut.trace.force_unit:

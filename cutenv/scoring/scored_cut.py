@@ -23,11 +23,16 @@ from cutenv.scoring.validity import (
     even_means,
     force_unusable,
     holds_two_cuts,
+    implausible_work,
     is_truncated,
+    levelled,
+    never_loaded,
+    noted_ahead,
     smoothed,
     under_force,
+    unseen,
 )
-from cutenv.task_quantities import SHALLOWEST, SMALLEST_RUN
+from cutenv.task_quantities import SHALLOWEST
 from cutenv.tissue import CutModel, TissueDescription, measured_liver
 from cutenv.tissue.crack_tip import ASSESSED_TIP, ESTIMATED_EVERY, MeanTissue, assess_tips, believe_mean
 from cutenv.tissue.expected_cut import expected_cut
@@ -71,6 +76,36 @@ def modulus_of_ramps(trace: Trace, profile: DepthProfile, tissue: TissueDescript
 
 
 _TRUSTED = 0.65  # exponent of that over the tissue's: between 0.5 and 0.8 the tip is known best at any feed
+
+
+RUNS_EVERY = 0.040
+"""Time between two places of the tip from which runs are told [s]: longer than between 30 readings a second."""
+_SHORTEST_RUN = 1.5e-3  # [m] gained on the blade: shorter ones, up to twenty a second, a slow or smooth record hides
+_FASTER = 3e-3  # [m/s], by which the estimated tip advances faster than the blade where it runs
+
+
+def runs_of(tip: Array, blade: Array, seconds: float) -> Array:
+    """Return the runs of an estimated tip, each at its first instant [m], shape (n - 1,).
+
+    Where the tip goes on faster than the blade it runs, and the whole way is the run: a slow or smoothed record spreads
+    it over several instants. Runs that gain less than 1.5 mm on the blade are left out.
+
+    Parameters
+    ----------
+    tip, blade : array of shape (n,)
+        Positions of tip and blade [m], evenly in time.
+    seconds : float
+        Time between two instants [s].
+    """
+    advance = np.diff(tip)
+    gained = advance - np.maximum(np.diff(blade), 0.0)
+    running = gained > _FASTER * seconds
+    starts = running & ~np.append(False, running[:-1])
+    which = np.where(running, np.cumsum(starts), 0)
+    ways, gains = (np.bincount(which, weights=each, minlength=1)[1:] for each in (advance, gained))
+    runs = np.zeros_like(advance)
+    runs[starts] = np.where(gains > _SHORTEST_RUN, ways, 0.0)
+    return runs
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -231,6 +266,25 @@ class ScoredCut:
         """Reason why the record holds two cuts; "" if it holds one, as every record of a simulator does."""
         return "" if self.noted_end is not None else holds_two_cuts(self.trace)
 
+    def no_mark(self, work: float | None) -> str:
+        """Return the reason why a record whose tip is known gets no overall score; "" if there is none.
+
+        Parameters
+        ----------
+        work : float, optional
+            Work over the fracture energy, if it is known.
+        """
+        if self.truth is not None:
+            return ""
+        tip = float(self.tip[-1])
+        return (
+            unseen(self.trace)
+            or levelled(self.even_force[self.even_advancing])
+            or never_loaded(self.smooth_force, self.even_force, self.even_advancing)
+            or (noted_ahead(self.noted_end, self.position) if self.noted_end is not None else "")
+            or (implausible_work(work, tip) if work is not None else "")
+        )
+
     @property
     def end(self) -> int:
         """Index of the instant at which the cut ended."""
@@ -284,17 +338,15 @@ class ScoredCut:
 
     @cached_property
     def jumps(self) -> Array:
-        """Unstable growth [m], at each instant, or in windows of 20 ms if estimated."""
+        """Unstable growth [m], at each instant; if estimated, in windows of 40 ms, each run in its first."""
         if self.truth is not None:
             return self.truth.jump
-        # The tip's advance beyond the blade's own, over a time longer than the sensor's noise.
-        borders = even_instants(self.time, 1.0 / ESTIMATED_EVERY)
+        borders = even_instants(self.time, 1.0 / RUNS_EVERY)
         if len(borders) < 2:
-            raise Unavailable(f"shorter than {ESTIMATED_EVERY:g} s")
+            raise Unavailable(f"shorter than {RUNS_EVERY:g} s")
         a = np.interp(borders, self.time, self.tip)
         x = np.interp(borders, self.time, self.position)
-        run = np.diff(a) - np.maximum(np.diff(x), 0.0)
-        return np.where(run > SMALLEST_RUN, run, 0.0)
+        return runs_of(a, x, RUNS_EVERY)
 
     @cached_property
     def even_time(self) -> Array:

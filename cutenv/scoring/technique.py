@@ -7,14 +7,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cutenv.scoring.cut_metrics import moving_between
-from cutenv.scoring.scored_cut import ScoredCut
-from cutenv.scoring.validity import Unavailable
-from cutenv.task_quantities import ANGLE_TOLERANCE, FORCE_LIMIT_PER_DEPTH, TIP_TOLERANCE, force_per_depth
-from cutenv.tissue.crack_tip import ESTIMATED_EVERY
+from cutenv.scoring.cut_metrics import HASTE_RATE, moving_between
+from cutenv.scoring.scored_cut import RUNS_EVERY, ScoredCut
+from cutenv.scoring.validity import Unavailable, even_instants
+from cutenv.task_quantities import (
+    ANGLE_TOLERANCE,
+    CLOSE,
+    DECELERATION,
+    FORCE_LIMIT_PER_DEPTH,
+    TIP_TOLERANCE,
+    force_per_depth,
+)
 
 LURCH = TIP_TOLERANCE
 """Smallest run of the crack that is reported [m]."""
+HASTY = math.sqrt(2.0 * DECELERATION * CLOSE)
+"""Speed of the blade from which on it is reported [m/s]: it needs all the length near a target to stop."""
+HOLD_BACK = "press less before the tissue gives way, and hold the blade firmly: then it does not shoot forward"
+"""Advice for a blade that was too fast."""
 _MOST = 3  # number of lurches that are reported
 _PAUSE = 0.5  # [s], shortest pause that is reported
 
@@ -26,7 +36,7 @@ class TechniqueFault:
     Attributes
     ----------
     kind : str
-        "lurch", "force", "overshoot", "short", "wedge", "pause" or "reversal".
+        "lurch", "haste", "force", "overshoot", "short", "wedge", "pause" or "reversal".
     time : float
         Time of the fault [s].
     position : float or None
@@ -47,7 +57,7 @@ class TechniqueFault:
 def technique_faults(cut: ScoredCut) -> list[TechniqueFault]:
     """Find the faults of a cut, in order of time; those that the record cannot show are left out."""
     found: list[TechniqueFault] = []
-    for look in (_lurches, _force, _end, _wedge, _pauses):
+    for look in (_lurches, _haste, _force, _end, _wedge, _pauses):
         try:
             found += look(cut)
         except Unavailable:
@@ -58,7 +68,7 @@ def technique_faults(cut: ScoredCut) -> list[TechniqueFault]:
 def _lurches(cut: ScoredCut) -> list[TechniqueFault]:
     jumps = cut.jumps
     n = len(jumps)
-    times = cut.time if n == len(cut.time) else float(cut.time[0]) + ESTIMATED_EVERY * np.arange(n)
+    times = cut.time if n == len(cut.time) else float(cut.time[0]) + RUNS_EVERY * np.arange(n)
     worst = [int(i) for i in np.argsort(jumps)[::-1][:_MOST] if jumps[i] >= LURCH]
     positions = np.interp(times, cut.time, cut.position)
     return [
@@ -71,6 +81,25 @@ def _lurches(cut: ScoredCut) -> list[TechniqueFault]:
             "runs less far",
         )
         for i in worst
+    ]
+
+
+def _haste(cut: ScoredCut) -> list[TechniqueFault]:
+    even = even_instants(cut.time, HASTE_RATE)
+    places = np.interp(even, cut.time, cut.position)
+    speed = np.diff(places) * HASTE_RATE
+    if not len(speed) or float(speed.max()) < HASTY:
+        return []
+    i = int(np.argmax(speed))
+    where = f"{100.0 * speed[i]:.0f} cm/s at {100.0 * places[i]:.1f} cm"
+    return [
+        TechniqueFault(
+            kind="haste",
+            time=float(even[i]),
+            position=float(places[i]),
+            says=f"the blade moved at {where}, too fast to stop within {1e3 * CLOSE:.0f} mm",
+            try_next=HOLD_BACK,
+        )
     ]
 
 

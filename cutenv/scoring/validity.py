@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -11,7 +12,9 @@ from scipy.signal import butter, sosfiltfilt
 
 from cutenv._base.arrays import Array
 from cutenv.measurement import QualityIssue
+from cutenv.measurement.signal_faults import Readings, smoothness, spikes
 from cutenv.measurement.strokes import END_SPEED, END_WINDOW, STANDSTILL_SPEED
+from cutenv.task_quantities import RUN_ALLOWED
 from cutenv.trace import Trace
 
 
@@ -101,6 +104,111 @@ def holds_two_cuts(trace: Trace) -> str:
         return ""
     place = float(places[np.flatnonzero(loaded)[0]])
     return f"the blade cuts again at {100 * place:.1f} cm, where it had cut before{_EACH_ALONE}"
+
+
+def without_spikes(trace: Trace) -> tuple[Trace, str]:
+    """Return a record with position without its spikes, and what was left out, in words; "" for nothing.
+
+    A spike is one reading, or two, far from those on either side; it is replaced by what is usual there.
+    """
+    if trace.position is None:
+        return trace, ""
+    found, usual = spikes(Readings(time=trace.time, force=trace.force, position=trace.position))
+    if not found:
+        return trace, ""
+    rows = np.concatenate(found)
+    force = trace.force.copy()
+    force[rows] = usual[rows]
+    top = int(rows[np.argmax(np.abs(trace.force - usual)[rows])])
+    number = "one reading" if len(rows) == 1 else f"{len(rows)} readings"
+    said = (
+        f"record: {number} left out, {trace.force[top]:.3g} {trace.force_unit.replace('1', '')} at "
+        f"{trace.time[top]:.3g} s among {usual[top]:.2g}: look at cable and connector"
+    )
+    return dataclasses.replace(trace, force=force), said
+
+
+LEAST_RATE = 25.0
+"""Readings a second below which runs of the crack and lurches of the blade cannot be told from slow growth [Hz]."""
+_SMOOTHED = 0.25  # smoothness of a force below which a filter has taken the runs out; honest records have 0.37 and more
+_LEAST_LOAD, _OVER_NOISE = 0.05, 6.0  # [N], and multiple of the noise, by which a blade in tissue is loaded
+_LEAST_WORK, _MOST_WORK = 0.2, 8.0  # of the mean tissue's fracture energy; a factor of three in tissue, two in friction
+_LEVEL, _AT_LEVEL = 0.015, 0.25  # of the range below the largest force; share of the way there: 0.08 in any cut
+_CUT = 0.010  # [m] of cut from which its work tells
+
+
+def unseen(trace: Trace) -> str:
+    """Return the reason why runs and lurches cannot be seen in a record; "" if they can."""
+    if trace.sample_rate < LEAST_RATE:
+        return (
+            f"{trace.sample_rate:.3g} readings a second are too few to see how the tissue runs and the blade lurches: "
+            f"record {LEAST_RATE:g} or more, better 100"
+        )
+    smooth = smoothness(Readings(time=trace.time, force=trace.force))
+    if smooth is not None and smooth[0] < _SMOOTHED:
+        return (
+            f"nothing in the force changes faster than some {smooth[1]:.2g} Hz: a filter has taken out what is scored. "
+            "Take the filter of amplifier or program out, or set it to a fifth of the readings a second"
+        )
+    return ""
+
+
+def levelled(even: Array) -> str:
+    """Return the reason why a force at 100 Hz while the blade advances, shape (m,), is no cut's; "" if it may be.
+
+    A sensor or amplifier at its limit still has noise, which hides that the readings are the same.
+    """
+    share = float(np.mean(even > even.max() - _LEVEL * np.ptp(even)))
+    if share < _AT_LEVEL:
+        return ""
+    return (
+        f"the force stays at its largest for {share:.0%} of the way: the sensor or its amplifier is at its limit. "
+        "Choose a larger range"
+    )
+
+
+def never_loaded(smooth: Array, even: Array, advancing: NDArray[np.bool_]) -> str:
+    """Return the reason why a blade that advances cuts nothing; "" if it cuts.
+
+    Parameters
+    ----------
+    smooth, even : array of shape (m,)
+        Force at 100 Hz [N], below 5 Hz, and means over 10 ms.
+    advancing : array of bool of shape (m,)
+        Mask of the instants at which the blade advances.
+    """
+    noise = Readings(time=np.arange(len(even)) / RATE, force=even).noise
+    rises = float(np.percentile(smooth[advancing], 95.0) - np.percentile(smooth, 2.0))
+    if rises > max(_LEAST_LOAD, _OVER_NOISE * noise):
+        return ""
+    return f"no cut: the force rises by {max(rises, 0.0):.2g} N at most while the blade advances, so it is in the air"
+
+
+def noted_ahead(tip: float, position: Array) -> str:
+    """Return the reason why a tip cannot have ended where it is noted [m], ahead of all places of the blade; or ""."""
+    ahead = tip - float(position.max())
+    if ahead <= RUN_ALLOWED:
+        return ""
+    return f"the tip is noted {1e3 * ahead:.0f} mm ahead of where the blade has been, and none runs ahead of its blade"
+
+
+def implausible_work(ratio: float, tip: float) -> str:
+    """Return the reason why a force cannot be newtons, by its work over the fracture energy of a cut; or "".
+
+    Parameters
+    ----------
+    ratio : float
+        Work over the fracture energy of the mean tissue.
+    tip : float
+        Where the crack tip ended [m].
+    """
+    if tip < _CUT or _LEAST_WORK <= ratio <= _MOST_WORK:
+        return ""
+    return (
+        f"the force does {ratio:.2g} times the work that cutting this tissue takes, and any cut of it does "
+        f"{_LEAST_WORK:g} to {_MOST_WORK:g} times: check that it is in newtons, and its zero; another tissue needs "
+        "--tissue"
+    )
 
 
 def validity_warnings(trace: Trace, quality: Sequence[QualityIssue]) -> list[str]:

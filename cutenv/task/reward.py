@@ -25,22 +25,24 @@ from dataclasses import dataclass
 
 from cutenv._engine.fuse import Formula
 from cutenv.cutting.dtypes import TICK
-from cutenv.task_quantities import OVERSHOOT_ALLOWED, TIP_TOLERANCE, closeness, force_per_depth, lag, wedge
+from cutenv.task_quantities import (
+    DECELERATION,
+    FORCE_ALLOWED,
+    LAG_ALLOWED,
+    LAG_CHARGED,
+    OVERSHOOT_ALLOWED,
+    TIME_SCALE,
+    TIP_TOLERANCE,
+    closeness,
+    force_per_depth,
+    lag,
+    wedge,
+)
 
-FORCE_ALLOWED = 400.0
-"""Force per depth of cut up to which no force cost is charged [N/m]."""
-LAG_ALLOWED = 0.010
-"""Lag of the tip behind the blade up to which no lag cost is charged [m]."""
-LAG_CHARGED = 0.010
-"""Largest excess lag that is charged [m]: in a soft and tough specimen no blade can keep the tip nearer."""
 WITHDRAWN = 0.020
 """Distance of drawing back unloaded after which the cut is finished [m]."""
 TIME_AT_REST = 0.3
 """Time at rest and unloaded after which the cut is finished [s]."""
-DECELERATION = 0.1
-"""Deceleration of a stopping blade, in the cost of haste [m/s2]."""
-TIME_SCALE = 30.0
-"""Time that costs its weight once [s]."""
 WORST_STORED = 2.0
 """Largest stored energy that is charged at an end, in R B 3 mm: a tip 12 mm behind at F = R B."""
 

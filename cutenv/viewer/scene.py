@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from cutenv._base.arrays import Array, StructArray
 from cutenv.plant.simulator import SimulatedPlant
 from cutenv.task.episode import Episode, ShownDepth, ShownPath
-from cutenv.task.reward import FORCE_ALLOWED
-from cutenv.task_quantities import ANGLE_TOLERANCE, TIP_TOLERANCE
+from cutenv.task_quantities import ANGLE_TOLERANCE, FORCE_ALLOWED, TIP_TOLERANCE
 from cutenv.tissue.grid import depth_below
 from cutenv.viewer.formula import SceneFormula
 from cutenv.viewer.scene_parts import (

@@ -16,7 +16,7 @@ pytest.importorskip("jinja2", reason="pages are an extra: pip install 'cutenv[vi
 from cutenv.browser import write_page_alone
 from cutenv.browser.page_alone import page_texts
 from cutenv.task.episode import ShownDepth
-from cutenv.task.reward import FORCE_ALLOWED
+from cutenv.task_quantities import FORCE_ALLOWED
 from cutenv.tissue import measured_liver
 from cutenv.tissue.grid import depth_below
 from cutenv.viewer import Slab, palette

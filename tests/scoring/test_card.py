@@ -16,11 +16,8 @@ from cutenv.scoring import METRICS, ReferenceSet, ScoreCard, Truth, score
 from cutenv.scoring.metric import FORCE_WEIGHTS
 from cutenv.scoring.points import (
     ACCURACY_POINTS,
-    MISSED,
-    STEADINESS_POINTS,
+    LIMIT_POINTS,
     SUCCESS_POINTS,
-    TIME_POINTS,
-    TISSUE_POINTS,
     WAY_POINTS,
     ScorePoints,
 )
@@ -140,11 +137,12 @@ def test_every_success_has_more_than_any_failure() -> None:
     near = [told(TARGET + off).overall_score for off in (-0.0029, 0.0, 0.0029)]
     missed = [told(TARGET + off).overall_score for off in (-0.05, -0.0031, 0.0031, 0.0049)]
     given_up = told(TARGET, end="given up")
-    assert min(near) > 100.0 * 0.5667  # the least that a success has
     assert max(*missed, given_up.overall_score) < min(near)
     assert "not finished: given up" in given_up.outcome
-    most_of_a_failure = WAY_POINTS + ACCURACY_POINTS + MISSED * (TISSUE_POINTS + STEADINESS_POINTS + TIME_POINTS)
-    assert most_of_a_failure < WAY_POINTS + ACCURACY_POINTS * (1.0 - TIP_TOLERANCE / CLOSE) + SUCCESS_POINTS
+    most_of_a_failure = LIMIT_POINTS + WAY_POINTS + ACCURACY_POINTS  # uncharged, or by a blade that leans
+    shortest = WAY_POINTS * (1.0 - TIP_TOLERANCE / 0.06) + ACCURACY_POINTS * (1.0 - TIP_TOLERANCE / CLOSE)
+    assert most_of_a_failure < LIMIT_POINTS + shortest + SUCCESS_POINTS  # the least that a success has
+    assert min(near) > LIMIT_POINTS + shortest + SUCCESS_POINTS
 
 
 def test_a_part_that_was_cut_counts_by_how_far() -> None:
@@ -167,16 +165,20 @@ def test_beyond_a_limit_little_counts(metadata, end, outcome) -> None:
     assert card.overall_score < told(0.0).overall_score  # as the reward has it: worse than a cut not begun
 
 
-def test_runs_pressing_and_restlessness_cost_points() -> None:
+def test_runs_and_haste_cost_points() -> None:
     trace, still = jumped(0.0, 0.03)
     points = {each.part: each.points for each in score(trace, target_length=TARGET, truth=still).points}
     trace, run = jumped(0.012, 0.03)
     after = {each.part: each.points for each in score(trace, target_length=TARGET, truth=run).points}
     assert after["tissue"] < points["tissue"] - 5.0
     assert {name for name in points if after[name] != points[name]} == {"tissue"}
-    shaken = changed(trace, force=trace.force + 0.8 * np.sin(2.0 * math.pi * 3.0 * trace.time))
-    restless = {each.part: each.points for each in score(shaken, target_length=TARGET, truth=still).points}
-    assert restless["steadiness"] < points["steadiness"]
+    flung = changed(trace, position=trace.position + 0.01 / (1.0 + np.exp((0.5 - trace.time) / 0.01)))
+    hasty = score(flung, target_length=TARGET, truth=still)
+    assert {each.part: each.points for each in hasty.points}["control"] < points["control"] - 5.0
+    ((_, says),) = faults(hasty, "haste")
+    assert says.startswith("the blade moved at 2")
+    assert says.endswith("too fast to stop within 9 mm")
+    assert not faults(score(trace, target_length=TARGET, truth=still), "haste")
 
 
 def test_weights_are_of_metrics_that_have_a_direction_and_sum_to_one() -> None:
@@ -323,7 +325,7 @@ def test_a_pause_is_told_where_it_was() -> None:
     assert says == "stood for 1.2 s at 4.0 cm"
 
 
-BEST = {"limits": 5.0, "way": 25.0, "accuracy": 10.0, "success": 20.0, "tissue": 25.0, "steadiness": 10.0, "time": 5.0}
+BEST = {"limits": 5.0, "way": 25.0, "accuracy": 10.0, "success": 10.0, "control": 25.0, "tissue": 20.0, "time": 5.0}
 
 
 @pytest.fixture(scope="module")
@@ -348,10 +350,10 @@ def filled(card: ScoreCard, faults: dict[str, str], **points: float) -> ScoreCar
 
 
 def test_the_costliest_part_comes_first_with_the_advice_of_its_fault(card: ScoreCard) -> None:
-    missed = filled(card, {"short": "lead on", "lurch": "lean"}, accuracy=0.0, success=0.0, tissue=5.0)
-    tries = next_tries([filled(card, {}), missed, missed, filled(card, {"lurch": "lean"}, tissue=5.0)])
+    missed = filled(card, {"short": "lead on", "lurch": "lean"}, accuracy=0.0, success=0.0, tissue=12.0)
+    tries = next_tries([filled(card, {}), missed, missed, filled(card, {"lurch": "lean"}, tissue=12.0)])
     assert [(each.part, each.advice, each.cuts) for each in tries] == [("target", "lead on", 2), ("tissue", "lean", 3)]
-    assert (tries[0].points, tries[0].most) == (pytest.approx(40.0), 60.0)
+    assert (tries[0].points, tries[0].most) == (pytest.approx(50.0 - 40.0 / 3.0), 50.0)
     assert tries[1].seen == "lurch seen"
 
 
@@ -362,8 +364,8 @@ def test_only_the_last_cuts_count_and_a_good_one_needs_no_advice(card: ScoreCard
 
 
 def test_a_loss_without_a_fault_has_its_own_advice(card: ScoreCard) -> None:
-    (one,) = next_tries([filled(card, {}, steadiness=2.0)])
-    assert (one.part, one.seen, one.cuts) == ("steadiness", "", 0)
+    (one,) = next_tries([filled(card, {}, control=2.0)])
+    assert (one.part, one.seen, one.cuts) == ("control", "", 0)
     assert one.advice
 
 
@@ -374,7 +376,7 @@ def test_a_cut_beyond_a_limit_has_no_points_but_for_the_way(card: ScoreCard) -> 
         outcome="the force exceeded the limit",
     )
     cards = [filled(card, {}), beyond]
-    assert mean_points(cards)["tissue"] == (12.5, 25.0)
+    assert mean_points(cards)["tissue"] == (10.0, 20.0)
     assert next_tries(cards)[0].advice == "slow down"
     assert outcome_counts(cards) == {"success": 1, "missed": 0, "beyond a limit": 1}
     assert outcome_counts([card]) == {}

@@ -229,7 +229,7 @@
     const scored = page.points ? [[texts.score, say(texts.points_of, { value: fixed(sum(page.points), told.platform ? 1 : 0), most: 100 })]] : [];
     const rows = [...scored, [texts.result_off, off], [texts.result_peak, `${fixed(found.peak, 1)} N`],
       [texts.result_longest, `${millimetres(found.longest)} mm`], [texts.result_time, `${fixed(found.time, 1)} s`],
-      ...depthRows(cut), ...pathRows(cut), [texts.result_return, fixed(cut.gained, 2)]];
+      ...depthRows(cut), ...pathRows(cut)];
     const toldRows = shown().result ? rows : [];
     if (!shown().result) byId("verdict").textContent = texts.ended;
     byId("results").replaceChildren(...toldRows.flatMap(([name, value]) => [element("dt", name), element("dd", value)]));

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from cutenv.scoring.score_card import ScoreCard
+from cutenv.scoring.technique import HOLD_BACK
 
 RECENT = 3
 """Number of last cuts by which advice is given."""
@@ -13,15 +14,15 @@ _MOST = 3  # pieces of advice
 _LITTLE = 0.1  # fraction of a part's points whose loss needs no advice
 _CAUSES = {
     "target": (("limits", "way", "accuracy", "success"), ("short", "overshoot", "wedge", "force")),
-    "tissue": (("tissue",), ("lurch", "force")),
-    "steadiness": (("steadiness",), ("reversal",)),
+    "control": (("control",), ("haste",)),
+    "tissue": (("tissue",), ("lurch", "force", "reversal")),
     "time": (("time",), ("pause",)),
 }
 """Parts of the score that go together, and the kinds of faults that cost their points."""
 _ADVICE = {
     "target": "end unloaded at the target, with the blade upright; the tip is behind the blade while the force pulls",
+    "control": HOLD_BACK,
     "tissue": "feed more slowly and lean the blade: it presses less, and the crack runs less far",
-    "steadiness": "keep an even feed; neither saw nor push by jerks",
     "time": "feed faster where the force is low, and do not pause",
 }
 _STEADY = "keep the force steady, by an even feed without jerks"
