@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.signal import butter, sosfilt_zi
 
 import cutenv
 from cutenv._base import resources
@@ -241,6 +240,8 @@ def specimen_data(
 
 def scoring_data() -> dict[str, Any]:
     """Return the numbers of the overall score, for a page that computes it from the true tip; SI units."""
+    from scipy.signal import butter, sosfilt_zi  # slow to import
+
     lowpass = butter(2, BANDWIDTH, fs=RATE, output="sos")
     return {
         "points": {
