@@ -106,6 +106,48 @@ def test_another_kernel_finds_on_disk_what_the_first_has_called_and_python_may_c
     assert kept.stat().st_mtime_ns == written
 
 
+SLOW = """
+import sys, time
+import numba.core.dispatcher as dispatcher
+
+compile_it = dispatcher._FunctionCompiler.compile
+
+def told(self, args, return_type):
+    print(self.py_func.__name__, flush=True)
+    time.sleep(0.5)
+    return compile_it(self, args, return_type)
+
+dispatcher._FunctionCompiler.compile = told
+from package.caller import twice
+assert twice(1.0) == 6.0
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no such lock")
+def test_of_processes_that_want_a_kernel_at_once_one_compiles_it(package):
+    environment = os.environ | {"PYTHONPATH": str(package.parent)}
+    line = [sys.executable, "-c", SLOW]
+    both = [subprocess.Popen(line, stdout=subprocess.PIPE, text=True, env=environment) for _ in range(2)]
+    printed = [each.communicate()[0].split() for each in both]
+    assert [each.returncode for each in both] == [0, 0]
+    assert sorted(sum(printed, [])) == ["force", "twice"]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no such lock")
+def test_a_process_that_was_stopped_while_it_compiled_is_not_waited_for_without_end(package, monkeypatch):
+    import fcntl
+
+    (folder,) = {kernel_folder("package.law", package)}
+    with (folder / "compiling.lock").open("w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        monkeypatch.setattr(shortcuts, "_PATIENCE", 0.1)
+        with shortcuts._alone_in(folder):
+            pass
+    with shortcuts._alone_in(folder), shortcuts._alone_in(folder):  # a kernel that another of its file calls
+        assert shortcuts._held == {folder}
+    assert not shortcuts._held
+
+
 @pytest.mark.parametrize("door", DOORS[1:])
 def test_what_is_for_kernels_is_plain_python_elsewhere(package, door):
     write_law(package, 3.0, door)
