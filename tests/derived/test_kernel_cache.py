@@ -130,7 +130,7 @@ def test_of_processes_that_want_a_kernel_at_once_one_compiles_it(package):
     both = [subprocess.Popen(line, stdout=subprocess.PIPE, text=True, env=environment) for _ in range(2)]
     printed = [each.communicate()[0].split() for each in both]
     assert [each.returncode for each in both] == [0, 0]
-    assert sorted(sum(printed, [])) == ["force", "twice"]
+    assert sorted([*printed[0], *printed[1]]) == ["force", "twice"]
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no such lock")
