@@ -118,7 +118,7 @@ def taken(reporter: pytest.TerminalReporter) -> dict[str, tuple[float, float]]:
 LATE = 0.02
 """Lateness of a thread from which this machine may have failed a test in real time [s]; a force is stale after it."""
 REAL_TIME = tuple(Path(__file__).parent / name for name in ("rig", "agreement"))
-"""Folders of tests in real time."""
+"""Folders of tests in real time; in others it is said by the mark ``real_time``."""
 
 
 class HostStalled(Exception):
@@ -148,7 +148,8 @@ def watched() -> Iterator[list[float]]:
 @pytest.hookimpl(wrapper=True)
 def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> Any:
     """Tell a failure in real time on a machine that stalled from one on a machine that did not."""
-    if not any(folder in pyfuncitem.path.parents for folder in REAL_TIME):
+    marked = pyfuncitem.get_closest_marker("real_time") is not None
+    if not marked and not any(folder in pyfuncitem.path.parents for folder in REAL_TIME):
         return (yield)
     with watched() as worst:
         try:

@@ -216,5 +216,5 @@ def _compile(function: Function, cache: bool = True, **options: Any) -> Function
     finally:
         settings.CACHE_DIR = before
     if tested and compiled is not function:  # as where NUMBA_DISABLE_JIT is set
-        shortcuts.interrupt_late(compiled)
+        shortcuts.compile_alone(compiled, folder if cache else None)
     return cast(Function, compiled)

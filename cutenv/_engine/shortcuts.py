@@ -8,18 +8,31 @@ this package its methods are replaced, and put back.
 from __future__ import annotations
 
 import gc
+import os
 import signal
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache, partial
+from pathlib import Path
 from typing import Any
 
 import numba
 from numba.core import compiler, targetconfig, types
+from numba.core.compiler_lock import global_compiler_lock
+
+fcntl: Any
+try:
+    import fcntl
+except ModuleNotFoundError:  # Windows
+    fcntl = None
 
 TESTED = (0, 68)
 """Latest version of Numba, (major, minor), with which the shortcuts were tested: that of constraints.txt."""
+_LOOKS_EVERY = 0.02  # [s] whether another process has compiled
+_PATIENCE = 60.0  # [s] with another process, which may have been stopped
+_held: set[Path] = set()  # folders that this process has locked; changed under Numba's lock only
 
 
 def are_tested() -> bool:
@@ -128,7 +141,7 @@ class LateInterrupt:
 
     def __init__(self) -> None:
         self._depth = 0
-        self._interrupted = False
+        self.interrupted = False
         self._handler: Any = None
 
     def __enter__(self) -> None:
@@ -144,13 +157,13 @@ class LateInterrupt:
         self._depth -= 1
         if self._depth == 0 and self._handler is not None:  # None: not set from Python
             signal.signal(signal.SIGINT, self._handler)
-        if self._interrupted:
-            self._interrupted = False
+        if self.interrupted:
+            self.interrupted = False
             if callable(self._handler):  # not SIG_IGN
                 self._handler(signal.SIGINT, None)
 
     def _remember(self, number: int, frame: Any) -> None:
-        self._interrupted = True
+        self.interrupted = True
 
 
 def _in_main_thread() -> bool:
@@ -161,11 +174,48 @@ def _in_main_thread() -> bool:
 _late_interrupt = LateInterrupt()
 
 
-def interrupt_late(dispatcher: Any) -> None:
-    """Let a Ctrl-C wait while ``dispatcher``, as ``numba.njit`` returns it, compiles or loads its function."""
-    dispatcher.compile = partial(_compile_or_load, dispatcher.compile)
+def compile_alone(dispatcher: Any, folder: Path | None) -> None:
+    """Have ``dispatcher``, as ``numba.njit`` returns it, compile or load its function alone, and a Ctrl-C wait for it.
+
+    Of several processes that want a kernel of ``folder``, one compiles it, and the others load what it has kept there.
+    """
+    dispatcher.compile = partial(_compile_or_load, dispatcher.compile, folder)
 
 
-def _compile_or_load(compile_or_load: Callable[[Any], Any], signature: Any) -> Any:
-    with _late_interrupt:
+def _compile_or_load(compile_or_load: Callable[[Any], Any], folder: Path | None, signature: Any) -> Any:
+    # Numba's own lock comes first, in every thread: two locks in either order would wait for each other.
+    with _late_interrupt, global_compiler_lock, _alone_in(folder):
         return compile_or_load(signature)
+
+
+@contextmanager
+def _alone_in(folder: Path | None) -> Iterator[None]:
+    """Wait while another process compiles kernels of a folder; not beyond a Ctrl-C, nor where files have no locks."""
+    if fcntl is None or folder is None or folder in _held:
+        yield
+        return
+    try:
+        file = os.open(folder / "compiling.lock", os.O_RDWR | os.O_CREAT, 0o666)
+    except OSError:  # the folder was removed, or can no longer be written to
+        yield
+        return
+    _held.add(folder)
+    try:
+        ends = time.monotonic() + _PATIENCE
+        while not _locked(file) and not _late_interrupt.interrupted and time.monotonic() < ends:
+            time.sleep(_LOOKS_EVERY)
+        yield
+    finally:
+        _held.discard(folder)
+        os.close(file)  # ends the lock
+
+
+def _locked(file: int) -> bool:
+    """Lock a file unless another process has; True if it has no more to be waited for."""
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:  # a file system without locks
+        return True
+    return True

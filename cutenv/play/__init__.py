@@ -5,9 +5,24 @@ The window needs pygame-ce and pymunk, which the extra ``cutenv[play]`` installs
 
 from __future__ import annotations
 
-from cutenv.play.hand_model import PLAYED_HAND
+from typing import TYPE_CHECKING
+
+from cutenv._base.imports import import_when_used
 from cutenv.play.haptics import HapticDevice, Stylus, VirtualCoupling
-from cutenv.play.play_session import Session, SessionPlan
-from cutenv.play.played_cut import PlayedCut
+
+if TYPE_CHECKING:
+    from cutenv.play.hand_model import PLAYED_HAND
+    from cutenv.play.play_session import Session, SessionPlan
+    from cutenv.play.played_cut import PlayedCut
 
 __all__ = ["PLAYED_HAND", "HapticDevice", "PlayedCut", "Session", "SessionPlan", "Stylus", "VirtualCoupling"]
+
+__getattr__ = import_when_used(  # an emulated handle is a process of its own, and needs neither law nor score
+    __name__,
+    {
+        "PLAYED_HAND": "cutenv.play.hand_model",
+        "PlayedCut": "cutenv.play.played_cut",
+        "Session": "cutenv.play.play_session",
+        "SessionPlan": "cutenv.play.play_session",
+    },
+)

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
-from scipy.signal import butter, sosfiltfilt
 
 from cutenv._base.arrays import Array
 from cutenv.measurement import QualityIssue
@@ -303,6 +302,8 @@ def even_means(trace: Trace) -> Array:
 
 def smoothed(values: Array) -> Array:
     """Return values at 100 Hz, low-pass filtered at :data:`BANDWIDTH` without delay, of the same shape."""
+    from scipy.signal import butter, sosfiltfilt  # a third of a second, which every command that scores would wait
+
     return np.asarray(sosfiltfilt(butter(2, BANDWIDTH, fs=RATE, output="sos"), values))
 
 

@@ -106,6 +106,48 @@ def test_another_kernel_finds_on_disk_what_the_first_has_called_and_python_may_c
     assert kept.stat().st_mtime_ns == written
 
 
+SLOW = """
+import sys, time
+import numba.core.dispatcher as dispatcher
+
+compile_it = dispatcher._FunctionCompiler.compile
+
+def told(self, args, return_type):
+    print(self.py_func.__name__, flush=True)
+    time.sleep(0.5)
+    return compile_it(self, args, return_type)
+
+dispatcher._FunctionCompiler.compile = told
+from package.caller import twice
+assert twice(1.0) == 6.0
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no such lock")
+def test_of_processes_that_want_a_kernel_at_once_one_compiles_it(package):
+    environment = os.environ | {"PYTHONPATH": str(package.parent)}
+    line = [sys.executable, "-c", SLOW]
+    both = [subprocess.Popen(line, stdout=subprocess.PIPE, text=True, env=environment) for _ in range(2)]
+    printed = [each.communicate()[0].split() for each in both]
+    assert [each.returncode for each in both] == [0, 0]
+    assert sorted([*printed[0], *printed[1]]) == ["force", "twice"]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no such lock")
+def test_a_process_that_was_stopped_while_it_compiled_is_not_waited_for_without_end(package, monkeypatch):
+    import fcntl
+
+    (folder,) = {kernel_folder("package.law", package)}
+    with (folder / "compiling.lock").open("w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        monkeypatch.setattr(shortcuts, "_PATIENCE", 0.1)
+        with shortcuts._alone_in(folder):
+            pass
+    with shortcuts._alone_in(folder), shortcuts._alone_in(folder):  # a kernel that another of its file calls
+        assert shortcuts._held == {folder}
+    assert not shortcuts._held
+
+
 @pytest.mark.parametrize("door", DOORS[1:])
 def test_what_is_for_kernels_is_plain_python_elsewhere(package, door):
     write_law(package, 3.0, door)
@@ -278,15 +320,18 @@ def test_nothing_is_said_of_a_kernel_that_was_typed_into_a_shell():
 NEWER = "import numba; numba.__version__ = '9.0'; numba.version_info = numba.version_info._replace(short=(9, 0))\n"
 
 
-def test_a_newer_numba_steps_to_the_same_numbers_with_one_line_that_tells_of_it(tmp_path):
+def test_a_newer_numba_cuts_to_the_same_numbers_with_one_line_that_tells_of_it(tmp_path):
     use = (
-        "import gymnasium, cutenv\n"
+        "from cutenv._engine.jit import warn_before_first_compile; from cutenv.cutting.motion import STRAIGHT; from "
+        "cutenv.cutting.simulate import follow; from cutenv.plant import SimulatedPlant; from cutenv.tissue import "
+        "Specimen\n"
+        "warn_before_first_compile(follow(STRAIGHT))\n"
         "for _ in range(2):\n"
-        "    env = gymnasium.make('cutenv/GentleCut-v1'); env.reset(seed=3)\n"
-        "    for _ in range(9): seen, *_ = env.step(env.action_space.high)\n"
-        "print(*map(float.hex, map(float, seen)))"
+        "    plant = SimulatedPlant(Specimen.drawn(3), seed=3)\n"
+        "    for angle in (1.5, 0.9): seen = plant.advance(0.02, angle, 300)\n"
+        "print(seen.tobytes().hex())"
     )
-    kept = kernel_folder("cutenv._engine.shortcuts") or tmp_path  # compiles for half a minute, once
+    kept = kernel_folder("cutenv._engine.shortcuts") or tmp_path  # compiles for some seconds, once
     seen, told = [], []
     for program, environment in ((use, {}), (NEWER + use, {"NUMBA_CACHE_DIR": str(kept / "newer")})):
         done = subprocess.run(

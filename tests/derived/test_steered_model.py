@@ -307,6 +307,7 @@ def test_a_second_thread_cuts_the_same_within_a_percent() -> None:
     assert len(beside.cut) >= 12
 
 
+@pytest.mark.real_time
 def test_a_command_does_not_wait_for_the_model(monkeypatch: pytest.MonkeyPatch) -> None:
     grown = SteeredModel.cut_to
     slow = 0.4

@@ -10,7 +10,7 @@ import pytest
 
 from cutenv.commands.train import main
 from cutenv.learning.side_by_side import train_side_by_side
-from tests.learning.program import command
+from tests.learning.program import run
 
 SAYS = "import sys, time; print('began'); [print(f'\\rtraining:  {k}0%|# | 1/9 [00:01<00:09, 8cut/s, return 0.{k}, success 0.5]', end='', file=sys.stderr, flush=True) or time.sleep(0.2) for k in range(9)]; print('\\nscore 7')"  # noqa: E501
 
@@ -72,10 +72,9 @@ def test_bad_options_are_refused_before_anything_starts(capsys, tmp_path, monkey
 
 
 def test_two_tasks_are_trained_from_one_command_line(tmp_path):
-    few = ["--quick", "--timesteps", "16000", "--demonstrations", "0", "--base", "none", "--environments", "20"]
+    few = ["--quick", "--timesteps", "2560", "--demonstrations", "0", "--base", "none", "--environments", "20"]
     few += ["--rollout", "32", "--batch-size", "320", "--validations", "1", "--validation-specimens", "2"]
-    line = [*command("train"), "--task", "gentle", "excision", *few, "--specimens", "0", "--name", "two"]
-    done = subprocess.run(line, cwd=tmp_path, capture_output=True, text=True, timeout=600)
+    done = run("train", tmp_path, "--task", "gentle", "excision", *few, "--specimens", "0", "--name", "two")
     assert done.returncode == 0, done.stdout + done.stderr
     for task in ("gentle", "excision"):
         assert (tmp_path / "runs" / f"two-{task}" / "policy" / "card.json").is_file()

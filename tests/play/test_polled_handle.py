@@ -23,6 +23,7 @@ from cutenv.play.inverse3_emulator import EmulatedHandle, state_message
 from cutenv.play.named_devices import emulated_inverse3, named_device
 from cutenv.play.polled_handle import FIRST_SAMPLE, LOST, STALE, HandleAxes, HandleSample, PolledHandle, checked_sample
 
+pytestmark = pytest.mark.real_time
 COUPLING = VirtualCoupling(stiffness=100.0, period=0.005)
 
 

@@ -39,29 +39,25 @@ def travel(trace: Trace) -> float | None:
 
 
 @pytest.mark.parametrize("given", FORMATS, ids=NAMES)
-def test_a_file_is_right_at_first_try_or_asks_what_it_leaves_open(given: LabFormat, tmp_path: Path) -> None:
+def test_a_file_is_right_at_first_try_or_asks_and_the_map_of_the_message_reads_it_so(
+    given: LabFormat, tmp_path: Path
+) -> None:
     path = written(given, tmp_path)
     if not given.readable:
         with pytest.raises(OpenQuestions) as caught:
             look_at(path)
         assert len(caught.value.asked.questions) == given.asks
         return
-    imported = look_at(path)
-    assert is_right(imported, given), (str(imported.mapping), imported.notes)
-    assert len(imported.questions) == given.asks
-    assert sum(each.count for each in imported.left_out) == given.left_out
-    assert all(any(str(each) in note for note in imported.notes) for each in imported.left_out)
-
-
-@pytest.mark.parametrize("given", [each for each in FORMATS if each.readable], ids=lambda each: each.name)
-def test_the_map_of_the_message_reads_the_file_as_it_was_understood(given: LabFormat, tmp_path: Path) -> None:
-    path = written(given, tmp_path)
-    with pytest.raises(RecordError) as caught:
+    understood = look_at(path)
+    assert is_right(understood, given), (str(understood.mapping), understood.notes)
+    assert len(understood.questions) == given.asks
+    assert sum(each.count for each in understood.left_out) == given.left_out
+    assert all(any(str(each) in note for note in understood.notes) for each in understood.left_out)
+    with pytest.raises(RecordError) as refused:
         load_foreign(path)
-    items, _, unit = caught.value.reason.rpartition("--map ")[2].partition(" --unit ")
+    items, _, unit = refused.value.reason.rpartition("--map ")[2].partition(" --unit ")
     by_message = load_foreign(path, ColumnMap.parse(shlex.split(items), unit=unit or None))
     assert is_right(by_message, given)
-    understood = look_at(path)
     assert str(understood.mapping) == str(by_message.mapping)
     assert [trace.with_metadata({}) for trace in by_message.records] == [
         trace.with_metadata({}) for trace in understood.records

@@ -17,6 +17,7 @@ from cutenv.cutting.dtypes import READING
 from cutenv.recording import ColumnMap, RecordError, load_one
 from cutenv.recording.lsl import LslInlet, LslOutlet, lsl, record_stream
 
+pytestmark = pytest.mark.real_time
 MAP = ColumnMap.parse(["time=stamp", "force=norm(Fx,Fz)", "position=way", "depth=20mm"])
 
 

@@ -25,6 +25,8 @@ from cutenv.rig.operation.self_check import inspect_camera
 from cutenv.vision import film_source
 from cutenv.vision.film_source import newest_frames
 
+pytestmark = pytest.mark.real_time
+
 
 class Camera:
     """Emulated camera that sends numbered frames, then hangs or ends."""
