@@ -100,13 +100,13 @@ BACKED_UP = (PEOPLE, CLASS_PLACES, CUTS, PASS_MARKS)
 """Tables of a backup, in the order in which they are filled; nobody stays signed in."""
 
 
-PREPARED, GOING_ON, INTERRUPTED = "prepared", "going on", "interrupted"
+PREPARED, GOING_ON, BROKEN_OFF = "prepared", "going on", "broken off"
 """States of an open cut: handed out; begun; going on when the server ended, whose page may still send it."""
-OPEN = (PREPARED, GOING_ON, INTERRUPTED)
+OPEN = (PREPARED, GOING_ON, BROKEN_OFF)
 """States of which a person has at most one cut, whatever the number of servers."""
 SAVED, REFUSED, LEFT = "saved", "refused", "left"
 """States of a cut that has ended; one that was begun and left counts as given up."""
-UNFINISHED, WITHDRAWN = "unfinished", "withdrawn"
+UNFINISHED, TAKEN_BACK = "unfinished", "taken back"
 """States of a cut that counts for nothing: the server ended while it went on; its task is served no more."""
 FOREIGN = "foreign"
 """State of a cut that another program recorded: it was not handed out, and no law confirms it."""
@@ -195,7 +195,7 @@ class CutEnd:
     Attributes
     ----------
     state : str
-        :data:`SAVED` or :data:`FOREIGN` with the name of its record, :data:`REFUSED` or :data:`WITHDRAWN`.
+        :data:`SAVED` or :data:`FOREIGN` with the name of its record, :data:`REFUSED` or :data:`TAKEN_BACK`.
     record, outcome : str
         Name of the record, and outcome in a few words.
     score : float, optional
@@ -434,7 +434,7 @@ class ClassStore:
     def hand_out(self, code: str, chosen: Callable[[Sequence[HandedOutCut]], NewCut | None]) -> HandedOutCut | None:
         """Hand out a person's next cut, while other servers may do the same: all get the same one.
 
-        One that was prepared on the same terms is handed out again, one on other terms withdrawn.  One that was begun
+        One that was prepared on the same terms is handed out again, one on other terms taken back.  One that was begun
         is left, and so given up, except by the end of a server.
 
         Parameters
@@ -450,7 +450,7 @@ class ClassStore:
         LookupError
             If there is no such person.
         """
-        ends = {GOING_ON: LEFT, INTERRUPTED: UNFINISHED}
+        ends = {GOING_ON: LEFT, BROKEN_OFF: UNFINISHED}
         for _ in range(_TRIES):
             cuts = self.cuts(code)
             there = next((cut for cut in cuts if cut.state in OPEN), None)
@@ -461,7 +461,7 @@ class ClassStore:
             if there is not None and new is not None and there.terms == new.terms:
                 return there
             if there is not None:
-                self._change(there, WITHDRAWN)
+                self._change(there, TAKEN_BACK)
             elif new is None:
                 return None
             elif (number := self._insert(code, cuts, new)) is not None:
@@ -577,10 +577,10 @@ class ClassStore:
                     connection.execute(insert(table), rows)
             _number(connection)
 
-    def interrupt(self) -> int:
-        """Note every cut that goes on as interrupted, after a restart; return how many there were."""
+    def break_off(self) -> int:
+        """Note every cut that goes on as broken off, after a restart; return how many there were."""
         with self._transaction() as connection:
-            changed = update(CUTS).where(CUTS.c.state == GOING_ON).values(state=INTERRUPTED)
+            changed = update(CUTS).where(CUTS.c.state == GOING_ON).values(state=BROKEN_OFF)
             return int(connection.execute(changed).rowcount)
 
     def _found(self, *conditions: Any) -> Iterator[HandedOutCut]:

@@ -35,8 +35,8 @@ from cutenv.classroom.class_store import (
     PREPARED,
     REFUSED,
     SAVED,
+    TAKEN_BACK,
     UNFINISHED,
-    WITHDRAWN,
     ClassStore,
     CutEnd,
     HandedOutCut,
@@ -240,7 +240,7 @@ class Lesson:
                 raise RefusedCut(f"this cut is {handed_out.state} already.")
             task = self._task(code, handed_out)
             if task is None:
-                self.store.finish(number, CutEnd(state=WITHDRAWN, reason="its task is served no more"))
+                self.store.finish(number, CutEnd(state=TAKEN_BACK, reason="its task is served no more"))
                 raise RefusedCut("this cut was handed out for a task that is served no more. Load the page again.")
             stalled = min(max(0.0, stalled), 3600.0)  # in this order: of NaN it is 0
             try:
@@ -324,19 +324,19 @@ class Lesson:
             raise RefusedCut("this cut is finished already.")
 
     def recover(self) -> int:
-        """Put in order what an end of the server left: return how many cuts were interrupted.
+        """Put in order what an end of the server left: return how many cuts were broken off.
 
-        A cut whose record was written just before is saved; every other one that went on is noted as interrupted, and
+        A cut whose record was written just before is saved; every other one that went on is noted as broken off, and
         can still be finished by a page that has gone on without the server.  Parts of records are deleted.
         """
         for cut in self.store.cuts():
             path = self.folder / cut.code / f"{_record_name(cut)}.csv"
             if cut.state == GOING_ON and path.is_file():
-                with suppress(KeyError, ValueError):  # somebody has damaged it: the cut is interrupted
+                with suppress(KeyError, ValueError):  # somebody has damaged it: the cut is broken off
                     self._note_saved(cut, *self._scored(path))
         for place in self.folder.glob("*/"):
             _sweep(place)
-        return self.store.interrupt()
+        return self.store.break_off()
 
     def _repeated(
         self, handed_out: HandedOutCut, task: CourseTask, movements: bytes, digest: str

@@ -35,20 +35,16 @@ class PatientProtocol(H11Protocol):
         others = self._of_address[self._address]
         silent = [each for each in others if each._impatience is not None]
         if len(silent) >= MOST_SILENT:
-            silent[0].transport.close()
+            silent[0]._drop()
         others[self] = None
         if len(others) > MOST_CONNECTIONS:
-            self.transport.close()
+            self._drop()
         else:
             self._wait()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Forget a connection."""
-        self._answer()
-        others = self._of_address[self._address]
-        others.pop(self, None)
-        if not others:
-            del self._of_address[self._address]
+        self._forget()
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
@@ -59,8 +55,21 @@ class PatientProtocol(H11Protocol):
         elif self._impatience is None:
             self._wait()
 
+    def _drop(self) -> None:
+        """Close a connection, which counts no more from now on; the loop may take further ones before it is lost."""
+        self._forget()
+        self.connections.discard(self)
+        self.transport.close()
+
+    def _forget(self) -> None:
+        self._answer()
+        others = self._of_address[self._address]
+        others.pop(self, None)
+        if not others:
+            del self._of_address[self._address]
+
     def _wait(self) -> None:
-        self._impatience = self.loop.call_later(HEADER_WITHIN, self.transport.close)
+        self._impatience = self.loop.call_later(HEADER_WITHIN, self._drop)
 
     def _answer(self) -> None:
         if self._impatience is not None:

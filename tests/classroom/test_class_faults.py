@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import os
 import signal
+import socket
 import ssl
 import subprocess
+import threading
+import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
@@ -20,6 +24,7 @@ pytest.importorskip("starlette", reason="the server is an extra: pip install 'cu
 pytest.importorskip("httpx2", reason="asks the server in its tests: pip install 'cutenv[dev]'")
 
 import httpx2
+import uvicorn
 from class_attacks import ATTACKS
 from class_load import Served
 from class_room import CLOCK, Room, begun, cut_once, hand, message, sent, to_the_end
@@ -27,7 +32,7 @@ from malformed_messages import malformed_message
 from sqlalchemy import event, update
 
 from cutenv.browser import HandCut
-from cutenv.classroom import ClassStore, class_store, lesson
+from cutenv.classroom import ClassStore, class_store, lesson, patient_protocol
 from cutenv.classroom.class_site import Trials
 from cutenv.recording import load_one
 
@@ -60,7 +65,7 @@ def test_a_page_that_went_on_while_the_server_was_away_can_still_save_its_cut(ro
     client = room.person("P07")
     handed_out = begun(client)
     assert room.lesson.recover() == 1
-    assert [cut.state for cut in room.store.cuts("P07")] == ["interrupted"]
+    assert [cut.state for cut in room.store.cuts("P07")] == ["broken off"]
     assert sent(client, handed_out).status_code == 200
     assert [cut.state for cut in room.store.cuts("P07")] == ["saved"]
 
@@ -202,7 +207,7 @@ def test_a_cut_of_another_course_is_neither_handed_out_again_nor_finished(tmp_pa
         again = then.post("/cuts").json()
         assert (again["id"] == given["id"], again["specimen_class"]) == (False, "vascular")
         assert [(cut.course, cut.state) for cut in easy.store.cuts(code)] == [
-            ("easy", "withdrawn"),
+            ("easy", "taken back"),
             ("hard", "prepared"),
         ]
     assert records(easy) == []
@@ -378,6 +383,56 @@ def test_a_second_server_on_a_folder_says_where_the_first_one_is_and_a_dead_one_
             assert not any("served already" in note for note in elsewhere.notes)
     with Served(folder) as next_one:  # the first was killed
         assert not any("served already" in note for note in next_one.notes)
+
+
+# Connections that say nothing
+
+
+@pytest.fixture
+def listening(room: Room, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[str, int]]:
+    """Address of a server of few connections that waits half a second for a header."""
+    monkeypatch.setattr(patient_protocol, "HEADER_WITHIN", 0.5)
+    settings = uvicorn.Config(
+        room.app, http=patient_protocol.PatientProtocol, limit_concurrency=50, log_config=None, port=0
+    )
+    server = uvicorn.Server(settings)
+    place = socket.create_server(("127.0.0.1", 0))
+    thread = threading.Thread(target=server.run, kwargs={"sockets": [place]})
+    thread.start()
+    yield place.getsockname()
+    server.should_exit = True
+    thread.join()
+    place.close()
+
+
+def test_connections_that_say_nothing_shut_nobody_out(listening: tuple[str, int]) -> None:
+    lines = [socket.create_connection(listening, 10.0) for _ in range(60)]
+    for line in lines[::2]:
+        line.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX: ")
+    with httpx2.Client(base_url="http://{}:{}".format(*listening)) as client:
+        assert client.get("/").status_code == 200
+        began = time.monotonic()
+        ends = []
+        for line in lines:  # half a header later, too
+            with suppress(ConnectionError):
+                assert line.recv(100) == b""
+            ends.append(time.monotonic() - began)
+            line.close()
+        assert ends[-1] < 5.0
+        assert client.get("/").status_code == 200, "who has asked before is not silent"
+
+
+def test_a_connection_that_breaks_amid_a_body_is_no_fault_of_the_server(
+    room: Room, listening: tuple[str, int], caplog: pytest.LogCaptureFixture
+) -> None:
+    cookie = "; ".join(f"{name}={value}" for name, value in room.person("P07").cookies.items())
+    with caplog.at_level("INFO"), httpx2.Client(base_url="http://{}:{}".format(*listening)) as client:
+        for path in ("/", "/cuts/1"):
+            with socket.create_connection(listening, 10.0) as line:
+                head = f"POST {path} HTTP/1.1\r\nHost: 127.0.0.1\r\nCookie: {cookie}\r\nContent-Length: 1600\r\n\r\n"
+                line.sendall(head.encode() + b"\0" * 16)
+            assert client.get("/").status_code == 200
+    assert [record.getMessage() for record in caplog.records if record.levelname not in ("INFO", "DEBUG")] == []
 
 
 # Over TLS, by a real server

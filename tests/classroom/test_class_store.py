@@ -3,11 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import shutil
-import subprocess
-import tempfile
-import time
 import zipfile
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -25,33 +20,13 @@ from cutenv.classroom import ClassStore
 from cutenv.classroom.class_backup import restore_backup, write_backup
 from cutenv.classroom.class_store import CutEnd, HandedOutCut, NewCut, SeenMovements, teacher_of
 
-PROGRAMS = test_programs.postgresql()
-
 
 @pytest.fixture(scope="module")
 def postgresql() -> Iterator[str]:
-    """Address of a PostgreSQL of our own, which listens on a socket in a folder alone."""
+    """Address of a PostgreSQL of our own."""
     pytest.importorskip("psycopg", reason="speaks to PostgreSQL in the tests: pip install 'cutenv[dev]'")
-    folder = Path(tempfile.mkdtemp(prefix="pg"))  # the path of a socket is at most 107 characters long
-    somebody: dict[str, Any] = {}
-    if os.geteuid() == 0:  # PostgreSQL refuses to run as root
-        shutil.chown(folder, "postgres", "postgres")
-        somebody = {"user": "postgres", "group": "postgres", "extra_groups": []}
-    data = folder / "data"
-    start = [f"{PROGRAMS}/initdb", "-D", data, "-A", "trust", "-U", "postgres", "--no-sync"]
-    subprocess.run(start, check=True, capture_output=True, cwd=folder, **somebody)
-    run = [f"{PROGRAMS}/postgres", "-D", data, "-k", folder, "-c", "listen_addresses=", "-c", "fsync=off"]
-    server = subprocess.Popen(run, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, cwd=folder, **somebody)
-    try:
-        until = time.monotonic() + 60.0
-        while subprocess.run([f"{PROGRAMS}/pg_isready", "-h", folder], capture_output=True).returncode:
-            assert time.monotonic() < until, "PostgreSQL does not begin"
-            time.sleep(0.1)
-        yield f"postgresql+psycopg://postgres@/postgres?host={folder}"
-    finally:
-        server.terminate()
-        server.wait(60.0)
-        shutil.rmtree(folder, ignore_errors=True)
+    with test_programs.own_postgresql() as address:
+        yield address
 
 
 @pytest.fixture(params=["sqlite", pytest.param("postgresql", marks=pytest.mark.needs("postgresql"))])
@@ -141,7 +116,7 @@ def test_a_cut_is_handed_out_again_on_the_same_terms_alone(store: ClassStore) ->
     assert (other.id == first.id, other.seed) == (False, 3)
     store.begun(other.id, code)
     handed_out(store, code, NewCut("vascular", 4, terms="hard"))
-    assert [cut.state for cut in store.cuts(code)] == ["withdrawn", "left", "prepared"]
+    assert [cut.state for cut in store.cuts(code)] == ["taken back", "left", "prepared"]
     assert not store.finish(other.id, CutEnd(state="saved", record="a.csv"))
 
 

@@ -145,7 +145,7 @@
 
   async function tellHistory() {
     const cuts = await ask("GET", "cuts");
-    const rows = Object.values(cuts).filter(each => each?.state && !["prepared", "withdrawn"].includes(each.state)).reverse().map(({ when, state, outcome, score, stalled }) =>
+    const rows = Object.values(cuts).filter(each => each?.state && !["prepared", "taken back"].includes(each.state)).reverse().map(({ when, state, outcome, score, stalled }) =>
       row("td", new Date(when).toLocaleString(document.documentElement.lang),
         [state !== "saved" && texts[`state_${state}`], outcome, stalled >= 0.5 && say(texts.stalled, { time: fixed(stalled, 1) })].filter(Boolean).join(": "), score ?? "–"));
     byId("history").replaceChildren(row("th", texts.when, texts.outcome, texts.score), ...rows);
