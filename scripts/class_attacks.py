@@ -142,6 +142,11 @@ ATTACKS = (
         "test_teacher_pages.py::test_an_own_record_needs_no_columns_and_cannot_pose_as_a_confirmed_one",
     ),
     (
+        "hundreds of connections that say nothing, or half a header",
+        "closed after 10 s, and at most 32 of one address wait; others are answered",
+        "test_class_faults.py::test_connections_that_say_nothing_shut_nobody_out",
+    ),
+    (
         "malformed messages",
         "an error of the client's, nothing is stored",
         "test_class_faults.py::test_malformed_messages_store_nothing_and_break_nothing",

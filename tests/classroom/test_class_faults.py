@@ -381,6 +381,12 @@ def test_a_second_server_on_a_folder_says_where_the_first_one_is_and_a_dead_one_
             (told,) = [note for note in second.notes if "served already" in note]
             assert f"{folder} is served already, at {first.address}, with another token for the teacher." in told
             assert not any("served already" in note for note in elsewhere.notes)
+            with first.client() as client:
+                assert client.get("", headers={"Host": "evil.example"}).status_code == 421
+                assert client.get("").status_code == 200
+    if os.name == "posix":
+        made = [each for each in folder.rglob("*") if each.stat().st_mode & 0o077]
+        assert (made, folder.stat().st_mode & 0o077) == ([], 0), "others on the machine read them"
     with Served(folder) as next_one:  # the first was killed
         assert not any("served already" in note for note in next_one.notes)
 

@@ -19,6 +19,7 @@ from sqlalchemy import text
 from cutenv.classroom import ClassStore
 from cutenv.classroom.class_backup import restore_backup, write_backup
 from cutenv.classroom.class_store import CutEnd, HandedOutCut, NewCut, SeenMovements, teacher_of
+from cutenv.cli import main
 
 
 @pytest.fixture(scope="module")
@@ -200,3 +201,12 @@ def test_what_is_no_backup_is_refused_and_nothing_written(tmp_path: Path, conten
     assert not (tmp_path / "new").exists()
     assert not (tmp_path / "out.csv").exists()
     store.close()
+
+
+def test_a_refused_backup_leaves_no_database(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with zipfile.ZipFile(tmp_path / "bad.zip", "w") as archive:
+        archive.writestr("class.json", rows(people=[{"code": "P01", "unknown": 1}])["class.json"])
+    folder = tmp_path / "class"
+    assert main(["serve", str(folder), "--restore", str(tmp_path / "bad.zip")]) == 2
+    assert not list(folder.iterdir())
+    assert capsys.readouterr().err.count("\n") == 1
