@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -68,7 +69,7 @@ def own_postgresql() -> Iterator[str]:
             time.sleep(0.1)
         yield f"postgresql+psycopg://postgres@/postgres?host={folder}"
     finally:
-        server.terminate()
+        server.send_signal(signal.SIGINT)  # it would wait for whoever is still connected otherwise
         server.wait(60.0)
         shutil.rmtree(folder, ignore_errors=True)
 

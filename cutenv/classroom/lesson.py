@@ -97,6 +97,12 @@ _FACTS_OF_A_CONFIRMED_CUT = frozenset(
 )
 
 
+_CLOSED = {
+    LEFT: "this cut was left, and so given up, when the next one was handed out.",
+    TAKEN_BACK: "this cut was handed out for a task that is served no more. Load the page again.",
+}
+
+
 class RefusedCut(ValueError):
     """A record that the law does not confirm, or that cannot be one; the text says why."""
 
@@ -237,11 +243,11 @@ class Lesson:
         with self.lock(code):
             handed_out = self.store.cut(number, code)
             if not self._is_open(handed_out):
-                raise RefusedCut(f"this cut is {handed_out.state} already.")
+                raise RefusedCut(_CLOSED.get(handed_out.state, f"this cut is {handed_out.state} already."))
             task = self._task(code, handed_out)
             if task is None:
                 self.store.finish(number, CutEnd(state=TAKEN_BACK, reason="its task is served no more"))
-                raise RefusedCut("this cut was handed out for a task that is served no more. Load the page again.")
+                raise RefusedCut(_CLOSED[TAKEN_BACK])
             stalled = min(max(0.0, stalled), 3600.0)  # in this order: of NaN it is 0
             try:
                 self._check_time(handed_out, movements, task)

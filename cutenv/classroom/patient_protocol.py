@@ -12,10 +12,11 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 HEADER_WITHIN = 10.0
 """Time that the header of a request may take [s]."""
-MOST_SILENT = 32
-"""Connections of one address that have sent no header; beyond, the one that has waited longest is closed."""
+MOST_SILENT = 128
+"""Connections of one address that have sent no header; beyond, the one that has waited longest is closed.  A class
+behind one address may connect at once, before any of its headers is read."""
 MOST_CONNECTIONS = 250
-"""Connections of one address; beyond, new ones are closed.  A whole class may stand behind one address."""
+"""Connections of one address; beyond, new ones are closed."""
 
 
 class PatientProtocol(H11Protocol):
