@@ -36,7 +36,7 @@ from test_programs import own_postgresql
 
 from cutenv.browser import HandCut
 from cutenv.classroom import ClassStore
-from cutenv.classroom.class_store import BROKEN_OFF, GOING_ON, SAVED, UNFINISHED
+from cutenv.classroom.class_tables import BROKEN_OFF, GOING_ON, SAVED, UNFINISHED
 
 DEFAULT = Path("runs") / "class-load.json"
 PARTS_OF_LOAD = ("nonsense", "study", "kills", "load", "servers")

@@ -11,7 +11,8 @@ from typing import Any
 from sqlalchemy.exc import SQLAlchemyError
 
 from cutenv._base.output import atomic_write
-from cutenv.classroom.class_store import KEPT, ClassStore
+from cutenv.classroom.class_store import ClassStore
+from cutenv.classroom.class_tables import KEPT
 
 BACKUP_SCHEMA = "cutenv-class/1"
 _ROWS = "class.json"

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from cutenv.classroom.class_store import LEFT, SAVED, HandedOutCut, MarkInForce, Place
+from cutenv.classroom.class_store import HandedOutCut, MarkInForce, Place
+from cutenv.classroom.class_tables import LEFT, SAVED
 from cutenv.classroom.lesson import Lesson
 from cutenv.scoring.study import proficiency
 

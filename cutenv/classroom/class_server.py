@@ -17,7 +17,7 @@ from starlette.routing import Route
 from cutenv.browser.page_alone import page_text
 from cutenv.classroom.class_overview import score_curve
 from cutenv.classroom.class_site import ClassSite, Guard, Trials
-from cutenv.classroom.class_store import SAVED
+from cutenv.classroom.class_tables import SAVED
 from cutenv.classroom.lesson import RefusedCut
 from cutenv.classroom.live_rig import LiveRig, live_routes
 from cutenv.classroom.teacher_pages import StudyPages, TeacherPages, UploadPages

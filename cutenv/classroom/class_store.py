@@ -1,4 +1,4 @@
-"""Database of a class and its tables, beside its records: codes, groups, consents, cuts, marks, who is signed in."""
+"""Database of a class, beside its records: codes, groups, consents, cuts, marks, who is signed in."""
 
 from __future__ import annotations
 
@@ -13,16 +13,8 @@ from datetime import UTC, datetime, timedelta
 from typing import Any, NamedTuple
 
 from sqlalchemy import (
-    Column,
     Connection,
     Engine,
-    ForeignKey,
-    Index,
-    Integer,
-    MetaData,
-    String,
-    Table,
-    Text,
     create_engine,
     delete,
     event,
@@ -36,93 +28,26 @@ from sqlalchemy import (
 from sqlalchemy.exc import DatabaseError, IntegrityError
 
 from cutenv._base.validation import in_range
+from cutenv.classroom.class_tables import (
+    BACKED_UP,
+    BROKEN_OFF,
+    CLASS_METADATA,
+    CLASS_PLACES,
+    CUTS,
+    GOING_ON,
+    INDEXES,
+    LEFT,
+    OPEN,
+    PASS_MARKS,
+    PEOPLE,
+    PREPARED,
+    SESSIONS,
+    TAKEN_BACK,
+    UNFINISHED,
+)
 from cutenv.recording.provenance import check_operator
 from cutenv.scoring.score_card import whole_score
 
-CLASS_METADATA = MetaData()
-PEOPLE = Table(
-    "people",
-    CLASS_METADATA,
-    Column("code", String(64), primary_key=True),
-    Column("created", String(32), nullable=False),
-    Column("consented", String(32)),
-)
-CLASS_PLACES = Table(  # where a person belongs; whoever is in no class and no group has no row
-    "places",
-    CLASS_METADATA,
-    Column("code", String(64), ForeignKey("people.code", ondelete="CASCADE"), primary_key=True),
-    Column("class_name", String(32), nullable=False),
-    Column("group_name", String(32), nullable=False),
-)
-PASS_MARKS = Table(
-    "pass_marks",
-    CLASS_METADATA,
-    Column("course", String(200), primary_key=True),  # "" without a course
-    Column("tenths", Integer, nullable=False),
-    Column("source", String(200), nullable=False),
-    Column("since", String(32), nullable=False),
-)
-CUTS = Table(
-    "cuts",
-    CLASS_METADATA,
-    Column("id", String(32), primary_key=True),
-    Column("code", String(64), ForeignKey("people.code", ondelete="CASCADE"), nullable=False),
-    Column("nth", Integer),  # 1, 2, ... of the person: the order, whatever the clock says
-    Column("specimen_class", String(16), nullable=False),
-    Column("seed", Integer, nullable=False),
-    Column("target_length_um", Integer),  # whole, so that every database gives it back
-    Column("course", String(200)),
-    Column("task", String(200)),
-    Column("terms", String(32)),  # digest of what defines the cuts of the task
-    Column("handed_out", String(32), nullable=False),
-    Column("begun", String(32)),
-    Column("state", String(16), nullable=False),
-    Column("record", String(200)),
-    Column("outcome", String(200)),
-    Column("score", Integer),
-    Column("reason", String(500)),
-    Column("ended", String(32)),
-    Column("numbers", Text),  # those that a mark may limit, JSON
-    Column("movements", String(64)),  # SHA-256
-    Column("stalled_ms", Integer),
-)
-SESSIONS = Table(
-    "sessions",
-    CLASS_METADATA,
-    Column("token_hash", String(64), primary_key=True),
-    Column("code", String(64), nullable=False),
-    Column("expires", String(32), nullable=False),
-    Column("seen", String(32)),
-)
-
-
-BACKED_UP = (PEOPLE, CLASS_PLACES, CUTS, PASS_MARKS)
-"""Tables of a backup, in the order in which they are filled; nobody stays signed in."""
-
-
-PREPARED, GOING_ON, BROKEN_OFF = "prepared", "going on", "broken off"
-"""States of an open cut: handed out; begun; going on when the server ended, whose page may still send it."""
-OPEN = (PREPARED, GOING_ON, BROKEN_OFF)
-"""States of which a person has at most one cut, whatever the number of servers."""
-SAVED, REFUSED, LEFT = "saved", "refused", "left"
-"""States of a cut that has ended; one that was begun and left counts as given up."""
-UNFINISHED, TAKEN_BACK = "unfinished", "taken back"
-"""States of a cut that counts for nothing: the server ended while it went on; its task is served no more."""
-FOREIGN = "foreign"
-"""State of a cut that another program recorded: it was not handed out, and no law confirms it."""
-KEPT = (SAVED, FOREIGN)
-"""States of a cut that has a record."""
-_INDEXES = (
-    Index("cuts_in_order", CUTS.c.code, CUTS.c.nth, unique=True),
-    Index(
-        "one_open_cut",
-        CUTS.c.code,
-        unique=True,
-        sqlite_where=CUTS.c.state.in_(OPEN),
-        postgresql_where=CUTS.c.state.in_(OPEN),
-    ),
-    Index("movements_once", CUTS.c.movements, unique=True),
-)
 _TRIES = 100  # of handing out a cut, while other servers are quicker
 _SESSION, _IDLE, _NOTED = timedelta(hours=12), timedelta(minutes=15), timedelta(minutes=1)
 _TEACHER = "teacher "  # no code begins so
@@ -274,7 +199,7 @@ class ClassStore:
                     kind = column.type.compile(self.engine.dialect)
                     connection.execute(text(f"ALTER TABLE {table.name} ADD COLUMN {column.name} {kind}"))
             _number(connection)
-            for index in _INDEXES:
+            for index in INDEXES:
                 index.create(connection, checkfirst=True)
 
     def _now(self) -> str:

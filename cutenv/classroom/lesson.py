@@ -26,7 +26,8 @@ from cutenv._base.output import put_in_place
 from cutenv.browser.page_alone import specimen_data
 from cutenv.browser.stylus_steps import HandCut
 from cutenv.classroom.analysis import Analyses
-from cutenv.classroom.class_store import (
+from cutenv.classroom.class_store import ClassStore, CutEnd, HandedOutCut, MarkInForce, NewCut, Place, SeenMovements
+from cutenv.classroom.class_tables import (
     FOREIGN,
     GOING_ON,
     KEPT,
@@ -37,13 +38,6 @@ from cutenv.classroom.class_store import (
     SAVED,
     TAKEN_BACK,
     UNFINISHED,
-    ClassStore,
-    CutEnd,
-    HandedOutCut,
-    MarkInForce,
-    NewCut,
-    Place,
-    SeenMovements,
 )
 from cutenv.classroom.foreign_upload import Uploads
 from cutenv.play.course import Course, CourseTask, marked_numbers

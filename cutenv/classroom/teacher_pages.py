@@ -19,7 +19,8 @@ from starlette.routing import Route
 from cutenv.classroom.analysis import PASS_MARK_KIND, STUDY_KIND, StudiedRecord
 from cutenv.classroom.class_overview import overview, people_of
 from cutenv.classroom.class_site import UPLOAD_PATH, ClassSite, Trials, download, text_of
-from cutenv.classroom.class_store import KEPT, LEFT, SAVED, HandedOutCut, Place
+from cutenv.classroom.class_store import HandedOutCut, Place
+from cutenv.classroom.class_tables import KEPT, LEFT, SAVED
 from cutenv.classroom.foreign_upload import PICKED, picked_length, units_by_field
 from cutenv.classroom.live_rig import LiveRig
 from cutenv.report.page import embedded_figure

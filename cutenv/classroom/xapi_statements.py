@@ -18,7 +18,8 @@ from sqlalchemy import Column, ForeignKey, String, Table, func, insert, select
 from sqlalchemy.exc import IntegrityError, SQLAlchemyError
 
 import cutenv
-from cutenv.classroom.class_store import CLASS_METADATA, CUTS, SAVED, ClassStore, HandedOutCut
+from cutenv.classroom.class_store import ClassStore, HandedOutCut
+from cutenv.classroom.class_tables import CLASS_METADATA, CUTS, SAVED
 from cutenv.classroom.lesson import Lesson
 from cutenv.play.course import Course, marked_numbers
 from cutenv.play.course_progress import GIVEN_UP

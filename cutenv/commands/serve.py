@@ -165,15 +165,8 @@ def _is_loopback(host: str) -> bool:
 def _names(host: str, further: Sequence[str]) -> frozenset[str]:
     """Return the names that this machine has in a browser's address."""
     own = socket.gethostname()
-    names = (
-        "localhost",
-        host,
-        own,
-        f"{own.partition('.')[0]}.local",
-        own.partition(".")[0],
-        socket.getfqdn(),
-        *further,
-    )
+    short = own.partition(".")[0]
+    names = ("localhost", host, own, short, f"{short}.local", *further)
     return frozenset(name.lower() for name in names)
 
 

@@ -32,7 +32,7 @@ from malformed_messages import malformed_message
 from sqlalchemy import event, update
 
 from cutenv.browser import HandCut
-from cutenv.classroom import ClassStore, class_store, lesson, patient_protocol
+from cutenv.classroom import ClassStore, class_tables, lesson, patient_protocol
 from cutenv.classroom.class_site import Trials
 from cutenv.recording import load_one
 
@@ -232,7 +232,7 @@ def test_a_record_that_cannot_be_read_now_is_neither_progress_nor_forgotten(
     client = room.person("P01")
     assert cut_once(client, whole_cut("uniform", client))[0].status_code == 200
     with room.store.engine.begin() as connection:  # as an earlier version saved it
-        connection.execute(update(class_store.CUTS).values(numbers=None, course=None))
+        connection.execute(update(class_tables.CUTS).values(numbers=None, course=None))
 
     def busy(_: Path) -> None:
         raise OSError(24, "Too many open files")
