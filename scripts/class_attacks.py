@@ -22,12 +22,37 @@ ATTACKS = (
     (
         "a record sent to two servers at once",
         "kept once",
-        "test_class_faults.py::test_two_servers_on_one_folder_keep_a_cut_once_and_know_each_others",
+        "test_class_faults.py::test_two_servers_on_one_folder_hand_out_and_keep_a_cut_once_up_to_the_last_task",
     ),
     (
-        "a cut that was left, sent after a better one was handed out",
-        "refused",
-        "test_class_faults.py::test_a_cut_that_was_left_cannot_be_sent_once_another_was_handed_out",
+        "cuts begun at two servers at once, to get two",
+        "both hand out the same: the database has one open cut of a person",
+        "test_class_store.py::test_a_cut_is_handed_out_once_whatever_the_number_of_servers",
+    ),
+    (
+        "a cut begun, seen to go wrong and left, for the same specimen once more",
+        "it counts as given up, cannot be sent any more, and the next specimen is another",
+        "test_class_faults.py::test_a_cut_that_is_left_counts_as_given_up_and_the_next_specimen_is_another",
+    ),
+    (
+        "a cut of an easy course, finished in a hard one",
+        "refused: it belongs to the course and task that it was handed out for",
+        "test_class_faults.py::test_a_cut_of_another_course_is_neither_handed_out_again_nor_finished",
+    ),
+    (
+        "a computed cut, sent at once or never begun",
+        "refused, and the teacher sees it",
+        "test_class_faults.py::test_a_cut_that_was_not_begun_or_took_no_time_is_refused",
+    ),
+    (
+        "movements sent a second time, by the same person or another",
+        "refused: no hand repeats them bit for bit",
+        "test_class_faults.py::test_movements_that_were_seen_before_in_the_class_are_refused",
+    ),
+    (
+        "pauses, by a page that stands still",
+        "time lost stands beside the cut",
+        "test_class_faults.py::test_what_a_page_lost_is_shown",
     ),
     ("another person's cut", "not found", "test_class_server.py::test_somebody_elses_cut_is_not_there"),
     (
@@ -46,14 +71,29 @@ ATTACKS = (
         "test_class_server.py::test_no_path_of_a_client_is_opened",
     ),
     (
-        "a backup with paths that lead out",
+        "a backup with paths that lead out, as names or in its rows",
         "refused, nothing is written",
         "test_class_store.py::test_what_is_no_backup_is_refused_and_nothing_written",
     ),
     (
         "guessing codes",
-        "after 10 failures, wait for a minute",
-        "test_class_server.py::test_guessing_codes_is_slowed_down",
+        "after 10 failures and 2 for each code, wait for a minute; the teacher is let in",
+        "test_class_server.py::test_guessing_codes_is_slowed_down_and_neither_a_class_nor_its_teacher_is_locked_out",
+    ),
+    (
+        "the next person at a shared computer",
+        "signed out after 15 minutes; the code stands above, with a button",
+        "test_class_server.py::test_who_was_not_seen_for_long_is_signed_out_and_a_teacher_stays",
+    ),
+    (
+        "a teacher's cookie after the server was started again",
+        "signed out; one button signs out everywhere",
+        "test_class_server.py::test_the_teacher_is_signed_out_everywhere_by_one_button_and_by_another_token",
+    ),
+    (
+        "another site whose name leads to this machine",
+        "refused: the server answers to its own names",
+        "test_class_server.py::test_a_name_that_is_not_the_servers_reads_nothing",
     ),
     (
         "guessing the token under made-up addresses (X-Forwarded-For), over TLS",
@@ -100,6 +140,11 @@ ATTACKS = (
         "an upload that poses as a confirmed cut of a course",
         "what it claims is taken out; it counts for no course",
         "test_teacher_pages.py::test_an_own_record_needs_no_columns_and_cannot_pose_as_a_confirmed_one",
+    ),
+    (
+        "hundreds of connections that say nothing, or half a header",
+        "closed after 10 s, and at most 128 of one address wait; others are answered",
+        "test_class_faults.py::test_connections_that_say_nothing_shut_nobody_out",
     ),
     (
         "malformed messages",

@@ -6,7 +6,8 @@
 A server on this machine gets malformed messages and bytes: it must go on, store nothing and not grow.  Then it is
 killed (SIGKILL) in the middle of cuts and started again: whatever it said was saved must be there, and whatever was
 going on must be noted as unfinished.  At last all people cut at the same time, each cut sent as the page sends it;
-printed are the cuts lost and how long saving takes, then also while a study is worked out.
+printed are the cuts lost and how long saving takes, then also while a study is worked out, and how many cuts two
+servers on one PostgreSQL (apt-get install postgresql) hand out twice.
 """
 
 from __future__ import annotations
@@ -31,13 +32,16 @@ import httpx2
 import numpy as np
 from kept_rows import keep_json
 from malformed_messages import malformed_bytes, malformed_message, send_bytes
+from test_programs import own_postgresql
 
 from cutenv.browser import HandCut
 from cutenv.classroom import ClassStore
-from cutenv.classroom.class_store import GOING_ON, SAVED, UNFINISHED
+from cutenv.classroom.class_tables import BROKEN_OFF, GOING_ON, SAVED, UNFINISHED
 
 DEFAULT = Path("runs") / "class-load.json"
-PARTS_OF_LOAD = ("nonsense", "study", "kills", "load")
+PARTS_OF_LOAD = ("nonsense", "study", "kills", "load", "servers")
+MOVEMENT = 16
+"""Bytes of a millisecond of a hand."""
 PATIENCE = 120.0
 """Seconds for one answer on a busy machine."""
 
@@ -105,12 +109,18 @@ def made_cut(handed_out: dict[str, Any], count: int = 4000) -> tuple[bytes, dict
 
 def cut_once(client: httpx2.Client) -> float:
     """Cut once; return how long saving took [s], or NaN if it was not saved."""
-    handed_out = client.post("cuts").json()
+    return finished(client, client, client.post("cuts").json())
+
+
+def finished(client: httpx2.Client, saving: httpx2.Client, handed_out: dict[str, Any]) -> float:
+    """Begin a cut, let it last, and send it, perhaps to another server; return as :func:`cut_once`."""
     client.post(f"cuts/{handed_out['id']}/begun")
-    content, headers = made_cut(handed_out)
     began = time.monotonic()
-    answer = client.post(f"cuts/{handed_out['id']}", content=content, headers=headers)
-    return time.monotonic() - began if answer.status_code == 200 else float("nan")
+    content, headers = made_cut(handed_out)
+    time.sleep(max(0.0, began + len(content) / MOVEMENT / 1e3 - time.monotonic()))
+    sent = time.monotonic()
+    answer = saving.post(f"cuts/{handed_out['id']}", content=content, headers=headers)
+    return time.monotonic() - sent if answer.status_code == 200 else float("nan")
 
 
 def full_class(folder: Path, people: int, cuts: int) -> tuple[int, list[float]]:
@@ -150,6 +160,39 @@ def beside_a_study(folder: Path, people: int) -> tuple[list[float], list[float]]
     return alone, beside
 
 
+def two_servers(folder: Path, database: str, people: int, cuts: int) -> dict[str, int]:
+    """Let everybody begin each cut at two servers at once; return how many were handed out twice, and lost."""
+    store = ClassStore(database)
+    codes = store.add_codes(people)
+    options = ("--database", database)
+    with Served(folder, *options) as one, Served(folder, *options) as two, ThreadPoolExecutor(2 * people) as asking:
+        pairs = []
+        for code in codes:
+            pairs.append((one.person(code), two.client()))
+            pairs[-1][1].cookies = pairs[-1][0].cookies
+
+        def cut(pair: tuple[httpx2.Client, httpx2.Client]) -> tuple[int, int]:
+            """Return how many cuts were handed out twice, and how many were said to be saved."""
+            twice = saved = 0
+            for number in range(cuts):
+                given = [each.json() for each in asking.map(lambda client: client.post("cuts"), pair)]
+                twice += given[0]["id"] != given[1]["id"]
+                saved += not np.isnan(finished(pair[number % 2], pair[(number + 1) % 2], given[0]))
+            return twice, saved
+
+        with ThreadPoolExecutor(people) as pool:
+            twice, saved = np.sum(list(pool.map(cut, pairs)), axis=0).tolist()
+        for each in (client for pair in pairs for client in pair):
+            each.close()
+        assert [one.end(), two.end()] == [0, 0]
+    kept = [each for each in store.cuts() if each.state == SAVED]
+    store.close()
+    there = sum((folder / "records" / each.code / each.record).is_file() for each in kept)
+    assert len({(each.code, each.nth) for each in kept}) == len(kept)
+    lost = people * cuts - min(saved, there)
+    return {"people": people, "cuts": people * cuts, "twice": twice, "lost": lost}
+
+
 def killed(folder: Path, people: int) -> tuple[int, int, int]:
     """Kill the server while everybody cuts; return cuts that it said were saved, that are, and unfinished ones."""
     store = ClassStore(f"sqlite:///{folder / 'class.db'}")
@@ -178,7 +221,7 @@ def killed(folder: Path, people: int) -> tuple[int, int, int]:
     store.close()
     assert all(each.state != GOING_ON for each in cuts)
     there = sum(each.state == SAVED and (folder / "records" / each.code / each.record).is_file() for each in cuts)
-    return said, there, sum(each.state == UNFINISHED for each in cuts)
+    return said, there, sum(each.state in (BROKEN_OFF, UNFINISHED) for each in cuts)
 
 
 def nonsense(folder: Path, count: int) -> dict[str, Any]:
@@ -220,6 +263,9 @@ def markdown(kept: dict[str, Any]) -> str:
         rows.append(
             (what, f"{load['lost']} lost; saved after {load['median']:.1f} s (median), {load['slow']:.1f} s (99 %)")
         )
+    if both := kept.get("servers"):
+        what = f"{both['people']} people at two servers on one PostgreSQL, {both['cuts']} cuts begun at both at once"
+        rows.append((what, f"{both['twice']} handed out twice, {both['lost']} lost"))
     if study := kept.get("study"):
         saved = f"saved after {study['alone']:.1f} s (median), and after {study['beside']:.1f} s while it is worked out"
         what = f"{study['people']} people at once, each a cut of 4 s alone and one while a study of all of them is made"
@@ -280,9 +326,13 @@ def main() -> int:
             asked = arguments.people * arguments.cuts
             facts = {"people": arguments.people, "cuts": asked, "lost": asked - found, "median": middle, "slow": slow}
             keep("load", facts)
+    if "servers" in arguments.parts:
+        with own_postgresql() as database, tempfile.TemporaryDirectory() as folder:
+            keep("servers", two_servers(Path(folder), database, arguments.people, arguments.cuts))
     print(markdown(kept))
     sent = kept.get("nonsense", {"stored": 0, "up": True, "answers": {}})
-    lost = sum(kept.get(part, {"lost": 0})["lost"] for part in ("load", "study", "kills"))
+    lost = sum(kept.get(part, {"lost": 0})["lost"] for part in ("load", "study", "kills", "servers"))
+    lost += kept.get("servers", {"twice": 0})["twice"]
     return 1 if lost or sent["stored"] or not sent["up"] or "5xx" in sent["answers"] else 0
 
 

@@ -9,11 +9,16 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 import subprocess
 import sys
-from collections.abc import Callable
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
 NPM = ROOT / ".npm"
@@ -41,6 +46,32 @@ def postgresql() -> str | None:
     installed = sorted(Path("/usr/lib/postgresql").glob("*/bin/initdb")) if os.environ.get("PATH") else []
     initdb = str(installed[-1]) if installed else shutil.which("initdb")
     return None if initdb is None else str(Path(initdb).parent)
+
+
+@contextmanager
+def own_postgresql() -> Iterator[str]:
+    """Run a PostgreSQL that listens on a socket in a folder alone; yield its address, as SQLAlchemy has it."""
+    programs = postgresql()
+    folder = Path(tempfile.mkdtemp(prefix="pg"))  # the path of a socket is at most 107 characters long
+    somebody: dict[str, Any] = {}
+    if os.geteuid() == 0:  # PostgreSQL refuses to run as root
+        shutil.chown(folder, "postgres", "postgres")
+        somebody = {"user": "postgres", "group": "postgres", "extra_groups": []}
+    data = folder / "data"
+    start = [f"{programs}/initdb", "-D", data, "-A", "trust", "-U", "postgres", "--no-sync"]
+    subprocess.run(start, check=True, capture_output=True, cwd=folder, **somebody)
+    run = [f"{programs}/postgres", "-D", data, "-k", folder, "-c", "listen_addresses=", "-c", "fsync=off"]
+    server = subprocess.Popen(run, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, cwd=folder, **somebody)
+    try:
+        until = time.monotonic() + 60.0
+        while subprocess.run([f"{programs}/pg_isready", "-h", folder], capture_output=True).returncode:
+            assert time.monotonic() < until, "PostgreSQL does not begin"
+            time.sleep(0.1)
+        yield f"postgresql+psycopg://postgres@/postgres?host={folder}"
+    finally:
+        server.send_signal(signal.SIGINT)  # it would wait for whoever is still connected otherwise
+        server.wait(60.0)
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import zlib
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -18,13 +20,25 @@ from cutenv.play.course import named_course
 TOKEN = "the teacher's secret"
 
 
+class Clock:
+    """Time of all rooms, which a test sets forward by as long as a cut lasts, instead of waiting."""
+
+    ahead = timedelta(0)
+
+    def __call__(self) -> datetime:
+        return datetime.now(UTC) + self.ahead
+
+
+CLOCK = Clock()
+
+
 class Room:
     """A class with its server, its clients, and hands that move by a script."""
 
     def __init__(self, folder: Path, course: str | None = None) -> None:
-        self.store = ClassStore(f"sqlite:///{folder / 'class.db'}")
+        self.store = ClassStore(f"sqlite:///{folder / 'class.db'}", CLOCK)
         self.lesson = Lesson(self.store, folder / "records", None if course is None else named_course(course))
-        self.app = class_app(ClassSite(lesson=self.lesson), TOKEN)
+        self.app = class_app(ClassSite(lesson=self.lesson, secret=TOKEN))
 
     def client(self) -> TestClient:
         return TestClient(self.app, base_url="http://class", follow_redirects=False)
@@ -41,8 +55,13 @@ class Room:
         return client
 
 
+_hands = itertools.count()
+
+
 def hand(count: int = 900, speed: float = 2e-5) -> Any:
-    return np.stack([np.arange(count) * speed, np.full(count, np.pi / 2)], axis=-1)
+    """Movements of a hand that goes forward; no two are the same to the last bit, as of people."""
+    forward = np.arange(count) * (speed + 1e-15 * next(_hands))
+    return np.stack([forward, np.full(count, np.pi / 2)], axis=-1)
 
 
 def message(made: HandCut, stylus: Any) -> dict[str, Any]:
@@ -57,9 +76,22 @@ def to_the_end() -> Any:
     return np.concatenate([hand(4000, 3e-5), np.full((26_000, 2), [0.12, np.pi / 2])])
 
 
-def cut_once(client: TestClient, movements: Any = None, **changed: Any) -> tuple[Any, dict[str, Any]]:
-    """Begin and finish a cut as the page does; the answer, and what was handed out."""
-    handed_out = client.post("/cuts").json()
+def begun(client: TestClient, lasts: float = 30.0) -> dict[str, Any]:
+    """Begin a cut as the page does, and let some seconds pass; what was handed out."""
+    handed_out: dict[str, Any] = client.post("/cuts").json()
+    assert client.post(f"/cuts/{handed_out['id']}/begun").status_code == 200
+    CLOCK.ahead += timedelta(seconds=lasts)
+    return handed_out
+
+
+def sent(client: TestClient, handed_out: dict[str, Any], movements: Any = None, **changed: Any) -> Any:
+    """Finish a cut that has begun, as the page does; the answer."""
     stylus = hand() if movements is None else movements
     made = HandCut(specimen_class=handed_out["specimen_class"], seed=handed_out["seed"])
-    return client.post(f"/cuts/{handed_out['id']}", **(message(made, stylus) | changed)), handed_out
+    return client.post(f"/cuts/{handed_out['id']}", **(message(made, stylus) | changed))
+
+
+def cut_once(client: TestClient, movements: Any = None, **changed: Any) -> tuple[Any, dict[str, Any]]:
+    """Begin and finish a cut; the answer, and what was handed out."""
+    handed_out = begun(client)
+    return sent(client, handed_out, movements, **changed), handed_out

@@ -8,12 +8,16 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
+from sqlalchemy.exc import SQLAlchemyError
+
 from cutenv._base.output import atomic_write
-from cutenv.classroom.class_store import KEPT, ClassStore
+from cutenv.classroom.class_store import ClassStore
+from cutenv.classroom.class_tables import KEPT
 
 BACKUP_SCHEMA = "cutenv-class/1"
 _ROWS = "class.json"
-_RECORD = re.compile(r"records/([A-Za-z0-9_-]{1,64})/([A-Za-z0-9_.-]{1,200}\.csv)")
+_CODE, _NAME = r"[A-Za-z0-9_-]{1,64}", r"[A-Za-z0-9_-][A-Za-z0-9_.-]{0,190}\.csv"
+_RECORD = re.compile(rf"records/{_CODE}/{_NAME}")
 
 
 def write_backup(store: ClassStore, records: Path, path: Path) -> int:
@@ -52,14 +56,27 @@ def restore_backup(store: ClassStore, records: Path, path: Path) -> int:
             for name in names:
                 if not _RECORD.fullmatch(name):
                     raise ValueError(f"{path}: {name!r} is no record of a class. Give a file from --backup.")
+            _check_rows(path, content)
             if any(records.rglob("*.csv")):
                 raise ValueError(f"{records} holds records already. Restore into a new folder.")
-            store.fill(content)
+            try:
+                store.fill(content)
+            except (SQLAlchemyError, AttributeError, TypeError):  # whose text would print every row
+                raise ValueError(f"{path}: its rows are damaged. Give a file from --backup.") from None
             for name in names:
                 target = records.parent / name
                 target.parent.mkdir(parents=True, exist_ok=True)
                 with atomic_write(target) as part:
                     part.write_bytes(archive.read(name))
-    except (zipfile.BadZipFile, KeyError, json.JSONDecodeError) as error:
+    except (zipfile.BadZipFile, KeyError, TypeError, AttributeError, json.JSONDecodeError) as error:
         raise ValueError(f"{path} is no backup of a class ({error}). Give a file from --backup.") from None
     return len(names)
+
+
+def _check_rows(path: Path, content: dict[str, Any]) -> None:
+    """Raise ValueError if a row names a person or a record by what could be a path that leads out."""
+    for table in ("people", "cuts"):
+        for row in content[table]:
+            code, record = row["code"], row.get("record")
+            if not re.fullmatch(_CODE, str(code)) or (record and not re.fullmatch(_NAME, str(record))):
+                raise ValueError(f"{path}: a row of {table!r} names no record of a class. Give a file from --backup.")

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from cutenv.classroom.class_store import SAVED, HandedOutCut, MarkInForce, Place
+from cutenv.classroom.class_store import HandedOutCut, MarkInForce, Place
+from cutenv.classroom.class_tables import LEFT, SAVED
 from cutenv.classroom.lesson import Lesson
 from cutenv.scoring.study import proficiency
 
@@ -67,6 +68,11 @@ def score_curve(people: Sequence[Scores], *, mark: float | None = None, label: s
         ]
     else:
         parts += [line(scores, 'stroke="currentColor" stroke-opacity="0.35"') for scores in people]
+        parts += [
+            f'<circle cx="{x(1):.1f}" cy="{y(only):.1f}" r="2" fill="currentColor" fill-opacity="0.35"/>'
+            for scores in people
+            if len(scores) == 1 and (only := scores[0]) is not None
+        ]
         parts.append(line(class_means(people), 'class="mean" stroke="var(--accent)" stroke-width="2.5"'))
     about = f'viewBox="0 0 {_WIDTH:g} {_HEIGHT:g}" fill="currentColor" font-size="12" role="img" aria-label="{label}"'
     return f'<svg class="curve" {about}>{"".join(parts)}</svg>'
@@ -117,9 +123,10 @@ def people_of(lesson: Lesson) -> list[Person]:
 
 
 def _shown(lesson: Lesson, language: str, mark: MarkInForce | None, place: Place, person: Person) -> dict[str, Any]:
-    progress = lesson.progress(person.code)
+    progress = lesson.progress(person.code, person.cuts)
     confirmed = [cut.score for cut in person.cuts if cut.state == SAVED]
-    scored = [score for score in confirmed if score is not None]
+    made = [0 if cut.state == LEFT else cut.score for cut in person.cuts if cut.state in (SAVED, LEFT)]
+    scored = [score for score in made if score is not None]
     found = proficiency(scored, mark.mark, better="higher") if mark is not None and scored else None
     return {
         **person._asdict(),
@@ -128,4 +135,5 @@ def _shown(lesson: Lesson, language: str, mark: MarkInForce | None, place: Place
         "passes": found,
         "curve": score_curve([confirmed], mark=None if mark is None else mark.mark) if confirmed else "",
         "ahead": "" if progress is None else progress.ahead(language),
+        "unread": [] if progress is None else progress.unread,
     }

@@ -16,11 +16,13 @@ from starlette.routing import Route
 
 from cutenv.browser.page_alone import page_text
 from cutenv.classroom.class_overview import score_curve
-from cutenv.classroom.class_site import PERSON_COOKIE, TEACHER_COOKIE, ClassSite, Guard, Trials
-from cutenv.classroom.class_store import SAVED
+from cutenv.classroom.class_site import ClassSite, Guard, Trials
+from cutenv.classroom.class_tables import SAVED
 from cutenv.classroom.lesson import RefusedCut
 from cutenv.classroom.live_rig import LiveRig, live_routes
 from cutenv.classroom.teacher_pages import StudyPages, TeacherPages, UploadPages
+
+_FAILURES_BY_CODE = 2  # wrong codes in a minute, for each code there is
 
 
 class PeoplePages:
@@ -30,12 +32,11 @@ class PeoplePages:
     ----------
     site : ClassSite
         Site of the class.
-    trials : Trials
-        Failed trials, by address.
     """
 
-    def __init__(self, site: ClassSite, trials: Trials) -> None:
-        self._site, self._trials, self._lesson = site, trials, site.lesson
+    def __init__(self, site: ClassSite) -> None:
+        self._site, self._lesson = site, site.lesson
+        self._trials = Trials(each=_FAILURES_BY_CODE)
 
     @property
     def routes(self) -> list[Route]:
@@ -50,14 +51,14 @@ class PeoplePages:
 
     async def enter_page(self, request: Request) -> Response:
         """Show the page on which a code is entered."""
-        if await self._site.signed_in(request, PERSON_COOKIE):
+        if await self._site.signed_in(request, self._site.person_cookie):
             return RedirectResponse("cut", 303)
         return self._site.page("enter.html", trouble="")
 
     async def enter(self, request: Request) -> Response:
         """Sign a person in who has a code and consents."""
         address = request.client.host if request.client else ""
-        self._trials.check(address)
+        self._trials.check(address, len(await run_in_threadpool(self._lesson.store.codes)))
         form = await request.form()
         code = str(form.get("code", "")).strip().upper()
         if not (code and code.isprintable()) or not await run_in_threadpool(self._lesson.store.knows, code):
@@ -69,21 +70,21 @@ class PeoplePages:
         if self._site.courier is not None:
             await run_in_threadpool(self._site.courier.queue.agree, code)
         token = await run_in_threadpool(self._lesson.store.sign_in, code)
-        return self._site.sign(RedirectResponse("cut", 303), PERSON_COOKIE, token)
+        return self._site.sign(RedirectResponse("cut", 303), self._site.person_cookie, token)
 
     async def leave(self, request: Request) -> Response:
         """Sign out."""
-        for name in (PERSON_COOKIE, TEACHER_COOKIE):
+        for name in (self._site.person_cookie, self._site.teacher_cookie):
             if token := request.cookies.get(name):
                 await run_in_threadpool(self._lesson.store.sign_out, token)
         response = RedirectResponse(".", 303)
-        response.delete_cookie(PERSON_COOKIE)
-        response.delete_cookie(TEACHER_COOKIE)
+        response.delete_cookie(self._site.person_cookie)
+        response.delete_cookie(self._site.teacher_cookie)
         return response
 
     async def cut_page(self, request: Request) -> Response:
         """Show the page that cuts."""
-        code = await self._site.signed_in(request, PERSON_COOKIE)
+        code = await self._site.signed_in(request, self._site.person_cookie)
         if not code:
             return RedirectResponse(".", 303)
         told = self._site.page_data | {"language": self._site.language, "specimens": [], "served": True}
@@ -92,12 +93,19 @@ class PeoplePages:
 
     async def begin(self, request: Request) -> Response:
         """Hand out a cut."""
-        return JSONResponse(await run_in_threadpool(self._lesson.begin, await self._site.person(request)))
+        code = await self._site.person(request)
+        try:
+            return JSONResponse(await run_in_threadpool(self._lesson.begin, code))
+        except OSError as error:
+            raise HTTPException(507, f"No cut can be handed out: {error}.") from None
+        except LookupError as error:
+            raise HTTPException(404, str(error)) from None
 
     async def begun(self, request: Request) -> Response:
         """Note that a cut has begun."""
         code = await self._site.person(request)
-        await run_in_threadpool(self._lesson.store.begun, request.path_params["number"], code)
+        if not await run_in_threadpool(self._lesson.store.begun, request.path_params["number"], code):
+            raise HTTPException(409, "This cut is not to be begun any more. Load the page again.")
         return JSONResponse({})
 
     async def finish(self, request: Request) -> Response:
@@ -131,24 +139,19 @@ class PeoplePages:
         return JSONResponse({"curve": score_curve([scores], mark=None if mark is None else mark.mark)})
 
 
-def class_app(
-    site: ClassSite, teacher_token: str, *, live: LiveRig | None = None, ticket: str | None = None
-) -> Starlette:
+def class_app(site: ClassSite, *, live: LiveRig | None = None, ticket: str | None = None) -> Starlette:
     """Return the ASGI application of a class.
 
     Parameters
     ----------
     site : ClassSite
         Site of the class.
-    teacher_token : str
-        Secret with which the teacher signs in.
     live : LiveRig, optional
         Rig that the teacher may watch.
     ticket : str, optional
         Secret that signs the teacher in once, by the address ``teacher/open/TICKET``, within the first minute.
     """
-    trials = Trials()
-    teacher = TeacherPages(site, trials, teacher_token, ticket=ticket, live=live)
+    teacher = TeacherPages(site, ticket=ticket, live=live)
 
     async def failed(request: Request, error: Exception) -> Response:
         assert isinstance(error, HTTPException)
@@ -163,13 +166,13 @@ def class_app(
     return Starlette(
         routes=[
             *live_routes(live, site.teacher, site.page),
-            *PeoplePages(site, trials).routes,
+            *PeoplePages(site).routes,
             *teacher.routes,
             *StudyPages(site).routes,
             *UploadPages(site).routes,
             *teacher.routes_of_any_name,
         ],
-        middleware=[Middleware(Guard)],
+        middleware=[Middleware(Guard, hosts=site.hosts)],
         exception_handlers={HTTPException: failed, SQLAlchemyError: unwritten},
     )
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
+import ipaddress
 import threading
 import time
 from collections import deque
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Collection, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -15,14 +18,14 @@ from urllib.parse import urlsplit
 from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import FormData
 from starlette.exceptions import HTTPException
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import HTMLResponse, JSONResponse, Response
 from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from cutenv._base.document import render
 from cutenv.browser.page_alone import page_data, script_digest
-from cutenv.classroom.class_store import TEACHER
+from cutenv.classroom.class_store import teacher_of
 from cutenv.classroom.foreign_upload import LARGEST_UPLOAD
 from cutenv.classroom.lesson import LONGEST_CUT, Lesson
 from cutenv.classroom.xapi_statements import Courier
@@ -32,7 +35,7 @@ LARGEST_BODY = 24 * LONGEST_CUT + 4096
 UPLOAD_PATH = "/teacher/upload"
 """Path to which files are sent."""
 _TRIALS, _MINUTE = 10, 60.0  # wrong codes and tokens that one address may try in a minute
-_MOST_ADDRESSES = 10_000  # whose failures are remembered
+_MOST_ADDRESSES, _MOST_FAILURES = 10_000, 2_000  # addresses whose failures are remembered, and how many of each
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; form-action 'self'; frame-ancestors 'none'"
 _HEADERS = {
     "Cache-Control": "no-store",
@@ -43,37 +46,62 @@ _HEADERS = {
 
 
 class Trials:
-    """Counter of failed trials by address: whoever guesses too often has to wait."""
+    """Counter of failed trials by address: whoever guesses too often has to wait.
+
+    Parameters
+    ----------
+    fewest : int
+        Failures in a period that any address has.
+    each : int
+        Further ones for each code there is: a whole class may stand behind one address, and type.
+    period : float
+        Period [s].
+    clock : callable
+        Returns the time [s].
+    """
 
     def __init__(
-        self, most: int = _TRIALS, period: float = _MINUTE, clock: Callable[[], float] = time.monotonic
+        self,
+        fewest: int = _TRIALS,
+        each: int = 0,
+        period: float = _MINUTE,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._most, self._period, self._clock = most, period, clock
+        self._fewest, self._each, self._period, self._clock = fewest, each, period, clock
         self._failed: dict[str, deque[float]] = {}
         self._lock = threading.Lock()
 
-    def check(self, address: str) -> None:
-        """Raise HTTPException 429 if the address has failed too often."""
+    def check(self, address: str, codes: int = 0) -> None:
+        """Raise HTTPException 429 if the address has failed too often for such a number of codes."""
         with self._lock:
             failed = self._failed.get(address, deque())
             while failed and failed[0] < self._clock() - self._period:
                 failed.popleft()
-            if len(failed) >= self._most:
-                raise HTTPException(429, "Too many wrong codes. Wait a minute.")
+            if len(failed) >= self._fewest + self._each * codes:
+                raise HTTPException(429, "Too many failures. Wait a minute.")
 
     def failed(self, address: str) -> None:
         """Count a failed trial."""
         with self._lock:
             if len(self._failed) >= _MOST_ADDRESSES:
                 self._failed.clear()
-            self._failed.setdefault(address, deque(maxlen=self._most)).append(self._clock())
+            self._failed.setdefault(address, deque(maxlen=_MOST_FAILURES)).append(self._clock())
 
 
 class Guard:
-    """ASGI middleware: size limit, requests of other sites refused, and headers that forbid what no page needs."""
+    """ASGI middleware: size limit, requests of or by other sites refused, headers that forbid what no page needs.
 
-    def __init__(self, app: ASGIApp) -> None:
-        self._app = app
+    Parameters
+    ----------
+    app : ASGI application
+        The class's.
+    hosts : collection of str, optional
+        Names of the server in lower case, beside which only an address in digits is answered to; None for any.  A page
+        whose own name leads to this machine could read the class otherwise.
+    """
+
+    def __init__(self, app: ASGIApp, hosts: Collection[str] | None = None) -> None:
+        self._app, self._hosts = app, hosts
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass a request on, or refuse it."""
@@ -81,7 +109,7 @@ class Guard:
             await self._app(scope, receive, send)
             return
         request = Request(scope)
-        refused = _refused(request)
+        refused = _refused(request, self._hosts)
         if refused is not None:
             await refused(scope, receive, send)
             return
@@ -104,25 +132,35 @@ class Guard:
                     headers.append((b"content-security-policy", _POLICY.encode()))
             await send(message)
 
-        await self._app(scope, limited, guarded)
+        with suppress(ClientDisconnect):  # a telephone that loses its network is no fault of the server
+            await self._app(scope, limited, guarded)
 
 
 def _largest(request: Request) -> int:
     return LARGEST_UPLOAD if request.url.path == UPLOAD_PATH else LARGEST_BODY
 
 
-def _refused(request: Request) -> Response | None:
+def _refused(request: Request, hosts: Collection[str] | None) -> Response | None:
     length = request.headers.get("content-length", "0")
     if not length.isdecimal() or int(length) > _largest(request):
         return JSONResponse({"error": "The request is too large."}, 413)
+    called = request.url.hostname or ""
+    if hosts is not None and called.lower() not in hosts and not _is_address(called):
+        return JSONResponse({"error": f"This server is not known as {called!r}. Start it with --name {called}."}, 421)
     origin = request.headers.get("origin")
     if request.method not in ("GET", "HEAD") and origin is not None and urlsplit(origin).netloc != request.url.netloc:
         return JSONResponse({"error": "This request comes from another site."}, 403)
     return None
 
 
-PERSON_COOKIE, TEACHER_COOKIE = "cutenv_person", "cutenv_teacher"
-"""Cookies of a person who cuts, and of the teacher."""
+def _is_address(host: str) -> bool:
+    try:
+        ipaddress.ip_address(host.strip("[]"))
+    except ValueError:
+        return False
+    return True
+
+
 _PAGES = Path(__file__).parent / "pages"
 _SIGNED_IN = 12 * 3600  # [s]
 
@@ -135,6 +173,8 @@ class ClassSite:
     ----------
     lesson : Lesson
         The class at work.
+    secret : str
+        Token with which the teacher signs in.
     title : str
         Name of the class on its pages.
     language : {"en", "de"}
@@ -143,13 +183,36 @@ class ClassSite:
         True if it is served over TLS: cookies are never sent without.
     courier : Courier, optional
         Who delivers statements of cuts to a learning record store; whoever enters is told, and agrees.
+    hosts : collection of str, optional
+        Names by which it is reached, see :class:`Guard`.
     """
 
     lesson: Lesson
+    secret: str
     title: str = "cutenv"
     language: str = "en"
     secure: bool = False
     courier: Courier | None = None
+    hosts: Collection[str] | None = None
+
+    @cached_property
+    def person_cookie(self) -> str:
+        """Name of the cookie of a person who cuts; of the class, because cookies know no port."""
+        return f"cutenv_person_{self._mark}"
+
+    @cached_property
+    def teacher_cookie(self) -> str:
+        """Name of the teacher's cookie."""
+        return f"cutenv_teacher_{self._mark}"
+
+    @cached_property
+    def _mark(self) -> str:
+        return hashlib.sha256(str(self.lesson.folder.resolve()).encode()).hexdigest()[:8]
+
+    @cached_property
+    def teacher_name(self) -> str:
+        """Name under which the teacher is signed in: it ends with the secret."""
+        return teacher_of(self.secret)
 
     @cached_property
     def page_data(self) -> dict[str, Any]:
@@ -179,15 +242,19 @@ class ClassSite:
 
     async def person(self, request: Request) -> str:
         """Return the code of the person who asks; HTTPException 401 if nobody is signed in."""
-        code = await self.signed_in(request, PERSON_COOKIE)
+        code = await self.signed_in(request, self.person_cookie)
         if not code:
             raise HTTPException(401, "Sign in with your code first.")
         return code
 
     async def teacher(self, request: Request) -> None:
         """Raise HTTPException 401 if it is not the teacher who asks."""
-        if await self.signed_in(request, TEACHER_COOKIE) != TEACHER:
+        if not await self.is_teacher(request):
             raise HTTPException(401, "Sign in as the teacher first.")
+
+    async def is_teacher(self, request: Request) -> bool:
+        """Return whether it is the teacher who asks."""
+        return await self.signed_in(request, self.teacher_cookie) == self.teacher_name
 
     def teachers_route(self, method: str, path: str, answer: Callable[[Request], Awaitable[Response]]) -> Route:
         """Return a route for the teacher alone; what its answer cannot find is 404, what it cannot use is 422."""

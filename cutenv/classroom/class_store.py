@@ -1,101 +1,56 @@
-"""Database of a class and its tables, beside its records: codes, groups, consents, cuts, marks, who is signed in."""
+"""Database of a class, beside its records: codes, groups, consents, cuts, marks, who is signed in."""
 
 from __future__ import annotations
 
 import hashlib
+import json
 import re
 import secrets
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from typing import Any, NamedTuple
 
 from sqlalchemy import (
-    Column,
     Connection,
     Engine,
-    ForeignKey,
-    Index,
-    Integer,
-    MetaData,
-    String,
-    Table,
     create_engine,
     delete,
     event,
+    func,
     insert,
+    inspect,
     select,
+    text,
     update,
 )
-from sqlalchemy.exc import IntegrityError
+from sqlalchemy.exc import DatabaseError, IntegrityError
 
 from cutenv._base.validation import in_range
+from cutenv.classroom.class_tables import (
+    BACKED_UP,
+    BROKEN_OFF,
+    CLASS_METADATA,
+    CLASS_PLACES,
+    CUTS,
+    GOING_ON,
+    INDEXES,
+    LEFT,
+    OPEN,
+    PASS_MARKS,
+    PEOPLE,
+    PREPARED,
+    SESSIONS,
+    TAKEN_BACK,
+    UNFINISHED,
+)
 from cutenv.recording.provenance import check_operator
 from cutenv.scoring.score_card import whole_score
 
-CLASS_METADATA = MetaData()
-PEOPLE = Table(
-    "people",
-    CLASS_METADATA,
-    Column("code", String(64), primary_key=True),
-    Column("created", String(32), nullable=False),
-    Column("consented", String(32)),
-)
-CLASS_PLACES = Table(  # where a person belongs; whoever is in no class and no group has no row
-    "places",
-    CLASS_METADATA,
-    Column("code", String(64), ForeignKey("people.code", ondelete="CASCADE"), primary_key=True),
-    Column("class_name", String(32), nullable=False),
-    Column("group_name", String(32), nullable=False),
-)
-PASS_MARKS = Table(
-    "pass_marks",
-    CLASS_METADATA,
-    Column("course", String(200), primary_key=True),  # "" without a course
-    Column("tenths", Integer, nullable=False),
-    Column("source", String(200), nullable=False),
-    Column("since", String(32), nullable=False),
-)
-CUTS = Table(
-    "cuts",
-    CLASS_METADATA,
-    Column("id", String(32), primary_key=True),
-    Column("code", String(64), ForeignKey("people.code", ondelete="CASCADE"), nullable=False),
-    Column("specimen_class", String(16), nullable=False),
-    Column("seed", Integer, nullable=False),
-    Column("target_length_um", Integer),  # whole, so that every database gives it back
-    Column("task", String(200)),
-    Column("handed_out", String(32), nullable=False),
-    Column("state", String(16), nullable=False),
-    Column("record", String(200)),
-    Column("outcome", String(200)),
-    Column("score", Integer),
-    Column("reason", String(500)),
-    Index("cuts_by_code", "code", "handed_out"),
-)
-SESSIONS = Table(
-    "sessions",
-    CLASS_METADATA,
-    Column("token_hash", String(64), primary_key=True),
-    Column("code", String(64), nullable=False),
-    Column("expires", String(32), nullable=False),
-)
-
-
-BACKED_UP = (PEOPLE, CLASS_PLACES, CUTS, PASS_MARKS)
-"""Tables of a backup, in the order in which they are filled; nobody stays signed in."""
-
-
-TEACHER = ""
-"""Code of the teacher's sessions."""
-PREPARED, GOING_ON, SAVED, REFUSED, UNFINISHED = "prepared", "going on", "saved", "refused", "unfinished"
-"""States of a cut that was handed out."""
-FOREIGN = "foreign"
-"""State of a cut that another program recorded: it was not handed out, and no law confirms it."""
-KEPT = (SAVED, FOREIGN)
-"""States of a cut that has a record."""
-_SESSION = timedelta(hours=12)
+_TRIES = 100  # of handing out a cut, while other servers are quicker
+_SESSION, _IDLE, _NOTED = timedelta(hours=12), timedelta(minutes=15), timedelta(minutes=1)
+_TEACHER = "teacher "  # no code begins so
 _NAME = re.compile(r"[^\W_][\w .+-]{0,31}")
 _LETTERS = "ABCDEFGHJKLMNPQRSTUVWXYZ"  # no I and no O, which look like digits
 
@@ -115,21 +70,47 @@ class MarkInForce(NamedTuple):
     since: str
 
 
+class NewCut(NamedTuple):
+    """Cut to hand out: its specimen, as in :class:`HandedOutCut`, its course and task, and a digest of the task."""
+
+    specimen_class: str
+    seed: int
+    target_length: float | None = None
+    course: str = ""
+    task: str = ""
+    terms: str = ""
+
+
 class HandedOutCut(NamedTuple):
-    """One cut that was handed out; ``target_length`` [m] is None if it is drawn, ``score`` None without one."""
+    """One cut that was handed out, the ``nth`` of its person.
+
+    ``target_length`` [m] is None if it is drawn, ``begun`` (UTC) "" before, ``score`` None without one, ``numbers``
+    (:func:`~cutenv.play.course.marked_numbers`) None where they were not noted, ``stalled`` what its page lost [s].
+    """
 
     id: str
     code: str
+    nth: int
     specimen_class: str
     seed: int
     target_length: float | None
+    course: str
     task: str
+    terms: str
     handed_out: str
+    begun: str
     state: str
     record: str
     outcome: str
     score: int | None
     reason: str
+    ended: str
+    numbers: Mapping[str, float] | None
+    stalled: float
+
+
+class SeenMovements(ValueError):
+    """Movements that are those of a cut in the class, bit for bit."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,13 +120,21 @@ class CutEnd:
     Attributes
     ----------
     state : str
-        :data:`SAVED` or :data:`FOREIGN` with the name of its record, or :data:`REFUSED`.
+        :data:`SAVED` or :data:`FOREIGN` with the name of its record, :data:`REFUSED` or :data:`TAKEN_BACK`.
     record, outcome : str
         Name of the record, and outcome in a few words.
     score : float, optional
         Overall score.
     reason : str
         Reason for which it was refused, or has no score.
+    ended : str
+        How the task ended, such as "finished".
+    numbers : mapping of str to float
+        Numbers that a mark may limit.
+    movements : str, optional
+        SHA-256 of the movements.
+    stalled : float
+        Time lost by the page [s].
     """
 
     state: str
@@ -153,13 +142,18 @@ class CutEnd:
     outcome: str = ""
     score: float | None = None
     reason: str = ""
+    ended: str = ""
+    numbers: Mapping[str, float] = field(default_factory=dict)
+    movements: str | None = None
+    stalled: float = 0.0
 
     @property
     def columns(self) -> dict[str, Any]:
         """Values of the table's columns."""
         whole = None if self.score is None else whole_score(self.score)
         kept = {"record": self.record, "outcome": self.outcome[:200], "score": whole, "reason": self.reason[:500]}
-        return {"state": self.state, **kept}
+        made = {"ended": self.ended[:32], "numbers": json.dumps(dict(self.numbers)), "movements": self.movements}
+        return {"state": self.state, **kept, **made, "stalled_ms": round(1e3 * self.stalled)}
 
 
 class ClassStore:
@@ -169,11 +163,15 @@ class ClassStore:
     ----------
     url : str
         Address as SQLAlchemy has it: ``sqlite:///class.db``, ``postgresql+psycopg://...``.
+    clock : callable
+        Returns the present time, UTC.
 
     Attributes
     ----------
     engine : sqlalchemy.Engine
         Its connections.
+    clock : callable
+        As above.
 
     Raises
     ------
@@ -181,11 +179,31 @@ class ClassStore:
         If it cannot be opened.
     """
 
-    def __init__(self, url: str) -> None:
+    def __init__(self, url: str, clock: Callable[[], datetime] = lambda: datetime.now(UTC)) -> None:
         self.engine: Engine = create_engine(url)
+        self.clock = clock
         if self.engine.dialect.name == "sqlite":
             event.listen(self.engine, "connect", _prepare_sqlite)
+        try:
+            self._lay_out()
+        except DatabaseError:  # two servers begin at once, and the other one has laid it out
+            self._lay_out()
+
+    def _lay_out(self) -> None:
+        """Make the tables that are not there, and add to those of an earlier version what they lack."""
         CLASS_METADATA.create_all(self.engine)
+        with self._transaction() as connection:
+            for table in (CUTS, SESSIONS):
+                there = {column["name"] for column in inspect(connection).get_columns(table.name)}
+                for column in (column for column in table.columns if column.name not in there):
+                    kind = column.type.compile(self.engine.dialect)
+                    connection.execute(text(f"ALTER TABLE {table.name} ADD COLUMN {column.name} {kind}"))
+            _number(connection)
+            for index in INDEXES:
+                index.create(connection, checkfirst=True)
+
+    def _now(self) -> str:
+        return _written(self.clock())
 
     def close(self) -> None:
         """Close all connections."""
@@ -218,7 +236,7 @@ class ClassStore:
         check_operator(code)
         try:
             with self._transaction() as connection:
-                connection.execute(insert(PEOPLE).values(code=code, created=_now()))
+                connection.execute(insert(PEOPLE).values(code=code, created=self._now()))
         except IntegrityError:
             return False
         return True
@@ -237,14 +255,15 @@ class ClassStore:
     def consent(self, code: str) -> None:
         """Note that the person agreed to what is stored."""
         with self._transaction() as connection:
-            connection.execute(update(PEOPLE).where(PEOPLE.c.code == code).values(consented=_now()))
+            connection.execute(update(PEOPLE).where(PEOPLE.c.code == code).values(consented=self._now()))
 
     def delete(self, code: str) -> bool:
         """Delete a person: code, sessions and cuts; return False if there was none. The records are the caller's."""
+        if not self.knows(code):
+            return False
         with self._transaction() as connection:
-            for table in (CUTS, CLASS_PLACES):
+            for table in (CUTS, CLASS_PLACES, SESSIONS):
                 connection.execute(delete(table).where(table.c.code == code))
-            connection.execute(delete(SESSIONS).where(SESSIONS.c.code == code))
             return connection.execute(delete(PEOPLE).where(PEOPLE.c.code == code)).rowcount > 0
 
     def places(self) -> dict[str, Place]:
@@ -297,59 +316,109 @@ class ClassStore:
         with self._transaction() as connection:
             connection.execute(delete(PASS_MARKS).where(PASS_MARKS.c.course == course))
             if mark is not None:
-                row = {"course": course, "tenths": round(10 * mark), "source": source[:200], "since": _now()}
+                row = {"course": course, "tenths": round(10 * mark), "source": source[:200], "since": self._now()}
                 connection.execute(insert(PASS_MARKS).values(**row))
 
     # Sessions
 
     def sign_in(self, code: str) -> str:
-        """Return a new token of a person, or of the :data:`TEACHER`; only its hash is stored."""
-        token = secrets.token_urlsafe(32)
-        expires = (datetime.now(UTC) + _SESSION).isoformat(timespec="seconds")
+        """Return a new token of a person, or of a :func:`teacher_of` a server; only its hash is stored."""
+        token, now = secrets.token_urlsafe(32), self.clock()
+        values = {"expires": _written(now + _SESSION), "seen": _written(now)}
         with self._transaction() as connection:
-            connection.execute(delete(SESSIONS).where(SESSIONS.c.expires < _now()))
-            connection.execute(insert(SESSIONS).values(token_hash=_hash(token), code=code, expires=expires))
+            connection.execute(delete(SESSIONS).where(SESSIONS.c.expires < self._now()))
+            connection.execute(insert(SESSIONS).values(token_hash=_hash(token), code=code, **values))
         return token
 
     def signed_in(self, token: str) -> str | None:
-        """Return whose token it is; None if it is nobody's, or too old."""
+        """Return whose token it is; None if it is nobody's or too old, or its person has not been seen for long."""
+        now = self.clock()
         with self._transaction() as connection:
             row = connection.execute(select(SESSIONS).where(SESSIONS.c.token_hash == _hash(token))).first()
-        return None if row is None or row.expires < _now() else str(row.code)
+            if row is None or row.expires < _written(now):
+                return None
+            if not row.code.startswith(_TEACHER) and (row.seen or "") < _written(now - _IDLE):
+                return None
+            if (row.seen or "") < _written(now - _NOTED):
+                mine = SESSIONS.c.token_hash == row.token_hash
+                connection.execute(update(SESSIONS).where(mine).values(seen=_written(now)))
+        return str(row.code)
 
     def sign_out(self, token: str) -> None:
         """Forget a token."""
         with self._transaction() as connection:
             connection.execute(delete(SESSIONS).where(SESSIONS.c.token_hash == _hash(token)))
 
+    def sign_out_everywhere(self, code: str) -> None:
+        """Forget every token of a person, or of a :func:`teacher_of` a server."""
+        with self._transaction() as connection:
+            connection.execute(delete(SESSIONS).where(SESSIONS.c.code == code))
+
     # Cuts
 
-    def prepared(self, code: str) -> HandedOutCut | None:
-        """Return the cut that was handed out to a person and not begun, or None; one left unfinished is noted so."""
-        left = (CUTS.c.code == code) & (CUTS.c.state == GOING_ON)
-        with self._transaction() as connection:
-            connection.execute(update(CUTS).where(left).values(state=UNFINISHED))
-        return next(self._found(CUTS.c.code == code, CUTS.c.state == PREPARED), None)
+    def hand_out(self, code: str, chosen: Callable[[Sequence[HandedOutCut]], NewCut | None]) -> HandedOutCut | None:
+        """Hand out a person's next cut, while other servers may do the same: all get the same one.
 
-    def hand_out(
-        self, code: str, specimen_class: str, seed: int, target_length: float | None = None, task: str = ""
-    ) -> HandedOutCut:
-        """Hand out a new cut."""
+        One that was prepared on the same terms is handed out again, one on other terms taken back.  One that was begun
+        is left, and so given up, except by the end of a server.
+
+        Parameters
+        ----------
+        code : str
+            The person.
+        chosen : callable
+            Returns the next cut from those that have ended, or None if there is none; called again if another server
+            was quicker.
+
+        Raises
+        ------
+        LookupError
+            If there is no such person.
+        """
+        ends = {GOING_ON: LEFT, BROKEN_OFF: UNFINISHED}
+        for _ in range(_TRIES):
+            cuts = self.cuts(code)
+            there = next((cut for cut in cuts if cut.state in OPEN), None)
+            if there is not None and there.state in ends:
+                self._change(there, ends[there.state])
+                continue
+            new = chosen([cut for cut in cuts if cut is not there])
+            if there is not None and new is not None and there.terms == new.terms:
+                return there
+            if there is not None:
+                self._change(there, TAKEN_BACK)
+            elif new is None:
+                return None
+            elif (number := self._insert(code, cuts, new)) is not None:
+                return self.cut(number, code)
+        raise LookupError("No cut can be handed out: this person is deleted, or begins without end.")
+
+    def _change(self, cut: HandedOutCut, state: str) -> None:
+        """Give a cut another state, unless another server has done so."""
+        same = (CUTS.c.id == cut.id) & (CUTS.c.state == cut.state)
+        with self._transaction() as connection:
+            connection.execute(update(CUTS).where(same).values(state=state))
+
+    def _insert(self, code: str, cuts: Sequence[HandedOutCut], new: NewCut) -> str | None:
+        """Add a prepared cut behind those that are known, and return its number; None if there are others by now."""
         number = secrets.token_hex(16)
-        length = None if target_length is None else round(1e6 * target_length)
-        with self._transaction() as connection:
-            values = dict(
-                id=number, code=code, specimen_class=specimen_class, seed=seed, target_length_um=length, task=task,
-                handed_out=_now(), state=PREPARED,
-            )  # fmt: skip
-            connection.execute(insert(CUTS).values(**values))
-        return self.cut(number, code)
+        values = new._asdict()
+        length = values.pop("target_length")
+        values["target_length_um"] = None if length is None else round(1e6 * length)
+        values |= {"id": number, "code": code, "nth": 1 + max((cut.nth for cut in cuts), default=0)}
+        try:
+            with self._transaction() as connection:
+                connection.execute(insert(CUTS).values(**values, handed_out=self._now(), state=PREPARED))
+        except IntegrityError:
+            return None
+        return number
 
-    def begun(self, number: str, code: str) -> None:
-        """Note that a person has begun a cut; does nothing if there is no such cut to begin."""
+    def begun(self, number: str, code: str) -> bool:
+        """Note that a person has begun a cut; return False, and do nothing, if there is no such cut to begin."""
         mine = (CUTS.c.id == number) & (CUTS.c.code == code) & (CUTS.c.state == PREPARED)
         with self._transaction() as connection:
-            connection.execute(update(CUTS).where(mine).values(state=GOING_ON))
+            changed = update(CUTS).where(mine).values(state=GOING_ON, begun=self._now())
+            return connection.execute(changed).rowcount > 0
 
     def cut(self, number: str, code: str) -> HandedOutCut:
         """Return a person's own cut.
@@ -366,23 +435,45 @@ class ClassStore:
     def finish(self, number: str, end: CutEnd, *, keep: Callable[[], None] = lambda: None) -> bool:
         """Note how a cut ended.
 
-        Return False, and change nothing, if it had ended before, perhaps on another server.  ``keep`` is called
-        otherwise, while no other server can note an end: it puts the record in its place.
+        Return False, and change nothing, if it is not open, perhaps by another server.  ``keep`` is called otherwise,
+        while no other server can note an end: it puts the record in its place.
+
+        Raises
+        ------
+        SeenMovements
+            If its movements are those of a saved cut in the class; nothing is changed.
         """
-        goes_on = (CUTS.c.id == number) & CUTS.c.state.in_((PREPARED, GOING_ON, UNFINISHED))
+        goes_on = (CUTS.c.id == number) & CUTS.c.state.in_(OPEN)
         with self._transaction() as connection:
-            ended = connection.execute(update(CUTS).where(goes_on).values(**end.columns)).rowcount > 0
+            try:
+                ended = connection.execute(update(CUTS).where(goes_on).values(**end.columns)).rowcount > 0
+            except IntegrityError:
+                raise SeenMovements(
+                    "a cut of the class has the same movements, bit for bit: no hand repeats one."
+                ) from None
             if ended:
                 keep()
             return ended
 
+    def note(self, number: str, end: CutEnd, course: str) -> None:
+        """Note numbers and course of a cut that an earlier version saved without them."""
+        columns = {name: end.columns[name] for name in ("ended", "numbers")}
+        with self._transaction() as connection:
+            connection.execute(update(CUTS).where(CUTS.c.id == number).values(**columns, course=course))
+
     def add_foreign(self, code: str, end: CutEnd) -> str:
         """Note a cut that another program recorded; return its number."""
-        number = secrets.token_hex(16)
-        values = dict(id=number, code=code, specimen_class="", seed=0, handed_out=_now(), **end.columns)
-        with self._transaction() as connection:
-            connection.execute(insert(CUTS).values(**values))
-        return number
+        for _ in range(_TRIES):
+            number = secrets.token_hex(16)
+            values = dict(id=number, code=code, specimen_class="", seed=0, handed_out=self._now(), **end.columns)
+            try:
+                with self._transaction() as connection:
+                    last = select(func.coalesce(func.max(CUTS.c.nth), 0)).where(CUTS.c.code == code).scalar_subquery()
+                    connection.execute(insert(CUTS).values(**values, nth=last + 1))
+            except IntegrityError:
+                continue  # another server was quicker
+            return number
+        raise LookupError("There is no such code.")
 
     def cuts(self, code: str | None = None) -> list[HandedOutCut]:
         """Return the cuts of a person, or of all, in order."""
@@ -409,24 +500,47 @@ class ClassStore:
             for table in BACKED_UP:
                 if rows := content.get(table.name):
                     connection.execute(insert(table), rows)
+            _number(connection)
 
-    def close_unfinished(self) -> int:
-        """Note every cut that goes on as unfinished, after a restart; return how many there were."""
+    def break_off(self) -> int:
+        """Note every cut that goes on as broken off, after a restart; return how many there were."""
         with self._transaction() as connection:
-            changed = update(CUTS).where(CUTS.c.state == GOING_ON).values(state=UNFINISHED)
+            changed = update(CUTS).where(CUTS.c.state == GOING_ON).values(state=BROKEN_OFF)
             return int(connection.execute(changed).rowcount)
 
     def _found(self, *conditions: Any) -> Iterator[HandedOutCut]:
         with self._transaction() as connection:
             rows: Sequence[Any] = connection.execute(
-                select(CUTS).where(*conditions).order_by(CUTS.c.handed_out, CUTS.c.id)
+                select(CUTS).where(*conditions).order_by(CUTS.c.code, CUTS.c.nth)
             ).all()
         for row in rows:
             length = None if row.target_length_um is None else row.target_length_um / 1e6
             yield HandedOutCut(
-                row.id, row.code, row.specimen_class, row.seed, length, row.task or "", row.handed_out, row.state,
-                row.record or "", row.outcome or "", row.score, row.reason or "",
+                row.id, row.code, row.nth, row.specimen_class, row.seed, length, row.course or "", row.task or "",
+                row.terms or "", row.handed_out, row.begun or "", row.state, row.record or "", row.outcome or "",
+                row.score, row.reason or "", row.ended or "",
+                None if row.numbers is None else json.loads(row.numbers), (row.stalled_ms or 0) / 1e3,
             )  # fmt: skip
+
+
+def teacher_of(secret: str) -> str:
+    """Return under what name the teacher of a server with this secret is signed in: another secret is another name."""
+    return f"{_TEACHER}{_hash(secret)[:16]}"
+
+
+def _number(connection: Connection) -> None:
+    """Give their numbers to cuts of an earlier version, in the order in which they were handed out."""
+    missing = select(CUTS.c.id, CUTS.c.code).where(CUTS.c.nth.is_(None)).order_by(CUTS.c.handed_out, CUTS.c.id)
+    rows = connection.execute(missing).all()
+    last: dict[str, int] = {}
+    for row in rows:
+        if row.code not in last:
+            known = select(func.coalesce(func.max(CUTS.c.nth), 0)).where(CUTS.c.code == row.code)
+            last[row.code] = int(connection.execute(known).scalar_one())
+        last[row.code] += 1
+        connection.execute(update(CUTS).where(CUTS.c.id == row.id).values(nth=last[row.code]))
+    if rows:  # it knew no course of a cut, and could have two open ones
+        connection.execute(update(CUTS).where(CUTS.c.terms.is_(None) & CUTS.c.state.in_(OPEN)).values(state=UNFINISHED))
 
 
 def _prepare_sqlite(connection: Any, _: Any) -> None:
@@ -435,8 +549,8 @@ def _prepare_sqlite(connection: Any, _: Any) -> None:
         connection.execute(f"PRAGMA {setting}")
 
 
-def _now() -> str:
-    return datetime.now(UTC).isoformat(timespec="microseconds")
+def _written(moment: datetime) -> str:
+    return moment.astimezone(UTC).isoformat(timespec="microseconds")
 
 
 def _hash(token: str) -> str:

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import io
 import re
 import secrets
 import shutil
 import tempfile
 import threading
+import time
 import zipfile
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
@@ -20,26 +22,25 @@ from typing import Any
 import numpy as np
 
 import cutenv
-from cutenv._base.output import put_in_place, whole_files
+from cutenv._base.output import put_in_place
 from cutenv.browser.page_alone import specimen_data
 from cutenv.browser.stylus_steps import HandCut
 from cutenv.classroom.analysis import Analyses
-from cutenv.classroom.class_store import (
+from cutenv.classroom.class_store import ClassStore, CutEnd, HandedOutCut, MarkInForce, NewCut, Place, SeenMovements
+from cutenv.classroom.class_tables import (
     FOREIGN,
     GOING_ON,
     KEPT,
+    LEFT,
+    OPEN,
     PREPARED,
     REFUSED,
     SAVED,
+    TAKEN_BACK,
     UNFINISHED,
-    ClassStore,
-    CutEnd,
-    HandedOutCut,
-    MarkInForce,
-    Place,
 )
 from cutenv.classroom.foreign_upload import Uploads
-from cutenv.play.course import Course, CourseTask
+from cutenv.play.course import Course, CourseTask, marked_numbers
 from cutenv.play.course_progress import GIVEN_UP, CourseProgress
 from cutenv.play.course_words import COURSE_WORDS
 from cutenv.recording import Provenance, load_one, save
@@ -81,9 +82,19 @@ LONGEST_CUT = 30_000
 """Longest cut [ms]: the deadline of the task."""
 FEWEST_MOVEMENTS = 100
 """Least number of milliseconds that makes an abandoned cut a record."""
+_OWN_WAY = 0.01  # m that a hand has to go before nobody else's goes the same way bit for bit
+_LEFTOVER = 60.0  # s after which a part of a record belongs to a server that was killed
 
 # Facts that a record of another program may claim, and that only this server's own records may have.
-_FACTS_OF_A_CONFIRMED_CUT = frozenset(("course", "task", "feedback", "crossover", "hand", "stalled_s", TIP_AT_END))
+_FACTS_OF_A_CONFIRMED_CUT = frozenset(
+    ("course", "task", "feedback", "crossover", "hand", "stalled_s", "movements_sha256", TIP_AT_END)
+)
+
+
+_CLOSED = {
+    LEFT: "this cut was left, and so given up, when the next one was handed out.",
+    TAKEN_BACK: "this cut was handed out for a task that is served no more. Load the page again.",
+}
 
 
 class RefusedCut(ValueError):
@@ -113,7 +124,6 @@ class Lesson:
         self.analyses = Analyses(folder.parent / "studies", folder)
         self.uploads = Uploads()
         self._reference = ReferenceSet.shipped()
-        self._progress: dict[str, tuple[int, CourseProgress]] = {}  # with the number of records that it has seen
         self._locks: dict[str, threading.Lock] = {}
         self._guard = threading.Lock()
 
@@ -138,33 +148,68 @@ class Lesson:
         with self._guard:
             return self._locks.setdefault(code, threading.Lock())
 
-    def progress(self, code: str) -> CourseProgress | None:
-        """Return a person's progress through the course, read from the records; None without a course."""
+    def progress(self, code: str, cuts: Iterable[HandedOutCut] | None = None) -> CourseProgress | None:
+        """Return a person's progress through the course, counted from the cuts in the database; None without a course.
+
+        A cut that was left or refused counts as given up.  Records that cannot be read, of cuts that an earlier version
+        saved without their numbers, stand in ``unread``: they are read again the next time.
+        """
         if self.course is None:
             return None
-        there = len(whole_files((self.folder / code).glob("*.csv")))
-        seen, progress = self._progress.get(code, (-1, None))
-        if progress is None or seen != there:  # at first, or if another server has saved a cut
-            progress = CourseProgress(self.course, code, self.folder / code)
-            self._progress[code] = (there, progress)
+        progress = CourseProgress(self.course, code)
+        for cut in self.store.cuts(code) if cuts is None else cuts:
+            known = cut
+            if cut.state == SAVED and cut.numbers is None:
+                try:
+                    known = self._noted(cut)
+                except (OSError, KeyError, ValueError) as error:
+                    progress.unread.append(f"{cut.record}: {error}")
+                    continue
+            if known.course != self.course.name or not any(task.name == known.task for task in self.course.tasks):
+                continue
+            if known.state == UNFINISHED:
+                progress.skip(known.task)
+            elif known.state in (SAVED, LEFT, REFUSED):
+                progress.count(known.task, known.numbers or {}, known.ended if known.state == SAVED else GIVEN_UP)
         return progress
 
+    def _noted(self, cut: HandedOutCut) -> HandedOutCut:
+        """Note what a record says of a saved cut that an earlier version has not noted."""
+        trace, card = self.scored(cut)
+        end, course = str(trace.metadata["end"]), str(trace.metadata.get("course", ""))
+        self.store.note(cut.id, CutEnd(state=SAVED, ended=end, numbers=marked_numbers(card)), course)
+        return cut._replace(numbers=marked_numbers(card), ended=end, course=course)
+
     def begin(self, code: str) -> dict[str, Any]:
-        """Hand out the next cut: what the page needs to know; only ``ahead`` and ``done`` if the course is done."""
+        """Hand out the next cut: what the page needs to know; only ``ahead`` and ``done`` if the course is done.
+
+        Raises
+        ------
+        OSError
+            If it is not known how far the person is, because a record cannot be read now.
+        """
         with self.lock(code):
-            progress = self.progress(code)
-            if progress is not None and progress.task is None:
-                return {"done": True, "ahead": ahead_words(progress)}
-            cut = self.store.prepared(code)  # whoever loads the page again gets the same specimen
-            if progress is None or progress.task is None:
-                cut = cut or self.store.hand_out(code, self.specimen_class, secrets.randbelow(2**31))
-                said: dict[str, Any] = {"ahead": {}, "feedback": "always"}
-            else:
-                cut = cut or self.store.hand_out(code, *progress.specimen(), task=progress.task.name)
-                said = {"ahead": ahead_words(progress), "feedback": progress.task.feedback}
+            cut = self.store.hand_out(code, lambda cuts: self._next(code, cuts))
+            ahead = ahead_words(self.progress(code))
+            if cut is None:
+                return {"done": True, "ahead": ahead}
             task = self._task(code, cut)
+            assert task is not None  # it was handed out by the present course
             data = specimen_data(cut.specimen_class, cut.seed, 0, cut.target_length, task=task.task, **task.of_line)
-            return data | said | {"id": cut.id, "done": False}
+            return data | {"ahead": ahead, "feedback": task.feedback, "id": cut.id, "done": False}
+
+    def _next(self, code: str, cuts: Sequence[HandedOutCut]) -> NewCut | None:
+        """Return the cut to hand out after those that have ended; None if the course is done."""
+        progress = self.progress(code, cuts)
+        if progress is None or self.course is None:
+            free = CourseTask(name="", specimen_class=self.specimen_class)
+            return NewCut(self.specimen_class, secrets.randbelow(2**31), terms=_terms("", free))
+        if progress.unread:
+            raise OSError(f"a record of yours cannot be read ({progress.unread[0]}). Tell your teacher")
+        task = progress.task
+        if task is None:
+            return None
+        return NewCut(*progress.specimen(), self.course.name, task.name, _terms(self.course.name, task))
 
     def finish(self, code: str, number: str, movements: bytes, digest: str, *, stalled: float = 0.0) -> dict[str, Any]:
         """Repeat a cut by the law, and keep it if the page's readings are those of the law; return the card.
@@ -187,20 +232,27 @@ class Lesson:
         LookupError
             If no such cut was handed out to this person.
         RefusedCut
-            If it has been finished before, cannot be a cut, or the law does not confirm it.
+            If it has been finished before, cannot be a cut, the law does not confirm it, or no hand can have made it.
         """
         with self.lock(code):
             handed_out = self.store.cut(number, code)
             if not self._is_open(handed_out):
-                raise RefusedCut(f"this cut is {handed_out.state} already.")
+                raise RefusedCut(_CLOSED.get(handed_out.state, f"this cut is {handed_out.state} already."))
+            task = self._task(code, handed_out)
+            if task is None:
+                self.store.finish(number, CutEnd(state=TAKEN_BACK, reason="its task is served no more"))
+                raise RefusedCut(_CLOSED[TAKEN_BACK])
+            stalled = min(max(0.0, stalled), 3600.0)  # in this order: of NaN it is 0
             try:
-                cut, readings = self._repeated(handed_out, movements, digest)
+                self._check_time(handed_out, movements, task)
+                cut, readings = self._repeated(handed_out, task, movements, digest)
             except RefusedCut as error:
-                self.store.finish(number, CutEnd(state=REFUSED, reason=str(error)))
+                self.store.finish(number, CutEnd(state=REFUSED, reason=str(error), stalled=stalled))
                 raise
-            progress = self.progress(code)
+            progress = self.progress(code)  # without this cut
             end = cut.end or GIVEN_UP
-            date = datetime.now().astimezone()
+            seen = _digest_of(movements, task)
+            date = self.store.clock().astimezone()
             name = _record_name(handed_out)
             origin = Provenance(
                 rig="cutenv serve, simulated",
@@ -212,7 +264,7 @@ class Lesson:
             trace = cut.trace(
                 readings,
                 **origin.metadata,
-                **({} if progress is None else progress.metadata()),
+                **({} if progress is None else progress.facts(task)),
                 name=name,
                 program=f"cutenv {cutenv.__version__}",
                 specimen_class=handed_out.specimen_class,
@@ -225,62 +277,77 @@ class Lesson:
                 device="browser",
                 hand=dataclasses.asdict(cut.hand),
                 **cut.noted,
-                stalled_s=round(min(max(0.0, stalled), 3600.0), 3),  # in this order: of NaN it is 0
+                stalled_s=round(stalled, 3),
+                **({} if seen is None else {"movements_sha256": seen}),
             )
             card = score(trace, target_length=cut.target_length, reference=self._reference)
             place = self.folder / code
             place.mkdir(exist_ok=True)
+            _sweep(place)
             part = place / f"{name}.{secrets.token_hex(4)}.part.csv"
-            save(trace, part)
             try:  # the record of another server, which was quicker, stays
-                self._note_saved(handed_out, card, end, keep=lambda: put_in_place(part, place / f"{name}.csv"))
+                save(trace, part)
+                self._note_saved(handed_out, trace, card, keep=lambda: put_in_place(part, place / f"{name}.csv"))
+            except SeenMovements as error:
+                self.store.finish(number, CutEnd(state=REFUSED, reason=str(error), stalled=stalled))
+                raise RefusedCut(str(error)) from None
             finally:
                 part.unlink(missing_ok=True)
-            hidden = progress is not None and progress.metadata()["feedback"] == "never"
             if progress is not None:
-                progress.add(card, end)
-                self._progress[code] = (self._progress[code][0] + 1, progress)
-            return shown_card(card, progress, hidden=hidden, mark=self.pass_mark)
+                progress.add(card, end, task)
+            return shown_card(card, progress, hidden=task.feedback == "never", mark=self.pass_mark)
 
     def _is_open(self, cut: HandedOutCut) -> bool:
-        """Return whether a cut may be finished: also the person's last one, if the server ended while it went on."""
-        return cut.state in (PREPARED, GOING_ON) or (
-            cut.state == UNFINISHED and self.store.cuts(cut.code)[-1].id == cut.id
-        )
+        """Return whether a cut may be finished: also one that went on when the server ended."""
+        return cut.state in OPEN
+
+    def _check_time(self, cut: HandedOutCut, movements: bytes, task: CourseTask) -> None:
+        """Raise RefusedCut if a cut was not begun, or has not taken its time since."""
+        if cut.state == PREPARED:
+            raise RefusedCut("it was never begun.")
+        took = (self.store.clock() - datetime.fromisoformat(cut.begun)).total_seconds()
+        lasts = len(movements) / _movement_size(task) / 1e3
+        if 0.0 <= took < lasts:  # less than nothing: the clock was set back
+            raise RefusedCut(f"it lasts {lasts:.1f} s, and was sent {took:.1f} s after it had begun.")
 
     def _note_saved(
-        self, cut: HandedOutCut, card: ScoreCard, end: str, *, keep: Callable[[], None] = lambda: None
+        self, cut: HandedOutCut, trace: Trace, card: ScoreCard, *, keep: Callable[[], None] = lambda: None
     ) -> None:
-        record, outcome = f"{_record_name(cut)}.csv", card.outcome or end
-        ended = CutEnd(state=SAVED, record=record, outcome=outcome, score=card.overall_score)
+        facts = trace.metadata
+        end = str(facts["end"])
+        ended = CutEnd(
+            state=SAVED, record=f"{_record_name(cut)}.csv", outcome=card.outcome or end, score=card.overall_score,
+            ended=end, numbers=marked_numbers(card), movements=facts.get("movements_sha256"),
+            stalled=float(facts.get("stalled_s", 0.0)),
+        )  # fmt: skip
         if not self.store.finish(cut.id, ended, keep=keep):
             raise RefusedCut("this cut is finished already.")
 
     def recover(self) -> int:
-        """Put in order what an end of the server left: return how many cuts are unfinished.
+        """Put in order what an end of the server left: return how many cuts were broken off.
 
-        A cut whose record was written just before is saved; every other one that went on is noted as unfinished, and
-        can still be finished by a page that has gone on without the server.
+        A cut whose record was written just before is saved; every other one that went on is noted as broken off, and
+        can still be finished by a page that has gone on without the server.  Parts of records are deleted.
         """
         for cut in self.store.cuts():
             path = self.folder / cut.code / f"{_record_name(cut)}.csv"
             if cut.state == GOING_ON and path.is_file():
-                with suppress(KeyError, ValueError):  # somebody has damaged it: the cut is unfinished
-                    trace, card = self._scored(path)
-                    self._note_saved(cut, card, str(trace.metadata["end"]))
-        return self.store.close_unfinished()
+                with suppress(KeyError, ValueError):  # somebody has damaged it: the cut is broken off
+                    self._note_saved(cut, *self._scored(path))
+        for place in self.folder.glob("*/"):
+            _sweep(place)
+        return self.store.break_off()
 
-    def _repeated(self, handed_out: HandedOutCut, movements: bytes, digest: str) -> tuple[HandCut, Any]:
-        task = self._task(handed_out.code, handed_out)
-        kind = TASKS[task.task].hand
-        numbers = len(kind.led.task.action_names)
-        size = 8 * numbers
+    def _repeated(
+        self, handed_out: HandedOutCut, task: CourseTask, movements: bytes, digest: str
+    ) -> tuple[HandCut, Any]:
+        kind, size = TASKS[task.task].hand, _movement_size(task)
         if len(movements) % size or not FEWEST_MOVEMENTS <= len(movements) // size <= LONGEST_CUT:
             raise RefusedCut(
                 f"{len(movements)} bytes are no cut: {FEWEST_MOVEMENTS} to {LONGEST_CUT} milliseconds of {size} bytes "
                 "are."
             )
-        stylus = np.frombuffer(movements, "<f8").reshape(-1, numbers)
+        stylus = np.frombuffer(movements, "<f8").reshape(-1, size // 8)
         if not np.isfinite(stylus).all() or np.abs(stylus).max() > 10.0:
             raise RefusedCut("a movement of the hand is no number, or farther than any hand reaches.")
         cut = kind(
@@ -299,11 +366,13 @@ class Lesson:
         """Tasks that are cut in the class."""
         return ("gentle",) if self.course is None else self.course.kinds
 
-    def _task(self, code: str, cut: HandedOutCut) -> CourseTask:
-        """Return the task that a cut was handed out for; gentle cutting without a course."""
-        tasks = () if self.course is None else self.course.for_operator(code).tasks
-        gently = CourseTask(name="", specimen_class=cut.specimen_class)
-        return next((task for task in tasks if task.name == cut.task), gently)
+    def _task(self, code: str, cut: HandedOutCut) -> CourseTask | None:
+        """Return the task that a cut was handed out for, gentle cutting without a course; None if it is not served."""
+        if self.course is None:
+            tasks: Sequence[CourseTask] = (CourseTask(name="", specimen_class=cut.specimen_class),)
+        else:
+            tasks = self.course.for_operator(code).tasks
+        return next((task for task in tasks if _terms(self.course_name, task) == cut.terms), None)
 
     def scored(self, cut: HandedOutCut) -> tuple[Trace, ScoreCard]:
         """Return the record of a saved cut and its score card; LookupError if it was not saved."""
@@ -326,6 +395,8 @@ class Lesson:
     def _path(self, cut: HandedOutCut) -> Path:
         if cut.state not in KEPT:
             raise LookupError(f"cut {cut.id} is {cut.state}: it has no record.")
+        if Path(cut.record).name != cut.record:
+            raise LookupError(f"cut {cut.id} has no record in the folder of its person.")
         return self.folder / cut.code / cut.record
 
     def add_foreign(self, code: str, trace: Trace, target_length: float | None = None) -> str:
@@ -356,7 +427,7 @@ class Lesson:
             raise LookupError("There is no such code.")
         facts = {key: value for key, value in trace.metadata.items() if key not in _FACTS_OF_A_CONFIRMED_CUT}
         facts |= {} if target_length is None else {"target_length_m": target_length}
-        name = f"{datetime.now().astimezone():%Y%m%dT%H%M%S}_foreign_{secrets.token_hex(3)}"
+        name = f"{self.store.clock().astimezone():%Y%m%dT%H%M%S}_foreign_{secrets.token_hex(3)}"
         facts |= {"name": name, "operator": code, "consent": True, "confirmed_by_law": False}
         kept = trace.with_metadata(facts)
         card = score(kept, target_length=target_length, reference=fitting_reference(self._reference, kept))
@@ -375,20 +446,20 @@ class Lesson:
         tasks = () if self.course is None else self.course.for_operator(code).tasks
         silent = {task.name for task in tasks if task.feedback == "never"}
         return [
-            {"when": cut.handed_out, "state": cut.state}
+            {"when": cut.handed_out, "state": cut.state, "stalled": cut.stalled}
             | {"outcome": "" if cut.task in silent else cut.outcome, "score": None if cut.task in silent else cut.score}
             for cut in self.store.cuts(code)
         ]
 
     def table(self, code: str | None = None) -> str:
         """Return the cuts of a person, or of all, as CSV."""
-        header = "record,operator,class,group,task,handed_out_utc,state,confirmed_by_law,outcome,score"
+        header = "record,operator,class,group,task,handed_out_utc,state,confirmed_by_law,outcome,score,stalled_s,reason"
         rows, places = [header], self.store.places()
         for cut in self.store.cuts(code):
             place = places.get(cut.code, Place())
             confirmed = {SAVED: "yes", FOREIGN: "no, from another program"}.get(cut.state, "no")
             person = (cut.record, cut.code, place.class_name, place.group)
-            result = (cut.outcome, "" if cut.score is None else str(cut.score))
+            result = (cut.outcome, "" if cut.score is None else str(cut.score), f"{cut.stalled:g}", cut.reason)
             rows.append(",".join(map(_cell, (*person, cut.task, cut.handed_out, cut.state, confirmed, *result))))
         return "\n".join(rows) + "\n"
 
@@ -409,7 +480,6 @@ class Lesson:
             self.analyses.forget(code)
             if known and re.fullmatch(r"[\w-]+", code):
                 shutil.rmtree(self.folder / code, ignore_errors=True)
-            self._progress.pop(code, None)
             return known
 
 
@@ -417,6 +487,34 @@ def _record_name(cut: HandedOutCut) -> str:
     """Return the name of a cut's record; it follows from the cut, so that one sent again is not kept twice."""
     handed_out = datetime.fromisoformat(cut.handed_out).astimezone()
     return f"{handed_out:%Y%m%dT%H%M%S}_{cut.specimen_class}_{cut.seed}-0_{cut.id[:6]}"
+
+
+def _terms(course: str, task: CourseTask) -> str:
+    """Return a digest of what defines the cuts of a task: a cut is handed out, and finished, on the same terms alone.
+
+    Mark, repetitions and feedback are not in it: they may change while people cut.
+    """
+    defined = (course, task.name, task.task, task.line, task.specimen_class, task.seeds, task.target_length)
+    return hashlib.sha256(repr(defined).encode()).hexdigest()[:32]
+
+
+def _movement_size(task: CourseTask) -> int:
+    """Return the number of bytes of a millisecond's movement."""
+    return 8 * len(TASKS[task.task].hand.led.task.action_names)
+
+
+def _digest_of(movements: bytes, task: CourseTask) -> str | None:
+    """Return the SHA-256 of movements; None of a hand that hardly moved, as that of many others may."""
+    places = np.frombuffer(movements, "<f8")[:: _movement_size(task) // 8]
+    return hashlib.sha256(movements).hexdigest() if np.ptp(places) > _OWN_WAY else None
+
+
+def _sweep(place: Path) -> None:
+    """Delete parts of records in a person's folder that a killed server has left."""
+    for part in place.glob("*.part.csv"):
+        with suppress(OSError):  # its server is done with it
+            if part.stat().st_mtime < time.time() - _LEFTOVER:
+                part.unlink()
 
 
 def _cell(text: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hmac
 import re
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import date
 from typing import Any
 
@@ -18,8 +18,9 @@ from starlette.routing import Route
 
 from cutenv.classroom.analysis import PASS_MARK_KIND, STUDY_KIND, StudiedRecord
 from cutenv.classroom.class_overview import overview, people_of
-from cutenv.classroom.class_site import TEACHER_COOKIE, UPLOAD_PATH, ClassSite, Trials, download, text_of
-from cutenv.classroom.class_store import KEPT, SAVED, TEACHER, Place
+from cutenv.classroom.class_site import UPLOAD_PATH, ClassSite, Trials, download, text_of
+from cutenv.classroom.class_store import HandedOutCut, Place
+from cutenv.classroom.class_tables import KEPT, LEFT, SAVED
 from cutenv.classroom.foreign_upload import PICKED, picked_length, units_by_field
 from cutenv.classroom.live_rig import LiveRig
 from cutenv.report.page import embedded_figure
@@ -38,27 +39,16 @@ class TeacherPages:
     ----------
     site : ClassSite
         Site of the class.
-    trials : Trials
-        Failed trials, by address.
-    token : str
-        Secret with which the teacher signs in.
     ticket : str, optional
         Secret that signs the teacher in once, by the address ``teacher/open/TICKET``, within the first minute.
     live : LiveRig, optional
         Rig that the teacher may watch.
     """
 
-    def __init__(
-        self,
-        site: ClassSite,
-        trials: Trials,
-        token: str,
-        *,
-        ticket: str | None = None,
-        live: LiveRig | None = None,
-    ) -> None:
-        self._site, self._trials, self._lesson, self._live = site, trials, site.lesson, live
-        self._token, self._ticket, self._opened = token, ticket, time.monotonic()
+    def __init__(self, site: ClassSite, *, ticket: str | None = None, live: LiveRig | None = None) -> None:
+        self._site, self._lesson, self._live = site, site.lesson, live
+        self._trials = Trials()
+        self._ticket, self._opened = ticket, time.monotonic()
 
     @property
     def routes(self) -> list[Route]:
@@ -68,6 +58,7 @@ class TeacherPages:
             Route("/teacher/open/{ticket:str}", self.open_once, methods=["GET"]),
             Route("/teacher", self.teacher_page, methods=["GET"]),
             Route("/teacher", self.teacher_sign_in, methods=["POST"]),
+            route("POST", "/teacher/leave", self.leave_everywhere),
             route("POST", "/teacher/codes", self.add_codes), route("GET", "/teacher/sheet", self.sheet),
             route("GET", "/teacher/records.zip", self.records), route("POST", "/teacher/delete", self.remove),
             route("POST", "/teacher/places", self.place), route("GET", "/teacher/cuts.csv", self.cut_table),
@@ -85,7 +76,7 @@ class TeacherPages:
 
     async def teacher_page(self, request: Request) -> Response:
         """Show the list of the class, or where the teacher signs in."""
-        if await self._site.signed_in(request, TEACHER_COOKIE) != TEACHER:
+        if not await self._site.is_teacher(request):
             return self._site.page("teacher_sign_in.html", trouble="")
         shown = await run_in_threadpool(overview, self._lesson, self._site.language)
         return self._site.page("teacher.html", most=_MOST_CODES, root="", rig=self._live, **shown)
@@ -93,13 +84,21 @@ class TeacherPages:
     async def teacher_sign_in(self, request: Request) -> Response:
         """Sign the teacher in."""
         address = request.client.host if request.client else ""
-        self._trials.check(address)
         form = await request.form()
-        if not hmac.compare_digest(str(form.get("token", "")).encode(), self._token.encode()):
+        if not hmac.compare_digest(str(form.get("token", "")).encode(), self._site.secret.encode()):
+            self._trials.check(address)  # the right one is let in: it cannot be guessed
             self._trials.failed(address)
             return self._site.page("teacher_sign_in.html", 403, trouble=self._site.words["wrong_token"])
-        token = await run_in_threadpool(self._lesson.store.sign_in, TEACHER)
-        return self._site.sign(RedirectResponse("teacher", 303), TEACHER_COOKIE, token)
+        return await self._signed_in("teacher")
+
+    async def _signed_in(self, page: str) -> Response:
+        token = await run_in_threadpool(self._lesson.store.sign_in, self._site.teacher_name)
+        return self._site.sign(RedirectResponse(page, 303), self._site.teacher_cookie, token)
+
+    async def leave_everywhere(self, request: Request) -> Response:
+        """Sign the teacher out wherever the token was used."""
+        await run_in_threadpool(self._lesson.store.sign_out_everywhere, self._site.teacher_name)
+        return RedirectResponse("../teacher", 303)
 
     async def open_once(self, request: Request) -> Response:
         """Sign the teacher in by the ticket, once."""
@@ -108,8 +107,7 @@ class TeacherPages:
         if ticket is None or late or not hmac.compare_digest(given, ticket.encode()):
             return RedirectResponse("../../teacher", 303)
         self._ticket = None
-        token = await run_in_threadpool(self._lesson.store.sign_in, TEACHER)
-        return self._site.sign(RedirectResponse("../../teacher", 303), TEACHER_COOKIE, token)
+        return await self._signed_in("../../teacher")
 
     async def add_codes(self, request: Request) -> Response:
         """Make codes for people."""
@@ -144,9 +142,10 @@ class TeacherPages:
     async def remove(self, request: Request) -> Response:
         """Delete a person, with all cuts."""
         form = await request.form()
-        if form.get("code") != form.get("again"):
+        code, again = (text_of(form, name).strip().upper() for name in ("code", "again"))
+        if code != again:
             raise HTTPException(422, "The code was not typed a second time: nobody was deleted.")
-        if not await run_in_threadpool(self._lesson.delete, str(form.get("code", ""))):
+        if not await run_in_threadpool(self._lesson.delete, code):
             raise HTTPException(404, "There is no such code.")
         return RedirectResponse("../teacher", 303)
 
@@ -236,6 +235,8 @@ class StudyPages:
         state = made.state  # first of all: it may end while the page is made
         shown: dict[str, Any] = {"state": state, "said": made.said(), "files": made.files(), "marks": made.marks()}
         source = f"{made.title}, {date.today().isoformat()}"
+        left = await run_in_threadpool(lambda: {each.code: _count_left(each.cuts) for each in people_of(self._lesson)})
+        shown["left"] = {code: count for code, count in left.items() if count and code in made.people}
         answer = self._site.page(
             "analysis.html", analysis=made, source=source, root="../../", mark=self._lesson.pass_mark, **shown
         )
@@ -273,6 +274,10 @@ class StudyPages:
         except ValueError as error:
             return await run_in_threadpool(self.studies_page, str(error), 422)
         return RedirectResponse("studies", 303)
+
+
+def _count_left(cuts: Sequence[HandedOutCut]) -> int:
+    return sum(cut.state == LEFT for cut in cuts)
 
 
 def _begun(site: ClassSite, form: FormData) -> str:

@@ -11,7 +11,6 @@ import urllib.error
 import urllib.request
 import uuid
 from contextlib import suppress
-from datetime import UTC, datetime
 from typing import Any
 from urllib.parse import quote
 
@@ -19,9 +18,10 @@ from sqlalchemy import Column, ForeignKey, String, Table, func, insert, select
 from sqlalchemy.exc import IntegrityError, SQLAlchemyError
 
 import cutenv
-from cutenv.classroom.class_store import CLASS_METADATA, CUTS, SAVED, ClassStore, HandedOutCut
+from cutenv.classroom.class_store import ClassStore, HandedOutCut
+from cutenv.classroom.class_tables import CLASS_METADATA, CUTS, SAVED
 from cutenv.classroom.lesson import Lesson
-from cutenv.play.course import Course
+from cutenv.play.course import Course, marked_numbers
 from cutenv.play.course_progress import GIVEN_UP
 from cutenv.scoring import ScoreCard
 from cutenv.trace import Trace
@@ -65,7 +65,7 @@ class StatementQueue:
         """Note that a person agreed that statements of the cuts from now on are sent."""
         with suppress(IntegrityError), self._store.engine.begin() as connection:  # who agreed before has done so
             connection.execute(
-                insert(_agreed).values(code=code, since=datetime.now(UTC).isoformat(timespec="microseconds"))
+                insert(_agreed).values(code=code, since=self._store.clock().isoformat(timespec="microseconds"))
             )
 
     def due(self, most: int) -> list[HandedOutCut]:
@@ -214,7 +214,11 @@ def statement(cut: HandedOutCut, trace: Trace, card: ScoreCard, home: str, cours
     named = (course.name, cut.task) if course is not None and cut.task else ("specimens", cut.specimen_class)
     completed = facts.get("end") != GIVEN_UP
     verb = "completed" if completed else "attempted"
-    success = bool(facts.get("success")) if task is None or not task.mark else completed and not task.misses(card)
+    success = (
+        bool(facts.get("success"))
+        if task is None or not task.mark
+        else completed and not task.misses(marked_numbers(card))
+    )
     result: dict[str, Any] = {
         "success": success,
         "completion": completed,

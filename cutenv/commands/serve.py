@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import ipaddress
+import os
 import socket
 import sys
 from collections.abc import Sequence
@@ -13,7 +14,7 @@ from typing import Any
 from cutenv._base.document import LANGUAGES
 from cutenv._base.validation import in_range
 from cutenv.commands.options import add_watch, command_parser, made_folder, reports_errors
-from cutenv.play.course import SHIPPED_COURSES, named_course
+from cutenv.play.course import SHIPPED_COURSES, Course, named_course
 from cutenv.tissue.specimen import CLASSES
 
 
@@ -31,6 +32,14 @@ def main(argv: Sequence[str]) -> int:
         if path is not None and not path.is_file():
             raise ValueError(f"{option} {path} is no file. Give the path of one.")
     course = None if arguments.course is None else named_course(arguments.course)
+    before = os.umask(0o077)  # records of people's movements are nobody else's on this machine
+    try:
+        return _serve(arguments, argv, port, course)
+    finally:
+        os.umask(before)
+
+
+def _serve(arguments: argparse.Namespace, argv: Sequence[str], port: int, course: Course | None) -> int:
     made_folder("FOLDER", arguments.folder)
     if arguments.shortcut:
         from cutenv.classroom.desktop_shortcut import write_shortcut
@@ -49,15 +58,24 @@ def main(argv: Sequence[str]) -> int:
     from cutenv.classroom.folder_claim import FolderClaim
     from cutenv.classroom.lesson import Lesson
     from cutenv.classroom.live_rig import LiveRig
+    from cutenv.classroom.patient_protocol import PatientProtocol
     from cutenv.classroom.xapi_statements import Courier, StatementQueue
 
-    store = ClassStore(arguments.database or f"sqlite:///{arguments.folder / 'class.db'}")
+    database = arguments.folder / "class.db"
+    fresh = arguments.database is None and not database.exists()
+    store = ClassStore(arguments.database or f"sqlite:///{database}")
     if arguments.backup is not None:
         count = write_backup(store, arguments.folder / "records", arguments.backup)
         print(f"backup: {arguments.backup} ({count} records)")
         return 0
     if arguments.restore is not None:
-        count = restore_backup(store, arguments.folder / "records", arguments.restore)
+        try:
+            count = restore_backup(store, arguments.folder / "records", arguments.restore)
+        except BaseException:
+            store.close()
+            for each in arguments.folder.glob("class.db*") if fresh else ():
+                each.unlink()
+            raise
         print(f"restored: {count} records into {arguments.folder}; 'cutenv serve {arguments.folder}' goes on")
         return 0
     lesson = Lesson(store, arguments.folder / "records", course, arguments.specimen_class)
@@ -79,10 +97,13 @@ def main(argv: Sequence[str]) -> int:
         login = arguments.lrs_login.read_text(encoding="utf-8").strip()
         courier = Courier(lesson, StatementQueue(store), arguments.lrs, login, address)
         courier.start()
-    site = ClassSite(lesson=lesson, title=arguments.title, language=arguments.language, secure=secure, courier=courier)
-    app = class_app(site, token, live=live, ticket=ticket)
+    site = ClassSite(
+        lesson=lesson, secret=token, title=arguments.title, language=arguments.language, secure=secure, courier=courier,
+        hosts=_names(arguments.host, arguments.name),
+    )  # fmt: skip
+    app = class_app(site, live=live, ticket=ticket)
     if lost:
-        print(f"note: {lost} cut{'s were' * (lost > 1) or ' was'} not finished when the server ended", file=sys.stderr)
+        print(f"note: {lost} cut{'s were' * (lost > 1) or ' was'} going on when the server ended", file=sys.stderr)
     if not secure and not _is_loopback(arguments.host):
         print("note: without --certificate codes travel unencrypted; use it on a network of your own", file=sys.stderr)
     print(f"class: {address}\nteacher: {address}teacher with the token {token}")
@@ -96,6 +117,7 @@ def main(argv: Sequence[str]) -> int:
     tls: dict[str, Any] = {"ssl_certfile": arguments.certificate, "ssl_keyfile": arguments.key} if secure else {}
     settings = uvicorn.Config(
         app,
+        http=PatientProtocol,
         log_level="warning",
         server_header=False,
         timeout_keep_alive=30,
@@ -140,6 +162,14 @@ def _is_loopback(host: str) -> bool:
         return host == "localhost"
 
 
+def _names(host: str, further: Sequence[str]) -> frozenset[str]:
+    """Return the names that this machine has in a browser's address."""
+    own = socket.gethostname()
+    short = own.partition(".")[0]
+    names = ("localhost", host, own, short, f"{short}.local", *further)
+    return frozenset(name.lower() for name in names)
+
+
 def _shown_host(host: str) -> str:
     if host in ("0.0.0.0", "::"):
         return socket.gethostname()
@@ -171,6 +201,13 @@ def _parser() -> argparse.ArgumentParser:
         default="127.0.0.1",
         metavar="ADDRESS",
         help="address to listen on; default 127.0.0.1: this machine",
+    )
+    parser.add_argument(
+        "--name",
+        action="append",
+        default=[],
+        metavar="HOST",
+        help="further name of this machine in browsers' addresses",
     )
     parser.add_argument("--port", type=int, default=8800, metavar="N", help="port; default 8800, 0 takes a free one")
     parser.add_argument("--certificate", type=Path, metavar="FILE", help="certificate (PEM), for https")

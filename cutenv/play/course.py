@@ -81,6 +81,13 @@ MARKED_METRICS: Mapping[str, MarkedMetric] = _marked_metrics()
 """Metrics that a mark may limit, by the key in a course's file, which ends with the unit."""
 
 
+def marked_numbers(card: ScoreCard) -> dict[str, float]:
+    """Return the numbers of a card that a mark may limit, by metric, SI; without those that are not known."""
+    found = {_SCORE: card.overall_score} | {name: value.value for name, value in card.metrics.items()}
+    names = dict.fromkeys(about.name for about in MARKED_METRICS.values())
+    return {name: float(value) for name in names if (value := found.get(name)) is not None}
+
+
 @dataclass(frozen=True, kw_only=True)
 class CourseTask:
     """One task of a course.
@@ -125,9 +132,9 @@ class CourseTask:
         """Kind of line as a keyword of a cut; nothing for a task without a line."""
         return {"line": self.line} if TASKS[self.task].line else {}
 
-    def misses(self, card: ScoreCard, language: str = "en") -> tuple[str, ...]:
-        """Return in words by what a cut misses the mark; () if it reaches it."""
-        return tuple(words for key, limit in self.mark.items() if (words := _missed(key, limit, card, language)))
+    def misses(self, numbers: Mapping[str, float], language: str = "en") -> tuple[str, ...]:
+        """Return in words by what a cut of such :func:`marked_numbers` misses the mark; () if it reaches it."""
+        return tuple(words for key, limit in self.mark.items() if (words := _missed(key, limit, numbers, language)))
 
     def demand(self, language: str = "en") -> str:
         """Return in words what has to be reached, and how often."""
@@ -323,10 +330,10 @@ def _limit(key: str, limit: float, language: str) -> str:
     return course_words(language, "at least" if about.more else "at most", name=name, limit=shown)
 
 
-def _missed(key: str, limit: float, card: ScoreCard, language: str) -> str:
+def _missed(key: str, limit: float, numbers: Mapping[str, float], language: str) -> str:
     """Return by what a cut misses a limit, in words; "" if it keeps it."""
     about = MARKED_METRICS[key]
-    value = card.overall_score if key == _SCORE else card.metrics[about.name].value
+    value = numbers.get(about.name)
     asked = _limit(key, limit, language)
     if value is None:
         return course_words(language, "unknown", limit=asked)

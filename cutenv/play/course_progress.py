@@ -1,14 +1,14 @@
-"""Progress of one person through a course, read from the records on disk: nothing else is kept that could be lost."""
+"""Progress of one person through a course: counted from the cuts that were made, and never kept beside them."""
 
 from __future__ import annotations
 
 import secrets
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from cutenv._base.output import whole_files
-from cutenv.play.course import Course, CourseTask
+from cutenv.play.course import Course, CourseTask, marked_numbers
 from cutenv.play.course_words import COURSE_WORDS, course_words
 from cutenv.recording import load_one, read_metadata
 from cutenv.scoring import ScoreCard, score
@@ -37,7 +37,7 @@ class CourseProgress:
         Anonymous code of the person.
     folder : Path, optional
         Folder of the records, in which the person's cuts of this course are looked for; they are scored again, by the
-        marks that stand in the course now.
+        marks that stand in the course now. Without one, the cuts so far are those that :meth:`count` is told.
 
     Attributes
     ----------
@@ -53,6 +53,7 @@ class CourseProgress:
         self.unread: list[str] = []
         self.verdicts: dict[str, str] = {}
         self._counted: dict[str, list[bool]] = {task.name: [] for task in self.course.tasks}
+        self._begun = dict.fromkeys(self._counted, 0)  # cuts that did not count among them
         found = []
         for path in whole_files(folder.glob("*.csv")) if folder is not None and folder.is_dir() else ():
             try:
@@ -62,7 +63,7 @@ class CourseProgress:
             except (OSError, ValueError) as error:
                 self.unread.append(str(error))
         for _, _, facts, card in sorted(found, key=lambda each: each[:2]):
-            self._count(facts["task"], card, str(facts.get("end", "")))
+            self.count(facts["task"], marked_numbers(card), str(facts.get("end", "")))
 
     @property
     def task(self) -> CourseTask | None:
@@ -80,23 +81,39 @@ class CourseProgress:
         task = self.task
         if task is None:
             raise ValueError(f"course {self.course.name!r} is done: there is no next specimen.")
-        made = len(self._counted[task.name])
-        seed = task.seeds[made % len(task.seeds)] if task.seeds else secrets.randbelow(2**31)
+        seed = task.seeds[self._begun[task.name] % len(task.seeds)] if task.seeds else secrets.randbelow(2**31)
         return CourseSpecimen(task.specimen_class, seed, task.target_length)
 
     def metadata(self) -> dict[str, Any]:
         """Return what the record of the next cut has to note, so that the progress can be read from it."""
         task = self.task
         assert task is not None  # no cut is made after the last task
+        return self.facts(task)
+
+    def facts(self, task: CourseTask) -> dict[str, Any]:
+        """Return what the record of a task's cut has to note."""
         facts: dict[str, Any] = {"course": self.course.name, "task": task.name, "feedback": task.feedback}
         return facts | ({"crossover": True} if task.crossover else {})
 
-    def add(self, card: ScoreCard, end: str) -> None:
-        """Count a cut of the present task, and say in :attr:`verdicts` whether it reached the mark."""
-        task = self.task
+    def add(self, card: ScoreCard, end: str, task: CourseTask | None = None) -> None:
+        """Count a cut of a task, by default the present one, and say in :attr:`verdicts` if it reached the mark."""
+        task = self.task if task is None else task
         assert task is not None
-        missed = self._count(task.name, card, end)
-        self.verdicts = {language: _verdict(task, card, end, missed, language) for language in COURSE_WORDS}
+        numbers = marked_numbers(card)
+        missed = self.count(task.name, numbers, end)
+        self.verdicts = {language: _verdict(task, numbers, end, missed, language) for language in COURSE_WORDS}
+
+    def count(self, name: str, numbers: Mapping[str, float], end: str) -> bool:
+        """Count a cut of a task by its numbers; return whether it misses what counts towards the repetitions."""
+        task = next(task for task in self.course.tasks if task.name == name)
+        missed = end == GIVEN_UP or bool(task.misses(numbers))
+        self._counted[name].append(not missed)
+        self._begun[name] += 1
+        return missed
+
+    def skip(self, name: str) -> None:
+        """Pass over the specimen of a cut that was begun and can neither reach nor miss the mark."""
+        self._begun[name] += 1
 
     @property
     def verdict(self) -> str:
@@ -119,13 +136,6 @@ class CourseProgress:
         named = (facts.get("course"), facts.get("operator"))
         return named == (self.course.name, self.operator) and facts.get("task") in self._counted
 
-    def _count(self, name: str, card: ScoreCard, end: str) -> bool:
-        """Count a cut of a task; return whether it misses what counts towards the repetitions."""
-        task = next(task for task in self.course.tasks if task.name == name)
-        missed = end == GIVEN_UP or bool(task.misses(card))
-        self._counted[name].append(not missed)
-        return missed
-
     def _in_row(self, task: CourseTask) -> int:
         """Return the number of cuts that count towards the repetitions now: in a row if there is a mark."""
         counted = self._counted[task.name]
@@ -138,12 +148,12 @@ class CourseProgress:
         return any(_longest_end(counted[: n + 1]) >= task.repetitions for n in range(len(counted)))
 
 
-def _verdict(task: CourseTask, card: ScoreCard, end: str, missed: bool, language: str) -> str:
+def _verdict(task: CourseTask, numbers: Mapping[str, float], end: str, missed: bool, language: str) -> str:
     if not task.mark:
         return course_words(language, "counts not" if missed else "counts")
     if not missed or task.feedback == "never":  # by how much would be feedback
         return course_words(language, "missed" if missed else "reached")
-    misses = (course_words(language, GIVEN_UP),) if end == GIVEN_UP else task.misses(card, language)
+    misses = (course_words(language, GIVEN_UP),) if end == GIVEN_UP else task.misses(numbers, language)
     return course_words(language, "missed by", misses="; ".join(misses))
 
 

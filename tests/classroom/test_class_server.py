@@ -6,6 +6,7 @@ import csv
 import io
 import re
 import zipfile
+from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
@@ -15,27 +16,29 @@ import pytest
 pytest.importorskip("starlette", reason="the server is an extra: pip install 'cutenv[serve]'")
 pytest.importorskip("httpx2", reason="asks the server in its tests: pip install 'cutenv[dev]'")
 
-from class_room import Room, cut_once, hand, message, to_the_end
+from class_room import CLOCK, TOKEN, Room, begun, cut_once, hand, message, sent, to_the_end
+from starlette.testclient import TestClient
 
 from cutenv.browser import HandCut
 from cutenv.browser.stylus_steps import HandDepthCut, HandPathCut
 from cutenv.classroom import Lesson
-from cutenv.classroom.class_site import LARGEST_BODY, Trials
+from cutenv.classroom.class_server import class_app
+from cutenv.classroom.class_site import LARGEST_BODY, ClassSite, Trials
 from cutenv.play.course import named_course
 from cutenv.recording import load_one
 from cutenv.scoring import score
 
 
 def test_a_cut_is_repeated_scored_and_kept(room: Room) -> None:
-    client = room.person("P07")
-    answer, handed_out = cut_once(client)
+    client, stylus = room.person("P07"), hand()
+    answer, handed_out = cut_once(client, stylus)
     assert answer.status_code == 200, answer.text
     (path,) = (room.lesson.folder / "P07").glob("*.csv")
     trace = load_one(path)
     assert trace.metadata["operator"] == "P07"
     assert trace.metadata["specimen_seed"] == handed_out["seed"]
     made = HandCut(specimen_class=handed_out["specimen_class"], seed=handed_out["seed"])
-    assert trace.force.tobytes() == made.follow(hand())["force"].tobytes()
+    assert trace.force.tobytes() == made.follow(stylus)["force"].tobytes()
     overall = score(
         trace, target_length=trace.metadata["target_length_m"], reference=room.lesson._reference
     ).overall_score
@@ -53,16 +56,15 @@ def test_a_course_leads_from_task_to_task_and_hides_what_it_is_to_hide(tmp_path:
     )
     room = Room(tmp_path, str(course))
     client = room.person("P01")
-    first = client.post("/cuts").json()
+    first = begun(client)
     assert (first["specimen_class"], first["seed"], first["feedback"]) == ("uniform", 5, "never")
-    sent = message(HandCut(specimen_class="uniform", seed=5), to_the_end())
-    answer = client.post(f"/cuts/{first['id']}", **sent).json()
+    answer = sent(client, first, to_the_end()).json()
     assert (answer["score"], answer["outcome"], answer["points"]) == (None, "", [])
     assert client.post("/cuts").json()["feedback"] == "above-limit"
     again = Lesson(room.store, room.lesson.folder, named_course(str(course))).progress("P01")
     assert again is not None
     assert again.task is not None
-    assert again.task.name == "second", "progress is read from the records after a restart"
+    assert again.task.name == "second", "progress is counted from what is stored"
     room.store.close()
 
 
@@ -83,7 +85,7 @@ def test_a_cut_of_another_task_is_repeated_scored_and_kept(
     room = Room(tmp_path, str(course))
     client = room.person("P01")
     assert f'id="law-{task}"' in client.get("/cut").text
-    handed_out = client.post("/cuts").json()
+    handed_out = begun(client)
     assert (handed_out["task"], handed_out.get("line")) == (task, line)
     assert set(handed_out["records"]) == {"cut", "episode"}
     stylus = np.column_stack([hand(), np.linspace(0.0, 0.002, 900)])
@@ -92,8 +94,8 @@ def test_a_cut_of_another_task_is_repeated_scored_and_kept(
         if line is None
         else HandPathCut(specimen_class="liver", seed=5, line=line)
     )
-    sent = message(made, stylus)
-    answer = client.post(f"/cuts/{handed_out['id']}", **sent)
+    request = message(made, stylus)
+    answer = client.post(f"/cuts/{handed_out['id']}", **request)
     assert answer.status_code == 200, answer.text
     assert [each["part"] for each in answer.json()["points"]].count(task) == 1
     assert answer.json()["verdict"]["en"] == "Mark missed: given up."
@@ -102,8 +104,8 @@ def test_a_cut_of_another_task_is_repeated_scored_and_kept(
     kept = made.channels[made.channel_fields.index(channel)]
     assert getattr(trace, channel).tobytes() == kept.tobytes()
     assert {name: trace.metadata[name] for name in made.noted} == made.noted
-    other = client.post("/cuts").json()
-    flat = client.post(f"/cuts/{other['id']}", **(sent | {"content": hand(1001).tobytes()}))
+    other = begun(client)
+    flat = client.post(f"/cuts/{other['id']}", **(request | {"content": hand(1001).tobytes()}))
     assert flat.status_code == 422
     assert "milliseconds of 24 bytes" in flat.json()["error"]
     room.store.close()
@@ -177,7 +179,8 @@ def test_nobody_gets_in_without_signing_in(room: Room, method: str, path: str) -
 @pytest.mark.parametrize("cookie", ["", "x", "' OR 1=1 --", "\x00", "a" * 5000])
 def test_a_made_up_cookie_is_nobodys(room: Room, cookie: str) -> None:
     client = room.client()
-    for name in ("cutenv_person", "cutenv_teacher"):
+    site = ClassSite(lesson=room.lesson, secret=TOKEN)
+    for name in (site.person_cookie, site.teacher_cookie):
         header = {"Cookie": f"{name}={cookie}".encode("latin-1")}
         assert client.get("/cuts", headers=header).status_code in (400, 401)
         assert client.get("/teacher/sheet", headers=header).status_code in (400, 401)
@@ -203,17 +206,27 @@ def test_no_path_of_a_client_is_opened(room: Room, path: str) -> None:
     assert room.lesson.folder.is_dir()
 
 
-def test_guessing_codes_is_slowed_down(room: Room) -> None:
+def test_guessing_codes_is_slowed_down_and_neither_a_class_nor_its_teacher_is_locked_out(room: Room) -> None:
     room.store.add_code("P01")
     client = room.client()
-    answers = [client.post("/", data={"code": f"X{n}", "consent": "yes"}).status_code for n in range(12)]
-    assert answers == [403] * 10 + [429] * 2
+    answers = [client.post("/", data={"code": f"X{n}", "consent": "yes"}).status_code for n in range(14)]
+    assert answers == [403] * 12 + [429] * 2, "ten, and two for the code there is"
     assert client.post("/", data={"code": "P01", "consent": "yes"}).status_code == 429
+    assert client.post("/teacher", data={"token": TOKEN}).status_code == 303
+    room.store.add_codes(29)  # a whole class behind one address
+    assert client.post("/", data={"code": "P01", "consent": "yes"}).status_code == 303
+
+
+def test_guessing_the_token_is_slowed_down_and_the_right_one_is_let_in(room: Room) -> None:
+    client = room.client()
+    answers = [client.post("/teacher", data={"token": "guess"}).status_code for _ in range(12)]
+    assert answers == [403] * 10 + [429] * 2
+    assert client.post("/teacher", data={"token": TOKEN}).status_code == 303
 
 
 def test_the_brake_lets_go_after_a_minute() -> None:
     now = [0.0]
-    trials = Trials(most=2, clock=lambda: now[0])
+    trials = Trials(2, clock=lambda: now[0])
     trials.failed("a")
     trials.failed("a")
     with pytest.raises(Exception, match="Wait a minute"):
@@ -280,7 +293,7 @@ def test_the_teacher_makes_codes_and_sees_exports_and_deletes(room: Room) -> Non
         assert row["state"] == "saved"
         assert f"{codes[0]}/{row['record']}" in names
     assert teacher.post("/teacher/delete", data={"code": codes[0], "again": "x"}).status_code == 422
-    assert teacher.post("/teacher/delete", data={"code": codes[0], "again": codes[0]}).status_code == 303
+    assert teacher.post("/teacher/delete", data={"code": codes[0].lower(), "again": codes[0]}).status_code == 303
     assert not (room.lesson.folder / codes[0]).exists()
     assert client.get("/cuts").status_code == 401, "who was deleted is signed out"
     assert codes[0] not in teacher.get("/teacher").text
@@ -295,7 +308,7 @@ def test_a_bad_number_of_codes_is_named(room: Room, count: str) -> None:
 
 def test_signing_out_ends_the_session(room: Room) -> None:
     teacher = room.teacher()
-    token = teacher.cookies["cutenv_teacher"]
+    token = teacher.cookies[ClassSite(lesson=room.lesson, secret=TOKEN).teacher_cookie]
     teacher.post("/leave")
     assert room.store.signed_in(token) is None
 
@@ -306,13 +319,44 @@ def test_loading_the_page_again_brings_no_other_specimen(room: Room) -> None:
     assert (first["id"], first["seed"]) == (again["id"], again["seed"])
 
 
-def test_a_cut_that_was_left_is_unfinished(room: Room) -> None:
-    client = room.person("P07")
+def test_who_was_not_seen_for_long_is_signed_out_and_a_teacher_stays(room: Room) -> None:
+    person, other, teacher = room.person("P07"), room.person("P08"), room.teacher()
+    assert ">P07</b>" in person.get("/cut").text
     for _ in range(2):
-        assert client.post(f"/cuts/{client.post('/cuts').json()['id']}/begun").status_code == 200
-    assert [cut.state for cut in room.store.cuts("P07")] == ["unfinished", "going on"]
-    assert room.store.close_unfinished() == 1
-    assert [cut.state for cut in room.store.cuts("P07")] == ["unfinished", "unfinished"]
+        CLOCK.ahead += timedelta(minutes=8)
+        assert other.get("/cuts").status_code == 200
+    assert person.get("/cuts").status_code == 401
+    assert person.get("/").status_code == 200, "the next person at the machine enters a code"
+    assert teacher.get("/teacher/sheet").status_code == 200
+
+
+def test_the_teacher_is_signed_out_everywhere_by_one_button_and_by_another_token(room: Room) -> None:
+    here, there = room.teacher(), room.teacher()
+    later = TestClient(class_app(ClassSite(lesson=room.lesson, secret="new")), base_url="http://class")
+    later.cookies = here.cookies
+    assert later.get("/teacher/sheet").status_code == 401
+    person = room.person("P07")
+    assert here.post("/teacher/delete", data={"code": "", "again": ""}).status_code == 404
+    assert there.get("/teacher/sheet").status_code == 200, "nobody is called so"
+    assert here.post("/teacher/leave").status_code == 303
+    assert [each.get("/teacher/sheet").status_code for each in (here, there)] == [401, 401]
+    assert person.get("/cuts").status_code == 200
+
+
+def test_two_classes_on_one_machine_do_not_sign_each_other_out(room: Room, tmp_path: Path) -> None:
+    (tmp_path / "other").mkdir()
+    other = Room(tmp_path / "other")
+    names = {site.person_cookie for site in (ClassSite(lesson=each.lesson, secret="") for each in (room, other))}
+    assert len(names) == 2
+    other.lesson.close()
+
+
+def test_a_name_that_is_not_the_servers_reads_nothing(room: Room) -> None:
+    app = class_app(ClassSite(lesson=room.lesson, secret=TOKEN, hosts={"class", "localhost"}))
+    for host, status in (("class", 200), ("127.0.0.1:8800", 200), ("[::1]:8800", 200), ("evil.example", 421)):
+        answer = TestClient(app).get("/", headers={"Host": host})
+        assert answer.status_code == status, host
+    assert "--name evil.example" in answer.json()["error"]
 
 
 def test_a_full_disk_is_told_and_the_cut_can_be_sent_again(room: Room, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -327,6 +371,5 @@ def test_a_full_disk_is_told_and_the_cut_can_be_sent_again(room: Room, monkeypat
         answer, handed_out = cut_once(client)
     assert answer.status_code == 507
     assert "No space left" in answer.json()["error"]
-    made = HandCut(specimen_class=handed_out["specimen_class"], seed=handed_out["seed"])
-    assert client.post(f"/cuts/{handed_out['id']}", **message(made, hand())).status_code == 200
+    assert sent(client, handed_out).status_code == 200
     assert len(list(room.lesson.folder.rglob("*.csv"))) == 1

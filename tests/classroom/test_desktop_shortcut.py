@@ -63,7 +63,7 @@ def test_the_address_of_a_double_click_holds_for_a_minute(
 ) -> None:
     monkeypatch.setattr("cutenv.classroom.teacher_pages._TICKET_LASTS", minute)
     store = ClassStore(f"sqlite:///{tmp_path / 'class.db'}")
-    app = class_app(ClassSite(lesson=Lesson(store, tmp_path / "records")), "token", ticket="t")
+    app = class_app(ClassSite(lesson=Lesson(store, tmp_path / "records"), secret="token"), ticket="t")
     answer = TestClient(app, base_url="http://class", follow_redirects=False).get(f"/teacher/open/{ticket}")
     assert answer.headers["location"].endswith("teacher")
     assert ("set-cookie" in answer.headers) is opens

@@ -107,8 +107,8 @@ def test_a_bad_port_is_named(port: str, capsys: pytest.CaptureFixture[str]) -> N
 
 def test_the_teacher_alone_may_watch_and_nobody_can_send(live: LiveRig, tmp_path: Path) -> None:
     store = ClassStore(f"sqlite:///{tmp_path / 'class.db'}")
-    site = ClassSite(lesson=Lesson(store, tmp_path / "records"))
-    client = TestClient(class_app(site, "secret", live=live), base_url="http://class")
+    site = ClassSite(lesson=Lesson(store, tmp_path / "records"), secret="secret")
+    client = TestClient(class_app(site, live=live), base_url="http://class")
     for path in ("/rig", "/rig/readings"):
         assert client.get(path).status_code == 401
     client.post("/teacher", data={"token": "secret"})

@@ -17,7 +17,7 @@ from recorded_cut import recorded_cut
 from cutenv.browser.scorm_package import write_scorm_package
 from cutenv.classroom.class_store import MarkInForce
 from cutenv.classroom.lesson import shown_card
-from cutenv.play.course import CourseTask
+from cutenv.play.course import CourseTask, marked_numbers
 from cutenv.report.trainee_sheet import write_class_list, write_trainee_sheet
 from cutenv.scoring import ScoreCard, score
 from cutenv.scoring.cut_metrics import tip_error
@@ -72,7 +72,7 @@ def test_who_reaches_a_mark(card: ScoreCard, value: float, mark: float) -> None:
 @pytest.mark.parametrize(("value", "mark"), EDGES)
 def test_a_task_of_a_course(card: ScoreCard, value: float, mark: float) -> None:
     task = CourseTask(name="one", specimen_class="liver", mark={"overall_score": mark})
-    missed = task.misses(with_score(card, value))
+    missed = task.misses(marked_numbers(with_score(card, value)))
     assert bool(missed) is (whole_score(value) < mark)
     assert not missed or float(re.findall(r"here ([\d.]+)", missed[0])[0]) < mark
 

@@ -22,7 +22,7 @@ from starlette.testclient import TestClient
 from cutenv.classroom import ClassStore, Lesson
 from cutenv.classroom.class_backup import restore_backup, write_backup
 from cutenv.classroom.class_overview import class_means, score_curve
-from cutenv.classroom.class_store import CutEnd
+from cutenv.classroom.class_store import CutEnd, NewCut
 from cutenv.classroom.foreign_upload import LARGEST_UPLOAD
 from cutenv.play.course import named_course
 from cutenv.recording import load_one, save
@@ -50,7 +50,7 @@ def full(room: Room, people: int = 4) -> TestClient:
     for number in range(1, people + 1):
         code = f"P{number:02}"
         room.store.add_code(code)
-        cut = room.store.hand_out(code, "liver", number)
+        cut = room.store.hand_out(code, lambda _, seed=number: NewCut("liver", seed))
         room.store.finish(cut.id, CutEnd(state="saved", record=f"{code}.csv", outcome="success", score=50 + number))
         (room.lesson.folder / code).mkdir()
         (room.lesson.folder / code / f"{code}.csv").write_text("a record")
@@ -135,7 +135,7 @@ def test_where_feedback_is_never_shown_the_history_hides_it_too(room: Room, tmp_
         'name = "two"\n[[task]]\nname = "blind"\nspecimen_class = "liver"\nfeedback = "never"\nrepetitions = 9'
     )
     full(room, 1)
-    cut = room.store.hand_out("P01", "liver", 1, task="blind")
+    cut = room.store.hand_out("P01", lambda _: NewCut("liver", 1, task="blind"))
     room.store.finish(cut.id, CutEnd(state="saved", record="x.csv", outcome="success", score=77))
     lesson = Lesson(room.store, room.lesson.folder, named_course(str(course)))
     assert [(each["outcome"], each["score"]) for each in lesson.history("P01")] == [("success", 51), ("", None)]

@@ -106,7 +106,7 @@ class SendingRoom(Room):
     def __init__(self, folder: Path, store: Store, course: str | None = None, login: str = "key:secret") -> None:
         super().__init__(folder, course)
         self.courier = Courier(self.lesson, StatementQueue(self.store), store.url, login, HOME)
-        self.app = class_app(ClassSite(lesson=self.lesson, courier=self.courier), TOKEN)
+        self.app = class_app(ClassSite(lesson=self.lesson, secret=TOKEN, courier=self.courier))
 
 
 @pytest.fixture

@@ -22,6 +22,8 @@
   async function prepare() {
     if (told.served) {
       page.handedOut = await ask("POST", "cuts");
+      page.kept = null;
+      if (page.handedOut.status === 401) location.assign("."); // nobody was seen here for long
       sayCourse();
       page.done = !page.handedOut.records;
       if (page.done) { show(); return; }
@@ -37,7 +39,7 @@
   // What comes next in the course, and what the last cut reached, in the language of the moment.
   function sayCourse() {
     const language = document.documentElement.lang, { handedOut, kept } = page;
-    byId("course").textContent = handedOut?.error ?? handedOut?.ahead?.[language] ?? "";
+    byId("course").textContent = handedOut?.error ?? (kept ?? handedOut)?.ahead?.[language] ?? "";
     byId("ahead-words").textContent = kept?.ahead?.[language] ?? "";
     if (!kept) return;
     const saved = kept.score === null ? texts.saved_no_score : say(texts.saved, { score: fixed(kept.score, 0) });
@@ -52,12 +54,23 @@
       try { await prepare(); } finally { page.busy = false; }
       if (page.done || page.phase !== "ready") return;
     }
-    if (told.served) ask("POST", `cuts/${page.handedOut.id}/begun`);
+    if (told.served && !await begun()) return;
     page.phase = "countdown";
     page.from = performance.now();
     show();
     canvas.focus({ preventScroll: true });
     byId("stage").scrollIntoView({ block: "nearest" });
+  }
+
+  // A cut counts from its beginning on: it cannot begin unless the server knows it.
+  async function begun() {
+    page.busy = true;
+    const said = await ask("POST", `cuts/${page.handedOut.id}/begun`);
+    page.busy = false;
+    if (said.status === 401) location.assign(".");
+    if (said.error) byId("course").textContent = say(texts.not_begun, { reason: said.error });
+    if (said.status === 409) { await prepare(); byId("course").textContent = say(texts.not_begun, { reason: texts.another_specimen }); }
+    return !said.error;
   }
 
   function finish(end) {
@@ -120,7 +133,7 @@
       byId("kept").textContent = say(texts.unsaved, { reason: said.error });
       const again = element("button", texts.retry);
       again.addEventListener("click", keep);
-      if (said.status === 0 || said.status >= 500) byId("kept").append(" ", again);
+      if (said.status === 0 || said.status === 401 || said.status >= 500) byId("kept").append(" ", again);
     } else {
       page.kept = said;
       sayCourse();
@@ -132,9 +145,9 @@
 
   async function tellHistory() {
     const cuts = await ask("GET", "cuts");
-    const rows = Object.values(cuts).filter(each => each?.state && each.state !== "prepared").reverse().map(({ when, state, outcome, score }) =>
+    const rows = Object.values(cuts).filter(each => each?.state && !["prepared", "taken back"].includes(each.state)).reverse().map(({ when, state, outcome, score, stalled }) =>
       row("td", new Date(when).toLocaleString(document.documentElement.lang),
-        [state !== "saved" && texts[`state_${state}`], outcome].filter(Boolean).join(": "), score ?? "–"));
+        [state !== "saved" && texts[`state_${state}`], outcome, stalled >= 0.5 && say(texts.stalled, { time: fixed(stalled, 1) })].filter(Boolean).join(": "), score ?? "–"));
     byId("history").replaceChildren(row("th", texts.when, texts.outcome, texts.score), ...rows);
     byId("curve").innerHTML = (await ask("GET", "curve")).curve ?? "";
     byId("curve").firstChild?.setAttribute("aria-label", texts.curve);

@@ -1,0 +1,91 @@
+"""Tables of a class's database, the states of a cut in them, and what the database itself forbids."""
+
+from __future__ import annotations
+
+from sqlalchemy import Column, ForeignKey, Index, Integer, MetaData, String, Table, Text
+
+CLASS_METADATA = MetaData()
+PEOPLE = Table(
+    "people",
+    CLASS_METADATA,
+    Column("code", String(64), primary_key=True),
+    Column("created", String(32), nullable=False),
+    Column("consented", String(32)),
+)
+CLASS_PLACES = Table(  # where a person belongs; whoever is in no class and no group has no row
+    "places",
+    CLASS_METADATA,
+    Column("code", String(64), ForeignKey("people.code", ondelete="CASCADE"), primary_key=True),
+    Column("class_name", String(32), nullable=False),
+    Column("group_name", String(32), nullable=False),
+)
+PASS_MARKS = Table(
+    "pass_marks",
+    CLASS_METADATA,
+    Column("course", String(200), primary_key=True),  # "" without a course
+    Column("tenths", Integer, nullable=False),
+    Column("source", String(200), nullable=False),
+    Column("since", String(32), nullable=False),
+)
+CUTS = Table(
+    "cuts",
+    CLASS_METADATA,
+    Column("id", String(32), primary_key=True),
+    Column("code", String(64), ForeignKey("people.code", ondelete="CASCADE"), nullable=False),
+    Column("nth", Integer),  # 1, 2, ... of the person: the order, whatever the clock says
+    Column("specimen_class", String(16), nullable=False),
+    Column("seed", Integer, nullable=False),
+    Column("target_length_um", Integer),  # whole, so that every database gives it back
+    Column("course", String(200)),
+    Column("task", String(200)),
+    Column("terms", String(32)),  # digest of what defines the cuts of the task
+    Column("handed_out", String(32), nullable=False),
+    Column("begun", String(32)),
+    Column("state", String(16), nullable=False),
+    Column("record", String(200)),
+    Column("outcome", String(200)),
+    Column("score", Integer),
+    Column("reason", String(500)),
+    Column("ended", String(32)),
+    Column("numbers", Text),  # those that a mark may limit, JSON
+    Column("movements", String(64)),  # SHA-256
+    Column("stalled_ms", Integer),
+)
+SESSIONS = Table(
+    "sessions",
+    CLASS_METADATA,
+    Column("token_hash", String(64), primary_key=True),
+    Column("code", String(64), nullable=False),
+    Column("expires", String(32), nullable=False),
+    Column("seen", String(32)),
+)
+
+
+BACKED_UP = (PEOPLE, CLASS_PLACES, CUTS, PASS_MARKS)
+"""Tables of a backup, in the order in which they are filled; nobody stays signed in."""
+
+
+PREPARED, GOING_ON, BROKEN_OFF = "prepared", "going on", "broken off"
+"""States of an open cut: handed out; begun; going on when the server ended, whose page may still send it."""
+OPEN = (PREPARED, GOING_ON, BROKEN_OFF)
+"""States of which a person has at most one cut, whatever the number of servers."""
+SAVED, REFUSED, LEFT = "saved", "refused", "left"
+"""States of a cut that has ended; one that was begun and left counts as given up."""
+UNFINISHED, TAKEN_BACK = "unfinished", "taken back"
+"""States of a cut that counts for nothing: the server ended while it went on; its task is served no more."""
+FOREIGN = "foreign"
+"""State of a cut that another program recorded: it was not handed out, and no law confirms it."""
+KEPT = (SAVED, FOREIGN)
+"""States of a cut that has a record."""
+INDEXES = (
+    Index("cuts_in_order", CUTS.c.code, CUTS.c.nth, unique=True),
+    Index(
+        "one_open_cut",
+        CUTS.c.code,
+        unique=True,
+        sqlite_where=CUTS.c.state.in_(OPEN),
+        postgresql_where=CUTS.c.state.in_(OPEN),
+    ),
+    Index("movements_once", CUTS.c.movements, unique=True),
+)
+"""Indexes beside the tables: one cut of each number and one open cut of a person, and no movements twice."""
