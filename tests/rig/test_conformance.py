@@ -18,6 +18,7 @@ from cutenv.rig.errors import RigError
 from cutenv.rig.operation.conformance import TriedPromise
 from cutenv.rig.operation.driver_conformance import conform_force, conform_motion
 
+# Not as a program: a class that a rig's file names tries nothing and prints nothing when it is imported.
 Stage: Any = runpy.run_path(str(Path(__file__).parents[2] / "examples" / "own_driver.py"))["Stage"]
 RIG = RigSettings(blade=Axis(driver="x:Y"), sensor=SensorSettings(driver="x:Y"))
 

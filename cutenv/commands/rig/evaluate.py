@@ -17,9 +17,9 @@ from cutenv.commands.options import (
     command_parser,
     made_folder,
     made_place,
-    reports_errors,
     target_length,
 )
+from cutenv.commands.rig import reports_rig_errors
 from cutenv.rig.errors import RigError
 from cutenv.task.registry import TASKS
 
@@ -33,9 +33,9 @@ _OF_BOTH = ("control_hz", "deadline_s", "angle_mode", "fixed_angle_deg")
 _PAGE, _RECORDS = "evaluation.html", "records"
 
 
-@reports_errors("rig evaluate", ImportError, TypeError, RigError)
+@reports_rig_errors("evaluate", ImportError, TypeError, refused=2)
 def main(argv: Sequence[str]) -> int:
-    """Run the command; return 0 if both agree or it is open, 1 if they differ, 2 for a bad option or rig."""
+    """Run the command; return 0 if both agree or it is open, 1 if they differ, 2 for bad input, 130 after Ctrl-C."""
     arguments = _parser().parse_args(argv)
     evaluation = _evaluated(arguments)
     print("\n".join(evaluation.lines()))
