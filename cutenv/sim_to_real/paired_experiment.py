@@ -18,6 +18,7 @@ from cutenv.plant.protocol import to_trace
 from cutenv.policy import Policy, PrivilegedPolicy
 from cutenv.recording import save
 from cutenv.rig.errors import RigError
+from cutenv.rig.identification.experiment import LOST_TIME
 from cutenv.rig.operation.suitability import simulator_keywords
 from cutenv.rig.safety.stop_causes import BY_PEOPLE, Cause
 from cutenv.sim_to_real import FEWEST_SPECIMENS, Agreement, ClockKept, ComparedCut
@@ -25,10 +26,6 @@ from cutenv.task.episode_dtypes import STOPPED
 
 DRAWS = 5
 """Number of simulated cuts of each specimen, which differ only by the noise of the force sensor."""
-LOST_TIME = (
-    Cause.FORCE_STALE, Cause.FORCE_LATE, Cause.FORCE_LOST, Cause.MOTION_STALE, Cause.HEARTBEAT, Cause.OVERRUN,
-)  # fmt: skip
-"""Stops after which a specimen is cut again: the computer was delayed, which concerns neither policy nor rig."""
 _OUR_HEARTBEAT = "0x8130"
 """Emergency of a drive that has missed this computer's heartbeat."""
 _ATTEMPTS = 5  # for one specimen

@@ -79,6 +79,29 @@ def test_something_in_the_way_stops_the_experiment() -> None:
     assert rig.plant.supervisor.standing
 
 
+def test_what_was_measured_before_this_computer_was_late_is_kept() -> None:
+    rig, told = prepared(Rig()), []
+    plan = Plan.within(rig.settings, rig.plant.position)
+    plan = dataclasses.replace(plan, turns=3, rest=6.0, sines=plan.sines[2:3])
+
+    def tell(message: str) -> None:
+        told.append(message.partition(" ")[0])
+        rig.faults.force_silent = told.count("sines") == 1 and message.startswith("sines")
+
+    def again(stop: RigStopped) -> None:
+        assert stop.report.cause is Cause.FORCE_STALE
+        rig.faults.force_silent = False
+        rig.clock.sleep_until(rig.clock.now() + SETTLE)
+        rig.plant.supervisor.reset(agreed=True)
+        prepare(rig.plant, AutomaticOperator(rig.settings), today=date.today())
+
+    recorded = perform(rig.plant, plan, tell=tell, again=again)
+    assert told == ["move", "sensor", "3", "steps", "sines", "stopped", "move", "sines"]
+    assert (len(recorded.steps), len(recorded.sines), len(recorded.felt)) == (2 * len(plan.speeds), 1, 1)
+    found = identification_from(rig.settings, plan, recorded)
+    assert found["motor_lag"].value == pytest.approx(0.040, rel=0.05)
+
+
 def test_the_command_prints_a_table_and_draws_a_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     picture = tmp_path / "fake.png"
     assert cli.main(["rig", "identify", "fake", "--picture", str(picture)]) == 0

@@ -19,6 +19,7 @@ from cutenv.rig.connection import connected, operator_of, settings_of
 from cutenv.rig.errors import RigError
 from cutenv.rig.identification import Identification, Plan, identification_from, perform
 from cutenv.rig.operation.preflight import prepare
+from cutenv.rig.safety.stop_causes import RigStopped
 from cutenv.rig.toml_file import write_identified
 
 _SELDOM = 0.05  # [s] between positions, above which no step of some tenths of a second is seen to begin
@@ -26,7 +27,7 @@ _SELDOM = 0.05  # [s] between positions, above which no step of some tenths of a
 
 @reports_rig_errors("identify")
 def main(argv: Sequence[str]) -> int:
-    """Run the command; return 0, 1 if the rig refuses or stopped the blade, or 2 if an option or the file is bad."""
+    """Run the command; return 0, 1 if the rig refuses or stopped the blade, 2 for bad input, 130 after Ctrl-C."""
     arguments = _parser().parse_args(argv)
     if arguments.write and arguments.rig in RIG_NAMES:
         raise ValueError(f'--write needs a rig\'s file, and "{arguments.rig}" has none.')
@@ -46,7 +47,13 @@ def main(argv: Sequence[str]) -> int:
         plan = Plan.within(settings, rig.plant.position)
         if not operator.confirm(_question(plan)):
             raise RigError("the operator has not confirmed: nothing was measured.")
-        recorded = perform(rig.plant, plan, tell=print)
+
+        def again(stop: RigStopped) -> None:
+            question = f"The blade was stopped ({stop.report.detail}). May the stop be reset, and is all as it was?"
+            rig.plant.supervisor.reset(agreed=operator.confirm(question))
+            prepare(rig.plant, operator, today=date.today())
+
+        recorded = perform(rig.plant, plan, tell=print, again=again)
         rig.plant.halt()
     _report(identification_from(settings, plan, recorded), settings, arguments)
     return 0

@@ -137,6 +137,13 @@ class Stretch:
     torque: Array
 
 
+class Felt(NamedTuple):
+    """Readings of the force along the cut while the axis moves: times [s] and forces [N], each of shape (n,)."""
+
+    time: Array
+    force: Array
+
+
 class Recorder:
     """Listener to an axis and a sensor, besides the supervisor.
 
@@ -144,10 +151,12 @@ class Recorder:
     ----------
     cut_axis : int
         Axis of the sensor along the cut: 0, 1 or 2.
+    sign : int
+        Sign of the reading against a motion forward.
     """
 
-    def __init__(self, cut_axis: int = 0) -> None:
-        self._cut_axis = cut_axis
+    def __init__(self, cut_axis: int = 0, sign: int = 1) -> None:
+        self._cut_axis, self._sign = cut_axis, sign
         self._commands: list[tuple[float, float]] = []
         self._motions: dict[str, list[MotionSample]] = {}
         self._forces: list[ForceSample] = []
@@ -190,6 +199,12 @@ class Recorder:
     def force_along(self, start: float, end: float) -> Array:
         """Return the readings along the cut between two times [s], in the sensor's sign [N]."""
         return np.array([each.force[self._cut_axis] for each in self.forces(start, end)])
+
+    def felt(self, start: float, end: float) -> Felt:
+        """Return times and forces along the cut between two times [s]; positive: against a motion forward."""
+        readings = self.forces(start, end)
+        force = [self._sign * each.force[self._cut_axis] for each in readings]
+        return Felt(np.array([each.time for each in readings]), np.array(force))
 
     def force_axes(self, start: float, end: float) -> Array:
         """Return the readings of all three axes of the sensor between two times, shape (n, 3) [N]."""
