@@ -19,10 +19,10 @@ from cutenv.plant.protocol import to_trace
 from cutenv.policy import Policy, PrivilegedPolicy
 from cutenv.recording import save
 from cutenv.rig.errors import RigError
-from cutenv.rig.identification.experiment import LOST_TIME
 from cutenv.rig.operation.suitability import simulator_keywords
 from cutenv.rig.safety.stop_causes import BY_PEOPLE, Cause
 from cutenv.sim_to_real import FEWEST_SPECIMENS, Agreement, ClockKept, ComparedCut
+from cutenv.sim_to_real.identification.experiment import LOST_TIME
 from cutenv.sim_to_real.specimen_twin import fit_twin, held_out
 from cutenv.task.episode_dtypes import STOPPED
 from cutenv.tissue.description import measured_liver

@@ -15,12 +15,12 @@ from nidaqmx.errors import DaqNotFoundError
 from waiting import until
 
 from cutenv._base import resources
+from cutenv.imitated.emulator.board_server import BoardServer
 from cutenv.rig.config.settings import SensorSettings, fake_settings
 from cutenv.rig.devices.analogue.analogue_sensor import CHANNEL_AT_END, AnalogueOptions, AnalogueSensor, NidaqmxBoard
 from cutenv.rig.devices.analogue.sensor_calibration_file import SHIPPED_CALIBRATION, AnalogueCalibration
 from cutenv.rig.devices.driver_registry import Mounting
 from cutenv.rig.devices.host import SystemClock
-from cutenv.rig.emulator.board_server import BoardServer
 from cutenv.rig.errors import RigError
 from cutenv.rig.toml_file import read_rig_file, to_toml
 

@@ -13,11 +13,11 @@ import pytest
 
 from cutenv import cli
 from cutenv.commands.rig.check import as_json, lines
+from cutenv.imitated.emulator.process import start
+from cutenv.imitated.fake.benches import AirPlant
+from cutenv.imitated.fake.fake_rig import FakeRig, Faults
 from cutenv.rig.config.settings import fake_settings
 from cutenv.rig.devices.drivers import DriveState
-from cutenv.rig.emulator.process import start
-from cutenv.rig.fake.benches import AirPlant
-from cutenv.rig.fake.fake_rig import FakeRig, Faults
 from cutenv.rig.hardware import rig_plant
 from cutenv.rig.operation.preflight import SETTLE
 from cutenv.rig.operation.self_check import Inspection, inspect

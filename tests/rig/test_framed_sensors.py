@@ -17,6 +17,7 @@ from waiting import until
 
 from cutenv import cli
 from cutenv.commands.rig.init import SENSORS
+from cutenv.imitated.emulator.process import start
 from cutenv.rig.config.settings import RigSettings, SafetyLimits, SensorCalibration
 from cutenv.rig.contradictions import refuse_contradictions
 from cutenv.rig.devices import Mounting, RigError, SystemClock
@@ -25,7 +26,6 @@ from cutenv.rig.devices.serial.bota_sensor import bota_frame
 from cutenv.rig.devices.serial.framed_sensor import FrameError, FrameFormat, FrameReader
 from cutenv.rig.devices.serial.robotiq_sensor import robotiq_frame
 from cutenv.rig.devices.serial.slow_profile import slow_limits
-from cutenv.rig.emulator.process import start
 from cutenv.rig.hardware import rig_plant
 from cutenv.rig.operation.conformance import Listening
 from cutenv.rig.operation.operator import AutomaticOperator

@@ -12,14 +12,14 @@ from typing import Any
 import pytest
 from waiting import until
 
+from cutenv.imitated.emulator.serial.firmware import EmulatedGrbl
+from cutenv.imitated.emulator.serial.serial_rig import EmulatedSerialRig, SerialOptions
 from cutenv.rig.config.settings import RigSettings, SensorCalibration
 from cutenv.rig.contradictions import refuse_contradictions
 from cutenv.rig.devices import DriveState, Mounting, RigError, SystemClock
 from cutenv.rig.devices.serial.grbl import PIECE, SENT_AHEAD, GrblStatus, grbl_status, jog_line
 from cutenv.rig.devices.serial.grbl_axis import GrblAxis
 from cutenv.rig.devices.serial.slow_profile import grbl_settings
-from cutenv.rig.emulator.serial.firmware import EmulatedGrbl
-from cutenv.rig.emulator.serial.serial_rig import EmulatedSerialRig, SerialOptions
 from cutenv.rig.hardware import rig_plant
 from cutenv.rig.operation.conformance import Listening
 from cutenv.rig.operation.driver_conformance import conform_motion

@@ -19,16 +19,18 @@ import cutenv  # noqa: F401  registers the environment
 from cutenv.cutting.drive import Rig
 from cutenv.envs import GentleCutEnv, GentleCutVectorEnv, RigCutEnv
 from cutenv.learning.arguments import BadArguments, PPOArguments, for_rig
+from cutenv.measurement import sensor_noise
+from cutenv.measurement.sensor_noise import longest_still, sensor_at_rest
 from cutenv.rig.config.identified import SIMULATED, environment_arguments
 from cutenv.rig.config.settings import Identified, RigSettings, SafetyLimits, SensorCalibration
 from cutenv.rig.devices.serial.slow_profile import grbl_settings, slow_settings
 from cutenv.rig.errors import RigError
-from cutenv.rig.identification import axis_response, sensor_noise
-from cutenv.rig.identification.experiment import Identification
-from cutenv.rig.identification.recording import Plan, Stretch
-from cutenv.rig.identification.sensor_noise import longest_still, sensor_at_rest
+from cutenv.rig.operation.recorder import Stretch
 from cutenv.rig.operation.suitability import simulator_keywords, top_speed
 from cutenv.rig.toml_file import to_toml
+from cutenv.sim_to_real.identification import axis_response
+from cutenv.sim_to_real.identification.experiment import Identification
+from cutenv.sim_to_real.identification.plan import Plan
 from cutenv.task.observation import COMPONENTS
 from cutenv.task.weights import greatest_action
 

@@ -13,8 +13,8 @@ from datetime import date
 from typing import Any
 
 from cutenv.commands.options import RIG, command_parser, reports_errors
+from cutenv.imitated.connection import connected, settings_of
 from cutenv.rig.config.settings import RigSettings
-from cutenv.rig.connection import connected, settings_of
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.preflight import Check, may_move
 from cutenv.rig.operation.self_check import Inspection, inspect, inspect_camera

@@ -17,9 +17,9 @@ from pathlib import Path
 
 from cutenv.commands.options import RIG, command_parser
 from cutenv.commands.rig import reports_rig_errors
+from cutenv.imitated.connection import operator_of, settings_of
 from cutenv.rig.config.axes import Axis
 from cutenv.rig.config.settings import EMULATED, FAKE, RigSettings, SensorSettings
-from cutenv.rig.connection import operator_of, settings_of
 from cutenv.rig.devices.driver_registry import (
     KIND_OF_ROLE,
     DriverKind,
@@ -61,7 +61,7 @@ def tried_drivers(rig: str, sections: list[str] | None = None) -> Tried:
         raise ValueError(f"a fake rig has no drivers to try. Give {', '.join(map(repr, EMULATED))}, or a rig's file.")
     with ExitStack() as stack:
         if rig in EMULATED:
-            from cutenv.rig.emulator.process import start
+            from cutenv.imitated.emulator.process import start
 
             settings = stack.enter_context(start(free_air=True, kind=rig)).settings
         elif rig.endswith(".toml") or Path(rig).exists():

@@ -14,13 +14,13 @@ from pathlib import Path
 from cutenv._base.output import check_writable
 from cutenv.commands.options import RIG, command_parser, made_place
 from cutenv.commands.rig import reports_rig_errors
+from cutenv.imitated.connection import connected, operator_of, settings_of
 from cutenv.rig.config.settings import RIG_NAMES, RigSettings
-from cutenv.rig.connection import connected, operator_of, settings_of
 from cutenv.rig.errors import RigError
-from cutenv.rig.identification import Identification, Plan, identification_from, perform
 from cutenv.rig.operation.preflight import prepare
 from cutenv.rig.safety.stop_causes import RigStopped
 from cutenv.rig.toml_file import write_identified
+from cutenv.sim_to_real.identification import Identification, Plan, identification_from, perform
 
 _SELDOM = 0.05  # [s] between positions, above which no step of some tenths of a second is seen to begin
 

@@ -32,7 +32,7 @@ from cutenv.commands.options import (
     made_folder,
     target_length,
 )
-from cutenv.commands.rig import INTERRUPTED, reports_rig_errors, was_interrupted
+from cutenv.commands.rig import AFTER_CTRL_C, by_signal, reports_rig_errors
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.canopen.objects import ENABLE_OPERATION, AxisUnits, command_frame
 from cutenv.rig.devices.driver_registry import axes_driven_by
@@ -162,7 +162,7 @@ def paced(keywords: dict[str, Any], settings: RigSettings) -> tuple[dict[str, An
 
 
 def _environment(arguments: argparse.Namespace, keywords: dict[str, Any], **more: Any) -> RigCutEnv:
-    from cutenv.rig.connection import settings_of
+    from cutenv.imitated.connection import settings_of
     from cutenv.tissue.drawn_lines import KINDS
 
     keywords, note = paced(keywords, settings_of(arguments.rig))
@@ -242,13 +242,13 @@ def _run(arguments: argparse.Namespace) -> int:
                     with arguments.json.open("a") as file:
                         file.write(json.dumps(told) + "\n")
                 if told["stop"] is not None and told["stop"]["cause"] in BY_PEOPLE:
-                    interrupted = was_interrupted(told["stop"]["cause"])
+                    interrupted = by_signal(told["stop"]["cause"])
                     break
         finally:
             env.close()
             if outlet is not None:
                 outlet.close()
-    return INTERRUPTED if interrupted else _STOPPED if stopped else 0
+    return AFTER_CTRL_C if interrupted else _STOPPED if stopped else 0
 
 
 def rehearse(env: RigCutEnv, policy: Policy, *, seed: int) -> dict[str, Any]:

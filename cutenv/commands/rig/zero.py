@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 from cutenv.commands.options import RIG, command_parser
 from cutenv.commands.rig import reports_rig_errors
-from cutenv.rig.connection import connected, operator_of
+from cutenv.imitated.connection import connected, operator_of
 from cutenv.rig.errors import RigError
 
 _QUESTION = (

@@ -13,8 +13,8 @@ from cutenv.rig.config.settings import CameraSettings, RigSettings
 from cutenv.rig.devices.camera import RigCamera
 from cutenv.rig.devices.drivers import DriveState
 from cutenv.rig.errors import RigError
-from cutenv.rig.identification.recording import Recorder
 from cutenv.rig.operation.preflight import Check, may_move, still_checks
+from cutenv.rig.operation.recorder import Recorder
 from cutenv.rig.plant import RigPlant
 
 LISTEN = 2.0

@@ -16,7 +16,7 @@ from cutenv._engine.jit import njit
 from cutenv.cutting.drive import Rig, advance_command, lag_gain
 from cutenv.cutting.dtypes import STATE
 from cutenv.rig.config.axes import Axis
-from cutenv.rig.identification.recording import Felt, Stretch
+from cutenv.rig.operation.recorder import Felt, Stretch
 
 _DT = 0.5e-3  # [s] step of the model: its lag is exact for any, and a command is late by less than half of it
 _FAR = 100.0  # [m] start of the model's carriage, far from any end stop
@@ -78,7 +78,7 @@ class SineCheck(NamedTuple):
 
     @property
     def verdict(self) -> str:
-        """Whether the model describes this sine, in words."""
+        """Verdict in words: the model describes this sine, or does not."""
         if abs(self.gain_error) <= SAME_GAIN and abs(self.phase_error) <= SAME_PHASE:
             return "as the model"
         return f"not as the model; the axis swings by {1e6 * self.swing:.0f} um"

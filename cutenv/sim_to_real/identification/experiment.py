@@ -16,10 +16,14 @@ from cutenv._base.validation import parameter_table
 from cutenv.cutting.drive import Rig
 from cutenv.cutting.dtypes import TICK
 from cutenv.cutting.sensor import SensorParameters
+from cutenv.measurement.sensor_noise import NOISE_BLOCK, longest_still, sensor_at_rest
 from cutenv.rig.config.file_schema import IDENTIFIED, FileKey
 from cutenv.rig.config.settings import Identified, RigSettings
 from cutenv.rig.errors import RigError
-from cutenv.rig.identification.axis_response import (
+from cutenv.rig.operation.recorder import Felt, Recorder, Stretch
+from cutenv.rig.plant import RigPlant
+from cutenv.rig.safety.stop_causes import Cause, RigStopped
+from cutenv.sim_to_real.identification.axis_response import (
     ForceDelay,
     Friction,
     Play,
@@ -32,10 +36,7 @@ from cutenv.rig.identification.axis_response import (
     force_delay,
     play,
 )
-from cutenv.rig.identification.recording import Felt, Plan, Recorder, Stretch
-from cutenv.rig.identification.sensor_noise import NOISE_BLOCK, longest_still, sensor_at_rest
-from cutenv.rig.plant import RigPlant
-from cutenv.rig.safety.stop_causes import Cause, RigStopped
+from cutenv.sim_to_real.identification.plan import Plan
 
 _DIGITS = 2  # of a standard error, to which a value is rounded
 

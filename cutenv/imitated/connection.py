@@ -56,8 +56,8 @@ def connected(rig: str, *, clock: FakeClock | None = None) -> Iterator[Connectio
     emulator = None
     with ExitStack() as stack:
         if rig == FAKE:
-            from cutenv.rig.fake.benches import AirPlant
-            from cutenv.rig.fake.fake_rig import FakeRig
+            from cutenv.imitated.fake.benches import AirPlant
+            from cutenv.imitated.fake.fake_rig import FakeRig
 
             fake = FakeRig(AirPlant, fake_settings(name=FAKE), clock=clock)
             settings, plant = fake.settings, fake.plant
@@ -65,7 +65,7 @@ def connected(rig: str, *, clock: FakeClock | None = None) -> Iterator[Connectio
             from cutenv.rig.hardware import rig_plant
 
             if rig in EMULATED:
-                from cutenv.rig.emulator.process import start
+                from cutenv.imitated.emulator.process import start
 
                 emulator = stack.enter_context(start(free_air=True, kind=rig))
                 settings = emulator.settings
