@@ -32,6 +32,11 @@ def prepared(drive: Rig, settings: RigSettings | None = None) -> FakeRig:
     return rig
 
 
+def brief(plan: Plan) -> Plan:
+    """The plan without what the test is not about."""
+    return dataclasses.replace(plan, turns=3, rest=6.0, sines=plan.sines[2:3])
+
+
 def file_of(path: Path, identified: Identified | None = None) -> Path:
     settings = RigSettings(armed_by="a test", depth_profile=DEPTH, identified=identified or Identified())
     settings = dataclasses.replace(settings, calibration=dataclasses.replace(settings.calibration, date="2026-01-01"))
@@ -60,14 +65,14 @@ def test_a_rig_slower_than_the_way_back_to_its_start_is_measured_too() -> None:
     slow = dataclasses.replace(settings, limits=dataclasses.replace(settings.limits, speed=0.8 * APPROACH))
     rig = prepared(Rig(), slow)
     before = rig.plant.position
-    plan = dataclasses.replace(Plan.within(rig.settings, before), start=before - 0.01)
+    plan = brief(dataclasses.replace(Plan.within(rig.settings, before), start=before - 0.01))
     assert len(perform(rig.plant, plan).steps) == 2 * len(plan.speeds)
     assert rig.plant.position == pytest.approx(before, abs=1e-4)
 
 
 def test_something_in_the_way_stops_the_experiment() -> None:
     rig = prepared(Rig())
-    plan = Plan.within(rig.settings, rig.plant.position)
+    plan = brief(Plan.within(rig.settings, rig.plant.position))
 
     def push(message: str) -> None:
         if message.startswith("steps"):
@@ -81,8 +86,7 @@ def test_something_in_the_way_stops_the_experiment() -> None:
 
 def test_what_was_measured_before_this_computer_was_late_is_kept() -> None:
     rig, told = prepared(Rig()), []
-    plan = Plan.within(rig.settings, rig.plant.position)
-    plan = dataclasses.replace(plan, turns=3, rest=6.0, sines=plan.sines[2:3])
+    plan = brief(Plan.within(rig.settings, rig.plant.position))
 
     def tell(message: str) -> None:
         told.append(message.partition(" ")[0])
