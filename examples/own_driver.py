@@ -3,7 +3,7 @@
 from cutenv.rig.config.axes import Axis
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices import DriveState, Event, FakeClock, Latch, MotionSample, Mounting, RigError, rig_driver
-from cutenv.rig.operation.driver_conformance import LIMIT_NAMES, conform_motion
+from cutenv.rig_drivers.driver_conformance import LIMIT_NAMES, conform_motion
 
 
 @rig_driver(needs=("lead",), emulated=lambda rig, role: True)  # it moves nothing

@@ -26,7 +26,7 @@ from cutenv.tissue.specimen import Specimen
 
 POLICY = "constant 1.27 cm/s 90 deg"
 DEFAULT = Path("runs") / "twins.json"
-SPECIMENS, DRAWS, RUNS = 20, 5, 10
+SPECIMENS, DRAWS, RUNS = 20, 4, 10
 GAINS = (1.0, 1.05, 1.2, 1.3, 1.5)
 """Gains of the force in the second half of a cut [1]."""
 ALL_ALONG = 1.05

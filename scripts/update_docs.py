@@ -97,9 +97,9 @@ from cutenv.envs.constants import Knowledge
 from cutenv.learning.statistics import mean_with_interval, rows_of
 from cutenv.policy import CONSTANT_FEEDS, ORACLE, SCRIPTS, ConstantFeed
 from cutenv.report import CutPicture, draw_cut
-from cutenv.rig.devices.serial.slow_profile import RATES, grbl_settings, slow_settings
 from cutenv.rig.operation.suitability import suitability_lines
 from cutenv.rig.toml_file import template
+from cutenv.rig_drivers.slow_profile import RATES, grbl_settings, slow_settings
 from cutenv.scoring import INVARIANCES, MAP_METRICS, METRICS, Metric
 from cutenv.task.depth import DepthConstants
 from cutenv.task.path import PathConstants

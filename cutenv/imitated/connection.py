@@ -19,13 +19,13 @@ from cutenv.rig.config.settings import (
     fake_settings,
 )
 from cutenv.rig.devices.host import FakeClock, preferred
-from cutenv.rig.devices.serial.slow_profile import grbl_settings, slow_settings
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.operator import AutomaticOperator, Operator, TerminalOperator
 from cutenv.rig.operation.preflight import SETTLE
 from cutenv.rig.plant import RigPlant
 from cutenv.rig.safety.guard import guarded
 from cutenv.rig.toml_file import read_rig_file
+from cutenv.rig_drivers.slow_profile import grbl_settings, slow_settings
 
 
 class Connection(NamedTuple):

@@ -23,11 +23,11 @@ from cutenv.measurement import sensor_noise
 from cutenv.measurement.sensor_noise import longest_still, sensor_at_rest
 from cutenv.rig.config.identified import SIMULATED, environment_arguments
 from cutenv.rig.config.settings import Identified, RigSettings, SafetyLimits, SensorCalibration
-from cutenv.rig.devices.serial.slow_profile import grbl_settings, slow_settings
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.recorder import Stretch
 from cutenv.rig.operation.suitability import simulator_keywords, top_speed
 from cutenv.rig.toml_file import to_toml
+from cutenv.rig_drivers.slow_profile import grbl_settings, slow_settings
 from cutenv.sim_to_real.identification import axis_response
 from cutenv.sim_to_real.identification.experiment import Identification
 from cutenv.sim_to_real.identification.plan import Plan

@@ -31,8 +31,8 @@ from cutenv.rig.devices.driver_registry import (
 )
 from cutenv.rig.devices.host import SystemClock, preferred
 from cutenv.rig.errors import RigError
-from cutenv.rig.operation.conformance import HEADER, TriedPromise, conformance_rows
-from cutenv.rig.operation.driver_conformance import TRIAL_TRAVEL, conform_force, conform_motion
+from cutenv.rig_drivers.conformance import HEADER, TriedPromise, conformance_rows
+from cutenv.rig_drivers.driver_conformance import TRIAL_TRAVEL, conform_force, conform_motion
 
 SECTIONS_TRIED = ("blade", "angle", "height", "side", "sensor")
 """Sections of a rig's file whose drivers can be tried."""

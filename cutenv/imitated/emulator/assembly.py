@@ -24,7 +24,7 @@ from cutenv.plant.simulator import ANGLE_RANGE, check_angle
 from cutenv.rig.config.axes import Axis, CrossAxis
 from cutenv.rig.config.laid_specimen import Laid
 from cutenv.rig.config.settings import SafetyLimits
-from cutenv.rig.devices.analogue.sensor_calibration_file import AnalogueCalibration
+from cutenv.rig_drivers.analogue.sensor_calibration_file import AnalogueCalibration
 
 BLADE = Axis(low=-0.002, high=0.149)
 """Axis of the emulated rig's carriage."""

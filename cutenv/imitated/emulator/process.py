@@ -43,11 +43,11 @@ from cutenv.rig.config.settings import (
     SensorSettings,
 )
 from cutenv.rig.config.settings import across as cross_axes
-from cutenv.rig.devices.analogue.analogue_sensor import AnalogueOptions
 from cutenv.rig.devices.host import prefer
-from cutenv.rig.devices.serial.slow_profile import grbl_settings, slow_settings
 from cutenv.rig.errors import RigError
 from cutenv.rig.toml_file import to_toml
+from cutenv.rig_drivers.analogue.analogue_sensor import AnalogueOptions
+from cutenv.rig_drivers.slow_profile import grbl_settings, slow_settings
 from cutenv.tissue.grid import N_POINTS, SPACING
 from cutenv.tissue.lines import straight
 

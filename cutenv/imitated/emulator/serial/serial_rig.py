@@ -46,8 +46,8 @@ from cutenv.rig.devices.serial.board import (
     board_line,
     board_report,
 )
-from cutenv.rig.devices.serial.slow_profile import COUNTS_PER_NEWTON, DELAYS, SCREW, SCREW_STEPS
 from cutenv.rig.devices.serial.stepper_axis import StepRates
+from cutenv.rig_drivers.slow_profile import COUNTS_PER_NEWTON, DELAYS, SCREW, SCREW_STEPS
 
 
 def _once(summary: str, begin: Callable[[Any], None]) -> InjectedFault:
