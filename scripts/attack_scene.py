@@ -10,7 +10,7 @@ from typing import Any
 
 from cutting_rig import SPEED, CuttingRig
 
-from cutenv.rig.emulator.process import RunningEmulator, start
+from cutenv.imitated.emulator.process import RunningEmulator, start
 from cutenv.rig.errors import RigError
 
 FARTHEST = 0.005

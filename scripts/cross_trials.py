@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 from cutting_rig import PERIOD, SPEED, UPRIGHT, WATCHED, CuttingRig
 from rig_trials import EXPECTED_ACROSS, WAY, Trial, stalls_around
 
+from cutenv.imitated.emulator.control import EmulatorControl
 from cutenv.rig.config.settings import RigSettings
-from cutenv.rig.emulator.control import EmulatorControl
 from cutenv.rig.operation.preflight import SETTLE, return_inside
 from cutenv.rig.safety.stop_causes import Cause, RigStopped, StopReport, detection_times
 
@@ -36,7 +36,7 @@ class CrossFault(NamedTuple):
     Attributes
     ----------
     emulated : str
-        Name among :data:`cutenv.rig.emulator.emulated_bench.FAULTS`.
+        Name among :data:`cutenv.imitated.emulator.emulated_bench.FAULTS`.
     given : dict
         Its parameters.
     forward : bool

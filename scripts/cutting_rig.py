@@ -6,8 +6,8 @@ import math
 from typing import Any
 
 from cutenv.envs.rig_source import EmulatedSpecimens
+from cutenv.imitated.emulator.control import EmulatorControl
 from cutenv.rig.config.settings import RigSettings
-from cutenv.rig.emulator.control import EmulatorControl
 from cutenv.rig.errors import RigError
 from cutenv.rig.hardware import rig_plant
 from cutenv.rig.operation.operator import AutomaticOperator

@@ -33,7 +33,7 @@ ROWS = (
     ),
     (Wing("environments", "Gymnasium, and nowhere below", ("envs",), "#3f8f6b"),),
     (
-        Wing("rig", "safety, drivers, emulator, fake", ("rig",), "#b5574a"),
+        Wing("rig", "safety, drivers; imitated rigs beside it", ("rig", "rig_drivers", "imitated"), "#b5574a"),
         Wing("recordings", "files of cuts", ("recording",), "#8a6fb0"),
         Wing("drawing", "pictures, report pages", ("viewer", "report"), "#8a6fb0"),
     ),

@@ -15,9 +15,9 @@ from typing import Any
 from cutting_rig import LATCHED_FOR, CuttingRig
 from rig_trials import Trial, moved_since, put_together, stalls_around
 
+from cutenv.imitated.emulator.control import EmulatorControl
+from cutenv.imitated.emulator.process import RunningEmulator, emulated_settings
 from cutenv.rig.devices.canopen.network import DRIVE_PATIENCE
-from cutenv.rig.emulator.control import EmulatorControl
-from cutenv.rig.emulator.process import RunningEmulator, emulated_settings
 from cutenv.rig.errors import RigError
 from cutenv.rig.safety.stop_causes import Cause, StopReport
 

@@ -52,8 +52,8 @@ from rig_trials import (
 )
 from tqdm import tqdm
 
+from cutenv.imitated.emulator.process import RunningEmulator, start
 from cutenv.rig.config.settings import EMULATOR
-from cutenv.rig.emulator.process import RunningEmulator, start
 from cutenv.rig.errors import RigError
 
 KNOWN = {"": EXPECTED, **EXPECTED_ACROSS, "serial": EXPECTED_OF_SERIAL, "grbl": EXPECTED_OF_GRBL}

@@ -14,13 +14,13 @@ from typing import Any
 
 from cutting_rig import PERIOD, SLOW, SPEED, UPRIGHT, WATCHED, CuttingRig, pace_of
 
+from cutenv.imitated.emulator.control import EmulatorControl
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.canopen.network import DRIVE_PATIENCE
 from cutenv.rig.devices.serial.board import BOARD_PATIENCE
-from cutenv.rig.devices.serial.grbl import PIECE, SENT_AHEAD
 from cutenv.rig.devices.serial.load_cell import sensor_delay
-from cutenv.rig.emulator.control import EmulatorControl
 from cutenv.rig.safety.stop_causes import Cause, RigStopped, StopReport, detection_times
+from cutenv.rig_drivers.grbl import PIECE, SENT_AHEAD
 
 SENSOR_DELAY = 0.010
 """Delay of the emulated sensor's readings, as in the simulated one [s]."""

@@ -23,12 +23,12 @@ import numpy as np
 from kept_rows import interval_text, keep_json, kept_json, mean_text
 
 from cutenv.envs import RigCutEnv
+from cutenv.imitated.connection import settings_of
 from cutenv.learning.evaluation import Contestant, contestant, evaluate
 from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.learning.statistics import by_policy, differences
 from cutenv.policy import SCRIPTS, ConstantFeed, Policy
 from cutenv.rig.config.settings import Identified, RigSettings
-from cutenv.rig.connection import settings_of
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.suitability import decisions, simulator_keywords, top_speed
 from cutenv.rig.toml_file import to_toml, write_identified

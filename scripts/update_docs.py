@@ -8,6 +8,7 @@
     python scripts/update_docs.py rig-faults rig-faults-height rig-faults-side rig-soak class-load    likewise, in runs/
     python scripts/update_docs.py depth seen-runs           what measure_depth_accuracy.py and measure_seen_runs.py left
     python scripts/update_docs.py wear                      what scripts/wear_series.py left in runs/ (--json)
+    python scripts/update_docs.py twins                     what scripts/twin_trials.py left in runs/ (--json)
     python scripts/update_docs.py live-camera               what scripts/camera_beside_rig.py left in runs/ (--json)
     python scripts/update_docs.py bead-tracking             what scripts/measure_bead_tracking.py left in runs/
     python scripts/update_docs.py browser-page              what scripts/measure_page.py left in runs/ (--json)
@@ -81,6 +82,7 @@ import suite_times
 import task_table
 import tip_errors
 import tune_scripts
+import twin_trials
 import wear_series
 from benchmark.table import markdown_table
 from kept_rows import kept_json, kept_rows
@@ -95,9 +97,9 @@ from cutenv.envs.constants import Knowledge
 from cutenv.learning.statistics import mean_with_interval, rows_of
 from cutenv.policy import CONSTANT_FEEDS, ORACLE, SCRIPTS, ConstantFeed
 from cutenv.report import CutPicture, draw_cut
-from cutenv.rig.devices.serial.slow_profile import RATES, grbl_settings, slow_settings
 from cutenv.rig.operation.suitability import suitability_lines
 from cutenv.rig.toml_file import template
+from cutenv.rig_drivers.slow_profile import RATES, grbl_settings, slow_settings
 from cutenv.scoring import INVARIANCES, MAP_METRICS, METRICS, Metric
 from cutenv.task.depth import DepthConstants
 from cutenv.task.path import PathConstants
@@ -511,6 +513,7 @@ ON_PAGES: dict[str, dict[str, Callable[[argparse.Namespace], str]]] = {
     },
     "docs/reference/files/tissue.md": {"tissue-file": tissue_file},
     "docs/reference/files/rig.md": {"rig-file": rig_file},
+    "docs/rig/run.md": {"twins": lambda _: twin_trials.table(left_by(twin_trials)["rows"])},
     "docs/rig/thesis-rig.md": {"wear": lambda _: "\n".join(wear_series.table(left_by(wear_series)["rows"]))},
     "docs/validation/beads.md": {
         "bead-tracking": lambda _: bead_tracking.markdown(*bead_tracking.kept(ROOT / bead_tracking.FOLDER))

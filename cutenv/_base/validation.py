@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 T = TypeVar("T")
 
-_MANY = 16  # number of choices beyond which the nearest is named before all are listed
+_MANY = 16  # number of choices beyond which the nearest is named, and not all are listed
 
 
 def in_range(name: str, value: float, low: float, high: float, unit: str, cure: str = "") -> float:
@@ -67,9 +67,9 @@ def one_of(name: str, value: T, choices: Iterable[T]) -> T:
     """Return ``value`` if it is one of ``choices``; otherwise raise ValueError and suggest the nearest."""
     known = list(choices)
     if value not in known:
-        hint, listed = _nearest(value, known), ", ".join(repr(choice) for choice in known)
+        hint, listed = nearest_choices(value, known), ", ".join(repr(choice) for choice in known)
         if hint and len(known) > _MANY:
-            raise ValueError(f"{name} {value!r} is not known.{hint} All: {listed}.")
+            raise ValueError(f"{name} {value!r} is not known.{hint}")
         raise ValueError(f"{name} must be one of {listed}, got {value!r}.{hint}")
     return value
 
@@ -85,14 +85,15 @@ def unexpected_keyword(of: str, keyword: str, known: Iterable[str] = (), cure: s
     """
     names = list(known)
     listed = f" It takes {', '.join(names)}." if names else ""
-    said = f"{of}.__init__() got an unexpected keyword argument {keyword!r}.{_nearest(keyword, names)}{listed} {cure}"
+    hint = nearest_choices(keyword, names)
+    said = f"{of}.__init__() got an unexpected keyword argument {keyword!r}.{hint}{listed} {cure}"
     return UnexpectedKeyword(said.rstrip())
 
 
-def _nearest(value: Any, known: Iterable[Any]) -> str:
-    """Return a sentence that names the nearest choice; "" if none is near."""
-    nearest = difflib.get_close_matches(str(value), [str(choice) for choice in known], n=1, cutoff=0.5)
-    return f" Did you mean {nearest[0]!r}?" if nearest else ""
+def nearest_choices(value: Any, known: Iterable[Any], *, most: int = 1) -> str:
+    """Return a sentence that names the nearest choices, ``most`` of them at most; "" if none is near."""
+    nearest = difflib.get_close_matches(str(value), [str(choice) for choice in known], n=most, cutoff=0.5)
+    return f" Did you mean {' or '.join(map(repr, nearest))}?" if nearest else ""
 
 
 ParameterProvenance = Literal["measured", "derived", "assumed", "choice"]

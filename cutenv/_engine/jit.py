@@ -166,7 +166,7 @@ def warn_before_first_compile(*kernels: Callable[..., Any]) -> None:
             "NUMBA_CACHE_DIR to a folder that can be written to."
         )
     elif waiting:
-        _print_once("compiling for this machine; takes about half a minute, once.")
+        _print_once("compiling what this needs for this machine; takes up to half a minute, and is then kept.")
 
 
 @cache

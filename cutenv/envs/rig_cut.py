@@ -40,7 +40,7 @@ from cutenv.tissue.description import TissueDescription, measured_liver
 from cutenv.tissue.specimen import CLASSES, Specimen
 
 if TYPE_CHECKING:
-    from cutenv.rig.fake.fake_rig import FakeRig
+    from cutenv.imitated.fake.fake_rig import FakeRig
 
 RIG_RESET_OPTIONS = ("specimen", "target_length", "episode")
 """Options of a reset; ``specimen`` for emulated and fake rigs only."""

@@ -18,6 +18,7 @@ from cutenv._base.arrays import StructArray
 from cutenv._base.unit_table import NAMED_UNITS
 from cutenv.cutting.drive import PDRig, Rig
 from cutenv.envs.constants import Constants
+from cutenv.imitated.connection import operator_of, settings_of
 from cutenv.recording.appending import AppendingRecord, CutListener, RecordingFailed
 from cutenv.recording.provenance import Provenance
 from cutenv.rig.config.laid_specimen import Laid
@@ -32,7 +33,6 @@ from cutenv.rig.config.settings import (
     across,
     fake_settings,
 )
-from cutenv.rig.connection import operator_of, settings_of
 from cutenv.rig.contradictions import refuse_contradictions
 from cutenv.rig.devices.camera import CAMERA_NOTE, RigCamera
 from cutenv.rig.errors import RigError
@@ -44,10 +44,10 @@ from cutenv.rig.toml_file import read_rig_file
 from cutenv.tissue.grid import depth_below
 
 if TYPE_CHECKING:
-    from cutenv.rig.emulator.control import EmulatorControl
-    from cutenv.rig.emulator.process import RunningEmulator
-    from cutenv.rig.fake.benches import AirPlant
-    from cutenv.rig.fake.fake_rig import FakeRig
+    from cutenv.imitated.emulator.control import EmulatorControl
+    from cutenv.imitated.emulator.process import RunningEmulator
+    from cutenv.imitated.fake.benches import AirPlant
+    from cutenv.imitated.fake.fake_rig import FakeRig
     from cutenv.tissue.layers import Layers
     from cutenv.tissue.lines import CutLine
 
@@ -62,7 +62,7 @@ class FakeSpecimens:
 
     def mount(self, key: SpecimenKey) -> NDArray[np.float64] | None:
         """Lay a specimen; return None, because the caller has drawn it and knows its depth."""
-        from cutenv.rig.fake.benches import SpecimenPlant, SteeredBench
+        from cutenv.imitated.fake.benches import SpecimenPlant, SteeredBench
 
         constants, drive = self._constants, self._constants.drive
         if key.specimen is None:
@@ -219,7 +219,7 @@ class RigSource:
         elif needs_axis == "side":
             self.settings.require_side_axis(by=by)
         if dry_run:
-            from cutenv.rig.fake.fake_rig import FakeSensor
+            from cutenv.imitated.fake.fake_rig import FakeSensor
 
             self._rig = FAKE
             self.settings = dataclasses.replace(
@@ -231,7 +231,7 @@ class RigSource:
             )
         if self._rig in EMULATED:
             importlib.import_module(
-                "cutenv.rig.emulator.process"
+                "cutenv.imitated.emulator.process"
             )  # fails now, not amid a session, for lack of a package
         self.draws = self._rig in RIG_NAMES
         self._emulated = emulator_arguments(constants) if self._rig == EMULATOR else []
@@ -256,7 +256,7 @@ class RigSource:
     def session(self) -> RigSession:
         """Make the session of the rig, which connects at its first cut."""
         if self._rig == FAKE:
-            from cutenv.rig.fake.fake_rig import FakeRig
+            from cutenv.imitated.fake.fake_rig import FakeRig
 
             self.fake = fake = FakeRig(_at_clamp, self.settings)
             operator = self._operator or AutomaticOperator(self.settings)
@@ -265,7 +265,7 @@ class RigSource:
         from cutenv.rig.hardware import rig_plant
 
         if self._rig in EMULATED:
-            from cutenv.rig.emulator.process import start
+            from cutenv.imitated.emulator.process import start
 
             emulator = start(
                 free_air=True, across=tuple(self.settings.cross_axes), kind=self._rig,
@@ -369,6 +369,6 @@ def _forget(readings: StructArray) -> None:
 
 def _at_clamp(settings: RigSettings) -> AirPlant:
     """Return the bench of a fake rig before a specimen is laid."""
-    from cutenv.rig.fake.benches import AirPlant
+    from cutenv.imitated.fake.benches import AirPlant
 
     return AirPlant(settings, start=0.0)

@@ -301,6 +301,8 @@ def _value(key: FileKey, raw: Any, name: str) -> Any:
         return _profile(key, raw, name)
     if key.kind is float:
         low, high = key.limits or (0.0, np.inf)
+        if key.field == "counts_per_N" and isinstance(raw, (int, float)) and raw < 0.0:
+            raise ValueError(f"{name} = {raw:g} is negative. Write {-raw:g}, and turn the direction by sensor.sign.")
         return key.to_si(in_range(name, raw, low, high, key.unit.sign))
     if key.field == "date":
         if raw == "" and key.default == "":
@@ -406,7 +408,8 @@ def _key_lines(keys: Iterable[FileKey], part: Any, *, to_fill: bool, comments: b
         if comments:
             yield from key_comment(key)
         if to_fill and key.example:
-            yield f"{_TO_FILL}{key.name} = {key.example}"
+            likely = key.example if value in (None, key.default) else _toml(key, value)  # of this kind of rig
+            yield f"{_TO_FILL}{key.name} = {likely}"
         elif value is not None:
             yield f"{key.name} = {_toml(key, value)}"
 

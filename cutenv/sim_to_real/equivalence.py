@@ -278,6 +278,9 @@ class Agreement:
     paired : bool
         True if both sides cut the same specimens.  A real rig's specimens are unknown to the simulator: then the
         sides are two samples (Welch's t), and nothing can be compared cut by cut.
+    twins : bool
+        True if the simulator's specimens are twins (:mod:`cutenv.sim_to_real.specimen_twin`), which differ by what a
+        record leaves open, too. That is then part of the noise.
 
     Raises
     ------
@@ -290,7 +293,8 @@ class Agreement:
     the difference of two simulated ones: a rig whose typical cut lies within it cannot be distinguished), 1 % of the
     simulator's mean, the effect of a force sensor's zero that is off by its resolution of 0.05 N, a tenth of what the
     task tolerates (:mod:`cutenv.sim_to_real.measures`); and, for the force over position, the effect of displacing a
-    record by 0.3 mm against itself.
+    record by 0.3 mm against itself. Of twins, for a distance between two cuts of a specimen, that of two twins: a rig
+    may be as far again.
 
     Several dozen measures are tested.  "agree" requires that every one of them is within its margin at 5 % (two
     one-sided tests): the probability of this verdict although one is beyond stays below 5 % without any correction
@@ -299,7 +303,12 @@ class Agreement:
     """
 
     def __init__(
-        self, rig: Sequence[ComparedCut], simulator: Sequence[Sequence[ComparedCut]], *, paired: bool = True
+        self,
+        rig: Sequence[ComparedCut],
+        simulator: Sequence[Sequence[ComparedCut]],
+        *,
+        paired: bool = True,
+        twins: bool = False,
     ) -> None:
         if len(rig) < FEWEST_SPECIMENS or len(simulator) < FEWEST_SPECIMENS or (paired and len(rig) != len(simulator)):
             raise ValueError(
@@ -310,6 +319,7 @@ class Agreement:
         if short := [place for place, cuts in enumerate(simulator) if len(cuts) < 2]:
             raise ValueError(f"specimen {short[0]} has fewer than 2 simulated cuts: noise cannot be estimated from it.")
         self.rig, self.simulator, self.paired = list(rig), [list(cuts) for cuts in simulator], paired
+        self.twins = twins
 
     @functools.cached_property
     def findings(self) -> list[Finding]:
@@ -355,6 +365,8 @@ class Agreement:
             return Inconclusive(f"{len(known)} specimens have it on both sides, and {FEWEST_SPECIMENS} are needed")
         rig, simulator = np.array([own for own, _ in known]), np.array([theirs.mean() for _, theirs in known])
         noise, margin = _margin(measure, [theirs for _, theirs in known], self.simulator)
+        if self.twins and measure.paired:
+            margin = max(margin, abs(float(simulator.mean())) * (not measure.share))
         differences = rig - simulator
         # Bonett & Price 2012: with one more of each kind, a share of 0 in a dozen is not certainty.
         counted = np.append(differences, [1.0, -1.0]) if measure.share else differences

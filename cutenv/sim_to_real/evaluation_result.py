@@ -33,6 +33,11 @@ UNPAIRED = (
     "This rig's specimens are laid by hand, so the two sides cut different specimens: unpaired differences, which "
     "include the spread between specimens. Ends and curves cannot be compared cut by cut."
 )
+TWINS = (
+    "This rig's specimens are laid by hand. Each was given a twin in the simulator, fitted to the first half of its "
+    "record; the second halves are compared. A constant gain of the force cannot be told from a tougher tissue, and "
+    "the twin takes it up: check it with known weights ('cutenv rig weigh')."
+)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -86,6 +91,8 @@ class Evaluation:
     def remarks(self) -> list[str]:
         """Notes, and remarks that follow from the numbers."""
         said = list(self.notes)
+        if self.agreement.twins:
+            said.append(TWINS)
         if not self.agreement.paired:
             said.append(UNPAIRED)
         if self.agreement.too_few:
@@ -111,6 +118,7 @@ class Evaluation:
             "specimen_class": self.specimen_class,
             "seed": self.seed,
             "paired": self.agreement.paired,
+            "twins": self.agreement.twins,
             "specimens_rig": len(self.agreement.rig),
             "specimens_simulator": len(self.agreement.simulator),
             "identified_si": dict(self.given),

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cutenv._base.validation import in_range
 from cutenv.cutting.dtypes import TICK
@@ -21,14 +22,14 @@ from cutenv.rig.errors import RigError
 from cutenv.rig.operation.suitability import simulator_keywords
 from cutenv.rig.safety.stop_causes import BY_PEOPLE, Cause
 from cutenv.sim_to_real import FEWEST_SPECIMENS, Agreement, ClockKept, ComparedCut
+from cutenv.sim_to_real.identification.experiment import LOST_TIME
+from cutenv.sim_to_real.specimen_twin import fit_twin, held_out
 from cutenv.task.episode_dtypes import STOPPED
+from cutenv.tissue.description import measured_liver
+from cutenv.tissue.specimen import Specimen
 
 DRAWS = 5
 """Number of simulated cuts of each specimen, which differ only by the noise of the force sensor."""
-LOST_TIME = (
-    Cause.FORCE_STALE, Cause.FORCE_LATE, Cause.FORCE_LOST, Cause.MOTION_STALE, Cause.HEARTBEAT, Cause.OVERRUN,
-)  # fmt: skip
-"""Stops after which a specimen is cut again: the computer was delayed, which concerns neither policy nor rig."""
 _OUR_HEARTBEAT = "0x8130"
 """Emergency of a drive that has missed this computer's heartbeat."""
 _ATTEMPTS = 5  # for one specimen
@@ -48,6 +49,8 @@ class PairedCuts:
         One cut of each specimen.
     paired : bool
         True if both cut the same specimens.
+    twins : bool
+        True if the simulator's are twins of the rig's; both sides then hold the part of each cut that was held out.
     clock : ClockKept
         Timing of the rig's control clock.
     between : list of str
@@ -59,12 +62,13 @@ class PairedCuts:
     paired: bool
     clock: ClockKept
     between: list[str]
+    twins: bool = False
 
     @property
     def agreement(self) -> Agreement:
         """Return the agreement over the specimens that were cut on both sides."""
         simulator = self.simulator[: len(self.rig)] if self.paired else self.simulator
-        return Agreement(self.rig, simulator, paired=self.paired)
+        return Agreement(self.rig, simulator, paired=self.paired, twins=self.twins)
 
 
 def simulator_like(rig: RigCutEnv, **arguments: Any) -> GentleCutEnv:
@@ -88,7 +92,17 @@ def simulator_like(rig: RigCutEnv, **arguments: Any) -> GentleCutEnv:
     )
 
 
-def cut_once(env: GentleCutEnv | RigCutEnv, policy: Policy, *, seed: int, episode: int, noise: int = 0) -> ComparedCut:
+def cut_once(
+    env: GentleCutEnv | RigCutEnv,
+    policy: Policy,
+    *,
+    seed: int,
+    episode: int,
+    noise: int = 0,
+    specimen: Specimen | None = None,
+    target_length: float | None = None,
+    depth: NDArray[np.float64] | None = None,
+) -> ComparedCut:
     """Cut one specimen.
 
     Parameters
@@ -101,6 +115,12 @@ def cut_once(env: GentleCutEnv | RigCutEnv, policy: Policy, *, seed: int, episod
         Key of the specimen.
     noise : int
         Number of the draw of the simulated sensor's noise; no effect on a rig.
+    specimen : Specimen, optional
+        What is cut, by default what is drawn.
+    target_length : float, optional
+        Length of the cut [m]; by default as the environment has it.
+    depth : ndarray of shape (301,), optional
+        Depth of a ``specimen`` as it is known in the simulator [m]; by default as it is.
 
     Raises
     ------
@@ -111,9 +131,12 @@ def cut_once(env: GentleCutEnv | RigCutEnv, policy: Policy, *, seed: int, episod
     """
     if isinstance(policy, PrivilegedPolicy):
         raise ValueError("this policy needs the hidden state, which no rig knows; choose another.")
-    observation, _ = env.reset(seed=seed, options={"episode": episode})
-    if noise and isinstance(env, GentleCutEnv):
-        length, depth = env.cutting.target_length, env.plant.depth
+    given = {"specimen": specimen, "target_length": target_length}
+    options = {"episode": episode, **{name: value for name, value in given.items() if value is not None}}
+    observation, _ = env.reset(seed=seed, options=options)
+    if (noise or specimen is not None) and isinstance(env, GentleCutEnv):
+        length, known = env.cutting.target_length, env.plant.depth if specimen is None else specimen.depth
+        depth = known if depth is None else depth
         env.set_up(env.specimen, length, seed=seed, episode=episode, depth=depth, noise=noise * _NOISE_KEY)
         observation = env.cutting.rest(env.start_angle)
     policy.reset(np.random.default_rng([seed, episode]))
@@ -144,19 +167,86 @@ def simulate_cuts(
     seed: int,
     specimens: int,
     draws: int = DRAWS,
+    specimen: Specimen | None = None,
     told: ProgressCallback | None = None,
 ) -> list[list[ComparedCut]]:
-    """Cut every specimen ``draws`` times, each with another draw of the sensor's noise; return the cuts by specimen."""
+    """Cut every specimen ``draws`` times, each with another draw of the sensor's noise; return the cuts by specimen.
+
+    With a ``specimen`` all of them are that one.
+    """
     cuts = []
     for episode in range(specimens):
-        cuts.append([cut_once(env, policy, seed=seed, episode=episode, noise=draw) for draw in range(draws)])
+        key: dict[str, Any] = {"seed": seed, "episode": episode, "specimen": specimen}
+        cuts.append([cut_once(env, policy, noise=draw, **key) for draw in range(draws)])
         if told is not None:
             told("simulator", episode + 1)
     return cuts
 
 
+def cut_twins(
+    env: GentleCutEnv,
+    policy: Policy,
+    rig: Sequence[ComparedCut],
+    *,
+    seed: int,
+    draws: int = DRAWS,
+    told: ProgressCallback | None = None,
+) -> tuple[list[ComparedCut], list[list[ComparedCut]], list[str]]:
+    """Let a policy cut the twin of each specimen that a rig has cut, and keep of both sides what was held out.
+
+    Parameters
+    ----------
+    env : GentleCutEnv
+        The simulator.
+    policy : Policy
+        Policy that has cut on the rig.
+    rig : sequence of ComparedCut
+        Its cuts.
+    seed : int
+        Seed of what the twins do not know: the tissue beyond the fitted part, and the sensor's noise.
+    draws : int
+        Number of simulated cuts of each twin, each with another draw of both.
+    told : callable, optional
+        Called with "simulator" and the number of twins that it has cut.
+
+    Returns
+    -------
+    tuple of list of ComparedCut, list of list of ComparedCut, list of str
+        Held-out parts of the rig's cuts, those of the simulator's, and notes on cuts that are too short for a twin.
+    """
+    tissue = env.tissue.tissue or measured_liver()
+    kept, simulated, notes = [], [], []
+    for episode, cut in enumerate(rig):
+        try:
+            twin = fit_twin(cut.trace, tissue, law=env.constants.law, force_delay=env.constants.sensor.force_delay)
+        except ValueError as error:
+            notes.append(f"specimen {episode + 1} has no twin: {error}")
+            continue
+        length = cut.trace.metadata.get("target_length_m")
+        rng = np.random.default_rng([seed, episode])
+        key: dict[str, Any] = {"seed": seed, "episode": episode, "target_length": length}
+        known = twin.specimen.depth
+        twins = []
+        for draw in range(draws):
+            measured = env.constants.knowledge.measure_depth(known, seed + _NOISE_KEY * (draw + 1), episode)
+            laid = twin.drawn(rng, measured)
+            twins.append(cut_once(env, policy, noise=draw + 1, specimen=laid, depth=known, **key))
+        parts = [dataclasses.replace(each, trace=held_out(each.trace, twin.until)) for each in (cut, *twins)]
+        kept.append(parts[0])
+        simulated.append(parts[1:])
+        if told is not None:
+            told("simulator", episode + 1)
+    return kept, simulated, notes
+
+
 def cut_on_rig(
-    env: RigCutEnv, policy: Policy, *, seed: int, specimens: int, told: ProgressCallback | None = None
+    env: RigCutEnv,
+    policy: Policy,
+    *,
+    seed: int,
+    specimens: int,
+    specimen: Specimen | None = None,
+    told: ProgressCallback | None = None,
 ) -> tuple[list[ComparedCut], ClockKept, list[str]]:
     """Cut every specimen once; again, up to four times, if the rig was stopped by a delay of the computer.
 
@@ -178,7 +268,7 @@ def cut_on_rig(
         lost = False
         for _ in range(_ATTEMPTS):
             try:
-                cut = cut_once(env, policy, seed=seed, episode=episode)
+                cut = cut_once(env, policy, seed=seed, episode=episode, specimen=specimen)
             except RigError as error:
                 between.append(f"specimen {episode + 1}: {error}")
                 lost = lost or _time_was_lost(env)
@@ -227,9 +317,14 @@ def paired_experiment(
     seed: int = 0,
     specimens: int = 12,
     draws: int = DRAWS,
+    specimen: Specimen | None = None,
+    unknown: bool | None = None,
     told: ProgressCallback | None = None,
 ) -> PairedCuts:
     """Let a policy cut the same specimens in the simulator and on a rig.
+
+    Specimens that nobody has drawn are made equal by their twins, which are fitted to the first half of each record;
+    the second halves are compared. Tasks with a third axis have no twins: then the two sides are two samples.
 
     Parameters
     ----------
@@ -241,14 +336,29 @@ def paired_experiment(
         Specimens are the episodes 0, 1, ... of the seed.
     draws : int
         Number of simulated cuts of each specimen, 2 to 100.
+    specimen : Specimen, optional
+        The one that every cut is made in, where its tissue is known, such as blocks from one mould.
+    unknown : bool, optional
+        True to treat an imitated rig's specimens as those of a lab; by default as the rig is.
     told : callable, optional
         Called with the side and the number of specimens that it has cut.
     """
     in_range("specimens", specimens, FEWEST_SPECIMENS, 10_000, "1", "A dozen is a beginning.")
     in_range("draws", draws, 2, 100, "1", "Noise needs two simulated cuts or more.")
-    expected = simulate_cuts(simulator, policy, seed=seed, specimens=specimens, draws=draws, told=told)
-    cuts, clock, between = cut_on_rig(rig, policy, seed=seed, specimens=specimens, told=told)
-    return PairedCuts(simulator=expected, rig=cuts, paired=rig.draws_specimens, clock=clock, between=between)
+    unknown = not rig.draws_specimens if unknown is None else unknown
+    laid = specimen if rig.draws_specimens else None  # a lab lays it
+    twins = unknown and specimen is None and not rig.needs_axis
+    expected: list[list[ComparedCut]] = []
+    if not twins:
+        expected = simulate_cuts(
+            simulator, policy, seed=seed, specimens=specimens, draws=draws, specimen=specimen, told=told
+        )
+    cuts, clock, between = cut_on_rig(rig, policy, seed=seed, specimens=specimens, specimen=laid, told=told)
+    if twins:
+        cuts, expected, notes = cut_twins(simulator, policy, cuts, seed=seed, draws=draws, told=told)
+        between += notes
+    paired = twins or specimen is not None or not unknown
+    return PairedCuts(simulator=expected, rig=cuts, paired=paired, clock=clock, between=between, twins=twins)
 
 
 def save_records(folder: Path, cuts: Sequence[Sequence[ComparedCut]], about: Mapping[str, Any]) -> list[Path]:

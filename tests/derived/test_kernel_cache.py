@@ -252,7 +252,7 @@ def test_the_notice_of_compiling_stands_on_a_line_of_its_own_beside_a_progress_b
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
     ran = subprocess.run([sys.executable, "-c", use], capture_output=True, check=True, env=environment)
     lines = re.split(r"[\r\n]+", ran.stderr.decode())
-    assert "cutenv: compiling for this machine; takes about half a minute, once." in lines
+    assert any(line.startswith("cutenv: compiling what this needs for this machine") for line in lines)
 
 
 def test_importing_compiles_nothing(tmp_path):

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from cutenv.rig.emulator import process
+from cutenv.imitated.emulator import process
 from cutenv.rig.errors import RigError
 
 ROOT = Path(__file__).parents[2]

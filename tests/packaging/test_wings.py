@@ -75,25 +75,26 @@ def test_identified_constants_are_read_when_they_are_asked_for() -> None:
 
 def test_a_fake_rig_loads_neither_drivers_nor_emulator() -> None:
     loaded = loaded_after("import gymnasium, cutenv\ngymnasium.make('cutenv/RigCut-v1', rig='fake').reset(seed=0)")
-    assert "cutenv.rig.fake.fake_rig" in loaded
+    assert "cutenv.imitated.fake.fake_rig" in loaded
     assert not loaded & set(REAL)
-    assert not any(name.startswith("cutenv.rig.emulator") for name in loaded)
+    assert not any(name.startswith("cutenv.imitated.emulator") for name in loaded)
 
 
 def test_a_real_rig_loads_neither_fake_nor_emulator() -> None:
     (path,) = run(WRITE_A_RIG)
     loaded = loaded_after(f"import gymnasium, cutenv\ngymnasium.make('cutenv/RigCut-v1', rig={path!r})")
     assert "cutenv.rig.plant" in loaded
-    assert not any(name.startswith(("cutenv.rig.fake", "cutenv.rig.emulator")) for name in loaded)
+    assert not any(name.startswith(("cutenv.imitated.fake", "cutenv.imitated.emulator")) for name in loaded)
 
 
 def test_an_emulated_rig_loads_no_fake() -> None:
     loaded = loaded_after(
-        "import cutenv.rig.emulator.process, cutenv.rig.connection\nfrom cutenv.rig.hardware import rig_plant\n"
+        "import cutenv.imitated.emulator.process, cutenv.imitated.connection\n"
+        "from cutenv.rig.hardware import rig_plant\n"
         "from cutenv.rig.config.settings import RigSettings\nrig_plant(RigSettings())"
     )
     assert set(REAL) <= loaded
-    assert not any(name.startswith("cutenv.rig.fake") for name in loaded)
+    assert not any(name.startswith("cutenv.imitated.fake") for name in loaded)
 
 
 def test_dir_shows_what_a_user_can_import() -> None:

@@ -11,6 +11,10 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from cutenv.imitated.emulator.emulated_axis import EmulatedAxis
+from cutenv.imitated.emulator.hub import Frame
+from cutenv.imitated.emulator.mechanics import Mechanics
+from cutenv.imitated.emulator.node import Node
 from cutenv.rig.config.axes import Axis
 from cutenv.rig.config.settings import Bus, RigSettings, fake_settings
 from cutenv.rig.devices.canopen.axis import CanopenAxis
@@ -18,10 +22,6 @@ from cutenv.rig.devices.canopen.network import CanNetwork
 from cutenv.rig.devices.canopen.objects import SYNC_FRAME
 from cutenv.rig.devices.drivers import DriveState, ForceListener, ForceSample
 from cutenv.rig.devices.host import FakeClock
-from cutenv.rig.emulator.emulated_axis import EmulatedAxis
-from cutenv.rig.emulator.hub import Frame
-from cutenv.rig.emulator.mechanics import Mechanics
-from cutenv.rig.emulator.node import Node
 from cutenv.rig.plant import RigPlant
 
 TICK = 0.001  # [s]

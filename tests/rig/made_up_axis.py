@@ -7,13 +7,15 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import make_smoothing_spline
 
 from cutenv.cutting.drive import Rig, advance_command, delayed_command, lag_gain
 from cutenv.cutting.dtypes import STATE, TICK
 from cutenv.rig.config.axes import Axis
 from cutenv.rig.config.settings import RigSettings
-from cutenv.rig.identification.experiment import Identification, Recorded, identification_from
-from cutenv.rig.identification.recording import Plan, Stretch
+from cutenv.rig.operation.recorder import Felt, Stretch
+from cutenv.sim_to_real.identification.experiment import Identification, Recorded, identification_from
+from cutenv.sim_to_real.identification.plan import Plan
 
 advance, delayed = advance_command.py_func, delayed_command.py_func  # type: ignore[attr-defined]
 SYNC = 5  # ticks
@@ -38,6 +40,8 @@ class MadeUpAxis:
     jitter: float = 0.4e-3  # mean of an exponential lateness of samples [s]
     reports_torque: bool = True
     seed: int = 0
+    carried: float = 0.0  # mass behind the sensor [kg]; negative: a sensor with the wrong sign
+    force_delay: float = 0.0  # [s]
 
     def stretch(self, commands: np.ndarray) -> Stretch:
         """What follows from one commanded speed a millisecond."""
@@ -77,6 +81,14 @@ class MadeUpAxis:
         legs = [np.full(ticks, plan.turn_speed * -((-1) ** k)) for k in range(plan.turns + 1)]
         return self.stretch(np.concatenate((np.zeros(400), *legs, np.zeros(20))))
 
+    def felt(self, sine: Stretch) -> Felt:
+        """What the sensor reads at 1 kHz of the inertia of what it carries; the motion between samples is smooth."""
+        rng = np.random.default_rng([self.seed, len(sine.time), 1])
+        smooth = make_smoothing_spline(*_increasing(sine.time, sine.position), lam=1e-9)
+        time = np.arange(float(sine.time[0]), float(sine.time[-1]), TICK)
+        force = self.carried * smooth.derivative(2)(np.maximum(time - self.force_delay, sine.time[0]))
+        return Felt(time, force + 0.02 * rng.standard_normal(len(time)))
+
     def sine(self, frequency: float, amplitude: float, duration: float) -> Stretch:
         time = 0.020 * np.arange(round(duration / 0.020))
         commands = np.repeat(amplitude * np.sin(2.0 * np.pi * frequency * time), 20)
@@ -94,6 +106,11 @@ def made_up_force(
     return force if resolution == 0.0 else resolution * np.floor(force / resolution + 0.5)
 
 
+def _increasing(time: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    new = np.flatnonzero(np.diff(time, prepend=-1.0) > 1e-6)
+    return time[new], position[new]
+
+
 def identified(axis: MadeUpAxis, **force: float) -> Identification:
     """The whole experiment on a made-up rig."""
     settings = RigSettings()
@@ -104,4 +121,5 @@ def identified(axis: MadeUpAxis, **force: float) -> Identification:
         for sign in (1, -1)
     )
     sines = tuple(axis.sine(*sine, sine.duration) for sine in plan.sines)
-    return identification_from(settings, plan, Recorded(steps, sines, axis.turns(plan), made_up_force(**force), 1000.0))
+    at_rest, felt = made_up_force(**force), tuple(map(axis.felt, sines)) if axis.carried else ()
+    return identification_from(settings, plan, Recorded(steps, sines, axis.turns(plan), at_rest, 1000.0, felt=felt))

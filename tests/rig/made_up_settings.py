@@ -8,8 +8,8 @@ from typing import Any
 
 from hypothesis import strategies as st
 
+from cutenv.imitated.emulator.assembly import BLADE, HINGE
 from cutenv.rig.config.settings import Identified, RigSettings, SensorCalibration
-from cutenv.rig.emulator.assembly import BLADE, HINGE
 
 PROFILE = ((0.0, 0.0081), (0.005, 0.0124), (0.15, 0.0175))
 USUAL = RigSettings(
@@ -23,7 +23,7 @@ FREE = dataclasses.replace(USUAL, angle_mode="free", angle=HINGE)
 _WHOLE = {"node": (1, 127), "pulses": (1, 10**6), "bitrate": (10_000, 1_000_000)}
 _MEASURED = {
     "motor_lag": 1.0, "dead_time": 0.1, "acceleration": 10.0, "backlash": 0.005, "friction": 50.0, "force_noise": 1.0,
-    "force_resolution": 1.0, "force_drift": 1.0,
+    "force_resolution": 1.0, "force_drift": 1.0, "force_delay": 0.05,
 }  # fmt: skip
 _USUALLY = 0.1  # of that
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from cutenv.imitated.emulator.serial.firmware import CONVERTERS, HIGH_PIN, LOW_PIN, STOP_PIN, Firmware, compiled
 from cutenv.rig.devices.serial.board import (
     BoardFlag,
     BoardIdentity,
@@ -21,7 +22,6 @@ from cutenv.rig.devices.serial.board import (
     board_line,
     board_report,
 )
-from cutenv.rig.emulator.serial.firmware import CONVERTERS, HIGH_PIN, LOW_PIN, STOP_PIN, Firmware, compiled
 from cutenv.rig.errors import RigError
 
 SETUP = StepperSetup(acceleration=40_000, quick_stop=200_000, fastest=2_400, low=-800, high=59_600)

@@ -13,14 +13,15 @@ import pytest
 
 from cutenv import cli
 from cutenv.commands.rig.check import as_json, lines
+from cutenv.imitated.emulator.process import start
+from cutenv.imitated.fake.benches import AirPlant
+from cutenv.imitated.fake.fake_rig import FakeRig, Faults
 from cutenv.rig.config.settings import fake_settings
 from cutenv.rig.devices.drivers import DriveState
-from cutenv.rig.emulator.process import start
-from cutenv.rig.fake.benches import AirPlant
-from cutenv.rig.fake.fake_rig import FakeRig, Faults
 from cutenv.rig.hardware import rig_plant
 from cutenv.rig.operation.preflight import SETTLE
 from cutenv.rig.operation.self_check import Inspection, inspect
+from cutenv.rig.plant import RigPlant
 from cutenv.rig.safety.stop_causes import Cause
 from cutenv.rig.toml_file import to_toml
 
@@ -50,6 +51,15 @@ def test_a_rig_that_is_well_passes_every_check() -> None:
     assert found.told["blade"]["heartbeat_period_ms"] == pytest.approx(50.0, rel=0.05)
     assert found.told["blade"]["limit_speed_m_s"] == 0.0381
     assert any("stands 73.5 mm from the clamp" in line for line in lines(found))
+
+
+def test_a_drive_whose_zero_nobody_has_set_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    about = RigPlant.about
+    for told, fails in (("yes", set()), ("no: put the blade at the clamp", {"blade zero"})):
+        monkeypatch.setattr(RigPlant, "about", lambda plant, told=told: {**about(plant), "blade": {"zero_set": told}})
+        found = inspected()
+        assert failed(found) == fails
+        assert any("'cutenv rig zero' sets it" in line for line in lines(found)) == (not fails)
 
 
 @pytest.mark.parametrize(

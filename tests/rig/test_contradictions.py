@@ -17,12 +17,12 @@ from hypothesis import settings as hypothesis_settings
 from made_up_settings import FREE, USUAL, with_surprises, with_value
 
 from cutenv.envs.rig_cut import RigCutEnv
+from cutenv.imitated.emulator.process import start
+from cutenv.imitated.fake.benches import AirPlant, SpecimenPlant
+from cutenv.imitated.fake.fake_rig import FakeRig, FakeSensor
 from cutenv.rig.config.laid_specimen import Laid
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.contradictions import contradictions
-from cutenv.rig.emulator.process import start
-from cutenv.rig.fake.benches import AirPlant, SpecimenPlant
-from cutenv.rig.fake.fake_rig import FakeRig, FakeSensor
 from cutenv.rig.operation.operator import AutomaticOperator
 from cutenv.rig.operation.session import RigSession, SpecimenKey
 from cutenv.rig.safety.stop_causes import Cause, RigStopped

@@ -11,7 +11,7 @@ import pytest
 from cutenv.envs.path_cut import to_path_action
 from cutenv.envs.rig_path_cut import RigPathCutEnv
 from cutenv.envs.rig_source import EmulatedSpecimens
-from cutenv.rig.emulator.process import start
+from cutenv.imitated.emulator.process import start
 from cutenv.rig.errors import RigError
 from cutenv.rig.hardware import rig_plant
 from cutenv.rig.operation.operator import AutomaticOperator

@@ -12,9 +12,9 @@ from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.sensor import Sensor, SensorParameters
 from cutenv.envs.constants import Constants
 from cutenv.envs.rig_source import emulator_arguments
+from cutenv.imitated.emulator.mechanics import EmulatedTissue
 from cutenv.plant import SimulatedPlant
 from cutenv.rig.config.laid_specimen import Laid
-from cutenv.rig.emulator.mechanics import EmulatedTissue
 from cutenv.rig.errors import RigError
 from cutenv.tissue.specimen import Specimen
 

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from cutenv.cutting.drive import PDRig, Rig, advance_command, advance_in_air, lag_gain
 from cutenv.cutting.dtypes import TICK, new_state
-from cutenv.rig.emulator.assembly import BLADE, HINGE
-from cutenv.rig.emulator.hub import Frame
-from cutenv.rig.emulator.mechanics import (
+from cutenv.imitated.emulator.assembly import BLADE, HINGE
+from cutenv.imitated.emulator.hub import Frame
+from cutenv.imitated.emulator.mechanics import (
     MODE_RAMP,
     MODE_VELOCITY,
     Mechanics,

@@ -10,10 +10,10 @@ from collections.abc import Iterator
 import pytest
 from hand_moved_drive import INCREMENT, SYNC, HandMovedDrive
 
+from cutenv.imitated.emulator.assembly import EmulatedRig, Options
+from cutenv.imitated.emulator.emulated_bench import FAULTS, parsed_fault
+from cutenv.imitated.emulator.mechanics import EmulatedTissue
 from cutenv.rig.config.settings import across
-from cutenv.rig.emulator.assembly import EmulatedRig, Options
-from cutenv.rig.emulator.emulated_bench import FAULTS, parsed_fault
-from cutenv.rig.emulator.mechanics import EmulatedTissue
 from cutenv.rig.errors import RigError
 
 

@@ -23,9 +23,9 @@ import rig_faults
 import rig_trials
 from cross_trials import CROSS_FAULTS
 
+from cutenv.imitated.emulator.emulated_bench import FAULTS
+from cutenv.imitated.emulator.process import start
 from cutenv.recording import load_one
-from cutenv.rig.emulator.emulated_bench import FAULTS
-from cutenv.rig.emulator.process import start
 from cutenv.rig.toml_file import to_toml
 
 SCRIPTS = Path(__file__).parents[2] / "scripts"
@@ -140,7 +140,7 @@ CUT = """
 import sys
 from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.rig.safety.stop_causes import RigStopped
-from cutenv.rig.emulator.control import EmulatorControl
+from cutenv.imitated.emulator.control import EmulatorControl
 from cutenv.rig.operation.operator import AutomaticOperator
 from cutenv.rig.toml_file import read_rig_file
 

@@ -19,16 +19,18 @@ import cutenv  # noqa: F401  registers the environment
 from cutenv.cutting.drive import Rig
 from cutenv.envs import GentleCutEnv, GentleCutVectorEnv, RigCutEnv
 from cutenv.learning.arguments import BadArguments, PPOArguments, for_rig
+from cutenv.measurement import sensor_noise
+from cutenv.measurement.sensor_noise import longest_still, sensor_at_rest
 from cutenv.rig.config.identified import SIMULATED, environment_arguments
 from cutenv.rig.config.settings import Identified, RigSettings, SafetyLimits, SensorCalibration
-from cutenv.rig.devices.serial.slow_profile import grbl_settings, slow_settings
 from cutenv.rig.errors import RigError
-from cutenv.rig.identification import axis_response, sensor_noise
-from cutenv.rig.identification.experiment import Identification
-from cutenv.rig.identification.recording import Plan, Stretch
-from cutenv.rig.identification.sensor_noise import longest_still, sensor_at_rest
+from cutenv.rig.operation.recorder import Stretch
 from cutenv.rig.operation.suitability import simulator_keywords, top_speed
 from cutenv.rig.toml_file import to_toml
+from cutenv.rig_drivers.slow_profile import grbl_settings, slow_settings
+from cutenv.sim_to_real.identification import axis_response
+from cutenv.sim_to_real.identification.experiment import Identification
+from cutenv.sim_to_real.identification.plan import Plan
 from cutenv.task.observation import COMPONENTS
 from cutenv.task.weights import greatest_action
 
@@ -66,6 +68,7 @@ def check_sines(found: Identification, truth: Rig) -> None:
     for each in found.checks:
         assert each.gain_error == pytest.approx(0.0, abs=0.02)
         assert each.phase_error == pytest.approx(0.0, abs=0.02)
+        assert each.verdict == "as the model"
 
 
 def check_noise(noise: float, resolution: float) -> None:
@@ -87,7 +90,24 @@ def test_an_axis_is_found_as_it_was_made(name: str) -> None:
         check(found, truth)
     if truth.backlash:
         check_backlash(found, truth)
-    assert value(found, "friction") == pytest.approx(22.0, abs=3.0 * (found["friction"].error or 0.0) + 0.3)
+    for constant, true in (
+        ("motor_lag", truth.motor_lag), ("acceleration", truth.acceleration), ("friction", 22.0),
+        ("backlash", truth.backlash or None),
+    ):  # fmt: skip
+        if true is not None:
+            assert abs(value(found, constant) - true) < 2.5 * (found[constant].error or 0.0), constant
+
+
+def test_the_delay_of_the_force_is_that_of_the_inertia_that_it_feels() -> None:
+    found = identified(MadeUpAxis(carried=0.3, force_delay=0.012))["force_delay"]
+    assert found.value is not None
+    assert found.error is not None
+    assert abs(found.value - 0.012) < 2.5 * found.error < 0.006
+    backward = identified(MadeUpAxis(carried=-0.3))["force_delay"]
+    assert (backward.value, backward.how.partition(":")[0]) == (None, "the force has the wrong sign")
+    light = identified(MadeUpAxis(carried=0.001))["force_delay"]
+    assert light.value is None
+    assert "clamp some 200 g to it" in light.how
 
 
 def _late_commands(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -267,7 +287,7 @@ def test_only_what_was_measured_is_passed_on() -> None:
 def test_the_simulator_takes_what_was_measured() -> None:
     measured = {
         "motor_lag": 0.05, "dead_time": 0.012, "backlash": 3e-5, "acceleration": 0.2,
-        "force_noise": 0.03, "force_resolution": 0.0, "force_drift": 0.01,
+        "force_noise": 0.03, "force_resolution": 0.0, "force_drift": 0.01, "force_delay": 0.02,
     }  # fmt: skip
     arguments = environment_arguments(Identified(**measured))
     assert arguments == measured

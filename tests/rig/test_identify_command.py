@@ -11,15 +11,15 @@ import pytest
 
 from cutenv import cli
 from cutenv.cutting.drive import Rig
+from cutenv.imitated.fake.benches import AirPlant
+from cutenv.imitated.fake.fake_rig import FakeRig
 from cutenv.rig.config.settings import Identified, RigSettings, fake_settings
-from cutenv.rig.fake.benches import AirPlant
-from cutenv.rig.fake.fake_rig import FakeRig
-from cutenv.rig.identification import Plan, identification_from, perform
-from cutenv.rig.identification.experiment import APPROACH
 from cutenv.rig.operation.operator import AutomaticOperator
 from cutenv.rig.operation.preflight import SETTLE, prepare
 from cutenv.rig.safety.stop_causes import Cause, RigStopped
 from cutenv.rig.toml_file import read_rig_file, to_toml, write_identified
+from cutenv.sim_to_real.identification import Plan, identification_from, perform
+from cutenv.sim_to_real.identification.experiment import APPROACH
 
 DEPTH = ((0.0, 0.02), (0.149, 0.02))
 
@@ -30,6 +30,11 @@ def prepared(drive: Rig, settings: RigSettings | None = None) -> FakeRig:
     rig.clock.sleep_until(rig.clock.now() + SETTLE)
     prepare(rig.plant, AutomaticOperator(rig.settings), today=date.today())
     return rig
+
+
+def brief(plan: Plan) -> Plan:
+    """The plan without what the test is not about."""
+    return dataclasses.replace(plan, turns=3, rest=6.0, sines=plan.sines[2:3])
 
 
 def file_of(path: Path, identified: Identified | None = None) -> Path:
@@ -60,14 +65,14 @@ def test_a_rig_slower_than_the_way_back_to_its_start_is_measured_too() -> None:
     slow = dataclasses.replace(settings, limits=dataclasses.replace(settings.limits, speed=0.8 * APPROACH))
     rig = prepared(Rig(), slow)
     before = rig.plant.position
-    plan = dataclasses.replace(Plan.within(rig.settings, before), start=before - 0.01)
+    plan = brief(dataclasses.replace(Plan.within(rig.settings, before), start=before - 0.01))
     assert len(perform(rig.plant, plan).steps) == 2 * len(plan.speeds)
     assert rig.plant.position == pytest.approx(before, abs=1e-4)
 
 
 def test_something_in_the_way_stops_the_experiment() -> None:
     rig = prepared(Rig())
-    plan = Plan.within(rig.settings, rig.plant.position)
+    plan = brief(Plan.within(rig.settings, rig.plant.position))
 
     def push(message: str) -> None:
         if message.startswith("steps"):
@@ -77,6 +82,28 @@ def test_something_in_the_way_stops_the_experiment() -> None:
         perform(rig.plant, plan, tell=push)
     assert stop.value.report.cause is Cause.FORCE
     assert rig.plant.supervisor.standing
+
+
+def test_what_was_measured_before_this_computer_was_late_is_kept() -> None:
+    rig, told = prepared(Rig()), []
+    plan = brief(Plan.within(rig.settings, rig.plant.position))
+
+    def tell(message: str) -> None:
+        told.append(message.partition(" ")[0])
+        rig.faults.force_silent = told.count("sines") == 1 and message.startswith("sines")
+
+    def again(stop: RigStopped) -> None:
+        assert stop.report.cause is Cause.FORCE_STALE
+        rig.faults.force_silent = False
+        rig.clock.sleep_until(rig.clock.now() + SETTLE)
+        rig.plant.supervisor.reset(agreed=True)
+        prepare(rig.plant, AutomaticOperator(rig.settings), today=date.today())
+
+    recorded = perform(rig.plant, plan, tell=tell, again=again)
+    assert told == ["move", "sensor", "3", "steps", "sines", "stopped", "move", "sines"]
+    assert (len(recorded.steps), len(recorded.sines), len(recorded.felt)) == (2 * len(plan.speeds), 1, 1)
+    found = identification_from(rig.settings, plan, recorded)
+    assert found["motor_lag"].value == pytest.approx(0.040, rel=0.05)
 
 
 def test_the_command_prints_a_table_and_draws_a_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

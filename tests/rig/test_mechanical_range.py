@@ -10,11 +10,11 @@ from pathlib import Path
 import pytest
 
 from cutenv import cli
+from cutenv.imitated.emulator.assembly import RANGES, EmulatedRig, Options
+from cutenv.imitated.emulator.process import emulated_settings
+from cutenv.imitated.fake.benches import AirPlant
+from cutenv.imitated.fake.fake_rig import FakeRig
 from cutenv.rig.config.settings import fake_settings
-from cutenv.rig.emulator.assembly import RANGES, EmulatedRig, Options
-from cutenv.rig.emulator.process import emulated_settings
-from cutenv.rig.fake.benches import AirPlant
-from cutenv.rig.fake.fake_rig import FakeRig
 from cutenv.rig.toml_file import read_rig_file, to_toml
 
 WIDE = RANGES["thesis"]

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from cutenv.imitated.emulator.sensor_server import SensorPage, SensorServer
 from cutenv.rig.devices.netft.netft_sensor import LARGEST, parse_page, read_page
 from cutenv.rig.devices.netft.packets import (
     PacketError,
@@ -23,7 +24,6 @@ from cutenv.rig.devices.netft.packets import (
     request_bytes,
     status_meaning,
 )
-from cutenv.rig.emulator.sensor_server import SensorPage, SensorServer
 from cutenv.rig.errors import RigError
 
 UNSIGNED = st.integers(0, 2**32 - 1)

@@ -11,10 +11,10 @@ import pytest
 from made_ready import ready_rig, release
 
 from cutenv.cutting.dtypes import READING, TICK
+from cutenv.imitated.emulator.process import start
+from cutenv.imitated.fake.fake_rig import replayed_rig
 from cutenv.plant import Leg, Plant, SimulatedPlant, run, to_trace
 from cutenv.rig.devices.host import preferred
-from cutenv.rig.emulator.process import start
-from cutenv.rig.fake.fake_rig import replayed_rig
 from cutenv.rig.hardware import rig_plant
 from cutenv.rig.operation.preflight import SETTLE
 from cutenv.rig.safety.stop_causes import RigStopped

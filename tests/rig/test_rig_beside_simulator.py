@@ -19,10 +19,14 @@ from cutenv.sim_to_real.paired_experiment import (
     PairedCuts,
     cut_on_rig,
     cut_once,
+    cut_twins,
     paired_experiment,
     simulate_cuts,
     simulator_like,
 )
+from cutenv.sim_to_real.specimen_twin import fit_twin
+from cutenv.tissue.description import measured_liver
+from cutenv.tissue.specimen import Specimen
 
 SPECIMENS, DRAWS, SEED = 14, 3, 11
 SHORT = {"target_length": 0.04, "specimen_class": "liver"}
@@ -214,3 +218,66 @@ def test_bad_options_are_refused_in_the_readers_words(options, said, capsys):
     given = ["--policy", "nothing", "--rig", "fake", *options]
     assert main(["rig", "evaluate", *given]) == 2
     assert said in capsys.readouterr().err
+
+
+# Specimens that nobody has drawn
+
+
+@pytest.fixture(scope="module")
+def laid():
+    """Cuts as of a lab: eight specimens, of which nothing but the record is known."""
+    env = simulator_like(RigCutEnv(rig="fake", **SHORT), **{**SHORT, "target_length": 0.06})
+    return env, [cut_once(env, feed(), seed=SEED, episode=k, noise=77) for k in range(8)]
+
+
+def times(cut, gain):
+    return dataclasses.replace(cut, trace=dataclasses.replace(cut.trace, force=gain * cut.trace.force))
+
+
+def test_a_twin_has_the_forces_of_the_half_that_it_was_fitted_to(laid):
+    env, cuts = laid
+    for episode, cut in enumerate(cuts[:3]):
+        twin = fit_twin(cut.trace, measured_liver())
+        again = cut_once(
+            env, feed(), seed=1, episode=episode, specimen=twin.drawn(np.random.default_rng(2)), target_length=0.06,
+            depth=twin.specimen.depth,
+        )  # fmt: skip
+        mean = [each.force[each.position < twin.until].mean() for each in (cut.trace, again.trace)]
+        assert mean[1] == pytest.approx(mean[0], rel=0.15)
+        tougher = fit_twin(times(cut, 1.5).trace, measured_liver()).specimen
+        ratio = np.mean(tougher.fracture_force() / twin.specimen.fracture_force())
+        assert ratio == pytest.approx(1.5, rel=0.25), "what is tougher cannot be told from a sensor that reads more"
+
+
+def test_held_out_halves_of_a_labs_specimens_agree_with_their_twins_unless_the_force_is_another(laid):
+    env, cuts = laid
+    parts, twins, notes = cut_twins(env, feed(), cuts, seed=SEED, draws=3)
+    assert not notes
+    assert min(part.trace.position.min() for part in parts) > 0.02
+    equal = Agreement(parts, twins, twins=True)
+    assert equal.verdict.answer != "differ", str(equal.verdict)
+    doubled = Agreement([times(part, 2.0) for part in parts], twins, twins=True)
+    (shift,) = (each.shift for each in doubled.findings if each.measure.name == "mean_force_per_depth")
+    assert shift.low > shift.margin
+
+
+def test_a_specimen_that_is_known_shows_a_gain_of_five_percent(laid):
+    env, _ = laid
+    block = Specimen.mean()
+    simulated = simulate_cuts(env, feed(), seed=SEED, specimens=14, draws=3, specimen=block)
+    cuts = [cut_once(env, feed(), seed=SEED, episode=k, noise=77, specimen=block) for k in range(14)]
+    assert Agreement(cuts, simulated).verdict.answer != "differ"
+    assert Agreement([times(cut, 1.05) for cut in cuts], simulated).verdict.answer == "differ"
+
+
+def test_the_command_gives_twins_to_specimens_that_it_shall_not_know(tmp_path, capsys):
+    block = tmp_path / "block.json"
+    block.write_text(Specimen.mean().to_json(), encoding="utf-8")
+    options = ["--policy", "constant 1.65 cm/s 90 deg", "--rig", "fake", "--specimens", "6", "--draws", "2"]
+    told = []
+    for more in (["--unknown"], ["--specimen", str(block)]):
+        assert main(["rig", "evaluate", *options, *more, "--json", str(tmp_path / "told.json")]) in (0, 1)
+        told.append(json.loads((tmp_path / "told.json").read_text(encoding="utf-8")))
+        assert ("given a twin in the simulator" in capsys.readouterr().out) == (len(told) == 1)
+    assert [each["twins"] for each in told] == [True, False]
+    assert all(each["paired"] for each in told)

@@ -12,13 +12,13 @@ from gymnasium.utils.env_checker import check_env
 from scripted_operator import ScriptedOperator
 
 from cutenv.envs.rig_cut import RigCutEnv
+from cutenv.imitated.fake.fake_rig import Faults
 from cutenv.policy import BASELINES
 from cutenv.recording import load_one
 from cutenv.recording.appending import AppendingRecord, RecordingFailed
 from cutenv.rig.config.settings import fake_settings
 from cutenv.rig.devices.drivers import DriveState
 from cutenv.rig.errors import RigError
-from cutenv.rig.fake.fake_rig import Faults
 from cutenv.rig.safety.stop_causes import Cause
 from cutenv.rig.toml_file import to_toml
 from cutenv.scoring import score

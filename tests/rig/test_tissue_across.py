@@ -12,15 +12,15 @@ from hand_moved_drive import INCREMENT
 
 from cutenv.commands.rig.emulate import _options, _parser
 from cutenv.cutting.sensor import SensorParameters
+from cutenv.imitated.emulator.assembly import EmulatedRig, Options
+from cutenv.imitated.emulator.control import answered
+from cutenv.imitated.emulator.hub import Frame
+from cutenv.imitated.emulator.mechanics import ARM, EmulatedTissue
+from cutenv.imitated.tissue_in_plane import TissueInPlane
 from cutenv.rig.config.laid_specimen import Laid
 from cutenv.rig.config.settings import across
 from cutenv.rig.devices.canopen.objects import HOMED
-from cutenv.rig.emulator.assembly import EmulatedRig, Options
-from cutenv.rig.emulator.control import answered
-from cutenv.rig.emulator.hub import Frame
-from cutenv.rig.emulator.mechanics import ARM, EmulatedTissue
 from cutenv.rig.errors import RigError
-from cutenv.rig.tissue_in_plane import TissueInPlane
 from cutenv.tissue import Specimen
 from cutenv.tissue.layers import Layers
 from cutenv.tissue.lines import arc

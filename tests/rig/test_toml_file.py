@@ -19,6 +19,7 @@ from cutenv import cli
 from cutenv.rig.config.file_schema import SECTIONS
 from cutenv.rig.config.settings import CameraSettings, Identified, RigSettings, SensorCalibration
 from cutenv.rig.toml_file import read_rig_file, template, to_toml, write_identified
+from cutenv.rig_drivers.slow_profile import slow_settings
 
 FILLED = template("bench 2").replace("\n# FILL IN: ", "\n")
 PROFILE = ((0.0, 0.0081), (0.005, 0.0124), (0.15, 0.0175))
@@ -301,13 +302,24 @@ def test_a_new_file_of_a_slow_rig_tells_all_missing_lines_at_once_and_has_no_sec
 ) -> None:
     path = tmp_path / "slow.toml"
     cli.main(["rig", "init", str(path), "--profile", "serial"])
-    assert "[height]" not in path.read_text(encoding="utf-8")
+    text = path.read_text(encoding="utf-8")
+    assert "[height]" not in text
+    assert "# FILL IN: lead_mm = 8.0\n" in text  # of this kind of rig, and as the page has it
+    assert "# FILL IN: counts_per_N = 42800.0\n" in text
     capsys.readouterr()
     assert cli.main(["rig", "check", str(path)]) == 2
     told = capsys.readouterr().err
     for line in ("depth_profile", "blade.lead_mm", "blade.options.port", "blade.options.steps", "sensor.options.port",
                  "sensor.options.counts_per_N", "calibration.date"):  # fmt: skip
         assert line in told
+
+
+def test_counts_of_a_cell_that_pulls_the_other_way_are_told_of_the_sign(tmp_path: Path) -> None:
+    path = tmp_path / "slow.toml"
+    text = to_toml(dataclasses.replace(slow_settings("/dev/board"), depth_profile=((0.0, 0.01), (0.15, 0.02))))
+    path.write_text(text.replace("counts_per_N = 42800.0", "counts_per_N = -42800"), encoding="utf-8")
+    with pytest.raises(ValueError, match=r"counts_per_N = -42800 is negative. Write 42800, .* by sensor.sign"):
+        read_rig_file(path)
 
 
 def test_without_a_name_the_rig_is_called_as_its_file(tmp_path: Path) -> None:

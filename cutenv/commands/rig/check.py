@@ -13,8 +13,8 @@ from datetime import date
 from typing import Any
 
 from cutenv.commands.options import RIG, command_parser, reports_errors
+from cutenv.imitated.connection import connected, settings_of
 from cutenv.rig.config.settings import RigSettings
-from cutenv.rig.connection import connected, settings_of
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.preflight import Check, may_move
 from cutenv.rig.operation.self_check import Inspection, inspect, inspect_camera
@@ -68,11 +68,10 @@ def lines(found: Inspection) -> list[str]:
     width = max(len(check.name) for check in found.checks)
     shown.append("checks:")
     shown += [f"  {'ok  ' if each.passed else 'FAIL'} {each.name:<{width}}  {each.found}" for each in found.checks]
-    if (stands := found.told.get("blade", {}).get("position_mm")) is not None:
-        shown.append(
-            f"measure it: by its drive the blade stands {stands:.1f} mm from the clamp. Nothing here homes a drive; "
-            "its own homing has to set zero at the clamp."
-        )
+    blade = found.told.get("blade", {})
+    if (stands := blade.get("position_mm")) is not None and blade.get("zero_set", "yes") == "yes":
+        zero = "'cutenv rig zero' sets it" if "zero_set" in blade else "its own homing has to set zero at the clamp"
+        shown.append(f"measure it: by its drive the blade stands {stands:.1f} mm from the clamp. If not, {zero}.")
     failed = sum(not check.passed for check in found.checks)
     shown.append(f"{failed} of {len(found.checks)} checks fail" if failed else f"all {len(found.checks)} checks pass")
     return shown

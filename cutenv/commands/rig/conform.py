@@ -9,16 +9,17 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
+import math
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
-from cutenv.commands.options import RIG, command_parser, reports_errors
+from cutenv.commands.options import RIG, command_parser
+from cutenv.commands.rig import reports_rig_errors
+from cutenv.imitated.connection import operator_of, settings_of
 from cutenv.rig.config.axes import Axis
 from cutenv.rig.config.settings import EMULATED, FAKE, RigSettings, SensorSettings
-from cutenv.rig.connection import operator_of, settings_of
 from cutenv.rig.devices.driver_registry import (
     KIND_OF_ROLE,
     DriverKind,
@@ -30,8 +31,8 @@ from cutenv.rig.devices.driver_registry import (
 )
 from cutenv.rig.devices.host import SystemClock, preferred
 from cutenv.rig.errors import RigError
-from cutenv.rig.operation.conformance import HEADER, TriedPromise, conformance_rows
-from cutenv.rig.operation.driver_conformance import TRIAL_TRAVEL, conform_force, conform_motion
+from cutenv.rig_drivers.conformance import HEADER, TriedPromise, conformance_rows
+from cutenv.rig_drivers.driver_conformance import TRIAL_TRAVEL, conform_force, conform_motion
 
 SECTIONS_TRIED = ("blade", "angle", "height", "side", "sensor")
 """Sections of a rig's file whose drivers can be tried."""
@@ -60,7 +61,7 @@ def tried_drivers(rig: str, sections: list[str] | None = None) -> Tried:
         raise ValueError(f"a fake rig has no drivers to try. Give {', '.join(map(repr, EMULATED))}, or a rig's file.")
     with ExitStack() as stack:
         if rig in EMULATED:
-            from cutenv.rig.emulator.process import start
+            from cutenv.imitated.emulator.process import start
 
             settings = stack.enter_context(start(free_air=True, kind=rig)).settings
         elif rig.endswith(".toml") or Path(rig).exists():
@@ -84,12 +85,19 @@ def _findings(settings: RigSettings, role: str) -> list[TriedPromise]:
         return conform_force(driver, settings, clock)
     if not settings.emulated:
         question = (
-            f"The {role} axis of {settings.name} will move to and fro by up to {1e3 * TRIAL_TRAVEL:g} mm (a hinge: 0.6 "
-            "degrees), several times. Is the blade off, is its way clear, and is the stop button within reach?"
+            f"The {role} axis of {settings.name} will {_trial_way(role)}, several times. Is the blade off, is its way "
+            "clear, and is the stop button within reach?"
         )
         if not operator_of(settings).confirm(question, expected=settings.name):
             raise RigError("the operator has not confirmed: nothing moves.")
     return conform_motion(driver, settings, clock)
+
+
+def _trial_way(role: str) -> str:
+    """Return how far an axis moves while it is tried, in words."""
+    if role == "angle":
+        return f"turn to and fro by up to {math.degrees(TRIAL_TRAVEL):.1f} degrees"
+    return f"move to and fro by up to {1e3 * TRIAL_TRAVEL:g} mm"
 
 
 def _role_of(name: str) -> str:
@@ -114,15 +122,11 @@ def _rig_of(name: str) -> RigSettings:
     return replace(settings, emulated=traits.emulated(settings, role))
 
 
-@reports_errors("rig conform")
+@reports_rig_errors("conform")
 def main(argv: Sequence[str]) -> int:
     """Try the drivers; return 0, 1 if a promise is not kept or a device fails, or 2 if the file or name is bad."""
     arguments = _parser().parse_args(argv)
-    try:
-        found = tried_drivers(arguments.rig, arguments.section or None)
-    except RigError as error:
-        print(f"cutenv rig conform: {error}", file=sys.stderr)
-        return 1
+    found = tried_drivers(arguments.rig, arguments.section or None)
     if arguments.json:
         told = {role: [each._asdict() for each in findings] for role, (_, findings) in found.items()}
         print(json.dumps(told, indent=2))

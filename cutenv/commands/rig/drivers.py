@@ -56,7 +56,7 @@ def _about(driver: RegisteredDriver, *, options: bool) -> dict[str, Any]:
         if options:
             raise
         return about | {"summary": f"cannot be loaded: {error}"}
-    about["summary"] = summary or "no description"
+    about["summary"] = summary or "its class has no docstring; the first line of one would stand here"
     if options:
         about["needs"] = list(traits_of(driver.kind, driver.name).needs)
         about["options"] = [

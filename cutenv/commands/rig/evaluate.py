@@ -17,9 +17,9 @@ from cutenv.commands.options import (
     command_parser,
     made_folder,
     made_place,
-    reports_errors,
     target_length,
 )
+from cutenv.commands.rig import reports_rig_errors
 from cutenv.rig.errors import RigError
 from cutenv.task.registry import TASKS
 
@@ -27,15 +27,16 @@ if TYPE_CHECKING:
     from cutenv.envs.rig_cut import RigCutEnv
     from cutenv.sim_to_real.evaluation_result import Evaluation
     from cutenv.sim_to_real.paired_experiment import ProgressCallback
+    from cutenv.tissue.specimen import Specimen
 
 AGREE, DIFFER = 0, 1
 _OF_BOTH = ("control_hz", "deadline_s", "angle_mode", "fixed_angle_deg")
 _PAGE, _RECORDS = "evaluation.html", "records"
 
 
-@reports_errors("rig evaluate", ImportError, TypeError, RigError)
+@reports_rig_errors("evaluate", ImportError, TypeError, refused=2)
 def main(argv: Sequence[str]) -> int:
-    """Run the command; return 0 if both agree or it is open, 1 if they differ, 2 for a bad option or rig."""
+    """Run the command; return 0 if both agree or it is open, 1 if they differ, 2 for bad input, 130 after Ctrl-C."""
     arguments = _parser().parse_args(argv)
     evaluation = _evaluated(arguments)
     print("\n".join(evaluation.lines()))
@@ -45,7 +46,7 @@ def main(argv: Sequence[str]) -> int:
 
 def _evaluated(arguments: argparse.Namespace) -> Evaluation:
     from cutenv.commands.rig.run import chosen_policy, paced
-    from cutenv.rig.connection import settings_of
+    from cutenv.imitated.connection import settings_of
     from cutenv.rig.operation.suitability import simulator_keywords
     from cutenv.sim_to_real import FEWEST_SPECIMENS
     from cutenv.sim_to_real.evaluation_result import Evaluation
@@ -56,6 +57,7 @@ def _evaluated(arguments: argparse.Namespace) -> Evaluation:
     task = TASKS[arguments.task]
     changed: dict[str, Any] = dict(_constant(text) for text in arguments.change)
     out: Path | None = arguments.out
+    specimen = _specimen(arguments)
     shared: dict[str, Any] = {"specimen_class": arguments.specimen_class, "tissue": arguments.tissue}
     shared["target_length"] = target_length(arguments)
     shared, note = paced(
@@ -73,7 +75,7 @@ def _evaluated(arguments: argparse.Namespace) -> Evaluation:
         simulator = simulator_like(rig, **wanted)
         cuts = paired_experiment(
             rig, simulator, policy, seed=arguments.seed, specimens=arguments.specimens, draws=arguments.draws,
-            told=_progress(arguments.specimens, stack),
+            specimen=specimen, unknown=True if arguments.unknown else None, told=_progress(arguments.specimens, stack),
         )  # fmt: skip
         given = simulator_keywords(rig.settings)
         name = _rig_name(arguments.rig, rig)
@@ -98,6 +100,20 @@ def _evaluated(arguments: argparse.Namespace) -> Evaluation:
             * bool(changed)
         ),
     )
+
+
+def _specimen(arguments: argparse.Namespace) -> Specimen | None:
+    """Return the specimen that every cut is made in; None if each is another."""
+    from cutenv.tissue.specimen import Specimen
+
+    if arguments.specimen is None:
+        return None
+    if TASKS[arguments.task].rig.needs_axis:
+        raise ValueError(f"--specimen is for the task gentle: {arguments.task} cuts what its own task lays.")
+    try:
+        return Specimen.from_json(arguments.specimen.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise ValueError(f"--specimen {arguments.specimen}: {error}") from None
 
 
 def _rig_name(given: str, rig: RigCutEnv) -> str:
@@ -175,6 +191,10 @@ def _parser() -> argparse.ArgumentParser:
     add_specimen_class(parser, "mixed")
     add_target_length(parser, "drawn from 60mm to 100mm")
     add("--tissue", type=Path, metavar="FILE", help="tissue that specimens are drawn from; default measured pig liver")
+    add("--specimen", type=Path, metavar="FILE", help="specimen whose tissue is known, as JSON, of which every cut is "
+        "made: blocks from one mould; a gain of the force then shows")  # fmt: skip
+    add("--unknown", action="store_true", help="treat the specimens of an emulated or fake rig as a lab's, which are "
+        "known by their records alone")  # fmt: skip
     add("--seed", type=int, default=0, metavar="N", help="seed of the specimens; default 0")
     add("--draws", type=int, default=DRAWS, metavar="N",
         help=f"simulated cuts of every specimen, each with other noise; default {DRAWS}")  # fmt: skip

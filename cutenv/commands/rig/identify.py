@@ -7,53 +7,55 @@ uses the values in the file: gymnasium.make("cutenv/GentleCut-v1", rig="RIG.toml
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Sequence
 from datetime import date
 from pathlib import Path
 
 from cutenv._base.output import check_writable
-from cutenv.commands.options import RIG, command_parser, made_place, reports_errors
+from cutenv.commands.options import RIG, command_parser, made_place
+from cutenv.commands.rig import reports_rig_errors
+from cutenv.imitated.connection import connected, operator_of, settings_of
 from cutenv.rig.config.settings import RIG_NAMES, RigSettings
-from cutenv.rig.connection import connected, operator_of, settings_of
 from cutenv.rig.errors import RigError
-from cutenv.rig.identification import Identification, Plan, identification_from, perform
 from cutenv.rig.operation.preflight import prepare
 from cutenv.rig.safety.stop_causes import RigStopped
 from cutenv.rig.toml_file import write_identified
+from cutenv.sim_to_real.identification import Identification, Plan, identification_from, perform
 
 _SELDOM = 0.05  # [s] between positions, above which no step of some tenths of a second is seen to begin
 
 
-@reports_errors("rig identify")
+@reports_rig_errors("identify")
 def main(argv: Sequence[str]) -> int:
-    """Run the command; return 0, 1 if the rig refuses or stopped the blade, or 2 if an option or the file is bad."""
+    """Run the command; return 0, 1 if the rig refuses or stopped the blade, 2 for bad input, 130 after Ctrl-C."""
     arguments = _parser().parse_args(argv)
-    try:
-        if arguments.write and arguments.rig in RIG_NAMES:
-            raise ValueError(f'--write needs a rig\'s file, and "{arguments.rig}" has none.')
-        if (period := settings_of(arguments.rig).bus.sync) > _SELDOM:
-            raise ValueError(
-                f"{arguments.rig} tells its position every {1e3 * period:g} ms, too seldom to see how it starts: "
-                f"{1e3 * _SELDOM:g} ms or less are needed. Write a motor_lag_ms that you know into [identified]."
-            )
-        if arguments.write:
-            check_writable("--write", Path(arguments.rig).absolute().parent)
-        if arguments.picture is not None:
-            made_place("--picture", arguments.picture)
-        with connected(arguments.rig) as rig:
-            settings = rig.settings
-            operator = operator_of(settings)
+    if arguments.write and arguments.rig in RIG_NAMES:
+        raise ValueError(f'--write needs a rig\'s file, and "{arguments.rig}" has none.')
+    if (period := settings_of(arguments.rig).bus.sync) > _SELDOM:
+        raise ValueError(
+            f"{arguments.rig} tells its position every {1e3 * period:g} ms, too seldom to see how it starts: "
+            f"{1e3 * _SELDOM:g} ms or less are needed. Write a motor_lag_ms that you know into [identified]."
+        )
+    if arguments.write:
+        check_writable("--write", Path(arguments.rig).absolute().parent)
+    if arguments.picture is not None:
+        made_place("--picture", arguments.picture)
+    with connected(arguments.rig) as rig:
+        settings = rig.settings
+        operator = operator_of(settings)
+        prepare(rig.plant, operator, today=date.today())
+        plan = Plan.within(settings, rig.plant.position)
+        if not operator.confirm(_question(plan)):
+            raise RigError("the operator has not confirmed: nothing was measured.")
+
+        def again(stop: RigStopped) -> None:
+            question = f"The blade was stopped ({stop.report.detail}). May the stop be reset, and is all as it was?"
+            rig.plant.supervisor.reset(agreed=operator.confirm(question))
             prepare(rig.plant, operator, today=date.today())
-            plan = Plan.within(settings, rig.plant.position)
-            if not operator.confirm(_question(plan)):
-                raise RigError("the operator has not confirmed: nothing was measured.")
-            recorded = perform(rig.plant, plan, tell=print)
-            rig.plant.halt()
-        _report(identification_from(settings, plan, recorded), settings, arguments)
-    except RigError as error:
-        print(f"cutenv rig identify: {'stopped: ' * isinstance(error, RigStopped)}{error}", file=sys.stderr)
-        return 1
+
+        recorded = perform(rig.plant, plan, tell=print, again=again)
+        rig.plant.halt()
+    _report(identification_from(settings, plan, recorded), settings, arguments)
     return 0
 
 

@@ -16,13 +16,13 @@ from contextlib import contextmanager
 from datetime import date
 from typing import TextIO
 
-from cutenv.commands.options import RIG, command_parser, reports_errors
-from cutenv.rig.connection import connected, operator_of
+from cutenv.commands.options import RIG, command_parser
+from cutenv.commands.rig import reports_rig_errors
+from cutenv.imitated.connection import connected, operator_of
 from cutenv.rig.devices.host import PacedClock
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.jogging import SPEED, TOP_SPEED, Jog, JogKey, KeyDecoder, jog
 from cutenv.rig.operation.preflight import prepare
-from cutenv.rig.safety.stop_causes import RigStopped
 
 
 class TerminalKeys:
@@ -86,27 +86,23 @@ def check_terminal(source: TextIO | None = None) -> None:
 _CLEAR_LINE = "\r\x1b[K"
 
 
-@reports_errors("rig jog")
+@reports_rig_errors("jog")
 def main(argv: Sequence[str]) -> int:
-    """Jog until q; return 0, 1 if the rig refuses or stopped the blade, or 2 if an option or the file is bad."""
+    """Jog until q; return 0, 1 if the rig refuses or stopped the blade, 2 for a bad option, 130 after Ctrl-C."""
     arguments = _parser().parse_args(argv)
-    try:
-        controls = Jog(1e-3 * arguments.speed)
-        check_terminal()
-        with connected(arguments.rig, clock=PacedClock()) as rig:
-            prepare(rig.plant, operator_of(rig.settings), today=date.today())
-            lifts, sideways = (axis is not None for axis in (rig.settings.height, rig.settings.side))
-            controls = Jog(controls.speed, turns=rig.settings.angle is not None, lifts=lifts, sideways=sideways)
-            across = "u, d: raise, lower; " * lifts + "l, r: to the left, to the right; " * sideways
-            print(f"left, right: {1e3 * controls.speed:g} mm/s; up, down: turn; {across}q ends; any other key stops")
-            with terminal_keys() as keyboard:
-                try:
-                    jog(rig.plant, keyboard, controls, _show)
-                finally:
-                    print()
-    except RigError as error:
-        print(f"cutenv rig jog: {'stopped: ' * isinstance(error, RigStopped)}{error}", file=sys.stderr)
-        return 1
+    controls = Jog(1e-3 * arguments.speed)
+    check_terminal()
+    with connected(arguments.rig, clock=PacedClock()) as rig:
+        prepare(rig.plant, operator_of(rig.settings), today=date.today())
+        lifts, sideways = (axis is not None for axis in (rig.settings.height, rig.settings.side))
+        controls = Jog(controls.speed, turns=rig.settings.angle is not None, lifts=lifts, sideways=sideways)
+        across = "u, d: raise, lower; " * lifts + "l, r: to the left, to the right; " * sideways
+        print(f"left, right: {1e3 * controls.speed:g} mm/s; up, down: turn; {across}q ends; any other key stops")
+        with terminal_keys() as keyboard:
+            try:
+                jog(rig.plant, keyboard, controls, _show)
+            finally:
+                print()
     return 0
 
 

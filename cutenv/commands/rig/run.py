@@ -9,12 +9,15 @@ import argparse
 import json
 import math
 import shlex
+import statistics
 import sys
+import time
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cutenv._base.validation import nearest_choices
 from cutenv.commands.options import (
     RIG,
     add_line,
@@ -27,13 +30,13 @@ from cutenv.commands.options import (
     command_parser,
     line_given,
     made_folder,
-    reports_errors,
     target_length,
 )
+from cutenv.commands.rig import AFTER_CTRL_C, by_signal, reports_rig_errors
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.canopen.objects import ENABLE_OPERATION, AxisUnits, command_frame
 from cutenv.rig.devices.driver_registry import axes_driven_by
-from cutenv.rig.errors import RigError
+from cutenv.rig.devices.host import SystemClock
 from cutenv.task.registry import TASKS, RegisteredTask, task_made_as
 
 if TYPE_CHECKING:
@@ -84,19 +87,15 @@ class Transcript:
         self._write(f"-- {text}")
 
 
-_STOPPED, _INTERRUPTED = 3, 130
+_STOPPED = 3
 _LATE = ("force stale", "force late", "motion stale", "clock overrun", "heartbeat lost")
 
 
-@reports_errors("rig run", RigError)
+@reports_rig_errors("run", refused=2)
 def main(argv: Sequence[str]) -> int:
-    """Run the command; return 0 if all cuts ended by themselves, 3 if one was stopped, 2 if something is bad."""
+    """Cut; return 0 if all cuts ended by themselves, 3 if one was stopped, 2 for an error, 130 after Ctrl-C."""
     arguments = _parser().parse_args(argv)
-    try:
-        return _dry_run(arguments) if arguments.dry_run is not None else _run(arguments)
-    except KeyboardInterrupt:
-        print("\ncutenv rig run: interrupted; nothing moves", file=sys.stderr)
-        return _INTERRUPTED
+    return _dry_run(arguments) if arguments.dry_run is not None else _run(arguments)
 
 
 def chosen_policy(name: str, task: str = "gentle") -> tuple[Policy, dict[str, Any]]:
@@ -117,10 +116,10 @@ def chosen_policy(name: str, task: str = "gentle") -> tuple[Policy, dict[str, An
     """
     from cutenv.policy import gentle_policy, named_policy
     from cutenv.policy.interface import PrivilegedPolicy
-    from cutenv.policy.shipped import policy_of_class
+    from cutenv.policy.shipped import SHIPPED, policy_of_class
 
     chosen = TASKS[task]
-    own_policies = chosen.policies or chosen.scripts
+    own_policies, scripts = chosen.policies or chosen.scripts, ", ".join(chosen.scripts)
     if name in own_policies:
         policy = own_policies[name]()
         if isinstance(policy, PrivilegedPolicy):
@@ -128,19 +127,20 @@ def chosen_policy(name: str, task: str = "gentle") -> tuple[Policy, dict[str, An
         return policy, {}
     for other in TASKS.values():
         if name in (other.policies or other.scripts):
-            listed = ", ".join(own_policies)
-            raise ValueError(f"policy {name!r} is a script of {other.id}, and the task is {task}. Give {listed}.")
+            raise ValueError(f"policy {name!r} is a script of {other.id}, and the task is {task}. Give {scripts}.")
     own = policy_of_class(name)
     if own is not None:
         return own, dict(getattr(own, "environment_arguments", {}))
     try:
         learned = gentle_policy(name) if task == "gentle" else named_policy(name)
     except ValueError as error:
-        raise ValueError(f"{error} Or a script: {', '.join(own_policies)}.") from None
+        near = nearest_choices(name, [*SHIPPED, *own_policies], most=3)
+        said = f"policy {name!r} is not known.{near}" if near else f"{error} Or a script: {scripts}."
+        raise ValueError(said) from None
     if task_made_as(learned.card.environment) is not chosen:
         raise ValueError(
             f"policy {name!r} was trained in {learned.card.environment}, and the task {task} is {chosen.id}. Give one "
-            f"of that, or a script: {', '.join(own_policies)}."
+            f"of that, or a script: {scripts}."
         )
     return learned, {key: value for key, value in learned.environment_arguments.items() if key != "task"}
 
@@ -162,7 +162,7 @@ def paced(keywords: dict[str, Any], settings: RigSettings) -> tuple[dict[str, An
 
 
 def _environment(arguments: argparse.Namespace, keywords: dict[str, Any], **more: Any) -> RigCutEnv:
-    from cutenv.rig.connection import settings_of
+    from cutenv.imitated.connection import settings_of
     from cutenv.tissue.drawn_lines import KINDS
 
     keywords, note = paced(keywords, settings_of(arguments.rig))
@@ -227,8 +227,10 @@ def _run(arguments: argparse.Namespace) -> int:
         by_hand = math.degrees(env.settings.fixed_angle)
         print(f"the blade is set by hand, at {by_hand:.0f} degrees: angles that the policy asks for are ignored")
     print("rehearsing on a fake rig ...", file=sys.stderr, flush=True)
-    rehearse(env, policy, seed=arguments.seed)
-    stopped = 0
+    told = rehearse(env, policy, seed=arguments.seed)
+    if note := _slowness(told, env):
+        print(f"cutenv rig run: {note}", file=sys.stderr)
+    stopped, interrupted = 0, False
     with nullcontext() if arguments.watch is None else published(env.session.plant, arguments.watch):
         try:
             for number in range(arguments.cuts):
@@ -240,19 +242,26 @@ def _run(arguments: argparse.Namespace) -> int:
                     with arguments.json.open("a") as file:
                         file.write(json.dumps(told) + "\n")
                 if told["stop"] is not None and told["stop"]["cause"] in BY_PEOPLE:
+                    interrupted = by_signal(told["stop"]["cause"])
                     break
         finally:
             env.close()
             if outlet is not None:
                 outlet.close()
-    return _STOPPED if stopped else 0
+    return AFTER_CTRL_C if interrupted else _STOPPED if stopped else 0
 
 
-def rehearse(env: RigCutEnv, policy: Policy, *, seed: int) -> None:
-    """Cut once on a fake with the rig's settings, so that a policy compiles, or fails, before the rig moves."""
+def rehearse(env: RigCutEnv, policy: Policy, *, seed: int) -> dict[str, Any]:
+    """Cut once on a fake with the rig's settings, so that a policy compiles, or fails, before the rig moves.
+
+    Returns
+    -------
+    dict
+        The result, as of :func:`cut_and_report`.
+    """
     fake = env.rehearsal()
     try:
-        cut_and_report(fake, policy, seed=seed, episode=0)
+        return cut_and_report(fake, policy, seed=seed, episode=0)
     finally:
         fake.close()
 
@@ -264,9 +273,13 @@ def cut_and_report(env: RigCutEnv, policy: Policy, *, seed: int, episode: int) -
     observation, _ = env.reset(seed=seed, options={"episode": episode})
     policy.reset(np.random.default_rng([seed, episode]))
     total, ended = 0.0, False
+    decisions: list[float] = []  # [s]
     info: dict[str, Any] = {}
     while not ended:
-        observation, reward, ended, _, info = env.step(policy(observation))
+        begun = time.perf_counter()
+        action = policy(observation)
+        decisions.append(time.perf_counter() - begun)
+        observation, reward, ended, _, info = env.step(action)
         total += reward
     timing, cutting = env.session.plant.timing, env.cutting
     group = env.task.shown_as
@@ -282,9 +295,18 @@ def cut_and_report(env: RigCutEnv, policy: Policy, *, seed: int, episode: int) -
         "time_s": cutting.time,
         "overruns": timing.overruns,
         "longest_period_s": max(timing.periods, default=math.nan),
+        "decision_s": statistics.median(decisions),
         "stop": info.get("stop"),
         "record": str(env.records[-1]) if env.records else None,
     }
+
+
+def _slowness(told: dict[str, Any], env: RigCutEnv) -> str:
+    """Return a sentence on a policy that decides more slowly than the rig asks; "" if it keeps up."""
+    decision, period = told["decision_s"], 1e-3 * env.ticks
+    if decision < period:
+        return ""
+    return f"the policy takes {1e3 * decision:.0f} ms a decision, and has {1e3 * period:g} ms: on a rig it is late"
 
 
 def _line(number: int, told: dict[str, Any], env: RigCutEnv, task: RegisteredTask) -> str:
@@ -294,6 +316,8 @@ def _line(number: int, told: dict[str, Any], env: RigCutEnv, task: RegisteredTas
         f"{told['return_estimated']:.3f}, tip error {told['tip_error_estimated_mm']:.1f} mm; "
         f"{told['overruns']} commands more than 2 ms late"
     )
+    if not isinstance(env.session.plant.clock, SystemClock):  # it stands still while a policy decides
+        line = line.rpartition("; ")[0] + f"; {1e3 * told['decision_s']:.1f} ms a decision"
     errors = told.get(env.task.shown_as, {})
     for name, words, unit, decimals in task.errors:
         if f"{name}_estimated" in errors:

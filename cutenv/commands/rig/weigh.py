@@ -7,38 +7,33 @@ from __future__ import annotations
 
 import argparse
 import re
-import sys
 from collections.abc import Sequence
 from datetime import date
 from pathlib import Path
 
 from cutenv._base.output import check_writable
-from cutenv.commands.options import RIG, command_parser, reports_errors
+from cutenv.commands.options import RIG, command_parser
+from cutenv.commands.rig import reports_rig_errors
+from cutenv.imitated.connection import connected, operator_of
 from cutenv.rig.config.settings import RIG_NAMES, RigSettings
-from cutenv.rig.connection import connected, operator_of
-from cutenv.rig.errors import RigError
 from cutenv.rig.operation.weighing import Weighing, weigh
 from cutenv.rig.toml_file import write_values
 
 _UNITS = {"g": 1e-3, "kg": 1.0}
 
 
-@reports_errors("rig weigh")
+@reports_rig_errors("weigh")
 def main(argv: Sequence[str]) -> int:
-    """Weigh; return 0, 1 if the rig or the operator refuses, or 2 if an option or the file is bad."""
+    """Weigh; return 0, 1 if the rig or the operator refuses, 2 if an option or the file is bad, 130 after Ctrl-C."""
     arguments = _parser().parse_args(argv)
     masses = [mass_of(text) for text in arguments.masses]
     if arguments.write and arguments.rig in RIG_NAMES:
         raise ValueError(f'--write needs a rig\'s file, and "{arguments.rig}" has none.')
-    try:
-        if arguments.write:
-            check_writable("--write", Path(arguments.rig).absolute().parent)
-        with connected(arguments.rig) as rig:
-            found = weigh(rig.plant, masses, operator_of(rig.settings))
-            settings = rig.settings
-    except RigError as error:
-        print(f"cutenv rig weigh: {error}", file=sys.stderr)
-        return 1
+    if arguments.write:
+        check_writable("--write", Path(arguments.rig).absolute().parent)
+    with connected(arguments.rig) as rig:
+        found = weigh(rig.plant, masses, operator_of(rig.settings))
+        settings = rig.settings
     print("\n".join(report(found, settings)))
     if arguments.write:
         write_values(arguments.rig, measured_values(found, settings, date.today()))

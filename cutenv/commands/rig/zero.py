@@ -6,11 +6,11 @@ The motor has no power meanwhile: turn the screw until the blade's edge is at th
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Sequence
 
-from cutenv.commands.options import RIG, command_parser, reports_errors
-from cutenv.rig.connection import connected, operator_of
+from cutenv.commands.options import RIG, command_parser
+from cutenv.commands.rig import reports_rig_errors
+from cutenv.imitated.connection import connected, operator_of
 from cutenv.rig.errors import RigError
 
 _QUESTION = (
@@ -19,18 +19,14 @@ _QUESTION = (
 )
 
 
-@reports_errors("rig zero")
+@reports_rig_errors("zero")
 def main(argv: Sequence[str]) -> int:
-    """Set the zero; return 0, 1 if the rig or the operator refuses, or 2 if the file is bad."""
+    """Set the zero; return 0, 1 if the rig or the operator refuses, 2 if the file is bad, 130 after Ctrl-C."""
     arguments = _parser().parse_args(argv)
-    try:
-        with connected(arguments.rig) as rig:
-            if not operator_of(rig.settings).confirm(_QUESTION, expected=rig.settings.name):
-                raise RigError("the operator has not confirmed: the zero is as it was.")
-            rig.plant.set_zero()
-    except RigError as error:
-        print(f"cutenv rig zero: {error}", file=sys.stderr)
-        return 1
+    with connected(arguments.rig) as rig:
+        if not operator_of(rig.settings).confirm(_QUESTION, expected=rig.settings.name):
+            raise RigError("the operator has not confirmed: the zero is as it was.")
+        rig.plant.set_zero()
     print("zero set: the blade stands at 0 mm. It is lost when the board loses its power")
     return 0
 

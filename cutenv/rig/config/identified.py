@@ -9,6 +9,7 @@ from cutenv.rig.config.settings import Identified, PositionControl, RigSettings
 
 SIMULATED = (
     "motor_lag", "dead_time", "acceleration", "backlash", "force_noise", "force_resolution", "force_drift",
+    "force_delay",
 )  # fmt: skip
 """Fields that are constants of the simulated rig too, under the same names.  The axis's friction is not one: a stiff
 drive does not yield to it, and the sensor sits behind it."""

@@ -178,6 +178,7 @@ class Identified:
     force_noise: float | None = setting(None, "N", "Standard deviation of the force at rest.")
     force_resolution: float | None = setting(None, "N", "Least step of the force reading.")
     force_drift: float | None = setting(None, "N", "Standard deviation after one second of the force's random walk.")
+    force_delay: float | None = setting(None, "ms", "Delay of the force behind the position.")
     force_still_x: float | None = setting(
         None, "ms", "Time for which the sensor's x force may stay at one count by its noise."
     )

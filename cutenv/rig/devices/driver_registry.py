@@ -53,13 +53,13 @@ OWN_DRIVERS: Mapping[DriverKind, Mapping[str, str]] = {
     DriverKind.MOTION: {
         "canopen": "cutenv.rig.devices.canopen.mounted_axis:mounted_axis",
         "serial": "cutenv.rig.devices.serial.stepper_axis:StepperAxis",
-        "grbl": "cutenv.rig.devices.serial.grbl_axis:GrblAxis",
+        "grbl": "cutenv.rig_drivers.grbl_axis:GrblAxis",
     },
     DriverKind.FORCE: {
-        "analogue": "cutenv.rig.devices.analogue.analogue_sensor:AnalogueSensor",
-        "bota": "cutenv.rig.devices.serial.bota_sensor:bota_sensor",
+        "analogue": "cutenv.rig_drivers.analogue.analogue_sensor:AnalogueSensor",
+        "bota": "cutenv.rig_drivers.bota_sensor:bota_sensor",
         "netft": "cutenv.rig.devices.netft.mounted_sensor:mounted_sensor",
-        "robotiq": "cutenv.rig.devices.serial.robotiq_sensor:robotiq_sensor",
+        "robotiq": "cutenv.rig_drivers.robotiq_sensor:robotiq_sensor",
         "serial": "cutenv.rig.devices.serial.load_cell:LoadCell",
     },
     DriverKind.CAMERA: {"opencv": "cutenv.vision.film_source:mounted_camera"},

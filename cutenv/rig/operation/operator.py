@@ -82,7 +82,7 @@ class TerminalOperator:
             typed = self._line(prompt)
         except KeyboardInterrupt:
             self.tell("\ninterrupted: no.")
-            return False
+            raise
         if typed is None:
             return False
         if not accepted(typed):

@@ -13,14 +13,15 @@ from cutenv.rig.config.settings import CameraSettings, RigSettings
 from cutenv.rig.devices.camera import RigCamera
 from cutenv.rig.devices.drivers import DriveState
 from cutenv.rig.errors import RigError
-from cutenv.rig.identification.recording import Recorder
 from cutenv.rig.operation.preflight import Check, may_move, still_checks
+from cutenv.rig.operation.recorder import Recorder
 from cutenv.rig.plant import RigPlant
 
 LISTEN = 2.0
 """Time for which readings, samples and heartbeats are observed [s]."""
 _SAME_RATE = 0.02  # relative difference allowed between measured and set rate
 _LOST = 0.1  # share of the loss limit at which this check fails
+_ZERO = "zero_set"  # report of a drive whose zero a person sets
 _PER = {"low": "", "high": "", "speed": "_s", "acceleration": "_s2", "quick_stop": "_s2"}
 
 
@@ -70,6 +71,11 @@ def inspect(plant: RigPlant, today: date) -> Inspection:
         plant.witness = None
     checks += still_checks(plant)
     told: dict[str, dict[str, Any]] = {name: dict(about) for name, about in plant.about().items()}
+    checks += [
+        Check(f"{name} zero", about[_ZERO] == "yes", "set by hand" if about[_ZERO] == "yes" else str(about[_ZERO]))
+        for name, about in told.items()
+        if _ZERO in about
+    ]
     for name, limits in plant.drive_limits().items():
         unit = "rad" if name == "angle" else "m"
         told[name] |= {f"limit_{what}_{unit}{_PER[what]}": value for what, value in limits.items()}

@@ -43,13 +43,13 @@ def top_speed(settings: RigSettings) -> float:
 def simulator_keywords(settings: RigSettings) -> dict[str, float]:
     """Return keywords with which the simulator is like a rig, in SI: what was identified, and what its file states.
 
-    That is the top speed if it is below that of the tasks, and the mean delay of a force until it is read: half the
-    sensor's settling time and half a reading.
+    That is the top speed if it is below that of the tasks, and the mean delay of a force until it is read: as it was
+    identified, or half the sensor's settling time and half a reading.
     """
     found = environment_arguments(settings.identified, settings.position_control)
     if (speed := top_speed(settings)) < TASK_SPEED:
         found["top_speed"] = speed
-    if (settling := sensor_delay(settings)) > 0.0:
+    if (settling := sensor_delay(settings)) > 0.0 and "force_delay" not in found:
         found["force_delay"] = min(0.5 * settling + 0.5 / settings.sensor.rate, _LONGEST_DELAY)
     return found
 

@@ -1,7 +1,7 @@
 """CAN bus of a rig, opened by python-can with the arguments of its interface, or by a client of socketcand.
 
 python-can's own client waits for the gateway's answers for ever, and rejects a message that TCP has split. See
-:mod:`cutenv.rig.emulator.hub` for the protocol.
+:mod:`cutenv.imitated.emulator.hub` for the protocol.
 """
 
 from __future__ import annotations

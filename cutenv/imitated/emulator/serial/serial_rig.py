@@ -15,6 +15,26 @@ from cutenv._base.validation import in_range, one_of
 from cutenv.cutting.dtypes import TICK
 from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.sensor import SensorParameters
+from cutenv.imitated.emulator.emulated_bench import (
+    OVER_FORCE,
+    Act,
+    EmulatedBench,
+    InjectedFault,
+    Parameters,
+    Range,
+    attribute,
+    switched,
+)
+from cutenv.imitated.emulator.mechanics import EmulatedTissue
+from cutenv.imitated.emulator.serial.firmware import (
+    CONVERTERS,
+    HIGH_PIN,
+    LOW_PIN,
+    STOP_PIN,
+    EmulatedGrbl,
+    EmulatedLine,
+    Firmware,
+)
 from cutenv.plant.simulator import check_angle
 from cutenv.rig.config.axes import Axis
 from cutenv.rig.config.laid_specimen import Laid
@@ -26,28 +46,8 @@ from cutenv.rig.devices.serial.board import (
     board_line,
     board_report,
 )
-from cutenv.rig.devices.serial.slow_profile import COUNTS_PER_NEWTON, DELAYS, SCREW, SCREW_STEPS
 from cutenv.rig.devices.serial.stepper_axis import StepRates
-from cutenv.rig.emulator.emulated_bench import (
-    OVER_FORCE,
-    Act,
-    EmulatedBench,
-    InjectedFault,
-    Parameters,
-    Range,
-    attribute,
-    switched,
-)
-from cutenv.rig.emulator.mechanics import EmulatedTissue
-from cutenv.rig.emulator.serial.firmware import (
-    CONVERTERS,
-    HIGH_PIN,
-    LOW_PIN,
-    STOP_PIN,
-    EmulatedGrbl,
-    EmulatedLine,
-    Firmware,
-)
+from cutenv.rig_drivers.slow_profile import COUNTS_PER_NEWTON, DELAYS, SCREW, SCREW_STEPS
 
 
 def _once(summary: str, begin: Callable[[Any], None]) -> InjectedFault:
@@ -153,7 +153,7 @@ class SerialOptions:
     motion : str
         What moves the blade: a stepper on the "board" of the load cell, or a machine with "grbl".
     converter : str
-        Converter of the load cell, of :data:`cutenv.rig.emulator.serial.firmware.CONVERTERS`.
+        Converter of the load cell, of :data:`cutenv.imitated.emulator.serial.firmware.CONVERTERS`.
     clock_error : float
         Relative error of the converter's own clock [1]: its readings come that much faster.
     laid : Laid, optional

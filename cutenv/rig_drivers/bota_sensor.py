@@ -15,7 +15,9 @@ from cutenv._base.validation import check_parameters
 from cutenv.rig.config.setting import setting
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.driver_registry import Mounting, rig_driver
-from cutenv.rig.devices.serial.framed_sensor import (
+from cutenv.rig.devices.serial.stepper_axis import on_pseudo_terminal
+from cutenv.rig.errors import RigError
+from cutenv.rig_drivers.framed_sensor import (
     FramedSensor,
     FrameError,
     FrameFormat,
@@ -24,8 +26,6 @@ from cutenv.rig.devices.serial.framed_sensor import (
     crc16,
     crc_table,
 )
-from cutenv.rig.devices.serial.stepper_axis import on_pseudo_terminal
-from cutenv.rig.errors import RigError
 
 SINC_LENGTHS = {100.0: 512, 200.0: 256, 400.0: 128, 800.0: 64}
 """Length of the sensor's filter for each rate [Hz]: 51 200 over it."""

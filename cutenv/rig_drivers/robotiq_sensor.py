@@ -14,7 +14,9 @@ from cutenv._base.validation import check_parameters
 from cutenv.rig.config.setting import setting
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.driver_registry import Mounting, rig_driver
-from cutenv.rig.devices.serial.framed_sensor import (
+from cutenv.rig.devices.serial.stepper_axis import on_pseudo_terminal
+from cutenv.rig.errors import RigError
+from cutenv.rig_drivers.framed_sensor import (
     FramedSensor,
     FrameError,
     FrameFormat,
@@ -23,8 +25,6 @@ from cutenv.rig.devices.serial.framed_sensor import (
     crc16,
     crc_table,
 )
-from cutenv.rig.devices.serial.stepper_axis import on_pseudo_terminal
-from cutenv.rig.errors import RigError
 
 ROBOTIQ_RATE = 100.0
 """Rate of the stream [Hz], of the manual."""

@@ -1,6 +1,12 @@
 """Identification of a rig's constants, from an empty axis under steps, sines and reversals, and a sensor at rest."""
 
-from cutenv.rig.identification.experiment import Identification, IdentifiedValue, Recorded, identification_from, perform
-from cutenv.rig.identification.recording import Plan, Sine
+from cutenv.sim_to_real.identification.experiment import (
+    Identification,
+    IdentifiedValue,
+    Recorded,
+    identification_from,
+    perform,
+)
+from cutenv.sim_to_real.identification.plan import Plan, Sine
 
 __all__ = ["Identification", "IdentifiedValue", "Plan", "Recorded", "Sine", "identification_from", "perform"]

@@ -15,15 +15,15 @@ from cutenv._base.arrays import Array
 from cutenv._base.validation import check_parameters, in_range, one_of
 from cutenv.rig.config.setting import setting
 from cutenv.rig.config.settings import RigSettings
-from cutenv.rig.devices.analogue.sensor_calibration_file import (
-    COMPONENTS_OF_LOAD,
-    SHIPPED_CALIBRATION,
-    AnalogueCalibration,
-)
 from cutenv.rig.devices.driver_bases import StreamedSensor
 from cutenv.rig.devices.driver_registry import Mounting, rig_driver
 from cutenv.rig.devices.reading_stream import LEAK, Zero
 from cutenv.rig.errors import RigError
+from cutenv.rig_drivers.analogue.sensor_calibration_file import (
+    COMPONENTS_OF_LOAD,
+    SHIPPED_CALIBRATION,
+    AnalogueCalibration,
+)
 
 SCAN = struct.Struct("<I6i")
 """One reading on the wire of the emulated board: its number, then six counts."""

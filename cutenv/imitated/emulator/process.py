@@ -27,6 +27,11 @@ from cutenv.cutting.motion import STRAIGHT
 from cutenv.cutting.sensor import measure
 from cutenv.cutting.simulate import follow
 from cutenv.cutting.steering import STEERED
+from cutenv.imitated.emulator.assembly import RANGES, EmulatedRig, Options
+from cutenv.imitated.emulator.control import ControlServer, EmulatorControl
+from cutenv.imitated.emulator.emulated_bench import STALL, EmulatedBench
+from cutenv.imitated.emulator.mechanics import position_control, turn_motor
+from cutenv.imitated.emulator.serial.serial_rig import EmulatedGrblRig, EmulatedSerialRig, SerialOptions
 from cutenv.rig.config.laid_specimen import Laid
 from cutenv.rig.config.settings import (
     EMULATED,
@@ -38,16 +43,11 @@ from cutenv.rig.config.settings import (
     SensorSettings,
 )
 from cutenv.rig.config.settings import across as cross_axes
-from cutenv.rig.devices.analogue.analogue_sensor import AnalogueOptions
 from cutenv.rig.devices.host import prefer
-from cutenv.rig.devices.serial.slow_profile import grbl_settings, slow_settings
-from cutenv.rig.emulator.assembly import RANGES, EmulatedRig, Options
-from cutenv.rig.emulator.control import ControlServer, EmulatorControl
-from cutenv.rig.emulator.emulated_bench import STALL, EmulatedBench
-from cutenv.rig.emulator.mechanics import position_control, turn_motor
-from cutenv.rig.emulator.serial.serial_rig import EmulatedGrblRig, EmulatedSerialRig, SerialOptions
 from cutenv.rig.errors import RigError
 from cutenv.rig.toml_file import to_toml
+from cutenv.rig_drivers.analogue.analogue_sensor import AnalogueOptions
+from cutenv.rig_drivers.slow_profile import grbl_settings, slow_settings
 from cutenv.tissue.grid import N_POINTS, SPACING
 from cutenv.tissue.lines import straight
 

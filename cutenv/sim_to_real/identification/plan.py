@@ -1,4 +1,4 @@
-"""Recording of an identification: the motions that it plans, and what axis and sensor report meanwhile."""
+"""Plan of an identification: the motions that it makes, within a rig's travel."""
 
 from __future__ import annotations
 
@@ -6,11 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-import numpy as np
-
-from cutenv._base.arrays import Array
 from cutenv.rig.config.settings import RigSettings
-from cutenv.rig.devices.drivers import ForceSample, MotionSample
 from cutenv.rig.errors import RigError
 from cutenv.rig.safety.supervisor import BRAKING, MARGIN
 
@@ -116,92 +112,3 @@ class Plan:
         """Approximate duration of the whole experiment [s]."""
         turning = self.turns * self.turn_travel / self.turn_speed
         return self.rest + turning + 4.0 * sum(self.step_hold) + sum(sine.duration + 0.5 for sine in self.sines)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Stretch:
-    """Part of the experiment, from rest to rest; times [s] on one clock, samples as they arrived.
-
-    Attributes
-    ----------
-    command_time, command : array of shape (c,)
-        Speeds [m/s] put on the bus; each holds until the next, and before the first the axis rests.
-    time, position, torque : array of shape (n,)
-        Samples of the axis's position [m], and of its motor's torque over the rated one [1].
-    """
-
-    command_time: Array
-    command: Array
-    time: Array
-    position: Array
-    torque: Array
-
-
-class Recorder:
-    """Listener to an axis and a sensor, besides the supervisor.
-
-    Parameters
-    ----------
-    cut_axis : int
-        Axis of the sensor along the cut: 0, 1 or 2.
-    """
-
-    def __init__(self, cut_axis: int = 0) -> None:
-        self._cut_axis = cut_axis
-        self._commands: list[tuple[float, float]] = []
-        self._motions: dict[str, list[MotionSample]] = {}
-        self._forces: list[ForceSample] = []
-        self._beats: dict[str, list[float]] = {}
-
-    def command(self, time: float, speed: float) -> None:
-        """Record a speed [m/s] that is put on the bus at ``time`` [s]."""
-        self._commands.append((time, speed))
-
-    # A listener of the plant
-
-    def motion(self, axis: str, sample: MotionSample) -> None:
-        """Record a sample."""
-        self._motions.setdefault(axis, []).append(sample)
-
-    def force(self, sample: ForceSample) -> None:
-        """Record a reading."""
-        self._forces.append(sample)
-
-    def alive(self, axis: str, time: float) -> None:
-        """Record the arrival of a heartbeat."""
-        self._beats.setdefault(axis, []).append(time)
-
-    def stretch(self, start: float, end: float) -> Stretch:
-        """Return the commands and samples between two times [s]."""
-        commands = np.array([each for each in self._commands if start <= each[0] < end]).reshape(-1, 2)
-        motions = np.array([each[:4] for each in self._between("blade", start, end)]).reshape(-1, 4)
-        return Stretch(
-            command_time=commands[:, 0],
-            command=commands[:, 1],
-            time=motions[:, 0],
-            position=motions[:, 1],
-            torque=motions[:, 3],
-        )
-
-    def forces(self, start: float, end: float) -> list[ForceSample]:
-        """Return the readings between two times [s]."""
-        return [each for each in self._forces.copy() if start <= each.time < end]
-
-    def force_along(self, start: float, end: float) -> Array:
-        """Return the readings along the cut between two times [s], in the sensor's sign [N]."""
-        return np.array([each.force[self._cut_axis] for each in self.forces(start, end)])
-
-    def force_axes(self, start: float, end: float) -> Array:
-        """Return the readings of all three axes of the sensor between two times, shape (n, 3) [N]."""
-        return np.array([each.force for each in self.forces(start, end)]).reshape(-1, 3)
-
-    def motion_times(self, axis: str, start: float, end: float) -> Array:
-        """Return the arrivals of an axis's samples between two times [s]."""
-        return np.array([each.time for each in self._between(axis, start, end)])
-
-    def heartbeats(self, axis: str, start: float, end: float) -> Array:
-        """Return the arrivals of an axis's heartbeats between two times [s]."""
-        return np.array([each for each in self._beats.get(axis, []) if start <= each < end])
-
-    def _between(self, axis: str, start: float, end: float) -> list[MotionSample]:
-        return [each for each in self._motions.get(axis, []).copy() if start <= each.time < end]

@@ -13,6 +13,7 @@ from cutenv.cutting.drive import Drive, advance_in_air, delayed_command, lag_gai
 from cutenv.cutting.dtypes import READING, STATE, TICK
 from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.sensor import Sensor, SensorParameters
+from cutenv.imitated.tissue_in_plane import TissueInPlane
 from cutenv.plant import DescendingPlant, ReplayPlant, SimulatedPlant
 from cutenv.plant.simulator import ANGLE_RANGE
 from cutenv.rig.config.axes import CrossAxis, HeightAxis
@@ -20,7 +21,6 @@ from cutenv.rig.config.identified import drive_of
 from cutenv.rig.config.laid_specimen import Laid
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.safety.motion_monitor import NOMINAL_LAG
-from cutenv.rig.tissue_in_plane import TissueInPlane
 from cutenv.tissue.lines import straight
 from cutenv.trace import Trace
 
@@ -260,7 +260,7 @@ _FAR = 100.0  # [m] to the model's own end stops
 
 
 class AirPlant(FreeAcross):
-    """Bench of :class:`cutenv.rig.fake.fake_rig.FakeRig` with the simulator's drive and sensor, and no specimen.
+    """Bench of :class:`cutenv.imitated.fake.fake_rig.FakeRig` with the simulator's drive and sensor, and no specimen.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ from cutenv._engine.jit import njit
 from cutenv.cutting.drive import Rig, advance_command, lag_gain
 from cutenv.cutting.dtypes import STATE
 from cutenv.rig.config.axes import Axis
-from cutenv.rig.identification.recording import Stretch
+from cutenv.rig.operation.recorder import Felt, Stretch
 
 _DT = 0.5e-3  # [s] step of the model: its lag is exact for any, and a command is late by less than half of it
 _FAR = 100.0  # [m] start of the model's carriage, far from any end stop
@@ -29,7 +29,11 @@ _CLEARLY = 1.3  # [1] ratio over the limit that the fastest step must demand bef
 
 @dataclass(frozen=True, kw_only=True)
 class Response:
-    """Response of the velocity loop to a command; SI, with jackknife standard errors over steps.
+    """Response of the velocity loop to a command; SI, with standard errors.
+
+    A standard error holds two things: the spread between steps (jackknife), and what the model does not describe. The
+    misfit that is left over is alike within a step, and a constant may have taken up as much of it again; so it counts
+    as one misfit of that size for each step, however many samples the step has.
 
     Attributes
     ----------
@@ -69,6 +73,98 @@ class SineCheck(NamedTuple):
     """Measured gain over the modelled, minus 1."""
     phase_error: float
     """Measured phase minus the modelled [rad]."""
+    swing: float
+    """Amplitude of the measured position [m]."""
+
+    @property
+    def verdict(self) -> str:
+        """Verdict in words: the model describes this sine, or does not."""
+        if abs(self.gain_error) <= SAME_GAIN and abs(self.phase_error) <= SAME_PHASE:
+            return "as the model"
+        return f"not as the model; the axis swings by {1e6 * self.swing:.0f} um"
+
+
+SAME_GAIN, SAME_PHASE = 0.05, math.radians(5.0)
+"""Errors of gain [1] and phase [rad] up to which a sine counts as described by the model."""
+
+
+class ForceDelay(NamedTuple):
+    """Delay of the force behind the position, and the mass that the sensor moves, with their standard errors."""
+
+    delay: float
+    """[s]"""
+    error: float
+    mass: float
+    """Its inertia is what is felt in air [kg]; negative: the force has the wrong sign."""
+    mass_error: float
+
+
+def force_delay(sines: Sequence[Stretch], felt: Sequence[Felt], frequencies: Sequence[float]) -> ForceDelay | Unseen:
+    """Estimate how late the force is, from the inertia of what the sensor carries: F(t) = m a(t - delay) in air.
+
+    Of each sine one amplitude and one phase is taken of the position and of the force. Mass and delay are those that
+    fit the phases of all frequencies; the standard errors are those of the noise beside the sines.
+
+    Parameters
+    ----------
+    sines : sequence of Stretch
+        Sines.
+    felt : sequence of Felt
+        The readings meanwhile.
+    frequencies : sequence of float
+        Frequency of each [Hz].
+    """
+    ratios, errors, turns = [], [], []
+    for sine, readings, frequency in zip(sines, felt, frequencies, strict=True):
+        moved, heard = (_within(sine, times, frequency) for times in (sine.time, readings.time))
+        if moved.sum() < _FEWEST or heard.sum() < _FEWEST:
+            continue
+        omega, begun = 2.0 * math.pi * frequency, float(sine.time[moved][0])
+        position = _component(sine.time[moved], sine.position[moved], frequency, begun)
+        force, noise = _component_with_error(readings.time[heard], readings.force[heard], frequency, begun)
+        if position == 0.0:
+            continue
+        acceleration = -(omega**2) * position
+        ratios.append(force / acceleration)
+        errors.append(noise / abs(acceleration))
+        turns.append(omega)
+    if not ratios:
+        return Unseen("no readings of the force beside the sines")
+    ratio, error, omega_of = np.array(ratios), np.maximum(errors, _LEAST_ERROR), np.array(turns)
+
+    def misfits(at: Array) -> Array:
+        off = (at[0] * np.exp(-1j * omega_of * at[1]) - ratio) / error
+        return np.concatenate((off.real, off.imag))
+
+    fits = [
+        least_squares(misfits, [float(sign) * float(np.median(np.abs(ratio))), delay], x_scale=[0.1, 0.01])
+        for sign in (1, -1)
+        for delay in (0.0, 0.02)
+    ]
+    best = min((fit for fit in fits if -_LATEST < fit.x[1] < _LATEST), key=lambda fit: float(fit.cost), default=None)
+    if best is None:
+        return Unseen("the force does not follow the axis")
+    slopes = np.asarray(best.jac)
+    covariance = np.linalg.pinv(slopes.T @ slopes)
+    scale = max(1.0, 2.0 * float(best.cost) / max(2 * len(ratio) - 2, 1))  # misfits beyond the noise count as noise
+    mass_error, delay_error = np.sqrt(scale * np.diag(covariance)).tolist()
+    mass, delay = best.x.tolist()
+    if abs(mass) < _CLEAR * mass_error:
+        return Unseen(
+            f"the inertia of what the sensor carries, {1e3 * mass:.0f} g, is not clear of its error of "
+            f"{1e3 * mass_error:.0f} g: clamp some 200 g to it for this"
+        )
+    return ForceDelay(delay, delay_error, mass, mass_error)
+
+
+def _within(sine: Stretch, times: Array, frequency: float) -> NDArray[np.bool_]:
+    """Return which times lie in the sine, its first cycle left out."""
+    begun, ended = float(sine.command_time[0]) + 1.0 / frequency, float(sine.command_time[-1])
+    return np.asarray((times >= begun) & (times <= ended))
+
+
+_LATEST = 0.15  # [s] of delay, beyond which a phase of the slow sines is no delay
+_LEAST_ERROR = 1e-6  # [kg], so that readings without noise have a weight, too
 
 
 @njit
@@ -127,7 +223,8 @@ def fit_response(steps: Sequence[Stretch], *, nominal_acceleration: float) -> Re
     found: Array = _fit(steps, first.x, usual).x
     left_out = np.array([_fit([*steps[:k], *steps[k + 1 :]], found, usual).x for k in range(len(steps))])
     n = len(steps)
-    errors = np.sqrt((n - 1) / n * np.sum((left_out - left_out.mean(axis=0)) ** 2, axis=0))  # jackknife
+    spread = np.sqrt((n - 1) / n * np.sum((left_out - left_out.mean(axis=0)) ** 2, axis=0))  # jackknife
+    errors = np.hypot(spread, _taken_up(steps, found))
     lag, acceleration, dead_time = math.exp(found[0]), math.exp(found[1]), float(found[2])
     asked = max(float(np.abs(step.command).max()) for step in steps) / lag
     limited = asked > _CLEARLY * acceleration
@@ -151,6 +248,18 @@ def _misfits(steps: Sequence[Stretch], at: Array) -> Array:
     return np.concatenate(parts)
 
 
+def _taken_up(steps: Sequence[Stretch], at: Array) -> Array:
+    """Return the errors of the fitted numbers if one misfit of the usual size for each step is what they took up."""
+    left = _misfits(steps, at)
+    columns = []
+    for k, change in enumerate(1e-3 * _SCALES):
+        further = np.eye(len(at))[k] * change
+        columns.append((_misfits(steps, at + further) - _misfits(steps, at - further)) / (2.0 * change))
+    slopes = np.column_stack(columns)
+    variance = float(left @ left) / len(steps)
+    return np.asarray(np.sqrt(variance * np.diag(np.linalg.pinv(slopes.T @ slopes))))
+
+
 def _fit(steps: Sequence[Stretch], start: Array, usual: float | None) -> Any:
     """Fit; misfits beyond the ``usual`` one [m] count less than their squares, if it is given."""
 
@@ -170,8 +279,7 @@ def _fit(steps: Sequence[Stretch], start: Array, usual: float | None) -> Any:
 def check_sine(stretch: Stretch, frequency: float, response: Response) -> SineCheck:
     """Compare the response to a sine of ``frequency`` [Hz] with the fitted model's; the first cycle is ignored."""
     commanded = modelled(stretch, 1e-6, 1e6, 0.0)  # a drive without lag or limit
-    settled = stretch.time >= stretch.command_time[0] + 1.0 / frequency
-    settled &= stretch.time <= stretch.command_time[-1]
+    settled = _within(stretch, stretch.time, frequency)
     time = stretch.time[settled]
     measured, model, told = (
         _component(time, position[settled], frequency)
@@ -183,15 +291,22 @@ def check_sine(stretch: Stretch, frequency: float, response: Response) -> SineCh
         phase=float(np.angle(measured / told)),
         gain_error=abs(measured / model) - 1.0,
         phase_error=float(np.angle(measured / model)),
+        swing=abs(measured),
     )
 
 
-def _component(time: Array, position: Array, frequency: float) -> complex:
-    """Return amplitude and phase of a sine in positions with a linear drift."""
-    turn = 2.0 * math.pi * frequency * (time - time[0])
-    columns = np.column_stack((np.cos(turn), -np.sin(turn), np.ones_like(time), time - time[0]))
-    found = np.linalg.lstsq(columns, position, rcond=None)[0]
-    return complex(found[0], found[1])
+def _component(time: Array, values: Array, frequency: float, begun: float | None = None) -> complex:
+    """Return amplitude and phase, at ``begun`` or the first time [s], of a sine in values with a linear drift."""
+    return _component_with_error(time, values, frequency, float(time[0]) if begun is None else begun)[0]
+
+
+def _component_with_error(time: Array, values: Array, frequency: float, begun: float) -> tuple[complex, float]:
+    """Return amplitude and phase, and the standard error of either part by the noise of the values."""
+    turn = 2.0 * math.pi * frequency * (time - begun)
+    columns = np.column_stack((np.cos(turn), -np.sin(turn), np.ones_like(time), time - begun))
+    found = np.linalg.lstsq(columns, values, rcond=None)[0]
+    off = values - columns @ found
+    return complex(found[0], found[1]), math.sqrt(2.0 * float(off @ off)) / len(values)
 
 
 TORQUE_STEP = 1e-3

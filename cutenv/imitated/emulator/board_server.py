@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from cutenv._base.arrays import Array
-from cutenv.rig.devices.analogue.analogue_sensor import SCAN
-from cutenv.rig.devices.analogue.sensor_calibration_file import AnalogueCalibration
+from cutenv.imitated.emulator.sensor_server import Loads, SensorFaults
 from cutenv.rig.devices.host import SystemClock
-from cutenv.rig.emulator.sensor_server import Loads, SensorFaults
+from cutenv.rig_drivers.analogue.analogue_sensor import SCAN
+from cutenv.rig_drivers.analogue.sensor_calibration_file import AnalogueCalibration
 
 NOISE = 0.4
 """Standard deviation of each channel's noise, in counts; assumed."""

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv.cutting.dtypes import TICK
+from cutenv.imitated.fake.benches import DrivenPlant, RecordedPlant, SpecimenPlant
 from cutenv.plant import ReplayPlant
 from cutenv.rig.config.axes import Axis
 from cutenv.rig.config.laid_specimen import Laid
@@ -31,7 +32,6 @@ from cutenv.rig.devices.drivers import (
 )
 from cutenv.rig.devices.host import FakeClock, Repeating
 from cutenv.rig.errors import RigError
-from cutenv.rig.fake.benches import DrivenPlant, RecordedPlant, SpecimenPlant
 from cutenv.rig.plant import RigPlant
 from cutenv.tissue.specimen import Specimen
 from cutenv.trace import Trace

@@ -17,7 +17,9 @@ from cutenv.rig.devices.driver_bases import AxisDriver
 from cutenv.rig.devices.driver_registry import Mounting, rig_driver
 from cutenv.rig.devices.drivers import DriveState, MotionSample
 from cutenv.rig.devices.host import Repeating
-from cutenv.rig.devices.serial.grbl import (
+from cutenv.rig.devices.serial.stepper_axis import on_pseudo_terminal
+from cutenv.rig.errors import RigError
+from cutenv.rig_drivers.grbl import (
     GRBL_AXES,
     JOG_CANCEL,
     MARK,
@@ -36,8 +38,6 @@ from cutenv.rig.devices.serial.grbl import (
     jog_line,
     lines_to_send,
 )
-from cutenv.rig.devices.serial.stepper_axis import on_pseudo_terminal
-from cutenv.rig.errors import RigError
 
 _log = logging.getLogger(__name__)
 

@@ -13,16 +13,16 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
 
 from cutenv._base.validation import in_range, one_of
 from cutenv.cutting.dtypes import TICK
+from cutenv.imitated.emulator.mechanics import EmulatedTissue
+from cutenv.imitated.emulator.node import Emergency
+from cutenv.imitated.emulator.sensor_server import SensorServer
 from cutenv.rig.config.laid_specimen import Laid
-from cutenv.rig.emulator.mechanics import EmulatedTissue
-from cutenv.rig.emulator.node import Emergency
-from cutenv.rig.emulator.sensor_server import SensorServer
 from cutenv.rig.errors import RigError
 
 if TYPE_CHECKING:
-    from cutenv.rig.emulator.board_server import BoardServer
-    from cutenv.rig.emulator.emulated_axis import EmulatedAxis
-    from cutenv.rig.emulator.node import Node
+    from cutenv.imitated.emulator.board_server import BoardServer
+    from cutenv.imitated.emulator.emulated_axis import EmulatedAxis
+    from cutenv.imitated.emulator.node import Node
 
 
 Parameters = dict[str, Any]

@@ -8,10 +8,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from cutenv.rig.config.axes import Axis, CrossAxis
-from cutenv.rig.devices.canopen.objects import WHOLE_RPM
-from cutenv.rig.devices.drivers import DriveState
-from cutenv.rig.emulator.mechanics import (
+from cutenv.imitated.emulator.mechanics import (
     MODE_OFF,
     MODE_RAMP,
     MODE_VELOCITY,
@@ -21,7 +18,10 @@ from cutenv.rig.emulator.mechanics import (
     motor_record,
     turn_motor,
 )
-from cutenv.rig.emulator.object_dictionary import ObjectDictionary
+from cutenv.imitated.emulator.object_dictionary import ObjectDictionary
+from cutenv.rig.config.axes import Axis, CrossAxis
+from cutenv.rig.devices.canopen.objects import WHOLE_RPM
+from cutenv.rig.devices.drivers import DriveState
 
 S = DriveState
 

@@ -13,11 +13,11 @@ from typing import Any
 from canopen import SdoAbortedError
 from canopen.sdo.server import SdoServer
 
+from cutenv.imitated.emulator.emulated_axis import FAULT_RESET_BIT, POWERED, DriveCommand, EmulatedAxis, after, command
+from cutenv.imitated.emulator.hub import Frame
+from cutenv.imitated.emulator.object_dictionary import Abort, ObjectDictionary, epos4
 from cutenv.rig.devices.canopen.objects import ENABLE_OPERATION, PDO_UNUSED, Entry
 from cutenv.rig.devices.drivers import DriveState
-from cutenv.rig.emulator.emulated_axis import FAULT_RESET_BIT, POWERED, DriveCommand, EmulatedAxis, after, command
-from cutenv.rig.emulator.hub import Frame
-from cutenv.rig.emulator.object_dictionary import Abort, ObjectDictionary, epos4
 
 _IDENTIFIER = 0x7FF
 _SYNCHRONOUS = 240  # greatest transmission type that depends on SYNC
@@ -198,7 +198,7 @@ class Node:
     axis : EmulatedAxis
         Axis that it drives; gives node number and name.
     send : callable
-        Puts a :class:`~cutenv.rig.emulator.hub.Frame` on the bus.
+        Puts a :class:`~cutenv.imitated.emulator.hub.Frame` on the bus.
     happened : callable
         Called for quick stops, emergencies and lost heartbeats.
 

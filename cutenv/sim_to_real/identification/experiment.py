@@ -6,7 +6,8 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from datetime import date
-from typing import NamedTuple
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,10 +16,15 @@ from cutenv._base.validation import parameter_table
 from cutenv.cutting.drive import Rig
 from cutenv.cutting.dtypes import TICK
 from cutenv.cutting.sensor import SensorParameters
+from cutenv.measurement.sensor_noise import NOISE_BLOCK, longest_still, sensor_at_rest
 from cutenv.rig.config.file_schema import IDENTIFIED, FileKey
 from cutenv.rig.config.settings import Identified, RigSettings
 from cutenv.rig.errors import RigError
-from cutenv.rig.identification.axis_response import (
+from cutenv.rig.operation.recorder import Felt, Recorder, Stretch
+from cutenv.rig.plant import RigPlant
+from cutenv.rig.safety.stop_causes import Cause, RigStopped
+from cutenv.sim_to_real.identification.axis_response import (
+    ForceDelay,
     Friction,
     Play,
     Response,
@@ -27,11 +33,10 @@ from cutenv.rig.identification.axis_response import (
     check_sine,
     coulomb_friction,
     fit_response,
+    force_delay,
     play,
 )
-from cutenv.rig.identification.recording import Plan, Recorder, Stretch
-from cutenv.rig.identification.sensor_noise import NOISE_BLOCK, longest_still, sensor_at_rest
-from cutenv.rig.plant import RigPlant
+from cutenv.sim_to_real.identification.plan import Plan
 
 _DIGITS = 2  # of a standard error, to which a value is rounded
 
@@ -139,11 +144,11 @@ class Identification:
 
     def sine_table(self) -> list[str]:
         """Return a table as lines: gain and phase of each sine, and the fitted model's errors."""
-        rows = [("sine [Hz]", "gain", "phase [deg]", "gain error [%]", "phase error [deg]")]
+        rows = [("sine [Hz]", "gain", "phase [deg]", "gain error [%]", "phase error [deg]", "verdict")]
         for each in self.checks:
             phases = [f"{math.degrees(each.phase):.1f}", f"{math.degrees(each.phase_error):+.1f}"]
             gains = [f"{each.gain:.3f}", f"{100 * each.gain_error:+.1f}"]
-            rows.append((f"{each.frequency:g}", gains[0], phases[0], gains[1], phases[1]))
+            rows.append((f"{each.frequency:g}", gains[0], phases[0], gains[1], phases[1], each.verdict))
         return aligned(rows)
 
 
@@ -188,9 +193,24 @@ class Recorded(NamedTuple):
     force: Array
     rate: float
     axes: Array = np.zeros((0, 3))
+    felt: tuple[Felt, ...] = ()
+    """Readings along the cut during each sine; empty if they were not kept."""
 
 
-def perform(plant: RigPlant, plan: Plan, tell: Callable[[str], None] = lambda message: None) -> Recorded:
+LOST_TIME = (
+    Cause.FORCE_STALE, Cause.FORCE_LATE, Cause.FORCE_LOST, Cause.MOTION_STALE, Cause.HEARTBEAT, Cause.OVERRUN,
+)  # fmt: skip
+"""Stops that a delay of the computer causes, which concerns neither the rig nor what it does."""
+_ATTEMPTS = 10  # to measure, each up to a stop by a delay
+
+
+def perform(
+    plant: RigPlant,
+    plan: Plan,
+    tell: Callable[[str], None] = lambda message: None,
+    *,
+    again: Callable[[RigStopped], None] | None = None,
+) -> Recorded:
     """Move the empty axis as planned, and record its response.
 
     Parameters
@@ -201,35 +221,35 @@ def perform(plant: RigPlant, plan: Plan, tell: Callable[[str], None] = lambda me
         Planned moves.
     tell : callable
         Called with a message about the next part.
+    again : callable, optional
+        Called after a stop that a delay of this computer caused, to prepare and release the rig again. What was
+        measured before is kept, and the part that was stopped is measured again; at most ten times. Without it every
+        stop ends the experiment.
 
     Raises
     ------
     RigStopped
-        If the supervisor stops the blade.
+        If the supervisor stops the blade for another reason, or too often.
     RigError
         If commands were reduced to a limit, so that the response is not to the plan.
     """
-    recorder = Recorder("xyz".index(plant.settings.sensor.cut_axis))
+    sensor = plant.settings.sensor
+    recorder = Recorder("xyz".index(sensor.cut_axis), sensor.sign)
     came_from = plant.position
+    moves = _Moves(plant, recorder)
+    done: dict[str, list[Any]] = {}
     plant.witness = recorder
     try:
-        tell(f"move to {1e3 * plan.start:.1f} mm")
-        plant.travel(plan.start, speed=APPROACH)
-        moves = _Moves(plant, recorder)
-        tell(f"sensor at rest, {plan.rest:g} s")
-        rest = moves.rest(plan.rest)
-        tell(f"{plan.turns} slow reversals")
-        turns = moves.turns(plan)
-        tell(f"steps to {', '.join(f'{1e3 * speed:.3g}' for speed in plan.speeds)} mm/s")
-        steps = [
-            moves.step(sign * speed, hold)
-            for speed, hold in zip(plan.speeds, plan.step_hold, strict=True)
-            for sign in (1, -1)
-        ]
-        tell(f"sines of {', '.join(f'{sine.frequency:g}' for sine in plan.sines)} Hz")
-        sines = [moves.sine(sine.speed, sine.duration) for sine in plan.sines]
-        reduced = plant.supervisor.limited > moves.limited  # before the way back, which may be faster than allowed
-        plant.travel(came_from, speed=APPROACH)
+        for attempt in range(_ATTEMPTS):
+            try:
+                reduced = _measure(moves, plan, done, tell)  # before the way back, which may be faster than allowed
+                plant.travel(came_from, speed=APPROACH)
+                break
+            except RigStopped as stop:
+                if again is None or stop.report.cause not in LOST_TIME or attempt == _ATTEMPTS - 1:
+                    raise
+                tell(f"stopped ({stop.report.cause.value}); what was measured is kept, and it goes on from there")
+                again(stop)
     finally:
         plant.witness = None
     if reduced:
@@ -237,9 +257,41 @@ def perform(plant: RigPlant, plan: Plan, tell: Callable[[str], None] = lambda me
             "commands were reduced to a limit, so the response is not to the plan: widen the limits of the"
             " rig's file, or start farther from the ends of travel."
         )
+    (rest,), (turns,), steps, sines = (done[part] for part in ("rest", "turns", "steps", "sines"))
     force = recorder.force_along(*rest)
+    felt = tuple(recorder.felt(float(sine.command_time[0]), float(sine.command_time[-1])) for sine in sines)
     rate = len(force) / (rest[1] - rest[0])
-    return Recorded(tuple(steps), tuple(sines), turns, force, rate, recorder.force_axes(*rest))
+    return Recorded(tuple(steps), tuple(sines), turns, force, rate, recorder.force_axes(*rest), felt)
+
+
+def _measure(moves: _Moves, plan: Plan, done: dict[str, list[Any]], tell: Callable[[str], None]) -> bool:
+    """Make the moves that are not yet ``done``; return whether any command was reduced to a limit."""
+    tell(f"move to {1e3 * plan.start:.1f} mm")
+    moves.begin(plan.start)
+    steps = [(sign * speed, hold) for speed, hold in zip(plan.speeds, plan.step_hold, strict=True) for sign in (1, -1)]
+    parts: tuple[tuple[str, str, list[Callable[[], Any]]], ...] = (
+        ("rest", f"sensor at rest, {plan.rest:g} s", [lambda: moves.rest(plan.rest)]),
+        ("turns", f"{plan.turns} slow reversals", [lambda: moves.turns(plan)]),
+        (
+            "steps",
+            f"steps to {', '.join(f'{1e3 * speed:.3g}' for speed in plan.speeds)} mm/s",
+            [partial(moves.step, *step) for step in steps],
+        ),
+        (
+            "sines",
+            f"sines of {', '.join(f'{sine.frequency:g}' for sine in plan.sines)} Hz",
+            [partial(moves.sine, sine.speed, sine.duration) for sine in plan.sines],
+        ),
+    )
+    for name, about, made in parts:
+        kept = done.setdefault(name, [])
+        if len(kept) < len(made):
+            tell(about)
+        if name == "steps" and len(kept) % 2:
+            kept.pop()  # a step back begins where its step away has ended
+        for make in made[len(kept) :]:
+            kept.append(make())
+    return moves.reduced
 
 
 class _Moves:
@@ -248,8 +300,18 @@ class _Moves:
     def __init__(self, plant: RigPlant, recorder: Recorder) -> None:
         self._plant, self._recorder = plant, recorder
         self._angle = plant.angle
-        self.limited = plant.supervisor.limited
-        plant.begin()
+        self._limited = 0
+
+    def begin(self, start: float) -> None:
+        """Go to where the experiment starts [m]; commands that are reduced count from here on."""
+        self._plant.travel(start, speed=APPROACH)
+        self._limited = self._plant.supervisor.limited
+        self._plant.begin()
+
+    @property
+    def reduced(self) -> bool:
+        """True if a command was reduced to a limit."""
+        return self._plant.supervisor.limited > self._limited
 
     def _command(self, speed: float, ticks: int) -> None:
         self._recorder.command(self._plant.clock.now(), speed)
@@ -314,7 +376,7 @@ def identification_from(settings: RigSettings, plan: Plan, recorded: Recorded) -
     RigError
         If the axis did not move, or too little was recorded.
     """
-    steps, sines, turns, force, rate, axes = recorded
+    steps, sines, turns, force, rate, axes, felt = recorded
     axis = settings.blade
     try:
         response = fit_response(steps, nominal_acceleration=axis.acceleration)
@@ -324,7 +386,13 @@ def identification_from(settings: RigSettings, plan: Plan, recorded: Recorded) -
     friction = coulomb_friction(
         steps, axis, lag=response.lag, acceleration=response.least_acceleration, dead_time=max(response.dead_time, 0.0)
     )
-    estimates = (*_of_response(response), _of_play(play(turns, axis)), _of_friction(friction), *at_rest)
+    delay = (
+        force_delay(sines, felt, [sine.frequency for sine in plan.sines])
+        if felt
+        else Unseen("no readings of the force beside the sines")
+    )
+    late = _of_delay(delay, settings.sensor.sign)
+    estimates = (*_of_response(response), _of_play(play(turns, axis)), _of_friction(friction), *at_rest, late)
     checks: tuple[SineCheck, ...] = tuple(
         check_sine(sine, planned.frequency, response) for sine, planned in zip(sines, plan.sines, strict=True)
     )
@@ -356,15 +424,27 @@ def _of_response(response: Response) -> list[IdentifiedValue]:
 def _of_play(found: Play | Unseen) -> IdentifiedValue:
     if isinstance(found, Unseen):
         return IdentifiedValue(name="backlash", value=None, error=None, how=found.why)
-    how = f"way after slow reversals until torque rises by {found.carriage:.1f} N"
+    how = (
+        f"way after slow reversals until torque rises by {found.carriage:.1f} N: play, and the screw's stretch by that"
+    )
     return IdentifiedValue(name="backlash", value=found.backlash, error=found.error, how=how)
 
 
 def _of_friction(found: Friction | Unseen) -> IdentifiedValue:
     if isinstance(found, Unseen):
         return IdentifiedValue(name="friction", value=None, error=None, how=found.why)
-    how = f"torque at steady speeds both ways; {found.viscous:.0f} N s/m besides"
+    how = f"torque at steady speeds both ways, of motor, screw and guide; {found.viscous:.0f} N s/m besides"
     return IdentifiedValue(name="friction", value=found.coulomb, error=found.error, how=how)
+
+
+def _of_delay(found: ForceDelay | Unseen, sign: int) -> IdentifiedValue:
+    if isinstance(found, Unseen):
+        return IdentifiedValue(name="force_delay", value=None, error=None, how=found.why)
+    if found.mass < 0.0:
+        how = f"the force has the wrong sign: write sensor.sign = {-sign}, and measure again"
+        return IdentifiedValue(name="force_delay", value=None, error=None, how=how)
+    how = f"phase of the inertia of {1e3 * found.mass:.0f} g that the sensor carries, behind the position"
+    return IdentifiedValue(name="force_delay", value=max(found.delay, 0.0), error=found.error, how=how)
 
 
 def _of_axes(axes: Array, rate: float) -> list[IdentifiedValue]:

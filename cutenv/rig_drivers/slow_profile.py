@@ -6,9 +6,9 @@ from dataclasses import replace
 
 from cutenv.rig.config.axes import Axis
 from cutenv.rig.config.settings import Bus, RigSettings, SafetyLimits, SensorSettings
-from cutenv.rig.devices.serial.grbl import REPORT_PERIOD, GrblOptions
 from cutenv.rig.devices.serial.load_cell import LoadCellOptions
 from cutenv.rig.devices.serial.stepper_axis import BOARD_PERIOD, StepperOptions
+from cutenv.rig_drivers.grbl import REPORT_PERIOD, GrblOptions
 
 SCREW_STEPS = 3200
 """Steps for one turn of a motor of 200 steps with 16 microsteps: choice."""

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from cutenv._base.validation import in_range, one_of
+from cutenv.imitated.emulator.emulated_bench import EmulatedBench
 from cutenv.rig.config.laid_specimen import Laid
-from cutenv.rig.emulator.emulated_bench import EmulatedBench
 from cutenv.rig.errors import RigError
 from cutenv.tissue.description import load_description
 from cutenv.tissue.layers import Layers

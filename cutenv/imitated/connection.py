@@ -19,13 +19,13 @@ from cutenv.rig.config.settings import (
     fake_settings,
 )
 from cutenv.rig.devices.host import FakeClock, preferred
-from cutenv.rig.devices.serial.slow_profile import grbl_settings, slow_settings
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.operator import AutomaticOperator, Operator, TerminalOperator
 from cutenv.rig.operation.preflight import SETTLE
 from cutenv.rig.plant import RigPlant
 from cutenv.rig.safety.guard import guarded
 from cutenv.rig.toml_file import read_rig_file
+from cutenv.rig_drivers.slow_profile import grbl_settings, slow_settings
 
 
 class Connection(NamedTuple):
@@ -56,8 +56,8 @@ def connected(rig: str, *, clock: FakeClock | None = None) -> Iterator[Connectio
     emulator = None
     with ExitStack() as stack:
         if rig == FAKE:
-            from cutenv.rig.fake.benches import AirPlant
-            from cutenv.rig.fake.fake_rig import FakeRig
+            from cutenv.imitated.fake.benches import AirPlant
+            from cutenv.imitated.fake.fake_rig import FakeRig
 
             fake = FakeRig(AirPlant, fake_settings(name=FAKE), clock=clock)
             settings, plant = fake.settings, fake.plant
@@ -65,7 +65,7 @@ def connected(rig: str, *, clock: FakeClock | None = None) -> Iterator[Connectio
             from cutenv.rig.hardware import rig_plant
 
             if rig in EMULATED:
-                from cutenv.rig.emulator.process import start
+                from cutenv.imitated.emulator.process import start
 
                 emulator = stack.enter_context(start(free_air=True, kind=rig))
                 settings = emulator.settings

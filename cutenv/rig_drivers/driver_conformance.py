@@ -15,7 +15,8 @@ from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.drivers import DriveState, ForceDriver, MotionDriver, MotionSample
 from cutenv.rig.devices.host import Clock, SystemClock
 from cutenv.rig.errors import RigError
-from cutenv.rig.operation.conformance import (
+from cutenv.rig.operation.preflight import ZERO_FORCE
+from cutenv.rig_drivers.conformance import (
     CALL_TIME,
     Listening,
     TriedPromise,
@@ -26,7 +27,6 @@ from cutenv.rig.operation.conformance import (
     time_within,
     timed,
 )
-from cutenv.rig.operation.preflight import ZERO_FORCE
 
 TRIAL_TRAVEL = 0.010
 """Way that the axis needs free, from where it stands towards the middle of its travel [m or rad]."""

@@ -1,0 +1,1 @@
+"""Imitated rigs, beside the one that moves hardware: the emulator on real wires, the fake in memory, both by name."""

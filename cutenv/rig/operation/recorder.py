@@ -1,0 +1,115 @@
+"""Record of what axis and sensor report, and of what is commanded, for an inspection or an experiment."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from cutenv._base.arrays import Array
+from cutenv.rig.devices.drivers import ForceSample, MotionSample
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stretch:
+    """Part of the experiment, from rest to rest; times [s] on one clock, samples as they arrived.
+
+    Attributes
+    ----------
+    command_time, command : array of shape (c,)
+        Speeds [m/s] put on the bus; each holds until the next, and before the first the axis rests.
+    time, position, torque : array of shape (n,)
+        Samples of the axis's position [m], and of its motor's torque over the rated one [1].
+    """
+
+    command_time: Array
+    command: Array
+    time: Array
+    position: Array
+    torque: Array
+
+
+class Felt(NamedTuple):
+    """Readings of the force along the cut while the axis moves: times [s] and forces [N], each of shape (n,)."""
+
+    time: Array
+    force: Array
+
+
+class Recorder:
+    """Listener to an axis and a sensor, besides the supervisor.
+
+    Parameters
+    ----------
+    cut_axis : int
+        Axis of the sensor along the cut: 0, 1 or 2.
+    sign : int
+        Sign of the reading against a motion forward.
+    """
+
+    def __init__(self, cut_axis: int = 0, sign: int = 1) -> None:
+        self._cut_axis, self._sign = cut_axis, sign
+        self._commands: list[tuple[float, float]] = []
+        self._motions: dict[str, list[MotionSample]] = {}
+        self._forces: list[ForceSample] = []
+        self._beats: dict[str, list[float]] = {}
+
+    def command(self, time: float, speed: float) -> None:
+        """Record a speed [m/s] that is put on the bus at ``time`` [s]."""
+        self._commands.append((time, speed))
+
+    # A listener of the plant
+
+    def motion(self, axis: str, sample: MotionSample) -> None:
+        """Record a sample."""
+        self._motions.setdefault(axis, []).append(sample)
+
+    def force(self, sample: ForceSample) -> None:
+        """Record a reading."""
+        self._forces.append(sample)
+
+    def alive(self, axis: str, time: float) -> None:
+        """Record the arrival of a heartbeat."""
+        self._beats.setdefault(axis, []).append(time)
+
+    def stretch(self, start: float, end: float) -> Stretch:
+        """Return the commands and samples between two times [s]."""
+        commands = np.array([each for each in self._commands if start <= each[0] < end]).reshape(-1, 2)
+        motions = np.array([each[:4] for each in self._between("blade", start, end)]).reshape(-1, 4)
+        return Stretch(
+            command_time=commands[:, 0],
+            command=commands[:, 1],
+            time=motions[:, 0],
+            position=motions[:, 1],
+            torque=motions[:, 3],
+        )
+
+    def forces(self, start: float, end: float) -> list[ForceSample]:
+        """Return the readings between two times [s]."""
+        return [each for each in self._forces.copy() if start <= each.time < end]
+
+    def force_along(self, start: float, end: float) -> Array:
+        """Return the readings along the cut between two times [s], in the sensor's sign [N]."""
+        return np.array([each.force[self._cut_axis] for each in self.forces(start, end)])
+
+    def felt(self, start: float, end: float) -> Felt:
+        """Return times and forces along the cut between two times [s]; positive: against a motion forward."""
+        readings = self.forces(start, end)
+        force = [self._sign * each.force[self._cut_axis] for each in readings]
+        return Felt(np.array([each.time for each in readings]), np.array(force))
+
+    def force_axes(self, start: float, end: float) -> Array:
+        """Return the readings of all three axes of the sensor between two times, shape (n, 3) [N]."""
+        return np.array([each.force for each in self.forces(start, end)]).reshape(-1, 3)
+
+    def motion_times(self, axis: str, start: float, end: float) -> Array:
+        """Return the arrivals of an axis's samples between two times [s]."""
+        return np.array([each.time for each in self._between(axis, start, end)])
+
+    def heartbeats(self, axis: str, start: float, end: float) -> Array:
+        """Return the arrivals of an axis's heartbeats between two times [s]."""
+        return np.array([each for each in self._beats.get(axis, []) if start <= each < end])
+
+    def _between(self, axis: str, start: float, end: float) -> list[MotionSample]:
+        return [each for each in self._motions.get(axis, []).copy() if start <= each.time < end]
