@@ -26,9 +26,13 @@ from cutenv.rig.devices.host import SystemClock
 from cutenv.rig.safety.guard import guarded
 rig = ready_rig()
 supervisor = rig.plant.supervisor
-supervisor._clock = SystemClock()
 say = lambda *words: os.write(1, (" ".join(words) + chr(10)).encode())  # whole lines, from two threads
-supervisor.on_stop = lambda report: say("stopped", report.cause.value, report.detail)
+begin = supervisor._quick_stops.begin
+def begin_and_say():
+    unreached = begin()
+    say("stopped", supervisor.report.cause.value, supervisor.report.detail)
+    return unreached
+supervisor._quick_stops.begin = begin_and_say
 with guarded(supervisor, SystemClock()):
     say("ready")
     while True:
@@ -143,7 +147,7 @@ def test_an_axis_whose_quick_stop_fails_does_not_spare_the_other():
     rig = ready_rig()
     rig.plant.advance(0.01, UPRIGHT, 200)
 
-    def fail() -> None:
+    def fail(**named: bool) -> None:
         raise OSError("cable cut")
 
     rig.blade.quick_stop = fail

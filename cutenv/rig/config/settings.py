@@ -98,6 +98,10 @@ class SafetyLimits:
 
     force: float = setting(15.0, "N", "Force on each axis of the sensor.", 0.1, 1000.0)
     force_norm: float = setting(20.0, "N", "Norm of the force on all three axes.", 0.1, 1000.0)
+    torque: float = setting(
+        3.0, "N_m", "Torque on all three axes of the sensor, which breaks by torque first.", 0.01, 100.0,
+        why="20 N at 0.15 m below the sensor",
+    )  # fmt: skip
     force_rise: float = setting(
         200.0, "N_per_s", "Rise of the force over 10 ms. In tissue at 2.54 cm/s it is some 15 N/s.", 1.0, 1e6,
         why="over 10 ms; tissue at 2.54 cm/s rises by some 15 N/s, a hard stop by thousands",
@@ -158,7 +162,7 @@ class SafetyLimits:
         return dataclasses.replace(self, **chosen)
 
 
-LOWERED = ("force", "force_norm", "force_rise", "speed", "high")
+LOWERED = ("force", "force_norm", "torque", "force_rise", "speed", "high")
 """Names of the limits that the command line may lower."""
 
 
