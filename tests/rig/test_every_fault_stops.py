@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from made_ready import SETTLE, ready_rig
 
-from cutenv.rig.devices.drivers import DriveState
+from cutenv.rig.devices.drivers import DriveState, ForceSample
 from cutenv.rig.errors import RigError
 from cutenv.rig.fake.fake_rig import FakeRig, Faults
 from cutenv.rig.safety.stop_causes import Cause, RigStopped, detection_times
@@ -40,10 +40,25 @@ def tripped(cause: Cause) -> Inject:
     return lambda rig: rig.plant.supervisor.trip(cause, "as told", rig.clock.now())
 
 
+def twist(rig: FakeRig) -> None:
+    """Let the sensor read a torque from now on that no force beside it explains."""
+
+    class Twisted:
+        def force(self, sample: ForceSample) -> None:
+            rig.plant.force(sample._replace(torque=(0.0, 0.0, 3.1)))
+
+        def garbled(self, why: str, time: float) -> None:
+            """Nothing is."""
+
+    if rig.sensor.listener is rig.plant:
+        rig.sensor.listener = Twisted()
+
+
 FAULTS: dict[str, tuple[Inject, set[Cause]]] = {
     "over-force along the cut": (faulty(extra_force=30.0), {Cause.FORCE}),
     "over-force across the cut": (faulty(side_force=-16.0), {Cause.FORCE}),
     "a hard stop": (faulty(extra_force=4.0), {Cause.FORCE_RISE}),
+    "a torque": (twist, {Cause.TORQUE}),
     "a force that is no number": (faulty(force_nan=True), {Cause.NOT_A_NUMBER}),
     "bad status of the sensor": (faulty(force_status=0x80010000), {Cause.FORCE_STATUS}),
     "frozen readings": (faulty(force_frozen=True), {Cause.FORCE_FROZEN}),
@@ -130,6 +145,7 @@ def check_stays(rig: FakeRig) -> None:
 def begin_again(rig: FakeRig) -> None:
     """The operator resets, lays a new specimen, and cuts go on."""
     rig.faults.__dict__.update(vars(Faults()))
+    rig.sensor.listener = rig.plant
     rig.plant.supervisor.reset(agreed=True)
     rig.mount()
     rig.plant.power()

@@ -56,6 +56,22 @@ def test_a_rise_is_a_breach_and_a_fall_is_a_crack_that_runs():
     assert set(causes(falling)) == {None}
 
 
+def test_a_force_that_turns_round_has_risen_by_all_that_it_passed():
+    there = [reading(n, (0.0, 5.0, 0.0)) for n in range(1, 20)]
+    for other in ((0.0, -5.0, 0.0), (5.0, 0.0, 0.0), (0.0, 5.0, 2.1)):
+        assert Cause.FORCE_RISE in causes(there + [reading(20, other)]), other
+    for fallen in ((0.0, 0.0, 0.0), (0.0, 2.0, 0.0), (1.9, 2.0, 0.0)):  # and a little to the side, by noise
+        assert set(causes(there + [reading(20, fallen)])) == {None}, fallen
+
+
+@pytest.mark.parametrize(
+    ("torque", "cause"),
+    [((0.0, 2.9, 0.0), None), ((2.0, -2.0, 2.0), Cause.TORQUE), ((math.nan, 0.0, 0.0), Cause.NOT_A_NUMBER)],
+)
+def test_the_torque_has_a_limit_of_its_own(torque, cause):
+    assert causes([reading(1), reading(2)._replace(torque=torque)]) == [None, cause]
+
+
 @given(st.floats(0.0, 13.0))
 def test_tissue_as_stiff_as_any_that_was_measured_never_rises_too_fast(slope):
     samples = [reading(n, (min(slope * 1e-3 * n, 14.0), 0.0, 0.0)) for n in range(1, 400)]
