@@ -6,6 +6,7 @@ import logging
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from datetime import date
 from functools import partial
 
 import numpy as np
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from cutenv._base.arrays import StructArray
 from cutenv._base.validation import array_in_range, in_range
 from cutenv.cutting.dtypes import READING, TICK
-from cutenv.rig.config.settings import RigSettings
+from cutenv.rig.config.settings import RigSettings, SafetyLimits
 from cutenv.rig.devices.drivers import ForceDriver, ForceSample, MotionDriver, MotionSample, Observer, ZeroedByHand
 from cutenv.rig.devices.host import Attempt, Clock, Owner, Repeating
 from cutenv.rig.errors import RigError
@@ -92,6 +93,8 @@ class RigPlant(Travel):
         Direction in which a blade points that an axis moves to the side as well.
     owner : Owner
         Process that has opened the rig; no other may move it.
+    proven : date or None
+        Day on which the stop button was last proven on this connection.
     zero : tuple of 3 float
         Force at the last tare [N], relative to the sensor's own zero.
     """
@@ -116,6 +119,7 @@ class RigPlant(Travel):
         self.witness: Observer | None = None
         self.timing = Timing()
         self.zero = (0.0, 0.0, 0.0)
+        self.proven: date | None = None
         self._timers: list[Repeating] = []
         self.owner = Owner()
         self._left = False
@@ -231,6 +235,11 @@ class RigPlant(Travel):
     def about(self) -> dict[str, dict[str, float | str]]:
         """Return the data that drives and sensor report about themselves, by name."""
         return {axis.name: axis.about() for axis in self._axes} | {"sensor": self._sensor.about()}
+
+    def lower(self, limits: SafetyLimits) -> None:
+        """Adopt each limit that is stricter than the present one, see :meth:`Supervisor.lower`."""
+        self.supervisor.lower(limits)
+        self.settings = self.supervisor.settings
 
     def tare(self) -> tuple[float, float, float]:
         """Take the present force as :attr:`zero` [N]; see :meth:`ForceDriver.tare`."""

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cutenv.rig.config.settings import Identified, SafetyLimits, fake_settings
+from cutenv.rig.config.settings import MOST_BLIND, Identified, SafetyLimits, fake_settings
 from cutenv.rig.devices.drivers import DriveState, ForceSample, MotionSample
 from cutenv.rig.safety.force_monitor import ForceMonitor, ForceReadings
 from cutenv.rig.safety.motion_monitor import FollowingMonitor, MotionMonitor
@@ -245,3 +245,22 @@ def test_a_force_may_stand_while_the_blade_does():
 
 def test_a_policy_that_rests_now_and_then_hides_no_frozen_force():
     assert noisy(5000, frozen=0, moving=lambda n: n // 20 % 2 == 0) < 2.2 * round(1000 * STILL)
+
+
+@pytest.mark.parametrize(
+    "wide", [{"stale_force": 0.5}, {"stale_motion": 0.5}, {"heartbeat": 1.0}, {"overrun": 10.0}, {"frozen_force": 0.3}]
+)
+def test_limits_let_no_blade_go_far_unseen(wide):
+    with pytest.raises(ValueError, match=rf"with {next(iter(wide))} the blade may go .* 5 mm allowed"):
+        SafetyLimits(**wide)
+    assert SafetyLimits(**wide, speed=0.005).blind_way <= MOST_BLIND  # a slow blade may be seen later
+
+
+def test_a_record_can_tell_whether_limits_were_the_same():
+    assert SafetyLimits().fingerprint == SafetyLimits(force=15.0).fingerprint
+    assert SafetyLimits().fingerprint != SafetyLimits(force=14.999).fingerprint
+
+
+def test_of_two_sets_of_limits_the_stricter_of_each_counts():
+    strict = SafetyLimits(force=5.0, high=0.15).strictest(SafetyLimits(low=0.0, high=0.1, angle_high=1.5))
+    assert strict == SafetyLimits(force=5.0, low=0.0, high=0.1, angle_high=1.5)

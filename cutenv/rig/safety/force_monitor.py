@@ -84,6 +84,10 @@ class ForceMonitor:
         self._arrivals = SampleClock(self._rate, self._leak)
         self._relieved: float | None = None  # [N] least vertical force since the blade is raised to be relieved
 
+    def adopt(self, limits: SafetyLimits) -> None:
+        """Check against other limits from now on."""
+        self._limits = limits
+
     @property
     def pressed(self) -> str | None:
         """Vertical force beyond its limit, from a blade that presses on the tissue, as a text; None if it is within."""

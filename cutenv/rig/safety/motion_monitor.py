@@ -163,6 +163,10 @@ class LinearMonitor:
         """True if the axis is at rest, as far as its samples show."""
         return rests(self._samples)
 
+    def adopt(self, limits: Reach) -> None:
+        """Check against other limits from now on."""
+        self._limits = limits
+
     def note(self, sample: MotionSample) -> None:
         """Store a sample."""
         self._samples.append(sample)
@@ -294,6 +298,12 @@ class MotionMonitor:
             unmoved=math.radians(0.005),
         )  # fmt: skip
         self._follows = follows
+
+    def adopt(self, settings: RigSettings) -> None:
+        """Check against other limits from now on."""
+        self._limits = settings.limits
+        for name, reach in settings.reaches.items():
+            self._linear[name].adopt(reach)
 
     @property
     def beyond(self) -> str | None:

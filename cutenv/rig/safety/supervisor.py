@@ -5,12 +5,13 @@ A software stop is not a safety function: wire the stop button to the drive's sa
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import threading
 from collections.abc import Sequence
 from contextlib import ExitStack
 
-from cutenv.rig.config.settings import RigSettings
+from cutenv.rig.config.settings import RigSettings, SafetyLimits
 from cutenv.rig.devices.drivers import DriveState, Event, ForceSample, Latch, MotionDriver, MotionSample, Phase
 from cutenv.rig.devices.host import Clock
 from cutenv.rig.errors import RigError
@@ -364,6 +365,22 @@ class Supervisor:
             with self._lock:
                 self._locked_at.clear()
                 self._latch.happens(Event.LOCK)  # nothing, if it was stopped meanwhile
+
+    def lower(self, limits: SafetyLimits) -> None:
+        """Adopt each limit that is stricter than the present one; the others stay. For a rig that is locked.
+
+        Raises
+        ------
+        RigError
+            If the rig is released.
+        """
+        if self.phase is Phase.READY:
+            raise RigError("limits are lowered between cuts, while the rig is locked.")
+        strict = self.limits.strictest(limits)
+        self.settings, self.limits = dataclasses.replace(self.settings, limits=strict), strict
+        self._reaches = self.settings.reaches
+        self._forces.adopt(strict)
+        self._motions.adopt(self.settings)
 
     def _rest(self) -> None:
         self._told = dict.fromkeys(self._axes, 0.0)
