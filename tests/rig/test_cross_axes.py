@@ -134,6 +134,8 @@ GROWS = (Cause.SPEED, Cause.FOLLOWING, Cause.ACCELERATION, Cause.HEIGHT)
 
 @pytest.mark.parametrize("name", FAULTS)
 @pytest.mark.parametrize("after", [0.2, 0.337])
+@pytest.mark.promise("S14")
+@pytest.mark.promise("S15")
 def test_every_fault_stops_both_axes_in_time_and_stays_so(name, after):
     axis, inject, motion, causes = FAULTS[name]
     start = 0.003 if motion.get("descent", 0.0) > 0 else -0.003
@@ -506,6 +508,7 @@ def test_nothing_changes_for_the_motion_along_the_cut(axis):
 
 
 @pytest.mark.parametrize("axis", ["height", "side"])
+@pytest.mark.promise("S15")
 def test_an_axis_told_to_stand_that_creeps_is_stopped_at_its_limit(axis):
     rig = ready(axis)
     move(rig, periods=5)

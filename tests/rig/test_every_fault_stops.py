@@ -167,6 +167,7 @@ def trial(rig: FakeRig, name: str, after: float, speed: float) -> RigStopped:
     ("periods", "instants"), [(1, PERIOD), pytest.param(3, 1000, marks=pytest.mark.slow)], ids=["one", "three"]
 )
 @pytest.mark.parametrize("name", FAULTS)
+@pytest.mark.promise("S3")
 def test_at_every_instant_it_is_found_out_and_stays_stopped(name, periods, instants):
     """One instant in each of the equal parts of control periods, in any order: of one, in each of its milliseconds."""
     random = np.random.default_rng(list(name.encode()))
@@ -181,6 +182,7 @@ def test_at_every_instant_it_is_found_out_and_stays_stopped(name, periods, insta
 
 
 @pytest.mark.parametrize("name", FAULTS)
+@pytest.mark.promise("S4")
 def test_anywhere_in_a_cut(name):
     random = np.random.default_rng(list(name.encode()))
     for after in random.uniform(0.1, 4.0, 2):
@@ -214,6 +216,7 @@ def test_every_cause_is_brought_about_by_some_fault():
     assert brought | tested_below | of_height | of_side == set(Cause)
 
 
+@pytest.mark.promise("S10")
 def test_the_ends_of_travel():
     rig = ready_rig(high=0.03)
     for _ in range(300):

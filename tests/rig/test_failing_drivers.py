@@ -44,6 +44,7 @@ def stopped_at(rig: FakeRig | HandMovedRig, speed: float, seconds: float) -> Rig
     raise AssertionError("nothing stops the blade")
 
 
+@pytest.mark.promise("S7")
 def test_a_command_that_never_returns_keeps_no_axis_from_its_stop(hung):
     rig = ready_rig()
     rig.plant.advance(0.01, UPRIGHT, 200)
@@ -59,6 +60,7 @@ def test_a_command_that_never_returns_keeps_no_axis_from_its_stop(hung):
 
 
 @pytest.mark.parametrize("fails", [True, False], ids=["raises", "hangs"])
+@pytest.mark.promise("S7")
 def test_a_quick_stop_that_fails_spares_no_other_axis_and_ends_the_heartbeat(hung, fails):
     rig = ready_rig()
     rig.plant.advance(0.01, UPRIGHT, 200)
@@ -118,6 +120,7 @@ class Lying:
 
 @pytest.mark.parametrize("time", [1.7e9, math.nan, math.inf, -1.0])
 @pytest.mark.parametrize("silent", ["force_silent", "motion_silent", "heartbeat_silent"])
+@pytest.mark.promise("S7")
 def test_times_of_a_driver_hide_no_silence(time, silent):
     rig = ready_rig()
     rig.sensor.listener = Lying(rig.plant, time)
@@ -156,6 +159,7 @@ def test_a_command_that_raises_is_a_fault_that_names_its_axis():
 # The heartbeat says that somebody judges, not that the process lives.
 
 
+@pytest.mark.promise("S8")
 def test_without_a_watchdog_the_drive_stops_by_itself():
     rig = HandMovedRig().ready()
     rig.cut(0.015, 0.5)
@@ -262,6 +266,7 @@ def test_a_bus_that_is_always_late_is_no_fault():
 
 
 @pytest.mark.parametrize("speed", [0.0005, 0.0019, -0.0028])
+@pytest.mark.promise("S11")
 def test_a_blade_told_to_stand_that_creeps_is_stopped_at_its_limit(speed):
     rig = ready_rig()
     rig.plant.advance(0.01, UPRIGHT, 500)
@@ -274,6 +279,7 @@ def test_a_blade_told_to_stand_that_creeps_is_stopped_at_its_limit(speed):
 
 
 @pytest.mark.parametrize("speed", [0.0175, 0.0125])
+@pytest.mark.promise("S11")
 def test_a_blade_that_is_always_a_little_too_fast_or_slow_is_stopped(speed):
     rig = ready_rig()
     rig.plant.advance(0.015, UPRIGHT, 500)

@@ -55,6 +55,7 @@ def child(script: str = CHILD) -> subprocess.Popen:
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.promise("S9")
 def test_a_signal_stops_the_blade_before_the_program_ends(number):
     ran = child()
     time.sleep(0.1)
@@ -108,6 +109,7 @@ def test_the_death_of_the_parent_stops_the_blade(tmp_path):
     assert [line.split(" ")[:3] for line in told.read_text().splitlines()][1] == ["stopped", "parent", "death"]
 
 
+@pytest.mark.promise("S9")
 def test_an_exception_stops_the_blade_and_goes_on():
     rig = ready_rig()
     rig.plant.advance(0.01, UPRIGHT, 200)

@@ -42,6 +42,7 @@ def refused(rig: FakeRig, because: str, operator=None) -> None:
     assert rig.plant.supervisor.phase == "unready"
 
 
+@pytest.mark.promise("S1")
 def test_a_sound_rig_is_ready_and_says_what_was_found():
     rig = opened()
     operator = AutomaticOperator(rig.settings)
@@ -70,6 +71,7 @@ def test_a_sensor_that_sends_at_another_rate_than_the_file_says_is_refused():
         (SensorCalibration(date="last week"), "is not a date"),
     ],
 )
+@pytest.mark.promise("S1")
 def test_without_a_valid_calibration_nothing_moves(calibration, because):
     refused(opened(calibration=calibration), because)
 
@@ -175,6 +177,7 @@ class Beside(ScriptedOperator):
         return True
 
 
+@pytest.mark.promise("S2")
 def test_on_hardware_the_stop_button_and_the_sign_are_proven_once_a_day():
     rig = opened(emulated=False)
     assert prepare(rig.plant, Beside(rig), today=TODAY)
@@ -193,17 +196,20 @@ def test_on_hardware_the_stop_button_and_the_sign_are_proven_once_a_day():
     ],
     ids=["button", "sign", "axis"],
 )
+@pytest.mark.promise("S2")
 def test_a_button_without_effect_and_a_force_of_the_wrong_sign_are_found(made, because):
     rig = opened(emulated=False)
     refused(rig, because, Beside(rig, **made))
 
 
+@pytest.mark.promise("S2")
 def test_a_blade_that_goes_toward_the_clamp_first_is_for_the_operator_to_see():
     rig = opened(emulated=False)
     with pytest.raises(RigError, match="toward the clamp first, correct blade.direction"):
         prepare(rig.plant, Beside(rig, away=False), today=TODAY)
 
 
+@pytest.mark.promise("S12")
 def test_a_limit_that_is_lowered_between_cuts_counts_and_one_that_is_raised_does_not():
     rig = opened()
     prepare(rig.plant, AutomaticOperator(rig.settings), today=TODAY)

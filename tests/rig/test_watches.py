@@ -202,6 +202,7 @@ def test_the_angle_has_its_own_limits():
         assert (breach is not None and breach.cause is Cause.ANGLE) is breached
 
 
+@pytest.mark.promise("S10")
 def test_limits_on_the_command_line_may_only_be_lower():
     assert SafetyLimits().lowered(force=5.0).force == 5.0
     assert SafetyLimits().lowered(force=None) == SafetyLimits()
@@ -250,6 +251,7 @@ def test_a_policy_that_rests_now_and_then_hides_no_frozen_force():
 @pytest.mark.parametrize(
     "wide", [{"stale_force": 0.5}, {"stale_motion": 0.5}, {"heartbeat": 1.0}, {"overrun": 10.0}, {"frozen_force": 0.3}]
 )
+@pytest.mark.promise("S11")
 def test_limits_let_no_blade_go_far_unseen(wide):
     with pytest.raises(ValueError, match=rf"with {next(iter(wide))} the blade may go .* 5 mm allowed"):
         SafetyLimits(**wide)
