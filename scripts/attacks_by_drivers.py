@@ -33,26 +33,26 @@ def _axis(scene: Scene) -> Any:
 
 
 def command_hangs(scene: Scene) -> None:
-    """The blade's driver does not return from a command, and the force is too strong."""
+    """Let the blade's driver not return from a command, and the force be too strong."""
     _axis(scene).command = _hung
     threading.Event().wait(0.03)
     _over(scene)
 
 
 def quick_stop_hangs(scene: Scene) -> None:
-    """The blade's driver does not return from a quick stop; the drive has to stop by its own watch."""
+    """Let the blade's driver not return from a quick stop; the drive has to stop by its own watch."""
     _axis(scene).quick_stop = _hung
     _over(scene)
 
 
 def quick_stop_raises(scene: Scene) -> None:
-    """The blade's driver raises OSError at every quick stop; the drive has to stop by its own watch."""
+    """Let the blade's driver raise OSError at every quick stop; the drive has to stop by its own watch."""
     _axis(scene).quick_stop = _refused
     _over(scene)
 
 
 def command_raises(scene: Scene) -> None:
-    """The blade's driver raises OSError at a command."""
+    """Let the blade's driver raise OSError at a command."""
     _axis(scene).command = _refused
 
 
@@ -66,17 +66,17 @@ def _lied(scene: Scene, time: float) -> None:
 
 
 def times_in_the_future(scene: Scene) -> None:
-    """The sensor stamps a reading with the time of day, and falls silent."""
+    """Stamp a reading of the sensor with the time of day, and let it fall silent."""
     _lied(scene, 1.7e9)
 
 
 def times_that_are_none(scene: Scene) -> None:
-    """The sensor stamps a reading with no number, and falls silent."""
+    """Stamp a reading of the sensor with no number, and let it fall silent."""
     _lied(scene, math.nan)
 
 
 def watchdog_ended(scene: Scene) -> None:
-    """The watchdog ends, and the sensor falls silent: only the drive's own watch is left."""
+    """End the watchdog, and let the sensor fall silent: the drive's own watch, or a command, has to stop it."""
     scene.rig.plant._timers[0].stop()
     scene.rig.plant._sensor._listener = None  # type: ignore[attr-defined]
 

@@ -20,10 +20,10 @@ class InterveningHand:
     """Person's action while the first button is held; call it once a decision.
 
     When the button goes down, the hand is where the blade is, wherever the device stands: the person moves it from
-    there. Speed and angle follow the hand. One that gets ahead of the blade by more than :data:`LEASH`, because the device
-    jumps, reads what is no place, or is moved faster than any blade, is followed no more: the blade stands until the
-    button is pressed anew. The device pushes nothing: a force that is new only with every decision
-    would not be passive.
+    there. Speed and angle follow the hand. One that gets ahead of the blade by more than :data:`LEASH`, because the
+    device jumps, reads what is no place, or is moved faster than any blade, is followed no more: the blade stands until
+    the button is pressed anew. The device pushes nothing: a force that is new only with every decision would not be
+    passive.
 
     Parameters
     ----------

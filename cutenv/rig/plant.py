@@ -183,8 +183,9 @@ class RigPlant(Travel):
         if not self.supervisor.standing:
             self.supervisor.trip(Cause.OPERATOR, "the rig is being closed")
         self.supervisor.lock()
-        for name, device in [*((axis.name, axis) for axis in self._axes), ("sensor", self._sensor)]:
-            closing = Attempt(device.close, f"rig close {name}")  # one that fails or hangs keeps no other open
+        closes: dict[str, Callable[[], None]] = {axis.name: axis.close for axis in self._axes}
+        for name, close in (closes | {"sensor": self._sensor.close}).items():
+            closing = Attempt(close, f"rig close {name}")  # one that fails or hangs keeps no other open
             if not closing.ends(CLOSED_WITHIN) or closing.error is not None:
                 _log.warning("the %s was not closed in order: %s", name, closing.error or "its driver does not return")
         while self._timers:

@@ -125,7 +125,9 @@ def test_what_is_no_command_is_no_sign_of_life() -> None:
     board = Board().driving()
     before = board.firmware.steps
     for tick in range(100):
-        echo = board_line(("M 7 1 1 0 2000 0", "F 9 0 1234", "A cutenv-board 1 hx711 80", "P 1 2 3 4 5", "Hello", "V")[tick % 6])
+        echo = board_line(
+            ("M 7 1 1 0 2000 0", "F 9 0 1234", "A cutenv-board 1 hx711 80", "P 1 2 3 4 5", "Hello", "V")[tick % 6]
+        )
         board.firmware.feed(echo)
         board.run(0.010)
     assert board.motion.state is BoardState.STOPPED

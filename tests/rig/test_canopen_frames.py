@@ -16,8 +16,7 @@ from cutenv.rig.devices.canopen.axis import CanopenAxis
 from cutenv.rig.devices.canopen.configuration import SdoChannel
 from cutenv.rig.devices.canopen.network import CanNetwork
 from cutenv.rig.devices.canopen.objects import CONTROLWORD, STATUSWORD, drive_state, error_meaning
-from cutenv.rig.devices.drivers import DriveState
-from cutenv.rig.devices.drivers import Latch
+from cutenv.rig.devices.drivers import DriveState, Latch
 from cutenv.rig.devices.host import FakeClock, SystemClock
 from cutenv.rig.errors import RigError
 

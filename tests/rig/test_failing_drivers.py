@@ -49,7 +49,12 @@ def test_a_command_that_never_returns_keeps_no_axis_from_its_stop(hung):
     rig = ready_rig()
     rig.plant.advance(0.01, UPRIGHT, 200)
     rig.blade.command = hung
-    program = threading.Thread(target=lambda: pytest.raises(RigStopped, rig.plant.advance, 0.01, UPRIGHT, 20))
+
+    def run() -> None:
+        with pytest.raises(RigStopped):
+            rig.plant.advance(0.01, UPRIGHT, 20)
+
+    program = threading.Thread(target=run)
     program.start()
     until(lambda: rig.plant.supervisor._commanding.locked())
     rig.plant.force(OVER._replace(sequence=rig._sequence + 1))
@@ -130,7 +135,11 @@ def test_times_of_a_driver_hide_no_silence(time, silent):
     begun = rig.clock.now()
     setattr(rig.faults, silent, True)
     report = stopped_at(rig, 0.01, 1.0).report
-    wanted = {"force_silent": Cause.FORCE_STALE, "motion_silent": Cause.MOTION_STALE, "heartbeat_silent": Cause.HEARTBEAT}
+    wanted = {
+        "force_silent": Cause.FORCE_STALE,
+        "motion_silent": Cause.MOTION_STALE,
+        "heartbeat_silent": Cause.HEARTBEAT,
+    }
     assert report.cause is wanted[silent]
     assert report.detected - begun < 0.16
 

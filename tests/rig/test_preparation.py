@@ -205,7 +205,7 @@ def test_a_button_without_effect_and_a_force_of_the_wrong_sign_are_found(made, b
 @pytest.mark.promise("S2")
 def test_a_blade_that_goes_toward_the_clamp_first_is_for_the_operator_to_see():
     rig = opened(emulated=False)
-    with pytest.raises(RigError, match="toward the clamp first, correct blade.direction"):
+    with pytest.raises(RigError, match=r"toward the clamp first, correct blade\.direction"):
         prepare(rig.plant, Beside(rig, away=False), today=TODAY)
 
 

@@ -59,9 +59,9 @@ def test_a_rise_is_a_breach_and_a_fall_is_a_crack_that_runs():
 def test_a_force_that_turns_round_has_risen_by_all_that_it_passed():
     there = [reading(n, (0.0, 5.0, 0.0)) for n in range(1, 20)]
     for other in ((0.0, -5.0, 0.0), (5.0, 0.0, 0.0), (0.0, 5.0, 2.1)):
-        assert Cause.FORCE_RISE in causes(there + [reading(20, other)]), other
+        assert Cause.FORCE_RISE in causes([*there, reading(20, other)]), other
     for fallen in ((0.0, 0.0, 0.0), (0.0, 2.0, 0.0), (1.9, 2.0, 0.0)):  # and a little to the side, by noise
-        assert set(causes(there + [reading(20, fallen)])) == {None}, fallen
+        assert set(causes([*there, reading(20, fallen)])) == {None}, fallen
 
 
 @pytest.mark.parametrize(

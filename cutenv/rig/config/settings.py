@@ -147,8 +147,9 @@ class SafetyLimits:
         if not self.blind_way <= MOST_BLIND:
             name, longest = max(self._blind_times.items(), key=lambda each: each[1])
             raise ValueError(
-                f"limits: with {name} the blade may go {1e3 * self.blind_way:.1f} mm at {1e2 * self.speed:g} cm/s before "
-                f"a fault is seen, {1e3 * MOST_BLIND:g} mm allowed. Lower {name} ({1e3 * longest:.0f} ms) or speed."
+                f"limits: with {name} the blade may go {1e3 * self.blind_way:.1f} mm at {1e2 * self.speed:g} cm/s "
+                f"before a fault is seen, {1e3 * MOST_BLIND:g} mm allowed. Lower {name} ({1e3 * longest:.0f} ms) or "
+                "speed."
             )
 
     @property

@@ -147,7 +147,9 @@ def prove(plant: RigPlant, operator: Operator, today: date) -> None:
     if plant.proven == today:
         return
     _prove_sign(plant, operator)
-    operator.tell("The drives are switched on for the proof of the stop button; nothing moves. Keep clear of the blade.")
+    operator.tell(
+        "The drives are switched on for the proof of the stop button; nothing moves. Keep clear of the blade."
+    )
     plant.power()
     if not operator.ask_ready("Press the stop button, and leave it pressed"):
         raise RigError("the operator has not pressed the stop button: without its proof nothing moves.")
@@ -156,8 +158,8 @@ def prove(plant: RigPlant, operator: Operator, today: date) -> None:
     powered = [name for name, sample in states.items() if sample is None or sample.state is DriveState.ENABLED]
     if powered:
         raise RigError(
-            f"with the stop button pressed the {' and the '.join(powered)} drive still has power: nothing moves. Is the "
-            "button wired to safe torque off?"
+            f"with the stop button pressed the {' and the '.join(powered)} drive still has power: nothing moves. Is "
+            "the button wired to safe torque off?"
         )
     if not operator.ask_ready("No drive has power. Release the stop button"):
         raise RigError("the operator has not released the stop button.")
@@ -182,8 +184,8 @@ def _prove_sign(plant: RigPlant, operator: Operator) -> None:
     if against < _PUSH:
         cure = f"correct sensor.sign = {sensor.sign}" if against <= -_PUSH else "is sensor.cut_axis right"
         raise RigError(
-            f"the push toward the clamp reads {against:+.2f} N against the cut, {_PUSH:g} N or more expected: {cure} in "
-            "the rig's file?"
+            f"the push toward the clamp reads {against:+.2f} N against the cut, {_PUSH:g} N or more expected: {cure} "
+            "in the rig's file?"
         )
 
 

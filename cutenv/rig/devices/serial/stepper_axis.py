@@ -15,6 +15,7 @@ from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.driver_bases import AxisDriver
 from cutenv.rig.devices.driver_registry import Mounting, rig_driver
 from cutenv.rig.devices.drivers import DriveState, MotionListener, MotionSample
+from cutenv.rig.devices.reading_stream import SampleClock
 from cutenv.rig.devices.serial.board import (
     BOARD_PATIENCE,
     BoardFlag,
@@ -24,7 +25,6 @@ from cutenv.rig.devices.serial.board import (
     SerialBoard,
     StepperSetup,
 )
-from cutenv.rig.devices.reading_stream import SampleClock
 from cutenv.rig.devices.serial.ports import is_pseudo_terminal
 from cutenv.rig.errors import RigError
 
