@@ -188,7 +188,7 @@ class VirtualCoupling:
         return FeltForce(self)
 
 
-class EnergyAccount:
+class HandEnergy:
     """Account of the energy that a device has received from a person and not returned; it limits the next force.
 
     A force F that is held for a time T at most returns no more than the account E covers, in any hand:
@@ -225,7 +225,7 @@ class FeltForce:
     """Force of a virtual coupling between device and blade, limited by an energy account that keeps it passive.
 
     The bound holds for a blade at rest. One that the simulation moves could still put energy into the hand; therefore
-    an :class:`EnergyAccount` is kept, and the force is limited to what it covers, in all cases.
+    an :class:`HandEnergy` is kept, and the force is limited to what it covers, in all cases.
 
     For a spring within the bound, below its largest force, and a blade at rest, the limit never acts. The account holds
     no more than such a spring at that force: work that went into the tissue is not saved.
@@ -240,7 +240,7 @@ class FeltForce:
         self.coupling = coupling
         self.force = 0.0
         """Force held now, against forward motion [N]."""
-        self._account = EnergyAccount(coupling)
+        self._account = HandEnergy(coupling)
         self._position: float | None = None
         self._lead = 0.0
 

@@ -21,7 +21,7 @@ from typing import NamedTuple, Protocol
 from cutenv._base.validation import in_range, one_of
 from cutenv.cutting.dtypes import TICK
 from cutenv.play.devices import INCLINED, LEVEL_REACH, TRAVEL
-from cutenv.play.haptics import EnergyAccount, Stylus, VirtualCoupling
+from cutenv.play.haptics import HandEnergy, Stylus, VirtualCoupling
 
 STALE = 0.020
 """Age of the newest sample beyond which no force is sent [s]."""
@@ -156,7 +156,7 @@ class PolledHandle:
         self._axes = axes or HandleAxes()
         self.stale = self.unsound = self.overlong = 0
         self.longest = 0.0
-        self._account = EnergyAccount(coupling)
+        self._account = HandEnergy(coupling)
         self._sent, self._sent_at = 0.0, -math.inf  # force that the device holds [N], since when [s]
         self._pushed: tuple[float, float] = (0.0, -math.inf)  # force [N], when [s]
         self._newest: tuple[HandleSample, float] | None = None

@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 
 from cutenv.play.force_dimension import ForceDimensionLink
-from cutenv.play.haptics import EnergyAccount, HapticDevice, VirtualCoupling
+from cutenv.play.haptics import HandEnergy, HapticDevice, VirtualCoupling
 from cutenv.play.inverse3 import INVERSE3_COUPLING, Inverse3Link, inverse3_sample
 from cutenv.play.inverse3_emulator import EmulatedHandle, state_message
 from cutenv.play.named_devices import emulated_inverse3, named_device
@@ -72,7 +72,7 @@ def link() -> FakeLink:
 @pytest.fixture
 def enough(monkeypatch: pytest.MonkeyPatch) -> None:
     """Energy enough for every force: what is tried is when a force is sent."""
-    monkeypatch.setattr(EnergyAccount, "allowed", property(lambda account: 3.3))
+    monkeypatch.setattr(HandEnergy, "allowed", property(lambda account: 3.3))
 
 
 @pytest.fixture
