@@ -8,6 +8,7 @@ from typing import Any
 from cutenv.envs.rig_source import EmulatedSpecimens
 from cutenv.imitated.emulator.control import EmulatorControl
 from cutenv.rig.config.settings import RigSettings
+from cutenv.rig.devices.host import SystemClock
 from cutenv.rig.errors import RigError
 from cutenv.rig.hardware import rig_plant
 from cutenv.rig.operation.operator import AutomaticOperator
@@ -83,7 +84,7 @@ class CuttingRig:
         self.plant = self.session.plant
         self.clock = self.plant.clock
         self.session.open()
-        self.host = HostWatch(self.clock)
+        self.host = HostWatch(SystemClock())  # not in the loop that it watches
         self._laid = False
 
     def close(self) -> None:

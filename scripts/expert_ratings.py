@@ -62,6 +62,13 @@ def trial_means(trials: Mapping[str, Sequence[Trace]], reference: ReferenceSet, 
     return np.array(means)
 
 
+def own_reference(cuts: Sequence[Trace]) -> ReferenceSet:
+    """Return the cuts of a data set as the set within which each of them is ranked: normalised forces need their own."""
+    cards = [score(cut.select(slice(0, CUT_SAMPLES))) for cut in cuts]
+    rows = [("cut", {name: scored.value for name, scored in card.metrics.items()}) for card in cards]
+    return ReferenceSet.of(rows, name="these cuts", about="hand-held excisions", force_unit="1")
+
+
 def metric_means(trials: Mapping[str, Sequence[Trace]], name: str) -> Array:
     """Return the mean of a metric of each trial's cuts, with the sign turned where less is better."""
     sign = -1.0 if METRICS[name].direction == "lower" else 1.0
@@ -84,22 +91,21 @@ def interval(first: Array, second: Array) -> tuple[float, float]:
 
 
 def people_needed(correlation: float, half_width: float) -> int:
-    """Return how many trials narrow the 95 % interval of a rank correlation to such a half width (Bonett and Wright)."""
-    spread = math.sqrt(1.0 + 0.5 * correlation**2)
-    centre, n = math.atanh(correlation), 4
-    while True:
-        reach = float(norm.ppf(0.975)) * spread / math.sqrt(n - 3)
-        if 0.5 * (math.tanh(centre + reach) - math.tanh(centre - reach)) <= half_width:
-            return n
-        n += 1
+    """Return how many trials narrow the 95 % interval of a rank correlation so far (Bonett and Wright's formula)."""
+    spread, centre = math.sqrt(1.0 + 0.5 * correlation**2), math.atanh(correlation)
+    numbers = np.arange(4, 100_000)
+    reach = float(norm.ppf(0.975)) * spread / np.sqrt(numbers - 3.0)
+    narrow = 0.5 * (np.tanh(centre + reach) - np.tanh(centre - reach)) <= half_width
+    return int(numbers[np.argmax(narrow)])
 
 
 def report(folder: Path = DATA.parent) -> str:
     """Return the comparison as Markdown."""
     ratings = read_ratings(folder / RATINGS.name)
-    trials = {trial: cuts for trial, cuts in by_trial(read_cuts(folder / DATA.name)).items() if trial in ratings}
+    everything = read_cuts(folder / DATA.name)
+    trials = {trial: cuts for trial, cuts in by_trial(everything).items() if trial in ratings}
     experts = np.array([ratings[trial] for trial in trials])
-    rated, marks = experts.mean(axis=1), trial_means(trials, ReferenceSet.shipped("force-alone"))
+    rated, marks = experts.mean(axis=1), trial_means(trials, own_reference(everything))
     found = rank_correlation(marks, rated)
     low, high = interval(marks, rated)
     left = [rank_correlation(np.delete(marks, i), np.delete(rated, i)) for i in range(len(marks))]
@@ -113,10 +119,12 @@ def report(folder: Path = DATA.parent) -> str:
     for name in FORCE_WEIGHTS:
         values = metric_means(trials, name)
         ends = interval(values, rated)
-        rows.append((name.replace("_", " "), f"{rank_correlation(values, rated):.2f}", f"{ends[0]:.2f} to {ends[1]:.2f}"))
+        alone = rank_correlation(values, rated)
+        rows.append((name.replace("_", " "), f"{alone:.2f}", f"{ends[0]:.2f} to {ends[1]:.2f}"))
     table = markdown_table(("with the mean rating", "rank correlation", "95 % interval"), rows)
     needed = " and ".join(f"{people_needed(found, width)} for 0.{round(10 * width)}" for width in WIDTHS)
-    in_newtons = [rank_correlation(trial_means(trials, ReferenceSet.shipped(), scale), rated) for scale in SCALES]
+    frozen = ReferenceSet.shipped("force-alone")
+    in_newtons = [rank_correlation(trial_means(trials, frozen, scale), rated) for scale in SCALES]
     of_scales = ", ".join(f"{value:.2f} at {scale:g} N" for scale, value in zip(SCALES, in_newtons, strict=True))
     return (
         f"{len(marks)} trials, {sum(len(cuts) for cuts in trials.values())} cuts, four experts.\n\n{table}\n\n"

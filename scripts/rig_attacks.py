@@ -14,6 +14,7 @@ import argparse
 import sys
 from collections.abc import Callable, Sequence
 
+import attacks_by_drivers
 import attacks_by_policy
 import attacks_on_process
 import attacks_on_wires
@@ -21,7 +22,7 @@ from attack_scene import Attack, Outcome, Scene
 
 from cutenv.rig.errors import RigError
 
-_PARTS = (attacks_on_wires, attacks_on_process)
+_PARTS = (attacks_on_wires, attacks_on_process, attacks_by_drivers)
 _HELD: dict[str, Callable[[Outcome], bool]] = {
     "stopped": lambda outcome: outcome.stops,
     "ignored": lambda outcome: outcome.goes_on,

@@ -278,9 +278,8 @@ class RigSource:
         operator = self._operator or operator_of(self.settings)
         if self.settings.camera is not None:
             self._camera = RigCamera(self.settings.camera)
-        return RigSession(
-            rig_plant(self.settings), operator, SpecimensByHand(lambda: read_rig_file(self._rig), operator)
-        )
+        plant = rig_plant(self.settings)
+        return RigSession(plant, operator, SpecimensByHand(lambda: read_rig_file(self._rig), operator, plant.lower))
 
     def _lowered(self, settings: RigSettings) -> RigSettings:
         settings = dataclasses.replace(settings, limits=settings.limits.lowered(**self._lower))
@@ -316,6 +315,10 @@ class RigSource:
                 "specimen_seed": seed,
                 "specimen_episode": episode,
                 "zero_N": list(plant.zero),
+                "limits": {
+                    "hash": plant.supervisor.limits.fingerprint,
+                    "blind_way_mm": round(1e3 * plant.supervisor.limits.blind_way, 3),
+                },
                 **({} if axis is None else {"vertical_axis": "-" * (axis.force_sign < 0) + axis.force_axis}),
                 **metadata,
             },

@@ -188,13 +188,44 @@ class VirtualCoupling:
         return FeltForce(self)
 
 
+class HandEnergy:
+    """Account of the energy that a device has received from a person and not returned; it limits the next force.
+
+    A force F that is held for a time T at most returns no more than the account E covers, in any hand:
+
+        E + F d + (b/T) d^2 >= 0 for every d        if and only if        |F| <= 2 sqrt(b E/T).
+
+    Parameters
+    ----------
+    coupling : VirtualCoupling
+        Coupling with the device's damping b, and T.
+    """
+
+    def __init__(self, coupling: VirtualCoupling) -> None:
+        self.energy = 0.0
+        """Energy that can be returned [J]."""
+        self._coupling = coupling
+        # Energy of the spring at the largest force: by the bound, at least what that force needs.
+        softest = max(coupling.stiffness, 1e-3 * coupling.device_damping / coupling.period)
+        self._full = 0.5 * coupling.force_limit**2 / softest
+
+    def held(self, force: float, moved: float, seconds: float) -> None:
+        """Enter that a force [N] was held for so many seconds, in which the device has moved [m]."""
+        self.energy += force * moved + self._coupling.device_damping / seconds * moved**2
+        self.energy = min(self.energy, self._full)
+
+    @property
+    def allowed(self) -> float:
+        """Greatest force that may be held for the coupling's period [N]."""
+        c = self._coupling
+        return min(2.0 * math.sqrt(c.device_damping * max(self.energy, 0.0) / c.period), c.force_limit)
+
+
 class FeltForce:
     """Force of a virtual coupling between device and blade, limited by an energy account that keeps it passive.
 
     The bound holds for a blade at rest. One that the simulation moves could still put energy into the hand; therefore
-    an account is kept of the energy from the person, and the force is limited to what the account covers, in all cases:
-
-        E + F d + (b/T) d^2 >= 0 for every d        if and only if        |F| <= 2 sqrt(b E/T).
+    an :class:`HandEnergy` is kept, and the force is limited to what it covers, in all cases.
 
     For a spring within the bound, below its largest force, and a blade at rest, the limit never acts. The account holds
     no more than such a spring at that force: work that went into the tissue is not saved.
@@ -209,20 +240,21 @@ class FeltForce:
         self.coupling = coupling
         self.force = 0.0
         """Force held now, against forward motion [N]."""
-        self.energy = 0.0
-        """Energy account: energy that can be returned [J]."""
+        self._account = HandEnergy(coupling)
         self._position: float | None = None
         self._lead = 0.0
-        # Energy of the spring at the largest force: by the bound, at least what that force needs.
-        softest = max(coupling.stiffness, 1e-3 * coupling.device_damping / coupling.period)
-        self._full = 0.5 * coupling.force_limit**2 / softest
+
+    @property
+    def energy(self) -> float:
+        """Energy that can be returned [J]."""
+        return max(self._account.energy, 0.0)  # below 0 by rounding only
 
     def forget(self) -> None:
         """Let go and empty the account: the force was held for longer than the period, or not at all for a while.
 
         What the device's friction took in a longer time is less than the account would reckon.
         """
-        self.force = self.energy = 0.0
+        self.force = self._account.energy = 0.0
         self._position = None
 
     def update(self, position: float, blade: float) -> float:
@@ -246,10 +278,9 @@ class FeltForce:
         if self._position is None:
             self._position, self._lead = position, lead
         moved = position - self._position
-        self.energy += self.force * moved + c.device_damping / c.period * moved**2
-        self.energy = min(max(self.energy, 0.0), self._full)  # below 0 by rounding only
+        self._account.held(self.force, moved, c.period)
         wanted = c.stiffness * lead + c.damping / c.period * (lead - self._lead)
-        allowed = min(2.0 * math.sqrt(c.device_damping * self.energy / c.period), c.force_limit)
+        allowed = self._account.allowed
         self.force = min(max(wanted, -allowed), allowed)
         self._position, self._lead = position, lead
         return self.force

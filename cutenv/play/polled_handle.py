@@ -3,6 +3,10 @@
 A force reaches the device only while it is fresh: if the session has pushed none for longer than the coupling's period,
 or the device has answered with no sound sample for :data:`STALE`, zero is sent until both are well again. A device that
 stays silent for :data:`LOST` is an error, which ends the session and keeps its record.
+
+An account of energy is kept here, exchange by exchange, with the force that was sent and the time for which the device
+has held it. An exchange that takes longer than the coupling's period, which its stiffness was chosen for, is answered
+by no force until the device has received as much energy as it may have returned.
 """
 
 from __future__ import annotations
@@ -17,7 +21,7 @@ from typing import NamedTuple, Protocol
 from cutenv._base.validation import in_range, one_of
 from cutenv.cutting.dtypes import TICK
 from cutenv.play.devices import INCLINED, LEVEL_REACH, TRAVEL
-from cutenv.play.haptics import Stylus, VirtualCoupling
+from cutenv.play.haptics import HandEnergy, Stylus, VirtualCoupling
 
 STALE = 0.020
 """Age of the newest sample beyond which no force is sent [s]."""
@@ -134,6 +138,10 @@ class PolledHandle:
         Number of exchanges in which zero was sent because the newest sample was stale.
     unsound : int
         Number of answers that were no sample, or came too late.
+    longest : float
+        Longest time so far for which the device has held a force [s].
+    overlong : int
+        Number of exchanges that took longer than the coupling's period.
     """
 
     def __init__(
@@ -146,7 +154,10 @@ class PolledHandle:
     ) -> None:
         self._link, self.coupling, self._clock = link, coupling, clock
         self._axes = axes or HandleAxes()
-        self.stale = self.unsound = 0
+        self.stale = self.unsound = self.overlong = 0
+        self.longest = 0.0
+        self._account = HandEnergy(coupling)
+        self._sent, self._sent_at = 0.0, -math.inf  # force that the device holds [N], since when [s]
         self._pushed: tuple[float, float] = (0.0, -math.inf)  # force [N], when [s]
         self._newest: tuple[HandleSample, float] | None = None
         self._origin: HandleSample | None = None
@@ -214,7 +225,21 @@ class PolledHandle:
         if self._newest is None or now - self._newest[1] > STALE:
             self.stale += force != 0.0
             return 0.0
-        return force if now - since <= self.coupling.period else 0.0
+        if now - since > self.coupling.period:
+            return 0.0
+        allowed = self._account.allowed
+        return min(max(force, -allowed), allowed)
+
+    def _enter(self, moved: float, now: float) -> None:
+        """Enter what the device has moved [m] under the force that it has held until ``now`` [s]."""
+        held = now - self._sent_at
+        if not held <= self.coupling.period:  # what its friction took in that time is unknown, and so is the energy
+            self._account.energy = min(self._account.energy + self._sent * moved, 0.0)
+            self.overlong += math.isfinite(held)
+        elif held > 0.0:
+            self._account.held(self._sent, moved, held)
+        if math.isfinite(held):
+            self.longest = max(self.longest, held)
 
     def _run(self) -> None:
         try:
@@ -230,10 +255,19 @@ class PolledHandle:
             self._link.close()
 
     def _exchange(self, force: float) -> None:
+        last, began = self._newest, self._clock()
         try:
             sample = self._link.exchange(self._axes.force(force))
         except (TimeoutError, ValueError):
             self.unsound += 1
+            sample = None
+        now = self._clock()
+        if sample is not None and last is not None:
+            self._enter(self._axes.moved("along", sample, last[0]), now)
+        # Until the next exchange has ended, the device may hold either force: the one that could return more counts.
+        self._sent = max(force, self._sent, key=abs) if sample is None else force
+        self._sent_at = began if sample is None else now
+        if sample is None:
             return
-        self._newest = (sample, self._clock())
+        self._newest = (sample, now)
         self._first.set()

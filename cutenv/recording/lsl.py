@@ -195,7 +195,8 @@ class LslInlet:
             what = "no stream" if not chosen else f"{len(chosen)} streams"
             raise ValueError(f"there is {what} called {name!r}; found here: {listed}. Give one name or source id.")
         self.name = name
-        post = pylsl.proc_clocksync | pylsl.proc_dejitter | pylsl.proc_monotonize
+        # Without liblsl's dejitter, which spreads a stall of the sender over the samples before and after it.
+        post = pylsl.proc_clocksync | pylsl.proc_monotonize
         self._inlet = pylsl.StreamInlet(chosen[0], max_buflen=60, processing_flags=post)
         info = self._inlet.info(FIND_WITHIN)
         if info.channel_format() == pylsl.cf_string:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from datetime import date
 from functools import partial
 
 import numpy as np
@@ -13,9 +15,9 @@ from numpy.typing import NDArray
 from cutenv._base.arrays import StructArray
 from cutenv._base.validation import array_in_range, in_range
 from cutenv.cutting.dtypes import READING, TICK
-from cutenv.rig.config.settings import RigSettings
+from cutenv.rig.config.settings import RigSettings, SafetyLimits
 from cutenv.rig.devices.drivers import ForceDriver, ForceSample, MotionDriver, MotionSample, Observer, ZeroedByHand
-from cutenv.rig.devices.host import Clock, Owner, Repeating
+from cutenv.rig.devices.host import Attempt, Clock, Owner, Repeating
 from cutenv.rig.errors import RigError
 from cutenv.rig.reading_grid import Heading, ReadingGrid
 from cutenv.rig.safety.force_monitor import ForceReadings
@@ -55,6 +57,9 @@ _APART = 1e-3  # [m] between places that are noted on the blade's way
 _FEWEST, _MOST = 20, 200  # readings of a tare: a second of them, within these
 REST_WITHIN = 2.0
 """Time allowed for a blade to come to rest after a stop [s]."""
+CLOSED_WITHIN = 8.0
+"""Time for a driver to close [s]: to bring its axis to rest, and to switch its power off."""
+_log = logging.getLogger(__name__)
 
 
 class RigPlant(Travel):
@@ -88,6 +93,8 @@ class RigPlant(Travel):
         Direction in which a blade points that an axis moves to the side as well.
     owner : Owner
         Process that has opened the rig; no other may move it.
+    proven : date or None
+        Day on which the stop button was last proven on this connection.
     zero : tuple of 3 float
         Force at the last tare [N], relative to the sensor's own zero.
     """
@@ -112,6 +119,7 @@ class RigPlant(Travel):
         self.witness: Observer | None = None
         self.timing = Timing()
         self.zero = (0.0, 0.0, 0.0)
+        self.proven: date | None = None
         self._timers: list[Repeating] = []
         self.owner = Owner()
         self._left = False
@@ -153,7 +161,8 @@ class RigPlant(Travel):
         except BaseException:
             self.close()
             raise
-        self._timers = [  # two, because a bus that hangs blocks the second
+        self.clock.failed = self._failed
+        self._timers = [
             self.clock.every(WATCH, self.supervisor.watch, "rig watchdog"),
             self.clock.every(AGAIN, self.supervisor.resend_stop, "rig quick stops"),
         ]
@@ -174,11 +183,14 @@ class RigPlant(Travel):
         if not self.supervisor.standing:
             self.supervisor.trip(Cause.OPERATOR, "the rig is being closed")
         self.supervisor.lock()
-        for axis in self._axes:
-            axis.close()
-        self._sensor.close()
+        closes: dict[str, Callable[[], None]] = {axis.name: axis.close for axis in self._axes}
+        for name, close in (closes | {"sensor": self._sensor.close}).items():
+            closing = Attempt(close, f"rig close {name}")  # one that fails or hangs keeps no other open
+            if not closing.ends(CLOSED_WITHIN) or closing.error is not None:
+                _log.warning("the %s was not closed in order: %s", name, closing.error or "its driver does not return")
         while self._timers:
             self._timers.pop().stop()
+        self.supervisor.unwatched()
         self._left = True
 
     def power(self) -> None:
@@ -225,15 +237,30 @@ class RigPlant(Travel):
         """Return the data that drives and sensor report about themselves, by name."""
         return {axis.name: axis.about() for axis in self._axes} | {"sensor": self._sensor.about()}
 
+    def lower(self, limits: SafetyLimits) -> None:
+        """Adopt each limit that is stricter than the present one, see :meth:`Supervisor.lower`."""
+        self.supervisor.lower(limits)
+        self.settings = self.supervisor.settings
+
     def tare(self) -> tuple[float, float, float]:
         """Take the present force as :attr:`zero` [N]; see :meth:`ForceDriver.tare`."""
         self.zero = self._sensor.tare(min(max(round(self._sensor.rate), _FEWEST), _MOST))
         return self.zero
 
-    # Reports of the drivers go to the supervisor first.
+    # Reports of the drivers go to the supervisor first. Whatever time they give, that of their arrival here counts; and
+    # whatever they hold, a report that cannot be judged is a fault, not the end of the driver's thread.
+
+    def _failed(self, why: str) -> None:
+        self.supervisor.trip(Cause.EXCEPTION, why)
 
     def force(self, sample: ForceSample) -> None:
         """Take a reading of the force sensor."""
+        try:
+            self._take_force(sample._replace(time=self.clock.now()))
+        except Exception as error:
+            self._failed(f"a reading of the sensor cannot be judged: {type(error).__name__}: {error}")
+
+    def _take_force(self, sample: ForceSample) -> None:
         if self._gain != 1.0:
             (x, y, z), (a, b, c), gain = sample.force, sample.torque, self._gain
             sample = sample._replace(force=(gain * x, gain * y, gain * z), torque=(gain * a, gain * b, gain * c))
@@ -248,6 +275,12 @@ class RigPlant(Travel):
 
     def motion(self, axis: str, sample: MotionSample) -> None:
         """Take a sample of an axis."""
+        try:
+            self._take_motion(axis, sample._replace(time=self.clock.now()))
+        except Exception as error:
+            self._failed(f"a sample of the {axis} axis cannot be judged: {type(error).__name__}: {error}")
+
+    def _take_motion(self, axis: str, sample: MotionSample) -> None:
         self.supervisor.motion(axis, sample)
         self._grid.motion(axis, sample)
         if self.witness is not None:
@@ -255,21 +288,22 @@ class RigPlant(Travel):
 
     def alive(self, axis: str, time: float) -> None:
         """Take a heartbeat of a drive."""
-        self.supervisor.alive(axis, time)
+        now = self.clock.now()
+        self.supervisor.alive(axis, now)
         if self.witness is not None:
-            self.witness.alive(axis, time)
+            self.witness.alive(axis, now)
 
     def emergency(self, axis: str, code: int, meaning: str, time: float) -> None:
         """Take an error report of a drive."""
-        self.supervisor.emergency(axis, code, meaning, time)
+        self.supervisor.emergency(axis, code, meaning, self.clock.now())
 
     def foreign(self, axis: str, what: str, time: float) -> None:
         """Take the report that another master commands a drive."""
-        self.supervisor.foreign(axis, what, time)
+        self.supervisor.foreign(axis, what, self.clock.now())
 
     def broken(self, axis: str, why: str, time: float) -> None:
         """Take the report that a drive can no longer be reached."""
-        self.supervisor.broken(axis, why, time)
+        self.supervisor.broken(axis, why, self.clock.now())
 
     # A cut
 

@@ -176,4 +176,5 @@ class Travel(ABC):
 
     def _raise_if_stopped(self) -> None:
         if self.supervisor.phase == "stopped" and self.supervisor.report is not None:
+            self.supervisor.await_quick_stops()
             raise RigStopped(self.supervisor.report, self._come_to_rest(self.supervisor.report))

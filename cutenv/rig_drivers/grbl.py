@@ -17,7 +17,7 @@ from cutenv.rig.devices.host import Clock, Owner
 from cutenv.rig.devices.serial.ports import open_port, write_line
 from cutenv.rig.errors import RigError
 
-JOG_CANCEL, SOFT_RESET, STATUS = b"\x85", b"\x18", b"?"
+JOG_CANCEL, SOFT_RESET, STATUS, HOLD = b"\x85", b"\x18", b"?", b"!"
 """Commands of one byte, which GRBL obeys at once, whatever it is doing."""
 MARK = 5000.0
 """Coordinate at the clamp [mm] that ``cutenv rig zero`` gives the machine, in its memory only: proof of it."""

@@ -21,6 +21,7 @@ from cutenv.rig.devices.serial.stepper_axis import on_pseudo_terminal
 from cutenv.rig.errors import RigError
 from cutenv.rig_drivers.grbl import (
     GRBL_AXES,
+    HOLD,
     JOG_CANCEL,
     MARK,
     PIECE,
@@ -46,7 +47,8 @@ _BOOT, _STATE = 4.0, 1.5  # [s]
 _DEAF = 0.1  # [s] beyond its ramp, after which a machine that does not slow down is reset
 _MINUTE = 6e4  # mm/min of a m/s
 _ASKED = 3  # times that the settings are asked for
-_MOVING = ("Idle", "Jog")
+_OURS = ("Idle", "Jog")  # states of a machine that does nothing but our jogs
+_AT_REST = ("Alarm", "Sleep")  # in which it moves nothing, and knows no zero that a reset could lose
 
 
 @rig_driver(options=GrblOptions, check=check_grbl, emulated=on_pseudo_terminal, patience=SENT_AHEAD + PIECE)
@@ -247,7 +249,7 @@ class GrblAxis(AxisDriver):
     def _ask_status(self, now: float) -> None:
         if now > self._reset_at:
             self._reset_at = math.inf
-            if self._status is None or (self._status.state == "Jog" and self._status.feed >= 0.9 * self._fastest):
+            if self._status is None or (self._status.state != "Idle" and self._status.feed >= 0.9 * self._fastest):
                 self._zero = None
                 self._write_quietly(SOFT_RESET)
         stopping = self._jogs.cancelled and self._status is not None and self._status.state != "Idle"
@@ -300,12 +302,14 @@ class GrblAxis(AxisDriver):
         with self._changed:
             self._status, self._heard = status, now
             self._reports += 1
-            if status.state not in (*_MOVING, "Hold", "Run"):
+            if foreign := status.state not in _OURS:
                 self._state = DriveState.FAULT
             obeys = status.state == "Idle" or status.feed < 0.9 * self._fastest
             if self.latch.closed and self._state is DriveState.ENABLED and obeys:
                 self._state = DriveState.QUICK_STOP
             self._changed.notify_all()
+        if foreign and status.state not in _AT_REST:
+            self._hold(status.state, now)
         speed = status.feed / _MINUTE
         if self._jogs.backward:
             speed = -speed
@@ -318,6 +322,13 @@ class GrblAxis(AxisDriver):
             sample = MotionSample(now, direction * position, direction * speed, 0.0, self._state)
             self._listener.motion(self.name, sample)
             self._listener.alive(self.name, now)
+
+    def _hold(self, state: str, now: float) -> None:
+        """Hold and reset a machine that moves by something else than our jogs: a cancel would not stop that."""
+        self._zero = None
+        self._write_quietly(HOLD + SOFT_RESET)
+        if self._listener is not None:
+            self._listener.foreign(self.name, f'the machine is in "{state}", not in a jog', now)
 
     def lost(self, why: str, time: float) -> None:
         """Take the news that the line is lost."""

@@ -101,3 +101,28 @@ def test_a_hand_on_a_device_leads_the_blade_from_where_it_is_while_its_button_is
     moved = np.diff(places)[13:18]
     assert np.allclose(moved, 2e-4, atol=1e-4)  # 0.2 mm a decision, as the handle is led
     assert places[24] - places[21] > 0.002  # the agent leads again
+
+
+@pytest.mark.parametrize("jump", [0.05, -0.05, float("nan")])
+def test_a_device_that_jumps_does_not_move_the_blade_until_it_is_grabbed_again(jump: float) -> None:
+    place, held, blade = 0.03, frozenset({"next"}), 0.05
+
+    class Device(ScriptedDevice):
+        def read(self) -> Stylus:
+            return Stylus(place, 1.2, held)
+
+    hand = InterveningHand(Device([]), lambda: blade, control_hz=50)
+    stands = to_action(0.0, 1.2)
+    assert (hand() == stands).all()
+    place += 0.0002
+    assert (hand() == to_action(0.005, 1.2)).all()
+    place += jump
+    assert (hand() == stands).all()
+    place = 0.0302  # even if it comes back
+    assert (hand() == stands).all()
+    held = frozenset()
+    assert hand() is None
+    held = frozenset({"next"})
+    assert (hand() == stands).all()
+    place += 0.0002
+    assert (hand() == to_action(0.005, 1.2)).all()

@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 
 from cutenv.play.force_dimension import ForceDimensionLink
-from cutenv.play.haptics import HapticDevice, VirtualCoupling
+from cutenv.play.haptics import HandEnergy, HapticDevice, VirtualCoupling
 from cutenv.play.inverse3 import INVERSE3_COUPLING, Inverse3Link, inverse3_sample
 from cutenv.play.inverse3_emulator import EmulatedHandle, state_message
 from cutenv.play.named_devices import emulated_inverse3, named_device
@@ -71,7 +71,13 @@ def link() -> FakeLink:
 
 
 @pytest.fixture
-def handle(link: FakeLink) -> Any:
+def enough(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Energy enough for every force: what is tried is when a force is sent."""
+    monkeypatch.setattr(HandEnergy, "allowed", property(lambda account: 3.3))
+
+
+@pytest.fixture
+def handle(link: FakeLink, enough: None) -> Any:
     made = PolledHandle(link, COUPLING)
     made.open()
     yield made
@@ -151,6 +157,58 @@ def test_a_force_falls_to_zero_when_samples_are_stale_and_comes_back_with_them(
         pushing.join()
 
 
+class SlowService:
+    """Slack hand (0.2 N s/m, 1 N/m) on a light device behind a service that answers late, on a clock of its own."""
+
+    def __init__(self, exchange: float) -> None:
+        self.now, self.lasts = 0.0, exchange
+        self.place, self.speed, self.force = 0.0, 0.3, 0.0  # thrown forward at first
+        self.returned = 0.0  # [J] work of the force on the device, less that of its friction
+        self.returned_most = 0.0
+
+    def open(self) -> None: ...
+
+    def close(self) -> None: ...
+
+    def exchange(self, force: tuple[float, float, float]) -> HandleSample:
+        for _ in range(round(1e4 * self.lasts)):
+            before = self.place
+            self.speed += 1e-4 * (self.force - 0.7 * self.speed - 1.0 * self.place) / 0.1
+            self.place += 1e-4 * self.speed
+            self.returned += self.force * (self.place - before) - 0.5 * self.speed * (self.place - before)
+            self.returned_most = max(self.returned_most, self.returned)
+            self.now += 1e-4
+        self.force = force[0]
+        return HandleSample((self.place, 0.0, 0.1))
+
+
+def swung(exchange: float) -> SlowService:
+    """Hold a blade that stands at 0 for 20 s, with a session that runs every millisecond."""
+    coupling = VirtualCoupling(stiffness=150.0, damping=0.1, period=0.005)
+    service = SlowService(exchange)
+    handle = PolledHandle(service, coupling, clock=lambda: service.now)
+    felt = coupling.felt()
+    seen = 0.0
+    for _ in range(round(20.0 / exchange)):
+        for _ in range(max(round(1e3 * exchange), 1)):
+            handle.push(felt.update(seen, 0.0))
+        handle._exchange(handle._wanted())
+        seen = handle._newest[0].position[0] if handle._newest else 0.0
+    return service
+
+
+@pytest.mark.parametrize("exchange", [0.001, 0.002, 0.003, 0.005, 0.008])
+def test_a_service_that_answers_late_returns_no_more_energy_than_the_hand_gave(exchange: float) -> None:
+    service = swung(exchange)
+    assert service.returned_most < 1e-4
+    assert abs(service.speed) < 0.01
+
+
+def test_without_the_account_of_each_exchange_a_late_service_swings_by_itself(enough: None) -> None:
+    service = swung(0.008)
+    assert service.returned_most > 1e-3
+
+
 def test_a_handle_that_stays_silent_or_hangs_up_is_lost_with_a_reason(handle: PolledHandle, link: FakeLink) -> None:
     link.set(TimeoutError())
     time.sleep(LOST + 0.1)
@@ -208,7 +266,7 @@ def device() -> Iterator[PolledHandle]:
         made.close()
 
 
-def test_the_hand_is_followed_its_button_seen_and_a_force_holds_it_back(device: PolledHandle) -> None:
+def test_the_hand_is_followed_its_button_seen_and_a_force_holds_it_back(device: PolledHandle, enough: None) -> None:
     start, pressed, held = time.monotonic(), False, []
     while time.monotonic() - start < 2.0:
         stylus = device.read()

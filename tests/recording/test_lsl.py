@@ -24,7 +24,7 @@ MAP = ColumnMap.parse(["time=stamp", "force=norm(Fx,Fz)", "position=way", "depth
 class Sensor:
     """Another program's force stream: two components in newtons, a way in millimetres, a sample each 5 ms."""
 
-    def __init__(self, name: str, *, spoilt: int = -1, last: int = 10**9) -> None:
+    def __init__(self, name: str, *, spoilt: int = -1, stalls: int = -1, last: int = 10**9) -> None:
         lsl()
         info = pylsl.StreamInfo(name, "Force", 3, 200, "float32", name)
         channels = info.desc().append_child("channels")
@@ -34,7 +34,7 @@ class Sensor:
             channel.append_child_value("unit", unit)
         self._outlet = pylsl.StreamOutlet(info)
         self._stop = threading.Event()
-        self._spoilt, self._last = spoilt, last
+        self._spoilt, self._stalls, self._last = spoilt, stalls, last
         self._thread = threading.Thread(target=self._send, daemon=True)
         self._thread.start()
 
@@ -43,7 +43,7 @@ class Sensor:
         for k in range(self._last):
             force = float("nan") if k == self._spoilt else 3.0
             self._outlet.push_sample([force, 4.0, 0.05 * k])
-            if self._stop.wait(0.005):
+            if self._stop.wait(1.0 if k == self._stalls else 0.005):
                 return
 
     def close(self) -> None:
@@ -93,6 +93,16 @@ def test_a_stream_that_falls_silent_is_a_whole_record(tmp_path: Path, monkeypatc
     record_stream(LslInlet("silent"), MAP, tmp_path / "cut.csv")
     sensor.close()
     assert load_one(tmp_path / "cut.csv").metadata["stream_end"] == "silent"
+
+
+def test_a_stall_of_the_sender_is_a_gap_in_the_record_and_spoils_no_other_time(tmp_path: Path) -> None:
+    sensor = Sensor("stalling", stalls=60)
+    record_stream(LslInlet("stalling"), MAP, tmp_path / "cut.csv", seconds=1.6)
+    sensor.close()
+    steps = np.diff(load_one(tmp_path / "cut.csv").time)
+    assert (steps > 0.9).sum() == 1
+    assert np.median(np.abs(steps - 0.005)) < 0.002
+    assert np.sort(steps)[-2] < 0.3
 
 
 def test_an_lsl_client_reads_every_reading_and_the_markers_to_the_last_bit() -> None:

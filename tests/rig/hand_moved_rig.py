@@ -19,7 +19,6 @@ from cutenv.rig.config.axes import Axis
 from cutenv.rig.config.settings import Bus, RigSettings, fake_settings
 from cutenv.rig.devices.canopen.axis import CanopenAxis
 from cutenv.rig.devices.canopen.network import CanNetwork
-from cutenv.rig.devices.canopen.objects import SYNC_FRAME
 from cutenv.rig.devices.drivers import DriveState, ForceListener, ForceSample
 from cutenv.rig.devices.host import FakeClock
 from cutenv.rig.plant import RigPlant
@@ -60,7 +59,7 @@ class HandMovedNetwork(CanNetwork):
     def _open(self) -> None:
         self._bus, self._message, self.broken, self._silent = self, Message, None, False
         self._repeating = [
-            self._clock.every(self.settings.sync, lambda now: self._repeat(SYNC_FRAME, b""), "SYNC"),
+            self._clock.every(self.settings.sync, lambda now: self._sync(), "SYNC"),
             self._clock.every(self.settings.heartbeat, lambda now: self._beat(), "heartbeat"),
             self._clock.every(TICK / 2, self._arrive, "reader"),
         ]

@@ -137,7 +137,7 @@ class MadeUpDrive:
         if self.mute or self.node.nmt.state != "OPERATIONAL":
             return
         self.position += round(self.velocity / 1000 / 60 * 0.005 * 4096)
-        self.send(0x181, struct.pack("<HiB", self.status | 0x0400, self.velocity, self.mode))
+        self.send(0x181, struct.pack("<HiB", self.status | 0x0610, self.velocity, self.mode))
         self.send(0x281, struct.pack("<ih", self.position, 125))
         if self.status == QUICK_STOP:
             self.velocity = int(self.velocity / 2)

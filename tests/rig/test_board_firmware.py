@@ -119,6 +119,22 @@ def test_a_speed_beyond_its_limit_is_limited() -> None:
     assert Board().driving(10**6).motion.rate == SETUP.fastest
 
 
+@pytest.mark.promise("S13")
+def test_what_is_no_command_is_no_sign_of_life() -> None:
+    """An echo of the board's own lines, and valid lines that say nothing, keep no motor going."""
+    board = Board().driving()
+    before = board.firmware.steps
+    for tick in range(100):
+        echo = board_line(
+            ("M 7 1 1 0 2000 0", "F 9 0 1234", "A cutenv-board 1 hx711 80", "P 1 2 3 4 5", "Hello", "V")[tick % 6]
+        )
+        board.firmware.feed(echo)
+        board.run(0.010)
+    assert board.motion.state is BoardState.STOPPED
+    assert board.firmware.steps - before <= SPEED * (SILENCE + QUICK) + 5
+
+
+@pytest.mark.promise("S13")
 def test_it_stops_by_itself_when_the_computer_is_silent_and_stays_so() -> None:
     board = Board().driving()
     before = board.firmware.steps

@@ -19,6 +19,7 @@ from cutenv.rig.config.settings import Bus
 from cutenv.rig.devices.canopen.axis import CanopenAxis
 from cutenv.rig.devices.canopen.bus import bus_arguments, open_bus
 from cutenv.rig.devices.canopen.network import CanNetwork
+from cutenv.rig.devices.drivers import Latch
 from cutenv.rig.devices.host import SystemClock
 from cutenv.rig.errors import RigError
 
@@ -307,6 +308,8 @@ def refusal_or_break(port: int) -> str:
     told: list[str] = []
 
     class Member:
+        latch = Latch()
+
         def lost(self, why: str, time: float) -> None:
             told.append(why)
 
@@ -382,6 +385,8 @@ def test_a_gateway_that_goes_away_is_found_out_by_the_next_frames():
         told: list[str] = []
 
         class Member:
+            latch = Latch()
+
             def lost(self, why: str, time: float) -> None:
                 told.append(why)
 

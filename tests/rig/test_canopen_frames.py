@@ -16,7 +16,7 @@ from cutenv.rig.devices.canopen.axis import CanopenAxis
 from cutenv.rig.devices.canopen.configuration import SdoChannel
 from cutenv.rig.devices.canopen.network import CanNetwork
 from cutenv.rig.devices.canopen.objects import CONTROLWORD, STATUSWORD, drive_state, error_meaning
-from cutenv.rig.devices.drivers import DriveState
+from cutenv.rig.devices.drivers import DriveState, Latch
 from cutenv.rig.devices.host import FakeClock, SystemClock
 from cutenv.rig.errors import RigError
 
@@ -47,6 +47,8 @@ def axis(network: CanNetwork, ear: Ear) -> Iterator[CanopenAxis]:
 
 
 class Nobody:
+    latch = Latch()
+
     def lost(self, why: str, time: float) -> None:
         raise AssertionError(why)
 

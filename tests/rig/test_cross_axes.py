@@ -134,6 +134,8 @@ GROWS = (Cause.SPEED, Cause.FOLLOWING, Cause.ACCELERATION, Cause.HEIGHT)
 
 @pytest.mark.parametrize("name", FAULTS)
 @pytest.mark.parametrize("after", [0.2, 0.337])
+@pytest.mark.promise("S14")
+@pytest.mark.promise("S15")
 def test_every_fault_stops_both_axes_in_time_and_stays_so(name, after):
     axis, inject, motion, causes = FAULTS[name]
     start = 0.003 if motion.get("descent", 0.0) > 0 else -0.003
@@ -503,3 +505,15 @@ def test_nothing_changes_for_the_motion_along_the_cut(axis):
         found.append(np.concatenate([rig.plant.advance(v, 1.2, PERIOD) for v in (0.01, 0.02, -0.01, 0.0) * 5]))
     for name in ("position", "speed", "force", "time", "angle"):
         assert np.array_equal(found[0][name], found[1][name])
+
+
+@pytest.mark.parametrize("axis", ["height", "side"])
+@pytest.mark.promise("S15")
+def test_an_axis_told_to_stand_that_creeps_is_stopped_at_its_limit(axis):
+    rig = ready(axis)
+    move(rig, periods=5)
+    rig.faults_of(axis).runaway = -0.0019
+    stop = move(rig, periods=100)
+    assert stop is not None
+    assert stop.report.cause is Cause.FOLLOWING
+    assert abs(rig.bench.beside(axis)[0]) < 1.15 * rig.settings.reaches[axis].following

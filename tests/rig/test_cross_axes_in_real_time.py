@@ -29,7 +29,7 @@ def cut_up_and_down() -> None:
     specimen = Specimen.drawn(3, 0, specimen_class="liver")
     with start(free_air=True, across=("height",)) as emulator:
         settings = emulator.settings
-        loose = dataclasses.replace(settings.limits, force_rise=1e5, force=100.0, force_norm=100.0)
+        loose = dataclasses.replace(settings.limits, force_rise=5e3, force=100.0, force_norm=100.0)
         settings = dataclasses.replace(settings, limits=loose)
         supply, operator = EmulatedSpecimens(emulator.control), AutomaticOperator(settings)
         supply.layers = Layers(boundary=0.012, deep_toughness=2.0)

@@ -74,7 +74,7 @@ def test_a_bad_profile_is_refused_in_millimetres(points: tuple[tuple[float, floa
 def test_every_specimen_has_the_profile_that_stands_in_the_file_when_it_is_laid() -> None:
     profiles = [of((0.0, 0.01), (0.15, 0.01)), of((0.0, 0.02), (0.15, 0.02)), of((0.0, 0.02), (0.07, 0.02))]
     operator = ScriptedOperator([("without power", True)] * 3)
-    supply = SpecimensByHand(lambda: profiles.pop(0), operator)
+    supply = SpecimensByHand(lambda: profiles.pop(0), operator, lambda limits: None)
     for episode, depth in enumerate((0.01, 0.02)):
         laid = supply.mount(SpecimenKey(seed=0, episode=episode, target=0.08))
         assert laid is not None

@@ -33,7 +33,7 @@ def source(answers: list[tuple[str, bool | str]], records: Path | None = None) -
     made = RigSource(
         "fake", Constants(), operator=ScriptedOperator(answers), records=records, needs_axis="height", by="DepthCut-v1"
     )
-    loose = dataclasses.replace(made.settings.limits, force_rise=1e6, force=900.0, force_norm=900.0)
+    loose = dataclasses.replace(made.settings.limits, force_rise=5e3, force=100.0, force_norm=150.0)
     made.settings = dataclasses.replace(made.settings, limits=loose)
     return made
 

@@ -11,7 +11,7 @@ import pytest
 from made_ready import SETTLE, ready_rig
 
 from cutenv.imitated.fake.fake_rig import FakeRig, Faults
-from cutenv.rig.devices.drivers import DriveState
+from cutenv.rig.devices.drivers import DriveState, ForceSample
 from cutenv.rig.errors import RigError
 from cutenv.rig.safety.stop_causes import Cause, RigStopped, detection_times
 
@@ -40,10 +40,25 @@ def tripped(cause: Cause) -> Inject:
     return lambda rig: rig.plant.supervisor.trip(cause, "as told", rig.clock.now())
 
 
+def twist(rig: FakeRig) -> None:
+    """Let the sensor read a torque from now on that no force beside it explains."""
+
+    class Twisted:
+        def force(self, sample: ForceSample) -> None:
+            rig.plant.force(sample._replace(torque=(0.0, 0.0, 3.1)))
+
+        def garbled(self, why: str, time: float) -> None:
+            """Nothing is."""
+
+    if rig.sensor.listener is rig.plant:
+        rig.sensor.listener = Twisted()
+
+
 FAULTS: dict[str, tuple[Inject, set[Cause]]] = {
     "over-force along the cut": (faulty(extra_force=30.0), {Cause.FORCE}),
     "over-force across the cut": (faulty(side_force=-16.0), {Cause.FORCE}),
     "a hard stop": (faulty(extra_force=4.0), {Cause.FORCE_RISE}),
+    "a torque": (twist, {Cause.TORQUE}),
     "a force that is no number": (faulty(force_nan=True), {Cause.NOT_A_NUMBER}),
     "bad status of the sensor": (faulty(force_status=0x80010000), {Cause.FORCE_STATUS}),
     "frozen readings": (faulty(force_frozen=True), {Cause.FORCE_FROZEN}),
@@ -130,6 +145,7 @@ def check_stays(rig: FakeRig) -> None:
 def begin_again(rig: FakeRig) -> None:
     """The operator resets, lays a new specimen, and cuts go on."""
     rig.faults.__dict__.update(vars(Faults()))
+    rig.sensor.listener = rig.plant
     rig.plant.supervisor.reset(agreed=True)
     rig.mount()
     rig.plant.power()
@@ -151,6 +167,7 @@ def trial(rig: FakeRig, name: str, after: float, speed: float) -> RigStopped:
     ("periods", "instants"), [(1, PERIOD), pytest.param(3, 1000, marks=pytest.mark.slow)], ids=["one", "three"]
 )
 @pytest.mark.parametrize("name", FAULTS)
+@pytest.mark.promise("S3")
 def test_at_every_instant_it_is_found_out_and_stays_stopped(name, periods, instants):
     """One instant in each of the equal parts of control periods, in any order: of one, in each of its milliseconds."""
     random = np.random.default_rng(list(name.encode()))
@@ -165,6 +182,7 @@ def test_at_every_instant_it_is_found_out_and_stays_stopped(name, periods, insta
 
 
 @pytest.mark.parametrize("name", FAULTS)
+@pytest.mark.promise("S4")
 def test_anywhere_in_a_cut(name):
     random = np.random.default_rng(list(name.encode()))
     for after in random.uniform(0.1, 4.0, 2):
@@ -198,6 +216,7 @@ def test_every_cause_is_brought_about_by_some_fault():
     assert brought | tested_below | of_height | of_side == set(Cause)
 
 
+@pytest.mark.promise("S10")
 def test_the_ends_of_travel():
     rig = ready_rig(high=0.03)
     for _ in range(300):

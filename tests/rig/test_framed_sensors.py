@@ -266,7 +266,9 @@ def test_its_file_conforms_by_the_command_and_what_it_cannot_do_is_refused(
             settings_of(name, device), emulated=False, armed_by="a test",
             depth_profile=((0.0, 0.02), (0.149, 0.02)), calibration=SensorCalibration(date=date.today().isoformat()),
         )  # fmt: skip
-        patient = dataclasses.replace(filled.limits, stale_force=0.4, late_force=0.4, frozen_force=0.4)  # if it is busy
+        patient = dataclasses.replace(
+            filled.limits, stale_force=0.15, late_force=0.15, frozen_force=0.15
+        )  # if it is busy
         path.write_text(to_toml(dataclasses.replace(filled, limits=patient)), encoding="utf-8")
         for _ in range(3):
             if cli.main(["rig", "conform", str(path), "--section", "sensor"]) == 0:

@@ -117,6 +117,21 @@ def test_a_machine_that_ignores_the_cancel_is_reset_and_loses_its_zero(
         driver.enable()
 
 
+@pytest.mark.parametrize("state", ["Run", "Hold:0", "Door:1", "Home", "Check"])
+def test_a_machine_that_does_anything_but_our_jogs_is_a_fault_and_is_held_and_reset(
+    machine: EmulatedGrbl, axis: tuple[GrblAxis, Listening], state: str
+) -> None:
+    driver, listening = axis
+    moving(driver, machine)
+    driver._handle(f"<{state}|MPos:1.000,0.000,0.000|FS:360,0>".encode(), 0.0)
+    assert any("not in a jog" in trouble for trouble in listening.troubles)
+    until(lambda: machine.speed == 0.0)
+    until(lambda: any("ALARM:3" in trouble or "restarted" in trouble for trouble in listening.troubles))
+    assert listening.motions[-1].state is DriveState.FAULT
+    with pytest.raises(RigError):
+        driver.command(SPEED)
+
+
 def test_an_alarm_of_its_limit_switch_is_reported_and_needs_clearing(
     machine: EmulatedGrbl, axis: tuple[GrblAxis, Listening]
 ) -> None:

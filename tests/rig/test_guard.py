@@ -26,9 +26,13 @@ from cutenv.rig.devices.host import SystemClock
 from cutenv.rig.safety.guard import guarded
 rig = ready_rig()
 supervisor = rig.plant.supervisor
-supervisor._clock = SystemClock()
 say = lambda *words: os.write(1, (" ".join(words) + chr(10)).encode())  # whole lines, from two threads
-supervisor.on_stop = lambda report: say("stopped", report.cause.value, report.detail)
+begin = supervisor._quick_stops.begin
+def begin_and_say():
+    unreached = begin()
+    say("stopped", supervisor.report.cause.value, supervisor.report.detail)
+    return unreached
+supervisor._quick_stops.begin = begin_and_say
 with guarded(supervisor, SystemClock()):
     say("ready")
     while True:
@@ -51,6 +55,7 @@ def child(script: str = CHILD) -> subprocess.Popen:
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.promise("S9")
 def test_a_signal_stops_the_blade_before_the_program_ends(number):
     ran = child()
     time.sleep(0.1)
@@ -104,6 +109,7 @@ def test_the_death_of_the_parent_stops_the_blade(tmp_path):
     assert [line.split(" ")[:3] for line in told.read_text().splitlines()][1] == ["stopped", "parent", "death"]
 
 
+@pytest.mark.promise("S9")
 def test_an_exception_stops_the_blade_and_goes_on():
     rig = ready_rig()
     rig.plant.advance(0.01, UPRIGHT, 200)
@@ -143,7 +149,7 @@ def test_an_axis_whose_quick_stop_fails_does_not_spare_the_other():
     rig = ready_rig()
     rig.plant.advance(0.01, UPRIGHT, 200)
 
-    def fail() -> None:
+    def fail(**named: bool) -> None:
         raise OSError("cable cut")
 
     rig.blade.quick_stop = fail

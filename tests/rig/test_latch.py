@@ -145,6 +145,7 @@ class AnyOrder(RuleBasedStateMachine):
         assert rig.node.state not in (DriveState.ENABLED, DriveState.QUICK_STOP)
 
 
+@pytest.mark.promise("S5")
 def test_any_order_of_events_ends_where_the_operator_can_go_on_and_never_in_power_without_consent():
     run_state_machine_as_test(
         AnyOrder,
@@ -238,6 +239,7 @@ def test_a_reset_of_a_drive_that_never_heard_the_stop_stops_it_first():
     assert abs(rig.speed) < STILL
 
 
+@pytest.mark.promise("S5")
 def test_only_the_operators_word_leads_out_of_a_stop():
     assert {event for (phase, event), after in NEXT.items() if phase is Phase.STOPPED} == {Event.AGREE}
     assert {phase for (phase, _), after in NEXT.items() if after is Phase.READY} == {Phase.UNREADY}

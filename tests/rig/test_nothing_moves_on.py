@@ -26,6 +26,7 @@ def pass_time(rig: FakeRig, seconds: float) -> None:
 
 
 @pytest.mark.parametrize("lost", [1, 2, 5])
+@pytest.mark.promise("S6")
 def test_a_quick_stop_that_is_lost_is_sent_again_until_the_drive_obeys(lost):
     rig = ready_rig()
     cut_for(rig, 0.2)
@@ -42,6 +43,7 @@ def test_a_quick_stop_that_is_lost_is_sent_again_until_the_drive_obeys(lost):
     assert rig.bench.motion[1] == 0.0
 
 
+@pytest.mark.promise("S6")
 def test_a_drive_that_never_obeys_is_left_by_the_heartbeat():
     rig = ready_rig()
     cut_for(rig, 0.2)

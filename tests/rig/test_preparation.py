@@ -42,6 +42,7 @@ def refused(rig: FakeRig, because: str, operator=None) -> None:
     assert rig.plant.supervisor.phase == "unready"
 
 
+@pytest.mark.promise("S1")
 def test_a_sound_rig_is_ready_and_says_what_was_found():
     rig = opened()
     operator = AutomaticOperator(rig.settings)
@@ -70,6 +71,7 @@ def test_a_sensor_that_sends_at_another_rate_than_the_file_says_is_refused():
         (SensorCalibration(date="last week"), "is not a date"),
     ],
 )
+@pytest.mark.promise("S1")
 def test_without_a_valid_calibration_nothing_moves(calibration, because):
     refused(opened(calibration=calibration), because)
 
@@ -151,3 +153,73 @@ def test_a_stop_before_the_first_cut_holds_no_readings_and_is_told_at_once():
         rig.plant.travel(0.01, speed=0.005)
     assert len(stopped.value.readings) == 0
     assert stopped.value.report.cause is Cause.FORCE
+
+
+class Beside(ScriptedOperator):
+    """Person beside a rig of hardware, who does by hand what is asked for."""
+
+    def __init__(self, rig: FakeRig, *, wired: bool = True, push: float = 2.0, away: bool = True) -> None:
+        super().__init__()
+        self.rig, self.wired, self.push, self.away = rig, wired, push, away
+
+    def confirm(self, question: str, *, expected: str | None = None) -> bool:
+        return self.away or "away from the clamp" not in question
+
+    def ask_ready(self, what: str) -> bool:
+        pushed = "Push the blade" in what
+        self.rig.faults.extra_force = self.push if pushed else 0.0
+        if pushed:
+            self.rig.clock.sleep_until(self.rig.clock.now() + 0.05)
+            assert self.rig.blade.state is not DriveState.ENABLED  # hands are at the blade
+        if "Press the stop button" in what and self.wired:
+            for drive in (self.rig.blade, self.rig.angle):
+                drive.state = DriveState.FAULT
+        return True
+
+
+@pytest.mark.promise("S2")
+def test_on_hardware_the_stop_button_and_the_sign_are_proven_once_a_day():
+    rig = opened(emulated=False)
+    assert prepare(rig.plant, Beside(rig), today=TODAY)
+    assert (rig.plant.supervisor.phase, rig.plant.proven) == ("ready", TODAY)
+    rig.plant.halt()
+    rig.plant.switch_off()
+    assert prepare(rig.plant, Beside(rig, wired=False), today=TODAY)  # it is not asked again
+
+
+@pytest.mark.parametrize(
+    ("made", "because"),
+    [
+        ({"wired": False}, "the blade and the angle drive still has power.*safe torque off"),
+        ({"push": -2.0}, "correct sensor.sign = 1"),
+        ({"push": 0.1}, "sensor.cut_axis"),
+    ],
+    ids=["button", "sign", "axis"],
+)
+@pytest.mark.promise("S2")
+def test_a_button_without_effect_and_a_force_of_the_wrong_sign_are_found(made, because):
+    rig = opened(emulated=False)
+    refused(rig, because, Beside(rig, **made))
+
+
+@pytest.mark.promise("S2")
+def test_a_blade_that_goes_toward_the_clamp_first_is_for_the_operator_to_see():
+    rig = opened(emulated=False)
+    with pytest.raises(RigError, match=r"toward the clamp first, correct blade\.direction"):
+        prepare(rig.plant, Beside(rig, away=False), today=TODAY)
+
+
+@pytest.mark.promise("S12")
+def test_a_limit_that_is_lowered_between_cuts_counts_and_one_that_is_raised_does_not():
+    rig = opened()
+    prepare(rig.plant, AutomaticOperator(rig.settings), today=TODAY)
+    usual = rig.settings.limits
+    with pytest.raises(RigError, match="while the rig is locked"):
+        rig.plant.lower(usual)
+    rig.plant.halt()
+    rig.plant.lower(dataclasses.replace(usual, force=1.0, high=0.2, speed=0.02))
+    assert rig.plant.settings.limits == dataclasses.replace(usual, force=1.0, speed=0.02)
+    rig.plant.supervisor.release()
+    rig.faults.extra_force = 1.5
+    with pytest.raises(RigStopped, match="beyond 1 N"):
+        rig.plant.advance(0.01, 1.57, 20)

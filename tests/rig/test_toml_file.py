@@ -133,7 +133,7 @@ REFUSED = {
     "unknown section": (("[sensor]", "[sensr]"), "name 'sensr' is not known. Did you mean 'sensor'"),
     "unknown line": (("emulated =", "emulate ="), "Did you mean 'emulated'"),
     "out of range": (("force_rise_N_per_s = 200.0", "force_rise_N_per_s = 2e6"),
-                     r"\[limits\] force_rise_N_per_s = 2e\+06 N/s is outside 1 to 1e\+06 N/s"),
+                     r"\[limits\] force_rise_N_per_s = 2e\+06 N/s is outside 1 to 5000 N/s"),
     "in its unit": (("stale_force_ms = 20.0", "stale_force_ms = 0.02"),
                     r"\[limits\] stale_force_ms = 0.02 ms is outside 2 to 500 ms"),
     "angle": (("fixed_angle_deg = 90.0", "fixed_angle_deg = 30"), "fixed_angle_deg = 30 deg is outside 45 to 90 deg"),

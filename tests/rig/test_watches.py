@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cutenv.rig.config.settings import Identified, SafetyLimits, fake_settings
+from cutenv.rig.config.settings import MOST_BLIND, Identified, SafetyLimits, fake_settings
 from cutenv.rig.devices.drivers import DriveState, ForceSample, MotionSample
 from cutenv.rig.safety.force_monitor import ForceMonitor, ForceReadings
 from cutenv.rig.safety.motion_monitor import FollowingMonitor, MotionMonitor
@@ -54,6 +54,22 @@ def test_a_rise_is_a_breach_and_a_fall_is_a_crack_that_runs():
     assert Cause.FORCE_RISE in causes(low + high)
     falling = [reading(n, (step, 0.0, 0.0)) for n in range(1, 20)] + [reading(n) for n in range(20, 40)]
     assert set(causes(falling)) == {None}
+
+
+def test_a_force_that_turns_round_has_risen_by_all_that_it_passed():
+    there = [reading(n, (0.0, 5.0, 0.0)) for n in range(1, 20)]
+    for other in ((0.0, -5.0, 0.0), (5.0, 0.0, 0.0), (0.0, 5.0, 2.1)):
+        assert Cause.FORCE_RISE in causes([*there, reading(20, other)]), other
+    for fallen in ((0.0, 0.0, 0.0), (0.0, 2.0, 0.0), (1.9, 2.0, 0.0)):  # and a little to the side, by noise
+        assert set(causes([*there, reading(20, fallen)])) == {None}, fallen
+
+
+@pytest.mark.parametrize(
+    ("torque", "cause"),
+    [((0.0, 2.9, 0.0), None), ((2.0, -2.0, 2.0), Cause.TORQUE), ((math.nan, 0.0, 0.0), Cause.NOT_A_NUMBER)],
+)
+def test_the_torque_has_a_limit_of_its_own(torque, cause):
+    assert causes([reading(1), reading(2)._replace(torque=torque)]) == [None, cause]
 
 
 @given(st.floats(0.0, 13.0))
@@ -186,6 +202,7 @@ def test_the_angle_has_its_own_limits():
         assert (breach is not None and breach.cause is Cause.ANGLE) is breached
 
 
+@pytest.mark.promise("S10")
 def test_limits_on_the_command_line_may_only_be_lower():
     assert SafetyLimits().lowered(force=5.0).force == 5.0
     assert SafetyLimits().lowered(force=None) == SafetyLimits()
@@ -229,3 +246,23 @@ def test_a_force_may_stand_while_the_blade_does():
 
 def test_a_policy_that_rests_now_and_then_hides_no_frozen_force():
     assert noisy(5000, frozen=0, moving=lambda n: n // 20 % 2 == 0) < 2.2 * round(1000 * STILL)
+
+
+@pytest.mark.parametrize(
+    "wide", [{"stale_force": 0.5}, {"stale_motion": 0.5}, {"heartbeat": 1.0}, {"overrun": 10.0}, {"frozen_force": 0.3}]
+)
+@pytest.mark.promise("S11")
+def test_limits_let_no_blade_go_far_unseen(wide):
+    with pytest.raises(ValueError, match=rf"with {next(iter(wide))} the blade may go .* 5 mm allowed"):
+        SafetyLimits(**wide)
+    assert SafetyLimits(**wide, speed=0.005).blind_way <= MOST_BLIND  # a slow blade may be seen later
+
+
+def test_a_record_can_tell_whether_limits_were_the_same():
+    assert SafetyLimits().fingerprint == SafetyLimits(force=15.0).fingerprint
+    assert SafetyLimits().fingerprint != SafetyLimits(force=14.999).fingerprint
+
+
+def test_of_two_sets_of_limits_the_stricter_of_each_counts():
+    strict = SafetyLimits(force=5.0, high=0.15).strictest(SafetyLimits(low=0.0, high=0.1, angle_high=1.5))
+    assert strict == SafetyLimits(force=5.0, low=0.0, high=0.1, angle_high=1.5)

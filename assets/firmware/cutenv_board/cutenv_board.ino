@@ -3,7 +3,7 @@
 // Lines of text, each "TEXT*CRC" with the CRC-16 of the text (CCITT, from 0xFFFF) in four hexadecimal digits.
 // To the board:  H  I  P [accel quick fastest low high]  N  X  V rate  Q  C  Z        (steps, steps/s, steps/s2)
 // From it:       A name version adc rate | P ... | F sequence status counts | M sequence state flags steps rate bad
-// Any valid line is a sign of life. Without one for 100 ms a powered stepper stops by itself, and stays stopped.
+// Any valid command but P is a sign of life: what is no command, or an echo of our own lines, is not. Without one for 100 ms a powered stepper stops by itself, and stays stopped.
 #include <Arduino.h>
 #include "adc.h"  // choose HX711, ADS1220 or NAU7802 there
 
@@ -49,7 +49,11 @@ void stop(unsigned why) {  // stays stopped until it is cleared
 void obey(char *text) {
   char told[72];
   long a, q, f, l, h;
-  heard = micros();
+  bool known = !text[1] || text[0] == 'P' || text[0] == 'V';
+  if (!known) {
+    bad++;
+    return;
+  }
   switch (text[0]) {
     case 'H': break;
     case 'I': snprintf(told, sizeof told, "A cutenv-board 1 %s %d", ADC_NAME, ADC_RATE); tell(told); break;
@@ -70,7 +74,8 @@ void obey(char *text) {
       }
       break;
     case 'V':
-      if (state == ENABLED && sscanf(text + 1, "%ld", &a) == 1) target = constrain(a, -fastest, fastest);
+      known = sscanf(text + 1, "%ld", &a) == 1;
+      if (known && state == ENABLED) target = constrain(a, -fastest, fastest);
       break;
     case 'Q': stop(0); break;
     case 'X':
@@ -90,8 +95,10 @@ void obey(char *text) {
     case 'Z':  // the blade stands at the clamp: a person has put it there
       if (state == OFF) steps = 0, flags |= ZEROED;
       break;
-    default: bad++;
+    default: known = false;
   }
+  if (!known) bad++;
+  else if (text[0] != 'P') heard = micros();  // a line with P may be our own, echoed
 }
 
 void listen() {

@@ -7,6 +7,7 @@ meaning of a field is the comment above its line in the file.
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import math
 from dataclasses import dataclass, field
 from datetime import date, datetime
@@ -92,14 +93,23 @@ class SensorSettings:
         in_range("port", self.port, 1, 65535, "1", "The sensor's UDP port is 49152 unless it was changed.")
 
 
+MOST_BLIND = 0.005
+"""Way that the limits of a rig's file may let its blade go before a fault is seen [m]."""
+_DECISION = 0.020  # [s] usual period of the commands
+
+
 @dataclass(frozen=True, kw_only=True)
 class SafetyLimits:
     """Limits at which the blade is stopped, whatever the policy commands."""
 
-    force: float = setting(15.0, "N", "Force on each axis of the sensor.", 0.1, 1000.0)
-    force_norm: float = setting(20.0, "N", "Norm of the force on all three axes.", 0.1, 1000.0)
+    force: float = setting(15.0, "N", "Force on each axis of the sensor.", 0.1, 100.0)
+    force_norm: float = setting(20.0, "N", "Norm of the force on all three axes.", 0.1, 150.0)
+    torque: float = setting(
+        3.0, "N_m", "Torque on all three axes of the sensor, which breaks by torque first.", 0.01, 30.0,
+        why="20 N at 0.15 m below the sensor",
+    )  # fmt: skip
     force_rise: float = setting(
-        200.0, "N_per_s", "Rise of the force over 10 ms. In tissue at 2.54 cm/s it is some 15 N/s.", 1.0, 1e6,
+        200.0, "N_per_s", "Rise of the force over 10 ms. In tissue at 2.54 cm/s it is some 15 N/s.", 1.0, 5000.0,
         why="over 10 ms; tissue at 2.54 cm/s rises by some 15 N/s, a hard stop by thousands",
     )  # fmt: skip
     speed: float = setting(
@@ -124,8 +134,8 @@ class SafetyLimits:
         0.020, "ms", "Time during which all readings of the force have the same counts.", 0.005, 1.0
     )
     late_force: float = setting(0.020, "ms", "Delay of the readings in addition to the usual one.", 0.002, 1.0)
-    lost_force: float = setting(0.2, "percent", "Share of readings lost over 100 ms.", 0.01, 1.0)
-    following: float = setting(0.0015, "mm", "Distance of the blade from where it should be.", 1e-5, 0.1)
+    lost_force: float = setting(0.2, "percent", "Share of readings lost over 100 ms.", 0.01, 0.5)
+    following: float = setting(0.0015, "mm", "Distance of the blade from where it should be.", 1e-5, 0.01)
     overrun: float = setting(
         1.0, "periods", "Periods for which an action is held if the next one is late in motion.", 0.1, 10.0
     )
@@ -134,6 +144,36 @@ class SafetyLimits:
         check_parameters(self)
         if not (self.low < self.high and self.angle_low < self.angle_high):
             raise ValueError("limits: low must be below high, and angle_low below angle_high.")
+        if not self.blind_way <= MOST_BLIND:
+            name, longest = max(self._blind_times.items(), key=lambda each: each[1])
+            raise ValueError(
+                f"limits: with {name} the blade may go {1e3 * self.blind_way:.1f} mm at {1e2 * self.speed:g} cm/s "
+                f"before a fault is seen, {1e3 * MOST_BLIND:g} mm allowed. Lower {name} ({1e3 * longest:.0f} ms) or "
+                "speed."
+            )
+
+    @property
+    def _blind_times(self) -> dict[str, float]:
+        """Longest times in which a fault may stay unseen [s], by the limit that allows them."""
+        names = ("stale_force", "late_force", "frozen_force", "stale_motion", "heartbeat")
+        return {name: getattr(self, name) for name in names} | {"overrun": (1.0 + self.overrun) * _DECISION}
+
+    @property
+    def blind_way(self) -> float:
+        """Way that the blade may go at its greatest speed while a fault is not seen yet [m]."""
+        return self.speed * max(self._blind_times.values())
+
+    @property
+    def fingerprint(self) -> str:
+        """Hash of all the limits, for records: equal for equal limits only."""
+        text = "\n".join(f"{name} = {value!r}" for name, value in dataclasses.asdict(self).items())
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+    def strictest(self, other: SafetyLimits) -> SafetyLimits:
+        """Return the stricter of each limit of both."""
+        pairs = {each.name: (getattr(self, each.name), getattr(other, each.name)) for each in dataclasses.fields(self)}
+        inward = ("low", "angle_low")
+        return SafetyLimits(**{name: max(pair) if name in inward else min(pair) for name, pair in pairs.items()})
 
     def lowered(self, **lower: float | None) -> SafetyLimits:
         """Return limits with some of them lowered (None: unchanged), as from the command line.
@@ -158,7 +198,7 @@ class SafetyLimits:
         return dataclasses.replace(self, **chosen)
 
 
-LOWERED = ("force", "force_norm", "force_rise", "speed", "high")
+LOWERED = ("force", "force_norm", "torque", "force_rise", "speed", "high")
 """Names of the limits that the command line may lower."""
 
 

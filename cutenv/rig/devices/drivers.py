@@ -56,14 +56,24 @@ NEXT: Mapping[tuple[Phase, Event], Phase] = MappingProxyType(
 """Next phase for each pair of phase and event; every other event changes nothing."""
 
 
+WATCHFUL = 0.020
+"""Time since the rig was last judged, after which nothing is sent that lets a drive move or stay alive [s]."""
+
+
 class Latch:
-    """Phase of one rig; may be read and changed from any thread.
+    """Phase of one rig, and when it was last judged; may be read and changed from any thread.
 
     An axis without a supervisor has its own; a supervisor shares one with all its axes.
+
+    Attributes
+    ----------
+    judged : float or None
+        Time at which the supervisor last judged the rig [s]; None where no supervisor does.
     """
 
     def __init__(self) -> None:
         self._phase = Phase.UNREADY
+        self.judged: float | None = None
         self._changing = threading.Lock()
 
     @property
@@ -75,6 +85,11 @@ class Latch:
     def closed(self) -> bool:
         """True while nothing may be sent that could give a drive power or speed."""
         return self._phase in (Phase.STOPPED, Phase.RESETTING)
+
+    def watched(self, now: float) -> bool:
+        """Return whether the rig was judged within :data:`WATCHFUL` of ``now`` [s], or has no supervisor."""
+        judged = self.judged
+        return judged is None or now - judged <= WATCHFUL
 
     def happens(self, event: Event) -> bool:
         """Change the phase as :data:`NEXT` defines; return whether it has an entry for this event."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import gc
 import heapq
 import itertools
+import logging
 import os
 import sys
 import threading
@@ -18,6 +19,8 @@ from contextlib import contextmanager
 from typing import Protocol
 
 from cutenv.rig.errors import RigError
+
+_log = logging.getLogger(__name__)
 
 _FINE = 0.0005  # [s] before the end, from which waiting goes on in short steps
 _STEP = 0.001  # [s] step by which a fake clock moves while it waits
@@ -33,6 +36,9 @@ class Repeating(Protocol):
 
 class Clock(Protocol):
     """Source of time that can wait, and repeat actions."""
+
+    failed: Callable[[str], None]
+    """Called with name and error of a repeated action that raised, where nobody waits for it."""
 
     def now(self) -> float:
         """Return the time since some origin [s]; it never goes back."""
@@ -52,7 +58,19 @@ class Clock(Protocol):
 
 
 class SystemClock:
-    """The machine's monotonic clock, the same in all its processes."""
+    """The machine's monotonic clock, the same in all its processes.
+
+    All repeated actions run in one thread, one after the other: whatever holds it up also holds up this computer's
+    heartbeat, and a drive that misses it stops by itself.
+    """
+
+    def __init__(self) -> None:
+        self._changed = threading.Condition()  # guards what is below
+        self._due = _Due()
+        self._thread: threading.Thread | None = None
+        self._running: _Turn | None = None
+        self.failed: Callable[[str], None] = lambda why: None
+        """Called with name and error of a repeated action that raised."""
 
     def now(self) -> float:
         """Return the time since the machine was started [s]."""
@@ -70,27 +88,117 @@ class SystemClock:
             return changed.wait_for(come, timeout=limit)
 
     def every(self, period: float, action: Callable[[float], None], name: str) -> Repeating:
-        """Call ``action`` from a thread of its own, which ends with the process."""
-        return _Thread(self, period, action, name)
+        """Call ``action`` from the loop's thread, which begins with the first action and ends with the last.
 
-
-class _Thread:
-    def __init__(self, clock: SystemClock, period: float, action: Callable[[float], None], name: str) -> None:
-        self._stopped = threading.Event()
-        self._clock, self._period, self._action = clock, period, action
-        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
-        self._thread.start()
+        An action that raises is logged and reported to :attr:`failed`, and called again when it is due: the others have
+        to go on.
+        """
+        turn = _Turn(period, action, name, self._left)
+        with self._changed:
+            self._due.add(self.now() + period, turn)
+            if self._thread is None:
+                self._thread = threading.Thread(target=self._run, name="rig loop", daemon=True)
+                self._thread.start()
+            self._changed.notify_all()
+        return turn
 
     def _run(self) -> None:
-        due = self._clock.now() + self._period
-        while not self._stopped.wait(max(due - self._clock.now(), 0.0)):
-            self._action(self._clock.now())
-            due = max(due + self._period, self._clock.now())
+        while True:
+            with self._changed:
+                due = self._due.first()
+                if due is None:
+                    self._thread = None
+                    return
+                if (left := due - self.now()) > 0.0:
+                    self._changed.wait(left)
+                    continue
+                due, turn = self._due.take()
+                self._running = turn
+            try:
+                turn.action(self.now())
+            except Exception as error:
+                _log.exception("%s failed", turn.name)
+                self.failed(f"{turn.name} failed: {type(error).__name__}: {error}")
+            with self._changed:
+                self._running = None
+                self._due.add(max(due + turn.period, self.now()), turn)
+                self._changed.notify_all()
+
+    def _left(self, turn: _Turn) -> None:
+        """Return once a stopped action no longer runs, within a second."""
+        with self._changed:
+            if threading.current_thread() is not self._thread:
+                self._changed.wait_for(lambda: self._running is not turn, timeout=1.0)
+            self._changed.notify_all()
+
+
+class _Turn:
+    """Action that is repeated, until it is stopped."""
+
+    def __init__(
+        self, period: float, action: Callable[[float], None], name: str, left: Callable[[_Turn], None]
+    ) -> None:
+        self.period, self.action, self.name, self.stopped = period, action, name, False
+        self._left = left
 
     def stop(self) -> None:
-        self._stopped.set()
-        if threading.current_thread() is not self._thread:
-            self._thread.join(timeout=1.0)
+        self.stopped = True
+        self._left(self)
+
+
+class _Due:
+    """Repeated actions in the order in which they are due."""
+
+    def __init__(self) -> None:
+        self._heap: list[tuple[float, int, _Turn]] = []
+        self._order = itertools.count()
+
+    def add(self, moment: float, turn: _Turn) -> None:
+        """Add an action that is due at ``moment`` [s]."""
+        heapq.heappush(self._heap, (moment, next(self._order), turn))
+
+    def first(self) -> float | None:
+        """Return when the first action is due [s]; None if there is none. Stopped ones are dropped."""
+        while self._heap and self._heap[0][2].stopped:
+            heapq.heappop(self._heap)
+        return self._heap[0][0] if self._heap else None
+
+    def take(self) -> tuple[float, _Turn]:
+        """Remove the first action; return when it is due [s], and it."""
+        moment, _, turn = heapq.heappop(self._heap)
+        return moment, turn
+
+
+class Attempt:
+    """Call in a thread of its own, for a driver may never return from it.
+
+    Attributes
+    ----------
+    error : str or None
+        Text of what the call raised; None while it runs, and after it has returned.
+    """
+
+    def __init__(self, call: Callable[[], None], name: str) -> None:
+        self.error: str | None = None
+        self._call, self._done = call, threading.Event()
+        threading.Thread(target=self._run, name=name, daemon=True).start()
+
+    def _run(self) -> None:
+        try:
+            self._call()
+        except Exception as error:
+            self.error = str(error) or repr(error)
+        finally:
+            self._done.set()
+
+    @property
+    def under_way(self) -> bool:
+        """True until the call has returned, or raised."""
+        return not self._done.is_set()
+
+    def ends(self, within: float) -> bool:
+        """Wait ``within`` [s] of the machine's time; return whether the call has ended."""
+        return self._done.wait(within)
 
 
 class FakeClock:
@@ -98,8 +206,8 @@ class FakeClock:
 
     def __init__(self, start: float = 100.0) -> None:
         self._now = start
-        self._due: list[tuple[float, int, _Turn]] = []
-        self._order = itertools.count()
+        self._due = _Due()
+        self.failed: Callable[[str], None] = lambda why: None  # unused: errors are raised to those who wait
 
     def now(self) -> float:
         """Return the time to which it has been moved [s]."""
@@ -107,12 +215,10 @@ class FakeClock:
 
     def sleep_until(self, moment: float) -> float:
         """Move on to ``moment`` [s], running due actions on the way."""
-        while self._due and self._due[0][0] <= moment:
-            due, _, turn = heapq.heappop(self._due)
-            if turn.stopped:
-                continue
+        while (first := self._due.first()) is not None and first <= moment:
+            due, turn = self._due.take()
             self._now = max(self._now, due)
-            heapq.heappush(self._due, (due + turn.period, next(self._order), turn))
+            self._due.add(due + turn.period, turn)
             turn.action(self._now)
         self._now = max(self._now, moment)
         return self._now
@@ -126,8 +232,8 @@ class FakeClock:
 
     def every(self, period: float, action: Callable[[float], None], name: str) -> Repeating:
         """Call ``action`` every ``period`` [s] while somebody waits."""
-        turn = _Turn(period, action)
-        heapq.heappush(self._due, (self._now + period, next(self._order), turn))
+        turn = _Turn(period, action, name, lambda turn: None)
+        self._due.add(self._now + period, turn)
         return turn
 
 
@@ -138,14 +244,6 @@ class PacedClock(FakeClock):
         """Wait for that time on the machine's clock, then run due actions."""
         time.sleep(max(moment - self.now(), 0.0))
         return super().sleep_until(moment)
-
-
-class _Turn:
-    def __init__(self, period: float, action: Callable[[float], None]) -> None:
-        self.period, self.action, self.stopped = period, action, False
-
-    def stop(self) -> None:
-        self.stopped = True
 
 
 class Owner:

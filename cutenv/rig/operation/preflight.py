@@ -8,10 +8,12 @@ from datetime import date
 
 from cutenv.rig.config.axes import Axis, CrossAxis
 from cutenv.rig.config.settings import RigSettings, expired
+from cutenv.rig.devices.drivers import DriveState
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.operator import Operator
 from cutenv.rig.plant import RigPlant
 from cutenv.rig.safety.motion_monitor import CREEP
+from cutenv.rig.travel import SLICE
 
 SETTLE = 0.3
 """Time after switching on, before anything is checked [s]."""
@@ -22,6 +24,7 @@ _NUDGE_SPEED = 0.002  # [m/s]
 _NUDGE_SHARE = 0.8  # [1] share of it that the encoder has to show
 _RELIEF, _RELIEF_STEP = 0.010, 2e-4  # [m] by which a blade that presses on the tissue is raised at most, and at a time
 _INSIDE = 5e-4  # [m] inside an end of travel, where a blade that returns stops
+_PUSH = 0.5  # [N] that a push by hand has to read at least
 _TURN = math.radians(1.0)  # [rad] by which the blade is turned and back
 _SAME = 0.02  # relative difference allowed between a drive's limit and the file: whole increments
 
@@ -130,17 +133,72 @@ def _ask_direction(plant: RigPlant, name: str, axis: CrossAxis, operator: Operat
         )
 
 
+def prove(plant: RigPlant, operator: Operator, today: date) -> None:
+    """Prove the stop button and the sign of the force once a day; the drives are without power before and after.
+
+    The operator pushes the blade toward the clamp by hand, as tissue would. Then the drives are switched on at rest,
+    the operator presses the button, and every drive has to show that it has lost its power. Nothing else moves.
+
+    Raises
+    ------
+    RigError
+        If the force has the other sign or none, a drive keeps its power, or the operator does not agree.
+    """
+    if plant.proven == today:
+        return
+    _prove_sign(plant, operator)
+    operator.tell(
+        "The drives are switched on for the proof of the stop button; nothing moves. Keep clear of the blade."
+    )
+    plant.power()
+    if not operator.ask_ready("Press the stop button, and leave it pressed"):
+        raise RigError("the operator has not pressed the stop button: without its proof nothing moves.")
+    plant.clock.sleep_until(plant.clock.now() + SETTLE)
+    states = {name: plant.supervisor.axis(name) for name in plant.settings.axes}
+    powered = [name for name, sample in states.items() if sample is None or sample.state is DriveState.ENABLED]
+    if powered:
+        raise RigError(
+            f"with the stop button pressed the {' and the '.join(powered)} drive still has power: nothing moves. Is "
+            "the button wired to safe torque off?"
+        )
+    if not operator.ask_ready("No drive has power. Release the stop button"):
+        raise RigError("the operator has not released the stop button.")
+    plant.clock.sleep_until(plant.clock.now() + SETTLE)
+    plant.supervisor.reset(agreed=True)
+    plant.proven = today
+
+
+def _prove_sign(plant: RigPlant, operator: Operator) -> None:
+    """Have the blade pushed toward the clamp by hand, without power, and check that the force has the right sign."""
+    sensor = plant.settings.sensor
+    before = plant.supervisor.newest_force
+    pushed = operator.ask_ready(
+        "The drives are without power. Push the blade's flat end toward the clamp by hand, with the weight of a cup "
+        "or so, and press Enter while you push"
+    )
+    plant.clock.sleep_until(plant.clock.now() + SLICE)
+    now, axis = plant.supervisor.newest_force, "xyz".index(sensor.cut_axis)
+    if not pushed or before is None or now is None:
+        raise RigError("the sign of the force was not proven: nothing moves.")
+    against = sensor.sign * (now.force[axis] - before.force[axis])
+    if against < _PUSH:
+        cure = f"correct sensor.sign = {sensor.sign}" if against <= -_PUSH else "is sensor.cut_axis right"
+        raise RigError(
+            f"the push toward the clamp reads {against:+.2f} N against the cut, {_PUSH:g} N or more expected: {cure} "
+            "in the rig's file?"
+        )
+
+
 def _ask_motion(plant: RigPlant, operator: Operator) -> None:
-    """Ask whether the blade has moved: a drive that counts its own steps shows motion though the motor may stand.
+    """Ask whether the blade has moved away first: neither a drive that counts its steps, nor an encoder knows that.
 
     Raises
     ------
     RigError
         If the operator does not agree.
     """
-    question = (
-        f"The drive has sent the steps for {1e3 * _NUDGE:g} mm away from the clamp, and back. Did the blade move so?"
-    )
+    sent = "sent the steps for" if plant.counts_steps else "turned by"
+    question = f"The drive has {sent} {1e3 * _NUDGE:g} mm away from the clamp, and back. Did the blade move so?"
     if not operator.confirm(question):
         raise RigError(
             "the operator has not seen the blade move as told: nothing is cut. Is the motor's supply on, is the screw "
@@ -232,6 +290,12 @@ def prepare(plant: RigPlant, operator: Operator, *, today: date, in_air: bool = 
         If a check fails, or the operator does not agree; the drives are then without power.
     """
     checks = _passed(may_move(plant.settings, today))
+    if in_air and not plant.settings.emulated:
+        try:
+            prove(plant, operator, today)
+        except BaseException:
+            plant.switch_off()
+            raise
     place = "; it has to be in air" if in_air else ", wherever it stands"
     operator.tell(f"The drives are switched on now; the blade holds still. Keep clear of it{place}.")
     plant.power()
@@ -256,7 +320,7 @@ def prepare(plant: RigPlant, operator: Operator, *, today: date, in_air: bool = 
             relieve(plant)
         plant.supervisor.release()
         checks += _passed(moving_checks(plant))
-        if plant.counts_steps:
+        if plant.counts_steps or (in_air and not plant.settings.emulated):
             _ask_motion(plant, operator)
         for name, axis in plant.settings.cross_axes.items() if in_air else ():
             _ask_direction(plant, name, axis, operator)

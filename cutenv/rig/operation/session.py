@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from cutenv._base.arrays import StructArray
 from cutenv.rig.config.laid_specimen import measured_depth
-from cutenv.rig.config.settings import RigSettings
+from cutenv.rig.config.settings import RigSettings, SafetyLimits
 from cutenv.rig.devices.host import SystemClock, preferred, tidy
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.operator import Operator
@@ -98,10 +98,14 @@ class SpecimensByHand:
         Reads the rig's file again: each specimen has its own depth.
     operator : Operator
         Person who lays the specimen.
+    lower : callable
+        Is given the limits in the file, whenever it is read: those that were lowered count from the next cut on.
     """
 
-    def __init__(self, profile: Callable[[], RigSettings], operator: Operator) -> None:
-        self._profile, self._operator = profile, operator
+    def __init__(
+        self, profile: Callable[[], RigSettings], operator: Operator, lower: Callable[[SafetyLimits], None]
+    ) -> None:
+        self._profile, self._operator, self._lower = profile, operator, lower
 
     def mount(self, key: SpecimenKey) -> NDArray[np.float64] | None:
         """Ask for a new specimen; return its depth along the cut, shape (301,) [m].
@@ -118,7 +122,9 @@ class SpecimensByHand:
         if not self._operator.ask_ready(what):
             raise RigError("no new specimen was laid: nothing is cut.")
         try:
-            return measured_depth(self._profile(), key.target)
+            settings = self._profile()
+            self._lower(settings.limits)
+            return measured_depth(settings, key.target)
         except (OSError, ValueError) as error:
             raise RigError(f"the depth of the specimen is not known: {error}") from error
 

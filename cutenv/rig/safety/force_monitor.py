@@ -76,13 +76,17 @@ class ForceMonitor:
 
     def restart(self) -> None:
         """Clear the history, except for the newest reading."""
-        self._norms: deque[float] = deque(maxlen=max(round(RISE_OVER * self._rate), 1) + 1)
+        self._forces: deque[tuple[float, float, float]] = deque(maxlen=max(round(RISE_OVER * self._rate), 1) + 1)
         self._losses: deque[int] = deque(maxlen=max(round(_LOSS_OVER * self._rate), 2))
         self._lost = 0
         self._equal = 0  # consecutive readings equal to the one before
         self._stood = [0, 0, 0]  # the same for each force axis, while the blade moves
         self._arrivals = SampleClock(self._rate, self._leak)
         self._relieved: float | None = None  # [N] least vertical force since the blade is raised to be relieved
+
+    def adopt(self, limits: SafetyLimits) -> None:
+        """Check against other limits from now on."""
+        self._limits = limits
 
     @property
     def pressed(self) -> str | None:
@@ -110,13 +114,13 @@ class ForceMonitor:
             if self._relieved > 0.9 * height.vertical_force:  # less: readings that flicker about the limit
                 return up > self._relieved + _HARDER
             self._relieved = None
-        return abs(up) > height.vertical_force
+        return not abs(up) <= height.vertical_force
 
     def check(self, sample: ForceSample, *, moving: bool = False) -> Breach | None:
         """Check a reading of a blade that is commanded to move or to rest; return the breach found, or None."""
         last, self.newest = self.newest, sample
         norm = math.hypot(*sample.force)
-        self._norms.append(norm)
+        self._forces.append(sample.force)
         self._equal = self._equal + 1 if last is not None and last.counts == sample.counts else 0
         for axis in self._live:
             same = last is not None and last.counts[axis] == sample.counts[axis]
@@ -128,34 +132,37 @@ class ForceMonitor:
         lateness = self._arrivals.sensed(sample.sequence, sample.time)[1]
 
         limits = self._limits
-        # A fall of the force is no breach: it falls when a crack runs.
-        rise = norm - self._norms[0] if len(self._norms) == self._norms.maxlen else 0.0
+        rise = _rise(self._forces[0], sample.force) if len(self._forces) == self._forces.maxlen else 0.0
+        twist = math.hypot(*sample.torque)
         # One loss among the first few readings is not a large share.
         share = self._lost / max(self._lost + len(self._losses), _LOSS_OVER * self._rate)
-        if not math.isfinite(norm):
-            return Breach(Cause.NOT_A_NUMBER, f"the sensor reads {sample.force} N")
+        # Each comparison is written so that what is no number is a breach.
+        if not (math.isfinite(norm) and math.isfinite(twist)):
+            return Breach(Cause.NOT_A_NUMBER, f"the sensor reads {sample.force} N, {sample.torque} N m")
         if sample.status:
             return Breach(Cause.FORCE_STATUS, f"the sensor's status is 0x{sample.status:08X}")
         if last is not None and (sample.sequence - last.sequence - 1 - sample.lost) % SEQUENCES:
             counts = f"{sample.sequence} comes after {last.sequence}"
             return Breach(Cause.FORCE_STATUS, f"the sensor was restarted, its zero may be gone: reading {counts}")
-        if max(map(abs, sample.force)) > limits.force:
+        if not max(map(abs, sample.force)) <= limits.force:
             return Breach(Cause.FORCE, f"{_newtons(sample)} beyond {limits.force:g} N in an axis")
         if (height := self._height) is not None and self._lifted_too_much(height, sample.force):
             up = f"{height.felt(sample.force):+.2f} N upwards"
             return Breach(Cause.VERTICAL_FORCE, f"{up}, beyond {height.vertical_force:g} N")
-        if norm > limits.force_norm:
+        if not norm <= limits.force_norm:
             return Breach(Cause.FORCE, f"{norm:.2f} N in all, beyond {limits.force_norm:g} N")
-        if rise > limits.force_rise * self._over:
-            return Breach(Cause.FORCE_RISE, f"the force rose by {rise:.2f} N within {1e3 * self._over:g} ms")
+        if not twist <= limits.torque:
+            return Breach(Cause.TORQUE, f"{twist:.2f} N m, beyond {limits.torque:g} N m")
+        if not rise <= limits.force_rise * self._over:
+            return Breach(Cause.FORCE_RISE, f"the force changed by {rise:.2f} N within {1e3 * self._over:g} ms")
         if self._equal >= limits.frozen_force * self._rate:
             return Breach(Cause.FORCE_FROZEN, f"{self._equal + 1} consecutive readings have the same counts")
         for number, still in enumerate(self._still):
             if self._stood[number] >= still * self._rate:
                 return Breach(Cause.FORCE_AXIS, self._stands(number))
-        if share > limits.lost_force:
+        if not share <= limits.lost_force:
             return Breach(Cause.FORCE_LOST, f"{share:.0%} of the last readings were lost")
-        if lateness > limits.late_force:
+        if not lateness <= limits.late_force:
             return Breach(Cause.FORCE_LATE, f"readings arrive {1e3 * lateness:.0f} ms later than before")
         return None
 
@@ -165,6 +172,17 @@ class ForceMonitor:
         if self._identified[axis]:
             return text
         return text + "; if the sensor works, measure its noise: cutenv rig identify --write"
+
+
+def _rise(before: tuple[float, float, float], now: tuple[float, float, float]) -> float:
+    """Return by how much a force has grown or turned [N]: its distance from every fall of the one before.
+
+    A fall is no breach, because the force falls when a crack runs; one that swings to the other side is.
+    """
+    squared = sum(each * each for each in before)
+    along = sum(a * b for a, b in zip(before, now, strict=True))
+    left = min(max(along / squared, 0.0), 1.0) if squared > 0.0 else 0.0
+    return math.dist(now, [left * each for each in before])
 
 
 def _newtons(sample: ForceSample) -> str:

@@ -21,6 +21,10 @@ JITTER = 1.2
 """Factor on the limit for such a speed [1]: samples arrive unevenly."""
 CREEP = 0.002
 """Greatest speed at which a blade returns from beyond an end of its travel [m/s]."""
+SUMMED = 0.005
+"""Sum of the differences from the commanded way, from rest to rest, at which an axis that moves is stopped [m]."""
+MOST_TORQUE = 2.5
+"""Torque of a motor over its rated torque [1], at which it is stopped if it lasts for :data:`SAMPLES` samples."""
 FASTER = 2.0
 """Multiple of :data:`CREEP` from which the return is a breach [1]."""
 OUTWARD = 2e-4
@@ -71,7 +75,8 @@ class FollowingMonitor:
         """Start again with the next sample."""
         self._last: MotionSample | None = None
         self._expected = 0.0
-        self._off = 0.0
+        self._off = self._summed = 0.0
+        self._rest_at: float | None = None
         self._stood_at = 0.0
         self._moving = 0.0
 
@@ -82,7 +87,7 @@ class FollowingMonitor:
         -------
         tuple of bool, float
             True if the encoder is stuck, and the distance of the axis from where it should be [m or rad], positive: too
-            far.
+            far. Differences in motion are forgotten; from the place where it came to rest they are not.
         """
         last, self._last = self._last, sample
         if last is None:
@@ -94,7 +99,16 @@ class FollowingMonitor:
         reach = self._acceleration * dt
         before, self._expected = self._expected, self._expected + min(max(change, -reach), reach)
         should = 0.5 * (before + self._expected) * dt
-        self._off = (self._off + sample.position - last.position - should) * math.exp(-dt / _MEMORY)
+        moved = sample.position - last.position
+        self._off = (self._off + moved - should) * math.exp(-dt / _MEMORY)
+        # By the time that has passed: what arrives unevenly would add up where each sample counts a period at least.
+        self._summed += moved - 0.5 * (before + self._expected) * (sample.time - last.time)
+        if command != 0.0 or abs(self._expected) > 0.1 * self._slow:
+            self._rest_at = None
+        elif self._rest_at is None:
+            self._rest_at, self._summed = sample.position, 0.0
+        else:
+            self._off = sample.position - self._rest_at
 
         should_move = min(abs(command), abs(self._expected)) > self._slow  # commanded to rest, it may rest sooner
         if abs(sample.position - self._stood_at) > self._unmoved or not should_move:
@@ -102,6 +116,11 @@ class FollowingMonitor:
         else:
             self._moving += dt
         return self._moving > stuck_after(self._sync) - 0.5 * self._sync, self._off
+
+    @property
+    def summed(self) -> float:
+        """Sum of all that the axis has moved too far since it last rested [m or rad], which is not forgotten."""
+        return self._summed
 
 
 class LinearMonitor:
@@ -143,6 +162,10 @@ class LinearMonitor:
     def standing(self) -> bool:
         """True if the axis is at rest, as far as its samples show."""
         return rests(self._samples)
+
+    def adopt(self, limits: Reach) -> None:
+        """Check against other limits from now on."""
+        self._limits = limits
 
     def note(self, sample: MotionSample) -> None:
         """Store a sample."""
@@ -191,14 +214,17 @@ class LinearMonitor:
             self._draw_in()
         elif (beyond := self.beyond) is not None:
             return Breach(self._outside, beyond)
-        if abs(fastest) > limits.speed:
+        if not abs(fastest) <= limits.speed:
             return Breach(Cause.SPEED, f"{100 * fastest:+.2f} cm/s{self._way}, beyond {100 * limits.speed:g} cm/s")
-        if abs(acceleration) > limits.acceleration:
+        if not abs(acceleration) <= limits.acceleration:
             beyond = f"beyond {limits.acceleration:g} m/s2"
             return Breach(Cause.ACCELERATION, f"{acceleration:+.2f} m/s2{self._way}, {beyond}")
         if stuck:
             return self._stuck(command)
-        return self._astray(off, command) if abs(off) > limits.following else None
+        if not abs(off) <= limits.following:
+            return self._astray(off, command)
+        summed = self._following.summed if follows else 0.0
+        return None if abs(summed) <= max(SUMMED, limits.following) else self._astray(summed, command)
 
     def _stuck(self, command: float) -> Breach:
         """Return the breach of an axis whose encoder stands though it was commanded to move [m/s]."""
@@ -253,6 +279,7 @@ class MotionMonitor:
         self._limits, self._sync = settings.limits, settings.bus.sync
         self.newest: dict[str, MotionSample] = {}
         self._cadences: dict[str, SampleRateMonitor] = {}
+        self._strained: dict[str, int] = {}  # consecutive samples of a motor beyond its torque
         identified, reaches, sync = settings.identified, settings.reaches, settings.bus.sync
         following = FollowingMonitor(
             lag=identified.motor_lag or NOMINAL_LAG,
@@ -271,6 +298,12 @@ class MotionMonitor:
             unmoved=math.radians(0.005),
         )  # fmt: skip
         self._follows = follows
+
+    def adopt(self, settings: RigSettings) -> None:
+        """Check against other limits from now on."""
+        self._limits = settings.limits
+        for name, reach in settings.reaches.items():
+            self._linear[name].adopt(reach)
 
     @property
     def beyond(self) -> str | None:
@@ -303,13 +336,18 @@ class MotionMonitor:
     def check(self, axis: str, command: float) -> Breach | None:
         """Check the newest sample of an axis against ``command`` [m/s or rad/s]; return the breach found, or None."""
         sample = self.newest[axis]
-        if not (math.isfinite(sample.position) and math.isfinite(sample.speed)):
-            return Breach(Cause.NOT_A_NUMBER, f"the {axis} axis reads position {sample.position}, speed {sample.speed}")
+        if not all(map(math.isfinite, (sample.position, sample.speed, sample.torque))):
+            read = f"position {sample.position}, speed {sample.speed}, torque {sample.torque}"
+            return Breach(Cause.NOT_A_NUMBER, f"the {axis} axis reads {read}")
         if sample.state is not DriveState.ENABLED:
             return Breach(Cause.DRIVE, f'the {axis} drive went to "{sample.state.value}" by itself')
         if (surplus := self._cadences[axis].surplus) >= SURPLUS:
             more = f"{surplus:.0f} samples of the {axis} axis more than SYNCs"
             return Breach(Cause.MOTION_DOUBLED, f"{more}: does the bus double them, or does another master send SYNC?")
+        strained = self._strained.get(axis, 0) + 1 if not abs(sample.torque) <= MOST_TORQUE else 0
+        self._strained[axis] = strained
+        if strained >= SAMPLES:
+            return Breach(Cause.DRIVE, f"the {axis} motor is at {100 * sample.torque:+.0f} % of its rated torque")
         if axis in self._linear:
             return self._linear[axis].check(sample, command, follows=self._follows)
         return self._judge_hinge(sample, command)
@@ -321,6 +359,6 @@ class MotionMonitor:
         if stuck:
             told = f"{math.degrees(command):.0f} degrees a second"
             return Breach(Cause.STUCK, f"the hinge was commanded to turn at {told}, but its encoder stands")
-        if abs(off) > _ASTRAY:
+        if not abs(off) <= _ASTRAY:
             return Breach(Cause.FOLLOWING, f"the hinge is {math.degrees(off):+.0f} degrees from where it should be")
         return None

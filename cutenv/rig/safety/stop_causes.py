@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import partial
 from typing import Any, NamedTuple
 
 from cutenv._base.arrays import StructArray
 from cutenv.rig.config.settings import SafetyLimits
 from cutenv.rig.devices.drivers import DriveState, MotionDriver, MotionSample
+from cutenv.rig.devices.host import Attempt
 from cutenv.rig.errors import RigError
 
 SURPLUS = 4.0
@@ -51,6 +54,7 @@ class Cause(StrEnum):
     """Cause of a stop."""
 
     FORCE = "force limit"
+    TORQUE = "torque limit"
     FORCE_RISE = "force rise"
     FORCE_STATUS = "force status"
     FORCE_STALE = "force stale"
@@ -114,6 +118,7 @@ def detection_times(limits: SafetyLimits, *, packet: float = 0.001, sync: float 
     """
     return {
         Cause.FORCE: packet,
+        Cause.TORQUE: packet,
         Cause.FORCE_RISE: packet,
         Cause.FORCE_STATUS: packet,
         Cause.FORCE_STALE: limits.stale_force + WATCH,
@@ -216,13 +221,16 @@ RESEND_STOP_AFTER = 0.010
 """Time after a quick stop [s] from which it is repeated, every period, to a drive that is not seen to obey."""
 WITHHOLD_HEARTBEAT_AFTER = 0.040
 """Time of repeated quick stops that a drive ignores, after which our heartbeat ends: its own watchdog stops it [s]."""
+RETURNS_WITHIN = 0.050
+"""Time for a driver to return from its first quick stop [s]; those of the other axes are sent meanwhile."""
 _OFTEN = 0.0005  # [s] between two answers to another master's frames: no more bus load than theirs
 
 
 class QuickStops:
-    """Sender of quick stops to the axes of a stopped rig; call it under one lock, and only while the rig is stopped.
+    """Sender of quick stops to the axes of a stopped rig; call it without a lock, and only while the rig is stopped.
 
-    A single frame may be lost, or undone by another master: they are repeated until every drive is seen to obey.
+    A single frame may be lost, or undone by another master: they are repeated until every drive is seen to obey. Each
+    is sent from a thread of its own: a driver that does not return, or raises, keeps no other axis from its stop.
 
     Parameters
     ----------
@@ -239,47 +247,61 @@ class QuickStops:
         self._deaf_since: dict[str, float] = {}
         self._abandoned: set[str] = set()
         self._contested: dict[str, float] = {}  # time of the last answer [s]
+        self._attempts: dict[str, Attempt] = {}
 
     def begin(self) -> list[str]:
         """Send the first quick stop to every axis; return the axes that could not be reached, each with the reason."""
         self._deaf_since.clear()
         self._abandoned.clear()
         self._contested.clear()
-        unreached = []
-        for name, axis in self._axes.items():
-            try:
-                axis.quick_stop()
-            except Exception as error:  # whatever fails here, the other axis must still be stopped
-                unreached.append(f"{name}: {error}")
+        sent = {name: self._attempt(name) for name in self._axes}
+        unreached, ends = [], time.monotonic() + RETURNS_WITHIN
+        for name, attempt in sent.items():
+            if not attempt.ends(max(ends - time.monotonic(), 0.0)):
+                unreached.append(f"{name}: its driver does not return from the quick stop")
+            elif attempt.error is not None:
+                unreached.append(f"{name}: {attempt.error}")
         return unreached
 
     def again(self, report: StopReport, now: float) -> None:
         """Repeat the quick stop to drives not seen to obey, even if SYNC, samples or the heartbeat have ended."""
         if now - (report.commanded or report.detected) < RESEND_STOP_AFTER:
             return
-        for name, axis in self._axes.items():
+        for name in self._axes:
             sample = self._newest.get(name)
             seen = sample is not None and now - sample.time <= self._fresh
             if sample is not None and seen and sample.state is not DriveState.ENABLED:
                 continue
-            self._send(name)
+            if not (hangs := name in self._attempts and self._attempts[name].under_way):
+                self._attempt(name).ends(RETURNS_WITHIN)
             # The time counts from the first sample seen after the stop: a drive whose bus is off hears nothing, and may
             # come back late.
             if (
-                seen
+                (seen or hangs)
                 and now - self._deaf_since.setdefault(name, now) >= WITHHOLD_HEARTBEAT_AFTER
                 and name not in self._abandoned
             ):
                 self._abandoned.add(name)
                 report.detail += f" (the {name} drive ignores the quick stop: our heartbeat ends)"
-                axis.withhold_heartbeat("it ignores the quick stop")
+                self._fall_silent(name)
 
     def answer(self, name: str, now: float) -> None:
         """Answer a command of another master with a quick stop; from the first on, with one that no command undoes."""
         if now - self._contested.get(name, -1.0) >= _OFTEN:
             self._contested[name] = now
-            self._send(name)
+            self.send(name)
 
-    def _send(self, name: str) -> None:
-        with suppress(RigError):  # the bus is off: the drive's own heartbeat watchdog stops it
+    def send(self, name: str) -> None:
+        """Send a quick stop from this thread, which is the driver's own or one that it has just held up."""
+        with suppress(Exception):  # the bus is off, or the driver fails: the drive's own heartbeat watchdog stops it
             self._axes[name].quick_stop(for_good=name in self._contested)
+
+    def _attempt(self, name: str) -> Attempt:
+        stop = partial(self._axes[name].quick_stop, for_good=name in self._contested)
+        self._attempts[name] = attempt = Attempt(stop, f"rig stop {name}")
+        return attempt
+
+    def _fall_silent(self, name: str) -> None:
+        """End our heartbeat to a drive that ignores quick stops, whatever its driver does."""
+        withhold = partial(self._axes[name].withhold_heartbeat, "it ignores the quick stop")
+        Attempt(withhold, f"rig silence {name}").ends(RETURNS_WITHIN)

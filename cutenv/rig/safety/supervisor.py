@@ -5,12 +5,13 @@ A software stop is not a safety function: wire the stop button to the drive's sa
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 
-from cutenv.rig.config.settings import RigSettings
+from cutenv.rig.config.settings import RigSettings, SafetyLimits
 from cutenv.rig.devices.drivers import DriveState, Event, ForceSample, Latch, MotionDriver, MotionSample, Phase
 from cutenv.rig.devices.host import Clock
 from cutenv.rig.errors import RigError
@@ -25,6 +26,9 @@ BRAKING = 0.16
 """Time constant near the ends of travel [s]: a speed is allowed that would take at least this long to reach the end."""
 _SHORT = 1e-4  # [m] from an end of travel, the distance at which the allowed speed is zero
 _STRAYED = {"blade": 0.003, "angle": math.radians(10.0), "height": 0.001, "side": 0.001}  # [m], [rad] of a locked axis
+ASLEEP = 0.060
+"""Time since the watchdog last ran, at which a reading or a command stops the blade [s]."""
+_SENT_WITHIN = 0.5  # [s] for the quick stops of a stop to be sent, before its reset
 _FALLEN = (DriveState.QUICK_STOP, DriveState.REACTING, DriveState.FAULT)
 
 
@@ -67,7 +71,10 @@ class Supervisor:
         """Report of the last stop; None before the first."""
         self.limited = 0
         """Number of commands that were reduced to a limit since :meth:`release`."""
-        self._lock = threading.Lock()
+        self._lock = threading.Lock()  # of phase, report and commands; nothing is sent or awaited under it
+        self._sent = threading.Event()  # not set: the quick stops of a stop are under way
+        self._sent.set()
+        self._commanding = threading.Lock()  # of those who send commands; a stop does not need it
         self._forces = ForceMonitor(self.limits, readings, settings.identified, settings.height)
         self._motions = MotionMonitor(settings, follows=follows)
         self._alive: dict[str, float] = {}
@@ -76,8 +83,6 @@ class Supervisor:
         self._held_until = math.inf
         self._locked_at: dict[str, float] = {}
         self._quick_stops = QuickStops(self._axes, self._motions.newest, fresh=self.limits.stale_motion)
-        self.on_stop: Callable[[StopReport], None] = lambda report: None
-        """Called once for every stop, after the quick stop is on the bus."""
 
     @property
     def phase(self) -> Phase:
@@ -93,8 +98,11 @@ class Supervisor:
         )
         if self.phase is Phase.STOPPED and self.report is not None:
             self.report.peak_force = max(self.report.peak_force, math.hypot(*sample.force))
-        if breach is not None and self.phase is Phase.READY:
-            self.trip(*breach, sample.time)
+        if self.phase is Phase.READY:
+            if breach is not None:
+                self.trip(*breach, sample.time)
+            elif (asleep := self._asleep(sample.time)) is not None:
+                self.trip(*asleep, sample.time)
 
     def motion(self, axis: str, sample: MotionSample) -> None:
         """Check one motion sample of an axis."""
@@ -132,9 +140,8 @@ class Supervisor:
         """Stop even a locked rig because another master commands a drive; answer each command with a quick stop."""
         cure = "close the other program or master, or switch off the gateway's echo of our own frames"
         self.trip(Cause.FOREIGN, f"another master commands the {axis} drive ({what}); {cure}", time, locked=True)
-        with self._lock:
-            if self.phase is Phase.STOPPED:
-                self._quick_stops.answer(axis, time)
+        if self.phase is Phase.STOPPED:
+            self._quick_stops.answer(axis, time)
 
     def broken(self, axis: str, why: str, time: float) -> None:
         """Stop the blade because a drive cannot be reached; its own heartbeat watchdog has to stop it."""
@@ -148,8 +155,9 @@ class Supervisor:
         ``across`` are the speeds of the other straight axes by name [m/s]: ``height`` upwards, ``side`` to the left;
         0 by default.  Where one to the side is limited, the speed along the cut is reduced alike, and the other way
         round: the blade keeps its course.
-        Check and transmission share one lock with :meth:`trip`: no command can follow a quick stop, which with some
-        drive settings would start the motion again.
+        A stop does not wait for a driver that sends a command. No command follows a quick stop, which with some drive
+        settings would start the motion again: drivers ask the latch before and after each frame, and an axis whose
+        command has met a stop is stopped once more.
 
         Raises
         ------
@@ -161,39 +169,45 @@ class Supervisor:
             others = "".join(f", {name} {value} m/s" for name, value in wanted.items() if name != "blade")
             self.trip(Cause.NOT_A_NUMBER, f"the command is speed {speed} m/s, angle {angle} rad{others}")
             return angle
-        broken = None
-        with self._lock:
-            if self.phase is not Phase.READY:
-                why = f"stopped ({self.report})" if self.phase is Phase.STOPPED else "not released"
-                raise RigError(f"the blade may not move: the rig is {why}. The operator has to release it first.")
-            allowed = self._on_course({name: self._allowed(name, value) for name, value in wanted.items()}, wanted)
-            turned = min(max(angle, self.limits.angle_low), self.limits.angle_high)
-            reduced = any(abs(allowed[name] - speed) > _ROUNDING for name, speed in wanted.items())
-            self.limited += reduced or turned != angle
-            self._told |= allowed
-            self._held_until = self._clock.now() + hold * (1.0 + self.limits.overrun)
-            try:
-                for name, value in allowed.items():
-                    self._axes[name].command(value)
-            except RigError as error:
-                broken = str(error)
-        if broken is not None:
-            self.trip(Cause.BUS, broken)
+        if self.phase is Phase.READY and (asleep := self._asleep(self._clock.now())) is not None:
+            self.trip(*asleep)
+            return angle
+        with self._commanding:
+            with self._lock:
+                if self.phase is not Phase.READY:
+                    why = f"stopped ({self.report})" if self.phase is Phase.STOPPED else "not released"
+                    raise RigError(f"the blade may not move: the rig is {why}. The operator has to release it first.")
+                allowed = self._on_course({name: self._allowed(name, value) for name, value in wanted.items()}, wanted)
+                turned = min(max(angle, self.limits.angle_low), self.limits.angle_high)
+                reduced = any(abs(allowed[name] - speed) > _ROUNDING for name, speed in wanted.items())
+                self.limited += reduced or turned != angle
+                self._told |= allowed
+                self._held_until = self._clock.now() + hold * (1.0 + self.limits.overrun)
+            self._command(allowed)
         return turned
+
+    def _command(self, speeds: dict[str, float]) -> None:
+        """Send speeds [m/s or rad/s] to axes by name; a driver that raises is a fault."""
+        for name, speed in speeds.items():
+            try:
+                self._axes[name].command(speed)
+            except RigError as error:
+                return self.trip(Cause.BUS, str(error))
+            except Exception as error:
+                return self.trip(Cause.EXCEPTION, f"the driver of the {name} axis: {type(error).__name__}: {error}")
+            finally:
+                if self.phase is Phase.STOPPED:
+                    self._quick_stops.send(name)
 
     def turn(self, rate: float) -> None:
         """Send a turning speed [rad/s] to the angle's axis, if the rig is released."""
-        broken = None
-        with self._lock:
-            if self.phase is Phase.READY:
+        with self._commanding:
+            with self._lock:
+                if self.phase is not Phase.READY:
+                    return
                 top = self.settings.angle.speed if self.settings.angle is not None else 0.0
-                self._told["angle"] = min(max(rate, -top), top)
-                try:
-                    self._axes["angle"].command(self._told["angle"])
-                except RigError as error:
-                    broken = str(error)
-        if broken is not None:
-            self.trip(Cause.BUS, broken)
+                self._told["angle"] = turned = min(max(rate, -top), top)
+            self._command({"angle": turned})
 
     def _allowed(self, name: str, speed: float) -> float:
         """Return a straight axis's speed [m/s] reduced to the limit, which decreases toward the ends of travel."""
@@ -222,51 +236,68 @@ class Supervisor:
     # Timing
 
     def watch(self, now: float) -> None:
-        """Stop the blade if something is overdue.
+        """Judge the rig: stop the blade if something is overdue.
 
-        The watchdog calls it every :data:`~cutenv.rig.safety.stop_causes.WATCH`.
+        The loop calls it every :data:`~cutenv.rig.safety.stop_causes.WATCH`; without it the drivers send no sign of
+        life, and the drives stop by themselves.
         """
-        if self.phase is not Phase.READY:
-            return
-        try:
-            missing = self._missing(now)
-        except Exception as error:  # nobody would notice that a watchdog had died
-            missing = [Breach(Cause.EXCEPTION, f"the watchdog failed: {type(error).__name__}: {error}")]
-        if missing:
-            self.trip(*missing[0], now)
+        if self.phase is Phase.READY:
+            try:
+                missing = self._missing(now)
+            except Exception as error:  # nobody would notice that a watchdog had died
+                missing = [Breach(Cause.EXCEPTION, f"the watchdog failed: {type(error).__name__}: {error}")]
+            if missing:
+                self.trip(*missing[0], now)
+        self._latch.judged = now
+
+    def unwatched(self) -> None:
+        """Take note that nobody calls :meth:`watch` any more: the rig is closed."""
+        self._latch.judged = None
+
+    def _asleep(self, now: float) -> Breach | None:
+        """Return the breach of a rig that has not been judged for :data:`ASLEEP`; found by who else is awake."""
+        judged = self._latch.judged
+        if judged is None or now - judged <= ASLEEP:
+            return None
+        return Breach(Cause.EXCEPTION, f"the watchdog has not run for {1e3 * (now - judged):.0f} ms")
 
     def _missing(self, now: float) -> list[Breach]:
         limits = self.limits
         found: list[Breach] = []
         force = self._forces.newest
-        if (silent := now - (-math.inf if force is None else force.time)) > limits.stale_force:
+        # Each comparison is written so that a time that is no number is a breach.
+        if not (silent := now - (-math.inf if force is None else force.time)) <= limits.stale_force:
             found.append(Breach(Cause.FORCE_STALE, f"no reading for {1e3 * silent:.0f} ms"))
         for axis in self._axes:
             sample = self._motions.newest.get(axis)
-            if (silent := now - (-math.inf if sample is None else sample.time)) > limits.stale_motion:
+            if not (silent := now - (-math.inf if sample is None else sample.time)) <= limits.stale_motion:
                 found.append(Breach(Cause.MOTION_STALE, f"no sample of the {axis} axis for {1e3 * silent:.0f} ms"))
-            if (silent := now - self._alive.get(axis, -math.inf)) > limits.heartbeat:
+            if not (silent := now - self._alive.get(axis, -math.inf)) <= limits.heartbeat:
                 found.append(Breach(Cause.HEARTBEAT, f"no heartbeat from the {axis} drive for {1e3 * silent:.0f} ms"))
-        if any(self._told.values()) and (late := now - self._held_until) > 0.0:
+        if any(self._told.values()) and not (late := now - self._held_until) <= 0.0:
             found.append(Breach(Cause.OVERRUN, f"no new command, {1e3 * late:.0f} ms after the last one expired"))
         return found
 
     def resend_stop(self, now: float) -> None:
         """Repeat the quick stop to drives of a stopped rig that are not seen to obey; a timer of its own calls it."""
-        with self._lock:
-            if self.phase is Phase.STOPPED and self.report is not None:
-                self._quick_stops.again(self.report, now)
+        if self.phase is Phase.STOPPED and self.report is not None:
+            self._quick_stops.again(self.report, now)
 
     # Stop, release, reset
 
     def trip(self, cause: Cause, detail: str, detected: float | None = None, *, locked: bool = False) -> None:
         """Stop the blade, from any thread; do nothing if it is stopped, or is not released (unless ``locked``)."""
         with self._lock:
-            report = self._stop(cause, detail, detected) if locked or self.phase is Phase.READY else None
+            report = self._latched(cause, detail, detected) if locked or self.phase is Phase.READY else None
         if report is not None:
-            self.on_stop(report)
+            unreached = self._quick_stops.begin()
+            if unreached:
+                report.detail += f" (no quick stop could be sent: {'; '.join(unreached)})"
+            report.commanded = self._clock.now()
+            self._sent.set()
 
-    def _stop(self, cause: Cause, detail: str, detected: float | None) -> StopReport | None:
+    def _latched(self, cause: Cause, detail: str, detected: float | None) -> StopReport | None:
+        """Latch a stop, under the lock; return its report, or None for a rig that is stopped already."""
         if self.phase is Phase.STOPPED:
             return None
         now = self._clock.now() if detected is None else detected
@@ -275,12 +306,13 @@ class Supervisor:
         self.report = report = StopReport(
             cause=cause, detail=detail, detected=now, position=None if blade is None else blade.position
         )
+        self._sent.clear()
         self._latch.happens(Event.STOP)  # last: a thread that sees this phase reads this report
-        unreached = self._quick_stops.begin()
-        report.commanded = self._clock.now()
-        if unreached:
-            report.detail += f" (no quick stop could be sent: {'; '.join(unreached)})"
         return report
+
+    def await_quick_stops(self) -> None:
+        """Wait until the quick stops of a stop under way are sent; no longer than their drivers may take."""
+        self._sent.wait(_SENT_WITHIN)
 
     def release(self, *, returning: bool = False) -> None:
         """Allow commands, once every signal is present and within its limits.
@@ -324,21 +356,31 @@ class Supervisor:
 
         Otherwise the last command of an axis would go on unwatched: a hinge that has not arrived, a blade that creeps.
         """
-        broken = None
-        with self._lock:
-            if self.phase is not Phase.READY:
-                return
-            self._rest()
-            try:
-                for axis in self._axes.values():
-                    axis.command(0.0)
-            except RigError as error:
-                broken = str(error)
-            else:
+        with self._commanding:
+            with self._lock:
+                if self.phase is not Phase.READY:
+                    return
+                self._rest()
+            self._command(dict.fromkeys(self._axes, 0.0))
+            with self._lock:
                 self._locked_at.clear()
-                self._latch.happens(Event.LOCK)
-        if broken is not None:
-            self.trip(Cause.BUS, broken)
+                self._latch.happens(Event.LOCK)  # nothing, if it was stopped meanwhile
+
+    def lower(self, limits: SafetyLimits) -> None:
+        """Adopt each limit that is stricter than the present one; the others stay. For a rig that is locked.
+
+        Raises
+        ------
+        RigError
+            If the rig is released.
+        """
+        if self.phase is Phase.READY:
+            raise RigError("limits are lowered between cuts, while the rig is locked.")
+        strict = self.limits.strictest(limits)
+        self.settings, self.limits = dataclasses.replace(self.settings, limits=strict), strict
+        self._reaches = self.settings.reaches
+        self._forces.adopt(strict)
+        self._motions.adopt(self.settings)
 
     def _rest(self) -> None:
         self._told = dict.fromkeys(self._axes, 0.0)
@@ -357,8 +399,9 @@ class Supervisor:
             return
         if not agreed:
             raise RigError(f"still stopped ({why}): the operator has not agreed to a reset.")
+        self.await_quick_stops()  # any later one is a new stop
         with ExitStack() as resetting:
-            with self._lock:  # the quick stop of the old stop has been sent: any later one is a new stop
+            with self._lock:
                 if self.phase is Phase.UNREADY:
                     self.report = StopReport(cause=Cause.DRIVE, detail=why, detected=self._clock.now())
                 self._rest()

@@ -16,6 +16,9 @@ from cutenv.rig.devices.host import Clock
 from cutenv.rig.errors import RigError
 
 _TOLD, _TOLD_EVERY = 20, 0.010  # quick stops before clearing a drive that still has power; [s] between them
+UNDER_WAY = 5
+"""Answers to SYNC that may be under way; more, and the bus is too late for a stop."""
+_LIMITED = 3  # statuswords with an internal limit, from which it is no start of a motion
 _REST = 0.01  # [1] share of the top speed below which an axis counts as at rest
 _STATUS, _MEASURED = o.STATUS_PDO.layout, o.MEASURED_PDO.layout
 _UNPOWERED = (DriveState.DISABLED, DriveState.READY, DriveState.SWITCHED_ON, DriveState.NOT_READY)
@@ -55,6 +58,7 @@ class CanopenAxis(AxisDriver):
         self._speed = 0.0
         self._for_good = False  # the drive's quick-stop option differs from its set-up
         self._running = False  # has sent process data since it was opened
+        self._limited = 0  # consecutive statuswords with an internal limit
 
     @property
     def units(self) -> AxisUnits:
@@ -234,25 +238,47 @@ class CanopenAxis(AxisDriver):
             state = o.drive_state(statusword)
         except ValueError as error:
             return self._garble(f"TPDO1: {error}")
+        moved = self._may_move and state is DriveState.ENABLED
         with self._changed:
             self._state, self._mode, self._velocity = state, mode, velocity
             self._speed = self.units.speed(velocity)
             self._may_move = self._may_move and state is DriveState.ENABLED
             self._reports += 1
             self._changed.notify_all()
+        if moved and (why := self._hindered(statusword, mode)) is not None and self._listener is not None:
+            self._listener.emergency(self.name, o.HINDERED, why, time)
+
+    def _hindered(self, statusword: int, mode: int) -> str | None:
+        """Return why a drive that is enabled would not do as told; None if nothing hinders it."""
+        self._limited = self._limited + 1 if statusword & o.INTERNAL_LIMIT else 0
+        if mode != o.PROFILE_VELOCITY:
+            return f"it has left profile velocity mode for mode {mode}"
+        if not statusword & o.REMOTE:
+            return "it no longer obeys the bus (remote)"
+        if not statusword & o.VOLTAGE:
+            return "its power stage has no voltage"
+        return "a limit of its own holds it back (internal limit)" if self._limited > _LIMITED else None
 
     def _measured(self, data: bytes, time: float) -> None:
         if len(data) != _MEASURED.size:
             return self._garble(f"TPDO2 has {len(data)} bytes, not {_MEASURED.size}: {data.hex(' ')}")
+        self._network.answered(self._settings.node)
         if self._velocity is None:  # its TPDO1 was lost; that of another SYNC would be of another instant
             return
         increments, torque = _MEASURED.unpack(data)
+        if self._may_move and (late := self._network.unanswered(self._settings.node)) > UNDER_WAY:
+            self._behind(late, time)
         sample = MotionSample(time, self.units.position(increments), self._speed, torque / 1000.0, self._state)
         with self._changed:
             self._velocity, self._running = None, True
             self._changed.notify_all()
         if self._listener is not None:
             self._listener.motion(self.name, sample)
+
+    def _behind(self, late: int, time: float) -> None:
+        """Report a bus that delivers later and later: a quick stop would be as late as the answers to SYNC."""
+        if self._listener is not None:
+            self._listener.broken(self.name, f"{late} answers to SYNC are under way or lost: the bus is late", time)
 
     def _heartbeat(self, data: bytes, time: float) -> None:
         if len(data) != 1:

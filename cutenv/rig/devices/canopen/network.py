@@ -12,6 +12,7 @@ from cutenv._base.validation import in_range
 from cutenv.rig.config.settings import Bus
 from cutenv.rig.devices.canopen.bus import open_bus
 from cutenv.rig.devices.canopen.objects import HEARTBEAT_FRAME, NMT_FRAME, NMT_OPERATIONAL, SYNC_FRAME
+from cutenv.rig.devices.drivers import Latch
 from cutenv.rig.devices.host import Clock, Owner, Repeating
 from cutenv.rig.errors import RigError
 
@@ -22,6 +23,7 @@ DRIVE_PATIENCE = 0.100
 _SEND_LIMIT = 0.02  # [s] for the bus to accept a frame
 _READ_LIMIT = 0.1  # [s] after which the reader checks whether it has to end
 _LISTENED = 0.15  # [s] before the first frame is sent: three heartbeats of another program like this one
+_FORGIVEN = 1.0  # [s] after which one answer to SYNC that was lost no longer counts
 _SDO_REQUESTS = range(0x601, 0x680)
 _BUS_OFF = 0x40  # in the number of an error frame, as Linux and socketcand give it
 
@@ -30,6 +32,9 @@ Handler = Callable[[bytes, float], None]
 
 class Member(Protocol):
     """Member of a network: one axis, which is informed when the network breaks."""
+
+    latch: Latch
+    """Latch of the rig, which knows when it was last judged."""
 
     def lost(self, why: str, time: float) -> None:
         """Take the report that nothing can be sent or read any more, since ``time`` [s]."""
@@ -83,6 +88,9 @@ class CanNetwork:
         self._ending = threading.Event()
         self._repeating: list[Repeating] = []
         self._silent = False
+        self._syncs = 0
+        self._answers: dict[int, int] = {}
+        self._usual: dict[int, tuple[int, int]] = {}  # answers that are always under way, and the SYNC it is since
 
     def __str__(self) -> str:
         return f"{self.settings.interface} {self.settings.channel}"
@@ -147,6 +155,25 @@ class CanNetwork:
         finally:
             self._sending.release()
 
+    def answered(self, node: int) -> None:
+        """Count an answer of a node to SYNC."""
+        self._answers[node] = self._answers.get(node, 0) + 1
+
+    def unanswered(self, node: int) -> int:
+        """Return how many SYNCs since the first answer a node has not answered yet; a lost one counts for a second.
+
+        They are under way where the bus delivers later and later, which the time of their arrival does not show.
+        """
+        answers = self._answers.get(node, 0)
+        behind = self._syncs - answers
+        usual, since = self._usual.get(node, (behind, self._syncs))
+        if answers <= 1 or behind < usual:
+            usual, since = behind, self._syncs
+        elif self._syncs - since >= round(_FORGIVEN / self.settings.sync):
+            usual, since = usual + 1, self._syncs
+        self._usual[node] = usual, since
+        return behind - usual
+
     def manage(self, command: int, node: int) -> None:
         """Send a network management command to a node.
 
@@ -184,7 +211,7 @@ class CanNetwork:
         )
         self._reader.start()
         self._repeating = [
-            self._clock.every(self.settings.sync, lambda now: self._repeat(SYNC_FRAME, b""), "cutenv SYNC"),
+            self._clock.every(self.settings.sync, lambda now: self._sync(), "cutenv SYNC"),
             self._clock.every(self.settings.heartbeat, lambda now: self._beat(), "cutenv heartbeat"),
         ]
 
@@ -225,8 +252,12 @@ class CanNetwork:
         except Exception:  # whatever the interface's library raises: leave the bus anyway
             _log.warning("the CAN bus (%s) was not closed in order", self, exc_info=True)
 
+    def _sync(self) -> None:
+        self._syncs += 1
+        self._repeat(SYNC_FRAME, b"")
+
     def _beat(self) -> None:
-        if not self._silent:
+        if not self._silent and all(member.latch.watched(self._clock.now()) for member in tuple(self._members)):
             self._repeat(HEARTBEAT_FRAME + self.settings.node, bytes((NMT_OPERATIONAL,)))
 
     def _repeat(self, number: int, data: bytes) -> None:

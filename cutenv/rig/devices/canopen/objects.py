@@ -210,6 +210,12 @@ HOMED = 0x8000
 """Bit of an EPOS4's statusword: the position is referenced to home.  The standard leaves this bit to the maker."""
 
 
+HINDERED = 0xFF01
+"""Code, of those that the standard leaves to makers, under which a drive is reported that would not do as told."""
+REMOTE, VOLTAGE, INTERNAL_LIMIT = 0x0200, 0x0010, 0x0800
+"""Bits of a statusword: the drive obeys the bus; its power stage has voltage; a limit of its own holds it back."""
+
+
 def drive_state(statusword: int) -> DriveState:
     """Return the state in a statusword.
 

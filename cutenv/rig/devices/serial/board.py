@@ -152,6 +152,10 @@ _READ = 0.1  # [s] after which the reader checks whether it has to end
 class BoardMember(Protocol):
     """Axis or force sensor on the board."""
 
+    def watched(self, now: float) -> bool:
+        """Return whether a supervisor has judged the rig lately, or there is none; True for a sensor."""
+        ...
+
     def told(self, report: Report, time: float) -> None:
         """Take a report that arrived at ``time`` [s]; called in the reader's thread."""
         ...
@@ -334,7 +338,8 @@ class SerialBoard:
             _log.warning("the port %s was not closed in order", self.port, exc_info=True)
 
     def _live(self) -> None:
-        if not self._silent and self.broken is None:
+        watched = all(member.watched(self._clock.now()) for member in tuple(self._members))
+        if watched and not self._silent and self.broken is None:
             try:
                 self.send("H")
             except RigError as error:  # the break itself informs the members

@@ -107,6 +107,10 @@ class LoadCell(StreamedSensor):
 
     # Reports of the board; called by its reader
 
+    def watched(self, now: float) -> bool:
+        """Return True: a sensor keeps nothing alive."""
+        return True
+
     def told(self, report: Report, time: float) -> None:
         """Take a reading; other reports are not for a sensor."""
         if isinstance(report, ForceReport):

@@ -15,6 +15,7 @@ from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.driver_bases import AxisDriver
 from cutenv.rig.devices.driver_registry import Mounting, rig_driver
 from cutenv.rig.devices.drivers import DriveState, MotionListener, MotionSample
+from cutenv.rig.devices.reading_stream import SampleClock
 from cutenv.rig.devices.serial.board import (
     BOARD_PATIENCE,
     BoardFlag,
@@ -109,6 +110,9 @@ def check_stepper(rig: RigSettings, role: str) -> None:
         raise ValueError(f"bus.sync_ms = {1e3 * rig.bus.sync:g}: a board reports its position every 10 ms. Write 10.")
 
 
+_BOARD_CLOCK = 0.02  # [1] relative error of a board's clock, a ceramic resonator at worst
+LATE_REPORT = 0.050
+"""Delay of the board's reports beyond the least one, at which the line is too late for a stop [s]."""
 BOARD_PERIOD = 0.010
 """Period at which the board reports its position [s]; that of the sketch."""
 
@@ -160,11 +164,12 @@ class StepperAxis(AxisDriver):
             ("board", options.port), lambda: SerialBoard(options.port, options.baud, mounting.clock)
         )
         self._last: MotionReport | None = None
+        self._arrivals = SampleClock(1.0 / BOARD_PERIOD, _BOARD_CLOCK)
 
     # Life cycle
 
     def _connect(self) -> None:
-        self._last = None
+        self._last, self._arrivals = None, SampleClock(1.0 / BOARD_PERIOD, _BOARD_CLOCK)
         self._board.join(self)
         self._await(lambda: self._last is not None, "report its state", self.report_limit)
         if self._state is not DriveState.DISABLED:  # left by a program that has ended
@@ -293,6 +298,10 @@ class StepperAxis(AxisDriver):
 
     # Reports of the board; called by its reader
 
+    def watched(self, now: float) -> bool:
+        """Return whether the rig was judged lately: without, the board gets no sign of life, and stops by itself."""
+        return self.latch.watched(now)
+
     def told(self, report: Report, time: float) -> None:
         """Take a report of the motion; others are not for an axis."""
         if not isinstance(report, MotionReport):
@@ -307,6 +316,9 @@ class StepperAxis(AxisDriver):
             return
         if before is not None:
             self._alarm(before, report, listener, time)
+        late = self._arrivals.sensed(report.sequence, time)[1]
+        if self._may_move and not late <= LATE_REPORT:
+            listener.broken(self.name, f"reports of the board arrive {1e3 * late:.0f} ms later than before", time)
         position, speed = self._rates.metres(report.steps), self._rates.metres(report.rate)
         listener.motion(self.name, MotionSample(time, position, speed, 0.0, self._state))
         listener.alive(self.name, time)
