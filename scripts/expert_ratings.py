@@ -63,7 +63,7 @@ def trial_means(trials: Mapping[str, Sequence[Trace]], reference: ReferenceSet, 
 
 
 def own_reference(cuts: Sequence[Trace]) -> ReferenceSet:
-    """Return the cuts of a data set as the set within which each of them is ranked: normalised forces need their own."""
+    """Return the cuts of a data set as the set within which each of them is ranked: their unit is their own."""
     cards = [score(cut.select(slice(0, CUT_SAMPLES))) for cut in cuts]
     rows = [("cut", {name: scored.value for name, scored in card.metrics.items()}) for card in cards]
     return ReferenceSet.of(rows, name="these cuts", about="hand-held excisions", force_unit="1")

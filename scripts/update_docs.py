@@ -20,6 +20,7 @@
     python scripts/update_docs.py calibration-studies partial-depth     some minutes: thirty calibrations; fine bricks
     python scripts/update_docs.py lab-formats               every format of a laboratory, read as it is
     python scripts/update_docs.py record-faults             three minutes: a thousand faulty records, 500 clean ones
+    python scripts/update_docs.py expert-ratings            half a minute: published cuts beside their ratings
     python scripts/update_docs.py errata tissue-file rig-file slow-rig metrics weights ends class-attacks
     python scripts/update_docs.py --check parameters        fails if a block is not what it would print
     python scripts/update_docs.py --picture                 draws assets/pictures/cut.png
@@ -53,6 +54,7 @@ import class_attacks
 import class_load
 import curved_cuts
 import derive_partial_depth
+import expert_ratings
 import find_exploits
 import fit_layers
 import free_cut
@@ -477,7 +479,7 @@ ON_PAGES: dict[str, dict[str, Callable[[argparse.Namespace], str]]] = {
     "docs/validation/curved-benchmark.md": {"curved-benchmark": lambda _: curved_cuts.table()},
     "docs/validation/score.md": {
         "check-score": lambda _: check_score.report(
-            kept_rows(ROOT / check_score.FOLDER / check_score.FILE, "check_score.py", check_score.TEXTS)
+            kept_rows(ROOT / check_score.FOLDER / check_score.HAND_FILE, "check_score.py --hand", check_score.TEXTS)
         ),
         "check-depth-score": lambda _: map_score("depth"),
         "check-path-score": lambda _: map_score("path"),
@@ -496,6 +498,7 @@ ON_PAGES: dict[str, dict[str, Callable[[argparse.Namespace], str]]] = {
         "live-camera": lambda _: camera_beside_rig.markdown(left_by(camera_beside_rig)),
     },
     "docs/validation/errata.md": {"errata": errata},
+    "docs/validation/real-cuts.md": {"expert-ratings": lambda _: expert_ratings.report()},
     "docs/validation/record-faults.md": {"record-faults": lambda _: record_faults.table()},
     "docs/reference/metrics.md": {
         "metrics": metrics,

@@ -204,7 +204,7 @@ def _averaged(values: Array, count: int) -> Array:
     return np.asarray(values[:whole].reshape(-1, count).mean(axis=1))
 
 
-def spikes(readings: Readings) -> tuple[list[NDArray[np.intp]], Array]:
+def spike_rows(readings: Readings) -> tuple[list[NDArray[np.intp]], Array]:
     """Find one or two readings far from those on either side, by more than the noise there and than any drop.
 
     Returns
@@ -227,7 +227,7 @@ def spikes(readings: Readings) -> tuple[list[NDArray[np.intp]], Array]:
 
 
 def _spikes(readings: Readings) -> Iterator[Fault]:
-    (found, usual), force = spikes(readings), readings.force
+    (found, usual), force = spike_rows(readings), readings.force
     if not found:
         return
     top = max(found, key=lambda group: float(np.abs(force - usual)[group].max()))

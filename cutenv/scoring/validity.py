@@ -11,7 +11,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from cutenv._base.arrays import Array
 from cutenv.measurement import QualityIssue
-from cutenv.measurement.signal_faults import Readings, smoothness, spikes
+from cutenv.measurement.signal_faults import Readings, smoothness, spike_rows
 from cutenv.measurement.strokes import END_SPEED, END_WINDOW, STANDSTILL_SPEED
 from cutenv.task_quantities import RUN_ALLOWED
 from cutenv.trace import Trace
@@ -112,7 +112,7 @@ def without_spikes(trace: Trace) -> tuple[Trace, str]:
     """
     if trace.position is None:
         return trace, ""
-    found, usual = spikes(Readings(time=trace.time, force=trace.force, position=trace.position))
+    found, usual = spike_rows(Readings(time=trace.time, force=trace.force, position=trace.position))
     if not found:
         return trace, ""
     rows = np.concatenate(found)
@@ -127,7 +127,7 @@ def without_spikes(trace: Trace) -> tuple[Trace, str]:
     return dataclasses.replace(trace, force=force), said
 
 
-LEAST_RATE = 25.0
+SLOWEST_SCORED = 25.0
 """Readings a second below which runs of the crack and lurches of the blade cannot be told from slow growth [Hz]."""
 _SMOOTHED = 0.25  # smoothness of a force below which a filter has taken the runs out; honest records have 0.37 and more
 _LEAST_LOAD, _OVER_NOISE = 0.05, 6.0  # [N], and multiple of the noise, by which a blade in tissue is loaded
@@ -138,10 +138,10 @@ _CUT = 0.010  # [m] of cut from which its work tells
 
 def unseen(trace: Trace) -> str:
     """Return the reason why runs and lurches cannot be seen in a record; "" if they can."""
-    if trace.sample_rate < LEAST_RATE:
+    if trace.sample_rate < SLOWEST_SCORED:
         return (
             f"{trace.sample_rate:.3g} readings a second are too few to see how the tissue runs and the blade lurches: "
-            f"record {LEAST_RATE:g} or more, better 100"
+            f"record {SLOWEST_SCORED:g} or more, better 100"
         )
     smooth = smoothness(Readings(time=trace.time, force=trace.force))
     if smooth is not None and smooth[0] < _SMOOTHED:

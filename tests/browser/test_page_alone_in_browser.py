@@ -150,7 +150,7 @@ def test_a_whole_cut_is_finished_and_ends_with_a_card(
         lead(way)
     assert page.value("cutenvPage.page.cut.end") == "finished"
     assert page.value("document.getElementById('verdict').textContent").startswith("Finished: ")
-    assert page.value("document.getElementById('results').children.length") == 12
+    assert page.value("document.getElementById('results').children.length") == 10
     assert page.value("document.getElementById('points').rows.length") == len(scoring_data()["points"])
     assert page.value("document.getElementById('card').hidden") is False
 
