@@ -69,6 +69,7 @@ COURSE_WORDS: Mapping[str, Mapping[str, str]] = {
         "duration": "Dauer",
         "idle_time": "Zeit ohne Bewegung",
         "reversals": "Richtungswechsel",
+        "haste": "Anhalteweg der Klinge",
         "tip_error": "Abstand der Spitze vom Ziel",
         "overshoot": "Schnitt über das Ziel hinaus",
         "wedge": "Keil",

@@ -290,7 +290,7 @@ def test_columns_cannot_be_overwritten(number):
 
 @pytest.mark.parametrize("number", ["5.8", "4.13", 5.6, "table_5_6", None])
 def test_an_unknown_table_names_those_that_exist(number):
-    with pytest.raises(ValueError, match=r"table number .*'4\.1', .*'7\.1'"):
+    with pytest.raises(ValueError, match=r"table number .*(Did you mean '\d|'4\.1')"):
         table(number)
 
 

@@ -175,7 +175,6 @@ def test_nothing_hidden_reaches_them():
         "cutenv.task.observation",
         "cutenv.tissue.crack_tip",
         "cutenv.tissue.description",
-        "cutenv.task.reward",
         "cutenv.tissue.specimen",
         "cutenv._base.validation",
     }

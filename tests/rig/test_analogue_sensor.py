@@ -207,7 +207,7 @@ def test_a_rig_file_holds_the_sensor(tmp_path: Path):
     with pytest.raises(ValueError, match="has an assumed cross-talk, for emulated rigs"):
         read_rig_file(path)
     path.write_text(to_toml(rig).replace("force_N = 15.0", "force_N = 150.0").replace("norm_N = 20", "norm_N = 200"))
-    with pytest.raises(ValueError, match=r"limits\.force_N = 150 is beyond what the sensor reads"):
+    with pytest.raises(ValueError, match=r"force_N = 150 N is outside 0\.1 to 100 N"):
         read_rig_file(path)
 
 

@@ -194,7 +194,7 @@ def test_the_command_prints_a_screen_and_writes_page_json_and_records(tmp_path, 
     assert max(map(len, printed.splitlines()[:-6])) <= 120
     told = json.loads(numbers.read_text())
     assert told["changed_si"] == {"motor_lag": 0.12}
-    assert len(told["findings"]) + len(told["not_compared"]) == 29
+    assert len(told["findings"]) + len(told["not_compared"]) == 30
     assert {each["answer"] for each in told["findings"]} <= {"agree", "differ", "undecided"}
     assert (out / "evaluation.html").is_file()
     assert len(list((out / "records" / "rig").glob("*.csv"))) == 6
