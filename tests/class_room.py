@@ -76,6 +76,14 @@ def to_the_end() -> Any:
     return np.concatenate([hand(4000, 3e-5), np.full((26_000, 2), [0.12, np.pi / 2])])
 
 
+def there_and_back(target: float) -> Any:
+    """Movements to a target and back, leaning on the way, by which an even tissue is cut with success."""
+    way = hand(round((target + 0.012) / 1e-5), 1e-5)
+    way[(way[:, 0] > 0.005) & (way[:, 0] < target - 0.013), 1] = np.pi / 4
+    back = np.maximum(way[-1, 0] - 1e-5 * np.arange(1.0, 6000.0), way[-1, 0] - 0.05)
+    return np.concatenate([way, np.stack([back, np.full(len(back), np.pi / 2)], axis=-1)])
+
+
 def begun(client: TestClient, lasts: float = 30.0) -> dict[str, Any]:
     """Begin a cut as the page does, and let some seconds pass; what was handed out."""
     handed_out: dict[str, Any] = client.post("/cuts").json()

@@ -37,7 +37,7 @@ def test_form_is_that_of_ruff_format() -> None:
 
 
 def test_types_are_strict_and_hold() -> None:
-    """What mypy has read is kept in the environment, for the next checkout to read only what differs."""
+    """Types hold in the strict mode of mypy, whose cache in the environment serves the next checkout."""
     check("mypy", "--cache-dir", str(Path(sys.prefix) / "mypy-cache"))
 
 

@@ -82,7 +82,7 @@ class MadeUpAxis:
         return self.stretch(np.concatenate((np.zeros(400), *legs, np.zeros(20))))
 
     def felt(self, sine: Stretch) -> Felt:
-        """What the sensor reads at 1 kHz of the inertia of what it carries; the motion between samples is smooth."""
+        """Readings at 1 kHz of the inertia that the sensor carries; the motion between samples is smooth."""
         rng = np.random.default_rng([self.seed, len(sine.time), 1])
         smooth = make_smoothing_spline(*_increasing(sine.time, sine.position), lam=1e-9)
         time = np.arange(float(sine.time[0]), float(sine.time[-1]), TICK)

@@ -206,8 +206,13 @@ def test_a_rig_file_holds_the_sensor(tmp_path: Path):
     path.write_text(path.read_text().replace('board = "emulated"', 'board = "nidaqmx"'), encoding="utf-8")
     with pytest.raises(ValueError, match="has an assumed cross-talk, for emulated rigs"):
         read_rig_file(path)
-    path.write_text(to_toml(rig).replace("force_N = 15.0", "force_N = 150.0").replace("norm_N = 20", "norm_N = 200"))
-    with pytest.raises(ValueError, match=r"force_N = 150 N is outside 0\.1 to 100 N"):
+    weak = tmp_path / "weak.toml"
+    shipped = resources.path(f"sensors/{SHIPPED_CALIBRATION}.toml").read_text(encoding="utf-8")
+    weak.write_text(shipped.replace("range_V = 10.0", "range_V = 5.0"), encoding="utf-8")
+    half = dataclasses.replace(rig.sensor, options=dataclasses.replace(options, calibration=str(weak)))
+    text = to_toml(dataclasses.replace(rig, sensor=half))
+    path.write_text(text.replace("force_N = 15.0", "force_N = 80.0").replace("norm_N = 20", "norm_N = 100"))
+    with pytest.raises(ValueError, match=r"limits\.force_N = 80 is beyond what the sensor reads"):
         read_rig_file(path)
 
 

@@ -18,7 +18,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 
 from cutenv.rig.devices.drivers import NEXT, DriveState, Event, Latch, Phase
 from cutenv.rig.errors import RigError
-from cutenv.rig.safety.stop_causes import Cause
+from cutenv.rig.safety.stop_causes import Cause, RigStopped
 
 LATE = st.sampled_from([WAY, 0.010, 0.025, 0.045])
 """Ways of the drive's frames to the rig [s]: the host stalls, and samples tell what was true before a stop."""
@@ -63,10 +63,9 @@ class AnyOrder(RuleBasedStateMachine):
     def wait(self, seconds: float) -> None:
         self.rig.wait(seconds)
 
-    @rule()
-    def lose(self) -> None:
-        self.rig.network.lost = 1
-        self.rig.wait(0.5)  # a bus that loses more than five answers in a second is late
+    @rule(frames=st.integers(1, 3))
+    def lose(self, frames: int) -> None:
+        self.rig.network.lost = frames
 
     @rule(locked=st.booleans())
     def stop(self, locked: bool) -> None:
@@ -249,3 +248,25 @@ def test_only_the_operators_word_leads_out_of_a_stop():
     for event in (Event.RELEASE, Event.STOP, Event.RELEASE, Event.LOCK, Event.CLEARED):
         latch.happens(event)
     assert (latch.phase, latch.closed) == (Phase.STOPPED, True)
+
+
+def cut_through_growing_latency(rig: HandMovedRig) -> None:
+    """Cut for a second, in which the way to the rig grows by 4 ms every 20 ms: no sample is ever stale."""
+    for _ in range(50):
+        rig.network.way += 0.004
+        rig.cut(0.01, 0.02)
+
+
+@pytest.mark.parametrize("lost", [6, 20, 60])
+def test_after_an_interrupted_bus_one_reset_is_enough_and_latency_that_grows_still_stops(lost: int) -> None:
+    rig = HandMovedRig().ready()
+    rig.network.lost = lost
+    rig.wait(1.5)
+    assert rig.supervisor.phase is Phase.STOPPED
+    rig.go_on()
+    begun = rig.position
+    rig.cut(0.01, 0.2)
+    assert rig.position - begun > 0.0005
+    with pytest.raises(RigStopped, match="the bus is late"):
+        cut_through_growing_latency(rig)
+    rig.plant.close()

@@ -1,4 +1,4 @@
-"""What the safety page promises has tests, and they are the ones that it lists."""
+"""Promises of the safety page have tests, and the tests are those that the page lists."""
 
 from __future__ import annotations
 

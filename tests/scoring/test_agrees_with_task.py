@@ -23,7 +23,8 @@ from cutenv.task_quantities import DEPTH_COSTS, PATH_COSTS
 from cutenv.trace import Trace
 
 SPECIMENS = 24
-PLAYERS = ("return stroke", "fast then slow", "force feedback", "ppo-free", check_score.FEED, "random")
+HANDS = ("steady hand", "upright hand", "late hand")
+PLAYERS = ("return stroke", "fast then slow", "force feedback", "ppo-free", check_score.FEED, "random", *HANDS)
 
 
 @pytest.fixture(scope="module")
@@ -42,6 +43,13 @@ def test_where_returns_differ_the_score_agrees(rows):
     assert found.pairs > 100
     assert found.agreeing >= 0.95
     assert found.rank_correlation > 0.8
+
+
+def test_the_score_agrees_for_cuts_by_hands_alone(rows):
+    hands = check_score.agreement([row for row in rows if row["policy"] in HANDS])
+    assert hands.pairs > 30
+    assert hands.success_wrong == 0
+    assert 0.85 < hands.agreeing <= hands.possible
 
 
 def test_a_score_turned_round_would_be_noticed(rows):

@@ -100,7 +100,7 @@ CHEATS: dict[str, Callable[[Trace], Trace]] = {
     "upright": lambda trace: forged(trace, angle=np.full(len(trace), 0.5 * math.pi)),
     "turned round": lambda trace: forged(trace, force=-trace.force),
 }
-"""What may be done to a record, by name."""
+"""Changes to a record, by name."""
 
 
 @pytest.mark.parametrize("name", CHEATS)
@@ -164,7 +164,7 @@ def pushed(seed: int) -> Trace:
 
 
 FROZEN = (69.46666666666667, 68.16666666666666, 65.11944444444444, 63.3)
-"""Of the first version; they never move."""
+"""Scores of the first version; they never move."""
 
 
 def test_the_score_of_a_force_alone_is_frozen() -> None:

@@ -204,6 +204,7 @@ class CanopenAxis(AxisDriver):
         self._power_off()
         if self._state is DriveState.FAULT:
             self._reset_fault()
+        self._network.settle(self._settings.node)  # answers that were lost while it was stopped never come
 
     def _reset_fault(self) -> None:
         self._control(o.DISABLE_VOLTAGE)  # the drive resets at the rising edge of the bit, so it must see it low

@@ -160,7 +160,7 @@ class CanNetwork:
         self._answers[node] = self._answers.get(node, 0) + 1
 
     def unanswered(self, node: int) -> int:
-        """Return how many SYNCs since the first answer a node has not answered yet; a lost one counts for a second.
+        """Return how many SYNCs since the first answer a node has not answered yet; they are forgiven one a second.
 
         They are under way where the bus delivers later and later, which the time of their arrival does not show.
         """
@@ -173,6 +173,10 @@ class CanNetwork:
             usual, since = usual + 1, self._syncs
         self._usual[node] = usual, since
         return behind - usual
+
+    def settle(self, node: int) -> None:
+        """Take the SYNCs that a node has not answered by now as usual, as at its opening: after a reset, at rest."""
+        self._usual[node] = self._syncs - self._answers.get(node, 0), self._syncs
 
     def manage(self, command: int, node: int) -> None:
         """Send a network management command to a node.
