@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cutenv._base.output import watched
 from cutenv._base.validation import in_range
 from cutenv.commands.options import (
     add_specimen_class,
@@ -20,7 +21,6 @@ from cutenv.commands.options import (
     made_place,
     reports_errors,
     target_length,
-    watched,
 )
 
 if TYPE_CHECKING:
