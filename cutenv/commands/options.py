@@ -222,6 +222,30 @@ def add_specimen_class(parser: argparse.ArgumentParser, default: str) -> None:
     )
 
 
+def add_tissue(parser: argparse.ArgumentParser) -> None:
+    """Add ``--tissue``; see :func:`drawn_given`."""
+    parser.add_argument(
+        "--tissue",
+        metavar="FILE",
+        help="a tissue of your own, from 'cutenv calibrate', of which the specimens are drawn; default pig liver",
+    )
+
+
+def drawn_given(arguments: argparse.Namespace) -> dict[str, str]:
+    """Return the keyword arguments of an environment for ``--specimen-class`` and ``--tissue``.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        If the file is missing, or no tissue.
+    """
+    from cutenv.envs.tissue_source import TissueSource
+    from cutenv.learning.options import drawn_as
+
+    TissueSource(arguments.tissue)  # refuses another file before anything is cut
+    return drawn_as(vars(arguments))
+
+
 def add_task(parser: argparse.ArgumentParser, part: str, more: str = "", *, several: bool = False) -> None:
     """Add ``--task`` with the tasks that have a part of their entry in the registry; ``more`` follows in the help."""
     from cutenv.task.registry import tasks_in_words, tasks_with

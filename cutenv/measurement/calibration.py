@@ -265,8 +265,8 @@ def measure_cuts(
 
 def _why_no_resistance(cut: MeasuredCut) -> str:
     """Return the reason why a cut shows no resistance, which would spoil the mean of the others; empty for a cut."""
-    travel = float(np.ptp(cut.trace.position))
-    if flags := hardly_ran(cut.fracture.cut_length, travel):
+    assert cut.trace.position is not None, "the resistance is measured by it"
+    if flags := hardly_ran(cut.fracture.cut_length, float(np.ptp(cut.trace.position))):
         return f"{flags[0]}. Cut 5 cm or farther, at an angle or speed at which the blade gets in"
     if cut.fracture.corrected <= 0.0:
         found = cut.fracture.corrected
