@@ -58,6 +58,7 @@ RIG_COMMANDS = {
 COMMANDS = {
     "demo": Command("watch a trained agent cut beside the best script, in half a minute", extra="view"),
     "docs": Command("open the documentation in a browser, without a network"),
+    "warm": Command("compile everything ahead of the first cut: for images, clusters and classrooms"),
     "train": Command("train an agent and report how well it cuts", extra="rl"),
     "evaluate": Command("compare policies on the same held-out specimens"),
     "submit": Command("enter a policy on the leaderboard, or check an entry"),
