@@ -17,6 +17,7 @@ from importlib import import_module
 import cutenv
 from cutenv._base.imports import missing_extra
 from cutenv._base.output import reader_has_gone
+from cutenv._base.resources import described_version
 
 
 @dataclass(frozen=True)
@@ -166,6 +167,14 @@ def _run(name: str, command: Command, argv: list[str]) -> int:
     return status or 0
 
 
+class _Version(argparse.Action):
+    """Prints the version; git is asked only when that is asked for."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *given: object) -> None:
+        print(f"cutenv {described_version(cutenv.__version__)}")
+        parser.exit()
+
+
 def _parser(name: str, command: Command) -> argparse.ArgumentParser:
     listed = "\n".join(f"  {part:<10} {about.summary}" for part, about in command.parts.items())
     version = "[--version] " * (command is PROGRAM)
@@ -177,6 +186,6 @@ def _parser(name: str, command: Command) -> argparse.ArgumentParser:
         usage=f"{name} [-h] {version}COMMAND ...",
     )
     if version:
-        parser.add_argument("--version", action="version", version=f"cutenv {cutenv.__version__}")
+        parser.add_argument("--version", action=_Version, nargs=0, help="show version, in a checkout with its commit")
     parser.add_argument("command", choices=command.parts, metavar="COMMAND", help="one of those listed below")
     return parser

@@ -1,7 +1,8 @@
-"""Paths of the measured data: beside the package in a checkout, inside it in an installed wheel."""
+"""Paths of the measured data, beside the package in a checkout, inside it in a wheel; and the checkout's commit."""
 
 from __future__ import annotations
 
+import subprocess
 from pathlib import Path
 
 _PACKAGE = Path(__file__).resolve().parents[1]
@@ -50,3 +51,20 @@ def path(name: str) -> Path:
             f"No data file {name!r}: looked for {found}. Check the name; if it is right, reinstall cutenv."
         )
     return found
+
+
+def git(*arguments: str) -> str | None:
+    """Return what git prints about the checkout that this package is part of; None if it is installed elsewhere."""
+    checkout = _CHECKOUT.parent
+    if not (checkout / "pyproject.toml").is_file():  # in site-packages: a repository around it is somebody else's
+        return None
+    done = subprocess.run(["git", *arguments], cwd=checkout, capture_output=True, text=True, check=False)
+    return done.stdout.strip() if done.returncode == 0 else None
+
+
+def described_version(version: str) -> str:
+    """Return a version with the commit of the checkout, and a mark if files have changed since; a wheel has neither."""
+    commit = git("rev-parse", "--short=12", "HEAD")
+    if commit is None:
+        return version
+    return f"{version}+{commit}{'.changed' if git('status', '--porcelain', '--untracked-files=no') else ''}"

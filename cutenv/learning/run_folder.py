@@ -7,7 +7,6 @@ import dataclasses
 import importlib.metadata
 import json
 import platform
-import subprocess
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -15,14 +14,13 @@ from typing import Any, Generic, NoReturn, TypeVar
 
 import gymnasium
 
-import cutenv
 from cutenv._base.output import atomic_write, check_writable
+from cutenv._base.resources import git
 from cutenv.learning.arguments import BadArguments, LearnerArguments, for_rig
 from cutenv.learning.options import add_options, declared, flag_of, parse
 from cutenv.learning.seeds import TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
 from cutenv.policy import Network, RecurrentNetwork, save_policy
 
-_CHECKOUT = Path(cutenv.__file__).parents[1]
 PACKAGES = ("cutenv", "gymnasium", "numpy", "numba", "scikit-fem", "stable-baselines3", "sb3-contrib", "torch")
 
 
@@ -79,14 +77,6 @@ def export(
 def versions(packages: Sequence[str]) -> dict[str, str]:
     """Return the versions of these packages and of Python."""
     return {name: importlib.metadata.version(name) for name in packages} | {"python": platform.python_version()}
-
-
-def git(*arguments: str) -> str | None:
-    """Return what git prints about the checkout that this package is part of; None if it is installed elsewhere."""
-    if not (_CHECKOUT / "pyproject.toml").is_file():  # in site-packages: a repository around it is somebody else's
-        return None
-    done = subprocess.run(["git", *arguments], cwd=_CHECKOUT, capture_output=True, text=True, check=False)
-    return done.stdout.strip() if done.returncode == 0 else None
 
 
 def origin(run: Path, packages: Sequence[str]) -> dict[str, Any]:

@@ -19,10 +19,11 @@ from benchmark.aggregate import disagreements, read_summary
 from benchmark.kept_cuts import file_of, write_run
 from benchmark.protocol import BEST_FEED, ENTRIES, SCRIPTED, Entry, slug
 from benchmark.robustness import settings
+from cutenv._base.resources import git
 from cutenv.commands.train import LEARNERS, training_options
 from cutenv.learning.benchmark import SCRATCH, Protocol, returns_after, training_kind
 from cutenv.learning.evaluation import Contestant, contestant, evaluate
-from cutenv.learning.run_folder import checkpoint_of, git, marked
+from cutenv.learning.run_folder import checkpoint_of, marked
 from cutenv.learning.seeds import VALIDATION_SEEDS
 from cutenv.learning.statistics import best_script, read_rows, rows_of, summarise, write_csv
 from cutenv.policy import BASELINES, CONSTANT_FEEDS, NULL_POLICIES, ORACLE

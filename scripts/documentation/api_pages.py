@@ -9,13 +9,31 @@ from pathlib import Path
 PACKAGE = Path(__file__).parents[2] / "cutenv"
 FOLDER = "reference/api"
 MODULES = (
-    "cutenv._engine.parallel",
     "cutenv.envs.vector",
+    "cutenv.learning.arguments",
+    "cutenv.learning.evaluation",
+    "cutenv.learning.seeds",
+    "cutenv.learning.statistics",
+    "cutenv.measurement.depth_sections",
+    "cutenv.play.course",
+    "cutenv.play.play_session",
+    "cutenv.play.play_window",
+    "cutenv.rig.config.axes",
+    "cutenv.rig.config.settings",
     "cutenv.rig.devices.drivers",
     "cutenv.rig.safety.supervisor",
+    "cutenv.rig_drivers.driver_conformance",
+    "cutenv.scoring.metric",
+    "cutenv.task.observation",
+    "cutenv.task.reward",
+    "cutenv.tissue.lines",
     "cutenv.trace",
+    "cutenv.vision.beads",
+    "cutenv.vision.distortion",
+    "cutenv.vision.fluoroscopy",
+    "cutenv.vision.projection",
 )
-"""Public modules that belong to no package with a list of names."""
+"""Public modules that belong to no package with a list of names; a test finds those that a page or an example uses."""
 INTERNAL = ("cutenv.rig.devices.canopen", "cutenv.viewer.solid")
 """Packages whose names are for their neighbours only."""
 

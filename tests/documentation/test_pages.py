@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import ast
 import contextlib
 import dataclasses
+import importlib
 import io
 import math
 import pkgutil
@@ -14,6 +16,7 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
+import api_pages
 import pytest
 
 from cutenv import cli
@@ -49,6 +52,28 @@ def test_the_python_of_a_page_runs_as_it_stands(page, number, tmp_path, monkeypa
     code = list(blocks(page, "python"))[number]
     module = types.ModuleType("__main__")  # a name of its own for every block: none lives on another's imports
     exec(compile(code, f"{page}, block {number}", "exec"), module.__dict__)
+
+
+def imported() -> Iterator[tuple[str, str, str]]:
+    """Place, module and name of everything that pages and examples import from the package."""
+    code = [(page, text) for page in PAGES for text in blocks(page, "python")]
+    code += [(path.name, path.read_text(encoding="utf-8")) for path in sorted((ROOT / "examples").glob("*.py"))]
+    for place, text in code:
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("cutenv."):
+                yield from ((place, node.module or "", alias.name) for alias in node.names)
+
+
+def test_what_pages_and_examples_import_is_in_the_reference_and_public():
+    documented = api_pages.modules()
+    assert [name for name in documented if any(part.startswith("_") for part in name.split("."))] == []
+    used = list(imported())
+    assert len(used) > 50
+    for place, module, name in used:
+        assert module in documented, f"{place} imports {name} from {module}, which has no page"
+        listed = getattr(importlib.import_module(module), "__all__", None)
+        assert not name.startswith("_"), place
+        assert listed is None or name in listed, f"{place} imports {name}, which {module} does not list"
 
 
 def commands(page: str) -> Iterator[list[str]]:

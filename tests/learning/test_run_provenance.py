@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import cutenv
+from cutenv._base import resources
 from cutenv.learning import run_folder
 
 
@@ -67,7 +68,7 @@ def test_a_run_json_of_an_earlier_version_is_filled_up(tmp_path, at):
 
 def test_an_installed_package_is_of_no_commit_though_a_repository_may_be_around_it(tmp_path, monkeypatch):
     """A virtual environment often lies in somebody's own repository."""
-    assert run_folder._CHECKOUT == Path(cutenv.__file__).parents[1]
+    assert resources._CHECKOUT.parent == Path(cutenv.__file__).parents[1]
     for command in (
         ["git", "init", "-q"],
         ["git", "-c", "user.name=a", "-c", "user.email=a@b", "commit", "-q", "--allow-empty", "-m", "theirs"],
@@ -75,7 +76,7 @@ def test_an_installed_package_is_of_no_commit_though_a_repository_may_be_around_
         subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
     site = tmp_path / "site-packages"
     site.mkdir()
-    monkeypatch.setattr(run_folder, "_CHECKOUT", site)
-    assert run_folder.git("rev-parse", "HEAD") is None
+    monkeypatch.setattr(resources, "_CHECKOUT", site / "assets")
+    assert resources.git("rev-parse", "HEAD") is None
     (site / "pyproject.toml").touch()
-    assert len(run_folder.git("rev-parse", "HEAD")) == 40
+    assert len(resources.git("rev-parse", "HEAD")) == 40

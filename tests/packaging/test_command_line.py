@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 import types
@@ -26,7 +27,7 @@ def install(monkeypatch: pytest.MonkeyPatch, main: object) -> None:
 def test_version_is_that_of_the_package() -> None:
     command = [sys.executable, "-m", "cutenv", "--version"]
     ran = subprocess.run(command, capture_output=True, text=True, check=True)
-    assert ran.stdout == f"cutenv {cutenv.__version__}\n"
+    assert re.fullmatch(rf"cutenv {re.escape(cutenv.__version__)}(\+[0-9a-f]{{12}}(\.changed)?)?\n", ran.stdout)
 
 
 def test_help_lists_every_command(capsys: pytest.CaptureFixture[str]) -> None:
