@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
@@ -88,6 +89,12 @@ def missing_extra(error: ModuleNotFoundError, preferred: str = "") -> str | None
         return None
     extra = preferred if preferred in extras else extras[0]
     return f"{package} is not installed: pip install 'cutenv[{extra}]'"
+
+
+def import_from_here() -> None:
+    """Let modules of the present folder be imported, as ``python -m`` does: a policy or driver of one's own."""
+    if "" not in sys.path:
+        sys.path.insert(0, "")
 
 
 @contextmanager

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 
 from cutenv._base import resources
+from cutenv._base.imports import import_from_here
 from cutenv._base.validation import one_of
 from cutenv.policy.feedback import ForceFeedback, ProbeAndCreep
 from cutenv.policy.interface import Policy
@@ -118,8 +118,7 @@ def policy_of_class(name: str) -> Policy | None:
     module, colon, made = name.partition(":")
     if not (colon and module.replace(".", "").isidentifier()):
         return None
-    if "" not in sys.path:
-        sys.path.insert(0, "")
+    import_from_here()
     try:
         own: Policy = getattr(import_module(module), made)()
     except (ImportError, AttributeError) as error:

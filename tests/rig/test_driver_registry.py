@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import importlib.metadata
 import json
+import sys
 from pathlib import Path
 
 import pytest
@@ -101,6 +102,15 @@ def test_drivers_of_a_rig_share_what_they_name(tmp_path: Path) -> None:
 def test_a_plant_is_made_of_the_drivers_that_the_file_names(tmp_path: Path) -> None:
     plant = rig_plant(read_rig_file(written(tmp_path, TEXT)), FakeClock())
     assert isinstance(plant._sensor, Plug)
+
+
+def test_a_driver_of_ones_own_may_lie_in_the_present_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As a policy may: ``python -m`` finds it there, and so does the installed program."""
+    (tmp_path / "stage_of_ours.py").write_text(f"from {__name__} import Plug as Stage\n", encoding="utf-8")
+    monkeypatch.setattr(sys, "path", [entry for entry in sys.path if entry != ""])
+    monkeypatch.chdir(tmp_path)
+    plant = rig_plant(read_rig_file(written(tmp_path, TEXT.replace(HERE, "stage_of_ours:Stage", 1))), FakeClock())
+    assert type(plant._axes[0]).__name__ == "Plug"
 
 
 def test_what_is_written_is_read_again_and_holds_no_key_of_other_drivers(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from enum import StrEnum
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, NamedTuple, TypeVar
 
+from cutenv._base.imports import import_from_here
 from cutenv._base.validation import one_of
 from cutenv.rig.config.axes import Axis
 from cutenv.rig.config.file_schema import FileKey, keys_of
@@ -242,6 +243,7 @@ def driver_named(kind: DriverKind, name: str) -> RegisteredDriver:
     """
     module, colon, attribute = name.partition(":")
     if colon and module and attribute:
+        import_from_here()
         return RegisteredDriver(name, kind, module.partition(".")[0], name)
     known = registered_drivers(kind)
     try:
