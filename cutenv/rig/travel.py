@@ -7,11 +7,10 @@ from abc import ABC, abstractmethod
 
 from cutenv._base.arrays import StructArray
 from cutenv.rig.config.settings import RigSettings
-from cutenv.rig.devices.drivers import MotionDriver
 from cutenv.rig.devices.host import Clock, Owner
 from cutenv.rig.errors import RigError
+from cutenv.rig.safety.oversight import Oversight
 from cutenv.rig.safety.stop_causes import Cause, RigStopped, StopReport
-from cutenv.rig.safety.supervisor import Supervisor
 
 RAISE_SPEED = 0.005
 """Speed at which the blade is moved across the cut outside of it [m/s]."""
@@ -36,9 +35,9 @@ class Travel(ABC):
 
     settings: RigSettings
     clock: Clock
-    supervisor: Supervisor
+    supervisor: Oversight
     owner: Owner
-    _angle: MotionDriver | None
+    _turns: bool  # an axis turns the blade
     _way: list[tuple[float, float]]  # [m] places of the blade since the clamp, some apart
 
     @abstractmethod
@@ -61,7 +60,7 @@ class Travel(ABC):
         """
         held = self._angle_now()
         wanted = held if angle is None else angle
-        turning = 0.0 if self._angle is None else abs(wanted - held) / SLOW_TURN
+        turning = 0.0 if not self._turns else abs(wanted - held) / SLOW_TURN
         deadline = self.clock.now() + 3.0 * (abs(position - self.position) / speed + turning) + 5.0
         arrived = False
         while not (arrived and self._turned(wanted)):
@@ -159,7 +158,7 @@ class Travel(ABC):
         return self.place("blade")
 
     def _turned(self, wanted: float) -> bool:
-        return self._angle is None or abs(wanted - self._angle_now()) < 4 * AIMED
+        return not self._turns or abs(wanted - self._angle_now()) < 4 * AIMED
 
     def _angle_now(self) -> float:
         sample = self.supervisor.axis("angle")
