@@ -145,7 +145,7 @@ def check_stays(rig: FakeRig) -> None:
 def begin_again(rig: FakeRig) -> None:
     """The operator resets, lays a new specimen, and cuts go on."""
     rig.faults.__dict__.update(vars(Faults()))
-    rig.sensor.listener = rig.plant
+    rig.sensor.listener = rig.plant.spine
     rig.plant.supervisor.reset(agreed=True)
     rig.mount()
     rig.plant.power()

@@ -15,7 +15,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Protocol
 
 from cutenv.rig.errors import RigError
@@ -274,6 +274,8 @@ class Owner:
 
 PRIORITY = 10
 """Priority from 1 to 99: above every ordinary process, below the kernel's own threads."""
+NICENESS = -10
+"""Niceness of the thread that decides, from -20, the least considerate, to 19."""
 SWITCH = 0.0005
 """Time after which Python lets another thread run [s]; the default of 5 ms is five force readings."""
 
@@ -295,11 +297,16 @@ def prefer(*, first_in: bool = False) -> bool:
 
 @contextmanager
 def undisturbed() -> Iterator[None]:
-    """Do not search what is loaded for garbage in the block, and switch faster between threads.
+    """Do not search what is loaded for garbage in the block, switch faster between threads, and wait less for others.
 
-    With NumPy, SciPy and Numba such a search takes up to a tenth of a second, and the next command would be late.
+    With NumPy, SciPy and Numba such a search takes up to a tenth of a second, and the next command would be late. The
+    thread gets a greater share of a busy computer than others, where the system lets it.
     """
-    switch = sys.getswitchinterval()
+    switch, niceness = sys.getswitchinterval(), None
+    if hasattr(os, "setpriority"):
+        niceness = os.getpriority(os.PRIO_PROCESS, 0)
+        with suppress(OSError):
+            os.setpriority(os.PRIO_PROCESS, 0, min(niceness, NICENESS))
     gc.collect()
     gc.freeze()
     sys.setswitchinterval(SWITCH)
@@ -308,6 +315,8 @@ def undisturbed() -> Iterator[None]:
     finally:
         gc.unfreeze()
         sys.setswitchinterval(switch)
+        if niceness is not None:
+            os.setpriority(os.PRIO_PROCESS, 0, niceness)
 
 
 @contextmanager
