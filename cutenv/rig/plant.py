@@ -242,21 +242,25 @@ class RigPlant(Travel):
         self._raise_if_stopped()  # perhaps since the last command
         self._due = start + period
         self.heading.turn(turn_rate, start, self._due)
-        turned = self._go(speed, angle, descent_speed)
+        go = partial(self._go, speed, angle, descent_speed, period)
+        turned = go()
         self._note_timing()
-        self._wait(
-            self._due, turned, go=partial(self._go, speed, angle, descent_speed) if turn_rate and speed else None
-        )
+        self._wait(self._due, turned, go=go if turn_rate and speed else None)
         self._raise_if_stopped()
         return self._collect(int(ticks))
 
-    def _go(self, speed: float, angle: float, descent_speed: float) -> float:
-        """Command a blade to go where it points, until the end of the period; return the angle to turn to [rad]."""
+    def _go(self, speed: float, angle: float, descent_speed: float, period: float) -> float:
+        """Command a blade to go where it points, until the end of the period; return the angle to turn to [rad].
+
+        However late in the period it is, the next command may be as late as after the first one.
+        """
         assert self._due is not None
         now = self.clock.now()
         lag = self.settings.identified.motor_lag or NOMINAL_LAG
         ahead, left = self.heading.speeds(speed, now + 0.5 * self.settings.bus.sync, lead=lag)
-        return self._drive(ahead, angle, hold=self._due - now, height=-descent_speed, side=left)
+        overrun = self.settings.limits.overrun
+        hold = (self._due - now + overrun * period) / (1.0 + overrun)
+        return self._drive(ahead, angle, hold=hold, height=-descent_speed, side=left)
 
     def halt(self) -> None:
         """Bring the blade to rest on its ramp, as at the end of a cut, and lock the rig."""
