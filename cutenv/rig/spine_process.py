@@ -17,6 +17,7 @@ import signal
 import socket
 import sys
 import threading
+import time
 from contextlib import suppress
 from dataclasses import asdict
 from multiprocessing.connection import Connection
@@ -36,6 +37,7 @@ OF_SUPERVISOR = ("release", "lock", "lower", "reset")
 SEEN = ("latched", "beyond", "pressed", "relieving", "standing")
 """Properties of the supervisor that it may read."""
 _DETAIL = 600  # characters of a detail that are told
+_FOREVER = 3600.0  # [s]
 _log = logging.getLogger(__name__)
 
 
@@ -71,7 +73,7 @@ class _Served:
         self._program, self._its_parent = os.getppid(), 0
         self._told: tuple[Any, ...] = ()
         self._heard = 0  # stops that were asked for
-        self._leaving = threading.Lock()
+        self._over = self._leaving = False  # the loop alone begins to leave
 
     def run(self) -> None:
         """Take commands and calls until the program has ended, or has closed the rig."""
@@ -84,8 +86,9 @@ class _Served:
             self._tell()  # first: who has the answer may ask for the state
             with suppress(OSError):  # nobody waits for it any more
                 self._line.send_bytes(reply)
-        self._leave()
-        threading.Event().wait()  # for the end of this process
+        self._over = True
+        while True:
+            time.sleep(_FOREVER)  # the loop's end is the end of this process
 
     def _commanded(self, message: bytes) -> bytes:
         mark, number, parent, given, speed, angle, hold, height, side = COMMAND.unpack(message)
@@ -134,13 +137,16 @@ class _Served:
         while (asked := self._link.stops.take()) is not None:
             wanted = json.loads(asked)
             if "close" in wanted:
-                self._leave()
+                self._over = True
             else:
                 self.supervisor.trip(Cause(wanted["cause"]), wanted["detail"])
             self._heard += 1
         if os.getppid() != self._program:
             self.supervisor.trip(Cause.ORPHANED, f"the program {self._program}, which commands the rig, has ended")
-            self._leave()
+            self._over = True
+        if self._over and not self._leaving:
+            self._leaving = True
+            threading.Thread(target=self._closed, name="rig close").start()  # the loop has to go on meanwhile
         self._tell()
 
     def _tell(self) -> None:
@@ -152,12 +158,8 @@ class _Served:
             self._told = state
             self._link.states.put(json.dumps(state).encode())
 
-    def _leave(self) -> None:
-        """Close the rig and end this process, once, from a thread of its own: the loop has to go on meanwhile."""
-        if self._leaving.acquire(blocking=False):
-            threading.Thread(target=self._closed, name="rig close").start()
-
     def _closed(self) -> None:
+        """Close the rig, and end this process."""
         try:
             self.spine.close()
             self._tell()

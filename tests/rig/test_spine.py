@@ -25,7 +25,7 @@ from cutenv.rig.spine_link import Ring, SampleWriter, deliver, ring_size
 
 UPRIGHT = math.pi / 2
 HERE = Path(__file__).parent
-PERIOD = 0.020
+PERIOD = 0.050
 PROGRAM = """
 import ctypes, os, sys, time
 from stage_in_memory import settings
@@ -38,9 +38,9 @@ spine.power()
 spine.clock.sleep_until(spine.clock.now() + 0.1)
 spine.supervisor.release()
 for _ in range(10):
-    spine.supervisor.drive(0.01, 1.5708, 0.02)
-    spine.clock.sleep_until(spine.clock.now() + 0.02)
-spine.supervisor.drive(0.01, 1.5708, 0.02)
+    spine.supervisor.drive(0.01, 1.5708, 0.05)
+    spine.clock.sleep_until(spine.clock.now() + 0.05)
+spine.supervisor.drive(0.01, 1.5708, 0.05)
 os.write(1, f"{spine.pid} {time.monotonic()}\\n".encode())
 """
 """Program that makes ready, moves the blade, and tells the id of its spine, and when it sent its last command."""
