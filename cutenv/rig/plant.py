@@ -71,8 +71,6 @@ class RigPlant(Travel):
         Safety of the rig, which has to be released before any motion.
     keep : callable
         Called with all readings as they are made, to store them on disk.
-    witness : Observer or None
-        Receiver of samples, readings and heartbeats after the supervisor, for measurements of the rig itself.
     timing : Timing
         Timing of the control clock.
     heading : Heading
@@ -91,7 +89,7 @@ class RigPlant(Travel):
         self._turns = self.settings.angle is not None
         self.depth = np.zeros(N_POINTS)
         self.keep: Callable[[StructArray], None] = lambda readings: None
-        self.witness: Observer | None = None
+        self._witness: Observer | None = None
         self.timing = Timing()
         self.zero = (0.0, 0.0, 0.0)
         self.proven: date | None = None
@@ -114,6 +112,16 @@ class RigPlant(Travel):
         self._depth = array_in_range("depth", depth, 0.0, 0.2, "m", "2 cm is 0.02.")
         if self._depth.shape != (N_POINTS,):
             raise ValueError(f"depth has shape {self._depth.shape}; give {N_POINTS} values, one every 0.5 mm.")
+
+    @property
+    def witness(self) -> Observer | None:
+        """Receiver of samples, readings and heartbeats from now on, for measurements of the rig itself; or None."""
+        return self._witness
+
+    @witness.setter
+    def witness(self, witness: Observer | None) -> None:
+        self.spine.hear()  # what was reported before is not for it
+        self._witness = witness
 
     def open(self) -> None:
         """Connect to drives and sensor, see :meth:`cutenv.rig.spine.Spine.open`; nothing moves."""
@@ -171,19 +179,19 @@ class RigPlant(Travel):
     def force(self, sample: ForceSample) -> None:
         """Take a reading of the force sensor."""
         self._grid.force(sample)
-        if self.witness is not None:
-            self.witness.force(sample)
+        if self._witness is not None:
+            self._witness.force(sample)
 
     def motion(self, axis: str, sample: MotionSample) -> None:
         """Take a sample of an axis."""
         self._grid.motion(axis, sample)
-        if self.witness is not None:
-            self.witness.motion(axis, sample)
+        if self._witness is not None:
+            self._witness.motion(axis, sample)
 
     def alive(self, axis: str, time: float) -> None:
         """Take a heartbeat of a drive."""
-        if self.witness is not None:
-            self.witness.alive(axis, time)
+        if self._witness is not None:
+            self._witness.alive(axis, time)
 
     def garbled(self, why: str, time: float) -> None:
         """Count a packet that is not a valid reading."""

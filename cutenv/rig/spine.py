@@ -122,6 +122,9 @@ class Spine:
             self.clock.every(WATCH, self._watch_parent, "rig parent watch"),
         ]
 
+    def hear(self) -> None:
+        """Do nothing: whatever drivers report is received at once."""
+
     def _check_rate(self) -> None:
         """Raise RigError for a sensor at another rate than in the file: force limits count readings."""
         rate, wanted = self.sensor.rate, self.settings.sensor.rate
