@@ -24,7 +24,7 @@ from cutenv.rig.safety.motion_monitor import NOMINAL_LAG
 from cutenv.rig.safety.oversight import Oversight
 from cutenv.rig.safety.stop_causes import WATCH, Cause, StopReport
 from cutenv.rig.spine import Spine
-from cutenv.rig.travel import AIMED, SLICE, Travel
+from cutenv.rig.travel import AIMED, SLICE, VALID, Travel
 from cutenv.tissue.lines import CutLine
 from cutenv.tissue.specimen import N_POINTS
 
@@ -277,7 +277,7 @@ class RigPlant(Travel):
             deadline = self.clock.now() + REST_WITHIN
             while not self.supervisor.standing and self.supervisor.phase == "ready" and self.clock.now() < deadline:
                 try:
-                    self.supervisor.drive(0.0, self._angle_now(), hold=SLICE)
+                    self.supervisor.drive(0.0, self._angle_now(), hold=VALID)
                     if self._turns:
                         self.supervisor.turn(0.0)
                 except RigError:  # stopped at this moment: it comes to rest anyway

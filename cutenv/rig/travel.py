@@ -19,7 +19,9 @@ SLOW_TURN = math.radians(10.0)
 AIMED = math.radians(0.05)
 """Error below which the hinge is not moved [rad]."""
 SLICE = 0.02
-"""Time of waiting, and validity of a command outside a cut, at a time [s]."""
+"""Time of waiting outside a cut, at a time [s]."""
+VALID = 0.05
+"""Validity of a command outside a cut [s]: a busy computer may be late, at 5 mm/s by a quarter of a millimetre."""
 _ARRIVED = 2e-5  # [m] distance at which the blade has arrived
 _NEAR = 3e-4  # [m] distance at which it has passed a place on its way back
 
@@ -71,10 +73,10 @@ class Travel(ABC):
                 to = f"{1e3 * position:g} mm and {math.degrees(wanted):.1f} degrees"
                 raise RigError(f"the blade stands at {where} and does not reach {to}.")
             rate = math.copysign(min(speed, 4.0 * abs(left)), left) if abs(left) > _ARRIVED else 0.0
-            turned = self._drive(rate, wanted if arrived else held, hold=SLICE)
+            turned = self._drive(rate, wanted if arrived else held, hold=VALID)
             self._wait(self.clock.now() + SLICE, turned, fastest=SLOW_TURN)
             self._raise_if_stopped()
-        self._drive(0.0, wanted, hold=SLICE)
+        self._drive(0.0, wanted, hold=VALID)
         self._wait(self.clock.now() + SLICE, wanted, fastest=SLOW_TURN)
 
     def raise_to(self, height: float, *, speed: float = RAISE_SPEED) -> None:
@@ -133,11 +135,11 @@ class Travel(ABC):
                 raise RigError(f"{stands}.")
             fast = (speed if passing else min(speed, 4.0 * farthest)) / farthest
             speeds = {name: fast * way for name, way in off.items()}
-            self._drive(speeds.pop("blade", 0.0), held, hold=SLICE, **speeds)
+            self._drive(speeds.pop("blade", 0.0), held, hold=VALID, **speeds)
             self._wait(self.clock.now() + SLICE, held, fastest=SLOW_TURN)
             self._raise_if_stopped()
         if not passing:
-            self._drive(0.0, held, hold=SLICE)
+            self._drive(0.0, held, hold=VALID)
             self._wait(self.clock.now() + SLICE, held, fastest=SLOW_TURN)
 
     def place(self, name: str) -> float:
