@@ -12,7 +12,6 @@ import json
 import logging
 import os
 import pickle
-import resource
 import signal
 import socket
 import sys
@@ -204,7 +203,9 @@ def _take_precedence() -> bool:
     gc.freeze()
     gc.disable()
     sys.setswitchinterval(SWITCH)
-    with suppress(OSError, AttributeError, ValueError):
+    with suppress(ImportError, OSError, AttributeError, ValueError):
+        import resource  # Windows, where the module has to be importable, has none
+
         everything, later = 1, 2
         unlimited = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0] == resource.RLIM_INFINITY or os.geteuid() == 0
         ctypes.CDLL(None).mlockall(everything | (later if unlimited else 0))
