@@ -90,7 +90,7 @@ class Scene:
     def rig(self) -> CuttingRig:
         """The rig that cuts on it."""
         if self._rig is None:
-            self._rig = CuttingRig(self.emulator.settings, self.emulator.control)
+            self._rig = CuttingRig(self.emulator.settings, self.emulator.control, within=True)
         return self._rig
 
     def note(self, text: str) -> None:

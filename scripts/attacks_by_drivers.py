@@ -29,7 +29,7 @@ def _over(scene: Scene) -> None:
 
 
 def _axis(scene: Scene) -> Any:
-    return scene.rig.plant._axes[0]
+    return scene.rig.plant.spine.axes[0]
 
 
 def command_hangs(scene: Scene) -> None:
@@ -58,11 +58,11 @@ def command_raises(scene: Scene) -> None:
 
 def _lied(scene: Scene, time: float) -> None:
     """Stamp what the sensor sends with a time, and let it fall silent then."""
-    plant, sensor = scene.rig.plant, scene.rig.plant._sensor
+    plant, sensor = scene.rig.plant, scene.rig.plant.spine.sensor
     newest = plant.supervisor.newest_force
     assert newest is not None
     sensor._listener = None  # type: ignore[attr-defined]
-    plant.force(newest._replace(time=time, sequence=newest.sequence + 1))
+    plant.spine.force(newest._replace(time=time, sequence=newest.sequence + 1))
 
 
 def times_in_the_future(scene: Scene) -> None:
@@ -77,8 +77,8 @@ def times_that_are_none(scene: Scene) -> None:
 
 def watchdog_ended(scene: Scene) -> None:
     """End the watchdog, and let the sensor fall silent: the drive's own watch, or a command, has to stop it."""
-    scene.rig.plant._timers[0].stop()
-    scene.rig.plant._sensor._listener = None  # type: ignore[attr-defined]
+    scene.rig.plant.spine.timers[0].stop()
+    scene.rig.plant.spine.sensor._listener = None  # type: ignore[attr-defined]
 
 
 STOPPED: tuple[Callable[[Scene], None], ...] = (

@@ -141,7 +141,7 @@ def wall_clock_set(scene: Scene) -> None:
 
 def socket_taken_away(scene: Scene) -> None:
     """Close the descriptor of the CAN connection under the driver."""
-    network = scene.rig.plant._axes[0]._network  # type: ignore[attr-defined]
+    network = scene.rig.plant.spine.axes[0]._network  # type: ignore[attr-defined]
     network._bus._socket.close()
 
 
@@ -149,7 +149,7 @@ def forked_child(scene: Scene) -> None:
     """Fork in a policy, and let its child close the rig, stop and command the drive."""
     plant = scene.rig.plant
     actions: tuple[Callable[[], object], ...] = (
-        plant.close, plant._axes[0].quick_stop, plant._axes[0].close, lambda: plant.advance(0.0, 1.5, 20),
+        plant.close, plant.spine.axes[0].quick_stop, plant.spine.axes[0].close, lambda: plant.advance(0.0, 1.5, 20),
     )  # fmt: skip
     child = os.fork()
     if not child:

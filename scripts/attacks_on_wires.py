@@ -13,6 +13,7 @@ from typing import Any
 from attack_scene import Attack, Scene, named
 
 from cutenv.rig.devices.canopen.bus import Socketcand
+from cutenv.rig.devices.host import SystemClock
 from cutenv.rig.devices.netft.packets import RdtCommand, request_bytes
 from cutenv.rig.errors import RigError
 from cutenv.rig.hardware import rig_plant
@@ -116,7 +117,7 @@ def gateway_hears_garbage(scene: Scene) -> None:
 
 def second_program(scene: Scene) -> None:
     """Start a second program, or another environment, for the same rig: refused, and the first goes on."""
-    plant = rig_plant(scene.emulator.settings)
+    plant = rig_plant(scene.emulator.settings, SystemClock())
     try:
         plant.open()
         scene.note("! two programs have one rig")
@@ -128,7 +129,7 @@ def second_program(scene: Scene) -> None:
 
 def foreign_packets_to_us(scene: Scene) -> None:
     """Send a thousand packets to our port of the sensor from elsewhere."""
-    opened = scene.rig.plant._sensor._socket
+    opened = scene.rig.plant.spine.sensor._socket
     if opened is None:
         raise RuntimeError("the sensor is not open")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:

@@ -143,7 +143,7 @@ def beside(settings: CameraSettings | None, minutes: float, seed: int, folder: P
                 raise SystemExit(f"the camera measures nothing: {camera.ended or 'no frame came'}")
         spent, begun = 0.0 if camera is None else camera.processor_time(), time.monotonic()
         load = LoadWatch()
-        soak = rig_soak.soak(minutes, seed=seed, real_time=True, records=folder, camera=camera)
+        soak = rig_soak.soak(minutes, seed=seed, records=folder, camera=camera)
         ended = time.monotonic()
         told: dict[str, Any] = {"soak": soak, "load": load.mean()}
         if camera is not None:

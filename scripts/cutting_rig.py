@@ -71,16 +71,19 @@ class CuttingRig:
         Settings of the emulated rig.
     control : EmulatorControl
         Control for mounting specimens.
+    within : bool
+        True if drivers and safety are to be in this process, for attacks that reach into them.
     """
 
-    def __init__(self, settings: RigSettings, control: EmulatorControl) -> None:
-        self.settings, self._supply = settings, EmulatedSpecimens(control)
+    def __init__(self, settings: RigSettings, control: EmulatorControl, *, within: bool = False) -> None:
+        self.settings, self._supply, self._within = settings, EmulatedSpecimens(control), within
         self.speed, self.period = pace_of(settings)
         Specimen.drawn(0, 0)  # compiles: a drive would miss this process's heartbeat
         self._open()
 
     def _open(self) -> None:
-        self.session = RigSession(rig_plant(self.settings), AutomaticOperator(self.settings), self._supply)
+        plant = rig_plant(self.settings, SystemClock() if self._within else None)
+        self.session = RigSession(plant, AutomaticOperator(self.settings), self._supply)
         self.plant = self.session.plant
         self.clock = self.plant.clock
         self.session.open()

@@ -88,10 +88,11 @@ def trial_in_child(emulator: RunningEmulator, fault: str, *, seed: int, after: f
     child = CutProcess(emulator, seed=seed, kept=fault == "parent_death")
     control = emulator.control
     try:
-        since = child.line()["since"]
+        begun = child.line()
+        since = begun["since"]
         time.sleep(after)
         truth, injected = control.truth(), time.monotonic()
-        child.process.send_signal(_SIGNALS[fault])
+        os.kill(begun["spine"] if fault == "kill_9" else child.process.pid, _SIGNALS[fault])
         if fault == "kill_9":
             time.sleep(DRIVE_PATIENCE + 0.1 + LATCHED_FOR)
             told: dict[str, Any] = {"refused": not _enabled(control), "stalls": [], "report": None}
@@ -127,7 +128,7 @@ def cut_until_stopped(ready: dict[str, Any], seed: int, tell: Callable[[dict[str
     try:
         rig.begin(seed)
         rig.cut(rig.period)
-        tell({"since": len(control.events())})
+        tell({"since": len(control.events()), "spine": rig.plant.spine.pid})
         report = rig.cut(20.0)
         refused = report is not None and rig.refuses()
         told = None

@@ -1,7 +1,7 @@
 """Soak test: cut after cut on an emulated rig for minutes, and the timing of its clock.
 
     python scripts/rig_soak.py                             5 minutes of cutting, in some ten
-    python scripts/rig_soak.py --minutes 60 --ordinary     without priority over other processes
+    python scripts/rig_soak.py --minutes 60                an hour
     python scripts/rig_soak.py --json runs/rig-soak.json   for scripts/update_docs.py rig-soak
 
 Decisions at 50 Hz by a slow feed that ends where it estimates the tip at the target, force at 1 kHz, SYNC every 5 ms,
@@ -18,10 +18,8 @@ import platform
 import sys
 import time
 from collections import Counter
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
-from unittest import mock
 
 import numpy as np
 from cutting_rig import HostWatch
@@ -31,7 +29,6 @@ from cutenv.commands.rig.run import chosen_policy, rehearse
 from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.policy import Policy
 from cutenv.rig.devices.camera import RigCamera
-from cutenv.rig.devices.canopen import network
 from cutenv.rig.devices.drivers import ForceSample, MotionSample
 from cutenv.rig.errors import RigError
 from cutenv.rig.plant import RigPlant
@@ -58,12 +55,12 @@ class Times:
             "command later than due": [],
             "newest reading to command": [],
             "between force readings": [],
-            "SYNC to sample": [],
+            "between samples of the blade": [],
         }
         self.counts: Counter[str] = Counter()
         self.stops: Counter[str] = Counter()
         self.host: list[float] = []
-        self._synced = self._felt = 0.0
+        self._moved = self._felt = 0.0
 
     def listen(self, plant: RigPlant) -> None:
         """Record the times of the drivers' events before they reach the plant."""
@@ -76,24 +73,13 @@ class Times:
             force(sample)
 
         def moved(axis: str, sample: MotionSample) -> None:
-            if axis == "blade" and self._synced:
-                self.series["SYNC to sample"].append(sample.time - self._synced)
+            if axis == "blade":
+                if self._moved:
+                    self.series["between samples of the blade"].append(sample.time - self._moved)
+                self._moved = sample.time
             motion(axis, sample)
 
         plant.force, plant.motion = felt, moved  # type: ignore[method-assign]
-
-    @contextmanager
-    def synced(self) -> Any:
-        """Record when each SYNC is put on the bus."""
-        repeat = network.CanNetwork._repeat
-
-        def noted(self_: network.CanNetwork, number: int, data: bytes) -> None:
-            if number == network.SYNC_FRAME:
-                self._synced = time.monotonic()
-            repeat(self_, number, data)
-
-        with mock.patch.object(network.CanNetwork, "_repeat", noted):
-            yield
 
     def take(self, plant: RigPlant) -> None:
         """Store the clock statistics of a cut."""
@@ -117,15 +103,13 @@ def cut(env: RigCutEnv, policy: Policy, *, seed: int, episode: int, most: int) -
     return info
 
 
-def soak(
-    minutes: float, *, seed: int, real_time: bool, records: Path | None = None, camera: RigCamera | None = None
-) -> dict[str, Any]:
+def soak(minutes: float, *, seed: int, records: Path | None = None, camera: RigCamera | None = None) -> dict[str, Any]:
     """Cut for ``minutes``, ways back not counted; return the results. With records, a camera can be beside the rig."""
     policy, keywords = chosen_policy(POLICY)
     env = RigCutEnv(rig="emulator", specimen_class="liver", records=records, **keywords)
     rehearse(env, policy, seed=seed)
     times = Times()
-    with times.synced(), ordinary(real_time), env:
+    with env:
         plant = env.session.plant
         times.listen(plant)
         env.session.open()
@@ -148,7 +132,7 @@ def soak(
         took = time.monotonic() - began
         watch.stop()
         emulator = [event["late_s"] for event in control.events(before) if event["what"] == "stall"]
-        real = {"rig": env.session.real_time, "emulator": control.state()["real_time"]}
+        real = {"rig": env.session.plant.spine.real_time, "emulator": control.state()["real_time"]}
         env.session.end_cut()
     return {
         "minutes": took / 60.0,
@@ -166,16 +150,6 @@ def soak(
             "emulator": [round(1e3 * late, 1) for late in emulator],
         },
     }
-
-
-@contextmanager
-def ordinary(real_time: bool) -> Any:
-    """Prevent processes within the block from taking priority, unless ``real_time``."""
-    if real_time:
-        yield
-        return
-    with mock.patch("cutenv.rig.devices.host.prefer", return_value=False):
-        yield
 
 
 def text(kept: dict[str, Any]) -> str:
@@ -211,10 +185,9 @@ def main() -> int:
     add = parser.add_argument
     add("--minutes", type=float, default=5.0, metavar="M", help="of cutting; default 5")
     add("--seed", type=int, default=0, help="of the specimens; default 0")
-    add("--ordinary", action="store_true", help="take no priority over other processes")
     add("--json", type=Path, metavar="FILE", help=f"keep the numbers there; the documentation is made from {DEFAULT}")
     arguments = parser.parse_args()
-    kept = soak(arguments.minutes, seed=arguments.seed, real_time=not arguments.ordinary)
+    kept = soak(arguments.minutes, seed=arguments.seed)
     if arguments.json is not None:
         keep_json(arguments.json, kept)
     print(text(kept))

@@ -395,7 +395,7 @@ def put_together(
         received=first("quick stop received"),
         standstill=rests[-1]["time_s"] if rests else None,
     )
-    if fault == "kill_9":  # no process is left to report
+    if fault == "kill_9":  # the spine is killed: nothing is left to report
         lost = first("heartbeat of the master lost") or first("jogs made")
         result.cause, result.detected = (None, None) if lost is None else (Cause.HEARTBEAT, lost)
     elif report is not None:

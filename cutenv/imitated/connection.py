@@ -18,7 +18,7 @@ from cutenv.rig.config.settings import (
     SensorCalibration,
     fake_settings,
 )
-from cutenv.rig.devices.host import FakeClock, preferred
+from cutenv.rig.devices.host import FakeClock, undisturbed
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.operator import AutomaticOperator, Operator, TerminalOperator
 from cutenv.rig.operation.preflight import SETTLE
@@ -72,10 +72,10 @@ def connected(rig: str, *, clock: FakeClock | None = None) -> Iterator[Connectio
             else:
                 settings = read_rig_file(rig)
             plant = rig_plant(settings)
-            stack.enter_context(preferred())
+            stack.enter_context(undisturbed())
         stack.callback(plant.close)
         plant.open()
-        stack.enter_context(guarded(plant.supervisor, plant.clock))
+        stack.enter_context(guarded(plant.supervisor))
         plant.clock.sleep_until(plant.clock.now() + SETTLE)
         try:
             yield Connection(settings, plant)

@@ -1,26 +1,23 @@
-"""Rig made from its file: the drivers that it names, under one supervisor."""
+"""Rig made from its file: its plant, and the spine through which it is moved."""
 
 from __future__ import annotations
 
-from typing import Any
-
 from cutenv.rig.config.settings import RigSettings
-from cutenv.rig.devices.driver_registry import Mounting, mounted
-from cutenv.rig.devices.host import Clock, SystemClock
+from cutenv.rig.devices.host import Clock
 from cutenv.rig.plant import RigPlant
+from cutenv.rig.remote_spine import RemoteSpine
+from cutenv.rig.spine import mounted_spine
 
 
 def rig_plant(settings: RigSettings, clock: Clock | None = None) -> RigPlant:
     """Make the plant of a rig, real or emulated, without connecting to it.
 
+    Its spine has a process of its own, unless a ``clock`` is given: drivers and safety then run by it, in this process.
+
     Raises
     ------
     ValueError
-        If a driver that its file names does not exist, or refuses its settings.
+        In this process, if a driver that the rig's file names does not exist, or refuses its settings; otherwise
+        they are made, and refused, when it is opened.
     """
-    clock, shared = clock or SystemClock(), dict[Any, Any]()
-
-    def made(role: str) -> Any:
-        return mounted(Mounting(role=role, rig=settings, clock=clock, shared=shared))
-
-    return RigPlant(settings, clock, [made(role) for role in settings.axes], made("sensor"))
+    return RigPlant(RemoteSpine(settings) if clock is None else mounted_spine(settings, clock))

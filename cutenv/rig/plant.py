@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import logging
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from datetime import date
 from functools import partial
@@ -15,16 +14,17 @@ from numpy.typing import NDArray
 from cutenv._base.arrays import StructArray
 from cutenv._base.validation import array_in_range, in_range
 from cutenv.cutting.dtypes import READING, TICK
-from cutenv.rig.config.settings import RigSettings, SafetyLimits
-from cutenv.rig.devices.drivers import ForceDriver, ForceSample, MotionDriver, MotionSample, Observer, ZeroedByHand
-from cutenv.rig.devices.host import Attempt, Clock, Owner, Repeating
+from cutenv.rig.config.settings import SafetyLimits
+from cutenv.rig.devices.drivers import ForceSample, MotionSample, Observer
+from cutenv.rig.devices.host import Owner
 from cutenv.rig.errors import RigError
 from cutenv.rig.reading_grid import Heading, ReadingGrid
-from cutenv.rig.safety.force_monitor import ForceReadings
+from cutenv.rig.remote_spine import RemoteSpine
 from cutenv.rig.safety.motion_monitor import NOMINAL_LAG
-from cutenv.rig.safety.stop_causes import AGAIN, WATCH, Cause, StopReport
-from cutenv.rig.safety.supervisor import Supervisor
-from cutenv.rig.travel import AIMED, SLICE, Travel
+from cutenv.rig.safety.oversight import Oversight
+from cutenv.rig.safety.stop_causes import WATCH, Cause, StopReport
+from cutenv.rig.spine import Spine
+from cutenv.rig.travel import AIMED, SLICE, VALID, Travel
 from cutenv.tissue.lines import CutLine
 from cutenv.tissue.specimen import N_POINTS
 
@@ -52,41 +52,25 @@ _TURN_GAIN = 16.0  # [1/s] gain of the angle's position loop, closed at every SY
 _TURN_LAG = 0.040  # [s] lag of the hinge's own loop; this one looks ahead by it, to avoid overshoot
 TURN_RATE = math.radians(90.0)
 """Greatest rate of turn during a cut, equal to the simulated rig's [rad/s]."""
-_SAME_RATE = 0.02  # relative difference allowed between the sensor's rate and the file's
 _APART = 1e-3  # [m] between places that are noted on the blade's way
-_FEWEST, _MOST = 20, 200  # readings of a tare: a second of them, within these
 REST_WITHIN = 2.0
 """Time allowed for a blade to come to rest after a stop [s]."""
-CLOSED_WITHIN = 8.0
-"""Time for a driver to close [s]: to bring its axis to rest, and to switch its power off."""
-_log = logging.getLogger(__name__)
 
 
 class RigPlant(Travel):
-    """A blade on a motor and a force sensor, watched by a :class:`~cutenv.rig.safety.supervisor.Supervisor`.
+    """A blade on a motor and a force sensor, moved through a spine, which alone reaches them and stops the blade.
 
     Parameters
     ----------
-    settings : RigSettings
-        Settings of the rig.
-    clock : Clock
-        Clock of the rig.
-    axes : sequence of MotionDriver
-        Drivers of the blade, first, and of angle, height and side where it has them; without one of the angle it is set
-        by hand, and angle commands are ignored.
-    sensor : ForceDriver
-        Driver of the force sensor.
-    follows : bool
-        True if the blade follows commands; False for a replayed cut only.
+    spine : Spine or RemoteSpine
+        Drivers and safety of the rig: in this process, or in one of their own.
 
     Attributes
     ----------
-    supervisor : Supervisor
-        Safety monitor; it has to be released before any motion.
+    supervisor : Oversight
+        Safety of the rig, which has to be released before any motion.
     keep : callable
         Called with all readings as they are made, to store them on disk.
-    witness : Witness or None
-        Receiver of samples, readings and heartbeats after the supervisor, for measurements of the rig itself.
     timing : Timing
         Timing of the control clock.
     heading : Heading
@@ -99,32 +83,20 @@ class RigPlant(Travel):
         Force at the last tare [N], relative to the sensor's own zero.
     """
 
-    def __init__(
-        self,
-        settings: RigSettings,
-        clock: Clock,
-        axes: Sequence[MotionDriver],
-        sensor: ForceDriver,
-        *,
-        follows: bool = True,
-    ) -> None:
-        self.settings, self.clock = settings, clock
-        self._axes, self._sensor = tuple(axes), sensor
-        self._angle = next((axis for axis in axes if axis.name == "angle"), None)
-        self._gain = settings.calibration.gain
-        readings = ForceReadings(sensor.rate, sensor.rate_error, sensor.axes)
-        self.supervisor = Supervisor(settings, clock, self._axes, readings, follows=follows)
+    def __init__(self, spine: Spine | RemoteSpine) -> None:
+        self.spine, self.settings, self.clock = spine, spine.settings, spine.clock
+        self.supervisor: Oversight = spine.supervisor
+        self._turns = self.settings.angle is not None
         self.depth = np.zeros(N_POINTS)
         self.keep: Callable[[StructArray], None] = lambda readings: None
-        self.witness: Observer | None = None
+        self._witness: Observer | None = None
         self.timing = Timing()
         self.zero = (0.0, 0.0, 0.0)
         self.proven: date | None = None
-        self._timers: list[Repeating] = []
         self.owner = Owner()
         self._left = False
         self.heading = Heading()
-        self._grid = ReadingGrid(settings, sensor.rate, [axis.name for axis in self._axes], self.heading)
+        self._grid = ReadingGrid(self.settings, spine.rate, self.settings.axes, self.heading)
         self._way: list[tuple[float, float]] = []  # [m] places of the blade since the clamp, some apart
         self._due: float | None = None
         self._cutting = False  # outside a cut, readings have no start time
@@ -141,101 +113,56 @@ class RigPlant(Travel):
         if self._depth.shape != (N_POINTS,):
             raise ValueError(f"depth has shape {self._depth.shape}; give {N_POINTS} values, one every 0.5 mm.")
 
+    @property
+    def witness(self) -> Observer | None:
+        """Receiver of samples, readings and heartbeats from now on, for measurements of the rig itself; or None."""
+        return self._witness
+
+    @witness.setter
+    def witness(self, witness: Observer | None) -> None:
+        self.spine.hear()  # what was reported before is not for it
+        self._witness = witness
+
     def open(self) -> None:
-        """Connect to drives and sensor; nothing moves.
-
-        The drives come first: another program that uses the rig is noticed on their bus before its sensor is taken
-        away.
-
-        Raises
-        ------
-        RigError
-            If a device is missing or not as expected; none stays open.
-        """
+        """Connect to drives and sensor, see :meth:`cutenv.rig.spine.Spine.open`; nothing moves."""
         self.owner, self._left = Owner(), False
-        try:
-            for axis in self._axes:
-                axis.open(self)
-            self._sensor.open(self)
-            self._check_rate()
-        except BaseException:
-            self.close()
-            raise
-        self.clock.failed = self._failed
-        self._timers = [
-            self.clock.every(WATCH, self.supervisor.watch, "rig watchdog"),
-            self.clock.every(AGAIN, self.supervisor.resend_stop, "rig quick stops"),
-        ]
-
-    def _check_rate(self) -> None:
-        """Raise RigError for a sensor at another rate than in the file: force limits count readings."""
-        rate, wanted = self._sensor.rate, self.settings.sensor.rate
-        if abs(rate / wanted - 1.0) > max(_SAME_RATE, self._sensor.rate_error):
-            raise RigError(
-                f"the force sensor sends {rate:g} readings a second, but the rig's file has {wanted:g}. Set the rate "
-                "in the sensor (a Net F/T: the RDT output rate on its page), or rate_Hz under [sensor] in the file."
-            )
+        self.spine.open(self)
 
     def close(self) -> None:
         """Stop any motion and close drives and sensor; never raises for a rig that is gone; no effect in a fork."""
-        if not self.owner.here:
-            return
-        if not self.supervisor.standing:
-            self.supervisor.trip(Cause.OPERATOR, "the rig is being closed")
-        self.supervisor.lock()
-        closes: dict[str, Callable[[], None]] = {axis.name: axis.close for axis in self._axes}
-        for name, close in (closes | {"sensor": self._sensor.close}).items():
-            closing = Attempt(close, f"rig close {name}")  # one that fails or hangs keeps no other open
-            if not closing.ends(CLOSED_WITHIN) or closing.error is not None:
-                _log.warning("the %s was not closed in order: %s", name, closing.error or "its driver does not return")
-        while self._timers:
-            self._timers.pop().stop()
-        self.supervisor.unwatched()
-        self._left = True
+        if self.owner.here:
+            self.spine.close()
+            self._left = True
 
     def power(self) -> None:
         """Switch the drives on, at rest; :meth:`Supervisor.release` then allows commands."""
-        for axis in self._axes:
-            axis.enable()
+        self.spine.power()
 
     def switch_off(self) -> None:
         """Switch off the power of drives at rest; their samples continue."""
-        self.supervisor.lock()
-        for axis in self._axes:
-            axis.disable()
+        self.spine.switch_off()
 
     @property
     def rate_error(self) -> float:
         """Greatest relative error of the force sensor's rate [1]."""
-        return self._sensor.rate_error
+        return self.spine.rate_error
 
     @property
     def counts_steps(self) -> bool:
         """True if the blade's drive counts the steps that it sends, and does not see whether the blade moves."""
-        return isinstance(self._axes[0], ZeroedByHand)
+        return self.spine.counts_steps
 
     def set_zero(self) -> None:
-        """Take the blade's present position, without power, as zero: it stands at the clamp.
-
-        Raises
-        ------
-        RigError
-            If its drive keeps a zero of its own, or does not take it.
-        """
-        blade = self._axes[0]
-        if not isinstance(blade, ZeroedByHand):
-            raise RigError(
-                f"the drive of {self.settings.name!r} keeps its own zero: home it with its maker's tool, at the clamp."
-            )
-        blade.set_zero()
+        """Take the blade's present position, without power, as zero; see :meth:`cutenv.rig.spine.Spine.set_zero`."""
+        self.spine.set_zero()
 
     def drive_limits(self) -> dict[str, dict[str, float]]:
         """Return the limits that each drive reports, by axis."""
-        return {axis.name: axis.limits() for axis in self._axes}
+        return self.spine.drive_limits()
 
     def about(self) -> dict[str, dict[str, float | str]]:
         """Return the data that drives and sensor report about themselves, by name."""
-        return {axis.name: axis.about() for axis in self._axes} | {"sensor": self._sensor.about()}
+        return self.spine.about()
 
     def lower(self, limits: SafetyLimits) -> None:
         """Adopt each limit that is stricter than the present one, see :meth:`Supervisor.lower`."""
@@ -244,66 +171,31 @@ class RigPlant(Travel):
 
     def tare(self) -> tuple[float, float, float]:
         """Take the present force as :attr:`zero` [N]; see :meth:`ForceDriver.tare`."""
-        self.zero = self._sensor.tare(min(max(round(self._sensor.rate), _FEWEST), _MOST))
+        self.zero = self.spine.tare()
         return self.zero
 
-    # Reports of the drivers go to the supervisor first. Whatever time they give, that of their arrival here counts; and
-    # whatever they hold, a report that cannot be judged is a fault, not the end of the driver's thread.
-
-    def _failed(self, why: str) -> None:
-        self.supervisor.trip(Cause.EXCEPTION, why)
+    # Reports of drivers, which the spine has judged
 
     def force(self, sample: ForceSample) -> None:
         """Take a reading of the force sensor."""
-        try:
-            self._take_force(sample._replace(time=self.clock.now()))
-        except Exception as error:
-            self._failed(f"a reading of the sensor cannot be judged: {type(error).__name__}: {error}")
-
-    def _take_force(self, sample: ForceSample) -> None:
-        if self._gain != 1.0:
-            (x, y, z), (a, b, c), gain = sample.force, sample.torque, self._gain
-            sample = sample._replace(force=(gain * x, gain * y, gain * z), torque=(gain * a, gain * b, gain * c))
-        self.supervisor.force(sample)
         self._grid.force(sample)
-        if self.witness is not None:
-            self.witness.force(sample)
+        if self._witness is not None:
+            self._witness.force(sample)
+
+    def motion(self, axis: str, sample: MotionSample) -> None:
+        """Take a sample of an axis."""
+        self._grid.motion(axis, sample)
+        if self._witness is not None:
+            self._witness.motion(axis, sample)
+
+    def alive(self, axis: str, time: float) -> None:
+        """Take a heartbeat of a drive."""
+        if self._witness is not None:
+            self._witness.alive(axis, time)
 
     def garbled(self, why: str, time: float) -> None:
         """Count a packet that is not a valid reading."""
         self.timing.garbled += 1
-
-    def motion(self, axis: str, sample: MotionSample) -> None:
-        """Take a sample of an axis."""
-        try:
-            self._take_motion(axis, sample._replace(time=self.clock.now()))
-        except Exception as error:
-            self._failed(f"a sample of the {axis} axis cannot be judged: {type(error).__name__}: {error}")
-
-    def _take_motion(self, axis: str, sample: MotionSample) -> None:
-        self.supervisor.motion(axis, sample)
-        self._grid.motion(axis, sample)
-        if self.witness is not None:
-            self.witness.motion(axis, sample)
-
-    def alive(self, axis: str, time: float) -> None:
-        """Take a heartbeat of a drive."""
-        now = self.clock.now()
-        self.supervisor.alive(axis, now)
-        if self.witness is not None:
-            self.witness.alive(axis, now)
-
-    def emergency(self, axis: str, code: int, meaning: str, time: float) -> None:
-        """Take an error report of a drive."""
-        self.supervisor.emergency(axis, code, meaning, self.clock.now())
-
-    def foreign(self, axis: str, what: str, time: float) -> None:
-        """Take the report that another master commands a drive."""
-        self.supervisor.foreign(axis, what, self.clock.now())
-
-    def broken(self, axis: str, why: str, time: float) -> None:
-        """Take the report that a drive can no longer be reached."""
-        self.supervisor.broken(axis, why, self.clock.now())
 
     # A cut
 
@@ -358,21 +250,25 @@ class RigPlant(Travel):
         self._raise_if_stopped()  # perhaps since the last command
         self._due = start + period
         self.heading.turn(turn_rate, start, self._due)
-        turned = self._go(speed, angle, descent_speed)
+        go = partial(self._go, speed, angle, descent_speed, period)
+        turned = go()
         self._note_timing()
-        self._wait(
-            self._due, turned, go=partial(self._go, speed, angle, descent_speed) if turn_rate and speed else None
-        )
+        self._wait(self._due, turned, go=go if turn_rate and speed else None)
         self._raise_if_stopped()
         return self._collect(int(ticks))
 
-    def _go(self, speed: float, angle: float, descent_speed: float) -> float:
-        """Command a blade to go where it points, until the end of the period; return the angle to turn to [rad]."""
+    def _go(self, speed: float, angle: float, descent_speed: float, period: float) -> float:
+        """Command a blade to go where it points, until the end of the period; return the angle to turn to [rad].
+
+        However late in the period it is, the next command may be as late as after the first one.
+        """
         assert self._due is not None
         now = self.clock.now()
         lag = self.settings.identified.motor_lag or NOMINAL_LAG
         ahead, left = self.heading.speeds(speed, now + 0.5 * self.settings.bus.sync, lead=lag)
-        return self._drive(ahead, angle, hold=self._due - now, height=-descent_speed, side=left)
+        overrun = self.settings.limits.overrun
+        hold = (self._due - now + overrun * period) / (1.0 + overrun)
+        return self._drive(ahead, angle, hold=hold, height=-descent_speed, side=left)
 
     def halt(self) -> None:
         """Bring the blade to rest on its ramp, as at the end of a cut, and lock the rig."""
@@ -381,8 +277,8 @@ class RigPlant(Travel):
             deadline = self.clock.now() + REST_WITHIN
             while not self.supervisor.standing and self.supervisor.phase == "ready" and self.clock.now() < deadline:
                 try:
-                    self.supervisor.drive(0.0, self._angle_now(), hold=SLICE)
-                    if self._angle is not None:
+                    self.supervisor.drive(0.0, self._angle_now(), hold=VALID)
+                    if self._turns:
                         self.supervisor.turn(0.0)
                 except RigError:  # stopped at this moment: it comes to rest anyway
                     break
@@ -444,9 +340,9 @@ class RigPlant(Travel):
         """Wait until ``moment`` [s] or a stop, closing the angle's loop, and turning the heading, at every SYNC."""
         now = self.clock.now()
         while now < moment and self.supervisor.phase == "ready":
-            if self._angle is not None:
+            if self._turns:
                 self.supervisor.turn(self._rate_of_turn(angle, fastest))
-            slice = SLICE if self._angle is None and go is None else self.settings.bus.sync
+            slice = SLICE if not self._turns and go is None else self.settings.bus.sync
             now = self.clock.sleep_until(min(now + slice, moment))
             if go is not None and now < moment and self.supervisor.phase == "ready":
                 go()
@@ -461,10 +357,10 @@ class RigPlant(Travel):
     def _come_to_rest(self, report: StopReport) -> StructArray:
         """Wait until the blade is at rest; return the readings of the cut until then, none outside a cut.
 
-        A rig that another thread has closed reports no more, and is not waited for.
+        A rig that another thread has closed, or whose spine has ended, reports no more, and is not waited for.
         """
         deadline = report.detected + REST_WITHIN  # where no sample shows it, later commands do not wait again
-        while report.standstill is None and self.clock.now() < deadline and not self._left:
+        while report.standstill is None and self.clock.now() < deadline and not self._left and not self.spine.gone:
             self.clock.sleep_until(self.clock.now() + WATCH)
         if not self._cutting:
             return np.zeros(0, READING)

@@ -7,11 +7,10 @@ from abc import ABC, abstractmethod
 
 from cutenv._base.arrays import StructArray
 from cutenv.rig.config.settings import RigSettings
-from cutenv.rig.devices.drivers import MotionDriver
 from cutenv.rig.devices.host import Clock, Owner
 from cutenv.rig.errors import RigError
+from cutenv.rig.safety.oversight import Oversight
 from cutenv.rig.safety.stop_causes import Cause, RigStopped, StopReport
-from cutenv.rig.safety.supervisor import Supervisor
 
 RAISE_SPEED = 0.005
 """Speed at which the blade is moved across the cut outside of it [m/s]."""
@@ -20,7 +19,9 @@ SLOW_TURN = math.radians(10.0)
 AIMED = math.radians(0.05)
 """Error below which the hinge is not moved [rad]."""
 SLICE = 0.02
-"""Time of waiting, and validity of a command outside a cut, at a time [s]."""
+"""Time of waiting outside a cut, at a time [s]."""
+VALID = 0.05
+"""Validity of a command outside a cut [s]: a busy computer may be late, at 5 mm/s by a quarter of a millimetre."""
 _ARRIVED = 2e-5  # [m] distance at which the blade has arrived
 _NEAR = 3e-4  # [m] distance at which it has passed a place on its way back
 
@@ -36,9 +37,9 @@ class Travel(ABC):
 
     settings: RigSettings
     clock: Clock
-    supervisor: Supervisor
+    supervisor: Oversight
     owner: Owner
-    _angle: MotionDriver | None
+    _turns: bool  # an axis turns the blade
     _way: list[tuple[float, float]]  # [m] places of the blade since the clamp, some apart
 
     @abstractmethod
@@ -61,7 +62,7 @@ class Travel(ABC):
         """
         held = self._angle_now()
         wanted = held if angle is None else angle
-        turning = 0.0 if self._angle is None else abs(wanted - held) / SLOW_TURN
+        turning = 0.0 if not self._turns else abs(wanted - held) / SLOW_TURN
         deadline = self.clock.now() + 3.0 * (abs(position - self.position) / speed + turning) + 5.0
         arrived = False
         while not (arrived and self._turned(wanted)):
@@ -72,10 +73,10 @@ class Travel(ABC):
                 to = f"{1e3 * position:g} mm and {math.degrees(wanted):.1f} degrees"
                 raise RigError(f"the blade stands at {where} and does not reach {to}.")
             rate = math.copysign(min(speed, 4.0 * abs(left)), left) if abs(left) > _ARRIVED else 0.0
-            turned = self._drive(rate, wanted if arrived else held, hold=SLICE)
+            turned = self._drive(rate, wanted if arrived else held, hold=VALID)
             self._wait(self.clock.now() + SLICE, turned, fastest=SLOW_TURN)
             self._raise_if_stopped()
-        self._drive(0.0, wanted, hold=SLICE)
+        self._drive(0.0, wanted, hold=VALID)
         self._wait(self.clock.now() + SLICE, wanted, fastest=SLOW_TURN)
 
     def raise_to(self, height: float, *, speed: float = RAISE_SPEED) -> None:
@@ -134,11 +135,11 @@ class Travel(ABC):
                 raise RigError(f"{stands}.")
             fast = (speed if passing else min(speed, 4.0 * farthest)) / farthest
             speeds = {name: fast * way for name, way in off.items()}
-            self._drive(speeds.pop("blade", 0.0), held, hold=SLICE, **speeds)
+            self._drive(speeds.pop("blade", 0.0), held, hold=VALID, **speeds)
             self._wait(self.clock.now() + SLICE, held, fastest=SLOW_TURN)
             self._raise_if_stopped()
         if not passing:
-            self._drive(0.0, held, hold=SLICE)
+            self._drive(0.0, held, hold=VALID)
             self._wait(self.clock.now() + SLICE, held, fastest=SLOW_TURN)
 
     def place(self, name: str) -> float:
@@ -159,7 +160,7 @@ class Travel(ABC):
         return self.place("blade")
 
     def _turned(self, wanted: float) -> bool:
-        return self._angle is None or abs(wanted - self._angle_now()) < 4 * AIMED
+        return not self._turns or abs(wanted - self._angle_now()) < 4 * AIMED
 
     def _angle_now(self) -> float:
         sample = self.supervisor.axis("angle")

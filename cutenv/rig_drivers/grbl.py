@@ -13,7 +13,7 @@ from cutenv._base.validation import check_parameters, in_range, one_of
 from cutenv.rig.config.axes import Axis
 from cutenv.rig.config.setting import setting
 from cutenv.rig.config.settings import RigSettings
-from cutenv.rig.devices.host import Clock, Owner
+from cutenv.rig.devices.host import Clock
 from cutenv.rig.devices.serial.ports import open_port, write_line
 from cutenv.rig.errors import RigError
 
@@ -205,7 +205,6 @@ class GrblConnection:
         self._answers: list[str] = []
         self._closed = 0  # answers "ok" and errors since the last question
         self._ending = threading.Event()
-        self._owner = Owner()
         self._port = open_port(port, baud, read_limit=_READ)
         self._reader = threading.Thread(target=self._read, name="cutenv GRBL", daemon=True)
         self._reader.start()
@@ -218,7 +217,6 @@ class GrblConnection:
         RigError
             If the port does not take them.
         """
-        self._owner.check()
         if self.lost is not None:
             raise RigError(f"the machine at {self._name} is lost: {self.lost}.")
         with self._sending:

@@ -20,7 +20,7 @@ from cutenv.policy import Policy, PrivilegedPolicy
 from cutenv.recording import save
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.suitability import simulator_keywords
-from cutenv.rig.safety.stop_causes import BY_PEOPLE, Cause
+from cutenv.rig.safety.stop_causes import ENDS_SESSION, Cause
 from cutenv.sim_to_real import FEWEST_SPECIMENS, Agreement, ClockKept, ComparedCut
 from cutenv.sim_to_real.identification.experiment import LOST_TIME
 from cutenv.sim_to_real.specimen_twin import fit_twin, held_out
@@ -281,7 +281,7 @@ def cut_on_rig(
                 lost = True
                 between.append(f"specimen {episode + 1} was cut again: {env.session.plant.supervisor.report}")
                 continue
-            if cut.end == STOPPED and _stopped_by(env) in BY_PEOPLE:
+            if cut.end == STOPPED and _stopped_by(env) in ENDS_SESSION:
                 between.append(f"specimen {episode + 1}: {env.session.plant.supervisor.report}")
                 return cuts, ClockKept.of(env.ticks * TICK, parts), between
             cuts.append(cut)

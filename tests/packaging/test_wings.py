@@ -89,9 +89,9 @@ def test_a_real_rig_loads_neither_fake_nor_emulator() -> None:
 
 def test_an_emulated_rig_loads_no_fake() -> None:
     loaded = loaded_after(
-        "import cutenv.imitated.emulator.process, cutenv.imitated.connection\n"
-        "from cutenv.rig.hardware import rig_plant\n"
-        "from cutenv.rig.config.settings import RigSettings\nrig_plant(RigSettings())"
+        "import cutenv.imitated.emulator.process, cutenv.imitated.connection, cutenv.rig.hardware\n"
+        "from cutenv.rig.devices.host import SystemClock\nfrom cutenv.rig.spine import mounted_spine\n"
+        "from cutenv.rig.config.settings import RigSettings\nmounted_spine(RigSettings(), SystemClock())"
     )
     assert set(REAL) <= loaded
     assert not any(name.startswith("cutenv.imitated.fake") for name in loaded)

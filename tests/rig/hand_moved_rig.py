@@ -22,6 +22,7 @@ from cutenv.rig.devices.canopen.network import CanNetwork
 from cutenv.rig.devices.drivers import DriveState, ForceListener, ForceSample
 from cutenv.rig.devices.host import FakeClock
 from cutenv.rig.plant import RigPlant
+from cutenv.rig.spine import Spine
 
 TICK = 0.001  # [s]
 SETTLE = 0.15  # [s]: the axis has sent samples and a heartbeat
@@ -146,7 +147,7 @@ class HandMovedRig:
         self.node = Node(self.motor, self.network.from_drive, self._happened)
         self.network.to_drive = lambda frame: self.node.receive(frame, self.clock.now())
         self.driver = CanopenAxis(self.network, self.settings.blade, self.clock)
-        self.plant = RigPlant(self.settings, self.clock, [self.driver], HandMovedSensor(self.clock))
+        self.plant = RigPlant(Spine(self.settings, self.clock, [self.driver], HandMovedSensor(self.clock)))
         self.supervisor = self.plant.supervisor
         self.enabled: list[float] = []
         self._was = self.node.state

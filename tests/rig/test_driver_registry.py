@@ -101,7 +101,7 @@ def test_drivers_of_a_rig_share_what_they_name(tmp_path: Path) -> None:
 
 def test_a_plant_is_made_of_the_drivers_that_the_file_names(tmp_path: Path) -> None:
     plant = rig_plant(read_rig_file(written(tmp_path, TEXT)), FakeClock())
-    assert isinstance(plant._sensor, Plug)
+    assert isinstance(plant.spine.sensor, Plug)
 
 
 def test_a_driver_of_ones_own_may_lie_in_the_present_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -45,12 +45,12 @@ def twist(rig: FakeRig) -> None:
 
     class Twisted:
         def force(self, sample: ForceSample) -> None:
-            rig.plant.force(sample._replace(torque=(0.0, 0.0, 3.1)))
+            rig.plant.spine.force(sample._replace(torque=(0.0, 0.0, 3.1)))
 
         def garbled(self, why: str, time: float) -> None:
             """Nothing is."""
 
-    if rig.sensor.listener is rig.plant:
+    if rig.sensor.listener is rig.plant.spine:
         rig.sensor.listener = Twisted()
 
 
@@ -145,7 +145,7 @@ def check_stays(rig: FakeRig) -> None:
 def begin_again(rig: FakeRig) -> None:
     """The operator resets, lays a new specimen, and cuts go on."""
     rig.faults.__dict__.update(vars(Faults()))
-    rig.sensor.listener = rig.plant
+    rig.sensor.listener = rig.plant.spine
     rig.plant.supervisor.reset(agreed=True)
     rig.mount()
     rig.plant.power()
@@ -213,7 +213,8 @@ def test_every_cause_is_brought_about_by_some_fault():
     tested_below = {Cause.TRAVEL, Cause.ANGLE}
     of_height = {Cause.HEIGHT, Cause.VERTICAL_FORCE, Cause.NOT_RAISED}  # tests/rig/test_cross_axes.py
     of_side = {Cause.SIDE}  # tests/rig/test_cross_axes.py
-    assert brought | tested_below | of_height | of_side == set(Cause)
+    apart = {Cause.SPINE}  # tests/rig/test_spine.py
+    assert brought | tested_below | of_height | of_side | apart == set(Cause)
 
 
 @pytest.mark.promise("S10")

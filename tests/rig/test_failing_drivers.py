@@ -14,7 +14,7 @@ from made_ready import ready_rig
 from waiting import until
 
 from cutenv.imitated.fake.fake_rig import FakeRig
-from cutenv.rig import plant as rig_plant
+from cutenv.rig import spine
 from cutenv.rig.devices.drivers import DriveState, ForceSample
 from cutenv.rig.devices.host import SystemClock
 from cutenv.rig.safety.stop_causes import Cause, RigStopped
@@ -57,7 +57,7 @@ def test_a_command_that_never_returns_keeps_no_axis_from_its_stop(hung):
     program = threading.Thread(target=run)
     program.start()
     until(lambda: rig.plant.supervisor._commanding.locked())
-    rig.plant.force(OVER._replace(sequence=rig._sequence + 1))
+    rig.plant.spine.force(OVER._replace(sequence=rig._sequence + 1))
     assert rig.plant.supervisor.report.cause is Cause.FORCE
     for drive in (rig.blade, rig.angle):
         assert drive.sent[-1][1] == "quick stop"
@@ -99,7 +99,7 @@ def test_a_heartbeat_that_cannot_be_withheld_ends_no_repetition(hung, fails):
 
 @pytest.mark.parametrize("fails", [True, False], ids=["raises", "hangs"])
 def test_a_driver_that_does_not_close_keeps_no_other_open(monkeypatch, hung, fails):
-    monkeypatch.setattr(rig_plant, "CLOSED_WITHIN", 0.05)
+    monkeypatch.setattr(spine, "CLOSED_WITHIN", 0.05)
     rig = ready_rig()
     rig.blade.close = refuse if fails else hung
     rig.plant.close()
@@ -114,13 +114,13 @@ class Lying:
         self._plant, self._time = plant, time
 
     def force(self, sample: ForceSample) -> None:
-        self._plant.force(None if self._time is None else sample._replace(time=self._time))
+        self._plant.spine.force(None if self._time is None else sample._replace(time=self._time))
 
     def motion(self, axis: str, sample: Any) -> None:
-        self._plant.motion(axis, None if self._time is None else sample._replace(time=self._time))
+        self._plant.spine.motion(axis, None if self._time is None else sample._replace(time=self._time))
 
     def alive(self, axis: str, time: float) -> None:
-        self._plant.alive(axis, math.nan)
+        self._plant.spine.alive(axis, math.nan)
 
 
 @pytest.mark.parametrize("time", [1.7e9, math.nan, math.inf, -1.0])
@@ -172,8 +172,8 @@ def test_a_command_that_raises_is_a_fault_that_names_its_axis():
 def test_without_a_watchdog_the_drive_stops_by_itself():
     rig = HandMovedRig().ready()
     rig.cut(0.015, 0.5)
-    rig.plant._timers[0].stop()  # the watchdog
-    rig.plant._sensor._turns.stop()  # the sensor is silent, and nobody would notice
+    rig.plant.spine.timers[0].stop()  # the watchdog
+    rig.plant.spine.sensor._turns.stop()  # the sensor is silent, and nobody would notice
     before = rig.position
     rig.wait(0.5)
     assert rig.speed == 0.0
@@ -184,7 +184,7 @@ def test_without_a_watchdog_the_drive_stops_by_itself():
 def test_a_reading_or_a_command_notices_a_watchdog_that_sleeps():
     rig = ready_rig()
     rig.plant.advance(0.01, UPRIGHT, 200)
-    rig.plant._timers[0].stop()
+    rig.plant.spine.timers[0].stop()
     report = stopped_at(rig, 0.01, 1.0).report
     assert (report.cause, "watchdog" in report.detail) == (Cause.EXCEPTION, True)
 

@@ -178,7 +178,7 @@ while True:
 """
 
 
-def test_after_kill_9_the_drive_stops_by_itself_and_the_record_holds_the_cut_up_to_then(tmp_path):
+def test_after_kill_9_the_blade_is_stopped_and_the_record_holds_the_cut_up_to_then(tmp_path):
     with start(free_air=True, angle_deg=90.0) as emulator:
         rig = tmp_path / "rig.toml"
         rig.write_text(to_toml(dataclasses.replace(emulator.settings, depth_profile=((0.0, 0.02), (0.15, 0.02)))))

@@ -22,7 +22,6 @@ import os, sys, time
 sys.path.insert(0, {here!r})
 from made_ready import ready_rig
 from cutenv.rig.safety.stop_causes import RigStopped
-from cutenv.rig.devices.host import SystemClock
 from cutenv.rig.safety.guard import guarded
 rig = ready_rig()
 supervisor = rig.plant.supervisor
@@ -33,7 +32,7 @@ def begin_and_say():
     say("stopped", supervisor.report.cause.value, supervisor.report.detail)
     return unreached
 supervisor._quick_stops.begin = begin_and_say
-with guarded(supervisor, SystemClock()):
+with guarded(supervisor):
     say("ready")
     while True:
         try:
@@ -80,7 +79,7 @@ def test_a_signal_that_meets_a_rig_locked_this_very_moment_ends_the_program_all_
         time.sleep(10.0)
 
     begun = time.monotonic()
-    with pytest.raises(KeyboardInterrupt, match="SIGTERM"), guarded(supervisor, rig.clock):
+    with pytest.raises(KeyboardInterrupt, match="SIGTERM"), guarded(supervisor):
         ended()
     assert time.monotonic() - begun < 5.0
 
@@ -113,7 +112,7 @@ def test_the_death_of_the_parent_stops_the_blade(tmp_path):
 def test_an_exception_stops_the_blade_and_goes_on():
     rig = ready_rig()
     rig.plant.advance(0.01, UPRIGHT, 200)
-    with pytest.raises(ZeroDivisionError), guarded(rig.plant.supervisor, rig.clock):
+    with pytest.raises(ZeroDivisionError), guarded(rig.plant.supervisor):
         _ = 1 / 0
     assert rig.plant.supervisor.report.cause is Cause.EXCEPTION
     assert "ZeroDivisionError" in rig.plant.supervisor.report.detail
@@ -124,7 +123,7 @@ def test_an_exception_stops_the_blade_and_goes_on():
 def test_a_signal_while_nothing_may_move_ends_the_program_at_once():
     rig = ready_rig()
     rig.plant.supervisor.lock()
-    with pytest.raises(KeyboardInterrupt), guarded(rig.plant.supervisor, rig.clock):
+    with pytest.raises(KeyboardInterrupt), guarded(rig.plant.supervisor):
         signal.raise_signal(signal.SIGINT)
     assert rig.plant.supervisor.report is None
 
@@ -132,7 +131,7 @@ def test_a_signal_while_nothing_may_move_ends_the_program_at_once():
 def test_handlers_are_put_back():
     rig = ready_rig()
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    with guarded(rig.plant.supervisor, rig.clock):
+    with guarded(rig.plant.supervisor):
         assert signal.getsignal(signal.SIGTERM) is not before[signal.SIGTERM]
     assert {number: signal.getsignal(number) for number in before} == before
 

@@ -9,17 +9,11 @@ import time
 from typing import Any
 
 import pytest
-from made_up_drive import Ear, MadeUpDrive
 from waiting import until
 
 from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.recording import load_one
 from cutenv.recording.appending import AppendingRecord
-from cutenv.rig.config.axes import Axis
-from cutenv.rig.config.settings import Bus
-from cutenv.rig.devices.canopen.axis import CanopenAxis
-from cutenv.rig.devices.canopen.network import CanNetwork
-from cutenv.rig.devices.host import SystemClock
 from cutenv.rig.safety.stop_causes import Cause
 from cutenv.trace import Reading
 
@@ -169,24 +163,6 @@ def in_a_fork(work: Any) -> str:
 
 
 FORKS = pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
-
-
-@FORKS
-@pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
-def test_a_forked_child_puts_no_frame_on_the_bus():
-    drive = MadeUpDrive()
-    network = CanNetwork(Bus(interface="virtual", channel=drive.channel), SystemClock())
-    axis = CanopenAxis(network, Axis(), SystemClock())
-    axis.open(Ear())
-    axis.enable()
-    for forbidden in (axis.quick_stop, lambda: axis.command(0.01), lambda: network.manage(0x80, 1)):
-        assert "RigError" in (told := in_a_fork(forbidden)), told
-        assert "fork" in told
-    assert in_a_fork(axis.close) == "done"
-    axis.command(0.01)
-    assert network.broken is None
-    axis.close()
-    drive.close()
 
 
 @FORKS

@@ -47,7 +47,7 @@ def env():
 
 
 def fake_of(env: RigCutEnv):
-    return env.session.plant._sensor._rig
+    return env.session.plant.spine.sensor._rig
 
 
 def test_it_has_the_simulators_spaces(env):

@@ -167,13 +167,6 @@ def test_a_cable_that_comes_back_under_another_name_is_found_again_when_the_rig_
     driver.close()
 
 
-def test_a_fork_cannot_speak_for_it(blade: tuple[Any, Listening], monkeypatch: pytest.MonkeyPatch) -> None:
-    driver, _ = blade
-    monkeypatch.setattr("os.getpid", lambda: 1)
-    with pytest.raises(RigError, match="fork"):
-        driver.quick_stop()
-
-
 # What its file may say
 
 

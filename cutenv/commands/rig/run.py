@@ -212,7 +212,7 @@ def _dry_run(arguments: argparse.Namespace) -> int:
 def _run(arguments: argparse.Namespace) -> int:
     from cutenv.recording.lsl import LslOutlet
     from cutenv.rig.operation.live_readings import published
-    from cutenv.rig.safety.stop_causes import BY_PEOPLE
+    from cutenv.rig.safety.stop_causes import ENDS_SESSION
 
     if arguments.lsl and arguments.rig == "fake":
         raise ValueError("--lsl streams in real time, which a fake rig has none of. Give --rig emulator, or a file.")
@@ -241,7 +241,7 @@ def _run(arguments: argparse.Namespace) -> int:
                 if arguments.json is not None:
                     with arguments.json.open("a") as file:
                         file.write(json.dumps(told) + "\n")
-                if told["stop"] is not None and told["stop"]["cause"] in BY_PEOPLE:
+                if told["stop"] is not None and told["stop"]["cause"] in ENDS_SESSION:
                     interrupted = by_signal(told["stop"]["cause"])
                     break
         finally:

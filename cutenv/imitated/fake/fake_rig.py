@@ -33,6 +33,7 @@ from cutenv.rig.devices.drivers import (
 from cutenv.rig.devices.host import FakeClock, Repeating
 from cutenv.rig.errors import RigError
 from cutenv.rig.plant import RigPlant
+from cutenv.rig.spine import Spine
 from cutenv.tissue.specimen import Specimen
 from cutenv.trace import Trace
 
@@ -260,7 +261,7 @@ class FakeRig:
         self.across = {name: FakeDrive(name, self) for name in self.settings.cross_axes}
         self.sensor = FakeSensor(self)
         axes = [axis for axis in (self.blade, self.angle, *self.across.values()) if axis is not None]
-        self.plant = RigPlant(self.settings, self.clock, axes, self.sensor, follows=follows)
+        self.plant = RigPlant(Spine(self.settings, self.clock, axes, self.sensor, follows=follows))
         if depth is not None:
             self.plant.depth = depth
         self.heard: Callable[[float, str, float], None] = lambda time, axis, speed: None

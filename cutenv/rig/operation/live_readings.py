@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
 
-from cutenv.rig.devices.host import SystemClock, prefer
+from cutenv.rig.devices.host import SystemClock
 from cutenv.rig.plant import RigPlant
 
 PUBLISHED_EVERY = 0.04
@@ -26,25 +26,16 @@ def published(plant: RigPlant, port: int) -> Iterator[None]:
     it. The socket never waits and is never read: datagrams that nobody takes are dropped by the operating system, so a
     viewer that is slow, gone or malicious changes nothing on the rig.
     """
-    asked_for_priority = not isinstance(plant.clock, SystemClock)  # another clock has no threads
 
     def publish(now: float) -> None:
         message = json.dumps({"schema": LIVE_SCHEMA} | live_state(plant, now))
         with suppress(OSError):  # nobody listens, or nobody takes what has been sent
             sending.sendto(message.encode(), ("127.0.0.1", port))
 
-    def publish_in_time(now: float) -> None:
-        # While it holds Python's lock no other program may put it to sleep: the rig's threads would wait with it.
-        nonlocal asked_for_priority
-        if not asked_for_priority:
-            asked_for_priority = True
-            prefer()
-        publish(now)
-
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sending:
         sending.setblocking(False)
         clock = SystemClock() if isinstance(plant.clock, SystemClock) else plant.clock  # a loop beside the rig's
-        repeating = clock.every(PUBLISHED_EVERY, publish_in_time, "rig live readings")
+        repeating = clock.every(PUBLISHED_EVERY, publish, "rig live readings")
         try:
             yield
         finally:

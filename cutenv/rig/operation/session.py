@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from cutenv._base.arrays import StructArray
 from cutenv.rig.config.laid_specimen import measured_depth
 from cutenv.rig.config.settings import RigSettings, SafetyLimits
-from cutenv.rig.devices.host import SystemClock, preferred, tidy
+from cutenv.rig.devices.host import SystemClock, undisturbed
 from cutenv.rig.errors import RigError
 from cutenv.rig.operation.operator import Operator
 from cutenv.rig.operation.preflight import SETTLE, Check, prepare
 from cutenv.rig.plant import RigPlant
 from cutenv.rig.safety.guard import guarded
-from cutenv.rig.safety.stop_causes import BY_PEOPLE, WATCH, RigStopped
+from cutenv.rig.safety.stop_causes import ENDS_SESSION, WATCH, RigStopped
 from cutenv.rig.travel import RAISE_SPEED
 from cutenv.tissue.grid import depth_below
 from cutenv.tissue.specimen import Specimen
@@ -162,8 +162,6 @@ class RigSession:
     ----------
     checks : list of Check
         Checks of the preparation; empty before.
-    real_time : bool
-        True if the operating system runs the rig's threads before others.
     """
 
     def __init__(
@@ -178,7 +176,6 @@ class RigSession:
         self.plant, self.operator = plant, operator
         self._supply, self._today = supply, today or date.today()
         self.checks: list[Check] = []
-        self.real_time = False
         self._stack = ExitStack()
         if release is not None:
             self._stack.callback(release)
@@ -190,10 +187,10 @@ class RigSession:
         """Connect, and install every stop; nothing moves. Later calls do nothing."""
         if not self._opened:
             if self._in_time:
-                self.real_time = self._stack.enter_context(preferred())
+                self._stack.enter_context(undisturbed())
             self._stack.callback(self.plant.close)
             self.plant.open()
-            self._stack.enter_context(guarded(self.plant.supervisor, self.plant.clock))
+            self._stack.enter_context(guarded(self.plant.supervisor))
             self.plant.clock.sleep_until(self.plant.clock.now() + SETTLE)
             self._opened = True
 
@@ -226,12 +223,10 @@ class RigSession:
                 self._lower()
                 break
             except RigStopped as stop:
-                if attempt == _ATTEMPTS or stop.report.cause in BY_PEOPLE:
+                if attempt == _ATTEMPTS or stop.report.cause in ENDS_SESSION:
                     raise
         checks, self.checks = self.checks, []  # if the specimen is not laid as it should be, everything is asked again
         plant.switch_off()  # hands are in the travel from here on
-        if self._in_time:
-            tidy()
         depth = self._supply.mount(key)
         if depth is not None:
             plant.depth = depth

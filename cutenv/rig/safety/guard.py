@@ -1,4 +1,4 @@
-"""Stop of the blade when the program ends by an exception, Ctrl-C, SIGTERM, or the death of its parent."""
+"""Stop of the blade when the program ends by an exception, Ctrl-C or SIGTERM."""
 
 from __future__ import annotations
 
@@ -11,17 +11,19 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
-from cutenv.rig.devices.host import Clock, Owner
+from cutenv.rig.devices.host import Owner
+from cutenv.rig.safety.oversight import Oversight
 from cutenv.rig.safety.stop_causes import Cause
-from cutenv.rig.safety.supervisor import Supervisor
 
-_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT")
-_PARENT_EVERY = 0.002  # [s] between checks of the parent process
+SIGNALS = tuple(
+    int(getattr(signal, name)) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT") if hasattr(signal, name)
+)
+"""Signals that end a program; Windows has two of them."""
 
 
 @contextmanager
-def guarded(supervisor: Supervisor, clock: Clock) -> Iterator[None]:
-    """Stop the blade if the block is ended by an exception, a signal, or the death of the parent process.
+def guarded(supervisor: Oversight) -> Iterator[None]:
+    """Stop the blade if the block is ended by an exception or a signal.
 
     If the block is left in another thread, which may not set signal handlers, the handlers stay installed; they then
     do, as in a forked child, what the earlier handlers would have done.
@@ -39,18 +41,10 @@ def guarded(supervisor: Supervisor, clock: Clock) -> Iterator[None]:
         interrupt(supervisor, Cause.INTERRUPTED, signal.Signals(number).name, number)
 
     left, owner = False, Owner()
-    parent = os.getppid()
-
-    def orphaned(now: float) -> None:
-        if os.getppid() != parent:
-            supervisor.trip(Cause.ORPHANED, f"the parent process {parent} has ended", now)
-
     handlers: dict[int, Any] = {}
     if threading.current_thread() is threading.main_thread():
-        for name in _SIGNALS:
-            if (number := getattr(signal, name, None)) is not None:  # Windows has two of them
-                handlers[number] = signal.signal(number, interrupted)
-    watching = clock.every(_PARENT_EVERY, orphaned, "rig parent watch")
+        for number in SIGNALS:
+            handlers[number] = signal.signal(number, interrupted)
     try:
         yield
     except KeyboardInterrupt:
@@ -61,13 +55,12 @@ def guarded(supervisor: Supervisor, clock: Clock) -> Iterator[None]:
         raise
     finally:
         left = True
-        watching.stop()
         if threading.current_thread() is threading.main_thread():
             for number, handler in handlers.items():
                 signal.signal(number, handler)
 
 
-def interrupt(supervisor: Supervisor, cause: Cause, detail: str, number: int = signal.SIGINT) -> None:
+def interrupt(supervisor: Oversight, cause: Cause, detail: str, number: int = signal.SIGINT) -> None:
     """Stop the blade from a signal handler, which may have interrupted any code, even under a lock.
 
     While the rig is released, the stop runs in a thread of its own.

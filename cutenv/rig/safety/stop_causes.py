@@ -84,6 +84,7 @@ class Cause(StrEnum):
     INTERRUPTED = "interrupted"
     ORPHANED = "parent death"
     OPERATOR = "operator"
+    SPINE = "spine ended"
 
 
 class Breach(NamedTuple):
@@ -93,7 +94,7 @@ class Breach(NamedTuple):
     detail: str
 
 
-BY_PEOPLE = (Cause.INTERRUPTED, Cause.OPERATOR, Cause.ORPHANED)
+ENDS_SESSION = (Cause.INTERRUPTED, Cause.OPERATOR, Cause.ORPHANED, Cause.SPINE)
 """Causes that end the whole session, not only one cut."""
 WATCH = 0.002
 """Period at which the watchdog looks for overdue signals [s]."""
@@ -148,6 +149,7 @@ def detection_times(limits: SafetyLimits, *, packet: float = 0.001, sync: float 
         Cause.INTERRUPTED: 0.0,
         Cause.ORPHANED: WATCH,
         Cause.OPERATOR: 0.0,
+        Cause.SPINE: 0.0,
     }
 
 

@@ -356,6 +356,8 @@ class Supervisor:
 
         Otherwise the last command of an axis would go on unwatched: a hinge that has not arrived, a blade that creeps.
         """
+        if self.phase is not Phase.READY:  # a driver may hold the lock of a command that was stopped
+            return
         with self._commanding:
             with self._lock:
                 if self.phase is not Phase.READY:

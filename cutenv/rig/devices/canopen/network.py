@@ -13,7 +13,7 @@ from cutenv.rig.config.settings import Bus
 from cutenv.rig.devices.canopen.bus import open_bus
 from cutenv.rig.devices.canopen.objects import HEARTBEAT_FRAME, NMT_FRAME, NMT_OPERATIONAL, SYNC_FRAME
 from cutenv.rig.devices.drivers import Latch
-from cutenv.rig.devices.host import Clock, Owner, Repeating
+from cutenv.rig.devices.host import Clock, Repeating
 from cutenv.rig.errors import RigError
 
 _log = logging.getLogger(__name__)
@@ -81,7 +81,6 @@ class CanNetwork:
         self._joining = threading.Lock()
         self._sending = threading.Lock()
         self._breaking = threading.Lock()
-        self._owner = Owner()
         self._bus: Any = None
         self._message: Any = None
         self._reader: threading.Thread | None = None
@@ -111,12 +110,7 @@ class CanNetwork:
             self._members.append(member)
 
     def leave(self, member: Member) -> None:
-        """Remove a member; the last closes the bus. Never raises, and may be called twice.
-
-        Does nothing in a fork, where the lock may be held for ever.
-        """
-        if not self._owner.here:
-            return
+        """Remove a member; the last closes the bus. Never raises, and may be called twice."""
         with self._joining:
             if member in self._members:
                 self._members.remove(member)
@@ -139,10 +133,9 @@ class CanNetwork:
         Raises
         ------
         RigError
-            If the bus does not accept it, which breaks the network; or in a fork of the process that has opened it.
+            If the bus does not accept it, which breaks the network.
         """
         bus = self._bus
-        self._owner.check()
         if bus is None:
             raise RigError(f"the CAN bus ({self}) is not open.")
         message = self._message(arbitration_id=can_id, data=data, is_extended_id=False)
@@ -197,7 +190,6 @@ class CanNetwork:
         self._silent = False
 
     def _open(self) -> None:
-        self._owner = Owner()
         bus = open_bus(self.settings)
         try:
             self._refuse_another_master(bus)

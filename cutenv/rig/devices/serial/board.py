@@ -9,7 +9,7 @@ from collections.abc import Callable
 from enum import IntEnum, IntFlag
 from typing import Any, NamedTuple, Protocol
 
-from cutenv.rig.devices.host import Clock, Owner, Repeating
+from cutenv.rig.devices.host import Clock, Repeating
 from cutenv.rig.devices.serial.ports import open_port, write_line
 from cutenv.rig.errors import RigError
 
@@ -200,7 +200,6 @@ class SerialBoard:
         self._members: list[BoardMember] = []
         self._joining, self._sending = threading.Lock(), threading.Lock()
         self._changed = threading.Condition()
-        self._owner = Owner()
         self._line: Any = None
         self._ending = threading.Event()
         self._reader: threading.Thread | None = None
@@ -231,8 +230,6 @@ class SerialBoard:
 
     def leave(self, member: BoardMember) -> None:
         """Remove a member; the last closes the port. Never raises, and may be called twice."""
-        if not self._owner.here:
-            return
         with self._joining:
             if member in self._members:
                 self._members.remove(member)
@@ -248,7 +245,6 @@ class SerialBoard:
             If the port does not take it, which breaks the line, or it is not open.
         """
         line = self._line
-        self._owner.check()
         if line is None:
             raise RigError(f"the board at {self.port} is not open.")
         if not self._sending.acquire(timeout=_WRITE):
@@ -288,7 +284,6 @@ class SerialBoard:
         self._silent = False
 
     def _open(self) -> None:
-        self._owner = Owner()
         self._line = open_port(self.port, self._baud, read_limit=_READ)
         self.broken, self.identity, self._silent, self.damaged = None, None, False, 0
         self._ending = threading.Event()

@@ -1,0 +1,212 @@
+"""Process of a rig's spine: it takes commands and calls from the policy's program, and stops the blade without it.
+
+Its main thread waits for the program. The loop's thread judges the rig every 2 ms, and looks whether the program lives,
+asks for a stop, or a signal has come; a driver that holds up the main thread holds up none of that.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import json
+import logging
+import os
+import pickle
+import signal
+import socket
+import sys
+import threading
+import time
+from contextlib import suppress
+from dataclasses import asdict
+from multiprocessing.connection import Connection
+from typing import Any
+
+from cutenv.rig.devices.host import SWITCH, SystemClock, prefer
+from cutenv.rig.errors import RigError
+from cutenv.rig.safety.guard import SIGNALS
+from cutenv.rig.safety.stop_causes import WATCH, Cause, StopReport
+from cutenv.rig.spine import Spine, mounted_spine
+from cutenv.rig.spine_link import COMMAND, DONE, GO, REPLY, TURN, Link, SampleWriter
+
+OF_SPINE = ("power", "switch_off", "set_zero", "drive_limits", "about", "tare")
+"""Methods of :class:`~cutenv.rig.spine.Spine` that the program may call."""
+OF_SUPERVISOR = ("release", "lock", "lower", "reset")
+"""Methods of :class:`~cutenv.rig.safety.supervisor.Supervisor` that it may call."""
+SEEN = ("latched", "beyond", "pressed", "relieving", "standing")
+"""Properties of the supervisor that it may read."""
+_DETAIL = 600  # characters of a detail that are told
+_FOREVER = 3600.0  # [s]
+_log = logging.getLogger(__name__)
+
+
+def serve_spine(line: int, memory: int) -> None:
+    """Run the spine of one rig until the program at the other end closes it, or ends.
+
+    Parameters
+    ----------
+    line : int
+        Descriptor of the connection to the program, which sends the rig's settings first.
+    memory : int
+        Descriptor of the memory of a :class:`~cutenv.rig.spine_link.Link`.
+    """
+    received = _hear_signals()
+    connection, link, clock = Connection(line), Link(memory), SystemClock()
+    try:
+        spine = mounted_spine(connection.recv(), clock)
+    except Exception as error:
+        return connection.send((False, _portable(error)))
+    served = _Served(spine, connection, link, received)
+    allowed = _take_precedence()
+    clock.every(WATCH, served.look, "rig program")
+    connection.send((True, allowed))
+    served.run()
+
+
+class _Served:
+    """A spine that is served; see :func:`serve_spine`."""
+
+    def __init__(self, spine: Spine, line: Connection, link: Link, signals: socket.socket) -> None:
+        self.spine, self.supervisor = spine, spine.supervisor
+        self._line, self._link, self._signals = line, link, signals
+        self._program, self._its_parent = os.getppid(), 0
+        self._told: tuple[Any, ...] = ()
+        self._heard = 0  # stops that were asked for
+        self._over = self._leaving = False  # the loop alone begins to leave
+
+    def run(self) -> None:
+        """Take commands and calls until the program has ended, or has closed the rig."""
+        while True:
+            try:
+                message = self._line.recv_bytes()
+            except (EOFError, OSError):
+                break
+            reply = self._commanded(message) if message[:1] in (GO, TURN) else self._called(message)
+            self._tell()  # first: who has the answer may ask for the state
+            with suppress(OSError):  # nobody waits for it any more
+                self._line.send_bytes(reply)
+        self._over = True
+        while True:
+            time.sleep(_FOREVER)  # the loop's end is the end of this process
+
+    def _commanded(self, message: bytes) -> bytes:
+        mark, number, parent, given, speed, angle, hold, height, side = COMMAND.unpack(message)
+        supervisor, late = self.supervisor, self.spine.clock.now() - given
+        if parent != (self._its_parent or parent):
+            supervisor.trip(Cause.ORPHANED, f"the parent process {self._its_parent} has ended")
+        self._its_parent = self._its_parent or parent
+        try:
+            if mark == TURN:
+                supervisor.turn(speed)
+                return REPLY.pack(DONE, number, angle)
+            if not late <= hold:
+                supervisor.trip(Cause.OVERRUN, f"a command came {1e3 * late:.0f} ms after it was given")
+            return REPLY.pack(DONE, number, supervisor.drive(speed, angle, hold - late, height=height, side=side))
+        except Exception as error:
+            return pickle.dumps((number, False, _portable(error)))
+
+    def _called(self, message: bytes) -> bytes:
+        number, name, arguments, named = pickle.loads(message)
+        try:
+            return pickle.dumps((number, True, self._called_by_name(name, *arguments, **named)))
+        except Exception as error:
+            return pickle.dumps((number, False, _portable(error)))
+
+    def _called_by_name(self, name: str, *arguments: Any, **named: Any) -> Any:
+        spine = self.spine
+        if name == "open":
+            spine.open(SampleWriter(self._link.samples, list(spine.settings.axes)))
+            return spine.rate_error, spine.counts_steps
+        if name in SEEN:
+            return getattr(self.supervisor, name)
+        if name not in OF_SPINE + OF_SUPERVISOR:
+            raise RigError(f"a rig's spine has no call {name!r}.")
+        found = getattr(spine if name in OF_SPINE else self.supervisor, name)(*arguments, **named)
+        if name == "switch_off":
+            gc.collect()  # without power a millisecond does not matter
+        return self.supervisor.settings if name == "lower" else found
+
+    # In the loop
+
+    def look(self, now: float) -> None:
+        """Stop the blade for a signal, for the program, or without it; tell the state of the rig if it has changed."""
+        with suppress(BlockingIOError):
+            for number in self._signals.recv(64):
+                self.supervisor.trip(Cause.INTERRUPTED, signal.Signals(number).name)
+        while (asked := self._link.stops.take()) is not None:
+            wanted = json.loads(asked)
+            if "close" in wanted:
+                self._over = True
+            else:
+                self.supervisor.trip(Cause(wanted["cause"]), wanted["detail"])
+            self._heard += 1
+        if os.getppid() != self._program:
+            self.supervisor.trip(Cause.ORPHANED, f"the program {self._program}, which commands the rig, has ended")
+            self._over = True
+        if self._over and not self._leaving:
+            self._leaving = True
+            threading.Thread(target=self._closed, name="rig close").start()  # the loop has to go on meanwhile
+        self._tell()
+
+    def _tell(self) -> None:
+        """Write the state of the rig if it has changed; whoever writes later has looked later."""
+        supervisor, report = self.supervisor, self.supervisor.report
+        stop = None if report is None else asdict(report) | {"detail": report.detail[:_DETAIL]}
+        state = (str(supervisor.phase), supervisor.limited, self._heard, stop)
+        if state != self._told:
+            self._told = state
+            self._link.states.put(json.dumps(state).encode())
+
+    def _closed(self) -> None:
+        """Close the rig, and end this process."""
+        try:
+            self.spine.close()
+            self._tell()
+        except Exception:
+            _log.exception("the rig was not closed in order")
+        finally:
+            os._exit(0)  # threads of drivers may never return
+
+
+def read_state(state: bytes) -> tuple[str, int, int, StopReport | None]:
+    """Return phase, number of commands reduced, number of stops heard, and the report of the last stop."""
+    phase, limited, heard, stop = json.loads(state)
+    return phase, limited, heard, None if stop is None else StopReport(**stop | {"cause": Cause(stop["cause"])})
+
+
+def _portable(error: Exception) -> Exception:
+    """Return an error that the other process knows, too."""
+    if type(error) in (RigError, ValueError, ModuleNotFoundError):
+        return error
+    return RigError(str(error) if isinstance(error, RigError) else f"{type(error).__name__}: {error}")
+
+
+def _hear_signals() -> socket.socket:
+    """Have signals written to a socket, which the loop reads: no driver that holds the main thread holds them up.
+
+    The program has blocked them before it started this process.  Ctrl-Z is for the program alone.
+    """
+    receiving, writing = socket.socketpair()
+    receiving.setblocking(False)
+    writing.setblocking(False)
+    for number in SIGNALS:
+        signal.signal(number, lambda *_: None)
+    signal.set_wakeup_fd(writing.detach(), warn_on_full_buffer=False)
+    signal.signal(signal.SIGTSTP, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
+    return receiving
+
+
+def _take_precedence() -> bool:
+    """Collect no garbage from here on, keep the memory, and run before others; return whether that is allowed."""
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    sys.setswitchinterval(SWITCH)
+    with suppress(ImportError, OSError, AttributeError, ValueError):
+        import resource  # Windows, where the module has to be importable, has none
+
+        everything, later = 1, 2
+        unlimited = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0] == resource.RLIM_INFINITY or os.geteuid() == 0
+        ctypes.CDLL(None).mlockall(everything | (later if unlimited else 0))
+    return prefer(first_in=True)

@@ -1,0 +1,258 @@
+"""A spine in a process of its own stops the blade whatever the program does, and tells what one within it tells."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from stage_in_memory import HANGS, TOLD, Balance, settings, told
+from waiting import until
+
+from cutenv.rig.devices.drivers import DriveState, ForceSample, MotionSample
+from cutenv.rig.devices.host import SystemClock
+from cutenv.rig.errors import RigError
+from cutenv.rig.hardware import rig_plant
+from cutenv.rig.plant import RigPlant
+from cutenv.rig.safety.stop_causes import ENDS_SESSION, Cause, RigStopped
+from cutenv.rig.spine_link import Ring, SampleWriter, deliver, ring_size
+
+UPRIGHT = math.pi / 2
+HERE = Path(__file__).parent
+PERIOD = 0.050
+PROGRAM = """
+import ctypes, os, sys, time
+from stage_in_memory import settings
+from cutenv.rig.remote_spine import RemoteSpine
+class Nobody:
+    force = motion = alive = garbled = lambda self, *what: None
+spine = RemoteSpine(settings())
+spine.open(Nobody())
+spine.power()
+spine.clock.sleep_until(spine.clock.now() + 0.1)
+spine.supervisor.release()
+for _ in range(10):
+    spine.supervisor.drive(0.01, 1.5708, 0.05)
+    spine.clock.sleep_until(spine.clock.now() + 0.05)
+spine.supervisor.drive(0.01, 1.5708, 0.05)
+os.write(1, f"{spine.pid} {time.monotonic()}\\n".encode())
+"""
+"""Program that makes ready, moves the blade, and tells the id of its spine, and when it sent its last command."""
+ENDS = {
+    "counts": "while True: pass",
+    "holds the interpreter": "ctypes.PyDLL(None).usleep(30_000_000)",
+    "raises": "raise ZeroDivisionError",
+    "sleeps": "time.sleep(30)",
+}
+SIGNALS = {"killed": signal.SIGKILL, "paused": signal.SIGSTOP, "interrupted": signal.SIGINT}
+
+
+@pytest.fixture
+def record(tmp_path, monkeypatch) -> Path:
+    """File in which the drivers write."""
+    path = tmp_path / "told.jsonl"
+    path.touch()
+    monkeypatch.setenv(TOLD, str(path))
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(HERE), *sys.path]))
+    return path
+
+
+@pytest.mark.promise("S16")
+@pytest.mark.parametrize("end", [*ENDS, *SIGNALS])
+def test_whatever_the_program_does_the_blade_is_stopped_in_time(end, record):
+    """The last kind is held in a library while Ctrl-C comes to all processes of the terminal."""
+    then = ENDS.get(end, ENDS["holds the interpreter" if end == "interrupted" else "sleeps"])
+    program = subprocess.Popen(
+        [sys.executable, "-c", PROGRAM + then],
+        stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, start_new_session=True,
+    )  # fmt: skip
+    try:
+        spine, last = program.stdout.readline().split()
+        if end in SIGNALS:
+            (os.killpg if end == "interrupted" else os.kill)(program.pid, SIGNALS[end])
+        until(lambda: any(each["what"] == "quick stop" for each in told(record)))
+        heard = told(record)
+        stopped = next(each["time"] for each in heard if each["what"] == "quick stop")
+        assert stopped - float(last) < PERIOD * (1.0 + settings().limits.overrun) + 0.030  # of a busy machine
+        assert all(each["what"] != "command" for each in heard if each["time"] > stopped), "it moves on"
+    finally:
+        program.kill()
+        program.wait()
+    until(lambda: not Path(f"/proc/{spine}").exists() or "closed" in [each["what"] for each in told(record)])
+
+
+def ready(clock: SystemClock | None = None, speed: float = 0.01) -> RigPlant:
+    """Open, with power, released; it has moved for a moment."""
+    plant = rig_plant(settings(), clock)
+    plant.open()
+    plant.power()
+    plant.clock.sleep_until(plant.clock.now() + 0.1)
+    plant.supervisor.release()
+    plant.begin()
+    for _ in range(5):
+        plant.advance(speed, UPRIGHT, 20)
+    return plant
+
+
+@pytest.mark.promise("S16")
+def test_a_spine_that_is_killed_is_a_stop_that_ends_the_session(record):
+    plant = ready()
+    os.kill(plant.spine.pid, signal.SIGKILL)
+    until(lambda: plant.spine.supervisor.phase == "stopped")
+    with pytest.raises(RigStopped, match="ended by SIGKILL; without its heartbeat the drives stop") as stop:
+        plant.advance(0.01, UPRIGHT, 20)
+    assert stop.value.report.cause is Cause.SPINE
+    assert stop.value.report.cause in ENDS_SESSION
+    assert plant.supervisor.phase == "stopped"
+    plant.halt()
+    with pytest.raises(RigError, match="begin again"):
+        plant.supervisor.reset(agreed=True)
+    plant.close()
+
+
+@pytest.mark.promise("S16")
+def test_a_driver_that_never_returns_holds_up_neither_stop_nor_program_nor_close(record, monkeypatch):
+    monkeypatch.setenv(HANGS, "0.02")
+    plant = ready()
+    begun = time.monotonic()
+    with pytest.raises(RigStopped, match="no new command"):
+        plant.advance(0.02, UPRIGHT, 20)
+    assert plant.supervisor.report.standstill is not None
+    plant.close()
+    assert time.monotonic() - begun < 3.0
+    assert told(record)[-1]["what"] == "closed"
+
+
+def test_a_stop_that_the_program_asks_for_is_under_way_when_it_goes_on(record):
+    plant = ready()
+    assert plant.about()["blade"]["process"] == plant.spine.pid != os.getpid()
+    plant.supervisor.trip(Cause.OPERATOR, "the button")
+    assert plant.supervisor.phase == "stopped"
+    assert str(plant.supervisor.report).startswith("operator: the button")
+    with pytest.raises(RigStopped, match="the button"):
+        plant.advance(0.01, UPRIGHT, 20)
+    with pytest.raises(RigError, match="the operator has not agreed"):
+        plant.supervisor.reset(agreed=False)
+    plant.supervisor.reset(agreed=True)
+    plant.power()
+    plant.clock.sleep_until(plant.clock.now() + 0.1)
+    plant.supervisor.release()
+    plant.begin()
+    assert len(plant.advance(0.01, UPRIGHT, 20)) == 20
+    lower = dataclasses.replace(plant.settings.limits, force=1.0)
+    with pytest.raises(RigError, match="between cuts"):
+        plant.lower(lower)
+    plant.halt()
+    plant.lower(lower)
+    assert plant.settings.limits.force == plant.supervisor.limits.force == 1.0
+    plant.close()
+    assert told(record)[-1]["what"] == "closed"
+
+
+def test_it_moves_and_measures_as_a_spine_in_this_process_does(record):
+    """Both follow the same commands, each on the machine's clock: they differ by how late a command was."""
+    readings = []
+    for clock in (None, SystemClock()):
+        plant = ready(clock)
+        readings.append(plant.advance(0.01, UPRIGHT, 100))
+        plant.halt()
+        plant.close()
+    for name in ("time", "angle"):
+        assert readings[0][name] == pytest.approx(readings[1][name])
+    assert readings[0]["position"] == pytest.approx(readings[1]["position"], abs=0.01 * 0.030)
+    assert readings[0]["speed"] == pytest.approx(readings[1]["speed"], abs=1e-9)
+    assert set(readings[0]["force"]) == set(readings[1]["force"]) == {0.0, 0.01}
+
+
+def test_a_driver_that_refuses_its_settings_is_told_as_it_is_here(record):
+    wrong = dataclasses.replace(settings(), blade=dataclasses.replace(settings().blade, driver="no_such:Stage"))
+    with pytest.raises(ValueError, match=r"no_such:Stage.*cannot be imported"):
+        rig_plant(wrong).open()
+    slow = dataclasses.replace(settings().sensor, rate=2.0 * Balance.rate)
+    with pytest.raises(RigError, match="250 readings a second, but the rig's file has 500"):
+        rig_plant(dataclasses.replace(settings(), sensor=slow)).open()
+
+
+# Memory
+
+
+class Ear:
+    """Receiver that keeps what it is given."""
+
+    def __init__(self) -> None:
+        self.heard: list[tuple] = []
+
+    def force(self, *what) -> None:
+        self.heard.append(("force", *what))
+
+    def motion(self, *what) -> None:
+        self.heard.append(("motion", *what))
+
+    def alive(self, *what) -> None:
+        self.heard.append(("alive", *what))
+
+    def garbled(self, *what) -> None:
+        self.heard.append(("garbled", *what))
+
+
+def ring(record: int = 64, count: int = 4) -> Ring:
+    return Ring(bytearray(ring_size(record, count)), 0, record, count)
+
+
+def test_what_drivers_report_arrives_as_it_was():
+    memory, ear, axes = ring(SampleWriter.RECORD, 8), Ear(), ["blade", "height"]
+    writer = SampleWriter(memory, axes)
+    force = ForceSample(
+        1.5, (1.0, -2.0, math.inf), (1, -(2**31), 3, 4, 5, 6), 0x80000001, 2**32 - 1, 7, (0.1, 0.2, 0.3)
+    )
+    motion = MotionSample(1.6, 0.1, -0.2, 0.3, DriveState.QUICK_STOP)
+    writer.force(force)
+    writer.motion("height", motion)
+    writer.alive("blade", 1.7)
+    writer.garbled("why", 1.8)
+    while (record := memory.take()) is not None:
+        deliver(record, axes, ear)
+    reported = [("force", force), ("motion", "height", motion), ("alive", "blade", 1.7)]
+    assert ear.heard == [*reported, ("garbled", "not a reading", 1.8)]
+
+
+@pytest.mark.promise("S16")
+@pytest.mark.parametrize("backwards", [False, True])
+def test_no_record_is_read_that_is_half_written(backwards):
+    """Each byte of a record may be written or not, from either end, over an older record or over nothing."""
+    for over in (0, 4):
+        before, after = ring(), ring()
+        for number in range(over + 1):
+            after.put(bytes([number + 1]) * 40)
+            if number < over:
+                before.put(bytes([number + 1]) * 40)
+        for _ in range(over):
+            assert before.take() is not None
+        old, new = bytes(before._memory), bytes(after._memory)
+        differ = [at for at in range(len(old)) if old[at] != new[at]]
+        assert len(differ) > 40
+        order = differ[::-1] if backwards else differ
+        for at in order:
+            assert before.take() is None, f"read before byte {at} was written"
+            before._memory[at] = new[at]
+        assert before.take() == bytes([over + 1]) * 40
+
+
+def test_a_reader_who_is_far_behind_goes_on_and_counts_what_it_missed():
+    memory = ring(count=4)
+    for number in range(11):
+        memory.put(bytes([number]))
+    seen = []
+    while (record := memory.take()) is not None:
+        seen.append(record[0])
+    assert seen[-1] == 10
+    assert seen == list(range(seen[0], 11))
+    assert memory.lost == 11 - len(seen)
+    with pytest.raises(ValueError, match="too long"):
+        memory.put(bytes(65))
