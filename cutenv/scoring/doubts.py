@@ -15,7 +15,7 @@ DOUBT = "doubtful"
 """First word of a note on a record that can hardly be true."""
 _SAME_DEPTH = 1e-6  # [m]
 _LONG = 0.03  # [m], advance over which a real depth changes
-_STILL = 0.012  # [m/s], top speed after a sudden fall of the force that no blade in a hand is below
+_STILL = 0.03  # [m/s], top speed after sudden falls of the force that one hand in 100 is below
 _LASTING, _FINE = 20.0, 90.0  # sharpness of lurches [1/s] that one hand in 100 is below, if read so often [Hz]
 _SAME_TIP = 1.5e-3  # [m] within which the return stroke shows where the tip is
 _ZERO, _ZERO_SHARE = 0.2, 0.08  # [N], and share of the range, that a force may have where nothing is touched
@@ -68,9 +68,9 @@ def _motion(cut: ScoredCut) -> Iterator[str]:
             f"the blade takes some {1e3 / sharp:.0f} ms for a lurch, long for a hand: if its position was smoothed, or "
             "the clock runs slow, it was faster than it seems"
         )
-    elif by_hand and found.drops and found.top < _STILL:
+    elif by_hand and found.drops and found.top < _STILL and cut.trace.sample_rate > _FINE:
         yield (
-            f"the blade does not lurch where the force falls suddenly, {found.drops} times, as it does in a "
+            f"the blade hardly lurches where the force falls suddenly, {found.drops} times, as it does in a "
             "person's hand: if no machine held it, its position was smoothed, and how fast it was is not known"
         )
 

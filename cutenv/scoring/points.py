@@ -39,7 +39,7 @@ HALVED = {"control": 0.2, "tissue": 0.05, "time": 0.05}
 MISSED = 0.5
 """Charge of the task, in all, by which points count e times less where the target was missed."""
 BEYOND_LIMIT = 0.9
-"""Charge of a cut beyond a limit, as the task has one: the cut has less than one that was not begun."""
+"""Charge of a cut beyond a limit, as the task has one for an end for safety."""
 CHARGED = {
     "haste": 0.06, "uncontrolled": 0.1, "jump": 0.03, "force": 0.012, "lag": 0.02, "backward": 0.1, "time": 0.1
 }  # fmt: skip

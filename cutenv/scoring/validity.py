@@ -141,7 +141,7 @@ _NOISE, _SLOW_NOISE = 0.15, 0.1  # [N] of one reading, and of a mean over 20 ms,
 _SUDDEN, _SUDDEN_SHARE = 0.1, 0.1  # [N], and share of the range, by which a force falls within 20 ms
 _BEFORE, _AFTER, _AFTERWARDS = 5, 20, 40  # samples at 100 Hz around such a fall: of the lurch, and until it is over
 _EARLIER = 30  # samples at 100 Hz before it, of which those up to 10 before are without a lurch
-_LURCH_WAY = 1.5e-3  # [m] of a lurch
+_LURCH_WAY = 0.8e-3  # [m] of a lurch
 _SHARPEST_SMOOTHED = 10.0  # [1/s], sharpness of lurches below which they are no hand's: honest ones have 13 and more
 
 
@@ -185,7 +185,7 @@ class Lurches(NamedTuple):
     top: float
     """Largest speed after them, less that around them [m/s]."""
     sharpness: float | None
-    """Largest speed of a lurch over its way [1/s], mean of all by their ways; None without any of 1.5 mm."""
+    """Largest speed of a lurch over its way [1/s], mean of all by their ways; None without any of 0.8 mm."""
 
 
 def lurches_of(position: Array, even: Array) -> Lurches:
