@@ -343,7 +343,8 @@ def _tops_beyond_noise(trace: Trace, signal: _Signal, runs: NDArray[np.intp]) ->
         return runs
     ends = np.minimum(signal.starts[runs] + signal.lengths[runs], len(trace) - 1)
     standing = STANDSTILL_SPEED * longest * float(np.median(np.diff(trace.time)))
-    return runs[np.abs(trace.position[ends] - trace.position[signal.starts[runs]]) >= standing]
+    moves: Mask = np.abs(trace.position[ends] - trace.position[signal.starts[runs]]) >= standing
+    return runs[moves]
 
 
 def _tops_beyond_slope(trace: Trace, signal: _Signal, runs: NDArray[np.intp], sign: float) -> NDArray[np.intp]:

@@ -168,7 +168,7 @@ def noisy(trace: Trace, even: Array) -> str:
     """
     each = Readings(time=trace.time, force=trace.force).noise
     slow = even[: len(even) // 2 * 2].reshape(-1, 2).mean(axis=1)
-    mean = Readings(time=np.arange(len(slow)) * 2.0 / RATE, force=slow).noise
+    mean = Readings(time=np.arange(0.0, len(slow)) * 2.0 / RATE, force=slow).noise
     if each <= _NOISE and mean <= _SLOW_NOISE:
         return ""
     return (
