@@ -293,7 +293,7 @@ class ScoredCut:
 
     @cached_property
     def lurches(self) -> Lurches:
-        """How the blade moves where the force falls suddenly."""
+        """Motion of the blade where the force falls suddenly."""
         return lurches_of(np.interp(self.even_time, self.time, self.position), self.even_force)
 
     @property
