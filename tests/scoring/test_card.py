@@ -371,10 +371,13 @@ def test_a_loss_without_a_fault_has_its_own_advice(card: ScoreCard) -> None:
     assert one.advice
 
 
-def test_a_cut_beyond_a_limit_has_no_points_but_for_the_way(card: ScoreCard) -> None:
+def test_a_cut_beyond_a_limit_is_counted_as_one(card: ScoreCard) -> None:
     beyond = dataclasses.replace(
         filled(card, {"force": "slow down"}),
-        points=(ScorePoints(part="way", points=3.0, most=25.0, reason="too much force"),),
+        points=(
+            ScorePoints(part="limits", points=0.0, most=5.0, reason="too much force"),
+            ScorePoints(part="way", points=3.0, most=25.0, reason="too much force"),
+        ),
         outcome="the force exceeded the limit",
     )
     cards = [filled(card, {}), beyond]
