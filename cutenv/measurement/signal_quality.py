@@ -327,7 +327,10 @@ def _clipping(trace: Trace, signal: _Signal) -> list[QualityIssue]:
 
 
 def _tops_beyond_noise(trace: Trace, signal: _Signal, runs: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Return runs at the extreme that are too long: noise that lets a reading repeat would also have exceeded it."""
+    """Return runs at the extreme that are too long: noise that lets a reading repeat would also have exceeded it.
+
+    Where the blade stands all the time, its force may rest: noise below the resolution need not show.
+    """
     if signal.turning < _NOISE_FREE:
         return runs[:0]
     if signal.is_continuous:
@@ -335,7 +338,13 @@ def _tops_beyond_noise(trace: Trace, signal: _Signal, runs: NDArray[np.intp]) ->
     else:
         repeats = float(ndtr(1.0 / signal.noise - _FARTHEST))
         longest = signal.longest_chance(repeats, len(trace), _FEWEST)
-    return runs[signal.lengths[runs] >= longest]
+    runs = runs[signal.lengths[runs] >= longest]
+    if trace.position is None:
+        return runs
+    ends = np.minimum(signal.starts[runs] + signal.lengths[runs], len(trace) - 1)
+    standing = STANDSTILL_SPEED * longest * float(np.median(np.diff(trace.time)))
+    moves: Mask = np.abs(trace.position[ends] - trace.position[signal.starts[runs]]) >= standing
+    return runs[moves]
 
 
 def _tops_beyond_slope(trace: Trace, signal: _Signal, runs: NDArray[np.intp], sign: float) -> NDArray[np.intp]:

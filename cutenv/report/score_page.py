@@ -15,7 +15,8 @@ from cutenv._base.unit_table import shown_unit
 from cutenv.measurement import loading_segments
 from cutenv.report.page import PHONE_WIDTH, label, new_figure, number, plain_axes, write_page, write_table, write_text
 from cutenv.scoring import MAP_METRICS, DepthMap, PathMap, ScoreCard, all_metrics
-from cutenv.scoring.score_card import DISCLAIMER, DOUBT
+from cutenv.scoring.doubts import DOUBT
+from cutenv.scoring.score_card import DISCLAIMER
 from cutenv.task_quantities import FARTHEST_TOLERANCE, FORCE_LIMIT_PER_DEPTH, TIP_TOLERANCE
 from cutenv.tissue.grid import SPACING
 from cutenv.trace import Trace

@@ -36,10 +36,10 @@ CONTROL_POINTS, TISSUE_POINTS, TIME_POINTS = 25.0, 20.0, 5.0
 """Points of a success: for a blade that can stop where the tissue gives way, for sparing the tissue, for the time."""
 HALVED = {"control": 0.2, "tissue": 0.05, "time": 0.05}
 """Charge of the task at which half of these points are left; a third at twice the charge, a quarter at three times."""
-MISSED = 0.2
-"""Charge of the task, in all, at which all other points count half where the target was missed."""
-BEYOND_LIMIT = 0.12
-"""Share of the points for the way that counts after a cut beyond a limit: less than a cut not begun has."""
+MISSED = 0.5
+"""Charge of the task, in all, by which points count e times less where the target was missed."""
+BEYOND_LIMIT = 0.9
+"""Charge of a cut beyond a limit, as the task has one for an end for safety."""
 CHARGED = {
     "haste": 0.06, "uncontrolled": 0.1, "jump": 0.03, "force": 0.012, "lag": 0.02, "backward": 0.1, "time": 0.1
 }  # fmt: skip
@@ -82,7 +82,8 @@ def task_points(cut: ScoredCut, metrics: Mapping[str, float]) -> tuple[ScorePoin
 
     A success has the points for its end whole, and in addition those for the way in which it was made: under control,
     gentle with the tissue, in time. Where the target was missed, the points for the end count the less, the more the
-    task charges for the way. Each quantity is one that the task's reward charges.
+    task charges for the way; a cut beyond a limit is charged for that as well. Each quantity is one that the task's
+    reward charges.
 
     Parameters
     ----------
@@ -100,17 +101,15 @@ def task_points(cut: ScoredCut, metrics: Mapping[str, float]) -> tuple[ScorePoin
     off = tip_error(end, length)
     way = min(max(end / length, 0.0), 1.0)
     charged = charges(cut, metrics)
-    counts = _left(sum(charged.values()), MISSED)
     fault = beyond_limit(cut, metrics)
-    if fault:
-        points = counts * BEYOND_LIMIT * WAY_POINTS * way
-        return (ScorePoints(part="way", points=points, most=WAY_POINTS, reason=f"{fault}: little else counts"),)
-    success = is_success(cut)
-    less = "" if success else f"; {_missed(cut)}, so it counts {counts:.0%}: {_dearest(charged)}"
-    counts = 1.0 if success else counts
+    success = not fault and is_success(cut)
+    charge = sum(charged.values()) + (BEYOND_LIMIT if fault else 0.0)
+    counts = 1.0 if success else math.exp(-charge / MISSED)
+    missed = "" if success else fault or _missed(cut)
+    less = "" if success else f"; {missed}, so it counts {counts:.0%}: {_dearest(charged)}"
     side = "short of" if end < length else "beyond"
     gained = (
-        ("limits", LIMIT_POINTS, 1.0, f"not too long, not too much force{less}"),
+        ("limits", LIMIT_POINTS, float(not fault), fault or f"not too long, not too much force{less}"),
         ("way", WAY_POINTS, way, f"{way:.0%} of the way to the target was cut{less}"),
         (
             "accuracy",
@@ -118,7 +117,7 @@ def task_points(cut: ScoredCut, metrics: Mapping[str, float]) -> tuple[ScorePoin
             float(closeness(end, length)),
             f"the cut ends {1e3 * off:.1f} mm {side} the target; from {1e3 * CLOSE:.0f} mm on there is nothing{less}",
         ),
-        ("success", SUCCESS_POINTS, float(success), _success(cut, success=success)),
+        ("success", SUCCESS_POINTS, float(success), fault or _success(cut, success=success)),
     )
     gentle = tuple(
         ScorePoints(part=name, points=counts * most * share, most=most, reason=why) for name, most, share, why in gained
@@ -127,7 +126,7 @@ def task_points(cut: ScoredCut, metrics: Mapping[str, float]) -> tuple[ScorePoin
             part=name,
             points=most * _left(sum(charged[each] for each in OF_PART[name]), HALVED[name]) if success else 0.0,
             most=most,
-            reason=why if success else f"{why}; nothing, because {_missed(cut)}",
+            reason=why if success else f"{why}; nothing, because {missed}",
         )
         for name, most, why in (
             ("control", CONTROL_POINTS, "a blade that can stop at once where the tissue gives way"),

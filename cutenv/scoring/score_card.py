@@ -11,11 +11,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
-import numpy as np
-
 from cutenv.measurement import DepthProfile
 from cutenv.measurement.depth import LAYER_DEPTH_KEY, WANTED_DEPTH_KEY, depth_sd, wanted_depth
 from cutenv.scoring.cut_map import LINE_KEY, DepthMap, PathMap
+from cutenv.scoring.doubts import doubts_of
 from cutenv.scoring.metric import FORCE_WEIGHTS, MAP_METRICS, METRICS, Metric, metric_named
 from cutenv.scoring.points import ScorePoints, outcome_of, task_points
 from cutenv.scoring.reference import ReferenceSet
@@ -294,7 +293,7 @@ def score(
         no_score=no_score,
         reference="" if reference is None else f"{reference.name} ({len(reference)} cuts: {reference.about})",
         faults=faults,
-        notes=(*score_notes(cut, points, outcome), *doubted_depth(cut), *([left_out] if left_out else [])),
+        notes=(*score_notes(cut, points, outcome), *doubts_of(cut), *([left_out] if left_out else [])),
         depth_map=_available(lambda: cut.depth_map) if cut.tells_depth and not cut.twofold else None,
         path_map=_available(lambda: cut.path_map) if cut.line is not None and not cut.twofold else None,
     )
@@ -382,20 +381,16 @@ def _shown(scored: Scored) -> str:
     return html.escape(f"unavailable: {scored.unavailable}") if scored.value is None else f"{scored.value:.4g}"
 
 
-DOUBT = "doubtful"
-"""First word of a note on a record that can hardly be true."""
 EXPECTED_FLOOR = (
     "floor of the cut: that of mean tissue under a blade that moved so, by an assumed edge; the surface as recorded"
 )
 """Note on a record whose floor is not known but expected."""
 EXPECTED_CUT = "cut beside the line: that of mean tissue behind a blade that moved so, by the estimated tip"
 """Note on a record whose cut is not known but expected."""
-_SAME_DEPTH = 1e-6  # [m]
-_LONG = 0.03  # [m], advance over which a real depth changes
 
 
 def score_notes(cut: ScoredCut, points: Sequence[ScorePoints], outcome: str) -> list[str]:
-    """Return what a card rests on: where tip, floor and cut are from, what is not counted, what is doubtful."""
+    """Return what a card rests on: where tip, floor and cut are from, and what is not counted."""
     notes = [
         {
             "truth": "tip: the simulator's own",
@@ -406,7 +401,7 @@ def score_notes(cut: ScoredCut, points: Sequence[ScorePoints], outcome: str) -> 
         }["guessed" if cut.tip_source == "estimated" and cut.own_modulus is None else cut.tip_source]
     ]
     if cut.truth is None and cut.noted_end is not None:
-        notes.append("where the tip ended is the simulator's own")
+        notes.append("where the tip ended is as the record notes it, and position and clock are as recorded")
     if cut.trace.height is not None and cut.trace.depth is not None:
         known = FLOOR_AT_END in cut.trace.metadata or (cut.truth is not None and cut.truth.floor is not None)
         notes.append("floor of the cut: the simulator's own" if known else EXPECTED_FLOOR)
@@ -423,24 +418,6 @@ def score_notes(cut: ScoredCut, points: Sequence[ScorePoints], outcome: str) -> 
     if sd is not None:
         notes.append(f"record: depth of cut measured to {1e3 * sd:.2f} mm (standard deviation)")
     return notes + validity_warnings(cut.trace, cut.quality)
-
-
-def doubted_depth(cut: ScoredCut) -> list[str]:
-    """Return a note if the depth never changes along a real cut: tissue is not so even, so nobody measured it."""
-    depth, position = cut.trace.depth, cut.trace.position
-    simulated = (
-        cut.truth is not None or cut.noted_end is not None or cut.trace.metadata.get("specimen_class") == "uniform"
-    )
-    if depth is None or position is None or simulated:
-        return []
-    advance = float(np.ptp(position))
-    if advance < _LONG or np.ptp(depth) > _SAME_DEPTH:
-        return []
-    return [
-        f"{DOUBT}: the depth of cut is {1e3 * float(depth[0]):.4g} mm at every reading of {100.0 * advance:.1f} cm. "
-        "Soft tissue bulges and is never so even: it was set, not measured, and tip, runs and points rest on it. "
-        "Give the depth along the cut: by caliper at some places, or from film (cutenv depth)"
-    ]
 
 
 def _is_known(cut: ScoredCut) -> bool:

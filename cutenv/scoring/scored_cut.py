@@ -17,6 +17,7 @@ from cutenv.measurement.strokes import STANDSTILL_SPEED
 from cutenv.scoring.cut_map import CutMap, DepthMap, PathMap
 from cutenv.scoring.truth import ASIDE_AT_END, FLOOR_AT_END, Truth, checked_aside, checked_floor, noted_tip
 from cutenv.scoring.validity import (
+    Lurches,
     Unavailable,
     even_centres,
     even_instants,
@@ -26,9 +27,12 @@ from cutenv.scoring.validity import (
     implausible_work,
     is_truncated,
     levelled,
+    lurches_of,
     never_loaded,
+    noisy,
     noted_ahead,
     smoothed,
+    smoothed_motion,
     under_force,
     unseen,
 )
@@ -279,11 +283,18 @@ class ScoredCut:
         tip = float(self.tip[-1])
         return (
             unseen(self.trace)
+            or noisy(self.trace, self.even_force)
+            or smoothed_motion(self.lurches)
             or levelled(self.even_force[self.even_advancing])
             or never_loaded(self.smooth_force, self.even_force, self.even_advancing)
             or (noted_ahead(self.noted_end, self.position) if self.noted_end is not None else "")
             or (implausible_work(work, tip) if work is not None else "")
         )
+
+    @cached_property
+    def lurches(self) -> Lurches:
+        """Motion of the blade where the force falls suddenly."""
+        return lurches_of(np.interp(self.even_time, self.time, self.position), self.even_force)
 
     @property
     def end(self) -> int:
@@ -487,6 +498,11 @@ class ScoredCut:
             return modulus_of_ramps(self.at_blade, self.profile, self.tissue)
         except ValueError:
             return None  # outside the range measured for liver, for example at other angles
+
+    @property
+    def shown_end(self) -> float:
+        """Crack tip at the end by the forces alone, whatever the record notes [m]."""
+        return float(self._followed[0][-1])
 
     @property
     def noted_end(self) -> float | None:

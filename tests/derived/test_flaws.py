@@ -131,6 +131,19 @@ def test_clipping_is_found_from_the_first_flat_top_to_the_last(sensor: SensorPar
     assert (clipped.force[[first, last]] == sign * limit).all()
 
 
+@pytest.mark.parametrize(("speed", "clips"), [(0.0, False), (0.01, True)])
+def test_a_force_may_rest_at_its_largest_where_the_blade_stands(speed: float, clips: bool) -> None:
+    cut = recorded_cut("2 cm", speed=0.01, turns=(0.06,), sensor=SensorParameters(force_resolution=0.05)).trace
+    top, count = int(np.argmax(cut.force)), 60
+    rests = np.zeros(count), speed * 1e-3 * np.arange(1, count + 1)
+    force, moved = (np.insert(values, top + 1, values[top] + more) for values, more in zip(
+        (cut.force, cut.position), rests, strict=True))  # fmt: skip
+    moved[top + 1 + count :] += rests[1][-1]
+    trace = Trace(time=1e-3 * np.arange(len(force)), force=force, position=moved)
+    assert any(flaw.kind == "clipping" for flaw in quality_issues(trace)) is clips
+    assert any(flaw.kind == "clipping" for flaw in quality_issues(force_only(trace)))
+
+
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_gap_is_found_at_its_rows(seed: int) -> None:
     trace, rows = FLAWS["gap"](one_cut(seed), np.random.default_rng(seed))

@@ -13,6 +13,7 @@ from made_up_study import sawing
 from scored_cuts import CUTS, TARGET, changed, cut
 
 from cutenv.scoring import METRICS, ReferenceSet, ScoreCard, Truth, score
+from cutenv.scoring.doubts import DOUBT
 from cutenv.scoring.metric import FORCE_WEIGHTS
 from cutenv.scoring.points import (
     ACCURACY_POINTS,
@@ -22,7 +23,7 @@ from cutenv.scoring.points import (
     ScorePoints,
 )
 from cutenv.scoring.reference import FEWEST_REFERENCE_CUTS
-from cutenv.scoring.score_card import DOUBT, FEWEST_WEIGHT
+from cutenv.scoring.score_card import FEWEST_WEIGHT
 from cutenv.scoring.study.trainee import mean_points, next_tries, outcome_counts
 from cutenv.scoring.technique import TechniqueFault
 from cutenv.scoring.truth import TIP_AT_END
@@ -160,9 +161,10 @@ def test_a_part_that_was_cut_counts_by_how_far() -> None:
     ],
 )
 def test_beyond_a_limit_little_counts(metadata, end, outcome) -> None:
-    card = told(end, **metadata)
+    card, within = told(end, **metadata), told(end, end="given up")
     assert card.outcome == outcome
-    assert card.overall_score < told(0.0).overall_score  # as the reward has it: worse than a cut not begun
+    assert card.overall_score < LIMIT_POINTS  # what a cut has that is not begun, without any charge
+    assert card.overall_score < 0.2 * within.overall_score or within.outcome == outcome
 
 
 def test_runs_and_haste_cost_points() -> None:
@@ -369,10 +371,13 @@ def test_a_loss_without_a_fault_has_its_own_advice(card: ScoreCard) -> None:
     assert one.advice
 
 
-def test_a_cut_beyond_a_limit_has_no_points_but_for_the_way(card: ScoreCard) -> None:
+def test_a_cut_beyond_a_limit_is_counted_as_one(card: ScoreCard) -> None:
     beyond = dataclasses.replace(
         filled(card, {"force": "slow down"}),
-        points=(ScorePoints(part="way", points=3.0, most=25.0, reason="too much force"),),
+        points=(
+            ScorePoints(part="limits", points=0.0, most=5.0, reason="too much force"),
+            ScorePoints(part="way", points=3.0, most=25.0, reason="too much force"),
+        ),
         outcome="the force exceeded the limit",
     )
     cards = [filled(card, {}), beyond]

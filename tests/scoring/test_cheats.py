@@ -1,4 +1,4 @@
-"""A record gains nothing by its logger, nor by being forged: at most three points, or no score, with a reason."""
+"""A record gains nothing by its logger, nor by being forged: at most three points, or no score, or it is doubted."""
 
 from __future__ import annotations
 
@@ -9,13 +9,16 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from scipy.ndimage import uniform_filter1d
+from check_score import player
+from scipy.ndimage import gaussian_filter1d, uniform_filter1d
+from scipy.signal import lfilter
 from scored_cuts import rated
-from simulated_hands import DRIVEN, SKILLS, SimulatedHand
+from simulated_hands import SKILLS
 
-from cutenv.learning.evaluation import FinishedCut, batched_rollout, contestant
+from cutenv.learning.evaluation import batched_rollout
 from cutenv.plant.protocol import recorded_trace
 from cutenv.scoring import ReferenceSet, ScoreCard, score
+from cutenv.scoring.doubts import DOUBT
 from cutenv.scoring.points import CHARGED
 from cutenv.scoring.truth import TIP_AT_END
 from cutenv.task.weights import RewardWeights
@@ -23,33 +26,94 @@ from cutenv.trace import Trace
 
 GAIN = 3.0
 """Points that a changed record may have more than the same cut as it was."""
-SEEDS = (0, 1, 3, 5)
+PLAYERS = (("steady hand", (0, 1, 3)), ("hurried hand", (3, 5, 7)), ("return stroke", (0, 1)))
+"""Who cuts which livers."""
 
 
 @functools.cache
-def cuts() -> tuple[FinishedCut, ...]:
-    """Cuts of livers by steady people, and by a script that moves the blade itself."""
-    hand, one = SimulatedHand(SKILLS["steady hand"]), contestant("return stroke")
-    people = batched_rollout(hand, SEEDS, {**DRIVEN, "specimen_class": "liver"}, readings=True)
-    script = batched_rollout(one.policy, SEEDS, {**one.arguments, "specimen_class": "liver"}, readings=True)
-    return (*people, *script)
+def records() -> tuple[Trace, ...]:
+    """Records of cuts of livers: by people, who are named in them, and by a script that moves the blade itself."""
+    found = []
+    for name, seeds in PLAYERS:
+        person = {"operator": "p07"} if name in SKILLS else {}
+        policy, arguments = player(name)
+        for cut in batched_rollout(policy, seeds, {**arguments, "specimen_class": "liver"}, readings=True):
+            noted = {TIP_AT_END: float(cut.readings["tip"][-1]), "target_length_m": cut.truth["target_length_m"]}
+            found.append(recorded_trace(cut.readings, cut.measured_depth, end=cut.end, **noted, **person))
+    return tuple(found)
 
 
-def record(cut: FinishedCut) -> Trace:
-    noted = {TIP_AT_END: float(cut.readings["tip"][-1]), "end": cut.end}
-    return recorded_trace(cut.readings, cut.measured_depth, **noted)
+@functools.cache
+def honest_cards() -> tuple[ScoreCard, ...]:
+    return tuple(score(each) for each in records())
 
 
 def forged(trace: Trace, **fields: object) -> Trace:
     return dataclasses.replace(trace, speed=None, **fields)  # type: ignore[arg-type]
 
 
-def card(cut: FinishedCut, trace: Trace) -> ScoreCard:
-    return score(trace, target_length=float(cut.truth["target_length_m"]))
+def renoted(trace: Trace, **notes: object) -> Trace:
+    """The record with other notes; None takes one out."""
+    return trace.with_metadata({k: v for k, v in {**trace.metadata, **notes}.items() if v is not None})
 
 
-def noise(trace: Trace, size: float) -> np.ndarray:
-    return np.random.default_rng(0).normal(0.0, size, len(trace))
+def doubts(card: ScoreCard) -> list[str]:
+    return [note for note in card.notes if note.startswith(DOUBT)]
+
+
+def noise(trace: Trace, size: float, over: int = 1) -> np.ndarray:
+    """Noise of a standard deviation [N], whose readings are alike over so many."""
+    found = uniform_filter1d(np.random.default_rng(0).normal(0.0, 1.0, len(trace)), over)
+    return np.asarray(size * found / found.std())
+
+
+def noisy(size: float, over: int = 1) -> Callable[[Trace], Trace]:
+    return lambda trace: forged(trace, force=trace.force + noise(trace, size, over))
+
+
+def moved(change: Callable[[np.ndarray], np.ndarray]) -> Callable[[Trace], Trace]:
+    """A record with another position, which is read every millisecond."""
+    return lambda trace: forged(trace, position=change(trace.position))  # type: ignore[arg-type]
+
+
+def behind(position: np.ndarray) -> np.ndarray:
+    """A position that follows by 0.1 s."""
+    return np.asarray(lfilter([0.01], [1.0, -0.99], position - position[0]) + position[0])
+
+
+def never_fast(position: np.ndarray) -> np.ndarray:
+    """A position that follows at 3 cm/s at most."""
+    found = position.copy()
+    for i in range(1, len(found)):
+        found[i] = found[i - 1] + np.clip(position[i] - found[i - 1], -3e-5, 3e-5)
+    return np.asarray(found)
+
+
+def slowed_where_fast(trace: Trace) -> Trace:
+    """A clock that goes on the slower, the faster the blade moves beyond 2 cm/s."""
+    steps = np.diff(trace.time) * np.maximum(1.0, np.abs(trace.blade_speed[1:]) / 0.02)
+    return forged(trace, time=np.append(0.0, np.cumsum(steps)))
+
+
+def clock(factor: float) -> Callable[[Trace], Trace]:
+    return lambda trace: forged(trace, time=factor * trace.time)
+
+
+def offset(size: float) -> Callable[[Trace], Trace]:
+    return lambda trace: forged(trace, force=trace.force + size)
+
+
+def left_off(trace: Trace) -> Trace:
+    """The record up to the target, noted as finished there."""
+    target = trace.metadata["target_length_m"]
+    first = int(np.argmax(trace.position >= min(target, float(trace.position.max()))))  # type: ignore[operator, union-attr]
+    return renoted(trace.select(slice(0, first + 1)), **{TIP_AT_END: target - 0.002, "end": "finished"})
+
+
+def at_the_target(trace: Trace) -> Trace:
+    """The record, with a tip noted at the target, or as near as the blade came."""
+    nearest = min(trace.metadata["target_length_m"], float(trace.position.max()) + 0.003)  # type: ignore[union-attr]
+    return renoted(trace, **{TIP_AT_END: nearest, "end": "finished"})
 
 
 def smooth(seconds: float) -> Callable[[Trace], Trace]:
@@ -72,7 +136,7 @@ def spiked(trace: Trace) -> Trace:
 
 def claimed(trace: Trace) -> Trace:
     short = trace.select(slice(0, int(np.argmax(trace.position > 0.02))))  # type: ignore[operator]
-    return forged(short, metadata=dict(trace.metadata) | {TIP_AT_END: 0.08, "end": "finished"})
+    return renoted(short, **{TIP_AT_END: 0.08, "end": "finished"})
 
 
 CHEATS: dict[str, Callable[[Trace], Trace]] = {
@@ -92,7 +156,14 @@ CHEATS: dict[str, Callable[[Trace], Trace]] = {
     "a tip that is claimed": claimed,
     "at its limit": lambda trace: forged(trace, force=np.minimum(trace.force, 2.0 + noise(trace, 0.01))),
     "steady": lambda trace: forged(trace, force=np.where(trace.force > 0.5, 2.0, trace.force) + noise(trace, 0.01)),
-    "a noise of 0.1 N": lambda trace: forged(trace, force=trace.force + noise(trace, 0.1)),
+    "a noise of 0.1 N": noisy(0.1),
+    "a noise of 0.2 N": noisy(0.2),
+    "a noise of 0.4 N": noisy(0.4),
+    "a slow noise of 0.2 N": noisy(0.2, over=20),
+    "less by 0.3 N": offset(-0.3),
+    "more by 0.3 N": offset(0.3),
+    "noted as finished before its end": left_off,
+    "a tip noted at the target": at_the_target,
     "twice the depth": lambda trace: forged(trace, depth=2.0 * trace.depth),  # type: ignore[operator]
     "half the depth": lambda trace: forged(trace, depth=0.5 * trace.depth),  # type: ignore[operator]
     "half the time": lambda trace: forged(trace, time=0.5 * trace.time),
@@ -101,20 +172,36 @@ CHEATS: dict[str, Callable[[Trace], Trace]] = {
     "turned round": lambda trace: forged(trace, force=-trace.force),
 }
 """Changes to a record, by name."""
+MOTIONS: dict[str, Callable[[Trace], Trace]] = {
+    "position smoothed over 0.1 s": moved(lambda position: uniform_filter1d(position, 100)),
+    "position smoothed over 0.3 s": moved(lambda position: uniform_filter1d(position, 300)),
+    "position smoothed over 1 s": moved(lambda position: uniform_filter1d(position, 1000)),
+    "position smoothed by a bell": moved(lambda position: gaussian_filter1d(position, 100)),
+    "position behind": moved(behind),
+    "position never fast": moved(never_fast),
+    "a clock at a third of its speed": clock(3.0),
+    "a clock slowed where the blade is fast": slowed_where_fast,
+}
+"""Changes to the motion of a person's record: what a drive does as well, so that it may be doubted without."""
 
 
-@pytest.mark.parametrize("name", CHEATS)
+@pytest.mark.parametrize("name", [*CHEATS, *MOTIONS])
 def test_a_changed_record_gains_nothing(name: str) -> None:
-    for cut in cuts():
-        before = card(cut, record(cut)).overall_score or 0.0
-        after = card(cut, CHEATS[name](record(cut)))
-        assert (after.overall_score or 0.0) <= before + GAIN, (name, before, after.headline())
+    """Or it is doubted beside the score, which the honest one is not."""
+    for trace, honest in zip(records(), honest_cards(), strict=True):
+        if name in MOTIONS and "operator" not in trace.metadata:
+            continue
+        after = score({**CHEATS, **MOTIONS}[name](trace))
+        before = honest.overall_score or 0.0
+        doubted = bool(doubts(after)) and not doubts(honest)
+        assert (after.overall_score or 0.0) <= before + GAIN or doubted, (name, before, after.headline())
         assert (after.overall_score is None) == bool(after.no_score)
 
 
 def test_a_score_that_the_cheats_could_raise_is_there() -> None:
-    scores = [card(cut, record(cut)).overall_score for cut in cuts()]
+    scores = [card.overall_score for card in honest_cards()]
     assert sum(each is not None and each > 50.0 for each in scores) >= 4
+    assert not any(doubts(card) for card in honest_cards())
 
 
 @pytest.mark.parametrize(
@@ -124,29 +211,44 @@ def test_a_score_that_the_cheats_could_raise_is_there() -> None:
         ("air and an offset", "no cut: the force rises by"),
         ("air and a drift", "times the work that cutting this tissue takes"),
         ("a tip that is claimed", "ahead of where the blade has been"),
-        ("sixtyfold", "times the work that cutting this tissue takes"),
+        ("sixtyfold", "which hides how the tissue runs"),
         ("tenth", "times the work that cutting this tissue takes"),
         ("smoothed over 1.5 s", "a filter has taken out what is scored"),
         ("steady", "the force stays at its largest for"),
+        ("a noise of 0.2 N", "a noise of 0.2"),
+        ("a slow noise of 0.2 N", "which hides how the tissue runs"),
     ],
 )
 def test_what_is_no_record_of_a_cut_says_why(name: str, says: str) -> None:
-    for cut in cuts():
-        if cut.end == "finished":
-            found = card(cut, CHEATS[name](record(cut)))
+    for trace in records():
+        if trace.metadata["end"] == "finished":
+            found = score(CHEATS[name](trace))
             assert says in found.no_score
             assert not found.points
 
 
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (MOTIONS["position smoothed over 0.3 s"], "for a lurch, long for a hand"),
+        (MOTIONS["position smoothed over 1 s"], "the blade hardly lurches where the force falls suddenly"),
+        (offset(0.8), "N at the start, before anything is touched"),
+        (CHEATS["noted as finished before its end"], "ends before the blade rests or is drawn back"),
+    ],
+)
+def test_what_may_be_forged_is_doubted(change: Callable[[Trace], Trace], says: str) -> None:
+    trace = records()[0]
+    assert any(says in note for note in doubts(score(change(trace))))
+    assert not any(says in note for note in doubts(score(trace)))
+
+
 def test_too_few_readings_are_not_scored() -> None:
-    cut = cuts()[0]
-    assert "20 readings a second are too few" in card(cut, rated(record(cut), 20.0)).no_score
+    assert "20 readings a second are too few" in score(rated(records()[0], 20.0)).no_score
 
 
 def test_a_spike_is_left_out_and_told() -> None:
-    cut = cuts()[-1]
-    found = card(cut, spiked(record(cut)))
-    assert found.overall_score == pytest.approx(card(cut, record(cut)).overall_score, abs=0.5)
+    found = score(spiked(records()[-1]))
+    assert found.overall_score == pytest.approx(honest_cards()[-1].overall_score, abs=0.5)
     assert any("one reading left out, 55 N" in note for note in found.notes)
 
 

@@ -49,7 +49,8 @@ def test_a_given_line_replaces_the_records_own_and_positions_are_along_it(path_c
     beside = score(trace, line=straight())
     assert beside["largest_line_distance"] > LINE_LIMIT
     assert beside.outcome == f"the cut is {1e3 * beside['largest_line_distance']:.1f} mm off the line"
-    assert len(beside.points) == 1
+    assert beside.points[0].points == 0.0  # not within the limits
+    assert beside.overall_score < 0.17 * sum(each.most for each in score(trace).points)
     hidden = without(trace, ASIDE_AT_END, TIP_AT_END)
     same = score(without(hidden, LINE_KEY), line=LINE)
     assert same["mean_line_distance"] == pytest.approx(score(hidden)["mean_line_distance"], rel=0.05)

@@ -7,21 +7,19 @@ function taskPoints(cut, told) {
   const farthest = cut.columns.tip.reduce((a, b) => Math.max(a, b), -Infinity) - target;
   const way = share(last / target), charged = charges(cut, metrics, scoring);
   const of = names => names.reduce((sum, name) => sum + charged[name], 0), left = (charge, half) => half / (half + charge);
-  let counts = left(of(Object.keys(charged)), scoring.missed);
-  if (farthest > scoring.overshoot_allowed || metrics.peak_force_per_depth > scoring.force_limit_per_depth ||
-      map?.beyond(scoring) || ["overshoot", "force_limit", "layer", "off_line"].includes(cut.end)) {
-    return [{ part: "way", points: counts * scoring.beyond_limit * points.way * way, most: points.way }];
-  }
-  if (cut.success) counts = 1;
+  const beyond = farthest > scoring.overshoot_allowed || metrics.peak_force_per_depth > scoring.force_limit_per_depth ||
+    map?.beyond(scoring) || ["overshoot", "force_limit", "layer", "off_line"].includes(cut.end);
+  const success = cut.success && !beyond, charge = of(Object.keys(charged)) + (beyond ? scoring.beyond_limit : 0);
+  let counts = success ? 1 : Math.exp(-charge / scoring.missed);
   const shares = {
-    limits: counts, way: counts * way, accuracy: counts * Math.max(1 - Math.abs(last - target) / scoring.close, 0),
-    success: cut.success ? 1 : 0,
+    limits: beyond ? 0 : counts, way: counts * way,
+    accuracy: counts * Math.max(1 - Math.abs(last - target) / scoring.close, 0), success: success ? 1 : 0,
   };
-  for (const [part, names] of Object.entries(scoring.of_part)) shares[part] = cut.success ? left(of(names), halved[part]) : 0;
+  for (const [part, names] of Object.entries(scoring.of_part)) shares[part] = success ? left(of(names), halved[part]) : 0;
   const gentle = map ? 1 - scoring.map_points / 100 : 1; // the depth, or the path, has the other points
   const parts = Object.entries(points).map(([part, most]) => ({ part, points: gentle * most * shares[part], most: gentle * most }));
   if (!map) return parts;
-  counts *= way * (cut.success ? 1 : scoring.map_missed);
+  counts *= way * (success ? 1 : scoring.map_missed);
   const gained = scoring.map_points * counts * share(1 + map.costs / scoring.map_cost);
   return [...parts, { part: cut.specimen.task, points: gained, most: scoring.map_points }];
 }

@@ -56,10 +56,7 @@ class NextTry:
 
 
 def mean_points(cards: Sequence[ScoreCard]) -> dict[str, tuple[float, float]]:
-    """Return mean points and most points by part, over the cuts with an overall score.
-
-    A cut beyond a limit has points for the way alone, and none of the other parts.
-    """
+    """Return mean points and most points by part, over the cuts with an overall score."""
     scored = [card for card in cards if card.overall_score is not None]
     most = {each.part: each.most for card in scored for each in card.points}
     return {
@@ -106,5 +103,5 @@ def outcome_counts(cards: Sequence[ScoreCard]) -> dict[str, int]:
     """Return how many cuts were a success, missed the target, or went beyond a limit; empty if no outcome is known."""
     known = [card for card in cards if card.outcome]
     success = sum(card.outcome.startswith("success") for card in known)
-    beyond = sum(len(card.points) == 1 for card in known)  # points for the way alone
+    beyond = sum(each.part == "limits" and each.points == 0.0 for card in known for each in card.points)
     return {"success": success, "missed": len(known) - success - beyond, "beyond a limit": beyond} if known else {}
