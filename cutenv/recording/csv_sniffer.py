@@ -23,6 +23,7 @@ from cutenv.recording.cell_values import (
     may_be_thousands,
     plain_float,
 )
+from cutenv.recording.long_table import one_column_a_channel
 from cutenv.recording.maker_headers import MakerHeader, maker_header, stated_rate
 from cutenv.recording.named_columns import LeftOut, NamedColumns, RowNumbers
 from cutenv.recording.schema import RecordError
@@ -81,7 +82,7 @@ def sniff_table(path: Path, lines: list[str] | None = None) -> NamedColumns:
         )
         return whole_times(columns)
     lines = plain_rows(lines)
-    return side_by_side(whole_times(_Reading(path, lines, maker_header(lines)).table()))
+    return one_column_a_channel(side_by_side(whole_times(_Reading(path, lines, maker_header(lines)).table())))
 
 
 def split_row(row: str, separator: str) -> list[str]:
@@ -222,12 +223,13 @@ class _Reading:
             parts, part_names = _blocks(self._gaps_of_header(kept), len(kept))
             columns = dict(zip(rows.numeric, numbers.T, strict=True))
             text = _columns_of(lines, {}, rows)
-            typed = functools.cache(lambda k: _typed(columns, text, k, decimal))
+            typed: Callable[[int], CellValues] = functools.cache(lambda k: _typed(columns, text, k, decimal))
         else:
             sound = self._sound(lines, np.array(here), rows, header)
             kept, left_out, parts, part_names = sound.places, sound.left_out, sound.parts, sound.part_names
             text, columns = sound.cells, sound.numbers
             typed = functools.cache(lambda k: _typed(columns, sound.cells, k, decimal))
+        typed = self.stated.scaled(header.names, typed)
         if 2 * len(kept) < len(here):
             raise RecordError(self.path, "it holds no table of numbers: most of its lines are of another form.")
         sign = "comma" if decimal == "," else "point"
@@ -514,8 +516,14 @@ def _header_of(above: Sequence[str], dialect: Dialect, length: int) -> _Header:
         filled = [line for line in filled if not _KEY_LINE.fullmatch(line.strip())]
     if not filled:
         return _Header((), (), "nothing stands above them")
-    rows = [_header_cells(line, dialect, length) for line in filled[-8:] if line.lstrip()[:1] != "{"]
-    units, names = _names_and_units(rows, length)
+    rows = [_header_cells(line, dialect, length) for line in filled[-16:] if line.lstrip()[:1] != "{"]
+    labelled = _labelled(rows, length)
+    units, names = _names_and_units(rows[-8:], length)
+    if labelled.units or (labelled.names and not units):
+        names = labelled.names or names
+        units = labelled.units or units
+    if len(rows[-1:] and rows[-1]) == length > 1 and rows[-1][0] and not any(rows[-1][1:]) and len(names) >= length:
+        names = [rows[-1][0], *names[1:]]  # pandas writes the name of an index below those of the columns
     if len(names) == length - 1 and not units and all(names):  # R leaves the corner above its row names out
         return _Header(("row", *names), (), "")
     if len(names) < length:
@@ -523,6 +531,33 @@ def _header_of(above: Sequence[str], dialect: Dialect, length: int) -> _Header:
         n_names = len(rows[-1]) if rows else 0
         return _Header((), units, f"above them stands {last[:60]!r}: {n_names} names for {length} columns")
     return _Header(tuple(names), tuple(units), "")
+
+
+_LABELS = {
+    "units": re.compile(r"(?:(?:v|y|vert|vertical|channel)[ _]?)?units?|einheit(?:en)?", re.IGNORECASE),
+    "names": re.compile(r"(?:trace|channel|signal|column|long|label)?[ _]?names?|signals?|labels?", re.IGNORECASE),
+}
+
+
+class _Labelled(NamedTuple):
+    """Names and units from lines that say in their first cell which of the two they hold."""
+
+    names: list[str]
+    units: tuple[str, ...]
+
+
+def _labelled(rows: list[list[str]], length: int) -> _Labelled:
+    """Return names and units of lines with a label in front, in a cell of its own or above the first column."""
+    found: dict[str, list[str]] = {}
+    for cells in rows:
+        wide = len(cells) == length + 1
+        if len(cells) < length or not (wide or length > 1) or not any(cells[1:]):
+            continue
+        for what, label in _LABELS.items():
+            if label.fullmatch(cells[0].rstrip(" :=")):
+                found[what] = cells[1:] if wide else ["", *cells[1:length]]
+    units, names = found.get("units", []), found.get("names", [])
+    return _Labelled(names, tuple(units) if _are_units(units) else ())
 
 
 def _names_and_units(rows: list[list[str]], length: int) -> tuple[tuple[str, ...], list[str]]:
@@ -543,7 +578,7 @@ def _names_and_units(rows: list[list[str]], length: int) -> tuple[tuple[str, ...
         n_filled = sum(bool(cell) for cell in cells)
         if any(_NUMBER["."].fullmatch(cell) for cell in cells):
             continue
-        if n_filled > 1 or (n_filled == 1 and length == 1):
+        if n_filled > 1 or (n_filled == 1 and length <= 2 and (length == 1 or (len(cells) == 2 and not cells[0]))):
             if 2 * n_filled < min(length, 8) and len(cells) <= length and _is_label(rows, cells, length):
                 continue
             return (), cells
