@@ -18,7 +18,7 @@ from starlette.routing import Route
 
 from cutenv.classroom.analysis import PASS_MARK_KIND, STUDY_KIND, StudiedRecord
 from cutenv.classroom.class_overview import overview, people_of
-from cutenv.classroom.class_site import UPLOAD_PATH, ClassSite, Trials, download, text_of
+from cutenv.classroom.class_site import UPLOAD_PATH, ClassSite, Trials, download, is_loopback, text_of
 from cutenv.classroom.class_store import Place
 from cutenv.classroom.class_tables import KEPT, LEFT, SAVED
 from cutenv.classroom.foreign_upload import PICKED, picked_length, units_by_field
@@ -121,9 +121,19 @@ class TeacherPages:
         return RedirectResponse("../teacher", 303)
 
     async def sheet(self, request: Request) -> Response:
-        """Show codes to print and cut apart."""
-        codes = [code for code, _ in await run_in_threadpool(self._lesson.store.codes)]
-        return self._site.page("code_sheet.html", codes=codes, address=str(request.base_url))
+        """Show codes to print and cut apart, of everybody or of one class."""
+        store, chosen = self._lesson.store, request.query_params.get("class", "")
+        codes, places = await run_in_threadpool(lambda: (store.codes(), store.places()))
+        slips = [(code, places.get(code, Place()).class_name) for code, _ in codes]
+        classes = sorted({name for _, name in slips if name})
+        return self._site.page(
+            "code_sheet.html",
+            codes=[slip for slip in slips if not chosen or slip[1] == chosen],
+            classes=classes,
+            chosen=chosen,
+            address=str(request.base_url),
+            here_alone=is_loopback(request.url.hostname or ""),
+        )
 
     async def records(self, request: Request) -> Response:
         """Send all records, or those of one person, packed."""
