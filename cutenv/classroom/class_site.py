@@ -236,7 +236,7 @@ class ClassSite:
     def page(self, name: str, status: int = 200, **values: Any) -> HTMLResponse:
         """Answer with a page, from its template and the template's values."""
         shared = {"title": self.title, "words": self.words, "language": self.language, "courier": self.courier}
-        filters = {
+        filters: dict[str, Callable[..., Any]] = {
             "digest": script_digest,
             "said": functools.partial(translated, language=self.language),
             "task_name": functools.partial(course_name, self.language),

@@ -44,7 +44,7 @@ class Dialect(NamedTuple):
 _DIALECTS = [Dialect(*pair) for pair in ("\t.", "\t,", ";.", ";,", ",.", "|.", "|,", " .", " ,", ",,")]
 _NAMES = {"\t": "tab", ";": "semicolon", ",": "comma", "|": "bar", " ": "blanks"}
 _SAMPLE = 400  # lines from which the separator is chosen
-_NO_ROW = frozenset(("", "#", "%", "/", "!"))  # beginnings of lines that are blank or comments
+_NO_ROW = re.compile(r"\s*(?:$|[#%!]|/[/*])")  # lines that are blank or comments; "/ft" is a topic
 _KEY_LINE = re.compile(r"\w[\w ]{0,30}:\s+\S.*")  # "rows: 1361", which names no columns
 _POINT, _COMMA = re.compile(r"\d\.\d"), re.compile(r"\d,\d")
 _NUMBER = {sign: re.compile(pattern) for sign, pattern in NUMBER_PATTERNS.items()}
@@ -116,7 +116,7 @@ class _Reading:
         self.path, self.stated = path, stated
         self.raw = lines
         self.lines = stated.lines
-        self.written = [i for i, line in enumerate(self.lines) if line.lstrip()[:1] not in _NO_ROW]
+        self.written = [i for i, line in enumerate(self.lines) if not _NO_ROW.match(line)]
         self.written = [i for i in self.written if self.lines[i].strip("\t ,;|-+=")] or self.written
         if not self.written:
             raise RecordError(path, "it holds no numbers: every line is blank or a comment.")
@@ -198,7 +198,7 @@ class _Reading:
         above = (
             self.raw[: self.written[rows.first]] if not self.stated.maker else self.lines[: self.written[rows.first]]
         )
-        found = _header_of(above, rows.dialect, rows.length)
+        found = _header_of(above, rows.dialect, rows.length, rows.numeric)
         if self.stated.names and not found.names:
             names, units = self.stated.names, self.stated.units
             if names[0] == "Time" and rows.length == len(names) - 1:  # exported without the time
@@ -508,7 +508,7 @@ class _Header(NamedTuple):
     above: str
 
 
-def _header_of(above: Sequence[str], dialect: Dialect, length: int) -> _Header:
+def _header_of(above: Sequence[str], dialect: Dialect, length: int, numeric: Sequence[int]) -> _Header:
     """Return names and units from the last lines above the numbers."""
     filled = [line.lstrip(" #%/!").rstrip("\n ") if line.lstrip()[:1] in "#%/!" else line for line in above]
     filled = [line for line in filled if line.strip("\t ,;|-+=:")]
@@ -518,12 +518,14 @@ def _header_of(above: Sequence[str], dialect: Dialect, length: int) -> _Header:
         return _Header((), (), "nothing stands above them")
     rows = [_header_cells(line, dialect, length) for line in filled[-16:] if line.lstrip()[:1] != "{"]
     labelled = _labelled(rows, length)
-    units, names = _names_and_units(rows[-8:], length)
+    units, names = _names_and_units([row for row in rows[-8:] if not _label_of(row)], length)
     if labelled.units or (labelled.names and not units):
         names = labelled.names or names
         units = labelled.units or units
     if len(rows[-1:] and rows[-1]) == length > 1 and rows[-1][0] and not any(rows[-1][1:]) and len(names) >= length:
         names = [rows[-1][0], *names[1:]]  # pandas writes the name of an index below those of the columns
+    if len(names) == length - 1 and length - 1 not in numeric:  # a separator at the end of every row
+        names = [*names, ""]
     if len(names) == length - 1 and not units and all(names):  # R leaves the corner above its row names out
         return _Header(("row", *names), (), "")
     if len(names) < length:
@@ -550,14 +552,20 @@ def _labelled(rows: list[list[str]], length: int) -> _Labelled:
     """Return names and units of lines with a label in front, in a cell of its own or above the first column."""
     found: dict[str, list[str]] = {}
     for cells in rows:
-        wide = len(cells) == length + 1
-        if len(cells) < length or not (wide or length > 1) or not any(cells[1:]):
+        what = _label_of(cells)
+        if not what or len(cells) < min(3, length) or length == 1 or not any(cells[1:]):
             continue
-        for what, label in _LABELS.items():
-            if label.fullmatch(cells[0].rstrip(" :=")):
-                found[what] = cells[1:] if wide else ["", *cells[1:length]]
+        before = max(0, length + 1 - len(cells))  # a label above counter and time, or above the first column
+        found[what] = [*[""] * before, *cells[1:]][:length]
     units, names = found.get("units", []), found.get("names", [])
     return _Labelled(names, tuple(units) if _are_units(units) else ())
+
+
+def _label_of(cells: list[str]) -> str:
+    """Return what a line says of itself in its first cell: "units", "names", or ""."""
+    if len(cells) < 2:
+        return ""
+    return next((what for what, label in _LABELS.items() if label.fullmatch(cells[0].rstrip(" :="))), "")
 
 
 def _names_and_units(rows: list[list[str]], length: int) -> tuple[tuple[str, ...], list[str]]:
@@ -593,7 +601,11 @@ def _is_label(rows: list[list[str]], cells: list[str], length: int) -> bool:
 
 def _header_cells(line: str, dialect: Dialect, length: int) -> list[str]:
     if dialect.separator != " ":
-        return split_row(line.strip(" "), dialect.separator)
+        cells = split_row(line.strip(" "), dialect.separator)
+        if len(cells) > length and "(" in line and '"' not in line:  # "Load(8800 (0,3):Load) (N)" is one name
+            whole = re.split(rf"{re.escape(dialect.separator)}(?![^()]*\))", line.strip())
+            cells = [cell.strip() for cell in whole] if len(whole) == length else cells
+        return cells
     wide = [cell for cell in re.split(r"\s{2,}|\t", line.strip()) if cell]
     if len(wide) == length:
         return wide

@@ -183,6 +183,64 @@ add(
     truth=FORCE_ALONE,
 )
 
+add(
+    "wavematrix.csv",
+    "Instron WaveMatrix",
+    "commas within the brackets of the names",
+    [
+        "Total Time (s),Cycle,Step,Load(8800 (0,3):Load) (N),Position(8800 (0,3):Position) (mm)",
+        *(f"{t:.4f},1,1,{f:.5f},{x:.4f}" for t, f, x in zip(TIME, FORCE, WAY, strict=True)),
+    ],
+)
+add(
+    "dasylab.asc",
+    "DASYLab",
+    "a separator at the end of every row, but not of the names",
+    [
+        "DASYLab - V 13.00",
+        f"Delta: {1 / RATE:.7f} sec",
+        "Measurement time[s];Force [N];Way [mm]",
+        *(f"{row};" for row in table([T, F, X], ";", ",")),
+    ],
+)
+add(
+    "keyence.csv",
+    "Keyence",
+    "units of the last two columns alone, behind their label",
+    [
+        '"Sampling","5ms"',
+        '"Unit","N","mm"',
+        '"No.","Time","(1)Force","(2)Stroke"',
+        *(f"{k},{row}" for k, row in enumerate(STANDARD)),
+    ],
+)
+add(
+    "graphtec.csv",
+    "Graphtec midi LOGGER",
+    "date, and its milliseconds in a column of their own; signs in front of all numbers",
+    [
+        "Vendor,GRAPHTEC Corporation",
+        "Sampling interval,5ms",
+        "Number,Date&Time,ms,CH1,CH2",
+        "NO.,Time,ms,N,mm",
+        *(
+            f"{k},{at(t):%Y/%m/%d %H:%M:%S},{round(t * 1e3) % 1000},{f:+.5f},{x:+.4f}"
+            for k, (t, f, x) in enumerate(zip(TIME, FORCE, WAY, strict=True), 1)
+        ),
+    ],
+)
+add(
+    "foxglove.csv",
+    "Foxglove",
+    "a topic in front of every row, which is no comment",
+    [
+        "topic,receive_time,wrench.force.x,wrench.force.y",
+        *(f"/ft,{EPOCH + t:.6f},{f:.5f},0.01" for t, f in zip(TIME, FORCE, strict=True)),
+    ],
+    truth=FORCE_ALONE,
+    asks=1,
+)
+
 # Channels below one another.
 add(
     "waves.itx",
