@@ -15,45 +15,8 @@ from dataclasses import dataclass, field
 from importlib import import_module
 
 import cutenv
+from cutenv._base.imports import missing_extra
 from cutenv._base.output import reader_has_gone
-
-_EXTRAS_OF_MODULE = {
-    "av": ("vision",),
-    "can": ("rig",),
-    "canopen": ("rig",),
-    "cv2": ("vision",),
-    "h5py": ("data", "formats"),
-    "jinja2": ("view", "rl", "serve", "view3d", "vision"),
-    "mcap": ("ros", "formats"),
-    "matplotlib": ("view", "rl", "serve", "vision"),
-    "meshcat": ("view3d",),
-    "minari": ("data",),
-    "nidaqmx": ("daq",),
-    "nptdms": ("formats",),
-    "protobuf": ("formats",),
-    "pyarrow": ("data", "formats", "vision"),
-    "pygame": ("view",),
-    "pymunk": ("play",),
-    "pylsl": ("streams",),
-    "python_calamine": ("formats",),
-    "pyxdf": ("formats",),
-    "rich": ("rl",),
-    "rosbags": ("ros",),
-    "safetensors": ("view", "data", "play", "rig", "rl"),
-    "sb3_contrib": ("rl",),
-    "serial": ("rig",),
-    "sqlalchemy": ("serve",),
-    "starlette": ("serve",),
-    "uvicorn": ("serve",),
-    "stable_baselines3": ("rl",),
-    "statsmodels": ("stats",),
-    "tomlkit": ("rig",),
-    "torch": ("rl",),
-    "tqdm": ("view", "data", "rl", "serve", "vision"),
-    "umsgpack": ("view3d",),
-    "websockets": ("play",),
-}
-"""Extras that bring a module; the first is named unless the command has one of the others."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +26,7 @@ class Command:
     summary: str
     """A line of help."""
     extra: str = ""
-    """The extra that brings all that the command needs, if there is one."""
+    """The extra that brings what the command needs beyond the package, or beyond its group's extra."""
     parts: Mapping[str, Command] = field(default_factory=dict)
     """Sub-commands."""
     description: str | None = None
@@ -81,23 +44,24 @@ RIG_COMMANDS = {
     "conform": Command("try a driver against what its protocol promises"),
     "drivers": Command("list the drivers that a rig's file can name, and what each takes"),
     "emulate": Command("run an emulated rig: drive, tissue and force sensor on real wires"),
-    "evaluate": Command("compare a policy on a rig with the simulator"),
+    "evaluate": Command("compare a policy on a rig with the simulator", extra="view"),
     "identify": Command("measure a rig's constants with the blade in air"),
     "init": Command("write the file of a new rig for you to fill in"),
     "jog": Command("move the blade while a key is held"),
     "run": Command("cut with a policy from simulation, unchanged"),
-    "speed": Command("draw desired and actual speed of a cut at constant speed"),
+    "speed": Command("draw desired and actual speed of a cut at constant speed", extra="view"),
     "weigh": Command("calibrate the force sensor by known weights"),
     "zero": Command("set the zero of a stepper, with the blade at the clamp"),
 }
 """Sub-commands of ``cutenv rig``."""
 
 COMMANDS = {
-    "demo": Command("watch a trained agent cut beside the best script, in half a minute"),
+    "demo": Command("watch a trained agent cut beside the best script, in half a minute", extra="view"),
     "docs": Command("open the documentation in a browser, without a network"),
+    "warm": Command("compile everything ahead of the first cut: for images, clusters and classrooms"),
     "train": Command("train an agent and report how well it cuts", extra="rl"),
-    "evaluate": Command("compare policies on the same held-out specimens", extra="rl"),
-    "submit": Command("enter a policy on the leaderboard, or check an entry", extra="rl"),
+    "evaluate": Command("compare policies on the same held-out specimens"),
+    "submit": Command("enter a policy on the leaderboard, or check an entry"),
     "datasets": Command("record cuts as a data set of Minari or LeRobot, force included", extra="data"),
     "record": Command("record a force stream of the Lab Streaming Layer as a cut", extra="streams"),
     "look": Command("show any lab's file as it is understood, before a score"),
@@ -105,19 +69,20 @@ COMMANDS = {
     "calibrate": Command("fit a tissue to your own records of cuts"),
     "depth": Command("measure the depth of cut from video of a marked blade", extra="vision"),
     "field": Command("compare beads in the tissue with the model; modulus by force and by image", extra="vision"),
-    "play": Command("cut by mouse or gamepad in a window"),
+    "play": Command("cut by mouse or gamepad in a window", extra="play"),
     "single-page": Command("write a page that cuts in a browser, nothing installed", extra="view"),
     "serve": Command("serve a class that cuts in browsers, with codes, courses and records", extra="serve"),
     "rig": Command(
         "run a real rig, a motor and a force sensor, or its emulator",
+        extra="rig",
         parts=RIG_COMMANDS,
         description="A motor and a force sensor that a policy meets through the simulator's interface.",
     ),
     "score": Command("score recorded cuts: a card and a page"),
     "check": Command("name what is wrong with records of force, each with where it is and its cure"),
-    "study": Command("study several people: reliability of the metrics, groups, learning"),
-    "pass-mark": Command("find a pass mark, how often it errs, and whether raters agree with the score"),
-    "view": Command("show a recorded cut in 3-D, in a page that opens from disk"),
+    "study": Command("study several people: reliability of the metrics, groups, learning", extra="view"),
+    "pass-mark": Command("find a pass mark, how often it errs, and whether raters agree with the score", extra="view"),
+    "view": Command("show a recorded cut in 3-D, in a page that opens from disk", extra="view3d"),
 }
 
 PROGRAM = Command("", parts=COMMANDS, description=cutenv.__doc__.partition("\n")[0] if cutenv.__doc__ else None)
@@ -178,19 +143,6 @@ def was_interrupted(error: BaseException | None) -> bool:
 def module_of(name: str) -> str:
     """Return the module of a command, such as that of "cutenv rig run" or "cutenv pass-mark"."""
     return name.replace("cutenv", "cutenv.commands", 1).replace(" ", ".").replace("-", "_")
-
-
-def missing_extra(error: ModuleNotFoundError, preferred: str = "") -> str | None:
-    """Return the pip command that brings the missing module, or None if it belongs to no extra.
-
-    ``preferred`` is the extra that is named if it is one of several that bring the module.
-    """
-    package = (error.name or "").partition(".")[0]
-    extras = _EXTRAS_OF_MODULE.get(package)
-    if extras is None:
-        return None
-    extra = preferred if preferred in extras else extras[0]
-    return f"{package} is not installed: pip install 'cutenv[{extra}]'"
 
 
 def _chosen(name: str, command: Command, argv: list[str]) -> Command | None:

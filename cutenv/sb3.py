@@ -20,9 +20,8 @@ from typing import Any
 import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode
-from stable_baselines3.common.monitor import Monitor
-from stable_baselines3.common.vec_env import VecEnv
 
+from cutenv._base.imports import extra_named
 from cutenv._base.validation import in_range, one_of
 from cutenv.envs.gentle_cut import RESET_OPTIONS
 from cutenv.envs.vector import GentleCutVectorEnv
@@ -30,6 +29,10 @@ from cutenv.policy.interface import script_of
 from cutenv.task.info import INFO
 from cutenv.task.registry import task_of
 from cutenv.task.reward import REWARD
+
+with extra_named("rl"):
+    from stable_baselines3.common.monitor import Monitor
+    from stable_baselines3.common.vec_env import VecEnv
 
 __all__ = ["FeatureVecEnv", "NativeVecEnv"]
 

@@ -3,8 +3,48 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
+
+EXTRAS_OF_MODULE = {
+    "PIL": ("data",),
+    "av": ("vision",),
+    "can": ("rig",),
+    "canopen": ("rig",),
+    "cv2": ("vision",),
+    "h5py": ("data", "formats"),
+    "jinja2": ("view", "rl", "serve", "view3d", "vision"),
+    "mcap": ("ros", "formats"),
+    "matplotlib": ("view", "rl", "serve", "vision"),
+    "meshcat": ("view3d",),
+    "minari": ("data",),
+    "nidaqmx": ("daq",),
+    "nptdms": ("formats",),
+    "protobuf": ("formats",),
+    "pyarrow": ("data", "formats", "vision"),
+    "pygame": ("view",),
+    "pymunk": ("play",),
+    "pylsl": ("streams",),
+    "python_calamine": ("formats",),
+    "pyxdf": ("formats",),
+    "rich": ("rl",),
+    "rosbags": ("ros",),
+    "safetensors": ("view", "data", "play", "rig", "rl"),
+    "sb3_contrib": ("rl",),
+    "serial": ("rig",),
+    "sqlalchemy": ("serve",),
+    "starlette": ("serve",),
+    "uvicorn": ("serve",),
+    "stable_baselines3": ("rl",),
+    "statsmodels": ("stats",),
+    "tomlkit": ("rig",),
+    "torch": ("rl",),
+    "tqdm": ("view", "data", "rl", "serve", "vision"),
+    "umsgpack": ("view3d",),
+    "websockets": ("play",),
+}
+"""Extras that bring a module; the first is named unless the command has one of the others."""
 
 
 def import_when_used(package: str, modules: Mapping[str, str]) -> Callable[[str], Any]:
@@ -35,3 +75,28 @@ def optional_import(name: str, package: str, format_name: str, extra: str = "dat
             f"{format_name} is read and written with {package}, which is not installed: pip install 'cutenv[{extra}]'",
             name=package,
         ) from None
+
+
+def missing_extra(error: ModuleNotFoundError, preferred: str = "") -> str | None:
+    """Return the pip command that brings the missing module, or None if it belongs to no extra.
+
+    ``preferred`` is the extra that is named if it is one of several that bring the module.
+    """
+    package = (error.name or "").partition(".")[0]
+    extras = EXTRAS_OF_MODULE.get(package)
+    if extras is None:
+        return None
+    extra = preferred if preferred in extras else extras[0]
+    return f"{package} is not installed: pip install 'cutenv[{extra}]'"
+
+
+@contextmanager
+def extra_named(preferred: str = "") -> Iterator[None]:
+    """Raise a ModuleNotFoundError of the block anew with the pip command that brings the module."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        cure = missing_extra(error, preferred)
+        if cure is None:
+            raise
+        raise ModuleNotFoundError(cure, name=error.name) from None

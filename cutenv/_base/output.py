@@ -1,4 +1,4 @@
-"""Output: files written whole, to a temporary name, flushed (fsync) and renamed; a standard output that may end."""
+"""Output: files written whole, by a temporary name, flushed (fsync) and renamed; progress; a reader that may end."""
 
 from __future__ import annotations
 
@@ -7,11 +7,42 @@ import secrets
 import select
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sized
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TypeVar
 
 _SHOWN = 40  # characters of the name kept in the temporary one: a file name may have 255 bytes
+
+
+T = TypeVar("T")
+
+
+@contextmanager
+def progress_bar(description: str, unit: str, *, total: int | None = None) -> Iterator[Callable[[int], object]]:
+    """Show a progress bar on standard error; nothing where tqdm, which only shows it, is not installed.
+
+    Yields
+    ------
+    callable
+        Counts so many more units.
+    """
+    try:
+        from tqdm import tqdm  # an extra
+    except ModuleNotFoundError:
+        yield lambda count: None
+        return
+    with tqdm(total=total, desc=description, unit=unit, file=sys.stderr, leave=False) as bar:
+        yield bar.update
+
+
+def watched(items: Iterable[T], description: str, unit: str, *, total: int | None = None) -> Iterator[T]:
+    """Yield the items, with a :func:`progress_bar`."""
+    length = len(items) if total is None and isinstance(items, Sized) else total
+    with progress_bar(description, unit, total=length) as count:
+        for item in items:
+            yield item
+            count(1)
 
 
 @contextmanager

@@ -11,7 +11,7 @@ from importlib.util import find_spec
 from operator import attrgetter
 from pathlib import Path
 
-from cutenv._base.output import atomic_write
+from cutenv._base.output import atomic_write, watched
 from cutenv.commands.inputs import read_records
 from cutenv.commands.options import (
     add_layer_depth,
@@ -21,7 +21,6 @@ from cutenv.commands.options import (
     length_given,
     made_place,
     reports_errors,
-    watched,
 )
 from cutenv.measurement.calibration import RESAMPLES, check_resamples, measure_cuts, tissue_of, with_findings
 from cutenv.measurement.measured_cut import MeasuredCut, in_layers

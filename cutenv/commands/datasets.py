@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cutenv.commands.options import command_parser, made_folder, reports_errors
-from cutenv.learning.options import add_options, from_options, option
+from cutenv.learning.options import add_options, drawn_as, from_options, option
 from cutenv.learning.seeds import TRAINING_SEEDS
 from cutenv.recording.schema import parse_length
 from cutenv.tissue.specimen import CLASSES
@@ -40,6 +40,7 @@ class Arguments:
     cuts: int = option(100, "number of cuts that the policy makes, each of another specimen")
     seed: int = option(TRAINING_SEEDS.stop // 2, "seed of the first specimen, below a million: no test specimen")
     specimen_class: str = option("mixed", "class of the specimens that the policy cuts", CLASSES)
+    tissue: str = option("", "a tissue of your own, from 'cutenv calibrate', of which they are drawn", metavar="FILE")
     angle_mode: str = option("free", "turn the blade (free), or keep its angle (fixed)", ("free", "fixed"))
     control_hz: int = option(10, "decisions per second; a trained policy has its own")
     target_length: str = option(
@@ -62,7 +63,7 @@ class Arguments:
     @property
     def environment(self) -> dict[str, Any]:
         """Keyword arguments of the environment."""
-        return {name: getattr(self, name) for name in ("specimen_class", "angle_mode", "control_hz")}
+        return {**drawn_as(vars(self)), "angle_mode": self.angle_mode, "control_hz": self.control_hz}
 
 
 @reports_errors("datasets")

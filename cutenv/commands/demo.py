@@ -12,15 +12,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cutenv._base.output import watched
 from cutenv._base.validation import in_range
 from cutenv.commands.options import (
     add_specimen_class,
     add_target_length,
+    add_tissue,
     command_parser,
+    drawn_given,
     made_place,
     reports_errors,
     target_length,
-    watched,
 )
 
 if TYPE_CHECKING:
@@ -62,6 +64,7 @@ class DemoCut:
 def main(argv: Sequence[str]) -> int:
     """Run the command: cut, print the table, write the picture; return 0, or 2 if an option is bad."""
     arguments = _parser().parse_args(argv)
+    from cutenv.learning.options import class_in_words
     from cutenv.policy import named_policy
     from cutenv.task.registry import task_made_as
 
@@ -77,8 +80,9 @@ def main(argv: Sequence[str]) -> int:
     name, task = Path(arguments.policy).name, task_made_as(policy.card.environment)
     if arguments.page is not None and task.name != "gentle":
         raise ValueError(f"--page shows gentle cutting, and {name} cuts {task.along}. Leave it out.")
-    print(f"{count} specimens of class {arguments.specimen_class} on which nothing was trained or chosen\n")
-    specimens = DemoSpecimens(arguments.specimen_class, seed, count, length)
+    drawn = drawn_given(arguments)
+    print(f"{count} specimens of {class_in_words(vars(arguments))} on which nothing was trained or chosen\n")
+    specimens = DemoSpecimens(drawn, seed, count, length)
     agent = demo_cuts(policy, policy.environment_arguments, specimens, name, task)
     # Fixed or free, the script gets the angle that the agent has; it decides as often as it was tuned for.
     angles = {key: policy.environment_arguments[key] for key in _ANGLES if key in policy.environment_arguments}
@@ -94,7 +98,8 @@ def main(argv: Sequence[str]) -> int:
 class DemoSpecimens:
     """Specimens to cut: the first episodes of a seed, and the target length [m], drawn by default."""
 
-    specimen_class: str
+    drawn: Mapping[str, str]
+    """Class and tissue, as keyword arguments of an environment."""
     seed: int
     count: int
     target_length: float | None = None
@@ -111,7 +116,7 @@ def demo_cuts(
     from cutenv.task.registry import TASKS
 
     task = task or TASKS["gentle"]
-    arguments = {"specimen_class": specimens.specimen_class, **environment_arguments}
+    arguments = {**specimens.drawn, **environment_arguments}
     if specimens.target_length is not None:
         arguments["target_length"] = specimens.target_length
     drawn = {} if task.name == "gentle" else {"render_mode": "rgb_array"}
@@ -244,6 +249,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--specimens", type=int, default=5, metavar="N", help="number of specimens; default 5")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the specimens; default 0")
     add_specimen_class(parser, "mixed")
+    add_tissue(parser)
     add_target_length(parser, "drawn from 60mm to 100mm; along an excision, its end")
     parser.add_argument(
         "--out", type=Path, default=Path("demo.png"), metavar="FILE", help="picture to write; default demo.png"

@@ -8,7 +8,8 @@ from collections.abc import Container, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cutenv.commands.options import command_parser, made_folder, made_place, reports_errors, watched
+from cutenv._base.output import watched
+from cutenv.commands.options import command_parser, made_folder, made_place, reports_errors
 
 if TYPE_CHECKING:  # slow to import, and --help does not need it
     from cutenv.trace import Trace

@@ -13,7 +13,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from cutenv.commands.options import command_parser, made_folder, reports_errors
+from cutenv.commands.options import add_tissue, command_parser, drawn_given, made_folder, reports_errors
+from cutenv.learning.options import class_in_words
 from cutenv.task.registry import TASKS
 from cutenv.tissue.specimen import CLASSES
 
@@ -58,12 +59,13 @@ def _evaluate(arguments: argparse.Namespace) -> None:
     if len(set(tasks.values())) > 1:
         told = ", ".join(f"{name!r} is for {task!r}" for name, task in tasks.items())
         raise ValueError(f"POLICY names policies of several tasks: {told}. Give those of one.")
+    drawn = drawn_given(arguments)
     if arguments.out:
         made_folder("--out", arguments.out)
     rows = evaluate(
         chosen,
         seeds[: arguments.specimens],
-        {"specimen_class": arguments.specimen_class},
+        drawn,
         processes=arguments.processes,
     )
     summary, paired = summarise(rows), differences(rows, next(iter(chosen)))
@@ -73,7 +75,7 @@ def _evaluate(arguments: argparse.Namespace) -> None:
         if paired:
             write_csv(arguments.out / "differences.csv", paired)
     kind = "validation" if arguments.validation else "held-out"
-    print(f"\n{arguments.specimens} {kind} specimens of class {arguments.specimen_class}, mean [95 % interval]\n")
+    print(f"\n{arguments.specimens} {kind} specimens of {class_in_words(vars(arguments))}, mean [95 % interval]\n")
     print_table(summary, TASKS[next(iter(tasks.values()))].shown)
     if paired and len(chosen) <= 12:
         print_differences(paired)
@@ -111,6 +113,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--specimen-class", choices=CLASSES, default="mixed", help="class of the specimens; default mixed"
     )
+    add_tissue(parser)
     parser.add_argument("--specimens", type=int, default=200, metavar="N", help="number of specimens; default 200")
     parser.add_argument("--validation", action="store_true", help="take validation specimens instead of test specimens")
     parser.add_argument(

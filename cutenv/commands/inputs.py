@@ -9,7 +9,8 @@ import sys
 from pathlib import Path
 from typing import NamedTuple
 
-from cutenv.commands.options import made_folder, watched
+from cutenv._base.output import watched
+from cutenv.commands.options import made_folder
 from cutenv.measurement.calibration import RefusedRecord
 from cutenv.measurement.measured_cut import SPECIMEN_KEY
 from cutenv.recording import ColumnMap, Imported, RecordError, read_record

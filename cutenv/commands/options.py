@@ -7,7 +7,7 @@ import functools
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, TypeVar
+from typing import TYPE_CHECKING, Literal
 
 from cutenv._base.document import LANGUAGES
 from cutenv._base.output import check_writable, reader_has_gone
@@ -16,7 +16,6 @@ if TYPE_CHECKING:  # slow to import, and --help does not need it
     from cutenv.measurement import DepthProfile
     from cutenv.tissue.lines import CutLine
 
-T = TypeVar("T")
 Main = Callable[[Sequence[str]], int]
 """Entry point of a command: takes its arguments, returns the exit status."""
 
@@ -223,6 +222,30 @@ def add_specimen_class(parser: argparse.ArgumentParser, default: str) -> None:
     )
 
 
+def add_tissue(parser: argparse.ArgumentParser) -> None:
+    """Add ``--tissue``; see :func:`drawn_given`."""
+    parser.add_argument(
+        "--tissue",
+        metavar="FILE",
+        help="a tissue of your own, from 'cutenv calibrate', of which the specimens are drawn; default pig liver",
+    )
+
+
+def drawn_given(arguments: argparse.Namespace) -> dict[str, str]:
+    """Return the keyword arguments of an environment for ``--specimen-class`` and ``--tissue``.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        If the file is missing, or no tissue.
+    """
+    from cutenv.envs.tissue_source import TissueSource
+    from cutenv.learning.options import drawn_as
+
+    TissueSource(arguments.tissue)  # refuses another file before anything is cut
+    return drawn_as(vars(arguments))
+
+
 def add_task(parser: argparse.ArgumentParser, part: str, more: str = "", *, several: bool = False) -> None:
     """Add ``--task`` with the tasks that have a part of their entry in the registry; ``more`` follows in the help."""
     from cutenv.task.registry import tasks_in_words, tasks_with
@@ -360,13 +383,3 @@ def made_place(option: str, file: Path) -> Path:
         raise ValueError(f"{option} {file} is a folder; give a file.")
     made_folder(option, file.parent)
     return file
-
-
-def watched(items: Iterable[T], description: str, unit: str, *, total: int | None = None) -> Iterable[T]:
-    """Return the items with a progress bar on standard error, or without one where tqdm is not installed."""
-    try:
-        from tqdm import tqdm
-    except ModuleNotFoundError:
-        return items
-    bar: Iterable[T] = tqdm(items, desc=description, unit=unit, total=total, file=sys.stderr, leave=False)
-    return bar

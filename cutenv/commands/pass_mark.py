@@ -10,7 +10,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cutenv.commands.options import add_study_options, command_parser, reports_errors, watched
+from cutenv._base.output import watched
+from cutenv.commands.options import add_study_options, command_parser, reports_errors
 
 if TYPE_CHECKING:  # what scores is slow to import, and --help does not need it
     from cutenv.scoring.study.pass_mark import Method

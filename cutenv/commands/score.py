@@ -7,6 +7,7 @@ import dataclasses
 import re
 import sys
 from collections.abc import Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -28,6 +29,10 @@ if TYPE_CHECKING:  # what scores is slow to import, and --help does not need it
     from cutenv.scoring import ReferenceSet
 
 
+PAGES_NEED = ("jinja2", "matplotlib")
+"""Libraries without which a record is scored on the terminal alone."""
+
+
 @reports_errors("score")
 def main(argv: Sequence[str]) -> int:
     """Run the command; return 0, or 2 if the records or the options are bad."""
@@ -38,7 +43,8 @@ def main(argv: Sequence[str]) -> int:
     from cutenv.scoring import score
     from cutenv.scoring.reference import fitting_reference
 
-    made_folder("--out", arguments.out)
+    if (pages := all(map(find_spec, PAGES_NEED))) or arguments.example:
+        made_folder("--out", arguments.out)
     target, wanted, layer = target_length(arguments), wanted_depth_given(arguments), layer_depth_given(arguments)
     line = line_given(arguments)
     reference = reference_set(arguments.reference)
@@ -74,12 +80,15 @@ def main(argv: Sequence[str]) -> int:
         card = dataclasses.replace(card, scripts=scripts_on_specimen_of(trace))
         name = re.sub(r"[^\w.-]+", "_", card.name) + "_score.html"
         scored = ScoredRecord(trace=trace, card=card, target_length=aimed)
-        write_score_page(arguments.out / name, scored)
         written.append((scored, name))
         print(card if len(records.traces) == 1 else f"{card.name}: {card.headline()}")
+        if pages:
+            write_score_page(arguments.out / name, scored)
     if not written:
         raise ValueError("no record is left to score.")
-    if len(written) > 1:
+    if not pages:
+        print(f"no page: {' and '.join(PAGES_NEED)} are an extra: pip install 'cutenv[view]'", file=sys.stderr)
+    elif len(written) > 1:
         table, page = write_summary(arguments.out, written)
         print(f"summary: {page} and {table}")
     else:

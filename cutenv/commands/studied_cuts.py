@@ -8,8 +8,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from cutenv._base.output import watched
 from cutenv.commands.inputs import LoadedTraces, Source, read_records, targets
-from cutenv.commands.options import made_place, target_length, watched
+from cutenv.commands.options import made_place, target_length
 from cutenv.commands.score import reference_set
 from cutenv.measurement.calibration import RefusedRecord
 from cutenv.recording import OperatorRow, recorded_operators

@@ -8,7 +8,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from cutenv.commands.options import add_study_options, command_parser, made_folder, reports_errors, watched
+from cutenv._base.output import watched
+from cutenv.commands.options import add_study_options, command_parser, made_folder, reports_errors
 
 
 @reports_errors("study", ImportError)

@@ -10,14 +10,13 @@ they must act as the file says.
 from __future__ import annotations
 
 import argparse
-import contextlib
 import datetime
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cutenv._base.output import check_writable
+from cutenv._base.output import check_writable, progress_bar
 from cutenv.commands.options import command_parser, reports_errors
 
 if TYPE_CHECKING:
@@ -63,7 +62,7 @@ def checked(path: Path, policies: Sequence[str] = ()) -> tuple[Submission, list[
                 f"{path}: its digest is {entry.digest}, but that of {', '.join(policies)} is {found}. Refused. "
                 "Give the policies that were submitted, unchanged."
             )
-    with _progress("repeating", len(entry.runs) * entry.protocol.specimens) as update:
+    with progress_bar("repeating", "cut", total=len(entry.runs) * entry.protocol.specimens) as update:
         rows = replayed(entry, entrants, update)
     by = " by the policies' own actions" if policies else ""
     print(f"{path}: every return of {sum(map(len, rows))} cuts repeated to the last bit{by}")
@@ -109,7 +108,7 @@ def _submit(given: argparse.Namespace) -> None:
     kind = _kind(names, entrants, given.kind)
     digest = entry_digest([entry_files(name) for name in names])
     seeds, runs = entry_seeds(digest, protocol, salt), []
-    with _progress("cutting", len(entrants) * protocol.specimens) as update:
+    with progress_bar("cutting", "cut", total=len(entrants) * protocol.specimens) as update:
         for name, one in zip(names, entrants, strict=True):
             after = returns_after(read_rows(Path(name).parent / "learning_curve.csv"))
             runs.append(submitted_run(one, after, protocol, seeds, update))
@@ -156,15 +155,6 @@ def _salted(salt: str) -> str:
 
 def _runs(count: int) -> str:
     return "1 run" if count == 1 else f"{count} runs"
-
-
-@contextlib.contextmanager
-def _progress(description: str, cuts: int) -> Iterator[Callable[[int], Any]]:
-    """Show progress of cuts on standard error; yields the function that counts them."""
-    from tqdm import tqdm
-
-    with tqdm(total=cuts, desc=description, unit="cut", leave=False) as bar:
-        yield bar.update
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 import cutenv
 from cutenv._base.arrays import StructArray
+from cutenv._base.imports import extra_named
 from cutenv._base.unit_table import NAMED_UNITS
 from cutenv.cutting.drive import PDRig, Rig
 from cutenv.envs.constants import Constants
@@ -230,9 +231,8 @@ class RigSource:
                 sensor=dataclasses.replace(self.settings.sensor, rate=FakeSensor.rate),
             )
         if self._rig in EMULATED:
-            importlib.import_module(
-                "cutenv.imitated.emulator.process"
-            )  # fails now, not amid a session, for lack of a package
+            with extra_named("rig"):  # fails now, not amid a session, for lack of a package
+                importlib.import_module("cutenv.imitated.emulator.process")
         self.draws = self._rig in RIG_NAMES
         self._emulated = emulator_arguments(constants) if self._rig == EMULATOR else []
         if self._rig in EMULATED and self._rig != EMULATOR and (changed := changed_constants(constants)):

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from cutenv.envs.constants import rig_constants
-from cutenv.learning.options import check_ranges, flag_of, option
+from cutenv.learning.options import check_ranges, drawn_as, flag_of, option
 from cutenv.learning.seeds import TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
 from cutenv.task.registry import TASKS, RegisteredTask, task_of, tasks_in_words
 from cutenv.tissue.specimen import CLASSES
@@ -105,6 +105,9 @@ class LearnerArguments:
         resumable=True,
     )
     specimen_class: str = option("mixed", "class of the specimens to train and test on", CLASSES)
+    tissue: str = option(
+        "", "file of a tissue of your own, from 'cutenv calibrate', of which the specimens are drawn", metavar="FILE"
+    )
     angle_mode: str = option("free", "turn the blade (free), or keep its angle (fixed)", ("free", "fixed"))
     fixed_angle_deg: float = option(90.0, "angle of a blade that the agent does not turn [deg]", (45.0, 90.0))
     control_hz: int = option(10, "decisions per second")
@@ -199,7 +202,7 @@ class LearnerArguments:
     @property
     def environment(self) -> dict[str, Any]:
         """Keyword arguments of the environment in which the agent is trained and tested."""
-        return {"specimen_class": self.specimen_class, "control_hz": self.control_hz, **self.angle, **self.simulated}
+        return {**drawn_as(vars(self)), "control_hz": self.control_hz, **self.angle, **self.simulated}
 
     @property
     def simulated(self) -> dict[str, float]:

@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 from cutenv._base.arrays import StructArray
+from cutenv._base.output import progress_bar
 from cutenv.cutting.dtypes import READING, TICK
 from cutenv.envs import set_cores
 from cutenv.envs.batch import CutBatch
@@ -327,15 +327,15 @@ def evaluate(
         own = processes or (os.cpu_count() if cuts >= _FEWEST else 1)
         if pool is None and own != 1:
             pool = stack.enter_context(workers(own))
-        bar = stack.enter_context(tqdm(total=cuts, desc=description, unit="cut"))
+        count = stack.enter_context(progress_bar(description, "cut", total=cuts))
         if pool is None:
-            return [{"policy": name, **row} for name, part in parts for row in _rows(*part, bar.update)]
+            return [{"policy": name, **row} for name, part in parts for row in _rows(*part, count)]
         futures = {}
         for place in sorted(range(len(parts)), key=lambda place: not isinstance(parts[place][1][0], PrivilegedPolicy)):
             with _without_ctrl_c():  # planners first: they take longest
                 futures[pool.submit(_rows, *parts[place][1])] = place
         for future in as_completed(futures):
-            bar.update(len(future.result()))
+            count(len(future.result()))
     done = {place: future.result() for future, place in futures.items()}
     return [{"policy": name, **row} for place, (name, _) in enumerate(parts) for row in done[place]]
 

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
-from tqdm import tqdm
 
 import cutenv
+from cutenv._base.output import watched
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.learning.demonstration import (
     ESTIMATED,
@@ -81,7 +81,7 @@ def simulated_cuts(
     keywords = {**environment, **chosen.arguments}
     task, own = task_of(keywords)
     env = gymnasium.make(task.id, **own)
-    return keywords, [simulated(env, chosen.policy, seed) for seed in tqdm(seeds, desc="cutting", unit="cut")]
+    return keywords, [simulated(env, chosen.policy, seed) for seed in watched(seeds, "cutting", "cut")]
 
 
 def recorded_cuts(
@@ -105,7 +105,7 @@ def recorded_cuts(
         If a record lacks what is needed; the message names file, cut and field.
     """
     found = []
-    for path in tqdm(paths, desc="reading", unit="file"):
+    for path in watched(paths, "reading", "file"):
         for number, trace in enumerate(load(Path(path)), 1):
             try:
                 made = recorded(trace, control_hz=environment["control_hz"], target_length=target_length)

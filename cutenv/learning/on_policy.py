@@ -15,6 +15,7 @@ from cutenv.learning.arguments import LearnerArguments, PPOArguments, TrialArgum
 from cutenv.learning.cloning import Demonstrations, script_demonstrations
 from cutenv.learning.environment_groups import EnvironmentGroups
 from cutenv.learning.evaluation import contestant, evaluate
+from cutenv.learning.options import drawn_as
 from cutenv.learning.progress import CheckpointExtras, Progress, save_model
 from cutenv.learning.run_folder import RunRequest, end_interrupted, export, record_run, write_facts
 from cutenv.learning.statistics import read_rows
@@ -171,7 +172,7 @@ def exported(learner: TrialLearner, arguments: TrialArguments, run: Path, name: 
 
 def time_to_threshold(arguments: LearnerArguments, curve: Sequence[Mapping[str, float]]) -> float | None:
     """Return the time [s] until the agent did as well as the demonstrated script on validation specimens, or None."""
-    shared = {"specimen_class": arguments.specimen_class, **arguments.angle, **arguments.simulated}
+    shared = {**drawn_as(vars(arguments)), **arguments.angle, **arguments.simulated}
     several, seeds = {arguments.script: contestant(arguments.script)}, arguments.validation_seeds
     rows = evaluate(several, seeds, shared, description="script on validation specimens")
     threshold = float(np.mean([row["return"] for row in rows]))

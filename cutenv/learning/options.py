@@ -96,3 +96,15 @@ def parse(kind: type[T], about: str | None, argv: Sequence[str] | None = None) -
     )
     add_options(parser, kind)
     return from_options(kind, parser.parse_args(argv))
+
+
+def drawn_as(arguments: Mapping[str, Any]) -> dict[str, str]:
+    """Return the keyword arguments of an environment that say of which tissue and class its specimens are drawn."""
+    tissue = {"tissue": arguments["tissue"]} if arguments.get("tissue") else {}
+    return {"specimen_class": arguments["specimen_class"], **tissue}
+
+
+def class_in_words(arguments: Mapping[str, Any]) -> str:
+    """Return which specimens are drawn, such as "class mixed", or "class liver of my_tissue.json"."""
+    of = f" of {arguments['tissue']}" if arguments.get("tissue") else ""
+    return f"class {arguments['specimen_class']}{of}"

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cutenv.learning.evaluation import Contestant, batched_rollout, contestant, evaluate
+from cutenv.learning.options import class_in_words, drawn_as
 from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.learning.statistics import (
     SHOWN,
@@ -51,10 +52,15 @@ def cut_picture(name: str, one: Contestant, seed: int, shared: Mapping[str, Any]
     )
 
 
+def _tissue(arguments: Mapping[str, Any]) -> str:
+    return arguments.get("tissue") or "measured liver"
+
+
 def shown_facts(facts: Mapping[str, Any]) -> dict[str, str]:
     """Return the facts about a run that its page shows."""
     arguments = facts["arguments"]
     result = {
+        "tissue": _tissue(arguments),
         "specimen class": arguments["specimen_class"],
         "held-out specimens": str(arguments["specimens"]),
         "seed": str(arguments["seed"]),
@@ -102,7 +108,7 @@ def compare_task(run: Path, facts: Mapping[str, Any], *, processes: int | None =
     learned = {agent: contestant(str(run / "policy"))}
     if (run / "untrained" / "card.json").is_file():
         learned[f"{agent} untrained"] = contestant(str(run / "untrained"))
-    shared = {name: arguments[name] for name in ("task", "specimen_class", "angle_mode")}
+    shared = {"task": arguments["task"], "angle_mode": arguments["angle_mode"], **drawn_as(arguments)}
     if arguments["angle_mode"] == "fixed":
         shared["fixed_angle_deg"] = arguments["fixed_angle_deg"]
     if facts.get("simulated_rig"):
@@ -123,7 +129,7 @@ def compare_task(run: Path, facts: Mapping[str, Any], *, processes: int | None =
     write_run_page(run, facts, ComparedCuts(rows, paired), {**learned, **scripts}, shared)
 
     print(f"\n{task_headline(agent, paired, task.scripts)}")
-    print(f"\n{len(few)} held-out specimens of class {arguments['specimen_class']}, mean [95 % interval]\n")
+    print(f"\n{len(few)} held-out specimens of {class_in_words(arguments)}, mean [95 % interval]\n")
     print_table(summary, task.shown)
     print_differences(paired)
     print(f"({', '.join(scripts)}: on {len(few) + len(more)} specimens)")
@@ -166,7 +172,7 @@ def write_run_page(
         run / "report.html",
         TrainingResult(
             title=f"Learning to cut {task.along}: {run.name}",
-            subtitle=f"{agent} on simulated slices of measured liver, class {arguments['specimen_class']}",
+            subtitle=f"{agent} on simulated slices of {_tissue(arguments)}, class {arguments['specimen_class']}",
             facts=shown_facts(facts),
             summary=summary,
             differences=compared.paired,
@@ -249,7 +255,7 @@ def compare(
     if (run / "untrained" / "card.json").is_file():
         learned[f"{agent} untrained"] = run / "untrained"
     seeds = TEST_SEEDS[: arguments["specimens"]]
-    shared = {"specimen_class": arguments["specimen_class"], "angle_mode": arguments["angle_mode"]}
+    shared = {"angle_mode": arguments["angle_mode"], **drawn_as(arguments)}
     if arguments["angle_mode"] == "fixed":
         shared["fixed_angle_deg"] = arguments.get("fixed_angle_deg", 90.0)
     rate = {"control_hz": arguments["control_hz"]}
@@ -289,7 +295,7 @@ def compare(
     curve = read_rows(run / "learning_curve.csv")
     result = TrainingResult(
         title=f"Learning to cut gently: {run.name}",
-        subtitle=f"{agent} on simulated slices of measured liver, class {arguments['specimen_class']}",
+        subtitle=f"{agent} on simulated slices of {_tissue(arguments)}, class {arguments['specimen_class']}",
         facts=shown_facts(facts),
         summary=[row for row in summary if row["policy"] in shown],
         differences=paired,
@@ -304,7 +310,7 @@ def compare(
     )
     write_training_page(run / "report.html", result)
     print(f"\n{training_headline(result)[2]}")
-    print(f"\n{len(seeds)} held-out specimens of class {arguments['specimen_class']}, mean [95 % interval]\n")
+    print(f"\n{len(seeds)} held-out specimens of {class_in_words(arguments)}, mean [95 % interval]\n")
     print_table([row for row in summary if row["policy"] in shown], SHOWN[:4] + SHOWN[5:])
     print_differences([row for row in paired if row["baseline"] in (script, rival, feed, ORACLE)])
     print(f"({' and '.join(name for name in closer if name != agent)}: on {len(seeds) + len(more)} specimens)")

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from cutenv._base.validation import in_range
+from cutenv.measurement.fracture import hardly_ran
 from cutenv.measurement.layer_fit import LayerFit
 from cutenv.measurement.loading_ratio import LoadingRatio
 from cutenv.measurement.loading_ratio import loading_ratio as liver_loading_ratio
@@ -114,6 +115,23 @@ def calibration_notes(cuts: Sequence[MeasuredCut], model: CutModel, found: dict[
     return notes
 
 
+def _how_far_off(evidence: Sequence[Evidence], found: dict[str, float], cuts: int, specimens: int) -> list[str]:
+    """Return a note on how far the means of so few cuts may be off, and how many make them better; by the intervals."""
+    errors = {
+        each.name: max(each.high - found[each.name], found[each.name] - each.low) / found[each.name]
+        for each in evidence
+        if each.name in ("intercept_90", "fracture_resistance") and each.low is not None and each.high is not None
+    }
+    if len(errors) < 2 or max(errors.values()) <= _NEAR:
+        return []
+    modulus, resistance = errors["intercept_90"], errors["fracture_resistance"]
+    wanted = math.ceil(specimens * (max(modulus, resistance) / _NEAR) ** 2)
+    return [
+        f"{cuts} cuts of {specimens} specimens are few: the mean modulus may be {100.0 * modulus:.0f} % off, the mean "
+        f"resistance {100.0 * resistance:.0f} % (95 %). {100.0 * _NEAR:.0f} % takes some {wanted} specimens cut alike"
+    ]
+
+
 def _extrapolated(cuts: Sequence[MeasuredCut]) -> list[str]:
     """Return notes on an angle whose line is extrapolated, as it was cut over a shorter range of speeds."""
     known = [cut for cut in cuts if len(cut.moduli)]
@@ -138,6 +156,7 @@ _FEWEST_UNLOADED = (
     8  # cuts with a way back needed for the loading ratio: the tissue at the tip scatters about the cut's mean
 )
 _ROUNDS = 3  # iterations of fitting the loading ratio and measuring with it: the tip depends on it weakly
+_NEAR = 0.10  # relative error of a mean that is told no more
 _DRAWS, _DRAW_ROUNDS = 200, 4  # sampled specimens, and iterations, to find the material with the measured moduli
 _PLACES = np.arange(0.0215, 0.12, 0.006)  # typical positions of the segments of a long cut [m]
 
@@ -234,12 +253,30 @@ def measure_cuts(
         except (ValueError, RuntimeError) as error:
             refused.append(RefusedRecord(label, str(error)))
     if not cuts:
-        reasons = "\n".join(f"  {each.name}: {each.reason}" for each in refused) or "  there is no record."
-        raise ValueError(f"no record can be measured:\n{reasons}")
+        raise ValueError(_none_measured(refused))
     for _ in range(_ROUNDS):
         ratio = loading_ratio_of_cuts(cuts, model)
         cuts = [cut.with_loading_ratio(ratio, model) for cut in cuts]
+        refused += [RefusedRecord(cut.name, why) for cut in cuts if (why := _why_no_resistance(cut))]
+        if not (cuts := [cut for cut in cuts if not _why_no_resistance(cut)]):
+            raise ValueError(_none_measured(refused))
     return cuts, refused
+
+
+def _why_no_resistance(cut: MeasuredCut) -> str:
+    """Return the reason why a cut shows no resistance, which would spoil the mean of the others; empty for a cut."""
+    assert cut.trace.position is not None, "the resistance is measured by it"
+    if flags := hardly_ran(cut.fracture.cut_length, float(np.ptp(cut.trace.position))):
+        return f"{flags[0]}. Cut 5 cm or farther, at an angle or speed at which the blade gets in"
+    if cut.fracture.corrected <= 0.0:
+        found = cut.fracture.corrected
+        return f"its resistance is {found:.0f} J/m2, which no tissue has: check the force's zero and sign"
+    return ""
+
+
+def _none_measured(refused: Sequence[RefusedRecord]) -> str:
+    reasons = "\n".join(f"  {each.name}: {each.reason}" for each in refused) or "  there is no record."
+    return f"no record can be measured:\n{reasons}"
 
 
 def loading_ratio_of_cuts(cuts: Sequence[MeasuredCut], model: CutModel) -> LoadingRatio:
@@ -314,6 +351,8 @@ def tissue_of(
                 high=None if high is None or provenance != "measured" else float(high),
             )
         )
+    specimens = len(by_specimen(list(cuts)))
+    notes = _how_far_off(evidence, values, len(cuts), specimens) + calibration_notes(cuts, model, found)
     numbers: dict[str, Any] = {field: _rounded(value) for field, value in values.items()}
     tissue = dataclasses.replace(
         liver,
@@ -323,9 +362,9 @@ def tissue_of(
         poisson=model.poisson,
         calibration=TissueCalibration(
             cuts=len(cuts),
-            specimens=len(by_specimen(list(cuts))),
+            specimens=specimens,
             evidence=tuple(evidence),
-            notes=tuple(calibration_notes(cuts, model, found)),
+            notes=tuple(notes),
         ),
         **numbers,
     )
@@ -433,7 +472,7 @@ _WHY_NOT = {
     "intercept_45": "no cut flatter than 67.5 degrees",
     "slope_45": "cuts at this angle do not differ in speed by a factor of 1.5",
     "modulus_between_liver_cv": "fewer than two specimens, or one cut of each",
-    "modulus_between_cut_cv": "no specimen with two cuts",
+    "modulus_between_cut_cv": "no specimen with two cuts steeper than 67.5 degrees",
     "modulus_within_cut_cv": "too few segments",
     "inclined_between_cut_cv": f"fewer than {FEWEST_FOR_INCLINED} cuts on either side of 67.5 degrees",
     "correlation_length": f"fewer than {FEWEST_FOR_CORRELATION} cuts",

@@ -32,6 +32,8 @@ _PLACES = 100  # positions behind the blade at which the tip of loaded tissue is
 _SOFTEST = 0.1  # smallest share of a ramp's slope that belongs to the tissue rather than friction
 _SHORTEST_CUT = 0.2e-3  # [m]
 _SLOW_SHARE = 0.1  # share of the travel that may be below the speed that counts as standing
+LEAST_RUN = 0.010
+"""Length of the cut below which a crack counts as one that hardly ran [m]; its resistance is noise."""
 _FINAL = 0.010  # [s] of readings averaged for the force at the end of the cut
 
 
@@ -157,6 +159,7 @@ def estimate_fracture_resistance(
     if way_back is not None:
         phi = way_back.friction_per_depth if friction_per_depth is None else friction_per_depth
         corrected = _closed_loop(trace, position, depth, way_back, phi)
+        flags += hardly_ran(way_back.tip - start, travel)
         return FractureEstimate(
             apparent=apparent,
             corrected=corrected,
@@ -179,6 +182,7 @@ def estimate_fracture_resistance(
     if friction_per_depth is None:
         flags.append(f"friction assumed to be {100 * friction_share:g} % of the resistance")
     corrected, tip, phi = _open_loop(trace, depth, stiffness, friction_per_depth, friction_share)
+    flags += hardly_ran(tip - start, travel)
     return FractureEstimate(
         apparent=apparent,
         corrected=corrected,
@@ -188,6 +192,16 @@ def estimate_fracture_resistance(
         zero=zero,
         depth_error=None if relative is None else relative * corrected,
     )
+
+
+def hardly_ran(length: float, travel: float) -> list[str]:
+    """Return a flag for a cut of a length [m] that is next to nothing of the blade's travel [m]."""
+    if length >= LEAST_RUN:
+        return []
+    return [
+        f"the crack hardly ran ({1e3 * length:.1f} mm of {1e3 * travel:.0f} mm of the blade's way): the tissue was "
+        "dragged, not cut, and shows no resistance"
+    ]
 
 
 def _check_speed(trace: Trace, position: Array, travel: float) -> None:

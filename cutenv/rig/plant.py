@@ -463,7 +463,7 @@ class RigPlant(Travel):
 
         A rig that another thread has closed reports no more, and is not waited for.
         """
-        deadline = self.clock.now() + REST_WITHIN
+        deadline = report.detected + REST_WITHIN  # where no sample shows it, later commands do not wait again
         while report.standstill is None and self.clock.now() < deadline and not self._left:
             self.clock.sleep_until(self.clock.now() + WATCH)
         if not self._cutting:

@@ -82,6 +82,22 @@ def test_the_commands_of_a_page_are_there_with_their_options(page):
             assert (ROOT / program).is_file()
 
 
+OPTIONS_OF_EXTRAS = {"--page": "view3d", "--picture": "view"}
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_a_page_that_installs_an_extra_installs_what_its_commands_need(page):
+    installed = set()
+    for words in commands(page):
+        if (extras := re.search(r"\[([\w,-]+)\]$", words[-1])) and "install" in words:
+            installed |= {*extras[1].split(",")}
+        if installed and words[0] == "cutenv" and (command := cli.COMMANDS.get(words[1])):
+            part = command.parts.get(words[2]) if command.parts else None
+            needed = {command.extra, part.extra if part else ""}
+            needed |= {extra for option, extra in OPTIONS_OF_EXTRAS.items() if option in words}
+            assert needed - {""} <= installed, f"{' '.join(words)} after {sorted(installed)}"
+
+
 @pytest.mark.parametrize("page", PAGES)
 def test_the_names_and_files_that_a_page_mentions_are_there(page):
     text = (DOCS / page).read_text(encoding="utf-8")

@@ -65,7 +65,7 @@ def interrupted(program: str, folder: Path, checkpoint: str, *arguments: str) ->
         cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
         env=os.environ | {"PYTHONUNBUFFERED": "1"},
     )  # fmt: skip
-    deadline = time.monotonic() + 120.0
+    deadline = time.monotonic() + 600.0  # on a busy machine the first checkpoint may take minutes
     while not list(folder.glob(f"runs/*/{checkpoint}")) and process.poll() is None and time.monotonic() < deadline:
         time.sleep(0.05)
     printed, _ = ctrl_c(process)
@@ -81,7 +81,7 @@ def interrupted_at(program: str, folder: Path, pattern: str, *arguments: str) ->
     )  # fmt: skip
     assert process.stderr is not None
     shown = ""
-    deadline = time.monotonic() + 120.0
+    deadline = time.monotonic() + 600.0  # on a busy machine the first checkpoint may take minutes
     while not re.search(pattern, shown[-200:]) and process.poll() is None and time.monotonic() < deadline:
         shown += process.stderr.read(1)
     printed, errors = ctrl_c(process)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import itertools
 import math
 import os
@@ -18,9 +19,17 @@ import pytest
 from program import command
 
 from cutenv.commands.evaluate import main
+from cutenv.learning.arguments import PPOArguments
 from cutenv.learning.evaluation import Contestant, batched_rollout, contestant, evaluate
 from cutenv.learning.seeds import ENVIRONMENT, TEST_SEEDS, TRAINING_SEEDS, VALIDATION_SEEDS
-from cutenv.learning.statistics import best_script, by_policy, differences, mean_with_interval, summarise, write_csv
+from cutenv.learning.statistics import (
+    best_script,
+    by_policy,
+    differences,
+    mean_with_interval,
+    summarise,
+    write_csv,
+)
 from cutenv.policy import (
     BASELINES,
     SHIPPED,
@@ -33,6 +42,7 @@ from cutenv.policy import (
     save_policy,
 )
 from cutenv.task.episode_dtypes import TERMS
+from cutenv.tissue import measured_liver
 
 # Two policies on three specimens: differences of return 0.2, 0.1 and 0.3; of success 1, 0 and 0.
 ROWS = [
@@ -229,6 +239,23 @@ def test_a_class_that_is_none_is_refused(capsys):
     with pytest.raises(SystemExit):
         main(["nothing", "--specimen-class", "livr"])
     assert "livr" in capsys.readouterr().err
+
+
+def test_specimens_are_drawn_of_a_tissue_of_ones_own(tmp_path, capsys):
+    """Half as stiff and tough: the same script meets half the force; a file that is none is refused."""
+    liver, file = measured_liver(), tmp_path / "soft.json"
+    soft = dataclasses.replace(liver, modulus=0.5 * liver.modulus, fracture_resistance=0.5 * liver.fracture_resistance)
+    file.write_text(soft.to_json(), encoding="utf-8")
+    forces = []
+    for given in ([], ["--tissue", str(file)]):
+        assert main(["constant 1.27 cm/s 90 deg", "--specimens", "10", "--out", str(tmp_path), *given]) == 0
+        with (tmp_path / "scores.csv").open(encoding="utf-8") as scores:
+            forces.append(np.mean([float(row["peak_force_N"]) for row in csv.DictReader(scores)]))
+    assert 0.3 < forces[1] / forces[0] < 0.7
+    assert f"of class mixed of {file}" in capsys.readouterr().out
+    assert PPOArguments(tissue=str(file)).environment["tissue"] == str(file)
+    assert main(["nothing", "--tissue", str(tmp_path / "none.json")]) == 2
+    assert "no such file" in capsys.readouterr().err
 
 
 def test_the_program_compares_a_trained_policy_with_a_baseline(folder, tmp_path):

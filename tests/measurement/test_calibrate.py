@@ -16,9 +16,9 @@ from virtual_session import MODEL, traces
 
 from cutenv import cli
 from cutenv.envs.depth_cut import DepthCutEnv
-from cutenv.measurement import calibrate, measure_cut, measure_cuts
+from cutenv.measurement import calibrate, estimate_fracture_resistance, measure_cut, measure_cuts
 from cutenv.measurement.measured_cut import named
-from cutenv.plant import DescendingPlant
+from cutenv.plant import DescendingPlant, Leg, SimulatedPlant, run, to_trace
 from cutenv.recording import save
 from cutenv.tissue import Layers, Specimen, TissueDescription, load_description, measured_liver
 from cutenv.trace import Trace
@@ -127,6 +127,21 @@ def test_an_angle_outside_of_45_to_90_degrees_is_refused_with_the_cure(angle_deg
     for each in refused:
         assert f"is at {angle_deg:.0f} degrees" in each.reason
         assert "180 minus the angle" in each.reason
+
+
+def test_a_cut_whose_crack_hardly_ran_is_left_out_of_the_means() -> None:
+    """Tissue that the blade drags along and hardly cuts shows a resistance of -30 or -473 J/m2."""
+    made = []
+    for number in (2, 4):
+        plant = SimulatedPlant(Specimen.draw(np.random.default_rng((10, number))), seed=10, episode=number)
+        speed = (0.004, 0.0127, 0.0254)[number % 3]
+        legs = [Leg(position=0.1, speed=speed), Leg(position=0.0, speed=0.0254)]
+        made.append(to_trace(plant, run(plant, legs), name=f"cut {number}"))
+    assert estimate_fracture_resistance(made[0]).corrected < 0.0
+    assert any("hardly ran" in flag for flag in estimate_fracture_resistance(made[0]).flags)
+    cuts, refused = measure_cuts(made, MODEL)
+    assert ([cut.name for cut in cuts], [each.name for each in refused]) == (["cut 4"], ["cut 2"])
+    assert "hardly ran" in refused[0].reason
 
 
 def test_if_every_record_is_refused_all_reasons_are_told() -> None:

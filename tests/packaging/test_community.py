@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+import subprocess
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -42,6 +43,23 @@ def test_a_workflow_has_a_trigger_rights_and_time_limits(workflow: Path) -> None
     for job in content["jobs"].values():
         assert job["timeout-minutes"] <= 180
         assert all("uses" in step or "run" in step for step in job["steps"])
+
+
+def test_the_root_holds_what_it_should_and_nothing_that_a_run_left() -> None:
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=False)
+    if listed.returncode:
+        pytest.skip("needs a checkout")
+    names = {name.partition("/")[0] for name in listed.stdout.split("\0")} - {""}
+    folders = {name for name in names if (ROOT / name).is_dir()} - {".ci", ".github"}
+    assert folders == {"agents", "assets", "cutenv", "docs", "examples", "scripts", "tests"}
+    assert {Path(name).suffix for name in names - folders} <= {"", ".md", ".txt", ".toml", ".yml", ".yaml", ".cff"}
+
+
+def test_whoever_installs_dev_has_what_contributors_are_told_to_run() -> None:
+    told = re.findall(r"^    ([\w-]+) ", (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8"), re.MULTILINE)
+    dev = tomllib.loads(PYPROJECT)["project"]["optional-dependencies"]["dev"]
+    assert {*told} - {"python3"} == {"pre-commit"}
+    assert any(line.startswith("pre-commit") for line in dev)
 
 
 @pytest.mark.parametrize("workflow", WORKFLOWS, ids=lambda path: path.stem)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import tomllib
 from importlib.metadata import PackageNotFoundError, requires
@@ -11,11 +12,13 @@ import pytest
 from packaging.requirements import Requirement
 
 from cutenv import cli
-from cutenv.commands.options import watched
+from cutenv._base.imports import EXTRAS_OF_MODULE, extra_named
+from cutenv._base.output import watched
 
 PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 EXTRAS = {name: {Requirement(line).name for line in lines} for name, lines in PROJECT["optional-dependencies"].items()}
 CALLED = {
+    "PIL": "pillow",
     "can": "python-can",
     "cv2": "opencv-python-headless",
     "pygame": "pygame-ce",
@@ -47,7 +50,7 @@ def brought(packages: set[str]) -> set[str]:
 
 
 @pytest.mark.parametrize(
-    ("module", "extra"), [(module, extra) for module, extras in cli._EXTRAS_OF_MODULE.items() for extra in extras]
+    ("module", "extra"), [(module, extra) for module, extras in EXTRAS_OF_MODULE.items() for extra in extras]
 )
 def test_the_extra_that_an_error_names_brings_the_module(module: str, extra: str) -> None:
     assert CALLED.get(module, module) in EXTRAS[extra]
@@ -66,6 +69,12 @@ def test_the_page_in_3_d_does_bring_them_so_the_check_can_fail() -> None:
 def test_a_progress_bar_that_is_not_installed_stops_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "tqdm", None)
     assert list(watched([1, 2, 3], "counting", "number")) == [1, 2, 3]
+
+
+def test_a_library_of_an_extra_that_is_missing_is_told_with_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "canopen", None)
+    with pytest.raises(ModuleNotFoundError, match=re.escape("pip install 'cutenv[rig]'")), extra_named("rig"):
+        import canopen  # noqa: F401
 
 
 def test_the_demo_misses_the_library_of_its_page_before_it_cuts(

@@ -45,13 +45,14 @@ for module, names in {POSIX_NAMES!r}.items():
 IMPORT_ALL = """
 import importlib, pkgutil
 import cutenv
+from cutenv._base.imports import EXTRAS_OF_MODULE
 modules = [module.name for module in pkgutil.walk_packages(cutenv.__path__, "cutenv.")]
 for name in modules:
     if name != "cutenv.__main__":
         try:
             importlib.import_module(name)
         except ModuleNotFoundError as error:  # of an extra that is not installed here
-            if error.name.partition(".")[0] not in cutenv.cli._EXTRAS_OF_MODULE:
+            if error.name.partition(".")[0] not in EXTRAS_OF_MODULE:
                 raise
 print(len(modules))
 """

@@ -69,7 +69,7 @@ def test_the_page_shows_the_first_specimen(tmp_path: Path, capsys: pytest.Captur
 def test_a_seed_draws_the_same_cut_again_and_another_draws_another() -> None:
     policy = shipped("ppo-free")
     same = [
-        demo_cuts(policy, policy.environment_arguments, DemoSpecimens("liver", UNSEEN + seed, 1))[0]
+        demo_cuts(policy, policy.environment_arguments, DemoSpecimens({"specimen_class": "liver"}, UNSEEN + seed, 1))[0]
         for seed in (0, 0, 1)
     ]
     assert same[0].reward == same[1].reward != same[2].reward
@@ -77,8 +77,8 @@ def test_a_seed_draws_the_same_cut_again_and_another_draws_another() -> None:
 
 def test_agent_and_script_meet_the_same_specimens() -> None:
     policy = shipped("ppo-free")
-    agent = demo_cuts(policy, policy.environment_arguments, DemoSpecimens("mixed", UNSEEN, 2))
-    script = demo_cuts(BASELINES["fast then slow"](), {}, DemoSpecimens("mixed", UNSEEN, 2))
+    agent = demo_cuts(policy, policy.environment_arguments, DemoSpecimens({"specimen_class": "mixed"}, UNSEEN, 2))
+    script = demo_cuts(BASELINES["fast then slow"](), {}, DemoSpecimens({"specimen_class": "mixed"}, UNSEEN, 2))
     for one, other in zip(agent, script, strict=True):
         assert (one.target_length, one.specimen_class) == (other.target_length, other.specimen_class)
         assert (one.plant.depth == other.plant.depth).all()

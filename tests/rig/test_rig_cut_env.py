@@ -67,7 +67,7 @@ def test_its_arguments_are_flat_and_json_able():
     assert again.unwrapped.ticks == 100
 
 
-@pytest.mark.parametrize("name", ["probe and creep", "fast then slow", "constant 1.27 cm/s 60 deg"])
+@pytest.mark.parametrize("name", ["probe and creep", "fast then slow"])
 def test_the_same_cut_scores_as_in_the_simulator(env, name):
     """Most of them closely; a reading of noise moves a decision, and now and then a decision a run of the crack."""
     simulated = gymnasium.make("cutenv/GentleCut-v1", reward_from="estimate")

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cutenv._base.output import progress_bar
 from cutenv.commands.options import (
     RIG,
     add_specimen_class,
@@ -152,18 +153,14 @@ def _write(arguments: argparse.Namespace, evaluation: Evaluation) -> None:
         print(f"page: {arguments.out / _PAGE}; records: {arguments.out / _RECORDS}")
 
 
-def _progress(specimens: int, stack: ExitStack) -> ProgressCallback | None:
-    """Return what shows a progress bar for each side; None where tqdm, an extra that only shows it, is missing."""
-    try:
-        from tqdm import tqdm
-    except ModuleNotFoundError:
-        return None
-    bars: dict[str, Any] = {}
+def _progress(specimens: int, stack: ExitStack) -> ProgressCallback:
+    """Return what shows a progress bar for each side."""
+    counted: dict[str, tuple[Callable[[int], object], int]] = {}
 
     def told(side: str, done: int) -> None:
-        if side not in bars:
-            bars[side] = stack.enter_context(tqdm(total=specimens, desc=side, unit="specimen", file=sys.stderr))
-        bars[side].update(done - bars[side].n)
+        bar, before = counted.get(side) or (stack.enter_context(progress_bar(side, "specimen", total=specimens)), 0)
+        bar(done - before)
+        counted[side] = bar, done
 
     return told
 

@@ -1,0 +1,86 @@
+"""Compile every kernel of this machine ahead of the first cut: for images, clusters and classrooms.
+
+Each task is compiled in a process of its own, as many at once as there are cores.  What is compiled is kept where the
+first cut would keep it: beside the package, or in the user's cache, or below NUMBA_CACHE_DIR.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from importlib.util import find_spec
+
+from cutenv._base.output import progress_bar
+from cutenv.commands.options import command_parser, reports_errors
+from cutenv.task.registry import TASKS
+
+_RIG = "emulated rig"  # a part beside the tasks, where its extra is installed
+_ACROSS: tuple[tuple[str, ...], ...] = ((), ("height",), ("side",))
+
+
+@reports_errors("warm")
+def main(argv: Sequence[str]) -> int:
+    """Compile and print where it is kept; 1 if nothing can be kept or a part fails."""
+    arguments = _parser().parse_args(argv)
+    from cutenv._engine.jit import kernel_folder
+
+    folder = kernel_folder("cutenv.cutting.law")
+    if folder is None:
+        print(
+            "cutenv warm: nothing that is compiled can be kept here: set NUMBA_CACHE_DIR to a folder that can be "
+            "written to, now and for every later program.",
+            file=sys.stderr,
+        )
+        return 1
+    names = list(dict.fromkeys(arguments.task or parts()))
+    begun = time.monotonic()
+    with ThreadPoolExecutor(os.cpu_count()) as pool, progress_bar("compiling", "part", total=len(names)) as count:
+        waiting = {pool.submit(_compiled_apart, name): name for name in names}
+        errors = []
+        for done in as_completed(waiting):
+            count(1)
+            if (error := done.result()) is not None:
+                errors.append(f"cutenv warm: {waiting[done]}: {error}")
+    print("\n".join(errors), file=sys.stderr, end="\n" * bool(errors))
+    if not errors:
+        print(f"{', '.join(names)}: ready after {time.monotonic() - begun:.0f} s; kept in {folder.parent}")
+    return 1 if errors else 0
+
+
+def parts() -> list[str]:
+    """Return what can be compiled here: the tasks, and the emulated rig where its extra is installed."""
+    return [*TASKS, *([_RIG] if find_spec("canopen") is not None else [])]
+
+
+def compile_part(name: str) -> None:
+    """Use every kernel of a task once, in single cuts and in a batch, by truth and by estimate; or of the emulator."""
+    if name == _RIG:
+        from cutenv.imitated.emulator.process import warm_up
+
+        for across in _ACROSS:
+            warm_up(across=across)
+        return
+    task = TASKS[name]
+    for keywords in ({}, {"reward_from": "estimate"}):
+        for environment in (task.single(**keywords), task.vector(2, **keywords)):
+            environment.reset(seed=0)
+            environment.step(environment.action_space.sample())
+            environment.close()
+
+
+def _compiled_apart(name: str) -> str | None:
+    """Compile a part in a process of its own; return the last line of its error, None if all is well."""
+    program = f"from cutenv.commands.warm import compile_part; compile_part({name!r})"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    return None if done.returncode == 0 else (done.stderr.strip() or f"status {done.returncode}").splitlines()[-1]
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = command_parser("warm", __doc__, examples=("", "--task gentle --task excision"))
+    parser.add_argument("--task", choices=parts(), action="append", help="compile this alone; may be given again")
+    return parser
