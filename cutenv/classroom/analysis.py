@@ -43,7 +43,10 @@ _SHOWN = (".html", ".csv", ".json")
 
 
 class StudiedRecord(NamedTuple):
-    """Record of an analysis: its path below the records, its person, and the person's group, "" without groups."""
+    """Record of an analysis: its path below the records, its person, and the person's group, "" without groups.
+
+    A path of "" is a cut that was begun and left.
+    """
 
     record: str
     code: str
@@ -163,7 +166,8 @@ class Analyses:
             for order, row in enumerate(rows, 1)
         ]
         write_table(made.folder / _TABLE, [("record", "operator", "order", *(["group"] * grouped)), *cells])
-        arguments = [kind, *(str(self._records / row.record) for row in rows), f"--name={title}", "--skip-bad"]
+        paths = [str(self._records / row.record) for row in rows if row.record]
+        arguments = [kind, *paths, f"--name={title}", "--skip-bad"]
         arguments += ["--operators", str(made.folder / _TABLE), "--out", str(made.folder / f"{kind}.html"), *options]
         if kind == STUDY_KIND:
             arguments += ["--sheets", str(made.folder)]

@@ -21,6 +21,7 @@ from cutenv.classroom.class_tables import SAVED
 from cutenv.classroom.lesson import RefusedCut
 from cutenv.classroom.live_rig import LiveRig, live_routes
 from cutenv.classroom.teacher_pages import StudyPages, TeacherPages, UploadPages
+from cutenv.report.page import in_languages, translated
 
 _FAILURES_BY_CODE = 2  # wrong codes in a minute, for each code there is
 
@@ -156,12 +157,13 @@ def class_app(site: ClassSite, *, live: LiveRig | None = None, ticket: str | Non
     async def failed(request: Request, error: Exception) -> Response:
         assert isinstance(error, HTTPException)
         if "text/html" in request.headers.get("accept", ""):  # a person asked, not the page's script
-            return site.page("trouble.html", error.status_code, trouble=error.detail)
-        return JSONResponse({"error": error.detail}, error.status_code)
+            return site.page("trouble.html", error.status_code, trouble=translated(error.detail, site.language))
+        return JSONResponse({"error": error.detail, "said": in_languages(error.detail)}, error.status_code)
 
     async def unwritten(request: Request, error: Exception) -> Response:
         print(f"cutenv serve: {error}", file=sys.stderr, flush=True)
-        return JSONResponse({"error": "The class's database cannot be read or written; the server says why."}, 507)
+        said = "The class's database cannot be read or written; the server says why."
+        return JSONResponse({"error": said, "said": in_languages(said)}, 507)
 
     return Starlette(
         routes=[

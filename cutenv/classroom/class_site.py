@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import ipaddress
 import threading
@@ -29,6 +30,8 @@ from cutenv.classroom.class_store import teacher_of
 from cutenv.classroom.foreign_upload import LARGEST_UPLOAD
 from cutenv.classroom.lesson import LONGEST_CUT, Lesson
 from cutenv.classroom.xapi_statements import Courier
+from cutenv.play.course_words import course_name
+from cutenv.report.page import translated
 
 LARGEST_BODY = 24 * LONGEST_CUT + 4096
 """Largest body of a request that is read [bytes]: the movements of the longest cut."""
@@ -153,6 +156,11 @@ def _refused(request: Request, hosts: Collection[str] | None) -> Response | None
     return None
 
 
+def is_loopback(host: str) -> bool:
+    """Return whether a host is this machine itself, which no other one reaches by that name."""
+    return host == "localhost" or (_is_address(host) and ipaddress.ip_address(host.strip("[]")).is_loopback)
+
+
 def _is_address(host: str) -> bool:
     try:
         ipaddress.ip_address(host.strip("[]"))
@@ -228,7 +236,12 @@ class ClassSite:
     def page(self, name: str, status: int = 200, **values: Any) -> HTMLResponse:
         """Answer with a page, from its template and the template's values."""
         shared = {"title": self.title, "words": self.words, "language": self.language, "courier": self.courier}
-        return HTMLResponse(render(_PAGES / name, shared | values, filters={"digest": script_digest}), status)
+        filters: dict[str, Callable[..., Any]] = {
+            "digest": script_digest,
+            "said": functools.partial(translated, language=self.language),
+            "task_name": functools.partial(course_name, self.language),
+        }
+        return HTMLResponse(render(_PAGES / name, shared | values, filters=filters), status)
 
     def sign(self, response: Response, cookie: str, token: str) -> Response:
         """Let an answer sign somebody in."""

@@ -44,10 +44,12 @@ from cutenv.play.course import Course, CourseTask, marked_numbers
 from cutenv.play.course_progress import GIVEN_UP, CourseProgress
 from cutenv.play.course_words import COURSE_WORDS
 from cutenv.recording import Provenance, load_one, save
+from cutenv.report.page import in_languages
 from cutenv.report.score_page import ScoredRecord, write_score_page
 from cutenv.scoring import ReferenceSet, ScoreCard, score
 from cutenv.scoring.reference import fitting_reference
 from cutenv.scoring.score_card import whole_score
+from cutenv.scoring.study.trainee import next_tries
 from cutenv.scoring.truth import TIP_AT_END
 from cutenv.task.registry import TASKS
 from cutenv.trace import Trace
@@ -65,7 +67,8 @@ def shown_card(
         "pass_mark": None if mark is None else mark.mark,
         "passed": None if mark is None or overall is None else overall >= mark.mark,
         "score": None if hidden else overall,
-        "outcome": "" if hidden else card.outcome,
+        "outcome": {} if hidden else in_languages(card.outcome),
+        "advice": [] if hidden else _advice(card),
         "points": [] if hidden else [dataclasses.asdict(each) for each in card.points],
         "verdict": {} if progress is None else progress.verdicts,
         "ahead": ahead_words(progress),
@@ -73,11 +76,24 @@ def shown_card(
     }
 
 
+def _advice(card: ScoreCard) -> list[dict[str, dict[str, str]]]:
+    """Return what to try next, and what was seen in the cut, "" if no single fault; each by language."""
+    return [
+        {"try": in_languages(f"{_capital(each.advice)}."), "seen": in_languages(_capital(each.seen))}
+        for each in next_tries([card])[:_MOST_ADVICE]
+    ]
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
 def ahead_words(progress: CourseProgress | None) -> dict[str, str]:
     """Return what comes next in a course, by language; empty without a course."""
     return {} if progress is None else {language: progress.ahead(language) for language in COURSE_WORDS}
 
 
+_MOST_ADVICE = 2  # more than that nobody minds in the next cut
 LONGEST_CUT = 30_000
 """Longest cut [ms]: the deadline of the task."""
 FEWEST_MOVEMENTS = 100
@@ -447,7 +463,8 @@ class Lesson:
         silent = {task.name for task in tasks if task.feedback == "never"}
         return [
             {"when": cut.handed_out, "state": cut.state, "stalled": cut.stalled}
-            | {"outcome": "" if cut.task in silent else cut.outcome, "score": None if cut.task in silent else cut.score}
+            | {"outcome": {} if cut.task in silent else in_languages(cut.outcome)}
+            | {"score": None if cut.task in silent else cut.score}
             for cut in self.store.cuts(code)
         ]
 

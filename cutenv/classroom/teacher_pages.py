@@ -5,7 +5,7 @@ from __future__ import annotations
 import hmac
 import re
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from datetime import date
 from typing import Any
 
@@ -18,8 +18,8 @@ from starlette.routing import Route
 
 from cutenv.classroom.analysis import PASS_MARK_KIND, STUDY_KIND, StudiedRecord
 from cutenv.classroom.class_overview import overview, people_of
-from cutenv.classroom.class_site import UPLOAD_PATH, ClassSite, Trials, download, text_of
-from cutenv.classroom.class_store import HandedOutCut, Place
+from cutenv.classroom.class_site import UPLOAD_PATH, ClassSite, Trials, download, is_loopback, text_of
+from cutenv.classroom.class_store import Place
 from cutenv.classroom.class_tables import KEPT, LEFT, SAVED
 from cutenv.classroom.foreign_upload import PICKED, picked_length, units_by_field
 from cutenv.classroom.live_rig import LiveRig
@@ -121,9 +121,19 @@ class TeacherPages:
         return RedirectResponse("../teacher", 303)
 
     async def sheet(self, request: Request) -> Response:
-        """Show codes to print and cut apart."""
-        codes = [code for code, _ in await run_in_threadpool(self._lesson.store.codes)]
-        return self._site.page("code_sheet.html", codes=codes, address=str(request.base_url))
+        """Show codes to print and cut apart, of everybody or of one class."""
+        store, chosen = self._lesson.store, request.query_params.get("class", "")
+        codes, places = await run_in_threadpool(lambda: (store.codes(), store.places()))
+        slips = [(code, places.get(code, Place()).class_name) for code, _ in codes]
+        classes = sorted({name for _, name in slips if name})
+        return self._site.page(
+            "code_sheet.html",
+            codes=[slip for slip in slips if not chosen or slip[1] == chosen],
+            classes=classes,
+            chosen=chosen,
+            address=str(request.base_url),
+            here_alone=is_loopback(request.url.hostname or ""),
+        )
 
     async def records(self, request: Request) -> Response:
         """Send all records, or those of one person, packed."""
@@ -235,8 +245,6 @@ class StudyPages:
         state = made.state  # first of all: it may end while the page is made
         shown: dict[str, Any] = {"state": state, "said": made.said(), "files": made.files(), "marks": made.marks()}
         source = f"{made.title}, {date.today().isoformat()}"
-        left = await run_in_threadpool(lambda: {each.code: _count_left(each.cuts) for each in people_of(self._lesson)})
-        shown["left"] = {code: count for code, count in left.items() if count and code in made.people}
         answer = self._site.page(
             "analysis.html", analysis=made, source=source, root="../../", mark=self._lesson.pass_mark, **shown
         )
@@ -276,10 +284,6 @@ class StudyPages:
         return RedirectResponse("studies", 303)
 
 
-def _count_left(cuts: Sequence[HandedOutCut]) -> int:
-    return sum(cut.state == LEFT for cut in cuts)
-
-
 def _begun(site: ClassSite, form: FormData) -> str:
     """Begin the study or the setting of pass marks that a form asks for; return its id, ValueError if it cannot be."""
     lesson, words = site.lesson, site.words
@@ -297,15 +301,20 @@ def _begun(site: ClassSite, form: FormData) -> str:
         chosen = code in codes if codes else where.class_name in classes
         if chosen and (compared is None or kind == STUDY_KIND or where.group in compared):
             group = where.group if compared else ""
-            rows += [StudiedRecord(f"{code}/{cut.record}", code, group) for cut in cuts if cut.state in wanted]
-    if not rows:
+            rows += [
+                StudiedRecord("" if cut.state == LEFT else f"{code}/{cut.record}", code, group)
+                for cut in cuts
+                if cut.state in (*wanted, LEFT)
+            ]
+    if not any(row.record for row in rows):
         raise ValueError(words["nobody_to_study"])
     options = ["--language", site.language]
     if kind == STUDY_KIND:
         options += ["--groups", passing, failing] if compared else []
         mark = mark if mark is not None else lesson.pass_mark.mark if lesson.pass_mark else None
     else:
-        people = {group: len({row.code for row in rows if row.group == group}) for group in compared or ()}
+        grouped = {(row.group, row.code) for row in rows if row.record}
+        people = {group: sum(of == group for of, _ in grouped) for group in compared or ()}
         if mark is None and (compared is None or min(people.values()) < FEWEST_PEOPLE):
             there = ", ".join(f"{group} {count}" for group, count in people.items()) or "–"
             raise ValueError(words["too_few"].format(fewest=FEWEST_PEOPLE, there=there))

@@ -47,11 +47,12 @@ def main(argv: Sequence[str]) -> int:
     if arguments.passing is not None or not given:
         other_group([row.group for row in rows or ()], arguments.passing, arguments.failing)
     name = study_name(arguments)
-    cuts, refused = studied_cuts(arguments, rows)
+    cuts, refused, left = studied_cuts(arguments, rows)
     print("working out marks and their intervals ...", file=sys.stderr, flush=True)
     setting = StandardSetting(
         name=name,
         cuts=cuts,
+        left=left,
         passing=arguments.passing,
         failing=arguments.failing,
         metrics=tuple(arguments.metric or ()),

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 from cutenv._base.output import watched
 from cutenv.commands.inputs import LoadedTraces, Source, read_records, targets
@@ -18,9 +19,16 @@ from cutenv.scoring.reference import fitting_reference
 from cutenv.scoring.study import StudiedCut, condition_of
 
 
-def studied_cuts(
-    arguments: argparse.Namespace, rows: Sequence[OperatorRow] | None
-) -> tuple[list[StudiedCut], list[RefusedRecord]]:
+class StudiedRecords(NamedTuple):
+    """Cuts of several people, each one's in order; records left out as bad; and the cuts that were begun and left."""
+
+    cuts: list[StudiedCut]
+    refused: list[RefusedRecord]
+    left: Mapping[str, tuple[int, ...]]
+    """By operator, how many finished cuts stand before each one that was left."""
+
+
+def studied_cuts(arguments: argparse.Namespace, rows: Sequence[OperatorRow] | None) -> StudiedRecords:
     """Read and score the records; print notes and progress.
 
     Parameters
@@ -32,10 +40,7 @@ def studied_cuts(
 
     Returns
     -------
-    cuts : list of StudiedCut
-        The cuts, each operator's in the order in which they were made.
-    refused : list of RefusedRecord
-        Records that were left out as bad.
+    StudiedRecords
 
     Raises
     ------
@@ -51,7 +56,7 @@ def studied_cuts(
         recorded = recorded_operators([trace.metadata for trace in records.traces])
         pairs = sorted(zip(recorded, range(len(recorded)), strict=True), key=lambda pair: pair[0].order)
     else:
-        pairs = assigned(rows, records, arguments.operators)
+        pairs = assigned([row for row in rows if row.record], records, arguments.operators)
     cuts = [
         StudiedCut(
             card=score(
@@ -66,7 +71,18 @@ def studied_cuts(
         )
         for row, i in watched(pairs, "scoring", "cut")
     ]
-    return cuts, records.refused
+    return StudiedRecords(cuts, records.refused, _left(rows or (), [row for row, _ in pairs]))
+
+
+def _left(rows: Sequence[OperatorRow], finished: Sequence[OperatorRow]) -> dict[str, tuple[int, ...]]:
+    """Return by operator how many of the finished cuts stand before each cut that was begun and left."""
+    found: dict[str, tuple[int, ...]] = {}
+    for row in sorted((row for row in rows if not row.record), key=lambda row: (row.order, row.line)):
+        before = sum(
+            each.operator == row.operator and (each.order, each.line) < (row.order, row.line) for each in finished
+        )
+        found[row.operator] = (*found.get(row.operator, ()), before)
+    return found
 
 
 def study_name(arguments: argparse.Namespace) -> str:

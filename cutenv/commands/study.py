@@ -35,11 +35,12 @@ def main(argv: Sequence[str]) -> int:
         made_folder("--sheets", arguments.sheets)
     rows = None if arguments.operators is None else load_operators(arguments.operators)
     name = study_name(arguments)
-    cuts, refused = studied_cuts(arguments, rows)
+    cuts, refused, left = studied_cuts(arguments, rows)
     print("working out reliability, groups and learning ...", file=sys.stderr, flush=True)
     study = Study(
         name=name,
         cuts=cuts,
+        left=left,
         metrics=tuple(arguments.metric or ()),
         groups=None if arguments.groups is None else tuple(arguments.groups),
         target_group=arguments.criterion_group,

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from cutenv._base.output import whole_files
 from cutenv.play.course import Course, CourseTask, marked_numbers
-from cutenv.play.course_words import COURSE_WORDS, course_words
+from cutenv.play.course_words import COURSE_WORDS, course_name, course_words
 from cutenv.recording import load_one, read_metadata
 from cutenv.scoring import ScoreCard, score
 from cutenv.task.registry import TASKS
@@ -124,11 +124,12 @@ class CourseProgress:
         """Return in words what comes next."""
         task, count = self.task, len(self.course.tasks)
         if task is None:
-            return course_words(language, "done", course=self.course.name, count=count)
+            return course_words(language, "done", course=course_name(language, self.course.name), count=count)
         number, many = self.course.tasks.index(task) + 1, task.repetitions > 1
         so_far = course_words(language, "so far", done=self._in_row(task), times=task.repetitions) if many else ""
         force = course_words(language, task.feedback)
-        facts = {"number": number, "count": count, "name": task.name, "so_far": so_far, "force": force}
+        name = course_name(language, task.name)
+        facts = {"number": number, "count": count, "name": name, "so_far": so_far, "force": force}
         said = course_words(language, "ahead", demand=task.demand(language), **facts)
         return f"{said} {course_words(language, along)}" if (along := TASKS[task.task].along) else said
 

@@ -97,3 +97,33 @@ COURSE_WORDS: Mapping[str, Mapping[str, str]] = {
 def course_words(language: str, key: str, **values: object) -> str:
     """Return a sentence or a name of :data:`COURSE_WORDS`, filled with values."""
     return COURSE_WORDS[language].get(key, key.replace("_", " ")).format(**values)
+
+
+_SHIPPED_NAMES: Mapping[str, Mapping[str, str]] = {
+    "de": {
+        "first cuts": "erste Schnitte",
+        "even tissue": "gleichmäßiges Gewebe",
+        "liver": "Leber",
+        "liver, force above the limit": "Leber, Kraft über der Grenze",
+        "liver, force afterwards": "Leber, Kraft hinterher",
+        "vessels": "Gefäße",
+        "force shown or not": "Kraft gezeigt oder nicht",
+        "warm-up": "Aufwärmen",
+        "first half": "erste Hälfte",
+        "second half": "zweite Hälfte",
+        "wanted depth": "gewünschte Tiefe",
+        "gently": "schonend",
+        "to a depth": "auf eine Tiefe",
+        "to a depth in liver": "auf eine Tiefe in Leber",
+        "to a depth, force afterwards": "auf eine Tiefe, Kraft hinterher",
+        "drawn lines": "gezeichnete Linien",
+        "along an arc": "entlang eines Bogens",
+        "along an S in liver": "entlang eines S in Leber",
+        "an excision, force afterwards": "eine Exzision, Kraft hinterher",
+    }
+}
+
+
+def course_name(language: str, name: str) -> str:
+    """Return the name of a course or a task in a language if it comes with cutenv; a teacher's own stays as it is."""
+    return _SHIPPED_NAMES.get(language, {}).get(name, name)

@@ -23,6 +23,7 @@ from cutenv.recording.cell_values import (
     may_be_thousands,
     plain_float,
 )
+from cutenv.recording.long_table import one_column_a_channel
 from cutenv.recording.maker_headers import MakerHeader, maker_header, stated_rate
 from cutenv.recording.named_columns import LeftOut, NamedColumns, RowNumbers
 from cutenv.recording.schema import RecordError
@@ -43,7 +44,7 @@ class Dialect(NamedTuple):
 _DIALECTS = [Dialect(*pair) for pair in ("\t.", "\t,", ";.", ";,", ",.", "|.", "|,", " .", " ,", ",,")]
 _NAMES = {"\t": "tab", ";": "semicolon", ",": "comma", "|": "bar", " ": "blanks"}
 _SAMPLE = 400  # lines from which the separator is chosen
-_NO_ROW = frozenset(("", "#", "%", "/", "!"))  # beginnings of lines that are blank or comments
+_NO_ROW = re.compile(r"\s*(?:$|[#%!]|/[/*])")  # lines that are blank or comments; "/ft" is a topic
 _KEY_LINE = re.compile(r"\w[\w ]{0,30}:\s+\S.*")  # "rows: 1361", which names no columns
 _POINT, _COMMA = re.compile(r"\d\.\d"), re.compile(r"\d,\d")
 _NUMBER = {sign: re.compile(pattern) for sign, pattern in NUMBER_PATTERNS.items()}
@@ -81,7 +82,7 @@ def sniff_table(path: Path, lines: list[str] | None = None) -> NamedColumns:
         )
         return whole_times(columns)
     lines = plain_rows(lines)
-    return side_by_side(whole_times(_Reading(path, lines, maker_header(lines)).table()))
+    return one_column_a_channel(side_by_side(whole_times(_Reading(path, lines, maker_header(lines)).table())))
 
 
 def split_row(row: str, separator: str) -> list[str]:
@@ -115,7 +116,7 @@ class _Reading:
         self.path, self.stated = path, stated
         self.raw = lines
         self.lines = stated.lines
-        self.written = [i for i, line in enumerate(self.lines) if line.lstrip()[:1] not in _NO_ROW]
+        self.written = [i for i, line in enumerate(self.lines) if not _NO_ROW.match(line)]
         self.written = [i for i in self.written if self.lines[i].strip("\t ,;|-+=")] or self.written
         if not self.written:
             raise RecordError(path, "it holds no numbers: every line is blank or a comment.")
@@ -197,7 +198,7 @@ class _Reading:
         above = (
             self.raw[: self.written[rows.first]] if not self.stated.maker else self.lines[: self.written[rows.first]]
         )
-        found = _header_of(above, rows.dialect, rows.length)
+        found = _header_of(above, rows.dialect, rows.length, rows.numeric)
         if self.stated.names and not found.names:
             names, units = self.stated.names, self.stated.units
             if names[0] == "Time" and rows.length == len(names) - 1:  # exported without the time
@@ -222,12 +223,13 @@ class _Reading:
             parts, part_names = _blocks(self._gaps_of_header(kept), len(kept))
             columns = dict(zip(rows.numeric, numbers.T, strict=True))
             text = _columns_of(lines, {}, rows)
-            typed = functools.cache(lambda k: _typed(columns, text, k, decimal))
+            typed: Callable[[int], CellValues] = functools.cache(lambda k: _typed(columns, text, k, decimal))
         else:
             sound = self._sound(lines, np.array(here), rows, header)
             kept, left_out, parts, part_names = sound.places, sound.left_out, sound.parts, sound.part_names
             text, columns = sound.cells, sound.numbers
             typed = functools.cache(lambda k: _typed(columns, sound.cells, k, decimal))
+        typed = self.stated.scaled(header.names, typed)
         if 2 * len(kept) < len(here):
             raise RecordError(self.path, "it holds no table of numbers: most of its lines are of another form.")
         sign = "comma" if decimal == "," else "point"
@@ -506,7 +508,7 @@ class _Header(NamedTuple):
     above: str
 
 
-def _header_of(above: Sequence[str], dialect: Dialect, length: int) -> _Header:
+def _header_of(above: Sequence[str], dialect: Dialect, length: int, numeric: Sequence[int]) -> _Header:
     """Return names and units from the last lines above the numbers."""
     filled = [line.lstrip(" #%/!").rstrip("\n ") if line.lstrip()[:1] in "#%/!" else line for line in above]
     filled = [line for line in filled if line.strip("\t ,;|-+=:")]
@@ -514,8 +516,16 @@ def _header_of(above: Sequence[str], dialect: Dialect, length: int) -> _Header:
         filled = [line for line in filled if not _KEY_LINE.fullmatch(line.strip())]
     if not filled:
         return _Header((), (), "nothing stands above them")
-    rows = [_header_cells(line, dialect, length) for line in filled[-8:] if line.lstrip()[:1] != "{"]
-    units, names = _names_and_units(rows, length)
+    rows = [_header_cells(line, dialect, length) for line in filled[-16:] if line.lstrip()[:1] != "{"]
+    labelled = _labelled(rows, length)
+    units, names = _names_and_units([row for row in rows[-8:] if not _label_of(row)], length)
+    if labelled.units or (labelled.names and not units):
+        names = labelled.names or names
+        units = labelled.units or units
+    if len(rows[-1:] and rows[-1]) == length > 1 and rows[-1][0] and not any(rows[-1][1:]) and len(names) >= length:
+        names = [rows[-1][0], *names[1:]]  # pandas writes the name of an index below those of the columns
+    if len(names) == length - 1 and length - 1 not in numeric:  # a separator at the end of every row
+        names = [*names, ""]
     if len(names) == length - 1 and not units and all(names):  # R leaves the corner above its row names out
         return _Header(("row", *names), (), "")
     if len(names) < length:
@@ -523,6 +533,39 @@ def _header_of(above: Sequence[str], dialect: Dialect, length: int) -> _Header:
         n_names = len(rows[-1]) if rows else 0
         return _Header((), units, f"above them stands {last[:60]!r}: {n_names} names for {length} columns")
     return _Header(tuple(names), tuple(units), "")
+
+
+_LABELS = {
+    "units": re.compile(r"(?:(?:v|y|vert|vertical|channel)[ _]?)?units?|einheit(?:en)?", re.IGNORECASE),
+    "names": re.compile(r"(?:trace|channel|signal|column|long|label)?[ _]?names?|signals?|labels?", re.IGNORECASE),
+}
+
+
+class _Labelled(NamedTuple):
+    """Names and units from lines that say in their first cell which of the two they hold."""
+
+    names: list[str]
+    units: tuple[str, ...]
+
+
+def _labelled(rows: list[list[str]], length: int) -> _Labelled:
+    """Return names and units of lines with a label in front, in a cell of its own or above the first column."""
+    found: dict[str, list[str]] = {}
+    for cells in rows:
+        what = _label_of(cells)
+        if not what or len(cells) < min(3, length) or length == 1 or not any(cells[1:]):
+            continue
+        before = max(0, length + 1 - len(cells))  # a label above counter and time, or above the first column
+        found[what] = [*[""] * before, *cells[1:]][:length]
+    units, names = found.get("units", []), found.get("names", [])
+    return _Labelled(names, tuple(units) if _are_units(units) else ())
+
+
+def _label_of(cells: list[str]) -> str:
+    """Return what a line says of itself in its first cell: "units", "names", or ""."""
+    if len(cells) < 2:
+        return ""
+    return next((what for what, label in _LABELS.items() if label.fullmatch(cells[0].rstrip(" :="))), "")
 
 
 def _names_and_units(rows: list[list[str]], length: int) -> tuple[tuple[str, ...], list[str]]:
@@ -543,7 +586,7 @@ def _names_and_units(rows: list[list[str]], length: int) -> tuple[tuple[str, ...
         n_filled = sum(bool(cell) for cell in cells)
         if any(_NUMBER["."].fullmatch(cell) for cell in cells):
             continue
-        if n_filled > 1 or (n_filled == 1 and length == 1):
+        if n_filled > 1 or (n_filled == 1 and length <= 2 and (length == 1 or (len(cells) == 2 and not cells[0]))):
             if 2 * n_filled < min(length, 8) and len(cells) <= length and _is_label(rows, cells, length):
                 continue
             return (), cells
@@ -558,7 +601,11 @@ def _is_label(rows: list[list[str]], cells: list[str], length: int) -> bool:
 
 def _header_cells(line: str, dialect: Dialect, length: int) -> list[str]:
     if dialect.separator != " ":
-        return split_row(line.strip(" "), dialect.separator)
+        cells = split_row(line.strip(" "), dialect.separator)
+        if len(cells) > length and "(" in line and '"' not in line:  # "Load(8800 (0,3):Load) (N)" is one name
+            whole = re.split(rf"{re.escape(dialect.separator)}(?![^()]*\))", line.strip())
+            cells = [cell.strip() for cell in whole] if len(whole) == length else cells
+        return cells
     wide = [cell for cell in re.split(r"\s{2,}|\t", line.strip()) if cell]
     if len(wide) == length:
         return wide

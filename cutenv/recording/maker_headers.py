@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import functools
+import json
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
-from cutenv.recording.cell_values import NUMBER_PATTERNS, cell_values
+from cutenv.recording.cell_values import NUMBER_PATTERNS, CellValues, cell_values
+from cutenv.recording.channel_blocks import ChannelBlock, igor_blocks, joined_rows, spike2_blocks
 from cutenv.recording.stated_units import known_spelling
 
 _END = "***End_of_Header***"
@@ -44,6 +47,8 @@ class MakerHeader:
         Beginning of each segment [s]; empty if there is one.
     maker : str
         Program that wrote the file, for the reader.
+    counts : mapping
+        Counts of a unit, by the name of the column whose whole numbers are counts.
     """
 
     lines: list[str]
@@ -52,6 +57,22 @@ class MakerHeader:
     rate: float | None = None
     starts: tuple[float, ...] = field(default=())
     maker: str = ""
+    counts: Mapping[str, float] = field(default_factory=dict)
+
+    def scaled(self, names: Sequence[str], typed: Callable[[int], CellValues]) -> Callable[[int], CellValues]:
+        """Return the function that reads a column, with the counts of the header taken as their unit."""
+        if not self.counts:
+            return typed
+
+        @functools.cache
+        def in_units(k: int) -> CellValues:
+            cells = typed(k)
+            counts = self.counts.get(names[k]) if k < len(names) else None
+            if counts is None or (cells.values % 1.0 != 0.0).any():
+                return cells
+            return replace(cells, values=cells.values / counts)
+
+        return in_units
 
 
 def maker_header(lines: list[str]) -> MakerHeader:
@@ -63,6 +84,18 @@ def maker_header(lines: list[str]) -> MakerHeader:
         return _labchart(lines)
     if len(lines) > 4 and re.search(rf"{_NUMBER}\s*\S+/sample|samples?/sec", lines[1], re.IGNORECASE):
         return _biopac(lines)
+    if first.startswith("channel names:"):
+        return _signal_express(lines)
+    if first == "IGOR":
+        return _channels(lines, igor_blocks(lines), "Igor")
+    if first.startswith("INFORMATION") and any(line.startswith('"CHANNEL"') for line in lines):
+        return _channels(lines, spike2_blocks(lines), "Spike2")
+    if first.startswith("# OpenSignals"):
+        return _open_signals(lines)
+    if re.match(r"Record Length,[^,]*,,", lines[0]):
+        return _beside(lines)
+    if any("Counts per Unit Force" in line for line in lines[:20]):
+        return _net_ft(lines)
     return MakerHeader(lines=lines)
 
 
@@ -189,3 +222,73 @@ def _biopac(lines: list[str]) -> MakerHeader:
         if not time.startswith("CH"):
             names, units = ["Time", *names], [time, *units]
     return MakerHeader(lines=kept, names=tuple(names), units=tuple(units), rate=rate, maker="AcqKnowledge")
+
+
+def _channels(lines: list[str], blocks: list[ChannelBlock], maker: str) -> MakerHeader:
+    """Join channels that stand below one another."""
+    kept = joined_rows(lines, blocks)
+    if kept is None:
+        return MakerHeader(lines=lines)
+    step = blocks[0].step
+    return MakerHeader(
+        lines=kept,
+        names=tuple(name for block in blocks for name in block.names),
+        units=tuple(unit for block in blocks for unit in block.units),
+        rate=1.0 / step if step else None,
+        maker=maker,
+    )
+
+
+def _signal_express(lines: list[str]) -> MakerHeader:
+    """Read the text of SignalExpress: names, beginnings and steps in lines of their own below their headings."""
+    below = {lines[i].strip().rstrip(":"): lines[i + 1].split("\t") for i in range(min(20, len(lines) - 1))}
+    end = next((i for i, line in enumerate(lines[:20]) if line.startswith("data:")), None)
+    steps = {_float(cell) for cell in below.get("dt", []) if cell.strip()}
+    if end is None or len(steps) != 1 or min(steps) <= 0.0:
+        return MakerHeader(lines=lines)
+    return MakerHeader(
+        lines=[*[""] * (end + 1), *lines[end + 1 :]],
+        names=tuple(cell.strip() for cell in below.get("channel names", [])),
+        rate=1.0 / steps.pop(),
+        maker="SignalExpress",
+    )
+
+
+def _open_signals(lines: list[str]) -> MakerHeader:
+    """Read the header of OpenSignals, an object of JSON: columns and rate; whole numbers of a sensor are raw."""
+    try:
+        (device,) = json.loads(lines[1].lstrip("# ")).values()
+        names, sensors, rate = device["column"], device["sensor"], float(device["sampling rate"])
+    except (ValueError, KeyError, AttributeError, TypeError):
+        return MakerHeader(lines=lines)
+    rows = [line.split() for line in lines if line[:1].isdigit()]
+    raw = len(sensors) * ("raw",) if rows and all(cell.lstrip("-").isdigit() for cell in rows[-1]) else ()
+    names = [*names[: len(names) - len(sensors)], *(device.get("label") or names)[-len(sensors) :]]
+    units = [""] * (len(names) - len(raw)) + [*raw]
+    return MakerHeader(lines=lines, names=tuple(names), units=tuple(units), rate=rate, maker="OpenSignals")
+
+
+def _beside(lines: list[str]) -> MakerHeader:
+    """Read the files of older Tektronix oscilloscopes: a header in the first two columns, beside the readings."""
+    rows = [line.split(",") for line in lines]
+    said = {row[0].strip(): row[1].strip() for row in rows[:30] if len(row) > 4 and row[0].strip()}
+    kept = [",".join(row[3:5]) if len(row) > 4 else line for row, line in zip(rows, lines, strict=True)]
+    units = (said.get("Horizontal Units", "s"), said.get("Vertical Units", ""))
+    return MakerHeader(lines=kept, names=("Time", said.get("Source") or "CH1"), units=units, maker="Tektronix")
+
+
+def _net_ft(lines: list[str]) -> MakerHeader:
+    """Read the header of ATI's Net F/T logger: unit and counts a unit of forces and torques."""
+    facts = dict(re.findall(r'"([\w ]+): ([^"]*)"', " ".join(lines[:20])))
+    counts, units = {}, {}
+    for what, letter in (("Force", "F"), ("Torque", "T")):
+        number = _float(facts.get(f"Counts per Unit {what}", "1"))
+        for axis in "xyz":
+            counts[f"{letter}{axis}"], units[f"{letter}{axis}"] = number, facts.get(f"{what} Units", "")
+    above = next((i for i, line in enumerate(lines[:20]) if re.search(r"\bFx\b", line)), None)
+    if above is None:
+        return MakerHeader(lines=lines)
+    names = tuple(name.strip(' "') for name in lines[above].split(","))
+    kept = [*[""] * (above + 1), *lines[above + 1 :]]
+    said = tuple(units.get(name, "") for name in names)
+    return MakerHeader(lines=kept, names=names, units=said, counts=counts, maker="Net F/T")

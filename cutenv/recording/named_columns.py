@@ -217,6 +217,8 @@ class NamedColumns:
         unit = unit_of_field(field, said)
         if unit is not None:
             return unit
+        if field == "time" and self.typed(index).kind in ("clock", "date"):
+            return None  # "Time (-)" above dates, which need no unit
         listed = ", ".join(repr(each) for each in UNITS[field] if "_" not in each)
         name = bare_name(self.header(index))
         raise RecordError(

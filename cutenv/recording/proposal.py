@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array
 from cutenv.recording.column_map import ColumnMap, options_text
@@ -21,7 +22,8 @@ from cutenv.recording.stated_units import known_spelling
 _WAYS = (
     "position", "pos", "displacement", "displ", "disp", "travel", "stroke", "way", "weg", "standardweg", "traversenweg",
     "extension", "crosshead", "distance", "verschiebung", "deplacement", "desplazamiento", "posicion", "spostamento",
-    "posizione", "verfahrweg", "kolbenweg", "deformation", "verformung", "carriage", "stage", "feed", "actuator", "x",
+    "posizione", "pose", "verfahrweg", "kolbenweg", "deformation", "verformung", "carriage", "stage", "feed",
+    "actuator", "x",
 )  # fmt: skip
 _DEPTHS = {"depth", "thickness", "tiefe", "dicke", "profondeur", "epaisseur", "width", "diameter", "gap"}
 _FORCES = {
@@ -33,9 +35,10 @@ _TIMES = {
     "pruefzeit", "prufzeit", "testzeit", "date", "datetime", "datum", "uhrzeit", "clock", "millis", "micros", "seconds",
     "sec", "ms", "us", "duration", "laufzeit", "messzeit", "rostime", "epoch", "secs",
 }  # fmt: skip
-_COUNTERS = {
-    "seq", "index", "idx", "count", "counter", "sample", "samples", "no", "nr", "number", "row", "point", "pt", "frame",
-    "id", "line", "scan", "n", "i", "reading", "record", "nseq", "cycle", "event", "messpunkt", "lfd",
+_ORDERS = {"seq", "sequence", "nseq", "status"}
+_COUNTERS = _ORDERS | {
+     "index", "idx", "count", "counter", "sample", "samples", "no", "nr", "number", "row", "point", "pt", "frame",
+    "id", "line", "scan", "n", "i", "reading", "record", "cycle", "event", "messpunkt", "lfd",
 }  # fmt: skip
 _DERIVED = {
     "stress",
@@ -46,23 +49,31 @@ _DERIVED = {
     "work",
     "torque",
     "moment",
-    *(f"{letter}{axis}" for letter in "tm" for axis in "xyz"),  # of a wrench
     "energie",
     "max",
     "peak",
     "rate",
 }
-_NO_FORCES = _DERIVED | {
+_MOMENTS = {f"{letter}{axis}" for letter in "tm" for axis in "xyz"}  # of a wrench
+_NO_FORCES = _DERIVED | _MOMENTS | {
     "drehmoment", "couple", "momento", "temperature", "temp", "temperatur", "pressure", "druck", "pression", "voltage",
     "volts", "current", "strom", "humidity", "speed", "velocity", "geschwindigkeit", "vitesse", "acceleration", "accel",
     "beschleunigung", "angle", "winkel", "rpm", "battery", "status", "nm", "nmm", "kpa", "mpa", "psi", "degc",
 }  # fmt: skip
 """Words of columns that are offered as a force to nobody, though they state no unit that is known."""
+_UNCALIBRATED = {"v", "mv", "uv", "volt", "mv/v", "v/v", "count", "ct", "raw", "adc", "lsb", "bit", "digit", "dig"}
+"""Units of amplifiers and converters, which a calibration turns into newtons."""
 _WANTED = {"commanded", "command", "cmd", "target", "setpoint", "soll", "desired", "reference", "demand", "peak", "min"}
 _OTHER_FORCE_UNITS = ("N", "mN", "kN", "gf", "kgf", "lbf", "1")
 _FEWEST_TICKS = 4  # different times of a coarse clock that show its step
 _USUAL_FORCE = (0.02, 500.0)  # [N]
 _FEWEST = 20  # readings in which a sign or the only rising column shows
+_FEWEST_COUNTS = 1000.0  # range of whole numbers that may be those of a converter
+_HEADER_SHARE = 0.1  # share of the rows beside which an old oscilloscope writes its header
+_AXES = re.compile(
+    r"(?P<name>(?:.*[^a-z])?(?P<what>pose|position|pos|force|wrench|f_ext\w*)[^a-z0-9]*)(?P<place>[0-5])\W*"
+)
+_MATRIX = re.compile(r"(?:.*[^a-z])?[a-z]_t_\w*?[^a-z0-9](?P<place>1[234])\W*")  # of 4 x 4, column by column
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,9 +165,7 @@ class _Columns:
         self.n = table.n_columns
         self.cells = [table.typed(k) for k in range(self.n)]
         self.words = [_words(table, k) for k in range(self.n)]
-        self.filled = [
-            np.isfinite(each.values).sum() >= min(2, len(table)) and each.kind != "text" for each in self.cells
-        ]
+        self.filled = [each.kind != "text" and _is_filled(np.isfinite(each.values)) for each in self.cells]
         self.questions: list[Question] = []
         self.items: dict[str, str] = {}
 
@@ -229,7 +238,7 @@ class _Columns:
                 continue
             values = self.cells[k].values[np.isfinite(self.cells[k].values)]
             named = bool(_TIMES.intersection(self.words[k])) or self.words[k] == ["x", "value"]
-            named &= not _DERIVED.intersection(self.words[k])
+            named &= not (_DERIVED | _ORDERS).intersection(self.words[k])
             quantity = self.quantity(k)
             dated = self.cells[k].kind in ("clock", "date")
             if quantity not in ("", "time", "unknown") or not (dated or quantity == "time" or named):
@@ -260,10 +269,10 @@ class _Columns:
         """Return the columns that state a unit of force, or else those that are called so and state no known unit."""
         free = [k for k in range(self.n) if k != time and self.filled[k]]
         told = [k for k in free if self.quantity(k) == "force" or self.is_normalised(k)]
-        named = [k for k in told if _FORCES.intersection(self.words[k]) and not _DERIVED.intersection(self.words[k])]
+        strange = _DERIVED | _MOMENTS | _ORDERS
+        named = [k for k in free if _FORCES.intersection(self.words[k]) and not strange.intersection(self.words[k])]
         if told:
-            return named or told
-        named = [k for k in free if _FORCES.intersection(self.words[k]) and not _DERIVED.intersection(self.words[k])]
+            return [k for k in named if k in told] or told
         silent = [k for k in named if not self.quantity(k)]
         return silent or [k for k in named if self.quantity(k) in ("unknown", "other")]
 
@@ -280,7 +289,13 @@ class _Columns:
         free = [k for k in free if k not in ways and self.cells[k].kind == "number" and not self.is_counter(k)]
         free = [k for k in free if not _NO_FORCES.intersection(self.words[k])]
         moving = [k for k in free if np.ptp(self.known(k)) > 0.0]
-        return moving or free
+        return moving or self.uncalibrated(time) or free
+
+    def uncalibrated(self, time: int | None) -> list[int]:
+        """Return the columns in volts or counts, which may be those of a force sensor."""
+        free = [k for k in range(self.n) if k != time and self.filled[k]]
+        free = [k for k in free if self.table.stated(k).lower().rstrip("s") in _UNCALIBRATED]
+        return [k for k in free if not _NO_FORCES.intersection(self.words[k])]
 
     def ways(self, time: int | None, forces: Sequence[int]) -> list[int]:
         """Return the columns that may be the blade's way, the likeliest first."""
@@ -288,6 +303,7 @@ class _Columns:
         free = [k for k in free if not _DEPTHS.intersection(self.words[k]) and not _DERIVED.intersection(self.words[k])]
         told = [k for k in free if self.quantity(k) == "length"]
         named = [k for k in free if not self.quantity(k) and set(_WAYS).intersection(self.words[k])]
+        named = [k for k in named if not _MOMENTS.intersection(self.words[k])]
         named = [k for k in named if "x" not in self.words[k] or self.words[k] == ["x"] or len(self.words[k]) > 1]
         found = told or named
 
@@ -378,13 +394,17 @@ class _Columns:
         header = self.table.header(chosen)
         if quantity == "":
             likely = self.likely_unit(chosen)
-            self.items["unit"] = likely
+            text = f"In which unit is the force {header!r}?"
+            if likely is None:
+                text += " Whole numbers may be counts of a converter; calibrate them to newtons."
+            else:
+                self.items["unit"] = likely
             self.questions.append(
                 Question(
                     about="force",
-                    text=f"In which unit is the force {header!r}?",
+                    text=text,
                     choices=tuple((unit, {"unit": unit}) for unit in _OTHER_FORCE_UNITS),
-                    proposed=_OTHER_FORCE_UNITS.index(likely),
+                    proposed=None if likely is None else _OTHER_FORCE_UNITS.index(likely),
                 )
             )
             return chosen
@@ -400,9 +420,15 @@ class _Columns:
         )
         return chosen
 
-    def likely_unit(self, force: int) -> str:
-        """Return the unit in which a force that states none is one of cutting: newtons, unless they cannot be."""
-        span = float(np.ptp(self.known(force)))
+    def likely_unit(self, force: int) -> str | None:
+        """Return the unit in which a force that states none is one of cutting: newtons, unless they cannot be.
+
+        None for whole numbers of a converter.
+        """
+        values = self.known(force)
+        span = float(np.ptp(values))
+        if len(values) >= _FEWEST and span > _FEWEST_COUNTS and bool((values % 1.0 == 0.0).all()):
+            return None
         good = [unit for unit in ("N", "mN", "kN") if _USUAL_FORCE[0] <= span * UNITS["force"][unit] <= _USUAL_FORCE[1]]
         return good[0] if good else "N"
 
@@ -416,7 +442,7 @@ class _Columns:
         free = (chosen, *(k for k in free if k != chosen))
         choices = []
         for k in free:
-            unit = self.likely_unit(k)
+            unit = self.likely_unit(k) or "1"
             words, items = f"force {self.table.header(k)!r} in {unit}", {"force": self.name(k), "unit": unit}
             if way is not None and way != k:
                 words += f", position {self.table.header(way)!r}"
@@ -561,10 +587,25 @@ class _Columns:
                     self.items[field] = self.name(found[0])
 
 
+def _is_filled(known: NDArray[np.bool_]) -> bool:
+    """Return whether a column has readings, and not only the header beside the first rows."""
+    rows = np.flatnonzero(known)
+    return len(rows) >= min(2, len(known)) and not (len(known) > 100 and rows[-1] < _HEADER_SHARE * len(known))
+
+
 def _words(table: NamedColumns, column: int) -> list[str]:
-    """Return the words of a column's name in small letters, without accents."""
+    """Return the words of a column's name in small letters, without accents; a component by its number has its axis."""
     if column >= len(table.headers):
         return []
+    header = table.headers[column].lower()
+    if (found := _MATRIX.fullmatch(header)) is not None:
+        return ["pose", "xyz"[int(found["place"]) - 12]]
+    if (found := _AXES.fullmatch(header)) is not None:
+        others = [each.lower() for each in table.headers]
+        place, what = int(found["place"]), "pose" if found["what"].startswith("pos") else "force"
+        places = sum(any(each.startswith(f"{found['name']}{k}") for each in others) for k in range(7))
+        if places == 3 or (places == 6 and found["what"] not in ("position", "pos")):  # from 0, and not joints
+            return [what, "xyz"[place]] if place < 3 else ["angle" if what == "pose" else "torque"]
     stem = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", re.sub(r"\s*[\[(].*?[\])]", "", table.headers[column]))
     plain = unicodedata.normalize("NFD", column_stem(stem))
     return re.findall(r"[a-z]+", "".join(letter for letter in plain if not unicodedata.combining(letter)))

@@ -223,7 +223,7 @@ class OperatorRow:
     ----------
     record : str
         Name of the file, with or without its suffix; a file of several cuts is one row, or a row for each as ``name
-        1``, ``name 2``.
+        1``, ``name 2``. "" is a cut that was begun and left, which has no record.
     operator : str
         Anonymous code, such as "P07".
     group, session : str
@@ -253,7 +253,7 @@ def load_operators(path: str | os.PathLike[str], *, raters: Sequence[str] = ()) 
     ----------
     path : path
         File with the columns ``record`` and ``operator``, and if the study has them ``group``, ``session``, ``order``
-        (a number).
+        (a number). A row without a record is a cut that was begun and left.
     raters : sequence of str
         Columns with the marks of one rater each: a number, or nothing where the rater gave none. Other columns that
         begin with "rater" are left alone.
@@ -293,7 +293,7 @@ def load_operators(path: str | os.PathLike[str], *, raters: Sequence[str] = ()) 
         raise RecordError(path, "it is not text in UTF-8. Save it as CSV in UTF-8.") from None
     except csv.Error as error:
         raise RecordError(path, f"it is no table ({error}). Save it as CSV in UTF-8.") from None
-    if not rows:
+    if not any(row.record for row in rows):
         raise RecordError(path, f"it has no rows below its headers. {_CURE}")
     _check_unique(path, rows)
     return rows
@@ -339,7 +339,7 @@ def _check_unique(path: Path, rows: list[OperatorRow]) -> None:
     records: dict[str, int] = {}
     places: dict[tuple[str, float], int] = {}
     for row in rows:
-        if records.setdefault(row.record, row.line) != row.line:
+        if row.record and records.setdefault(row.record, row.line) != row.line:
             raise RecordError(
                 path, f"record {row.record!r} stands in line {records[row.record]} and in line {row.line}; keep one."
             )
@@ -368,7 +368,7 @@ def _row(path: Path, line: int, headers: list[str], cells: list[str], raters: tu
         raise RecordError(path, f"line {line} has {len(cells)} cells for {len(headers)} columns.")
     cell = dict(zip(headers, cells, strict=True))
     for name, text in cell.items():
-        if not text and name not in raters and not name.startswith(MARKS):
+        if not text and name != "record" and name not in raters and not name.startswith(MARKS):
             raise RecordError(path, f"line {line} has no {name}. Fill it in, or leave the column out for all.")
     try:
         check_operator(cell["operator"])

@@ -14,6 +14,7 @@ _OTHERS = (  # units of quantities that a record of a cut has no field for
     "count", "cts", "raw", "adc", "lsb", "bit", "bits", "digits", "dig", "Hz", "kHz", "rpm", "W", "mW", "J", "mJ", "kJ",
     "Nm", "N*m", "N\u00b7m", "Nmm", "N-m", "kNm", "N/mm", "mN/mm", "N/m", "lbf/in", "in-lb", "ft-lb", "m/s2",
     "m/s\u00b2", "g/cm3", "mm/min", "mm\u00b2", "mm2", "N/s", "dB", "mm/s\u00b2", "Ohm", "\u03a9", "kOhm", "uStrain",
+    "volt", "volts", "ampere", "amperes", "amp", "watt", "pascal", "celsius", "kelvin",
 )  # fmt: skip
 _UNITS_OF = {
     "time": FIELD_UNITS["time"],
@@ -27,6 +28,7 @@ QUANTITY_OF = {"position": "length", "depth": "length"}
 _OWN_CASE = ("MN", "Mn", "nN", "M", "C", "P", "H", "Nm", "mS", "Ms", "T", "D")
 """Spellings that mean another unit, or none, in other letters."""
 _BRACKETS = re.compile(r"(.*\S)\s*[\[(<{]([^\[\](){}<>]*)[\])>}]")
+_INNER = re.compile(r"(.*[^\s\[(])\s*[\[(]([^\[\]()]*)[\])]\s*([^\s\[\](),;][^\[\]()]*)")
 
 
 class StatedUnit(NamedTuple):
@@ -63,9 +65,14 @@ def split_header(header: str) -> tuple[str, str]:
     Outside of brackets only a known unit is one: ``F_1`` is a channel, ``a / b`` a ratio.
     """
     name, said = without_brackets(header)
+    if not said and (found := _INNER.fullmatch(name)) is not None and _is_field_unit(found[2]):
+        return f"{found[1]} {found[3]}", found[2]  # the run behind the unit: "Force (N) Run #1"
     if said:
         inner, also = without_brackets(name)
         return (inner, also) if known_spelling(said) is None and known_spelling(also) else (name, said)
+    for pattern in (r"(.*\w)\.\.(\w+)\.", r"([^\W\d]\w*)\.([^\W\d]\w+|N|s)"):  # brackets as R writes them: "Force..N."
+        if (found := re.fullmatch(pattern, name)) is not None and _is_field_unit(found[2]):
+            return found[1], found[2]
     if (found := re.fullmatch(r"([^_].*)_((?:mm|cm|m|in)_s)", name)) is not None:  # a speed
         return found[1], found[2]
     for pattern in (
@@ -82,11 +89,15 @@ def split_header(header: str) -> tuple[str, str]:
         joined = pattern in (r"(.*[^_\s])_(\w+)", r"(.*\w)-(\w+)")
         if known is not None and (known.quantity != "other" or not joined):
             return found[1].strip(), found[2]
-    if (found := re.fullmatch(r"(.*\w)\s+(\S{2,}|N|s)", name)) is not None and (
-        (known := known_spelling(found[2])) is not None and known.quantity in ("force", "length", "time")
-    ):
+    if (found := re.fullmatch(r"(.*\w)\s+(\S{2,}|N|s)", name)) is not None and _is_field_unit(found[2]):
         return found[1], found[2]
     return name, ""
+
+
+def _is_field_unit(text: str) -> bool:
+    """Return whether a text is a unit of force, length or time."""
+    known = known_spelling(text)
+    return known is not None and known.quantity in ("force", "length", "time")
 
 
 def _plain(text: str) -> str:

@@ -27,7 +27,7 @@ _FEWEST_PAIRS = 0.8  # share of the lines that are pairs, in a file of pairs
 
 
 def text_lines(path: Path) -> list[str]:
-    """Return the lines of a text file in UTF-8, UTF-16 or Windows' encoding.
+    """Return the lines of a text file in UTF-8, UTF-16 or one of Windows' encodings.
 
     Raises
     ------
@@ -36,7 +36,7 @@ def text_lines(path: Path) -> list[str]:
     """
     content = path.read_bytes()
     check_beginning(path, content, "text", UTF_16)
-    encodings = ("utf-16",) if content[:2] in UTF_16 else ("utf-8-sig", "cp1252")
+    encodings = ("utf-16",) if content[:2] in UTF_16 else ("utf-8-sig", "cp1252", "cp932", "gb18030")
     for encoding in encodings:
         try:
             text = content.decode(encoding)

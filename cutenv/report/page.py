@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import base64
 import csv
+import functools
 import html
 import io
 import math
@@ -21,7 +22,7 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
-from cutenv._base.document import phrases_from_english, render
+from cutenv._base.document import LANGUAGES, phrases_from_english, render
 from cutenv._base.output import atomic_write
 from cutenv.task.registry import TASKS
 from cutenv.task.reward import REWARD
@@ -270,6 +271,24 @@ class Translation:
         if found is None and " " in words:
             self.left.append(words)
         return words if found is None else found
+
+
+def in_languages(english: str) -> dict[str, str]:
+    """Return a text in every language of the pages, by language; what has no phrase stays as it is."""
+    return {language: translated(english, language) for language in LANGUAGES}
+
+
+def translated(english: str, language: str) -> str:
+    """Return a text in a language; what has no phrase stays as it is."""
+    translation = _translation(language)
+    said = translation.text(english)
+    translation.left.clear()  # it lives as long as the server that asks
+    return said
+
+
+@functools.lru_cache
+def _translation(language: str) -> Translation:
+    return Translation(language)
 
 
 def _bold(text: str) -> str:

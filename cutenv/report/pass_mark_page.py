@@ -111,15 +111,19 @@ def proficiency_figure(setting: StandardSetting, standard: Standard, width: floa
     for row, (operator, values) in enumerate(standard.series.items()):
         colour = colours.get(setting.group_of[operator], _OTHERS)
         shown, least = as_shown(standard.metric, values, mark)
-        number, passed = np.arange(1, len(values) + 1), passes(shown, least, standard.better)
-        axes.plot(number[passed], np.full(passed.sum(), -row), "o", color=colour, markersize=5)
-        axes.plot(number[~passed], np.full((~passed).sum(), -row), "o", color=colour, markersize=5, fillstyle="none")
+        before = list(standard.left.get(operator, ()))
+        passed = np.insert(passes(shown, least, standard.better), before, False)
+        left = np.insert(np.zeros(len(values), bool), before, True)
+        number = np.arange(1, len(passed) + 1)
+        for chosen, sign in ((passed, "o"), (left, "x"), (~passed & ~left, "o")):
+            filled = "full" if chosen is passed else "none"
+            axes.plot(number[chosen], np.full(chosen.sum(), -row), sign, color=colour, markersize=5, fillstyle=filled)
         at = standard.proficiency[operator].reached_at
         if at is not None:
             axes.plot(at, -row, "o", color="black", markersize=9, fillstyle="none", markeredgewidth=1.3)
     axes.set_yticks(-np.arange(len(people)), [label(each) for each in people], fontsize=8 if tall > 0.15 else 7)
     axes.set_ylim(-len(people) + 0.3, 0.7)
-    axes.set_xlim(0.4, max(map(len, standard.series.values())) + 0.6)
+    axes.set_xlim(0.4, max(each.cuts for each in standard.proficiency.values()) + 0.6)
     axes.locator_params(axis="x", integer=True)
     axes.set_xlabel("number of the cut")
     return figure

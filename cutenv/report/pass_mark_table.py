@@ -95,15 +95,16 @@ def pass_mark_lines(setting: StandardSetting) -> list[str]:
 
 def write_people(path: Path, setting: StandardSetting) -> None:
     """Write a row for each metric and person as CSV, in SI units: mean, passes, and the cut that reached the goal."""
-    heads = ["operator", "group", "metric", "unit", "mark", "mean", "passes", "cuts", "longest_row", "reached_at"]
-    rows: list[list[object]] = [[*heads]]
+    heads = ["operator", "group", "metric", "unit", "mark", "mean"]
+    rows: list[list[object]] = [[*heads, "passes", "cuts", "left", "longest_row", "reached_at"]]
     for standard in setting.standards:
         mark = f"{standard.chosen.mark.value:.6g}" if isinstance(standard.chosen, PassMark) else ""
         for operator, values in standard.series.items():
             own = standard.proficiency.get(operator)
-            counts = (
-                [None, len(values), None, None] if own is None else [own.passes, own.cuts, own.longest, own.reached_at]
-            )
+            left = len(standard.left.get(operator, ()))
+            counts = [None, len(values) + left, left, None, None]
+            if own is not None:
+                counts = [own.passes, own.cuts, own.left, own.longest, own.reached_at]
             head = [operator, setting.group_of[operator], standard.metric, standard.unit, mark]
             rows.append([*head, f"{float(np.mean(values)):.6g}", *counts])
     write_table(path, rows)

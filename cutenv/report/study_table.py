@@ -25,7 +25,6 @@ from cutenv.scoring.study import (
     Standard,
     Study,
     crossovers,
-    numbered,
 )
 
 _LONGEST = 100  # number of cuts beyond which nobody would make them
@@ -158,15 +157,19 @@ def count(number: int, noun: str) -> str:
 
 
 def write_cards(path: Path, study: Study) -> None:
-    """Write a row for each cut: its operator, and every metric; empty where a cut has none."""
+    """Write a row for each cut: its operator, and every metric; empty where a cut has none, as one that was left."""
     names = list(study.cuts[0].card.metrics)
     units = {name: study.cuts[0].card.unit(name) for name in names}
     heads = [name if unit == "1" else f"{name}_{_suffix(unit)}" for name, unit in units.items()]
-    rows: list[list[object]] = [["record", study.who, "group", "session", "number", "force_unit", "tip_source", *heads]]
-    for place, cut in numbered(study.cuts):
+    fixed = ["record", study.who, "group", "session", "number", "state", "force_unit", "tip_source"]
+    rows: list[list[object]] = [[*fixed, *heads]]
+    for place, cut in study.attempts():
+        if isinstance(cut, str):
+            rows.append(["", cut, study.group_of.get(cut, ""), "", place, "left", *[""] * (2 + len(heads))])
+            continue
         card = cut.card
         values = [card.metrics[name].value for name in names]
-        head = [card.name, cut.operator, cut.group, cut.session, place, card.force_unit, card.tip_source]
+        head = [card.name, cut.operator, cut.group, cut.session, place, "finished", card.force_unit, card.tip_source]
         rows.append([*head, *("" if value is None else f"{value:.6g}" for value in values)])
     write_table(path, rows)
 

@@ -12,6 +12,7 @@ from cutenv.report.page import PHONE_WIDTH, label, new_figure, number, plain_axe
 from cutenv.scoring.score_card import DISCLAIMER, ScoreCard, whole_score
 from cutenv.scoring.study import Proficiency, StudiedCut, Study, proficiency
 from cutenv.scoring.study.pass_mark import IN_A_ROW
+from cutenv.scoring.study.study import OVERALL
 from cutenv.scoring.study.trainee import RECENT, mean_points, next_tries, outcome_counts
 
 if TYPE_CHECKING:
@@ -60,7 +61,7 @@ def write_trainee_sheet(
         language=language,
         operator=operator,
         subtitle=_subtitle(study, own),
-        headline=_headline(cards, mark),
+        headline=_headline(study, operator, mark),
         recent=min(RECENT, len(cards)),
         tries=next_tries(cards),
         parts=[
@@ -68,7 +69,10 @@ def write_trainee_sheet(
             for part, (points, most) in mean_points(cards[-RECENT:]).items()
         ],
         of_class=people >= _FEWEST_OF_CLASS,
-        history=[(k, cut, _score(cut.card)) for k, cut in enumerate(own, 1)],
+        history=[
+            (k, None if isinstance(cut, str) else cut, "" if isinstance(cut, str) else _score(cut.card))
+            for k, cut in _attempts(study, operator)
+        ],
         scored=any(card.overall_score is not None for card in cards),
         sheet_figure=sheet_figure,
         study=study,
@@ -116,7 +120,8 @@ def sheet_figure(study: Study, operator: str, mark: float | None, width: float) 
         name = f"mean of {len(study.operators)} people"
         axes.plot(range(1, len(by_number) + 1), by_number, color=_CLASS, linewidth=2.0, label=name)
     score = np.array([np.nan if card.overall_score is None else card.overall_score for card in own])
-    at, succeeded = np.arange(1, len(own) + 1), np.array([card.outcome.startswith("success") for card in own])
+    at = np.array([k for k, cut in _attempts(study, operator) if not isinstance(cut, str)])
+    succeeded = np.array([card.outcome.startswith("success") for card in own])
     axes.plot(at, score, color=_OWN, linewidth=1.2, label=label(operator))
     for chosen, filled, name in ((succeeded, "full", "success"), (~succeeded, "none", "no success")):
         if chosen.any() and any(card.outcome for card in own):
@@ -124,7 +129,7 @@ def sheet_figure(study: Study, operator: str, mark: float | None, width: float) 
     if mark is not None:
         axes.axhline(mark, color="black", linestyle="--", linewidth=1.2, label=f"pass mark {mark:g}")
     axes.set_ylim(0.0, 102.0)
-    axes.set_xlim(0.6, max(len(own), 2) + 0.4)
+    axes.set_xlim(0.6, max(int(at[-1]), 2) + 0.4)
     axes.locator_params(axis="x", integer=True)
     axes.set_xlabel("number of the cut")
     axes.set_ylabel("overall score")
@@ -132,10 +137,18 @@ def sheet_figure(study: Study, operator: str, mark: float | None, width: float) 
     return figure
 
 
+def _attempts(study: Study, operator: str) -> list[tuple[int, StudiedCut | str]]:
+    """Return a person's cuts with their numbers, those that were begun and left among them as the person's code."""
+    return [(k, cut) for k, cut in study.attempts() if operator == (cut if isinstance(cut, str) else cut.operator)]
+
+
 def _by_number(study: Study) -> list[float]:
     """Return the mean score by the number of the cut, as far as enough people made it."""
     means: list[float] = []
-    rows = [[c.card.overall_score for c in study.cuts if c.operator == each] for each in study.operators]
+    rows = [
+        [None if isinstance(cut, str) else cut.card.overall_score for _, cut in _attempts(study, each)]
+        for each in study.operators
+    ]
     for k in range(max(map(len, rows))):
         there = [row[k] for row in rows if k < len(row)]
         scores = [score for score in there if score is not None]
@@ -149,11 +162,14 @@ def _subtitle(study: Study, own: Sequence[StudiedCut]) -> str:
     days = sorted({cut.date[:10] for cut in own if cut.date})
     when = "" if not days else f", {days[0]}" + (f" to {days[-1]}" if len(days) > 1 else "")
     many = f"{len(own)} cut{'s' * (len(own) > 1)}"
+    left = len(study.left.get(own[0].operator, ()))
+    many += f", {left} more begun and left" if left else ""
     group = f", group {own[0].group}" if own[0].group else ""
     return f"{study.name}{group}: {many}{when}"
 
 
-def _headline(cards: Sequence[ScoreCard], mark: float | None) -> str:
+def _headline(study: Study, operator: str, mark: float | None) -> str:
+    cards = [cut.card for cut in study.cuts if cut.operator == operator]
     scores = [card.overall_score for card in cards if card.overall_score is not None]
     if not scores:
         return f"No overall score: {cards[-1].no_score}."
@@ -163,20 +179,21 @@ def _headline(cards: Sequence[ScoreCard], mark: float | None) -> str:
     said += [f"best {number(max(scores), 0)}"] if len(scores) > 1 else []
     counts = outcome_counts(cards)
     succeeded = f" {counts['success']} of {sum(counts.values())} cuts succeeded." if counts else ""
-    return f"{', '.join(said)}.{succeeded}{_passes(scores, mark)}"
+    return f"{', '.join(said)}.{succeeded}{_passes(study, operator, scores, mark)}"
 
 
-def _passes(scores: Sequence[float], mark: float | None) -> str:
+def _passes(study: Study, operator: str, scores: Sequence[float], mark: float | None) -> str:
     if mark is None:
         return ""
-    own = _proficiency(scores, mark)
+    own = _proficiency(study, operator, scores, mark)
     row = "not yet" if own.reached_at is None else f"reached with cut {own.reached_at}"
     return f" {own.passes} of {own.cuts} pass at {mark:g}; {IN_A_ROW} in a row: {row}."
 
 
-def _proficiency(scores: Sequence[float], mark: float) -> Proficiency:
-    """Return a person's passes by the whole scores that stand on the page."""
-    return proficiency([whole_score(score) for score in scores], mark, better="higher")
+def _proficiency(study: Study, operator: str, scores: Sequence[float], mark: float) -> Proficiency:
+    """Return a person's passes by the whole scores that stand on the page; a cut that was left passes none."""
+    left = study.left_among(OVERALL).get(operator, ())
+    return proficiency([whole_score(score) for score in scores], mark, better="higher", left=left)
 
 
 def _row(study: Study, operator: str, mark: float | None) -> dict[str, Any]:
@@ -188,6 +205,7 @@ def _row(study: Study, operator: str, mark: float | None) -> dict[str, Any]:
         row["group"] = study.group_of[operator]
     row |= {
         "cuts": len(cards),
+        **({"begun and left": len(study.left.get(operator, ()))} if any(study.left.values()) else {}),
         "last score": number(scores[-1], 0) if scores else "",
         "mean": number(float(np.mean(scores)), 0) if scores else "",
         "best": number(max(scores), 0) if scores else "",
@@ -195,7 +213,7 @@ def _row(study: Study, operator: str, mark: float | None) -> dict[str, Any]:
     for name in ("success", "missed", "beyond a limit"):
         row[name] = outcome_counts(cards).get(name, "")
     if mark is not None:
-        own = _proficiency(scores, mark) if scores else None
+        own = _proficiency(study, operator, scores, mark) if scores else None
         row["passes"] = "" if own is None else own.passes
         row["proficient at cut"] = "" if own is None else own.reached_at or "not yet"
     return row

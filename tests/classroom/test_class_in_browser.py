@@ -112,6 +112,7 @@ def test_an_educators_way(browser: chromium.Browser, served: Served, tmp_path: P
             kept = browser.value(CUT % (0.005 * person + 0.02))
             assert kept.startswith("Saved. Score ")
             assert "Not yet passed: it takes 90." in kept
+            assert browser.value("document.querySelectorAll('#tries li').length") >= 1
         wait(browser, "document.querySelectorAll('#history tr').length === 3")
         wait(browser, "document.querySelectorAll('#curve circle').length === 2")
         submit("form[action=leave]", "document.querySelector('[name=consent]')")

@@ -46,6 +46,10 @@ def test_a_cut_is_repeated_scored_and_kept(room: Room) -> None:
     assert answer.json()["score"] == round(overall)
     (told,) = client.get("/cuts").json()
     assert (told["state"], told["score"]) == ("saved", round(overall))
+    first = answer.json()["advice"][0]
+    assert "short of the target" in first["seen"]["en"]
+    assert first["try"]["en"].startswith("Lead the blade farther")
+    assert first["try"]["de"] != first["try"]["en"]
 
 
 def test_a_course_leads_from_task_to_task_and_hides_what_it_is_to_hide(tmp_path: Path) -> None:
@@ -59,7 +63,7 @@ def test_a_course_leads_from_task_to_task_and_hides_what_it_is_to_hide(tmp_path:
     first = begun(client)
     assert (first["specimen_class"], first["seed"], first["feedback"]) == ("uniform", 5, "never")
     answer = sent(client, first, to_the_end()).json()
-    assert (answer["score"], answer["outcome"], answer["points"]) == (None, "", [])
+    assert (answer["score"], answer["outcome"], answer["points"], answer["advice"]) == (None, {}, [], [])
     assert client.post("/cuts").json()["feedback"] == "above-limit"
     again = Lesson(room.store, room.lesson.folder, named_course(str(course))).progress("P01")
     assert again is not None
@@ -270,6 +274,38 @@ def test_without_consent_nobody_cuts(room: Room) -> None:
 # The teacher
 
 
+def test_nothing_english_is_left_of_a_german_class(tmp_path: Path) -> None:
+    room = Room(tmp_path, "first")
+    room.app = class_app(ClassSite(lesson=room.lesson, secret=TOKEN, title="2b", language="de"))
+    person = room.person("P01")
+    begun(person)  # and left
+    cut_once(person)
+    lost = begun(person)
+    stylus = hand()
+    movements = {"content": stylus.tobytes(), "headers": {"X-Readings": "00000000"}}
+    refused = person.post(f"/cuts/{lost['id']}", **movements).json()["said"]["de"]
+    again = person.post(f"/cuts/{lost['id']}", **movements).json()["said"]["de"]
+    teacher = room.teacher()
+    teacher.post("/teacher/pass-mark", data={"mark": "55.5"})
+    pages = [
+        room.client().post("/", data={"code": "XX", "consent": "yes"}),
+        person.get("/cut"),
+        *(teacher.get(f"/teacher{path}") for path in ("", "/people/P01", "/studies", "/upload", "/sheet")),
+        teacher.get("/teacher/people/P99", headers={"Accept": "text/html"}),
+    ]
+    told = [re.sub(r"<(style|script)\b.*?</\1>|<[^>]*>|„[^“]*“", " ", page.text, flags=re.DOTALL) for page in pages]
+    history = [each["outcome"].get("de", "") for each in person.get("/cuts").json()]
+    for text in (*told, *history, refused, again):
+        assert not ENGLISH.search(text), (ENGLISH.search(text), text)
+    assert "55,5" in told[2]
+    assert "gleichmäßiges Gewebe" in told[2]
+    assert "mm vor dem Ziel" in told[3]
+    assert refused == "Seine Messwerte sind nicht die des Gesetzes für diese Bewegungen."
+
+
+ENGLISH = re.compile(r"\b(the|of|is|are|with|cuts?|score|no|not|and|too|this|your|there|liver|tissue|short|target)\b")
+
+
 def test_the_teacher_makes_codes_and_sees_exports_and_deletes(room: Room) -> None:
     teacher = room.teacher()
     assert teacher.post("/teacher/codes", data={"count": "3"}).status_code == 303
@@ -277,6 +313,14 @@ def test_the_teacher_makes_codes_and_sees_exports_and_deletes(room: Room) -> Non
     sheet = teacher.get("/teacher/sheet").text
     assert len(codes) == 3
     assert all(code in sheet for code in codes)
+    assert "only this computer" not in sheet
+    here = TestClient(room.app, base_url="http://127.0.0.1:8765")
+    here.post("/teacher", data={"token": TOKEN})
+    assert "only this computer" in here.get("/teacher/sheet").text
+    room.store.put(codes[:2], class_name="2b")
+    one_class = teacher.get("/teacher/sheet", params={"class": "2b"}).text
+    assert [code in one_class for code in codes] == [True, True, False]
+    assert one_class.count("cutenv, 2b") == 2
     client = room.client()
     assert client.post("/", data={"code": codes[0].lower(), "consent": "yes"}).status_code == 303
     answer, handed_out = cut_once(client)

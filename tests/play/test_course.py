@@ -20,7 +20,7 @@ from cutenv.play.course import (
     shown_feedback,
 )
 from cutenv.play.course_progress import GIVEN_UP, CourseProgress
-from cutenv.play.course_words import COURSE_WORDS
+from cutenv.play.course_words import COURSE_WORDS, course_name
 from cutenv.play.devices import MouseDevice, simple_hand
 from cutenv.play.play_session import Session, SessionPlan
 from cutenv.recording import load_one
@@ -113,6 +113,9 @@ def test_a_wrong_file_is_refused_by_task_key_value_and_cure(tmp_path: Path, old:
 def test_the_courses_that_come_along_are_valid_and_named_in_the_help(capsys: pytest.CaptureFixture[str]) -> None:
     known = {"first cuts", "force shown or not", "wanted depth", "drawn lines"}
     assert {named_course(name).name for name in SHIPPED_COURSES} == known
+    for course in map(named_course, SHIPPED_COURSES):
+        for name in (course.name, *(task.name for task in course.tasks)):
+            assert course_name("de", name) != name == course_name("en", name)
     with pytest.raises(SystemExit):
         cli.main(["play", "--help"])
     helped = capsys.readouterr().out

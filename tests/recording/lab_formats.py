@@ -8,6 +8,7 @@ import lab_clocks
 import lab_harder
 import lab_loggers
 import lab_machines
+import lab_recorders
 import lab_variants
 from lab_cut import FORMATS, LabFormat, Truth
 
@@ -21,5 +22,6 @@ __all__ = [
     "lab_harder",
     "lab_loggers",
     "lab_machines",
+    "lab_recorders",
     "lab_variants",
 ]

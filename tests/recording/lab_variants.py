@@ -347,7 +347,6 @@ add(
         'X SetScale/P x 0,1,"", time_s',
     ],
     truth=FORCE_ALONE,
-    left_out=2,
 )
 add(
     "octave.txt",

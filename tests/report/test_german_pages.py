@@ -60,7 +60,7 @@ def scored_cuts() -> Study:
 
 
 def test_nothing_english_is_left_of_a_study(tmp_path: Path, left: set[str]) -> None:
-    of = study(target_group="expert")
+    of = study(target_group="expert", left={NOVICES[0]: (0, 2)})
     write_study(tmp_path / "study.html", of, language="de")
     write_study(tmp_path / "one.html", replace(of, cuts=of.cuts[:3], target_group=None, groups=None), language="de")
     assert left == set()
@@ -70,7 +70,7 @@ def test_nothing_english_is_left_of_a_study(tmp_path: Path, left: set[str]) -> N
 
 
 def test_nothing_english_is_left_of_pass_marks(tmp_path: Path, left: set[str]) -> None:
-    setting = StandardSetting(name="made up", cuts=study().cuts, passing="expert")
+    setting = StandardSetting(name="made up", cuts=study().cuts, left={NOVICES[0]: (1,)}, passing="expert")
     write_pass_mark_page(tmp_path / "pass.html", setting, language="de")
     given = StandardSetting(name="2b", cuts=scored_cuts().cuts, given={"overall_score": 50.0})
     write_pass_mark_page(tmp_path / "given.html", given, language="de")
@@ -81,7 +81,7 @@ def test_nothing_english_is_left_of_pass_marks(tmp_path: Path, left: set[str]) -
 def test_nothing_english_is_left_of_sheets_and_class_list(tmp_path: Path, left: set[str]) -> None:
     of = scored_cuts()
     assert any(cut.card.faults for cut in of.cuts), "without a fault there is no advice to translate"
-    for each in (of, study()):
+    for each in (of, study(left={NOVICES[0]: (1,)})):
         for operator in (*of.operators, NOVICES[0]):
             if operator in each.operators:
                 write_trainee_sheet(tmp_path, each, operator, mark=50.0, language="de")

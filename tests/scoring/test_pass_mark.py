@@ -338,8 +338,17 @@ def test_a_class_without_groups_is_held_against_the_teachers_mark(cuts: list[Stu
     (standard,) = setting.standards
     assert isinstance(standard.chosen, PassMark)
     assert standard.chosen.false_passes.people == 0
-    assert sum(own.passes for own in standard.proficiency.values()) == sum(
-        cut.card["force_rate"] <= 3.0 for cut in alone
-    )
+    passes = sum(own.passes for own in standard.proficiency.values())
+    assert passes == sum(cut.card["force_rate"] <= 3.0 for cut in alone)
+    who = max(standard.proficiency, key=lambda each: standard.proficiency[each].longest)
+    whole = standard.proficiency[who]
+    assert whole.longest >= 2
+    broken = {who: [k + 1 for k in range(whole.cuts)]}  # left after every cut
+    (among,) = StandardSetting(
+        name="class", cuts=alone, left=broken, given={"force_rate": 3.0}, metrics=["force_rate"]
+    ).standards
+    counted = among.proficiency[who]
+    assert (counted.passes, counted.cuts, counted.left) == (whole.passes, 2 * whole.cuts, whole.cuts)
+    assert (counted.longest, counted.reached_at) == (1, None)
     assert isinstance(standard.marks["expert mean"], NotEstimable)
     assert isinstance(setting.agreement, NotEstimable)

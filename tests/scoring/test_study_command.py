@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -43,7 +44,12 @@ def test_page_and_cards_hold_what_the_study_holds(
 ) -> None:
     pytest.importorskip("matplotlib", reason="pictures are an extra: pip install 'cutenv[view]'")
     page = tmp_path / "study.html"
-    assert run(records, records / "operators.csv", "--out", str(page), "--metric", "force_rate") == 0
+    cuts = Path(shutil.copytree(records, tmp_path / "cuts"))
+    table = cuts / "operators.csv"
+    left = f",{NOVICES[0]},novice,1,0"  # begun and left before the first cut
+    table.write_text((records / "operators.csv").read_text(encoding="utf-8") + f"{left}\n", encoding="utf-8")
+    sheets = ["--sheets", str(tmp_path / "sheets"), "--mark", "50"]
+    assert run(cuts, table, "--out", str(page), "--metric", "force_rate", *sheets) == 0
     said = capsys.readouterr().out
     assert DISCLAIMER in said
     assert "nan" not in said
@@ -53,17 +59,24 @@ def test_page_and_cards_hold_what_the_study_holds(
     assert all(operator in document for operator in (*NOVICES, *EXPERTS))
     with (tmp_path / "study.csv").open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
+    (lost,) = (row for row in rows if row["state"] == "left")
+    assert (lost["operator"], lost["number"], lost["force_rate_N_per_s"]) == (NOVICES[0], "1", "")
+    assert f"begun and left: {NOVICES[0]} 1; these cuts have no score" in " ".join(document.split())
+    assert "begun and left" in (tmp_path / "sheets" / f"{NOVICES[0]}.html").read_text(encoding="utf-8")
+    assert "begun and left" in (tmp_path / "sheets" / "class.csv").read_text(encoding="utf-8")
+    rows.remove(lost)
     expected = study().cuts
     assert len(rows) == len(expected) == 2 * CUTS * len((*NOVICES, *EXPERTS))
     for operator in (*NOVICES, *EXPERTS):
         own = [row for row in rows if row["operator"] == operator]
         cards = [each.card for each in expected if each.operator == operator]
         assert [row["record"] for row in own] == [card.name for card in cards]
-        assert [int(row["number"]) for row in own] == list(range(1, 2 * CUTS + 1))
+        first = 1 + (operator == NOVICES[0])
+        assert [int(row["number"]) for row in own] == list(range(first, first + 2 * CUTS))
         for row, card in zip(own, cards, strict=True):
             assert float(row["force_rate_N_per_s"]) == pytest.approx(card["force_rate"], rel=1e-5)
             assert row["tip_error_m"] == ""
-    assert len(rows[0]) == 7 + len(METRICS)
+    assert len(rows[0]) == 8 + len(METRICS)
 
 
 def test_the_page_is_no_record_of_the_next_run(records: Path, capsys: pytest.CaptureFixture[str]) -> None:

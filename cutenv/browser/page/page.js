@@ -39,11 +39,15 @@
   // What comes next in the course, and what the last cut reached, in the language of the moment.
   function sayCourse() {
     const language = document.documentElement.lang, { handedOut, kept } = page;
-    byId("course").textContent = handedOut?.error ?? (kept ?? handedOut)?.ahead?.[language] ?? "";
+    byId("course").textContent = handedOut?.error ? reason(handedOut) : (kept ?? handedOut)?.ahead?.[language] ?? "";
     byId("ahead-words").textContent = kept?.ahead?.[language] ?? "";
+    byId("tries").replaceChildren();
+    byId("tries-head").hidden = !kept?.advice.length;
     if (!kept) return;
+    byId("tries").append(...kept.advice.map(({ try: next, seen }) =>
+      element("li", [next[language], seen[language] && `(${seen[language]})`].filter(Boolean).join(" "))));
     const saved = kept.score === null ? texts.saved_no_score : say(texts.saved, { score: fixed(kept.score, 0) });
-    const passed = kept.passed === null ? "" : say(kept.passed ? texts.passed : texts.not_passed, { mark: kept.pass_mark });
+    const passed = kept.passed === null ? "" : say(kept.passed ? texts.passed : texts.not_passed, { mark: kept.pass_mark.toLocaleString(language) });
     byId("kept").textContent = [saved, passed, kept.verdict[language]].filter(Boolean).join(" ");
   }
 
@@ -68,7 +72,7 @@
     const said = await ask("POST", `cuts/${page.handedOut.id}/begun`);
     page.busy = false;
     if (said.status === 401) location.assign(".");
-    if (said.error) byId("course").textContent = say(texts.not_begun, { reason: said.error });
+    if (said.error) byId("course").textContent = say(texts.not_begun, { reason: reason(said) });
     if (said.status === 409) { await prepare(); byId("course").textContent = say(texts.not_begun, { reason: texts.another_specimen }); }
     return !said.error;
   }
@@ -108,6 +112,9 @@
 
   // The server
 
+  // Why the server refuses, in the language of the moment; of a lost connection the browser's own words.
+  const reason = said => said.said?.[document.documentElement.lang] ?? said.error;
+
   async function ask(method, path, body, headers = {}) {
     try {
       const answer = await fetch(path, { method, body, headers });
@@ -130,7 +137,7 @@
     const said = await ask("POST", `cuts/${handedOut.id}`, movements, { "X-Readings": digest, "X-Stalled": String(cut.stalled) });
     page.busy = false;
     if (said.error) {
-      byId("kept").textContent = say(texts.unsaved, { reason: said.error });
+      byId("kept").textContent = say(texts.unsaved, { reason: reason(said) });
       const again = element("button", texts.retry);
       again.addEventListener("click", keep);
       if (said.status === 0 || said.status === 401 || said.status >= 500) byId("kept").append(" ", again);
@@ -147,7 +154,7 @@
     const cuts = await ask("GET", "cuts");
     const rows = Object.values(cuts).filter(each => each?.state && !["prepared", "taken back"].includes(each.state)).reverse().map(({ when, state, outcome, score, stalled }) =>
       row("td", new Date(when).toLocaleString(document.documentElement.lang),
-        [state !== "saved" && texts[`state_${state}`], outcome, stalled >= 0.5 && say(texts.stalled, { time: fixed(stalled, 1) })].filter(Boolean).join(": "), score ?? "–"));
+        [state !== "saved" && texts[`state_${state}`], outcome?.[document.documentElement.lang], stalled >= 0.5 && say(texts.stalled, { time: fixed(stalled, 1) })].filter(Boolean).join(": "), score ?? "–"));
     byId("history").replaceChildren(row("th", texts.when, texts.outcome, texts.score), ...rows);
     byId("curve").innerHTML = (await ask("GET", "curve")).curve ?? "";
     byId("curve").firstChild?.setAttribute("aria-label", texts.curve);

@@ -8,7 +8,7 @@ from cutenv.scoring.study.raters import RaterAgreement, RaterCorrelation, rater_
 from cutenv.scoring.study.reliability import Intraclass, OneWay, intraclass_correlation, one_way_reliability
 from cutenv.scoring.study.separation import Separation, separation
 from cutenv.scoring.study.standard_setting import Standard, StandardSetting, ValidityEvidence, validity_evidence
-from cutenv.scoring.study.study import Findings, NotEstimable, StudiedCut, Study, numbered
+from cutenv.scoring.study.study import Findings, NotEstimable, StudiedCut, Study
 
 __all__ = [
     "Crossover",
@@ -36,7 +36,6 @@ __all__ = [
     "cusum",
     "intraclass_correlation",
     "learning_curve",
-    "numbered",
     "one_way_reliability",
     "pass_mark",
     "proficiency",

@@ -73,7 +73,9 @@ class Proficiency:
     Attributes
     ----------
     cuts, passes, longest : int
-        Number of cuts, of passes, and of passes in the longest row.
+        Number of cuts, of passes, and of passes in the longest row; a cut that was left is one without a pass.
+    left : int
+        Number of cuts that were begun and left, among them.
     reached_at : int or None
         Number of the cut, from 1, that completes the first row of the wanted length; None if there is none.
     """
@@ -82,6 +84,7 @@ class Proficiency:
     passes: int
     longest: int
     reached_at: int | None
+    left: int = 0
 
 
 class NormalCurve(NamedTuple):
@@ -181,7 +184,9 @@ def passes(values: Array, mark: float, better: Better) -> NDArray[np.bool_]:
     return np.asarray(values >= mark if better == "higher" else values <= mark)
 
 
-def proficiency(values: ArrayLike, mark: float, *, better: Better, in_a_row: int = IN_A_ROW) -> Proficiency:
+def proficiency(
+    values: ArrayLike, mark: float, *, better: Better, in_a_row: int = IN_A_ROW, left: Sequence[int] = ()
+) -> Proficiency:
     """Count a person's passes, and find the cut that completes the wanted number of passes in a row.
 
     Parameters
@@ -194,6 +199,8 @@ def proficiency(values: ArrayLike, mark: float, *, better: Better, in_a_row: int
         Which values are better.
     in_a_row : int
         Number of consecutive passes that count as proficiency, 1 to 100.
+    left : sequence of int
+        How many of the values stand before each cut that was begun and left.
 
     Returns
     -------
@@ -205,14 +212,14 @@ def proficiency(values: ArrayLike, mark: float, *, better: Better, in_a_row: int
         If an argument is out of range.
     """
     wanted = int(in_range("in_a_row", in_a_row, 1, 100, "1"))
-    reached = passes(values_of("values", values, fewest=1), mark, better)
+    reached = np.insert(passes(values_of("values", values, fewest=1), mark, better), list(left), False)
     row, longest, at = 0, 0, None
     for number, passed in enumerate(reached, 1):
         row = row + 1 if passed else 0
         longest = max(longest, row)
         if row == wanted and at is None:
             at = number
-    return Proficiency(cuts=len(reached), passes=int(reached.sum()), longest=longest, reached_at=at)
+    return Proficiency(cuts=len(reached), passes=int(reached.sum()), longest=longest, reached_at=at, left=len(left))
 
 
 def _check_contrast(failing: Array, passing: Array, sign: float) -> None:

@@ -84,8 +84,10 @@ def _records(setting: StandardSetting, standard: Standard) -> tuple[str, ...]:
     cuts = len(setting.cuts)
     sources = Counter(cut.card.tip_source for cut in setting.cuts)
     tips = ", ".join(f"{source} in {count}" for source, count in sources.most_common())
+    left = sum(map(len, setting.left.values()))
     return (
         f"{cuts - standard.missing} of {cuts} cuts have a value",
+        *([f"{left} more were begun and left"] * bool(left)),
         f"origin of the crack tip: {tips}",
         f"{NO_EVIDENCE} on how the people understood the task",
     )
@@ -158,6 +160,8 @@ class Standard:
         Values of each operator's cuts, in order; cuts without a value are left out.
     missing : int
         Number of cuts without a value.
+    left : mapping of str to tuple of int
+        Cuts that were begun and left, by operator: how many cuts with a value stand before each.
     marks : mapping of str to PassMark or NotEstimable
         Pass mark by each method, or the reason why the people give none.
     chosen : PassMark or NotEstimable
@@ -177,6 +181,7 @@ class Standard:
     better: Better
     series: Mapping[str, Array]
     missing: int
+    left: Mapping[str, tuple[int, ...]]
     marks: Mapping[Method, PassMark | NotEstimable]
     chosen: PassMark | NotEstimable
     proficiency: Mapping[str, Proficiency]
@@ -195,6 +200,8 @@ class StandardSetting(StudiedPeople):
         Name of the class, for pages.
     cuts : sequence of StudiedCut
         The cuts, each operator's in the order in which they were made; with the raters' marks, if there are any.
+    left : mapping of str to sequence of int, optional
+        Cuts that were begun and left, by operator: how many finished ones stand before each. They pass no mark.
     passing, failing : str, optional
         Group that is to pass, and group that is not; of two groups the other one. Without groups only a teacher's mark
         can be held against the cuts.
@@ -245,7 +252,7 @@ class StandardSetting(StudiedPeople):
     def __post_init__(self) -> None:
         self._check()
         rng = np.random.default_rng(self.seed)
-        notes: list[str] = []
+        notes = self._left_note()
         standards = [
             found
             for metric in self._chosen_metrics()
@@ -300,6 +307,7 @@ class StandardSetting(StudiedPeople):
             if method != "set by the teacher" or metric in self.given
         }
         chosen = marks["set by the teacher" if metric in self.given else self.method]
+        left = {operator: some for operator, some in self.left_among(metric).items() if operator in series}
         several = [own for own in series.values() if len(own) >= 2]
         few = min(map(len, groups))
         return Standard(
@@ -313,9 +321,15 @@ class StandardSetting(StudiedPeople):
             proficiency={}
             if isinstance(chosen, NotEstimable)
             else {
-                operator: proficiency(*as_shown(metric, own, chosen.mark.value), better=better, in_a_row=self.in_a_row)
+                operator: proficiency(
+                    *as_shown(metric, own, chosen.mark.value),
+                    better=better,
+                    in_a_row=self.in_a_row,
+                    left=left.get(operator, ()),
+                )
                 for operator, own in series.items()
             },
+            left=left,
             separation=NotEstimable(f"fewer than {FEWEST_COMPARED} people in a group")
             if few < FEWEST_COMPARED
             else told(separation, groups[1], groups[0]),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import ParamSpec, TypeVar
@@ -118,10 +119,13 @@ class StudiedPeople:
         Name for pages.
     cuts : sequence of StudiedCut
         The cuts, each operator's in the order in which they were made.
+    left : mapping of str to sequence of int
+        Cuts that were begun and left, by operator: how many of the operator's finished cuts stand before each of them.
     """
 
     name: str
     cuts: Sequence[StudiedCut]
+    left: Mapping[str, Sequence[int]] = field(default_factory=dict)
 
     @property
     def operators(self) -> tuple[str, ...]:
@@ -172,6 +176,43 @@ class StudiedPeople:
         made_by, there = np.array([cut.operator for cut in self.cuts]), np.isfinite(values)
         return {each: own for each in self.operators if len(own := values[(made_by == each) & there])}
 
+    def attempts(self) -> list[tuple[int, StudiedCut | str]]:
+        """Return every cut with its number among its operator's, from 1; of one that was left, its operator's code."""
+        waiting = {operator: list(some) for operator, some in self.left.items()}
+        finished, number = Counter[str](), Counter[str]()
+        rows: list[tuple[int, StudiedCut | str]] = []
+
+        def add_left(operator: str, before: float) -> None:
+            while waiting.get(operator) and waiting[operator][0] <= before:
+                waiting[operator].pop(0)
+                number[operator] += 1
+                rows.append((number[operator], operator))
+
+        for cut in self.cuts:
+            add_left(cut.operator, finished[cut.operator])
+            finished[cut.operator] += 1
+            number[cut.operator] += 1
+            rows.append((number[cut.operator], cut))
+        for operator in waiting:
+            add_left(operator, np.inf)
+        return rows
+
+    def _left_note(self) -> list[str]:
+        """Return a note on the cuts that were begun and left, [] without any."""
+        told = ", ".join(f"{operator} {len(some)}" for operator, some in self.left.items() if some)
+        return [
+            f"begun and left: {told}; these cuts have no score, so means and spread are those of the others, and each "
+            "breaks a row of passes"
+        ] * bool(told)
+
+    def left_among(self, metric: str) -> dict[str, tuple[int, ...]]:
+        """Return by operator how many of the cuts that have a metric stand before each one that was left."""
+        found = {}
+        for operator, some in self.left.items():
+            there = [value_of(cut.card, metric)[0] is not None for cut in self.cuts if cut.operator == operator]
+            found[operator] = tuple(sum(there[:before]) for before in some)
+        return found
+
     def _unit(self, metric: str) -> str:
         return "1" if metric == OVERALL else self.cuts[0].card.unit(metric)
 
@@ -186,6 +227,8 @@ class Study(StudiedPeople):
         Name of the study, for pages.
     cuts : sequence of StudiedCut
         The cuts, each operator's in the order in which they were made.
+    left : mapping of str to sequence of int, optional
+        Cuts that were begun and left, by operator: how many finished ones stand before each.
     metrics : sequence of str, optional
         "overall_score" and names in :data:`~cutenv.scoring.METRICS`; by default the score and the leading metrics.
     groups : pair of str, optional
@@ -235,7 +278,7 @@ class Study(StudiedPeople):
             raise ValueError("give a target or a target group, not both.")
         if self.groups is None and len(known) == 2:
             object.__setattr__(self, "groups", known)
-        notes: list[str] = []
+        notes = self._left_note()
         if self.groups is None and len(known) > 2:
             notes.append(f"of the groups {', '.join(known)} no two were named: their separation is not computed")
         findings = [found for metric in self._chosen() if (found := self._find(metric, notes)) is not None]
@@ -382,16 +425,6 @@ def leading_metrics(cuts: Sequence[StudiedCut]) -> tuple[str, ...]:
     """Return the metrics that are studied beside the overall score if none are named."""
     moved = any(cut.card.metrics["idle_time"].value is not None for cut in cuts)
     return STUDIED if moved else tuple(FORCE_WEIGHTS)
-
-
-def numbered(cuts: Sequence[StudiedCut]) -> list[tuple[int, StudiedCut]]:
-    """Return every cut with its number among its operator's cuts, from 1."""
-    made: dict[str, int] = {}
-    rows = []
-    for cut in cuts:
-        made[cut.operator] = made.get(cut.operator, 0) + 1
-        rows.append((made[cut.operator], cut))
-    return rows
 
 
 def told(function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T | NotEstimable:
