@@ -158,6 +158,7 @@ def _cut(env: Any, policy: Policy, specimen: tuple[int, int], task: RegisteredTa
     )
 
 
+_LISTED = 5  # specimens that are listed one by one
 _COLUMNS: dict[str, Callable[[DemoCut], float]] = {
     "return": lambda cut: cut.reward,
     "success": lambda cut: float(cut.success),
@@ -168,16 +169,17 @@ _COLUMNS: dict[str, Callable[[DemoCut], float]] = {
 
 
 def _print_table(by_policy: Mapping[str, Sequence[DemoCut]], task: RegisteredTask) -> None:
-    """Print every specimen, then the means."""
+    """Print the first specimens, then the means of all."""
     _, error, unit, _ = task.errors[0]
     titles = [f"{error} [{unit}]" if title == "error" else title for title in _COLUMNS]
     widths = [max(len(title) + 2, 16) for title in titles]
     print(" " * _WIDTH + "".join(title.rjust(width) for title, width in zip(titles, widths, strict=True)))
-    for number, same in enumerate(zip(*by_policy.values(), strict=True), 1):
+    pairs = list(zip(*by_policy.values(), strict=True))
+    for number, same in enumerate(pairs[:_LISTED], 1):
         print(f"specimen {number}: {same[0].specimen_class}, cut to {1e3 * same[0].target_length:.0f} mm")
         for name, cut in zip(by_policy, same, strict=True):
             _print_row(name, [cut], widths)
-    print("mean")
+    print("mean" if len(pairs) <= _LISTED else f"mean of all {len(pairs)}")
     for name, own in by_policy.items():
         _print_row(name, own, widths)
 
@@ -235,7 +237,7 @@ def _parser() -> argparse.ArgumentParser:
             "",
             "--page cut.html",
             "--policy ppo-excision",
-            "--specimens 10 --specimen-class vascular --target-length 80mm",
+            "--specimens 50 --specimen-class vascular --target-length 80mm",
         ),
         note="Nothing is trained and nothing is downloaded. A few cuts show how an agent cuts, not how good it is: "
         "'cutenv evaluate' compares on hundreds.",
@@ -246,7 +248,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="POLICY",
         help=f"shipped policy ('cutenv evaluate --list'), or folder of a trained one; default {DEFAULT_SHIPPED}",
     )
-    parser.add_argument("--specimens", type=int, default=5, metavar="N", help="number of specimens; default 5")
+    parser.add_argument("--specimens", type=int, default=20, metavar="N", help="number of specimens; default 20")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the specimens; default 0")
     add_specimen_class(parser, "mixed")
     add_tissue(parser)
