@@ -109,8 +109,8 @@ def test_a_driver_of_ones_own_may_lie_in_the_present_folder(tmp_path: Path, monk
     (tmp_path / "stage_of_ours.py").write_text(f"from {__name__} import Plug as Stage\n", encoding="utf-8")
     monkeypatch.setattr(sys, "path", [entry for entry in sys.path if entry != ""])
     monkeypatch.chdir(tmp_path)
-    plant = rig_plant(read_rig_file(written(tmp_path, TEXT.replace(HERE, "stage_of_ours:Stage", 1))), FakeClock())
-    assert type(plant._axes[0]).__name__ == "Plug"
+    settings = read_rig_file(written(tmp_path, TEXT.replace(HERE, "stage_of_ours:Stage", 1)))
+    assert isinstance(mounted(Mounting(role="blade", rig=settings, clock=FakeClock(), shared={})), Plug)
 
 
 def test_what_is_written_is_read_again_and_holds_no_key_of_other_drivers(tmp_path: Path) -> None:

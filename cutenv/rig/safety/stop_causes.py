@@ -115,7 +115,8 @@ def detection_times(limits: SafetyLimits, *, packet: float = 0.001, sync: float 
 
     ``packet`` is the period of the force readings [s], ``sync`` that of the motion samples [s]. For a quantity that
     grows (a following error, the share of lost readings) the time counts from the crossing of its limit. The time for
-    one frozen force axis applies to a rig that is not identified.
+    one frozen force axis applies to a rig that is not identified. Signals, and stops that the program asks for, are looked
+    for by the spine's loop.
     """
     return {
         Cause.FORCE: packet,
@@ -145,10 +146,10 @@ def detection_times(limits: SafetyLimits, *, packet: float = 0.001, sync: float 
         Cause.BUS: 0.0,
         Cause.OVERRUN: WATCH,
         Cause.NOT_A_NUMBER: 0.0,
-        Cause.EXCEPTION: 0.0,
-        Cause.INTERRUPTED: 0.0,
+        Cause.EXCEPTION: WATCH,
+        Cause.INTERRUPTED: WATCH,
         Cause.ORPHANED: WATCH,
-        Cause.OPERATOR: 0.0,
+        Cause.OPERATOR: WATCH,
         Cause.SPINE: 0.0,
     }
 
