@@ -32,7 +32,7 @@ PERIOD = 0.001
 """Period of the loop [s]."""
 PERCENTILES = (50.0, 99.0, 99.9, 100.0)
 ALLOWED = 0.3e-3
-"""Jitter at the 99.9th percentile beyond the empty loop's that was asked for [s]."""
+"""Greatest jitter that a spine should have at the 99.9th percentile, beyond the empty loop's [s]."""
 
 
 class InMemory:

@@ -93,7 +93,7 @@ def ahead_words(progress: CourseProgress | None) -> dict[str, str]:
     return {} if progress is None else {language: progress.ahead(language) for language in COURSE_WORDS}
 
 
-_MOST_ADVICE = 2  # more than that nobody minds in the next cut
+_MOST_ADVICE = 2  # a person attends to no more in the next cut
 LONGEST_CUT = 30_000
 """Longest cut [ms]: the deadline of the task."""
 FEWEST_MOVEMENTS = 100

@@ -156,7 +156,7 @@ _FEWEST_UNLOADED = (
     8  # cuts with a way back needed for the loading ratio: the tissue at the tip scatters about the cut's mean
 )
 _ROUNDS = 3  # iterations of fitting the loading ratio and measuring with it: the tip depends on it weakly
-_NEAR = 0.10  # relative error of a mean that is told no more
+_NEAR = 0.10  # relative error of a mean up to which no note is made
 _DRAWS, _DRAW_ROUNDS = 200, 4  # sampled specimens, and iterations, to find the material with the measured moduli
 _PLACES = np.arange(0.0215, 0.12, 0.006)  # typical positions of the segments of a long cut [m]
 

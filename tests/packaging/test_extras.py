@@ -77,6 +77,17 @@ def test_a_library_of_an_extra_that_is_missing_is_told_with_the_extra(monkeypatc
         import canopen  # noqa: F401
 
 
+def test_a_record_is_scored_without_the_libraries_of_pages(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("cutenv.commands.score.find_spec", lambda name: None)
+    assert cli.main(["score", "--example", "--out", str(tmp_path)]) == 0
+    printed = capsys.readouterr()
+    assert "overall score" in printed.out
+    assert "no page: jinja2 and matplotlib are an extra: pip install 'cutenv[view]'" in printed.err
+    assert [path.name for path in tmp_path.iterdir()] == ["example.csv"]
+
+
 def test_the_demo_misses_the_library_of_its_page_before_it_cuts(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -41,6 +41,17 @@ def test_the_means_are_those_of_the_specimens_and_a_picture_is_written(
     assert out.read_bytes().startswith(b"\x89PNG")
 
 
+def test_of_many_specimens_the_first_are_listed_and_all_are_in_the_means(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(["demo", "--specimens", "7", "--out", str(tmp_path / "cut.png")]) == 0
+    printed = capsys.readouterr().out
+    assert "specimen 5:" in printed
+    assert "specimen 6:" not in printed
+    assert "mean of all 7\n" in printed
+    assert len(rows(printed)) == 2 * 5 + 2
+
+
 def test_an_agent_of_another_task_cuts_beside_that_tasks_script(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -105,7 +105,7 @@ def test_a_plant_is_made_of_the_drivers_that_the_file_names(tmp_path: Path) -> N
 
 
 def test_a_driver_of_ones_own_may_lie_in_the_present_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As a policy may: ``python -m`` finds it there, and so does the installed program."""
+    """The installed program finds it there, like a policy, and like ``python -m``."""
     (tmp_path / "stage_of_ours.py").write_text(f"from {__name__} import Plug as Stage\n", encoding="utf-8")
     monkeypatch.setattr(sys, "path", [entry for entry in sys.path if entry != ""])
     monkeypatch.chdir(tmp_path)

@@ -135,10 +135,12 @@ def check_stays(rig: FakeRig) -> None:
     rest = rig.bench.motion[0]
     with pytest.raises(RigError, match="not agreed"):
         rig.plant.supervisor.reset(agreed=False)
+    begun = rig.clock.now()
     for _ in range(5):
         with pytest.raises(RigStopped):
             rig.plant.advance(0.02, UPRIGHT, PERIOD)
         rig.clock.sleep_until(rig.clock.now() + 0.1)
+    assert rig.clock.now() - begun < 0.6, "a blade whose rest no sample shows was waited for once"
     assert rig.bench.motion[0] == pytest.approx(rest, abs=1e-9)
 
 
