@@ -92,7 +92,10 @@ def trial_in_child(emulator: RunningEmulator, fault: str, *, seed: int, after: f
         since = begun["since"]
         time.sleep(after)
         truth, injected = control.truth(), time.monotonic()
-        os.kill(begun["spine"] if fault == "kill_9" else child.process.pid, _SIGNALS[fault])
+        try:
+            os.kill(begun["spine"] if fault == "kill_9" else child.process.pid, _SIGNALS[fault])
+        except ProcessLookupError:  # a busy host has stopped the cut, and the rig was closed
+            raise RigError("the cut had ended before the fault came") from None
         if fault == "kill_9":
             time.sleep(DRIVE_PATIENCE + 0.1 + LATCHED_FOR)
             told: dict[str, Any] = {"refused": not _enabled(control), "stalls": [], "report": None}
