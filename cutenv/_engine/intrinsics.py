@@ -1,44 +1,20 @@
-"""Functions that Numba lacks, for kernels: bit patterns of floats, prefetch, arrays without reference counts.
+"""Functions that Numba lacks, for kernels: bit patterns of floats, prefetch, uncounted references, atomic counters.
 
-Each also works as plain Python, against which the tests compare.
+Here each is plain Python, against which the tests compare; :mod:`cutenv._engine.lowering` tells Numba of them.
 """
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable
-from typing import Any, TypeVar, cast
+import threading
+from typing import Any, TypeVar
 
-import numba
-import numba.extending
 import numpy as np
-from llvmlite import ir
-from numba.core import cgutils, imputils
-from numba.np import arrayobj
 
-Function = TypeVar("Function", bound=Callable[..., Any])
 Arrays = TypeVar("Arrays", bound=tuple[Any, ...])
-
-_llvm: Any = cgutils  # these libraries have no type annotations
-_lower: Any = numba.extending.lower_builtin
-_type: Any = numba.extending.type_callable
-_arrays: Any = arrayobj
-_results: Any = imputils
-
-
-def type_callable(function: Callable[..., Any]) -> Callable[[Function], Function]:
-    """Register the typing of ``function`` in kernels (typed `numba.extending.type_callable`)."""
-    return cast(Callable[[Function], Function], _type(function))
-
-
-def lower_builtin(function: Callable[..., Any], *kinds: Any) -> Callable[[Function], Function]:
-    """Register an LLVM lowering for ``function`` (typed `lower_builtin`): faster to compile than `@overload`."""
-    return cast(Callable[[Function], Function], _lower(function, *kinds))
-
-
-def array_data(context: Any, builder: Any, signature: Any, arguments: Any, k: int) -> Any:
-    """Return the data pointer of argument ``k``, an array."""
-    return context.make_array(signature.args[k])(context, builder, arguments[k]).data
+LINE = 8
+"""64-bit words in a cache line, and so in a row of counters."""
+_plain = threading.Lock()  # used only where nothing is compiled
 
 
 def bits_of(number: float) -> int:
@@ -51,26 +27,6 @@ def float_of(bits: int) -> float:
     return float(struct.unpack("<d", struct.pack("<q", bits))[0])
 
 
-@type_callable(bits_of)
-def _type_of_bits(_: Any) -> Any:
-    return lambda number: numba.types.int64
-
-
-@type_callable(float_of)
-def _type_of_float(_: Any) -> Any:
-    return lambda bits: numba.types.float64
-
-
-@lower_builtin(bits_of, numba.types.float64)
-def _bits_of(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-    return builder.bitcast(arguments[0], ir.IntType(64))
-
-
-@lower_builtin(float_of, numba.types.int64)
-def _float_of(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-    return builder.bitcast(arguments[0], ir.DoubleType())
-
-
 def prefetch(array: Any, i: Any) -> None:
     """Prefetch element ``i`` of a flat array into the first-level cache, without waiting for it.
 
@@ -78,38 +34,20 @@ def prefetch(array: Any, i: Any) -> None:
     """
 
 
-@type_callable(prefetch)
-def _type_of_fetched(_: Any) -> Any:
-    return lambda array, i: numba.types.none
+def first_row(rows: Any) -> Any:
+    """Return the first record of an array of rows, so that kernels compile fast; its indices must not be negative.
 
-
-@lower_builtin(prefetch, numba.types.Array, numba.types.Integer)
-def _fetch_ahead(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-    data = array_data(context, builder, signature, arguments, 0)
-    pointer = builder.bitcast(builder.gep(data, [arguments[1]]), cgutils.voidptr_t)
-    word = ir.IntType(32)
-    kind = ir.FunctionType(ir.VoidType(), [cgutils.voidptr_t, word, word, word])
-    prefetch = builder.module.declare_intrinsic("llvm.prefetch", (cgutils.voidptr_t,), kind)
-    builder.call(prefetch, [pointer, word(0), word(3), word(1)])  # for reading, high locality, data cache
-    return context.get_dummy_value()
+    It does not keep the array in memory: a kernel that made the array ends with :func:`keep_alive`.
+    """
+    return rows[0]
 
 
 def keep_alive(array: Any) -> None:
     """Keep an array in memory until here: Numba frees one that a kernel has made after its last use.
 
-    A view without reference counting, such as that of :func:`cutenv._engine.lanes.first_row`, is no use of it.
+    A view without reference counting, such as that of :func:`first_row`, is no use of it.
     A no-op in plain Python.
     """
-
-
-@type_callable(keep_alive)
-def _type_of_kept(_: Any) -> Any:
-    return lambda array: numba.types.none
-
-
-@lower_builtin(keep_alive, numba.types.Array)
-def _kept(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-    return context.get_dummy_value()
 
 
 def without_refcount(arrays: Arrays) -> Arrays:
@@ -120,25 +58,6 @@ def without_refcount(arrays: Arrays) -> Arrays:
     return arrays
 
 
-@type_callable(without_refcount)
-def _type_of_borrowed(_: Any) -> Any:
-    return lambda arrays: arrays
-
-
-@lower_builtin(without_refcount, numba.types.BaseTuple)
-def _borrowed(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-    uncounted = []
-    for kind, counted in zip(signature.args[0], _llvm.unpack_tuple(builder, arguments[0]), strict=True):
-        if not isinstance(kind, numba.types.Array):
-            uncounted.append(counted)
-            continue
-        array = context.make_array(kind)(context, builder, counted)
-        array.meminfo = _llvm.get_null_value(array.meminfo.type)
-        array.parent = _llvm.get_null_value(array.parent.type)
-        uncounted.append(array._getvalue())
-    return context.make_tuple(builder, signature.return_type, uncounted)
-
-
 def as_float64_view(records: Any) -> Any:
     """View a structured array whose fields are all 8 bytes wide as flat float64, shape (size,), in the same memory.
 
@@ -147,20 +66,14 @@ def as_float64_view(records: Any) -> Any:
     return records.reshape(-1).view(np.float64)
 
 
-_NUMBERS = numba.types.Array(numba.types.float64, 1, "C")
+def atomic_add(counters: Any, row: Any, which: Any, size: Any) -> Any:
+    """Add ``size`` atomically to one counter of a thread (acquire-release) and return its value before."""
+    with _plain:
+        before = int(counters[row, which])
+        counters[row, which] += size
+    return before
 
 
-@type_callable(as_float64_view)
-def _type_of_numbers(_: Any) -> Any:
-    return lambda records: _NUMBERS if getattr(records, "layout", None) == "C" else None
-
-
-@lower_builtin(as_float64_view, numba.types.Array)
-def _as_numbers(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-    array = context.make_array(signature.args[0])(context, builder, arguments[0])
-    numbers = context.make_array(_NUMBERS)(context, builder)
-    width = context.get_constant(numba.types.intp, 8)
-    size = builder.udiv(builder.mul(array.nitems, array.itemsize), width)
-    data = builder.bitcast(array.data, numbers.data.type)
-    _arrays.populate_array(numbers, data, [size], [width], width, array.meminfo, array.parent)
-    return _results.impl_ret_borrowed(context, builder, _NUMBERS, numbers._getvalue())
+def atomic_load(counters: Any, row: Any, which: Any) -> Any:
+    """Load one counter of a row atomically (acquire): what was written before it was raised is visible too."""
+    return int(counters[row, which])

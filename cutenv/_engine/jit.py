@@ -1,8 +1,10 @@
-"""The project's Numba decorators: typed, and with an on-disk cache that never outlives the source.
+"""Decorators of kernels: taken from the library that a wheel brings, or compiled by Numba and kept on disk.
 
-Numba's cache watches only the file of the function that it stores.  A kernel that inlines the cutting law from
-another file would keep running yesterday's law after an edit or an upgrade, so the kernels of a module are kept in a
-folder that is named after the source of all that it imports.
+The library is used where it was built from this very source (:mod:`cutenv._engine.native`).  Where there is none, and
+for kernels that it lacks, such as those of a task of one's own, Numba compiles.  Numba's cache watches only the file of
+the function that it stores.  A kernel that inlines the cutting law from another file would keep running yesterday's law
+after an edit or an upgrade, so the kernels of a module are kept in a folder that is named after the source of all that
+it imports.
 """
 
 from __future__ import annotations
@@ -13,19 +15,22 @@ import re
 import shutil
 import sys
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
-import numba
+from cutenv._base.imports import extra_named
+from cutenv._engine import native
 
-from cutenv._engine import shortcuts
+if TYPE_CHECKING:
+    from types import ModuleType
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 _PACKAGE = Path(__file__).parents[1]
 _PREFIX = "kernels-"
 _DOCUMENTED = ("nogil",)  # of the options that the decorators below give to Numba
+_later: list[Callable[[], object]] = []  # what the compiler has to know of, once it is needed
 
 
 def sources(module: str, package: Path = _PACKAGE) -> set[Path]:
@@ -111,7 +116,7 @@ def _user_caches(name: str) -> list[Path]:
 
 
 def njit(function: Function) -> Function:
-    """Compile ``function`` with Numba: float64, no fast-math (bit-for-bit repeatable), cached on disk.
+    """Compile ``function``: float64, no fast-math (bit-for-bit repeatable), kept on disk.
 
     With the environment variable ``NUMBA_DISABLE_JIT=1`` it stays plain Python, against which the tests compare.
     """
@@ -153,13 +158,13 @@ def warn_before_first_compile(*kernels: Callable[..., Any]) -> None:
     """
     if os.environ.get("NUMBA_DISABLE_JIT"):
         return
-    if not shortcuts.are_tested():
+    waiting = [kernel for kernel in kernels if not _is_compiled(kernel)]
+    if (waiting or native.LIBRARY is None) and not (shortcuts := _compiler()).are_tested():
         major, minor = shortcuts.TESTED
         _print_once(
-            f"Numba {numba.__version__} is newer than {major}.{minor}, which was tested: compiling and steps take "
-            f"longer. To avoid that: pip install 'numba<{major}.{minor + 1}'."
+            f"Numba {shortcuts.numba.__version__} is newer than {major}.{minor}, which was tested: compiling and steps "
+            f"take longer. To avoid that: pip install 'numba<{major}.{minor + 1}'."
         )
-    waiting = [kernel for kernel in kernels if not _is_compiled(kernel)]
     if any(_folder_of(kernel) is None for kernel in waiting):
         _print_once(
             "compiling for this machine; takes about half a minute, at every start, for nothing can be kept: set "
@@ -180,6 +185,8 @@ def _print_once(notice: str) -> None:
 
 def _is_compiled(kernel: Any) -> bool:
     """Return True if a kernel is on disk, or has no source there to be kept with."""
+    if isinstance(kernel, native.Kernel) and kernel.is_built:
+        return True
     folder = _folder_of(kernel)
     if folder is None:
         return not sources(kernel.__module__)
@@ -191,18 +198,51 @@ def _folder_of(kernel: Any) -> Path | None:
 
 
 def _compile_internal(function: Function, **options: bool) -> Function:
-    inside: Any = _compile(function, no_cpython_wrapper=True, **options)
-    if inside is function or not shortcuts.are_tested():
+    if native.covers(function) and not _compiler.cache_info().currsize:
+        _later.append(partial(_compiled_inside, function, **options))
+        return function
+    return _compiled_inside(function, **options)
+
+
+def _compiled_inside(function: Function, **options: bool) -> Function:
+    inside: Any = _compiled(function, no_cpython_wrapper=True, **options)
+    if inside is function or not _compiler().are_tested():
         return cast(Function, inside)
-    shown: Any = function  # Python must not call what lacks the wrapper; Numba looks for the type
-    shown._numba_type_, shown._inside = numba.types.Dispatcher(inside), inside  # the type refers to it weakly
+    # Python must not call what lacks the wrapper; Numba looks for the type, which refers to it weakly.
+    shown: Any = function
+    shown._numba_type_, shown._inside = _compiler().type_of(inside), inside
     return function
 
 
-def _compile(function: Function, cache: bool = True, **options: Any) -> Function:
+def _compile(function: Function, **options: Any) -> Function:
+    if native.covers(function):
+        kernel: Any = native.Kernel(function, lambda: _compiled(function, **options))
+        return cast(Function, kernel)
+    return _compiled(function, **options)
+
+
+@cache
+def _compiler() -> ModuleType:
+    """Return the module that compiles; Numba is imported, and told of all that kernels may call, where it is needed."""
+    with extra_named():
+        from cutenv._engine import lanes, shortcuts  # noqa: F401 - the lowering of lanes is registered
+    return shortcuts
+
+
+def _tell_compiler_of_all() -> None:
+    """Have the compiler know the functions that were decorated while nothing had to be compiled."""
+    waiting = _later.copy()
+    _later.clear()
+    for tell in waiting:
+        tell()
+
+
+def _compiled(function: Function, cache: bool = True, **options: Any) -> Function:
+    shortcuts = _compiler()
+    _tell_compiler_of_all()
     # Numba reads the folder once, when it decorates; the caches of other packages stay where they are.
-    settings: Any = numba.config
-    njit: Any = numba.njit  # whose types lack the wrappers
+    settings: Any = shortcuts.numba.config
+    njit: Any = shortcuts.numba.njit  # whose types lack the wrappers
     before = settings.CACHE_DIR
     folder = _folder_of(function)
     settings.CACHE_DIR = str(folder or "")

@@ -15,7 +15,8 @@ from numba.core import cgutils, types
 from numba.core.datamodel import models
 from numba.np import arrayobj, numpy_support
 
-from cutenv._engine.intrinsics import lower_builtin, type_callable
+from cutenv._engine.intrinsics import first_row
+from cutenv._engine.lowering import lower_builtin, type_callable
 
 _llvm: Any = cgutils  # these libraries have no type annotations
 _models: Any = models
@@ -53,15 +54,6 @@ class RowType(types.Record):
 _models.register_default(Lanes)(_models.NestedArrayModel)
 _models.register_default(RowType)(_models.RecordModel)
 _rows: dict[Any, RowType] = {}
-
-
-def first_row(rows: Any) -> Any:
-    """Return the first record of an array of rows, so that kernels compile fast; its indices must not be negative.
-
-    It does not keep the array in memory: a kernel that made the array ends with
-    :func:`~cutenv._engine.intrinsics.keep_alive`.
-    """
-    return rows[0]
 
 
 @type_callable(first_row)

@@ -40,6 +40,11 @@ def are_tested() -> bool:
     return bool(numba.version_info.short <= TESTED)
 
 
+def type_of(dispatcher: Any) -> Any:
+    """Return Numba's type of what ``numba.njit`` returned, for functions that stand for it in kernels."""
+    return numba.types.Dispatcher(dispatcher)
+
+
 class KernelCompiler(compiler.CompilerBase):
     """Numba's compiler without the passes for what kernels do not contain, a tenth of the time.
 

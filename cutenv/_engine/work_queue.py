@@ -6,28 +6,22 @@ its cache.  When that range is used up it steals chunks from the ranges of threa
 
 from __future__ import annotations
 
-import threading
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
-import numba
 import numpy as np
-from llvmlite import ir
 from numpy.typing import NDArray
 
-from cutenv._engine.intrinsics import array_data, lower_builtin, type_callable
+from cutenv._engine.intrinsics import LINE, atomic_add, atomic_load
 from cutenv._engine.jit import njit_inline, njit_nogil
 
 WorkQueue: TypeAlias = NDArray[np.int64]
 """Work queue of one pass over a batch, shape (threads, 8): one cache line for each thread avoids false sharing."""
 _NEXT, _END, _FINISHED = range(3)  # columns: next unclaimed item and end of the thread's range; items it has done
-_LINE = 8  # 64-bit words in a cache line
-_WORD = ir.IntType(64)
-_plain = threading.Lock()  # used only where nothing is compiled
 
 
 def make_queue(count: int, cores: int = 1) -> WorkQueue:
     """Make a work queue: split ``count`` items into one contiguous range per thread."""
-    passed = np.zeros((cores, _LINE), np.int64)
+    passed = np.zeros((cores, LINE), np.int64)
     passed[:, _END] = count * np.arange(1, cores + 1) // cores
     passed[1:, _NEXT] = passed[:-1, _END]
     return passed
@@ -64,47 +58,3 @@ def wait_done(passed: WorkQueue, patience: int) -> bool:
         left -= atomic_load(passed, core, _FINISHED)
         core += 1
     return False
-
-
-def atomic_add(passed: Any, core: Any, which: Any, size: Any) -> Any:
-    """Add ``size`` atomically to one counter of a thread (acquire-release) and return its value before."""
-    with _plain:
-        before = int(passed[core, which])
-        passed[core, which] += size
-    return before
-
-
-def atomic_load(passed: Any, core: Any, which: Any) -> Any:
-    """Load one counter of a thread atomically (acquire): what was written before it was raised is visible too."""
-    return int(passed[core, which])
-
-
-@type_callable(atomic_add)
-def _type_of_count_up(_: Any) -> Any:
-    return lambda passed, core, which, size: numba.types.int64
-
-
-@type_callable(atomic_load)
-def _type_of_counted(_: Any) -> Any:
-    return lambda passed, core, which: numba.types.int64
-
-
-def _place(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-    core, which = (_integer(context, builder, signature, arguments, k) for k in (1, 2))
-    place = builder.add(builder.mul(core, _WORD(_LINE)), which)
-    return builder.gep(array_data(context, builder, signature, arguments, 0), [place])
-
-
-def _integer(context: Any, builder: Any, signature: Any, arguments: Any, k: int) -> Any:
-    return context.cast(builder, arguments[k], signature.args[k], numba.types.int64)
-
-
-@lower_builtin(atomic_add, numba.types.Array, *[numba.types.Integer] * 3)
-def _count_up(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-    place = _place(context, builder, signature, arguments)
-    return builder.atomic_rmw("add", place, _integer(context, builder, signature, arguments, 3), "acq_rel")
-
-
-@lower_builtin(atomic_load, numba.types.Array, *[numba.types.Integer] * 2)
-def _counted(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-    return builder.load_atomic(_place(context, builder, signature, arguments), "acquire", 8)

@@ -10,8 +10,8 @@ import numpy as np
 
 from cutenv._base.arrays import Struct, StructArray
 from cutenv._base.validation import array_in_range, check_parameters, parameter
+from cutenv._engine.intrinsics import first_row
 from cutenv._engine.jit import njit, njit_inline, njit_internal
-from cutenv._engine.lanes import first_row
 from cutenv._engine.randomness import (
     SENSOR_DRIFT,
     SENSOR_NOISE,

@@ -9,9 +9,8 @@ import numpy as np
 
 from cutenv._base.arrays import Array, StructArray
 from cutenv._engine.declared import compiled_for
-from cutenv._engine.intrinsics import keep_alive, without_refcount
+from cutenv._engine.intrinsics import first_row, keep_alive, without_refcount
 from cutenv._engine.jit import njit, njit_nogil
-from cutenv._engine.lanes import first_row
 from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
 from cutenv.cutting.dtypes import TICK
 from cutenv.cutting.law import EnergyAccount, account

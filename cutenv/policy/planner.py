@@ -10,9 +10,8 @@ import numpy as np
 
 from cutenv._base.arrays import Array, Array32, Indices, Struct, StructArray
 from cutenv._base.validation import in_range
-from cutenv._engine.intrinsics import keep_alive
+from cutenv._engine.intrinsics import first_row, keep_alive
 from cutenv._engine.jit import njit, njit_internal, njit_nogil
-from cutenv._engine.lanes import first_row
 from cutenv._engine.parallel import parallel_for
 from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
 from cutenv.cutting.dtypes import READING

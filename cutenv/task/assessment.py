@@ -14,8 +14,8 @@ import numpy as np
 
 from cutenv._base.arrays import Struct, StructArray
 from cutenv._engine.fuse import expression, fuse
+from cutenv._engine.intrinsics import first_row
 from cutenv._engine.jit import njit, njit_fused, njit_inline
-from cutenv._engine.lanes import first_row
 from cutenv._engine.randomness import Integer
 from cutenv.cutting.dtypes import TICK
 from cutenv.cutting.law import account, depth_at, stiffness_at, toughness_at

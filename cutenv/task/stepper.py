@@ -13,9 +13,8 @@ import numpy as np
 
 from cutenv._base.arrays import Array, Struct, StructArray
 from cutenv._engine.declared import compiled_for
-from cutenv._engine.intrinsics import as_float64_view, keep_alive, prefetch, without_refcount
+from cutenv._engine.intrinsics import as_float64_view, first_row, keep_alive, prefetch, without_refcount
 from cutenv._engine.jit import njit, njit_inline, njit_internal, njit_nogil
-from cutenv._engine.lanes import first_row
 from cutenv._engine.randomness import Integer
 from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
 from cutenv.cutting.dtypes import DRIVE, LAW, STATE, TICK

@@ -10,8 +10,8 @@ import numpy as np
 
 import cutenv  # noqa: F401  registers the environment
 from cutenv._base.arrays import StructArray
+from cutenv._engine.intrinsics import first_row
 from cutenv._engine.jit import njit_nogil
-from cutenv._engine.lanes import first_row
 from cutenv._engine.parallel import cores, parallel_for
 from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
 from cutenv.cutting.motion import STRAIGHT, Moving

@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 
 import cutenv
-from cutenv._engine.intrinsics import keep_alive
+from cutenv._engine.intrinsics import first_row, keep_alive
 from cutenv._engine.jit import njit
-from cutenv._engine.lanes import first_row
 
 PACKAGE = Path(inspect.getfile(cutenv)).parent
 LANES = np.dtype((np.record, [("value", "f8", (64,))]))

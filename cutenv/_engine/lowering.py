@@ -1,0 +1,166 @@
+"""The functions of :mod:`cutenv._engine.intrinsics` as Numba types and lowers them.
+
+Imported where something is compiled, and only there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar, cast
+
+import numba
+import numba.extending
+from llvmlite import ir
+from numba.core import cgutils, imputils
+from numba.np import arrayobj
+
+from cutenv._engine.intrinsics import (
+    LINE,
+    as_float64_view,
+    atomic_add,
+    atomic_load,
+    bits_of,
+    float_of,
+    keep_alive,
+    prefetch,
+    without_refcount,
+)
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+_llvm: Any = cgutils  # these libraries have no type annotations
+_lower: Any = numba.extending.lower_builtin
+_type: Any = numba.extending.type_callable
+_arrays: Any = arrayobj
+_results: Any = imputils
+
+
+def type_callable(function: Callable[..., Any]) -> Callable[[Function], Function]:
+    """Register the typing of ``function`` in kernels (typed `numba.extending.type_callable`)."""
+    return cast(Callable[[Function], Function], _type(function))
+
+
+def lower_builtin(function: Callable[..., Any], *kinds: Any) -> Callable[[Function], Function]:
+    """Register an LLVM lowering for ``function`` (typed `lower_builtin`): faster to compile than `@overload`."""
+    return cast(Callable[[Function], Function], _lower(function, *kinds))
+
+
+def array_data(context: Any, builder: Any, signature: Any, arguments: Any, k: int) -> Any:
+    """Return the data pointer of argument ``k``, an array."""
+    return context.make_array(signature.args[k])(context, builder, arguments[k]).data
+
+
+@type_callable(bits_of)
+def _type_of_bits(_: Any) -> Any:
+    return lambda number: numba.types.int64
+
+
+@type_callable(float_of)
+def _type_of_float(_: Any) -> Any:
+    return lambda bits: numba.types.float64
+
+
+@lower_builtin(bits_of, numba.types.float64)
+def _bits_of(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    return builder.bitcast(arguments[0], ir.IntType(64))
+
+
+@lower_builtin(float_of, numba.types.int64)
+def _float_of(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    return builder.bitcast(arguments[0], ir.DoubleType())
+
+
+@type_callable(prefetch)
+def _type_of_fetched(_: Any) -> Any:
+    return lambda array, i: numba.types.none
+
+
+@lower_builtin(prefetch, numba.types.Array, numba.types.Integer)
+def _fetch_ahead(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    data = array_data(context, builder, signature, arguments, 0)
+    pointer = builder.bitcast(builder.gep(data, [arguments[1]]), cgutils.voidptr_t)
+    word = ir.IntType(32)
+    kind = ir.FunctionType(ir.VoidType(), [cgutils.voidptr_t, word, word, word])
+    prefetch = builder.module.declare_intrinsic("llvm.prefetch", (cgutils.voidptr_t,), kind)
+    builder.call(prefetch, [pointer, word(0), word(3), word(1)])  # for reading, high locality, data cache
+    return context.get_dummy_value()
+
+
+@type_callable(keep_alive)
+def _type_of_kept(_: Any) -> Any:
+    return lambda array: numba.types.none
+
+
+@lower_builtin(keep_alive, numba.types.Array)
+def _kept(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    return context.get_dummy_value()
+
+
+@type_callable(without_refcount)
+def _type_of_borrowed(_: Any) -> Any:
+    return lambda arrays: arrays
+
+
+@lower_builtin(without_refcount, numba.types.BaseTuple)
+def _borrowed(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    uncounted = []
+    for kind, counted in zip(signature.args[0], _llvm.unpack_tuple(builder, arguments[0]), strict=True):
+        if not isinstance(kind, numba.types.Array):
+            uncounted.append(counted)
+            continue
+        array = context.make_array(kind)(context, builder, counted)
+        array.meminfo = _llvm.get_null_value(array.meminfo.type)
+        array.parent = _llvm.get_null_value(array.parent.type)
+        uncounted.append(array._getvalue())
+    return context.make_tuple(builder, signature.return_type, uncounted)
+
+
+_WORD = ir.IntType(64)
+_NUMBERS = numba.types.Array(numba.types.float64, 1, "C")
+
+
+@type_callable(as_float64_view)
+def _type_of_numbers(_: Any) -> Any:
+    return lambda records: _NUMBERS if getattr(records, "layout", None) == "C" else None
+
+
+@lower_builtin(as_float64_view, numba.types.Array)
+def _as_numbers(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    array = context.make_array(signature.args[0])(context, builder, arguments[0])
+    numbers = context.make_array(_NUMBERS)(context, builder)
+    width = context.get_constant(numba.types.intp, 8)
+    size = builder.udiv(builder.mul(array.nitems, array.itemsize), width)
+    data = builder.bitcast(array.data, numbers.data.type)
+    _arrays.populate_array(numbers, data, [size], [width], width, array.meminfo, array.parent)
+    return _results.impl_ret_borrowed(context, builder, _NUMBERS, numbers._getvalue())
+
+
+@type_callable(atomic_add)
+def _type_of_count_up(_: Any) -> Any:
+    return lambda counters, row, which, size: numba.types.int64
+
+
+@type_callable(atomic_load)
+def _type_of_counted(_: Any) -> Any:
+    return lambda counters, row, which: numba.types.int64
+
+
+def _place(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    row, which = (_integer(context, builder, signature, arguments, k) for k in (1, 2))
+    place = builder.add(builder.mul(row, _WORD(LINE)), which)
+    return builder.gep(array_data(context, builder, signature, arguments, 0), [place])
+
+
+def _integer(context: Any, builder: Any, signature: Any, arguments: Any, k: int) -> Any:
+    return context.cast(builder, arguments[k], signature.args[k], numba.types.int64)
+
+
+@lower_builtin(atomic_add, numba.types.Array, *[numba.types.Integer] * 3)
+def _count_up(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    place = _place(context, builder, signature, arguments)
+    return builder.atomic_rmw("add", place, _integer(context, builder, signature, arguments, 3), "acq_rel")
+
+
+@lower_builtin(atomic_load, numba.types.Array, *[numba.types.Integer] * 2)
+def _counted(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    return builder.load_atomic(_place(context, builder, signature, arguments), "acquire", 8)

@@ -1,0 +1,104 @@
+"""Kernels of the library that a wheel brings, compiled ahead of time: ``scripts/build_kernels.py`` builds it.
+
+The library is used as a whole or not at all: where the source of any kernel is another than the one that it was built
+from, as in a checkout, Numba compiles.  A call whose arguments no function of the library takes goes to Numba, too.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable, Iterable
+from functools import cached_property, update_wrapper
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+_PACKAGE = Path(__file__).parents[1]
+
+
+def digest_of(files: Iterable[str], package: Path = _PACKAGE) -> str:
+    """Return a digest of source files, whose names are relative to the package; empty if one is missing."""
+    content = hashlib.sha256()
+    for name in files:
+        try:
+            text = (package / name).read_bytes()
+        except OSError:
+            return ""
+        content.update(hashlib.sha256(text.replace(b"\r\n", b"\n")).digest())
+    return content.hexdigest()
+
+
+def described(dtype: np.dtype[Any]) -> str:
+    """Return names, places and kinds of all that a dtype holds, equal for dtypes of the same memory."""
+    if dtype.subdtype is not None:
+        base, shape = dtype.subdtype
+        return f"{described(base)}{list(shape)}"
+    if dtype.names is None:
+        return dtype.str
+    fields = [(name, dtype.fields[name]) for name in dtype.names] if dtype.fields is not None else []
+    held = ",".join(f"{name}@{offset}:{described(kind)}" for name, (kind, offset, *_) in fields)
+    return f"{{{held}}}{dtype.itemsize}"
+
+
+def _loaded() -> Any:
+    """Return the library, if it is there and was built from this source."""
+    if os.environ.get("NUMBA_DISABLE_JIT") or os.environ.get("CUTENV_COMPILE"):
+        return None
+    try:
+        library = import_module("cutenv._engine._kernels")
+    except ImportError:  # a checkout, or a system that it was not built for
+        return None
+    if digest_of(library.sources) != library.digest:
+        return None
+    library.identify(lambda number, dtype: described(dtype) == library.dtypes[number])
+    return library
+
+
+LIBRARY = _loaded()
+_built: dict[str, list[int]] = {}
+if LIBRARY is not None:
+    for _number, _name in enumerate(LIBRARY.names):
+        _built.setdefault(_name, []).append(_number)
+_modules = {name.partition(":")[0] for name in _built}
+
+
+def covers(function: Callable[..., Any]) -> bool:
+    """Return True if a function of this package need not be compiled before it is called, for there is a library."""
+    return LIBRARY is not None and function.__module__.partition(".")[0] == _PACKAGE.name
+
+
+class Kernel:
+    """Kernel that the library has, or that Numba compiles when it is first called.
+
+    Parameters
+    ----------
+    function : callable
+        What it computes.
+    compile : callable
+        Returns the function as Numba compiles it.
+    """
+
+    def __init__(self, function: Callable[..., Any], compile: Callable[[], Any]) -> None:
+        update_wrapper(self, function)
+        self.py_func = function
+        self._compile = compile
+        built = _built.get(f"{function.__module__}:{function.__qualname__}", [])
+        self.is_built = bool(built)
+        self._call = LIBRARY.kernel(built, lambda *arguments: self.compiled(*arguments))
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Compute; the arguments are those of the function, by place."""
+        return self._call(*arguments)
+
+    @cached_property
+    def compiled(self) -> Any:
+        """The function as Numba compiles it."""
+        return self._compile()
+
+    @property
+    def _numba_type_(self) -> Any:
+        """What Numba looks for in a kernel that calls this one."""
+        return self.compiled._numba_type_
