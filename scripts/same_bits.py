@@ -21,11 +21,13 @@ from typing import Any
 import numpy as np
 from numpy._core._multiarray_umath import __cpu_dispatch__, __cpu_features__
 
-_KERNELS = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
+_NUMBA = {"CUTENV_COMPILE": "1"}  # even where there is a library of kernels, which the first setting then uses
+_KERNELS = _NUMBA | {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
 _NUMPY = {"NPY_DISABLE_CPU_FEATURES": " ".join(name for name in __cpu_dispatch__ if __cpu_features__[name])}
 _BLAS = {f"OpenBLAS for {name}": {"OPENBLAS_CORETYPE": name} for name in ("Haswell", "Nehalem", "SkylakeX")}
 SETTINGS = {
-    "this processor": {}, **_BLAS, "kernels for the plainest": _KERNELS, "NumPy for the plainest": _NUMPY,
+    "this processor": {}, "compiled here": _NUMBA, **_BLAS, "kernels for the plainest": _KERNELS,
+    "NumPy for the plainest": _NUMPY,
 }  # fmt: skip
 STEPS, BATCH = 200, 64
 EPISODES = {"gentle": 6, "depth": 6, "path": 24}

@@ -7,6 +7,7 @@ first cut would keep it: beside the package, or in the user's cache, or below NU
 from __future__ import annotations
 
 import argparse
+import math
 import os
 import subprocess
 import sys
@@ -17,7 +18,7 @@ from importlib.util import find_spec
 
 from cutenv._base.output import progress_bar
 from cutenv.commands.options import command_parser, reports_errors
-from cutenv.task.registry import TASKS
+from cutenv.task.registry import TASKS, RegisteredTask
 
 _RIG = "emulated rig"  # a part beside the tasks, where its extra is installed
 _ACROSS: tuple[tuple[str, ...], ...] = ((), ("height",), ("side",))
@@ -58,16 +59,58 @@ def parts() -> list[str]:
 
 
 def compile_part(name: str) -> None:
-    """Use every kernel of a task once, in single cuts and in a batch, by truth and by estimate; or of the emulator."""
+    """Use every kernel of a task once, by truth and by estimate, and of its scripts and planner; or of the emulator."""
     if name == _RIG:
-        from cutenv.imitated.emulator.process import warm_up
-
-        for across in _ACROSS:
-            warm_up(across=across)
+        _use_rigs()
         return
     task = TASKS[name]
     for keywords in ({}, {"reward_from": "estimate"}):
         for environment in (task.single(**keywords), task.vector(2, **keywords)):
+            environment.reset(seed=0)
+            environment.step(environment.action_space.sample())
+            environment.close()
+    _use_policies(task)
+    _use_plant(task)
+
+
+def _use_policies(task: RegisteredTask) -> None:
+    """Let scripts and planner of a task cut, with what a learner and its critic are shown."""
+    import numpy as np
+
+    from cutenv.envs.batch import CutBatch
+    from cutenv.learning.evaluation import batched_rollout
+
+    for policy in (*(make() for make in task.scripts.values()), task.planner(rounds=1)):
+        (cut,) = batched_rollout(policy, [0], {"task": task.name, "deadline_s": 1.0}, readings=True)
+        cut.metrics()
+    batch, which = CutBatch(2, task.single()), np.arange(2)
+    batch.give_seeds([0, 1], which, np.random.default_rng(0))
+    batch.begin(which)
+    batch.append_hidden(task.features(2)(batch.observations), which)
+
+
+def _use_plant(task: RegisteredTask) -> None:
+    """Drive, lead and account for a blade as the law's own checks do, and by a person's hand where the task has one."""
+    environment = task.single()
+    environment.reset(seed=0)
+    plant = environment.plant
+    plant.advance(0.01, math.radians(60.0), 5)
+    plant.lead([plant.states["blade"][0]], math.radians(60.0))
+    plant.energy()
+    if task.hand:
+        cut = task.hand()
+        cut.follow([[0.0, math.radians(60.0), 0.0][: len(task.task.action_names)]] * 5)
+
+
+def _use_rigs() -> None:
+    """Use the emulator, along the cut and across it, and an environment on a fake rig of each task that has one."""
+    from cutenv.imitated.emulator.process import warm_up
+
+    for across in _ACROSS:
+        warm_up(across=across)
+    for task in TASKS.values():
+        if task.rig:
+            environment = task.rig(rig="fake")
             environment.reset(seed=0)
             environment.step(environment.action_space.sample())
             environment.close()

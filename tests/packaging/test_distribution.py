@@ -21,6 +21,7 @@ CODE = (".py", ".js", ".json", ".css", ".html", ".xml")
 MODULES = {path.relative_to(ROOT).as_posix() for path in (ROOT / "cutenv").rglob("*") if path.suffix in CODE}
 
 SITE = "cutenv/assets/site/"
+HOOK = "scripts/kernels/wheel_hook.py"
 
 LOAD_A_POLICY = """
 import cutenv, cutenv.policy
@@ -77,8 +78,9 @@ def test_a_wheel_made_by_an_sdist_is_that_of_the_checkout_with_the_documentation
     checkout, out = tmp_path / "checkout", tmp_path / "out"
     for folder in ("cutenv", *(path.relative_to(ROOT) for path in DATA)):
         shutil.copytree(ROOT / folder, checkout / folder, ignore=shutil.ignore_patterns("__pycache__"))
-    for file in ("pyproject.toml", "README.md", "LICENSE", "CHANGELOG.md", ".gitignore"):
-        shutil.copy(ROOT / file, checkout)
+    (checkout / "scripts" / "kernels").mkdir(parents=True)
+    for file in ("pyproject.toml", "README.md", "LICENSE", "CHANGELOG.md", ".gitignore", HOOK):
+        shutil.copy(ROOT / file, checkout / file)
     page = checkout / "assets" / "site" / "how-to" / "index.html"
     page.parent.mkdir(parents=True)
     page.write_text("<h1>How-to</h1>", encoding="utf-8")
