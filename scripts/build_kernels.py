@@ -45,7 +45,7 @@ class Target:
     levels: tuple[str, ...]
     """Processors, the least first."""
     options: tuple[str, ...] = ()
-    """Of the linker."""
+    """Options of the linker."""
 
 
 TARGETS = {
@@ -243,7 +243,7 @@ def _form(kind: Any) -> Iterator[str | tuple[str, str]]:
     from numba.core import types
     from numba.np.numpy_support import as_dtype
 
-    from cutenv._engine.native import described
+    from cutenv._engine.native import memory_of
 
     letters = {types.float64: "d", types.float32: "f", types.int64: "l", types.uint64: "u", types.boolean: "b"}
     if kind in letters:
@@ -255,7 +255,7 @@ def _form(kind: Any) -> Iterator[str | tuple[str, str]]:
         yield ")"
     elif isinstance(kind, types.Array):
         yield f"{'w' if kind.mutable else 'r'}{'C' if kind.layout == 'C' else 'A'}{kind.ndim}"
-        yield "dtype", described(as_dtype(kind.dtype))
+        yield "dtype", memory_of(as_dtype(kind.dtype))
     elif kind == types.none:
         yield "n"
     else:

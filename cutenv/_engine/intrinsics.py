@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 Arrays = TypeVar("Arrays", bound=tuple[Any, ...])
-LINE = 8
+CACHE_LINE = 8
 """64-bit words in a cache line, and so in a row of counters."""
 _plain = threading.Lock()  # used only where nothing is compiled
 

@@ -15,7 +15,7 @@ from numba.core import cgutils, imputils
 from numba.np import arrayobj
 
 from cutenv._engine.intrinsics import (
-    LINE,
+    CACHE_LINE,
     as_float64_view,
     atomic_add,
     atomic_load,
@@ -147,7 +147,7 @@ def _type_of_counted(_: Any) -> Any:
 
 def _place(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
     row, which = (_integer(context, builder, signature, arguments, k) for k in (1, 2))
-    place = builder.add(builder.mul(row, _WORD(LINE)), which)
+    place = builder.add(builder.mul(row, _WORD(CACHE_LINE)), which)
     return builder.gep(array_data(context, builder, signature, arguments, 0), [place])
 
 

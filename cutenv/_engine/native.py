@@ -31,15 +31,15 @@ def digest_of(files: Iterable[str], package: Path = _PACKAGE) -> str:
     return content.hexdigest()
 
 
-def described(dtype: np.dtype[Any]) -> str:
+def memory_of(dtype: np.dtype[Any]) -> str:
     """Return names, places and kinds of all that a dtype holds, equal for dtypes of the same memory."""
     if dtype.subdtype is not None:
         base, shape = dtype.subdtype
-        return f"{described(base)}{list(shape)}"
+        return f"{memory_of(base)}{list(shape)}"
     if dtype.names is None:
         return dtype.str
     fields = [(name, dtype.fields[name]) for name in dtype.names] if dtype.fields is not None else []
-    held = ",".join(f"{name}@{offset}:{described(kind)}" for name, (kind, offset, *_) in fields)
+    held = ",".join(f"{name}@{offset}:{memory_of(kind)}" for name, (kind, offset, *_) in fields)
     return f"{{{held}}}{dtype.itemsize}"
 
 
@@ -53,7 +53,7 @@ def _loaded() -> Any:
         return None
     if digest_of(library.sources) != library.digest:
         return None
-    library.identify(lambda number, dtype: described(dtype) == library.dtypes[number])
+    library.identify(lambda number, dtype: memory_of(dtype) == library.dtypes[number])
     return library
 
 
@@ -100,5 +100,5 @@ class Kernel:
 
     @property
     def _numba_type_(self) -> Any:
-        """What Numba looks for in a kernel that calls this one."""
+        """Type that Numba looks for in a kernel that calls this one."""
         return self.compiled._numba_type_

@@ -11,7 +11,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from cutenv._engine.intrinsics import LINE, atomic_add, atomic_load
+from cutenv._engine.intrinsics import CACHE_LINE, atomic_add, atomic_load
 from cutenv._engine.jit import njit_inline, njit_nogil
 
 WorkQueue: TypeAlias = NDArray[np.int64]
@@ -21,7 +21,7 @@ _NEXT, _END, _FINISHED = range(3)  # columns: next unclaimed item and end of the
 
 def make_queue(count: int, cores: int = 1) -> WorkQueue:
     """Make a work queue: split ``count`` items into one contiguous range per thread."""
-    passed = np.zeros((cores, LINE), np.int64)
+    passed = np.zeros((cores, CACHE_LINE), np.int64)
     passed[:, _END] = count * np.arange(1, cores + 1) // cores
     passed[1:, _NEXT] = passed[:-1, _END]
     return passed
