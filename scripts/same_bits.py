@@ -34,8 +34,8 @@ EPISODES = {"gentle": 6, "depth": 6, "path": 24}
 """Single cuts of each task."""
 
 
-def digests() -> dict[str, str]:
-    """Return the hash of every observation, reward and info, by task and kind of environment."""
+def digests(batch: int = BATCH) -> dict[str, str]:
+    """Return the hash of every observation, reward and info of a batch and of single cuts, by task."""
     import gymnasium
 
     from cutenv.task.registry import TASKS
@@ -45,7 +45,7 @@ def digests() -> dict[str, str]:
         task = TASKS[name].id
         content = hashlib.sha256()
         for specimen_class in ("liver", "mixed", "vascular"):
-            envs = gymnasium.make_vec(task, num_envs=BATCH, specimen_class=specimen_class)
+            envs = gymnasium.make_vec(task, num_envs=batch, specimen_class=specimen_class)
             content.update(envs.reset(seed=5)[0].tobytes())
             for actions in _forward(envs.action_space.shape, STEPS):
                 observations, rewards, *_ = envs.step(actions)
@@ -96,7 +96,7 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    if sys.argv[1:] == ["--digests"]:
-        print(json.dumps(digests()))
+    if sys.argv[1:2] == ["--digests"]:
+        print(json.dumps(digests(*map(int, sys.argv[2:]))))
     else:
         sys.exit(main())
