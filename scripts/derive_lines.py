@@ -29,8 +29,7 @@ from cutenv.tissue.drawn_lines import (
 )
 from cutenv.tissue.grid import N_POINTS, SPACING
 from cutenv.tissue.lines import length_within
-from cutenv.tissue.path_model import along_whole_line
-from cutenv.tissue.place_model import TipStiffness, stiffness_by_place
+from cutenv.tissue.place_model import TipStiffness, along_whole_line, stiffness_by_place
 
 START = (1.8, 0.07, 0.3, 0.7, 1.0, -0.2, 0.2)
 """Numbers of the place model from which the fit starts."""

@@ -105,7 +105,8 @@ class SimulatedPlant:
             in_range("speed", speed, -MAX_SPEED, MAX_SPEED, "m/s", "Speeds are in m/s: 2.54 cm/s is 0.0254.")
             check_angle(angle)
         name, largest, unit, cure = self.further
-        in_range(name, further, -largest, largest, unit, cure)
+        if not -largest <= further <= largest:
+            in_range(name, further, -largest, largest, unit, cure)
         if in_range("ticks", ticks, 1, 10**7, "1", "Give a whole number of milliseconds.") % 1.0:
             raise ValueError(f"ticks = {ticks:g} is not a whole number of milliseconds.")
         readings = np.zeros(int(ticks), READING)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from cutenv._base.imports import import_when_used
-from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.description import TissueDescription, load_description, measured_liver
 from cutenv.tissue.effective_modulus import local_effective_modulus, quasi_static_modulus
 from cutenv.tissue.layers import Layers
@@ -13,6 +12,7 @@ from cutenv.tissue.specimen import Specimen, draw_liver
 from cutenv.tissue.tables import measured_fracture_resistance
 
 if TYPE_CHECKING:
+    from cutenv.tissue.cut_model import CutModel
     from cutenv.tissue.path_model import PathModel
     from cutenv.tissue.steered_model import SteeredModel
 
@@ -34,6 +34,7 @@ __all__ = [
 __getattr__ = import_when_used(
     __name__,
     {
+        "CutModel": "cutenv.tissue.cut_model",
         "PathModel": "cutenv.tissue.path_model",
         "SteeredModel": "cutenv.tissue.steered_model",
     },

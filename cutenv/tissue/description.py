@@ -9,17 +9,19 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 from numpy.typing import NDArray
 
 from cutenv._base.validation import ParameterProvenance, check_parameters, one_of, parameter
-from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.effective_modulus import Falls, checked_falls, falls, linear_fit, speed_on_line
 from cutenv.tissue.layers import Layers
 from cutenv.tissue.slab import THICKNESS, slab_of
 from cutenv.tissue.tables import derived_value, measured_fracture_resistance
 from cutenv.tissue.variance_components import inclined_spread, mean_depth_of_cut, modulus_spread
+
+if TYPE_CHECKING:
+    from cutenv.tissue.cut_model import CutModel
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -346,6 +348,8 @@ def _layers_of(content: Any) -> Layers:
 
 @lru_cache(maxsize=8)
 def _cut_model(element: str, formulation: str, poisson: float) -> CutModel:
+    from cutenv.tissue.cut_model import CutModel
+
     return CutModel(element=element, formulation=formulation, poisson=poisson)
 
 

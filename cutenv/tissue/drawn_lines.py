@@ -31,14 +31,7 @@ from cutenv.tissue.lines import (
     s_shape,
     straight,
 )
-from cutenv.tissue.path_model import (
-    along_whole_line,
-    over_straight,
-    stiffness_at_tips,
-    stiffness_at_unit_modulus,
-    straight_stiffness,
-)
-from cutenv.tissue.place_model import TipStiffness, off_line
+from cutenv.tissue.place_model import TipStiffness, along_whole_line, off_line, over_straight
 from cutenv.tissue.tables import FOLDER
 
 MIXED_KINDS = ("straight", "arc", "s", "excision", "random")
@@ -108,14 +101,22 @@ def line_record(line: CutLine, found: TipStiffness, base: TipStiffness) -> Struc
 
 def given_line(line: CutLine, element: str, formulation: str, poisson: float) -> DrawnLines:
     """Return a single line with its record; the model along it is solved."""
+    from cutenv.tissue.path_model import straight_stiffness
+
     plane = element, formulation, poisson
-    found, base = stiffness_at_unit_modulus(line, *plane), straight_stiffness(*plane)
+    found, base = _solved(line, plane), straight_stiffness(*plane)
     return DrawnLines((line,), line_record(line, found, base))
 
 
 def length_of_bends(line: CutLine) -> float:
     """Return the length of a line up to where it is straight for good [m]."""
     return float(SPACING * np.flatnonzero(line.curvature)[-1])
+
+
+def _solved(line: CutLine, plane: tuple[str, str, float]) -> TipStiffness:
+    from cutenv.tissue.path_model import stiffness_at_unit_modulus  # with scikit-fem, which stored lines do without
+
+    return stiffness_at_unit_modulus(line, *plane)
 
 
 @lru_cache(maxsize=2)
@@ -126,14 +127,12 @@ def drawn_lines(element: str, formulation: str, poisson: float) -> DrawnLines:
     """
     plane = element, formulation, poisson
     stored = stored_stiffness() if plane == tuple(STORED.values()) else None
-    base = straight_stiffness(*plane) if stored is None else along_whole_line(*stored[0, 0])
+    base = _solved(straight(), plane) if stored is None else along_whole_line(*stored[0, 0])
     lines, solved = [straight()], [base]
     for kind in range(1, len(KINDS)):
         for number in range(0, OF_A_KIND, 2):
             line = first_of_pair(kind, number)
-            found = (
-                stiffness_at_unit_modulus(line, *plane) if stored is None else along_whole_line(*stored[kind, number])
-            )
+            found = _solved(line, plane) if stored is None else along_whole_line(*stored[kind, number])
             lines += [line, mirrored(line)]
             solved += [found, TipStiffness(found.along, -found.coupled, found.across)]
     records = np.concatenate([line_record(line, found, base) for line, found in zip(lines, solved, strict=True)])
@@ -189,6 +188,8 @@ def solved_stiffness() -> list[dict[str, Any]]:
 
     Each has its kind, number, tips [m] and stiffness [1].
     """
+    from cutenv.tissue.path_model import stiffness_at_tips
+
     found = []
     for kind, number in [(0, 0), *itertools.product(range(1, len(KINDS)), range(0, OF_A_KIND, 2))]:
         line = first_of_pair(kind, number) if kind else straight()

@@ -19,7 +19,6 @@ from typing import Literal, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import isotonic_regression
 
 from cutenv._base.arrays import Array
 from cutenv._base.validation import array_in_range, in_range, one_of
@@ -185,6 +184,12 @@ def linear_fit(number: str, *, angle_deg: float = 90, formulation: Formulation =
     )
 
 
+def _isotonic(values: Array) -> Array:
+    """Return the non-increasing numbers nearest to a few, by the min-max formula: SciPy's take long to import."""
+    n = range(len(values))
+    return np.array([min(max(values[j : k + 1].mean() for k in n[i:]) for j in n[: i + 1]) for i in n])
+
+
 @functools.cache
 def falls(
     number: str, *, angle_deg: float = 90, formulation: Formulation = "plane_stress"
@@ -210,7 +215,7 @@ def falls(
     Of all non-increasing curves, linear between the measured speeds, it is the nearest to the means.
     """
     speed, modulus, _ = _measured(number, angle_deg, formulation)
-    level = isotonic_regression(modulus, increasing=False).x
+    level = _isotonic(modulus)
     whole = float(level[0] - level[-1])
     shares = -np.diff(level) / whole
     steps = tuple(

@@ -10,7 +10,6 @@ from cutenv._base.arrays import Array
 from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING
 from cutenv.tissue.lines import CutLine
-from cutenv.tissue.path_model import stiffness_at_unit_modulus, straight_stiffness
 from cutenv.tissue.place_model import beside_line, off_line
 
 CRACK_CURVATURE = 100.0
@@ -53,6 +52,8 @@ def expected_cut(line: CutLine, x: Array, y: Array, tip: Array, tissue: TissueDe
     tissue : TissueDescription
         Tissue, for Poisson's ratio and the element of its model.
     """
+    from cutenv.tissue.path_model import stiffness_at_unit_modulus, straight_stiffness
+
     plane = tissue.element, tissue.formulation, tissue.poisson
     stiffness = stiffness_at_unit_modulus(line, *plane)
     rates = off_line(line, straight_stiffness(*plane))

@@ -7,7 +7,6 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicSpline
 
 from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range
@@ -214,6 +213,8 @@ def through(points: ArrayLike) -> CutLine:
     if back.size:
         x, y = given[back[0] + 1]
         raise ValueError(f"The line turns back at ({x:g}, {y:g}) m: each place must be further along than the last.")
+    from scipy.interpolate import CubicSpline
+
     chord = np.append(0.0, np.cumsum(np.hypot(*np.diff(given, axis=0).T)))
     spline = CubicSpline(chord, given)
     fine = np.linspace(0.0, chord[-1], _PARTS)

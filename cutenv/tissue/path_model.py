@@ -8,7 +8,6 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import PchipInterpolator
 from scipy.linalg import cholesky, solve_triangular
 from scipy.sparse import csr_array
 
@@ -16,10 +15,10 @@ from cutenv._base.arrays import Array, Indices
 from cutenv._base.validation import in_range, one_of
 from cutenv.tissue.continuum import METRES, Continuum, checked_relative_modulus
 from cutenv.tissue.elasticity import lame_parameters, local_compliance, square_compliance
-from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING
+from cutenv.tissue.grid import LENGTH
 from cutenv.tissue.lines import SIDE_MARGIN, WIDTH, CutLine, length_within, straight
 from cutenv.tissue.mesh import ACROSS, ALONG, CutMesh, checked_divisions, read_only
-from cutenv.tissue.place_model import TipStiffness
+from cutenv.tissue.place_model import TipStiffness, along_whole_line, over_straight
 from cutenv.tissue.specimen import Specimen
 from cutenv.tissue.tip_response import factorise, stiffness_matrix
 
@@ -244,11 +243,6 @@ def stiffness_on_line(specimen: Specimen, line: CutLine) -> TipStiffness:
     return TipStiffness(own * ratio.along, own * ratio.coupled, own * ratio.across)
 
 
-def over_straight(found: TipStiffness, base: TipStiffness) -> TipStiffness:
-    """Return the stiffness of a uniform slab on a line, over ``base`` along a straight one as long [1]."""
-    return TipStiffness(*(part / base.along for part in found))
-
-
 @lru_cache(maxsize=4)
 def straight_stiffness(element: str, formulation: str, poisson: float) -> TipStiffness:
     """Return the uniform slab's stiffness along a straight cut, solved once [1]."""
@@ -265,10 +259,3 @@ def stiffness_at_tips(line: CutLine, element: str, formulation: str, poisson: fl
     model = PathModel(line, element=element, formulation=formulation, poisson=poisson)
     at_tips = model.converted_stiffness(_ELEMENT) if element == "quad8" else model.stiffness
     return model.tips, np.where(abs(at_tips) > _ROUNDING, at_tips, 0.0)  # none is coupled by symmetry
-
-
-def along_whole_line(tips: Array, stiffness: Array) -> TipStiffness:
-    """Return the stiffness at each point of a line, of shape (n_tips, 2, 2) at some tips; outside them it is kept."""
-    places = np.clip(np.arange(N_POINTS) * SPACING, tips[0], tips[-1])
-    between = PchipInterpolator(tips, stiffness)(places)
-    return TipStiffness(between[:, 0, 0], between[:, 0, 1], between[:, 1, 1])

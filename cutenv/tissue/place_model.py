@@ -47,6 +47,20 @@ class TipStiffness(NamedTuple):
     across: Array
 
 
+def over_straight(found: TipStiffness, base: TipStiffness) -> TipStiffness:
+    """Return the stiffness of a uniform slab on a line, over ``base`` along a straight one as long [1]."""
+    return TipStiffness(*(part / base.along for part in found))
+
+
+def along_whole_line(tips: Array, stiffness: Array) -> TipStiffness:
+    """Return the stiffness at each point of a line, of shape (n_tips, 2, 2) at some tips; outside them it is kept."""
+    from scipy.interpolate import PchipInterpolator
+
+    places = np.clip(np.arange(N_POINTS) * SPACING, tips[0], tips[-1])
+    between = PchipInterpolator(tips, stiffness)(places)
+    return TipStiffness(between[:, 0, 0], between[:, 0, 1], between[:, 1, 1])
+
+
 class OffLine(NamedTuple):
     """Rates dL/dd of the lower triangular L along a line, each of shape (301,) [1/m]."""
 

@@ -26,7 +26,6 @@ from numpy.typing import ArrayLike, NDArray
 from cutenv._base import resources
 from cutenv._base.arrays import Array, Struct
 from cutenv._engine.jit import njit, njit_inline, njit_internal
-from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.grid import LENGTH, N_POINTS
 from cutenv.tissue.tables import FOLDER
 from cutenv.tissue.varying_modulus import UNKNOWNS, Condensed, condensed
@@ -78,6 +77,8 @@ def slab_of(element: str, formulation: str, poisson: float) -> NDArray[Any]:
     if [kept[name] for name in ("element", "formulation", "poisson")] == [element, formulation, poisson]:
         parts = Condensed(*(np.array(kept[name]) for name in Condensed._fields))
     else:
+        from cutenv.tissue.cut_model import CutModel
+
         parts = condensed(CutModel(element=element, formulation=formulation, poisson=poisson))
     for name in ("lower", "across", "upper"):
         slab[0][name] = getattr(parts, name)

@@ -6,7 +6,7 @@ import dataclasses
 import json
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,7 +14,6 @@ from cutenv._base.arrays import Array, Struct, StructArray
 from cutenv._base.validation import array_in_range, check_parameters, in_range, one_of, parameter
 from cutenv._engine.jit import njit, njit_inline
 from cutenv._engine.randomness import SURFACE, Key, check_key
-from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.description import TissueDescription, checked_fields, measured_liver
 from cutenv.tissue.grid import LENGTH, N_POINTS, POINTS_PER_METRE, SPACING, field_modes, lognormal_sigma
 from cutenv.tissue.sampling import (
@@ -28,6 +27,9 @@ from cutenv.tissue.sampling import (
     tissue_modes,
 )
 from cutenv.tissue.slab import DEPTHS, at_depth, stiffness_along
+
+if TYPE_CHECKING:
+    from cutenv.tissue.cut_model import CutModel
 
 CLASSES = ("uniform", "liver", "vascular", "mixed")
 SPECIMEN_SCHEMA = "cutenv-specimen/2"

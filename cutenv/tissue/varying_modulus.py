@@ -12,17 +12,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from cutenv._base.arrays import Array, Indices
 from cutenv._base.validation import array_in_range
-from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.grid import field_modes, lognormal_sigma
-from cutenv.tissue.mesh import ACROSS, ALONG, ELEMENT_KINDS, CutMesh
-from cutenv.tissue.tip_response import stiffness_matrix
+
+if TYPE_CHECKING:
+    from cutenv.tissue.cut_model import CutModel
 
 _PARTS = 50  # parts of a row over which its thickness is averaged
 
@@ -120,7 +120,7 @@ class Condensed(NamedTuple):
 def condensed(model: CutModel) -> Condensed:
     """Condense a plane model of uniform modulus."""
     row, n = _row_stiffness(model)
-    n_rows = model.divisions[ALONG] if model.divisions else 0
+    n_rows = len(model.tips)
     shapes: list[list[Array]] = [[] for _ in range(n_rows)]
     for rows in _fields(n_rows):
         compliance = np.linalg.inv(_assembled(row, n, rows))
@@ -143,6 +143,9 @@ def _row_stiffness(model: CutModel) -> tuple[Array, int]:
 
     The first unknown of a border is the displacement along the cut of its node on the line.
     """
+    from cutenv.tissue.mesh import ACROSS, ALONG, ELEMENT_KINDS, CutMesh
+    from cutenv.tissue.tip_response import stiffness_matrix
+
     assert model.divisions is not None
     across, along = model.divisions[:2]
     strip = CutMesh(kind=ELEMENT_KINDS[model.element], divisions=(across, 1), size=(model.width, model.length / along))

@@ -85,14 +85,20 @@ class FilmedCut:
         held = held_boards(self.cameras, self.target, count, rng, square=square, tags=tags)
         return held, standing_board(self.cameras, self.target, rng, square=square, tags=tags)
 
-    def write(self, path: Path, left: Path | None = None, watched: Callable[[Array], Iterable[float]] = iter) -> None:
-        """Write the film as H.264, and the left camera's half into another file; ``watched`` may show progress."""
+    def write(
+        self, path: Path, left: Path | None = None, watched: Callable[[Array], Iterable[float]] = iter,
+        frames: Iterable[NDArray[np.uint8]] | None = None,
+    ) -> None:  # fmt: skip
+        """Write the film as H.264, and the left camera's half into another file.
+
+        ``watched`` may show progress; ``frames`` are those that have been rendered already.
+        """
         paths = [path] if left is None else [path, left]
         width, height = self.cameras[0].width, self.cameras[0].height
         with contextlib.ExitStack() as stack:
             files = [stack.enter_context(av.open(str(each), "w")) for each in paths]
             streams = [self._stream(file, width * size, height) for file, size in zip(files, (2, 1), strict=False)]
-            for time, image in zip(watched(self.time), self.frames(), strict=True):
+            for time, image in zip(watched(self.time), self.frames() if frames is None else frames, strict=True):
                 for file, stream in zip(files, streams, strict=True):
                     part = np.ascontiguousarray(image[:, : stream.width])
                     frame = av.VideoFrame.from_ndarray(part, format="gray").reformat(format="yuv420p")

@@ -286,7 +286,7 @@ def test_ctrl_c_ends_an_evaluation_and_its_workers_in_one_line(shown: str, tmp_p
     try:
         while not re.search(shown, printed) and process.poll() is None and time.monotonic() < deadline:
             printed += process.stderr.read(1)
-        time.sleep(1.0)
+        time.sleep(0.2)  # into what the workers are at
         os.killpg(process.pid, signal.SIGINT)  # as a terminal does, to all of them, once
         printed += process.communicate(timeout=20)[1]
         assert process.returncode == 130, printed

@@ -10,14 +10,20 @@ import pytest
 HEAVY = ("torch", "stable_baselines3", "matplotlib", "pygame", "numba", "scipy", "skfem")
 
 
-def check_nothing_heavy_is_loaded(statement: str) -> None:
-    code = f"import sys\n{statement}\nprint(*(name for name in {HEAVY!r} if name in sys.modules))"
+def check_nothing_heavy_is_loaded(statement: str, heavy: tuple[str, ...] = HEAVY) -> None:
+    code = f"import sys\n{statement}\nprint(*(name for name in {heavy!r} if name in sys.modules))"
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert ran.stdout.split() == []
 
 
 def test_import_cutenv_loads_nothing_heavy() -> None:
     check_nothing_heavy_is_loaded("import cutenv")
+
+
+def test_an_environment_needs_no_finite_elements() -> None:
+    """They have found what it takes of the slab, and that is stored."""
+    heavy = ("skfem", "scipy.optimize", "scipy.sparse", "matplotlib")
+    check_nothing_heavy_is_loaded("import cutenv.envs.gentle_cut, cutenv.envs.rig_path_cut", heavy)
 
 
 def test_help_loads_nothing_heavy() -> None:

@@ -24,7 +24,6 @@ from cutenv.viewer.solid.view_page import view_page
 pytestmark = pytest.mark.needs("chromium")
 
 DESK, PHONE = 1000, 390
-SCREENS = pytest.mark.parametrize(("width", "dark"), [(DESK, False), (DESK, True), (PHONE, False), (PHONE, True)])
 DRAWN = "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => setTimeout(done, 50))))"
 UNITS = 10.0  # of the scene in a metre
 
@@ -124,15 +123,19 @@ def check_labels(browser: Browser) -> None:
     assert all(inside for _, inside in found)
 
 
-@SCREENS
-def test_the_page_loads_fits_and_can_be_read(browser: Browser, page: Path, width: int, dark: bool) -> None:
-    browser.open(page, width, dark=dark)
-    slide(browser, 25)
-    check_loads(browser, page)
-    check_labels(browser)
-    assert browser.value("innerWidth") == width
-    assert browser.value("document.documentElement.scrollWidth <= document.documentElement.clientWidth")
-    assert browser.value(LEAST_CONTRAST) >= 4.5
+@pytest.mark.parametrize("width", [DESK, PHONE])
+def test_the_page_loads_fits_and_can_be_read(browser: Browser, page: Path, width: int) -> None:
+    """In the light and, as one sees who changes the colours of the screen, in the dark."""
+    browser.open(page, width)
+    for dark in (False, True):
+        browser.darken(dark)
+        slide(browser, 25)
+        check_loads(browser, page)
+        check_labels(browser)
+        assert browser.value("innerWidth") == width
+        assert browser.value("document.documentElement.scrollWidth <= document.documentElement.clientWidth")
+        assert browser.value(LEAST_CONTRAST) >= 4.5
+        assert browser.value("matchMedia('(prefers-color-scheme: dark)').matches") is dark
     assert browser.value("document.title") == f"{shown().name} in 3-D"
 
 
@@ -233,28 +236,32 @@ def _still() -> ShownCut:
     return dataclasses.replace(shown(), **{name: np.full(INSTANTS, getattr(shown(), name)[25]) for name in moving})
 
 
+def _of_several_things() -> str:
+    page = with_told(document(), scalpel_along_m=_elsewhere(), target_m=None)
+    fetching = '<main><img src="absent.png" alt="">'
+    return page.replace("default-src 'none'", "default-src 'self'").replace("<main>", fetching)
+
+
 @pytest.mark.parametrize(
-    ("broken", "check"),
+    ("broken", "checks"),
     [
-        (lambda: with_told(document(), scalpel_along_m=_elsewhere()), lambda b, _: check_scalpel(b, 25)),
-        (lambda: with_told(document(), target_m=None), lambda b, _: check_labels(b)),
-        (lambda: with_told(document(), commands=[]), lambda b, page: check_loads(b, page)),
-        (lambda: document().replace("default-src 'none'", "default-src 'self'").replace(
-            "<main>", '<main><img src="absent.png" alt="">'), lambda b, page: check_loads(b, page)),
-        (lambda: document().replace("moveScalpel(i);", ""), lambda b, page: check_loads(b, page)),
-        (lambda: view_page(_still()), lambda b, _: check_moves(b)),
+        (_of_several_things, (check_loads, lambda b, _: check_scalpel(b, 25), lambda b, _: check_labels(b))),
+        (lambda: with_told(document(), commands=[]), (check_loads,)),
+        (lambda: document().replace("moveScalpel(i);", ""), (check_loads,)),
+        (lambda: view_page(_still()), (lambda b, _: check_moves(b),)),
     ],
-    ids=["scalpel elsewhere", "no target", "no scene", "a fetch", "another script", "all one instant"],
-)  # fmt: skip
+    ids=["a fetch, the scalpel elsewhere, no target", "no scene", "another script", "all one instant"],
+)
 def test_a_broken_page_is_noticed(
-    browser: Browser, tmp_path: Path, broken: Callable[[], str], check: Callable[[Browser, Path], None]
+    browser: Browser, tmp_path: Path, broken: Callable[[], str], checks: tuple[Callable[[Browser, Path], None], ...]
 ) -> None:
     path = tmp_path / "broken.html"
     path.write_text(broken(), encoding="utf-8")
     browser.open(path, DESK)
     browser.value("typeof cutView === 'object' && cutView.show(25)")
-    with pytest.raises(AssertionError):
-        check(browser, path)
+    for check in checks:
+        with pytest.raises(AssertionError):
+            check(browser, path)
 
 
 def test_a_browser_without_graphics_says_so(page: Path, tmp_path: Path, browser: Browser) -> None:

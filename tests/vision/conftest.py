@@ -41,12 +41,13 @@ def filmed(tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespace:
         metadata={"name": "cut"},
     )  # fmt: skip
     save(trace, folder / "cut.csv")
-    film.write(folder / "pair.mp4", folder / "left.mp4")
+    frames = list(film.frames())
+    film.write(folder / "pair.mp4", folder / "left.mp4", frames=frames)
     pair = calibrate_cameras(boards, board, stereo=True)
     one = calibrate_cameras(lefts, board, plane=("plane.png", halves(plane)[0]))
     pair.save(folder / "pair.json")
     one.save(folder / "one.json")
     return SimpleNamespace(
-        film=film, frames=list(film.frames()), boards=boards, lefts=lefts, board=board, pair=pair, one=one, trace=trace,
+        film=film, frames=frames, boards=boards, lefts=lefts, board=board, pair=pair, one=one, trace=trace,
         folder=folder, render=render,
     )  # fmt: skip

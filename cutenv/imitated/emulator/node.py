@@ -122,6 +122,12 @@ class ProcessData:
                 frames.append((cob, data))
         return frames
 
+    @property
+    def sends_by_event(self) -> bool:
+        """True if a frame is sent because of a change or an event timer."""
+        dictionary = self._dictionary
+        return any(dictionary[pdo.settings, 2] > _SYNCHRONOUS and pdo.cob(dictionary) is not None for pdo in self._sent)
+
     def due_by_event(self, now: float) -> list[tuple[int, bytes]]:
         """Return identifier and data of the frames to send because of a change or an event timer."""
         frames = []
@@ -265,11 +271,12 @@ class Node:
         elif identifier == self.dictionary[0x1005]:
             if self.nmt is Nmt.OPERATIONAL:
                 self._write_all(self._pdo.synchronised())
-                self.axis.tell(self.dictionary, self.state, True, ahead=now - self._ticked)
+                self._tell(ahead=now - self._ticked)
                 for cob, sent in self._pdo.due_at_sync():
                     self.send_message(cob, sent)
         elif identifier == 0x600 + self.number:
             if self.nmt is not Nmt.STOPPED and len(data) == 8:
+                self._tell()
                 self._sdo.on_request(identifier, self._sized(data), now)
         elif identifier == 0x700 + (self.dictionary[0x1016, 1] >> 16 & 0x7F) and len(data) == 1:
             if self.dictionary[0x1016, 1] & 0xFFFF:
@@ -357,16 +364,20 @@ class Node:
         self._watch_master(now)
         self._finish_ramps(now)
         self.axis.drive(self.dictionary, self.state, self._controlword, stopping=self._then is not None)
-        self.axis.tell(self.dictionary, self.state, self.nmt is Nmt.OPERATIONAL)
         self._monitor()
         beat = 1e-3 * self.dictionary[0x1017]
         if beat and now - self._beat >= beat:
             self._beat = now if now - self._beat > 2 * beat else self._beat + beat
             if not self.heartbeat_lost:
                 self.send_message(0x700 + self.number, bytes([self.nmt]))
-        if self.nmt is Nmt.OPERATIONAL:
+        if self.nmt is Nmt.OPERATIONAL and self._pdo.sends_by_event:
+            self._tell()
             for cob, data in self._pdo.due_by_event(now):
                 self.send_message(cob, data)
+
+    def _tell(self, ahead: float = 0.0) -> None:
+        """Set the objects that report the axis's state; only before somebody reads them, for it takes a while."""
+        self.axis.tell(self.dictionary, self.state, self.nmt is Nmt.OPERATIONAL, ahead=ahead)
 
     def _watch_master(self, now: float) -> None:
         allowed = 1e-3 * (self.dictionary[0x1016, 1] & 0xFFFF)
@@ -417,7 +428,6 @@ class Node:
             return
         self.state, self._since, self._then = state, self._now, None
         self.axis.drive(self.dictionary, state, self._controlword, stopping=False)
-        self.axis.tell(self.dictionary, state, self.nmt is Nmt.OPERATIONAL)
 
     def _emergency(self, code: int) -> None:
         dictionary = self.dictionary

@@ -258,7 +258,8 @@ class FakeRig:
         self.bench = bench(self.settings)
         self.blade = FakeDrive("blade", self)
         self.angle = FakeDrive("angle", self) if self.settings.angle is not None else None
-        self.across = {name: FakeDrive(name, self) for name in self.settings.cross_axes}
+        self._crossing = self.settings.cross_axes
+        self.across = {name: FakeDrive(name, self) for name in self._crossing}
         self.sensor = FakeSensor(self)
         axes = [axis for axis in (self.blade, self.angle, *self.across.values()) if axis is not None]
         self.plant = RigPlant(Spine(self.settings, self.clock, axes, self.sensor, follows=follows))
@@ -358,7 +359,7 @@ class FakeRig:
             force = self.felt() - self.sensor.zero
             self.sensor.last.append(force)
             felt = [math.nan if faults.force_nan else force, faults.side_force, 0.0]
-            for name, axis in self.settings.cross_axes.items():
+            for name, axis in self._crossing.items():
                 more = getattr(faults, name).force
                 felt["xyz".index(axis.force_axis)] += axis.force_sign * (self.bench.cross_force(name) + more)
             flicker = self._sequence * _PRIME % 1009
@@ -383,7 +384,7 @@ class FakeRig:
         self._pending.append((now + faults.force_late, sample))
         while self._pending and self._pending[0][0] <= now + 1e-9 and self.sensor.listener is not None:
             _, arrived = self._pending.pop(0)
-            self.sensor.listener.force(arrived._replace(time=now))
+            self.sensor.listener.force(arrived if arrived.time == now else arrived._replace(time=now))
 
     def _sync(self, now: float) -> None:
         if self.faults.motion_silent or self.faults.bus_off or self.faults.power_lost:
