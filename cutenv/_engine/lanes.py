@@ -7,6 +7,7 @@ shape is part of the type, indices count from 0, and an access is one address an
 
 from __future__ import annotations
 
+import hashlib
 import operator
 from typing import Any
 
@@ -45,7 +46,8 @@ class RowType(types.Record):
             for name, field in record.fields.items()
         ]
         super().__init__(fields, record.size, record.aligned)
-        self.name = f"RowType({hash(self.name):x})"
+        # The same in every process: kernels on disk are found by it, and Python's own hash is another each time.
+        self.name = f"RowType({hashlib.sha256(self.name.encode()).hexdigest()[:16]})"
 
     def __repr__(self) -> str:
         return self.name

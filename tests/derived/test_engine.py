@@ -350,3 +350,22 @@ def test_the_environment_sets_the_number_of_cores(given, used):
         [sys.executable, "-c", program], capture_output=True, text=True, env=os.environ | {"CUTENV_CORES": given}
     )
     assert done.stdout.strip() == used, done.stderr
+
+
+ROW = """
+import numpy as np
+from numba.np import numpy_support
+from cutenv._engine.lanes import RowType
+print(RowType(numpy_support.from_dtype(np.dtype([("blade", "f8", (8,))]))).name)
+"""
+
+
+def test_a_row_has_one_type_in_every_process_so_that_its_kernels_are_found_on_disk() -> None:
+    names = {
+        subprocess.run(
+            [sys.executable, "-c", ROW], capture_output=True, text=True, check=True,
+            env=os.environ | {"PYTHONHASHSEED": seed},
+        ).stdout
+        for seed in ("1", "2")
+    }  # fmt: skip
+    assert len(names) == 1
