@@ -65,7 +65,7 @@ def compile_part(name: str) -> None:
         return
     task = TASKS[name]
     for keywords in ({}, {"reward_from": "estimate"}):
-        for environment in (task.single(**keywords), task.vector(2, **keywords)):
+        for environment in (task.single(**keywords), task.vector(64, **keywords)):
             environment.reset(seed=0)
             environment.step(environment.action_space.sample())
             environment.close()
