@@ -70,8 +70,8 @@ def _motion(cut: ScoredCut) -> Iterator[str]:
         )
     elif by_hand and found.drops and found.top < _STILL and cut.trace.sample_rate > _FINE:
         yield (
-            f"the blade hardly lurches where the force falls suddenly, {found.drops} times, as it does in a "
-            "person's hand: if no machine held it, its position was smoothed, and how fast it was is not known"
+            f"the blade hardly lurches at {found.drops} sudden fall{'s' * (found.drops > 1)} of the force, as it does in "
+            "a person's hand: if no machine held it, its position was smoothed, and how fast it was is not known"
         )
 
 

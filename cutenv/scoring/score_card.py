@@ -347,8 +347,8 @@ def _overall(
     if reference is None:
         return (), "", "no reference set of such records"
     if reference.force_unit != cut.trace.force_unit:
-        units = f"{reference.force_unit!r}, this record's in {cut.trace.force_unit!r}"
-        return (), "", f"the force of {reference.name} is in unit {units}"
+        unit, own = reference.force_unit, cut.trace.force_unit
+        return (), "", f"the force of {reference.name} is in unit {unit!r}, this record's in {own!r}"
     ranked = {name: w for name, w in FORCE_WEIGHTS.items() if metrics[name].percentile is not None}
     total = sum(ranked.values())
     if total < FEWEST_WEIGHT:

@@ -48,7 +48,7 @@
       element("li", [next[language], seen[language] && `(${seen[language]})`].filter(Boolean).join(" "))));
     const saved = kept.score === null ? texts.saved_no_score : say(texts.saved, { score: fixed(kept.score, 0) });
     const passed = kept.passed === null ? "" : say(kept.passed ? texts.passed : texts.not_passed, { mark: kept.pass_mark.toLocaleString(language) });
-    byId("kept").textContent = [saved, passed, kept.verdict[language]].filter(Boolean).join(" ");
+    byId("kept").textContent = [saved, kept.why?.[language], passed, kept.verdict[language]].filter(Boolean).join(" ");
   }
 
   async function start() {
