@@ -125,8 +125,8 @@ def _force(cut: ScoredCut) -> list[TechniqueFault]:
             kind="force",
             time=float(cut.time[i]),
             position=place,
-            says=f"pressed with {cut.newtons[i]:.1f} N {_where(cut, cut.time[i], place)}: a cut {1e3 * depth[i]:.0f} mm "
-            f"deep allows {FORCE_LIMIT_PER_DEPTH * depth[i]:.1f} N",
+            says=f"pressed with {cut.newtons[i]:.1f} N {_where(cut, cut.time[i], place)}: a cut {1e3 * depth[i]:.0f} "
+            f"mm deep allows {FORCE_LIMIT_PER_DEPTH * depth[i]:.1f} N",
             try_next=EASE_OFF,
         )
     ]

@@ -31,6 +31,7 @@ from cutenv.scoring import (
     cut_map,
     cut_metrics,
     doubts,
+    lurches,
     map_metrics,
     points,
     score,
@@ -43,7 +44,7 @@ from cutenv.scoring.study import StandardSetting, StudiedCut, Study
 
 NAMES = {"novice", "expert", "novice, expert", "made up", "2b"}
 SPEAK = (
-    cut_map, cut_metrics, doubts, map_metrics, points, score_card, scored_cut, technique, validity,
+    cut_map, cut_metrics, doubts, lurches, map_metrics, points, score_card, scored_cut, technique, validity,
     cutenv.measurement.signal_quality, cutenv.scoring.study.trainee,
 )  # fmt: skip
 """Modules whose texts stand on a card: results, reasons, notes, doubts, faults, advice, and what the metrics mean."""
@@ -52,6 +53,7 @@ PARTS = {
     "side": ["short of", "beyond"], "missed": ["the target was missed"], "_dearest": ["too fast to stop"],
     "number": ["one reading", "3 readings"], "signal_quality.place": ["it is negative", "the blade cuts"],
     "lost": ["3 s, 3 usual steps and 3 mm of travel"], "happened": ["given up"],
+    "_falls": ["3 sudden falls", "1 sudden fall"],
 }  # fmt: skip
 """What stands for calls and names in a text; all else is a number."""
 CHECKS, TERMINAL = ("in_range", "array_in_range", "one_of"), ("__str__", "_repr_html_", "to_json", "difficulty")
