@@ -221,16 +221,16 @@ class Translation:
             return f"{_german_number(quantity[1])} {quantity[2]}"
         if _CODE.fullmatch(words) or _UNIT.fullmatch(words):
             return words
-        known = len(self.left)
+        before = len(self.left)
         said = self._phrase(words)
-        if words[:1].isupper() and (said is None or len(self.left) > known):
-            left = self.left[known:]
-            del self.left[known:]
+        if words[:1].isupper() and (said is None or len(self.left) > before):
+            left = self.left[before:]
+            del self.left[before:]
             within = self._phrase(words[:1].lower() + words[1:])
-            if within is not None and (said is None or len(self.left) == known):
+            if within is not None and (said is None or len(self.left) == before):
                 said = within[:1].upper() + within[1:]
             else:
-                self.left[known:] = left
+                self.left[before:] = left
         if said is None and (unit := _WITH_UNIT.fullmatch(words)) and (name := self._known(unit[1])) is not None:
             said = f"{name}{unit[2]}[{unit[3]}]"
         if said is None:

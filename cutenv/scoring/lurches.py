@@ -77,9 +77,9 @@ def lurches_of(trace: Trace, position: Array, even: Array) -> Lurches:
     close = np.array(list(_closely(trace, falls))).reshape(-1, 3)
     if not len(close):
         return Lurches(drops, top, sharpness, None, None)
-    quick, early, way = close.T
-    slowness = _QUICKNESS / float(np.average(quick, weights=way))
-    return Lurches(drops, top, sharpness, slowness, float(np.median(early)) if len(close) >= _FEWEST else None)
+    slowness = _QUICKNESS / float(np.average(close[:, 0], weights=close[:, 2]))
+    early = float(np.median(close[:, 1])) if len(close) >= _FEWEST else None
+    return Lurches(drops, top, sharpness, slowness, early)
 
 
 def _closely(trace: Trace, falls: list[float]) -> Iterator[tuple[float, float, float]]:
