@@ -134,7 +134,7 @@ _LEAST_WORK, _MOST_WORK = 0.2, 8.0  # of the mean tissue's fracture energy; a fa
 _LEVEL, _AT_LEVEL = 0.015, 0.25  # of the range below the largest force; share of the way there: 0.08 in any cut
 _CUT = 0.010  # [m] of cut from which its work tells
 _NOISE, _SLOW_NOISE = 0.15, 0.1  # [N] of one reading, and of a mean over 20 ms, that hide short runs
-_AHEAD = 1e-3  # [m] by which a tip may be noted ahead of all places of the blade; honest ones never are
+_AHEAD = 1.5e-3  # [m] by which a tip may be noted ahead of all places of the blade; simulated ones never are
 
 
 def unseen(trace: Trace) -> str:
