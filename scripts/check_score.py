@@ -7,6 +7,8 @@
     python scripts/check_score.py --task path --specimens 60     cuts along a drawn line; likewise
     python scripts/check_score.py --print           prints what is in runs/check-score/
 
+A class that was measured is kept: a run that was broken off goes on with the next.
+
 A success must have more than any failure on the same specimen; where two returns differ by more than 0.1, the score
 must agree in 95 % of the pairs.  The records are those of a simulator: where the tip ended is noted in them.  A record
 without a score is in no pair: in most of them nothing was cut.
@@ -46,6 +48,7 @@ from cutenv.tissue.lines import places_within
 from cutenv.trace import Trace
 
 FOLDER, FILE, HAND_FILE = Path("runs") / "check-score", "rows.csv", "hand.csv"
+"""Folder of what is kept; in it, the rows of each class in a folder of its name."""
 TEXTS = ("class", "policy", "end")
 """Columns of the kept rows that are no numbers."""
 CLASSES = ("mixed", "vascular", "liver", "uniform")
@@ -306,6 +309,12 @@ def report(rows: Sequence[Mapping[str, Any]]) -> str:
     )
 
 
+def kept_classes(folder: Path, kinds: Iterable[str] = CLASSES, *, hand: bool = True) -> list[dict[str, Any]]:
+    """Return the kept rows of classes, with or without hands; SystemExit with the command that makes them."""
+    file, command = (HAND_FILE, "check_score.py --hand") if hand else (FILE, "check_score.py")
+    return [row for kind in kinds for row in kept_rows(folder / kind / file, command, TEXTS)]
+
+
 def main() -> None:
     """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -324,12 +333,13 @@ def main() -> None:
             keep(path, measure_map(arguments.task, arguments.specimens))
         print(map_report(task, kept_rows(path, f"check_score.py --task {arguments.task}", TEXTS)), flush=True)
         return
-    file = HAND_FILE if arguments.hand else FILE
-    if not arguments.print:
-        players = (*PLAYERS, *SKILLS) if arguments.hand else PLAYERS
-        rows = [row for kind in arguments.classes for row in measure(players, arguments.specimens, kind)]
-        keep(arguments.out / file, rows)
-    print(report(kept_rows(arguments.out / file, f"check_score.py{' --hand' * arguments.hand}", TEXTS)), flush=True)
+    for kind in () if arguments.print else arguments.classes:
+        path = arguments.out / kind / (HAND_FILE if arguments.hand else FILE)
+        if path.is_file():
+            print(f"{path} is there; delete it to measure it again.", flush=True)
+            continue
+        keep(path, measure((*PLAYERS, *SKILLS) if arguments.hand else PLAYERS, arguments.specimens, kind))
+    print(report(kept_classes(arguments.out, arguments.classes, hand=arguments.hand)), flush=True)
 
 
 if __name__ == "__main__":

@@ -478,9 +478,7 @@ ON_PAGES: dict[str, dict[str, Callable[[argparse.Namespace], str]]] = {
     },
     "docs/validation/curved-benchmark.md": {"curved-benchmark": lambda _: curved_cuts.table()},
     "docs/validation/score.md": {
-        "check-score": lambda _: check_score.report(
-            kept_rows(ROOT / check_score.FOLDER / check_score.HAND_FILE, "check_score.py --hand", check_score.TEXTS)
-        ),
+        "check-score": lambda _: check_score.report(check_score.kept_classes(ROOT / check_score.FOLDER)),
         "check-depth-score": lambda _: map_score("depth"),
         "check-path-score": lambda _: map_score("path"),
     },

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+from cutenv._base.document import texts_by_key
 from cutenv.classroom.class_store import HandedOutCut, MarkInForce, Place
 from cutenv.classroom.class_tables import LEFT, SAVED
 from cutenv.classroom.lesson import Lesson
@@ -93,11 +94,13 @@ def overview(lesson: Lesson, language: str) -> dict[str, Any]:
     """Return what the list of the class shows, in a language: people, a curve for each class, and the pass mark."""
     mark, places = lesson.pass_mark, lesson.store.places()
     rows = [_shown(lesson, language, mark, places.get(each.code, Place()), each) for each in people_of(lesson)]
+    score_word = texts_by_key(language)["score"]
     classes = sorted({row["place"].class_name for row in rows})
     curves = {
         name: score_curve(
             [row["scores"] for row in rows if row["place"].class_name == name and row["scores"]],
             mark=None if mark is None else mark.mark,
+            label=f"{score_word}, {name}" if name else score_word,
         )
         for name in classes
     }
@@ -127,13 +130,14 @@ def _shown(lesson: Lesson, language: str, mark: MarkInForce | None, place: Place
     confirmed = [cut.score for cut in person.cuts if cut.state == SAVED]
     made = [0 if cut.state == LEFT else cut.score for cut in person.cuts if cut.state in (SAVED, LEFT)]
     scored = [score for score in made if score is not None]
+    label = f"{texts_by_key(language)['score']}, {person.code}"
     found = proficiency(scored, mark.mark, better="higher") if mark is not None and scored else None
     return {
         **person._asdict(),
         "place": place,
         "scores": confirmed,
         "passes": found,
-        "curve": score_curve([confirmed], mark=None if mark is None else mark.mark) if confirmed else "",
+        "curve": score_curve([confirmed], mark=None if mark is None else mark.mark, label=label) if confirmed else "",
         "ahead": "" if progress is None else progress.ahead(language),
         "unread": [] if progress is None else progress.unread,
     }

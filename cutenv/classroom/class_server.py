@@ -137,7 +137,9 @@ class PeoplePages:
         cuts = await run_in_threadpool(self._lesson.history, await self._site.person(request))
         mark = await run_in_threadpool(lambda: self._lesson.pass_mark)
         scores = [cut["score"] for cut in cuts if cut["state"] == SAVED]
-        return JSONResponse({"curve": score_curve([scores], mark=None if mark is None else mark.mark)})
+        return JSONResponse(
+            {"curve": score_curve([scores], mark=None if mark is None else mark.mark, label=self._site.words["score"])}
+        )
 
 
 def class_app(site: ClassSite, *, live: LiveRig | None = None, ticket: str | None = None) -> Starlette:

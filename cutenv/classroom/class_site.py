@@ -11,6 +11,7 @@ from collections import deque
 from collections.abc import Awaitable, Callable, Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from datetime import datetime
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -238,6 +239,7 @@ class ClassSite:
         shared = {"title": self.title, "words": self.words, "language": self.language, "courier": self.courier}
         filters: dict[str, Callable[..., Any]] = {
             "digest": script_digest,
+            "moment": functools.partial(local_moment, language=self.language),
             "said": functools.partial(translated, language=self.language),
             "task_name": functools.partial(course_name, self.language),
         }
@@ -282,6 +284,11 @@ class ClassSite:
                 raise HTTPException(422, str(error)) from None
 
         return Route(path, checked, methods=[method])
+
+
+def local_moment(utc: str, language: str) -> str:
+    """Return a moment, ISO 8601 with its zone, as the clock of this machine shows it, in a language."""
+    return translated(f"{datetime.fromisoformat(utc).astimezone():%Y-%m-%dT%H:%M}", language).replace("T", ", ")
 
 
 def text_of(form: FormData, name: str) -> str:

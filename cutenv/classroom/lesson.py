@@ -68,6 +68,7 @@ def shown_card(
         "passed": None if mark is None or overall is None else overall >= mark.mark,
         "score": None if hidden else overall,
         "outcome": {} if hidden else in_languages(card.outcome),
+        "why": {} if hidden or not card.no_score else in_languages(f"{_capital(card.no_score)}."),
         "advice": [] if hidden else _advice(card),
         "points": [] if hidden else [dataclasses.asdict(each) for each in card.points],
         "verdict": {} if progress is None else progress.verdicts,
@@ -399,13 +400,13 @@ class Lesson:
         target = trace.metadata.get("target_length_m")  # a record of another program may have none
         return trace, score(trace, target_length=target, reference=fitting_reference(self._reference, trace))
 
-    def card_page(self, code: str, number: str) -> str:
+    def card_page(self, code: str, number: str, language: str = "en") -> str:
         """Return the page of a person's cut that was saved, as from ``cutenv score``; LookupError if there is none."""
         trace, card = self.scored(self.store.cut(number, code))
         target = trace.metadata.get("target_length_m")  # a record of another program may have none
         with tempfile.TemporaryDirectory() as folder, self._guard:  # one figure at a time
             page = Path(folder) / "card.html"
-            write_score_page(page, ScoredRecord(trace=trace, card=card, target_length=target))
+            write_score_page(page, ScoredRecord(trace=trace, card=card, target_length=target), language=language)
             return page.read_text(encoding="utf-8")
 
     def _path(self, cut: HandedOutCut) -> Path:

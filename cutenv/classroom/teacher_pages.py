@@ -147,7 +147,7 @@ class TeacherPages:
     async def card(self, request: Request) -> Response:
         """Show the score card of a cut."""
         code, number = request.path_params["code"], request.path_params["number"]
-        return HTMLResponse(await run_in_threadpool(self._lesson.card_page, code, number))
+        return HTMLResponse(await run_in_threadpool(self._lesson.card_page, code, number, self._site.language))
 
     async def remove(self, request: Request) -> Response:
         """Delete a person, with all cuts."""

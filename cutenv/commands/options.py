@@ -342,6 +342,11 @@ def add_study_options(parser: argparse.ArgumentParser, *, columns: str) -> None:
     )
     add_target_length(parser, "the records' own, which always hold")
     parser.add_argument("--name", metavar="NAME", help="title; default the table's name, or the folder's")
+    add_language(parser)
+
+
+def add_language(parser: argparse.ArgumentParser) -> None:
+    """Add the language of the pages."""
     parser.add_argument(
         "--language", choices=LANGUAGES, default="en", help="language of the pages; tables for programs are English"
     )

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from cutenv.commands.options import (
     add_depth_options,
+    add_language,
     add_line,
     add_record_options,
     add_target_length,
@@ -83,13 +84,13 @@ def main(argv: Sequence[str]) -> int:
         written.append((scored, name))
         print(card if len(records.traces) == 1 else f"{card.name}: {card.headline()}")
         if pages:
-            write_score_page(arguments.out / name, scored)
+            write_score_page(arguments.out / name, scored, language=arguments.language)
     if not written:
         raise ValueError("no record is left to score.")
     if not pages:
         print(f"no page: {' and '.join(PAGES_NEED)} are an extra: pip install 'cutenv[view]'", file=sys.stderr)
     elif len(written) > 1:
-        table, page = write_summary(arguments.out, written)
+        table, page = write_summary(arguments.out, written, language=arguments.language)
         print(f"summary: {page} and {table}")
     else:
         print(f"page: {arguments.out / written[0][1]}")
@@ -176,4 +177,5 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--out", type=Path, default=Path(), metavar="FOLDER", help="folder of pages and tables; default here"
     )
+    add_language(parser)
     return parser

@@ -4,9 +4,9 @@ In another language every text of a finished page and of its figures is looked u
 drawn for a desktop screen and for a phone, loading matplotlib when drawn.
 
 A phrase is English with places, such as ``{a_n} of {b_n} cuts succeeded.``: of a number if the name ends in n, of a
-number with its unit if in q, of a name if in g, of a formula, which stays, if in f, or else of any text within a
-sentence. What stands in a place is looked up, too. Numbers get the language's decimal mark. A text that no phrase fits,
-such as a person's code, stays as it is.
+number with its unit if in q, of a name if in g, of codes, which stay, if in f, or else of any text within a sentence.
+What stands in a place is looked up, too. Numbers get the language's decimal mark, and dates its order. A text that no
+phrase fits, such as a person's code, stays as it is.
 """
 
 from __future__ import annotations
@@ -140,6 +140,7 @@ _NUMBERS = re.compile(r"[-−+<>=\d.,%\[\]() ]*\d[-−+<>=\d.,%\[\]() ]*")
 _QUANTITY = re.compile(r"([-−<]? ?\d[\d.]*) ([A-Za-z/²%°·]+)")
 _ANY = r"(?:(?![.!?]\)? +[A-Z(\"“\ue000\d]).)+?"  # within a sentence
 _PLACES = {"g": r"[^,;.]+?", "n": r"[-−< ]*\d[\d.]*", "q": r"[-−< ]*\d[\d.]*(?: [A-Za-z/²%°·]+)?"}
+_DATE = re.compile(r"(\d{4})-(\d\d)-(\d\d)(?:T(\d\d:\d\d)[\d:.+Z-]*)?")
 _CODE = re.compile(r"[\w.:+-]*\d[\w.:+-]*")
 _BOLD = ("\ue000", "\ue001")
 _UNIT = re.compile(r"\[[^\]\d]+\]")
@@ -211,15 +212,25 @@ class Translation:
 
     def _known(self, words: str) -> str | None:
         """Return words in the language, or None if they are not known."""
+        if date := _DATE.fullmatch(words):
+            year, month, day, clock = date.groups()
+            return f"{day}.{month}.{year}{f', {clock}' if clock else ''}"
         if _NUMBERS.fullmatch(words):
             return _german_number(words)
         if quantity := _QUANTITY.fullmatch(words):
             return f"{_german_number(quantity[1])} {quantity[2]}"
         if _CODE.fullmatch(words) or _UNIT.fullmatch(words):
             return words
+        before = len(self.left)
         said = self._phrase(words)
-        if said is None and words[:1].isupper() and (said := self._phrase(words[:1].lower() + words[1:])) is not None:
-            said = said[:1].upper() + said[1:]
+        if words[:1].isupper() and (said is None or len(self.left) > before):
+            left = self.left[before:]
+            del self.left[before:]
+            within = self._phrase(words[:1].lower() + words[1:])
+            if within is not None and (said is None or len(self.left) == before):
+                said = within[:1].upper() + within[1:]
+            else:
+                self.left[before:] = left
         if said is None and (unit := _WITH_UNIT.fullmatch(words)) and (name := self._known(unit[1])) is not None:
             said = f"{name}{unit[2]}[{unit[3]}]"
         if said is None:
@@ -257,17 +268,30 @@ class Translation:
         return found
 
     def _phrase(self, words: str) -> str | None:
+        """Return words in the language by the first phrase whose places are known, or else by the first that fits."""
         if words in self._phrases:
             return self._phrases[words]
+        fits: list[tuple[str, list[str]]] = []
+        known = len(self.left)
         for pattern, said in self._patterns:
             if found := pattern.fullmatch(words):
                 places = found.groupdict().items()
-                return said.format(**{k: each if k.endswith("_f") else self._place(each) for k, each in places})
-        return None
+                text = said.format(**{k: each if k.endswith("_f") else self._place(each) for k, each in places})
+                if len(self.left) == known:
+                    return text
+                fits.append((text, self.left[known:]))
+                del self.left[known:]
+        if words.endswith(".") and (text := self._phrase(words[:-1]) or "") and len(self.left) == known:
+            return f"{text}."
+        del self.left[known:]
+        if not fits:
+            return None
+        self.left += fits[0][1]
+        return fits[0][0]
 
     def _place(self, words: str) -> str:
         """Return what stands in a phrase's place: names of people's own choice stay as they are."""
-        found = self._known(words)
+        found = self._part(words)
         if found is None and " " in words:
             self.left.append(words)
         return words if found is None else found

@@ -185,8 +185,8 @@ ON_TOP = {
 METRIC_GROUPS = {
     "Target": ("tip_error", "overshoot", "wedge"),
     "Tissue": (
-        "largest_jump", "uncontrolled_share", "mean_lag", "work_over_fracture", "peak_force", "peak_force_per_depth",
-        "mean_force_per_depth", "rms_force_per_depth", "force_time_integral",
+        "largest_jump", "uncontrolled_share", "haste", "mean_lag", "work_over_fracture", "peak_force",
+        "peak_force_per_depth", "mean_force_per_depth", "rms_force_per_depth", "force_time_integral",
     ),
     "Steadiness": (
         "force_rate", "force_jerk", "force_drops", "mean_force_drop", "force_variation", "crest_factor", "sparc",
@@ -195,8 +195,8 @@ METRIC_GROUPS = {
     "Time": ("duration", "idle_time", "reversals"),
 }  # fmt: skip
 """Metrics of every record by what they tell, in the order of the page; those of the depth follow."""
-_SPOILS = {"short", "overshoot", "force"}
-"""Kinds of faults that no score compensates: a target missed, a force above the limit."""
+_SPOILS = {"short", "overshoot", "force", "layer", "line"}
+"""Kinds of faults that no score compensates: a target missed, a limit exceeded."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -208,7 +208,7 @@ class ScoredRecord:
     target_length: float | None
 
 
-def write_score_page(path: Path, scored: ScoredRecord) -> Path:
+def write_score_page(path: Path, scored: ScoredRecord, *, language: str = "en") -> Path:
     """Write the page of one cut, and its card as JSON beside it.
 
     Parameters
@@ -217,6 +217,8 @@ def write_score_page(path: Path, scored: ScoredRecord) -> Path:
         Path of the page (.html), in a folder that exists.
     scored : ScoredRecord
         Record and card to write.
+    language : {"en", "de"}
+        Language of the page; the JSON is English.
 
     Returns
     -------
@@ -237,6 +239,7 @@ def write_score_page(path: Path, scored: ScoredRecord) -> Path:
     write_page(
         path,
         "score.html",
+        language=language,
         subtitle=f"{_origin(trace)}{length}{aimed}; tip: {card.tip_source}.",
         kind=kind,
         score_figure=score_figure,
@@ -251,8 +254,12 @@ def write_score_page(path: Path, scored: ScoredRecord) -> Path:
     return data
 
 
-def write_summary(folder: Path, records: Sequence[tuple[ScoredRecord, str]]) -> tuple[Path, Path]:
+def write_summary(
+    folder: Path, records: Sequence[tuple[ScoredRecord, str]], *, language: str = "en"
+) -> tuple[Path, Path]:
     """Write ``scores.csv`` and ``summary.html`` of several cuts, each with its page's name, into a folder.
+
+    The page is in a language, the table in English.
 
     Returns
     -------
@@ -280,6 +287,7 @@ def write_summary(folder: Path, records: Sequence[tuple[ScoredRecord, str]]) -> 
     write_page(
         target,
         "summary.html",
+        language=language,
         subtitle=f"Force alone compares with {cards[0].reference}." if not known and cards[0].reference else "",
         headline=f"Mean score {number(sum(scores) / len(scores), 0)} of 100. {said}".rstrip() if scores else said,
         summary_figure=summary_figure,

@@ -117,7 +117,7 @@ def sheet_figure(study: Study, operator: str, mark: float | None, width: float) 
     plain_axes(axes)
     if len(study.operators) >= _FEWEST_OF_CLASS:
         by_number = _by_number(study)
-        name = f"mean of {len(study.operators)} people"
+        name = f"mean of {len(study.operators)} people" if by_number else None  # a legend of what is drawn
         axes.plot(range(1, len(by_number) + 1), by_number, color=_CLASS, linewidth=2.0, label=name)
     score = np.array([np.nan if card.overall_score is None else card.overall_score for card in own])
     at = np.array([k for k, cut in _attempts(study, operator) if not isinstance(cut, str)])

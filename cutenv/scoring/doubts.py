@@ -7,8 +7,9 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from cutenv.measurement.strokes import END_SPEED, END_WINDOW
+from cutenv.scoring.lurches import LURCH_SPEED, Lurches
 from cutenv.scoring.scored_cut import ScoredCut
-from cutenv.scoring.validity import LURCH_SPEED, Unavailable
+from cutenv.scoring.validity import Unavailable
 from cutenv.task_quantities import TIP_TOLERANCE, tip_error
 
 DOUBT = "doubtful"
@@ -16,7 +17,8 @@ DOUBT = "doubtful"
 _SAME_DEPTH = 1e-6  # [m]
 _LONG = 0.03  # [m], advance over which a real depth changes
 _STILL = 0.03  # [m/s], top speed after sudden falls of the force that one hand in 100 is below
-_LASTING, _FINE = 20.0, 90.0  # sharpness of lurches [1/s] that one hand in 100 is below, if read so often [Hz]
+_SLOW, _SLOW_FROM = 1.2, 90.0  # slowness of lurches above every hand's, if read so often [Hz]
+_EARLY, _EARLY_FROM = 0.2, 190.0  # share of them before the fall of the force, likewise
 _SAME_TIP = 1.5e-3  # [m] within which the return stroke shows where the tip is
 _ZERO, _ZERO_SHARE = 0.2, 0.08  # [N], and share of the range, that a force may have where nothing is touched
 _DRAWN_BACK, _UNLOADED = 1e-3, 0.4  # [m] from the farthest place, and share of the peak, in which a finished cut ends
@@ -59,20 +61,47 @@ def _depth(cut: ScoredCut) -> Iterator[str]:
 
 
 def _motion(cut: ScoredCut) -> Iterator[str]:
-    """Doubt a position or clock by which a hand lurches slowly, or not at all."""
-    found = cut.lurches
+    """Doubt a position or clock by which a hand lurches slowly, too early, or not at all."""
+    found, rate = cut.lurches, cut.trace.sample_rate
+    if rate <= _SLOW_FROM:
+        return
     by_hand = bool(cut.trace.metadata.get("operator"))
-    sharp = found.sharpness if by_hand or found.top > LURCH_SPEED else None
-    if sharp is not None and sharp < _LASTING and cut.trace.sample_rate > _FINE:
+    lurches = by_hand or found.top > LURCH_SPEED
+    if lurches and rate > _EARLY_FROM and found.early is not None and found.early > _EARLY:
         yield (
-            f"the blade takes some {1e3 / sharp:.0f} ms for a lurch, long for a hand: if its position was smoothed, or "
-            "the clock runs slow, it was faster than it seems"
+            f"{found.early:.0%} of a lurch comes before the fall of the force that causes it, as no hand does it: its "
+            "position was smoothed, and the blade was faster than it seems"
         )
-    elif by_hand and found.drops and found.top < _STILL and cut.trace.sample_rate > _FINE:
+    elif lurches and found.slowness is not None and found.slowness > _SLOW:
         yield (
-            f"the blade hardly lurches where the force falls suddenly, {found.drops} times, as it does in a "
-            "person's hand: if no machine held it, its position was smoothed, and how fast it was is not known"
+            f"the blade follows sudden falls of the force {found.slowness:.1f} times as slowly as a hand does: if its "
+            "position was smoothed, or the clock runs slow, it was faster than it seems"
         )
+    elif by_hand and found.drops and found.top < _STILL:
+        yield (
+            f"the blade hardly lurches at {_falls(found)} of the force, as it does in a person's hand: if no machine "
+            "held it, its position was smoothed, and how fast it was is not known"
+        )
+
+
+def taken_for_a_drive(cut: ScoredCut) -> str:
+    """Return a note on a record that names nobody, and whose blade moves as no hand does; "" for any other."""
+    if cut.truth is not None or cut.twofold or cut.trace.metadata.get("operator"):
+        return ""
+    try:
+        found = cut.lurches
+    except Unavailable:
+        return ""
+    if not found.drops or found.top >= _STILL:
+        return ""
+    return (
+        f"nobody is named, so the blade is taken to be on a drive: in a hand it would lurch at {_falls(found)} of the "
+        "force; name the person by a code (operator) for a hand's score"
+    )
+
+
+def _falls(found: Lurches) -> str:
+    return f"{found.drops} sudden fall{'s' * (found.drops > 1)}"
 
 
 def _end(cut: ScoredCut) -> Iterator[str]:

@@ -14,7 +14,7 @@ from typing import TypeVar
 from cutenv.measurement import DepthProfile
 from cutenv.measurement.depth import LAYER_DEPTH_KEY, WANTED_DEPTH_KEY, depth_sd, wanted_depth
 from cutenv.scoring.cut_map import LINE_KEY, DepthMap, PathMap
-from cutenv.scoring.doubts import doubts_of
+from cutenv.scoring.doubts import doubts_of, taken_for_a_drive
 from cutenv.scoring.metric import FORCE_WEIGHTS, MAP_METRICS, METRICS, Metric, metric_named
 from cutenv.scoring.points import ScorePoints, outcome_of, task_points
 from cutenv.scoring.reference import ReferenceSet
@@ -293,7 +293,7 @@ def score(
         no_score=no_score,
         reference="" if reference is None else f"{reference.name} ({len(reference)} cuts: {reference.about})",
         faults=faults,
-        notes=(*score_notes(cut, points, outcome), *doubts_of(cut), *([left_out] if left_out else [])),
+        notes=(*score_notes(cut, points, outcome), *doubts_of(cut), *filter(None, (taken_for_a_drive(cut), left_out))),
         depth_map=_available(lambda: cut.depth_map) if cut.tells_depth and not cut.twofold else None,
         path_map=_available(lambda: cut.path_map) if cut.line is not None and not cut.twofold else None,
     )
@@ -340,15 +340,17 @@ def _overall(
     if doubt:
         return (), "", doubt
     known = {name: scored.value for name, scored in metrics.items() if scored.value is not None}
-    with contextlib.suppress(Unavailable):
+    try:
         points, outcome = task_points(cut, known), outcome_of(cut, known)
         doubt = cut.no_mark(known.get("work_over_fracture"))
         return ((), "", doubt) if doubt else (points, outcome, "")
+    except Unavailable as error:
+        why = "" if cut.trace.position is None else f"{error}, and there is "
     if reference is None:
-        return (), "", "no reference set of such records"
+        return (), "", f"{why}no reference set of such records"
     if reference.force_unit != cut.trace.force_unit:
-        units = f"{reference.force_unit!r}, this record's in {cut.trace.force_unit!r}"
-        return (), "", f"the force of {reference.name} is in unit {units}"
+        unit, own = reference.force_unit, cut.trace.force_unit
+        return (), "", f"the force of {reference.name} is in unit {unit!r}, this record's in {own!r}"
     ranked = {name: w for name, w in FORCE_WEIGHTS.items() if metrics[name].percentile is not None}
     total = sum(ranked.values())
     if total < FEWEST_WEIGHT:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +13,6 @@ from cutenv._base.arrays import Array
 from cutenv.measurement import QualityIssue
 from cutenv.measurement.signal_faults import Readings, smoothness, spike_rows
 from cutenv.measurement.strokes import END_SPEED, END_WINDOW, STANDSTILL_SPEED
-from cutenv.task_quantities import RUN_ALLOWED
 from cutenv.trace import Trace
 
 
@@ -128,8 +126,6 @@ def without_spikes(trace: Trace) -> tuple[Trace, str]:
     return dataclasses.replace(trace, force=force), said
 
 
-LURCH_SPEED = 0.02
-"""Speed beyond the usual that a blade on a drive never has where the force falls suddenly, and in a hand has [m/s]."""
 SLOWEST_SCORED = 25.0
 """Readings a second below which runs of the crack and lurches of the blade cannot be told from slow growth [Hz]."""
 _SMOOTHED = 0.25  # smoothness of a force below which a filter has taken the runs out; honest records have 0.37 and more
@@ -138,11 +134,7 @@ _LEAST_WORK, _MOST_WORK = 0.2, 8.0  # of the mean tissue's fracture energy; a fa
 _LEVEL, _AT_LEVEL = 0.015, 0.25  # of the range below the largest force; share of the way there: 0.08 in any cut
 _CUT = 0.010  # [m] of cut from which its work tells
 _NOISE, _SLOW_NOISE = 0.15, 0.1  # [N] of one reading, and of a mean over 20 ms, that hide short runs
-_SUDDEN, _SUDDEN_SHARE = 0.1, 0.1  # [N], and share of the range, by which a force falls within 20 ms
-_BEFORE, _AFTER, _AFTERWARDS = 5, 20, 40  # samples at 100 Hz around such a fall: of the lurch, and until it is over
-_EARLIER = 30  # samples at 100 Hz before it, of which those up to 10 before are without a lurch
-_LURCH_WAY = 0.8e-3  # [m] of a lurch
-_SHARPEST_SMOOTHED = 10.0  # [1/s], sharpness of lurches below which they are no hand's: honest ones have 13 and more
+_AHEAD = 1.5e-3  # [m] by which a tip may be noted ahead of all places of the blade; simulated ones never are
 
 
 def unseen(trace: Trace) -> str:
@@ -174,57 +166,6 @@ def noisy(trace: Trace, even: Array) -> str:
     return (
         f"the force has a noise of {max(each, mean):.2g} N, which hides how the tissue runs: look at cable and "
         f"amplifier, or take a sensor of less than {_NOISE:g} N of noise"
-    )
-
-
-class Lurches(NamedTuple):
-    """Motion of a blade where the force falls suddenly: in a hand it lurches there, on a stiff drive it does not."""
-
-    drops: int
-    """Sudden falls of the force."""
-    top: float
-    """Largest speed after them, less that around them [m/s]."""
-    sharpness: float | None
-    """Largest speed of a lurch over its way [1/s], mean of all by their ways; None without any of 0.8 mm."""
-
-
-def lurches_of(position: Array, even: Array) -> Lurches:
-    """Return how a blade moves where the force falls suddenly.
-
-    Parameters
-    ----------
-    position, even : array of shape (m,)
-        Position of the blade [m] and means of the force over 10 ms [N], both at 100 Hz.
-    """
-    speed = RATE * np.diff(position, append=position[-1])
-    fall = np.zeros(len(even))
-    fall[1:-1] = even[:-2] - even[2:]
-    sudden = np.flatnonzero(fall > max(_SUDDEN, _SUDDEN_SHARE * float(np.ptp(even))))
-    drops, top, ways, peaks = 0, 0.0, [], []
-    for group in np.split(sudden, np.flatnonzero(np.diff(sudden) > _BEFORE - 1) + 1) if len(sudden) else ():
-        t = int(group[np.argmax(fall[group])])
-        if t < _EARLIER or t + _AFTERWARDS >= len(even):
-            continue
-        quiet = speed[t - _EARLIER : t - 2 * _BEFORE], speed[t + _AFTER + _BEFORE : t + _AFTERWARDS]
-        usual = max(0.0, *(float(np.median(each)) for each in quiet))
-        way = float(position[t + _AFTER] - position[t - _BEFORE]) - (_BEFORE + _AFTER) / RATE * usual
-        peak = float(speed[t - _BEFORE : t + _AFTER].max()) - usual
-        drops, top = drops + 1, max(top, peak)
-        if way > _LURCH_WAY:
-            ways.append(way)
-            peaks.append(peak)
-    sharpness = float(np.dot(peaks, ways) / np.dot(ways, ways)) if ways else None
-    return Lurches(drops, top, sharpness)
-
-
-def smoothed_motion(lurches: Lurches) -> str:
-    """Return the reason why position or clock cannot be a hand's, by its lurches; "" if they can."""
-    sharp = lurches.sharpness
-    if sharp is None or sharp >= _SHARPEST_SMOOTHED or lurches.top < LURCH_SPEED:
-        return ""
-    return (
-        f"where the force falls suddenly the blade takes some {1e3 / sharp:.0f} ms for a lurch, and a hand less than "
-        f"{1e3 / _SHARPEST_SMOOTHED:.0f}: the position was smoothed, or the clock runs slow. Record both as they are"
     )
 
 
@@ -262,9 +203,9 @@ def never_loaded(smooth: Array, even: Array, advancing: NDArray[np.bool_]) -> st
 def noted_ahead(tip: float, position: Array) -> str:
     """Return the reason why a tip cannot have ended where it is noted [m], ahead of all places of the blade; or ""."""
     ahead = tip - float(position.max())
-    if ahead <= RUN_ALLOWED:
+    if ahead <= _AHEAD:
         return ""
-    return f"the tip is noted {1e3 * ahead:.0f} mm ahead of where the blade has been, and none runs ahead of its blade"
+    return f"the tip is noted {1e3 * ahead:.2g} mm ahead of where the blade has been, and none runs ahead of its blade"
 
 
 def implausible_work(ratio: float, tip: float) -> str:

@@ -47,8 +47,9 @@ def test_a_cut_is_repeated_scored_and_kept(room: Room) -> None:
     (told,) = client.get("/cuts").json()
     assert (told["state"], told["score"]) == ("saved", round(overall))
     first = answer.json()["advice"][0]
-    assert "short of the target" in first["seen"]["en"]
-    assert first["try"]["en"].startswith("Lead the blade farther")
+    assert first["seen"]["en"].startswith("Given up, at ")
+    assert first["seen"]["en"].endswith(" mm before the target")
+    assert first["try"]["en"].startswith("Go on slowly as far as the target")
     assert first["try"]["de"] != first["try"]["en"]
 
 

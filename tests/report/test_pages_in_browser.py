@@ -230,7 +230,7 @@ def test_a_broken_page_is_noticed(
 def test_a_score_says_what_to_do_and_what_it_is_not(browser: Browser, pages: Callable[[str], Path]) -> None:
     browser.open(pages("score"), DESK)
     text = browser.value("document.body.innerText")
-    for words in ("mm too far", "slow down earlier", DISCLAIMER):
+    for words in ("mm too far", "go slowly over the last centimetre", DISCLAIMER):
         assert words in text
 
 

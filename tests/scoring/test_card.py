@@ -178,8 +178,8 @@ def test_runs_and_haste_cost_points() -> None:
     hasty = score(flung, target_length=TARGET, truth=still)
     assert {each.part: each.points for each in hasty.points}["control"] < points["control"] - 5.0
     ((_, says),) = faults(hasty, "haste")
-    assert says.startswith("the blade moved at 2")
-    assert says.endswith("too fast to stop within 9 mm")
+    assert says.startswith("the blade shot forward at 2")
+    assert says.endswith(" s, too fast to stop within 9 mm")
     assert not faults(score(trace, target_length=TARGET, truth=still), "haste")
 
 
@@ -269,7 +269,8 @@ def test_a_lurch_is_told_with_its_place_and_size(size: float, place: float) -> N
     trace, truth = jumped(size, place)
     ((position, says),) = faults(score(trace, target_length=TARGET, truth=truth), "lurch")  # type: ignore[arg-type]
     assert position == pytest.approx(place, abs=1e-4)
-    assert says == f"lurched {1e3 * size:.0f} mm at {1e2 * place:.1f} cm"
+    seconds = trace.time[np.argmax(truth.jump)]  # type: ignore[attr-defined]
+    assert says == f"the tissue tore on by {1e3 * size:.0f} mm at {1e2 * place:.1f} cm, after {seconds:.1f} s"
 
 
 def test_a_small_run_is_no_lurch() -> None:
@@ -304,13 +305,15 @@ def test_ends_are_told_with_their_distance() -> None:
 
 def test_a_leaning_blade_and_too_much_force_are_told() -> None:
     assert [says for _, says in faults(score(cut("slicing, and back")), "wedge")] == [
-        "ended with the blade at 45 degrees: a wedge stays uncut"
+        "ended with the blade at 45 degrees: a wedge of tissue stays uncut"
     ]
     hard = changed(cut(UPRIGHT), force=5.0 * cut(UPRIGHT).force)
     ((position, says),) = faults(score(hard), "force")
     per_depth = hard.force / np.maximum(hard.depth, 0.5e-3)  # type: ignore[arg-type]
     assert position == pytest.approx(hard.position[np.argmax(per_depth)])  # type: ignore[index]
-    assert f"{per_depth.max():.0f} N per metre" in says
+    worst = int(np.argmax(per_depth))
+    assert says.startswith(f"pressed with {hard.force[worst]:.1f} N at {100 * position:.1f} cm, after ")
+    assert says.endswith(f"allows {1000 * hard.depth[worst]:.1f} N")  # type: ignore[index]
     assert not faults(score(cut(UPRIGHT)), "force") + faults(score(cut(UPRIGHT)), "wedge")
 
 
@@ -324,7 +327,27 @@ def test_a_pause_is_told_where_it_was() -> None:
     paused = type(trace)(**columns)
     ((position, says),) = faults(score(paused), "pause")
     assert position == pytest.approx(0.04, abs=1e-3)
-    assert says == "stood for 1.2 s at 4.0 cm"
+    assert says.startswith("rested for 1.2 s at 4.0 cm, after ")
+
+
+@pytest.mark.parametrize(
+    ("end", "kind", "says"),
+    [
+        ("deadline", "short", "stopped when the time was up, at 8.0 cm, after 7.3 s: 7 mm before the target"),
+        ("given up", "short", "given up, at 8.0 cm, after 7.3 s: 7 mm before the target"),
+        ("force_limit", "force", "stopped for too much force, at 8.0 cm, after 7.3 s: 7 mm before the target"),
+        (
+            "layer",
+            "layer",
+            "stopped because the layer below was opened, at 8.0 cm, after 7.3 s: 7 mm before the target",
+        ),
+    ],
+)
+def test_a_stop_is_told_once_with_its_place_and_time(end: str, kind: str, says: str) -> None:
+    trace, truth = jumped(0.0, 0.03)
+    stopped = trace.with_metadata({"end": end})  # type: ignore[attr-defined]
+    card = score(stopped, target_length=float(truth.tip[-1]) + 0.007, truth=truth)
+    assert [said for _, said in faults(card, kind)] == [says]
 
 
 BEST = {"limits": 5.0, "way": 25.0, "accuracy": 10.0, "success": 10.0, "control": 25.0, "tissue": 20.0, "time": 5.0}

@@ -173,16 +173,19 @@ CHEATS: dict[str, Callable[[Trace], Trace]] = {
 }
 """Changes to a record, by name."""
 MOTIONS: dict[str, Callable[[Trace], Trace]] = {
+    "position smoothed over 50 ms": moved(lambda position: uniform_filter1d(position, 50)),
     "position smoothed over 0.1 s": moved(lambda position: uniform_filter1d(position, 100)),
     "position smoothed over 0.3 s": moved(lambda position: uniform_filter1d(position, 300)),
     "position smoothed over 1 s": moved(lambda position: uniform_filter1d(position, 1000)),
     "position smoothed by a bell": moved(lambda position: gaussian_filter1d(position, 100)),
     "position behind": moved(behind),
     "position never fast": moved(never_fast),
+    "a clock at two thirds of its speed": clock(1.5),
+    "a clock at half its speed": clock(2.0),
     "a clock at a third of its speed": clock(3.0),
     "a clock slowed where the blade is fast": slowed_where_fast,
 }
-"""Changes to the motion of a person's record: what a drive does as well, so that it may be doubted without."""
+"""Changes to the motion of a person's record."""
 
 
 @pytest.mark.parametrize("name", [*CHEATS, *MOTIONS])
@@ -196,6 +199,25 @@ def test_a_changed_record_gains_nothing(name: str) -> None:
         doubted = bool(doubts(after)) and not doubts(honest)
         assert (after.overall_score or 0.0) <= before + GAIN or doubted, (name, before, after.headline())
         assert (after.overall_score is None) == bool(after.no_score)
+
+
+@pytest.mark.parametrize("name", ["position smoothed over 0.3 s", "position smoothed over 1 s", "position never fast"])
+def test_a_smoothed_record_that_names_nobody_is_scored_as_a_drives_and_says_so(name: str) -> None:
+    for trace, honest in zip(records(), honest_cards(), strict=True):
+        after = score(renoted(MOTIONS[name](trace), operator=None))
+        told = any(note.startswith("nobody is named, so the blade is taken to be on a drive") for note in after.notes)
+        gains = (after.overall_score or 0.0) > (honest.overall_score or 0.0) + GAIN
+        assert told or doubts(after) or not gains, (name, honest.headline(), after.headline())
+        assert not any(note.startswith("nobody") for note in score(trace).notes) or "operator" not in trace.metadata
+
+
+def test_a_tip_that_is_noted_ahead_of_the_blade_has_no_score() -> None:
+    for trace in records():
+        farthest = float(trace.position.max())  # type: ignore[union-attr]
+        for ahead in (0.002, 0.004):
+            assert (
+                "ahead of where the blade has been" in score(renoted(trace, **{TIP_AT_END: farthest + ahead})).no_score
+            )
 
 
 def test_a_score_that_the_cheats_could_raise_is_there() -> None:
@@ -230,8 +252,9 @@ def test_what_is_no_record_of_a_cut_says_why(name: str, says: str) -> None:
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        (MOTIONS["position smoothed over 0.3 s"], "for a lurch, long for a hand"),
-        (MOTIONS["position smoothed over 1 s"], "the blade hardly lurches where the force falls suddenly"),
+        (MOTIONS["position smoothed over 50 ms"], "of a lurch comes before the fall of the force"),
+        (MOTIONS["a clock at two thirds of its speed"], "times as slowly as a hand does"),
+        (MOTIONS["position smoothed over 1 s"], "the blade hardly lurches at "),
         (offset(0.8), "N at the start, before anything is touched"),
         (CHEATS["noted as finished before its end"], "ends before the blade rests or is drawn back"),
     ],

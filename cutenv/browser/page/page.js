@@ -36,6 +36,10 @@
     show();
   }
 
+  // Date and time as nobody mistakes them: 28 Nov 2026, 10:11.
+  const moment = when => new Date(when).toLocaleString(document.documentElement.lang === "en" ? "en-GB" : document.documentElement.lang,
+    { dateStyle: "medium", timeStyle: "short" });
+
   // What comes next in the course, and what the last cut reached, in the language of the moment.
   function sayCourse() {
     const language = document.documentElement.lang, { handedOut, kept } = page;
@@ -48,7 +52,7 @@
       element("li", [next[language], seen[language] && `(${seen[language]})`].filter(Boolean).join(" "))));
     const saved = kept.score === null ? texts.saved_no_score : say(texts.saved, { score: fixed(kept.score, 0) });
     const passed = kept.passed === null ? "" : say(kept.passed ? texts.passed : texts.not_passed, { mark: kept.pass_mark.toLocaleString(language) });
-    byId("kept").textContent = [saved, passed, kept.verdict[language]].filter(Boolean).join(" ");
+    byId("kept").textContent = [saved, kept.why?.[language], passed, kept.verdict[language]].filter(Boolean).join(" ");
   }
 
   async function start() {
@@ -153,7 +157,7 @@
   async function tellHistory() {
     const cuts = await ask("GET", "cuts");
     const rows = Object.values(cuts).filter(each => each?.state && !["prepared", "taken back"].includes(each.state)).reverse().map(({ when, state, outcome, score, stalled }) =>
-      row("td", new Date(when).toLocaleString(document.documentElement.lang),
+      row("td", moment(when),
         [state !== "saved" && texts[`state_${state}`], outcome?.[document.documentElement.lang], stalled >= 0.5 && say(texts.stalled, { time: fixed(stalled, 1) })].filter(Boolean).join(": "), score ?? "–"));
     byId("history").replaceChildren(row("th", texts.when, texts.outcome, texts.score), ...rows);
     byId("curve").innerHTML = (await ask("GET", "curve")).curve ?? "";

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from cutenv.scoring.score_card import ScoreCard
-from cutenv.scoring.technique import HOLD_BACK
+from cutenv.scoring.technique import HOLD_BACK, KEEP_DEPTH, LEAD_OUTSIDE
 
 RECENT = 3
 """Number of last cuts by which advice is given."""
@@ -15,17 +15,22 @@ _LITTLE = 0.1  # fraction of a part's points whose loss needs no advice
 _CAUSES = {
     "target": (("limits", "way", "accuracy", "success"), ("short", "overshoot", "wedge", "force")),
     "control": (("control",), ("haste",)),
-    "tissue": (("tissue",), ("lurch", "force", "reversal")),
+    "tissue": (("tissue",), ("lurch", "force")),
     "time": (("time",), ("pause",)),
+    "depth": (("depth",), ("layer",)),
+    "path": (("path",), ("line",)),
 }
 """Parts of the score that go together, and the kinds of faults that cost their points."""
 _ADVICE = {
-    "target": "end unloaded at the target, with the blade upright; the tip is behind the blade while the force pulls",
+    "target": "at the target, set the blade upright and draw back until nothing pulls: while you feel a pull, the cut "
+    "ends behind the blade",
     "control": HOLD_BACK,
-    "tissue": "feed more slowly and lean the blade: it presses less, and the crack runs less far",
-    "time": "feed faster where the force is low, and do not pause",
+    "tissue": "advance more slowly and lean the blade: it presses less, and the tissue tears on less far",
+    "time": "advance faster where the tissue hardly resists, and do not rest",
+    "depth": KEEP_DEPTH,
+    "path": LEAD_OUTSIDE,
 }
-_STEADY = "keep the force steady, by an even feed without jerks"
+_STEADY = "keep the pull steady: advance evenly, without jerks"
 """Advice for a record of force alone, whose parts are metrics of steadiness."""
 
 
