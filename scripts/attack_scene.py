@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
+import os
+import tempfile
 import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
+from attacked_drivers import ORDERS, Orders
 from cutting_rig import SPEED, CuttingRig
 
 from cutenv.imitated.emulator.process import RunningEmulator, start
@@ -73,12 +78,24 @@ class Outcome:
 
 
 class Scene:
-    """An emulated rig on which a blade cuts; recreated when an attack leaves it unusable."""
+    """An emulated rig on which a blade cuts, its spine in a process of its own; recreated after each attack.
+
+    Attributes
+    ----------
+    orders : Orders
+        Where an attack writes how the drivers misbehave.
+    notes : list of str
+        Observations of the present attack.
+    """
 
     def __init__(self) -> None:
         self._emulator: RunningEmulator | None = None
         self._rig: CuttingRig | None = None
         self.notes: list[str] = []
+        self._folder = tempfile.TemporaryDirectory()
+        file = Path(self._folder.name) / "orders"
+        self.orders = Orders(file)
+        os.environ[ORDERS] = str(file)  # for the spine
 
     @property
     def emulator(self) -> RunningEmulator:
@@ -90,7 +107,11 @@ class Scene:
     def rig(self) -> CuttingRig:
         """The rig that cuts on it."""
         if self._rig is None:
-            self._rig = CuttingRig(self.emulator.settings, self.emulator.control, within=True)
+            settings = self.emulator.settings
+            blade = dataclasses.replace(settings.blade, driver="attacked_drivers:attacked_axis")
+            sensor = dataclasses.replace(settings.sensor, driver="attacked_drivers:attacked_sensor")
+            settings = dataclasses.replace(settings, blade=blade, sensor=sensor)
+            self._rig = CuttingRig(settings, self.emulator.control)
         return self._rig
 
     def note(self, text: str) -> None:
@@ -148,6 +169,7 @@ class Scene:
 
     def renew(self, *, whole: bool = False) -> None:
         """Close the rig, and the emulator too if it is unusable, so that they are recreated."""
+        self.orders.give("")
         rig, self._rig = self._rig, None
         if rig is not None:
             rig.close()
@@ -165,3 +187,4 @@ class Scene:
 
     def __exit__(self, *error: Any) -> None:
         self.renew(whole=True)
+        self._folder.cleanup()

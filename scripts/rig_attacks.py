@@ -17,12 +17,13 @@ from collections.abc import Callable, Sequence
 import attacks_by_drivers
 import attacks_by_policy
 import attacks_on_process
+import attacks_on_spine
 import attacks_on_wires
 from attack_scene import Attack, Outcome, Scene
 
 from cutenv.rig.errors import RigError
 
-_PARTS = (attacks_on_wires, attacks_on_process, attacks_by_drivers)
+_PARTS = (attacks_on_wires, attacks_on_process, attacks_on_spine, attacks_by_drivers)
 _HELD: dict[str, Callable[[Outcome], bool]] = {
     "stopped": lambda outcome: outcome.stops,
     "ignored": lambda outcome: outcome.goes_on,

@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import math
 import os
 import pickle
 import signal
@@ -48,7 +49,9 @@ from cutenv.rig.spine_process import read_state
 _STARTS_WITHIN = 60.0  # [s]
 _CALLS_WITHIN = 60.0  # [s] for power, tare, reset; each driver has its own, shorter limits
 _COMMANDS_WITHIN = 0.5  # [s] for a command to be on the bus
+_HEARD_WITHIN = 0.1  # [s] for the spine to hear a stop, after which the line is ended
 _STOPS_WITHIN = 0.5  # [s] for a stop that is asked for to be under way
+_SILENT = 0.5  # [s] without a sample, from which the program knows nothing of the blade any more
 _HEARS_EVERY = 1.0  # [s] of samples that are taken in at a time, at most
 _LOOK = 0.0005  # [s] between two looks for an answer through the memory
 
@@ -94,7 +97,8 @@ class RemoteSpine:
         self._numbers = itertools.count(1)
         self._asked = 0
         self._closing = False
-        self._hearer = 0
+        self._hearer, self._heard_at = 0, 0.0
+        self._why_ended = ""
         self.lost: StopReport | None = None
         """Report of the spine's own end, if it ended before it was closed."""
 
@@ -123,10 +127,13 @@ class RemoteSpine:
         self.rate_error, self.counts_steps = found
 
     def _start(self) -> None:
+        while (taken := os.open(os.devnull, os.O_RDWR)) <= 2:
+            pass  # closed, 0 to 2 would be what the spine logs to
+        os.close(taken)
         self._link = link = Link()
         ours, theirs = socket.socketpair()
         code = f"import sys; sys.path[:] = {sys.path!r}\nfrom cutenv.rig.spine_process import serve_spine\n"
-        code += f"serve_spine({theirs.fileno()}, {link.file})"
+        code += f"serve_spine({theirs.fileno()}, {link.file}, {os.getpid()})"
         before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)  # until it can answer them
         try:
             self._process = subprocess.Popen(
@@ -243,6 +250,7 @@ class RemoteSpine:
             return
         if (status := self._process.poll()) is not None:
             how = f"was ended by {signal.Signals(-status).name}" if status < 0 else f"has ended with status {status}"
+            how += self._why_ended
             self.lost = StopReport(
                 cause=Cause.SPINE,
                 detail=f"the process {self.pid}, which watches the rig, {how}; without its heartbeat the drives stop "
@@ -258,11 +266,25 @@ class RemoteSpine:
             return  # the latter in a signal's handler, which has interrupted it
         with self._hearing:
             self._hearer = threading.get_ident()
-            self.supervisor.hear(self._link.states)
-            while (record := self._link.samples.take()) is not None:
-                deliver(record, self._axes, self)
-            self._note_end()
-            self._hearer = 0
+            try:
+                missed = self._take_in()
+            finally:
+                self._hearer = 0
+        if self.supervisor.told is Phase.READY and (missed or self.clock.now() - self._heard_at > _SILENT):
+            self._heard_at = math.inf  # until the next comes
+            why = f"{missed} readings of the spine are lost" if missed else "nothing comes from the spine any more"
+            self.ask_for_stop(Cause.EXCEPTION, f"{why}: it is paused, or something wrote to its memory")
+
+    def _take_in(self) -> int:
+        """Take in what is in the memory; return how many readings are missing."""
+        self.supervisor.hear(self._link.states)
+        samples, before = self._link.samples, self._link.samples.lost
+        while (record := samples.take()) is not None:
+            deliver(record, self._axes, self)
+            self._heard_at = 0.0
+        self._heard_at = self._heard_at or self.clock.now()
+        self._note_end()
+        return samples.lost - before
 
     def force(self, sample: ForceSample) -> None:
         """Take a reading of the force sensor from the memory."""
@@ -288,11 +310,21 @@ class RemoteSpine:
 
     def ask_for_stop(self, cause: Cause, detail: str) -> None:
         """Have the loop of the spine stop the blade, from any thread; return once its quick stops are under way."""
-        number = self._ask({"cause": cause.value, "detail": detail[:400]})
-        deadline = time.monotonic() + _STOPS_WITHIN
-        while self.supervisor.heard < number and not self.gone and time.monotonic() < deadline:
+        process, number = self._process, self._ask({"cause": cause.value, "detail": detail[:400]})
+        asked = time.monotonic()
+        while self.supervisor.heard < number and process is not None and not (self.gone or self._closing):
+            if (waited := time.monotonic() - asked) > _HEARD_WITHIN:
+                self._why_ended = f", because it did not hear a stop ({cause.value}: {detail})"
+                self._hang_up()
+            if waited > _STOPS_WITHIN:  # without its heartbeat the drives stop by themselves
+                process.kill()
             time.sleep(_LOOK)
             self.hear()
+
+    def _hang_up(self) -> None:
+        """End the line, for which the spine stops the blade and ends."""
+        with suppress(OSError), socket.socket(fileno=os.dup(self._line.fileno())) as line:
+            line.shutdown(socket.SHUT_RDWR)
 
     def _ask(self, wanted: dict[str, Any]) -> int:
         self._asked += 1
@@ -358,6 +390,8 @@ class RemoteSupervisor:
         Last force reading that was received.
     heard : int
         Number of stops asked for that the spine has heard.
+    told : Phase
+        Phase that the spine has told.
     """
 
     def __init__(self, spine: RemoteSpine) -> None:
@@ -366,7 +400,7 @@ class RemoteSupervisor:
         self.newest: dict[str, MotionSample] = {}
         self.newest_force_heard: ForceSample | None = None
         self._spine = spine
-        self._phase, self._report = Phase.UNREADY, None
+        self.told, self._report = Phase.UNREADY, None
 
     _report: StopReport | None
 
@@ -379,13 +413,13 @@ class RemoteSupervisor:
                     vars(self._report).update(vars(report))  # whoever has it sees it completed
                 else:
                     self._report = report
-            self._phase = Phase(phase)
+            self.told = Phase(phase)
 
     @property
     def phase(self) -> Phase:
         """State of the rig; stopped, if the spine has ended."""
         self._spine.hear()
-        return Phase.STOPPED if self._spine.gone else self._phase
+        return Phase.STOPPED if self._spine.gone else self.told
 
     @property
     def report(self) -> StopReport | None:
@@ -418,6 +452,7 @@ class RemoteSupervisor:
 
     def release(self, *, returning: bool = False) -> None:
         """Allow commands, see :meth:`cutenv.rig.safety.supervisor.Supervisor.release`."""
+        self._spine.hear()  # what was missed before does not count
         self._spine.call("release", returning=returning)
 
     def lock(self) -> None:

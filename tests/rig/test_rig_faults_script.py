@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import json
 from collections.abc import Iterator
 from pathlib import Path
@@ -129,18 +130,16 @@ def test_what_came_of_an_attack_is_judged(outcome: Outcome, safe: bool, stops: b
     assert (outcome.safe, outcome.stops, outcome.goes_on) == (safe, stops, goes_on)
 
 
-def test_a_blade_that_moves_on_is_seen_by_the_emulator() -> None:
+@pytest.mark.parametrize(("speed", "moves"), [(0.0, False), (0.001, True)])
+def test_a_blade_that_moves_on_is_seen(speed: float, moves: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """The sibling: a stop that is not one is told as such."""
+    times = itertools.count()
+    monkeypatch.setattr("attack_scene.time.sleep", lambda seconds: None)
     with Scene() as scene:
-        rig = scene.rig
-        rig.begin(1)
-        rig.cut(0.1)
+        monkeypatch.setattr(scene, "_truth", lambda: {"position_m": speed * next(times)})
         outcome = Outcome(cause="as if stopped")
-        rig.plant.supervisor._held_until = float("inf")  # nobody misses the next command
         scene._look(outcome, {})
-        if rig.plant.supervisor.phase == "ready":  # else a stall of the host has stopped it
-            assert outcome.moves
-            assert not outcome.safe
+    assert (outcome.moves, outcome.safe) == (moves, not moves)
 
 
 def test_a_second_program_is_refused_and_the_first_cuts_on() -> None:
