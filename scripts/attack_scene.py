@@ -26,6 +26,8 @@ _WATCHED = 1.2  # [s] of observation after it
 _LOOKED = 0.4  # [s] between the two last observations
 
 Attack = Callable[["Scene"], None]
+Found = tuple[list[str], list[str]]
+"""Defects that a trial of its own has found, and other observations."""
 
 
 def named(name: str, about: str, attack: Attack) -> Attack:
@@ -48,6 +50,8 @@ class Outcome:
         True if it moves in the end though it was stopped, or though nothing commands it.
     refused : bool
         True if commands are refused after a stop.
+    before : bool
+        True if a busy machine had stopped it before the attack: this is no trial of it.
     stalls : int
         Number of delays of this machine meanwhile.
     notes : list of str
@@ -58,6 +62,7 @@ class Outcome:
     way: float | None = None
     moves: bool = False
     refused: bool = True
+    before: bool = False
     stalls: int = 0
     notes: list[str] = field(default_factory=list)
 
@@ -122,11 +127,13 @@ class Scene:
         """Cut, attack from another thread, and return the outcome."""
         self.notes = []
         rig, outcome, at = self.rig, Outcome(notes=self.notes), {}
+        begun: list[float] = []
         rig.begin(seed)
         stalls = len(rig.host.stalls)
 
         def run() -> None:
             at.update(self._truth())
+            begun.append(rig.clock.now())
             try:
                 attack(self)
             except Exception as error:  # an attack that raises is not an attack
@@ -136,6 +143,7 @@ class Scene:
         timer.start()
         report = rig.cut(_AFTER + _WATCHED)
         timer.join(10.0)
+        outcome.before = report is not None and bool(begun) and report.detected < begun[0]
         outcome.cause = None if report is None else report.cause.value
         outcome.stalls = len(rig.host.stalls) - stalls
         if report is not None:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from attack_scene import Scene
+from attack_scene import Found, Scene
 from cutting_rig import UPRIGHT
 
 from cutenv.envs.rig_cut import RigCutEnv
@@ -22,8 +22,6 @@ from cutenv.recording.schema import RecordError
 from cutenv.rig.errors import RigError
 from cutenv.rig.safety.stop_causes import RigStopped
 
-Found = tuple[list[str], list[str]]
-"""Defects found, and other observations."""
 _GOOD = 30  # decisions before the policy misbehaves
 _BAD = 100  # largest number of decisions after that
 _ATTEMPTS = 5  # to start a cut

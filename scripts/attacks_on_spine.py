@@ -14,15 +14,19 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from attack_scene import Attack, Scene, named
+from attack_scene import FARTHEST, Attack, Found, Scene, named
 from attacks_on_process import paused, replaced
 from cutting_rig import SPEED, UPRIGHT
+from rig_cut_process import CutProcess
 
+from cutenv.imitated.emulator.process import RunningEmulator, start
 from cutenv.rig.remote_spine import RemoteSpine
 from cutenv.rig.safety.stop_causes import Cause
 from cutenv.rig.spine_link import COMMAND, GO
 
 _HOUR = 3600.0  # [s]
+_STANDS = 1e-4  # [m] that a blade at rest may move in 0.4 s
+_GONE_WITHIN = 5.0  # [s] of the program's end for its spine to end
 _SCRIBBLED = 0.3  # [s] for which the memory is written to
 _SCRIBBLE = """
 import mmap, os, sys, time
@@ -182,6 +186,77 @@ def forked_child_beneath(scene: Scene) -> None:
     os.waitpid(child, 0)
 
 
+def _leaves_nothing(end: Callable[[RunningEmulator, CutProcess], None], errors: int | None = None) -> Found:
+    """Let a program cut, and end as it does; its blade has to rest within the allowed way, and its spine to be gone."""
+    with start() as emulator:
+        program, control = CutProcess(emulator, seed=1, errors=errors), emulator.control
+        try:
+            spine = program.line()["spine"]
+            time.sleep(0.5)
+            begun = float(control.truth()["position_m"])
+            end(emulator, program)
+        finally:
+            program.end()
+        ends = time.monotonic() + _GONE_WITHIN
+        while (left := _runs(spine)) and time.monotonic() < ends:
+            time.sleep(0.01)
+        rest = float(control.truth()["position_m"])
+        time.sleep(0.4)
+        wrong = [f"its spine {spine} runs on"] if left else []
+        if abs(float(control.truth()["position_m"]) - rest) > _STANDS:
+            wrong.append("the blade moves on")
+        if not abs(rest - begun) < FARTHEST:
+            wrong.append("the blade went too far")
+        return wrong, [f"{1e3 * (rest - begun):.2f} mm"]
+
+
+def _runs(pid: int) -> bool:
+    """Return whether a process runs; one that has ended and is not waited for yet does not."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def program_killed() -> Found:
+    """Kill the program (kill -9): its spine stops the blade, and ends itself."""
+    return _leaves_nothing(lambda emulator, program: program.process.kill())
+
+
+def _disobeyed(emulator: RunningEmulator, program: CutProcess) -> None:
+    """Let the sensor fall silent, and the drive not obey a quick stop: the spine then ends its heartbeat, and logs it."""
+    emulator.control.inject("deaf")
+    emulator.control.inject("sensor_silent")
+    program.line()
+
+
+def errors_closed() -> Found:
+    """Close the standard error of program and spine, while the drive obeys no quick stop."""
+    read, write = os.pipe()
+    os.close(read)
+    try:
+        return _leaves_nothing(_disobeyed, write)
+    finally:
+        os.close(write)
+
+
+def errors_unread() -> Found:
+    """Read no more of the standard error of program and spine, which is full, while the drive obeys no quick stop."""
+    read, write = os.pipe()
+    os.set_blocking(write, False)
+    with suppress(BlockingIOError):
+        while True:
+            os.write(write, bytes(4096))
+    os.set_blocking(write, True)
+    try:
+        return _leaves_nothing(_disobeyed, write)
+    finally:
+        os.close(read)
+        os.close(write)
+
+
+ENDS = (program_killed, errors_closed, errors_unread)
+"""Trials of a program that ends, or is no longer read: what was wrong, and other observations."""
 _NAN, _EVER = float("nan"), float("inf")
 STOPPED = (
     pauses(100), pauses(300), spine_paused_and_asked, spine_terminated, spine_killed,

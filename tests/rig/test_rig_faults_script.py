@@ -110,7 +110,7 @@ def test_trials_in_vain_end_at_the_look_that_finds_a_busy_machine(monkeypatch):
 def test_every_attack_is_listed_with_what_it_does(capsys: pytest.CaptureFixture[str]) -> None:
     assert rig_attacks.main(["--list"]) == 0
     listed = capsys.readouterr().out.splitlines()
-    assert len(listed) == len(rig_attacks.ATTACKS) + len(rig_attacks.POLICIES) >= 30
+    assert len(listed) == len(rig_attacks.ATTACKS) + len(rig_attacks.TRIALS) >= 30
     assert all(line.endswith(".") for line in listed)
 
 
