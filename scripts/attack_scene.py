@@ -17,9 +17,11 @@ from cutting_rig import SPEED, CuttingRig
 
 from cutenv.imitated.emulator.process import RunningEmulator, start
 from cutenv.rig.errors import RigError
+from cutenv.rig.safety.stop_causes import Cause
 
 FARTHEST = 0.005
 """Distance within which an attack that must stop the blade has to stop it [m]."""
+_OF_STALLS = (Cause.FORCE_STALE, Cause.FORCE_LATE, Cause.MOTION_STALE, Cause.OVERRUN, Cause.HEARTBEAT, Cause.EXCEPTION)
 _STANDS = 2e-4  # [m/s]
 _AFTER = 0.4  # [s] of cutting before the attack
 _WATCHED = 1.2  # [s] of observation after it
@@ -78,8 +80,13 @@ class Outcome:
 
     @property
     def goes_on(self) -> bool:
-        """True if the cut went on; a machine that stalls may stop it as well."""
-        return self.safe and (self.cause is None or self.stalls > 0)
+        """True if the cut went on."""
+        return self.safe and self.cause is None
+
+    @property
+    def disturbed(self) -> bool:
+        """True if a machine that stalls has stopped it, as far as can be seen: then it is not known what would be."""
+        return self.before or (self.stalls > 0 and self.cause in _OF_STALLS)
 
 
 class Scene:

@@ -112,11 +112,11 @@ def scribbled(name: str, about: str, ring: str, *, asked: bool = False, once: bo
 
 
 @contextmanager
-def _line(scene: Scene) -> Iterator[Callable[[bytes], None]]:
+def _line(scene: Scene) -> Iterator[Callable[[bytes], int]]:
     """Yield a function that writes bytes on the line to the spine, between two messages of the program."""
     spine = _spine(scene)
     with spine._calling:
-        yield lambda data: os.writev(spine._line.fileno(), [data]) and None
+        yield lambda data: os.write(spine._line.fileno(), data)
 
 
 def half_a_message(scene: Scene) -> None:
@@ -224,7 +224,7 @@ def program_killed() -> Found:
 
 
 def _disobeyed(emulator: RunningEmulator, program: CutProcess) -> None:
-    """Let the sensor fall silent, and the drive not obey a quick stop: the spine then ends its heartbeat, and logs it."""
+    """Let the sensor fall silent, and the drive not obey a quick stop: the heartbeat ends, and that is logged."""
     emulator.control.inject("deaf")
     emulator.control.inject("sensor_silent")
     program.line()

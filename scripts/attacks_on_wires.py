@@ -96,7 +96,7 @@ def flood_of_foreign_frames(scene: Scene) -> None:
     """Send two thousand frames with unused identifiers."""
     with on_the_bus(scene) as send:
         for i in range(2000):
-            send(0x300 + i % 64, bytes(8))
+            send(0x310 + i % 64, bytes(8))  # not those of our nodes' process data
 
 
 def gateway_full_of_clients(scene: Scene) -> None:

@@ -56,13 +56,13 @@ def made(scene: Scene, name: str, seed: int) -> tuple[bool, str]:
             continue
         finally:
             scene.renew()
-        if not outcome.before:
+        if not (outcome.before or (wanted == "ignored" and outcome.disturbed)):
             break
     way = "" if outcome.way is None else f"{1e3 * outcome.way:.2f} mm"
-    seen = "; ".join([outcome.cause or "goes on", way, *outcome.notes])
+    told = "; ".join([outcome.cause or "goes on", way, *outcome.notes])
     host = f" [host stalled {outcome.stalls} times]" if outcome.stalls else ""
-    again = f" [made {attempt} times, stopped before by the host]" if attempt > 1 else ""
-    return not outcome.before and _HELD[wanted](outcome), f"to be {wanted}: {seen}{host}{again}"
+    again = f" [made {attempt} times: the host stopped it]" if attempt > 1 else ""
+    return not outcome.before and _HELD[wanted](outcome), f"to be {wanted}: {told}{host}{again}"
 
 
 def main(argv: Sequence[str] | None = None) -> int:

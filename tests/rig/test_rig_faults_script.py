@@ -123,7 +123,7 @@ def test_every_attack_is_listed_with_what_it_does(capsys: pytest.CaptureFixture[
         (Outcome(cause="force limit", way=0.001, refused=False), False, False, False),
         (Outcome(cause=None, way=0.02), True, False, True),
         (Outcome(cause=None, way=0.02, notes=["! two programs have one rig"]), False, False, False),
-        (Outcome(cause="force stale", way=0.001, stalls=1), True, True, True),
+        (Outcome(cause="force stale", way=0.001, stalls=1), True, True, False),
     ],
 )
 def test_what_came_of_an_attack_is_judged(outcome: Outcome, safe: bool, stops: bool, goes_on: bool) -> None:
