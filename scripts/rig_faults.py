@@ -11,8 +11,8 @@
 The blade cuts sampled specimens at 1.5 cm/s (a slow rig: 4.5 mm/s) when the fault occurs, at a random instant.  All
 times are of one clock.  The machine's own delays are counted (a thread of the rig or of the emulator that was late by
 more than 5 ms), and the times of such trials are kept apart.  If such a delay has stopped the rig before the fault, or
-something in such a trial is not as promised, it does not count, and is made again.  A machine that is too busy is refused at once (exit code 3), with what to ask
-for.
+something in such a trial is not as promised, it does not count, and is made again.  A machine that is too busy is
+refused at once (exit code 3), with what to ask for.
 
 Trials are stored as they are made, in runs/rig-faults.part.json, those of the other kinds in
 rig-faults-height.part.json, rig-faults-side.part.json and so on there.  An interrupted run
@@ -228,7 +228,8 @@ def markdown(kept: dict[str, Any]) -> str:
     """Return the table for the documentation."""
     lines = [HEADER, tuple("---" for _ in HEADER), *rows(kept)]
     table = "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
-    made = f"{len(kept['trials'])} trials, {sum(kept['before'].values())} more made again: the host had stopped them before, or spoiled them."
+    again = sum(kept["before"].values())
+    made = f"{len(kept['trials'])} trials, {again} more made again: the host had stopped them before, or spoiled them."
     if "bus_gap" not in {each["fault"] for each in kept["trials"]}:
         return f"{table}\n\n{made}"
     allowed = f"Found out counts as kept up to {1e3 * WAY:g} ms beyond the stated time: the ways of frames and events."

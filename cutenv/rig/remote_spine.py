@@ -33,6 +33,7 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partialmethod
 from multiprocessing.connection import Connection
 from typing import Any, NoReturn
 
@@ -331,34 +332,14 @@ class RemoteSpine:
         self._link.stops.put(json.dumps(wanted).encode())
         return self._asked
 
-    # Procedures
+    # Procedures, each as that of the spine with this name
 
-    def power(self) -> None:
-        """Switch the drives on, at rest."""
-        self.call("power")
-
-    def switch_off(self) -> None:
-        """Switch off the power of drives at rest; their samples continue."""
-        self.call("switch_off")
-
-    def set_zero(self) -> None:
-        """Take the blade's present position, without power, as zero."""
-        self.call("set_zero")
-
-    def drive_limits(self) -> dict[str, dict[str, float]]:
-        """Return the limits that each drive reports, by axis."""
-        limits: dict[str, dict[str, float]] = self.call("drive_limits")
-        return limits
-
-    def about(self) -> dict[str, dict[str, float | str]]:
-        """Return the data that drives and sensor report about themselves, by name."""
-        about: dict[str, dict[str, float | str]] = self.call("about")
-        return about
-
-    def tare(self) -> tuple[float, float, float]:
-        """Take the present force as zero; return it [N], relative to the sensor's own zero."""
-        zero: tuple[float, float, float] = self.call("tare")
-        return zero
+    power = partialmethod(call, "power")
+    switch_off = partialmethod(call, "switch_off")
+    set_zero = partialmethod(call, "set_zero")
+    drive_limits = partialmethod(call, "drive_limits")
+    about = partialmethod(call, "about")
+    tare = partialmethod(call, "tare")
 
 
 class _HearingClock(SystemClock):
@@ -375,6 +356,11 @@ class _HearingClock(SystemClock):
             self._hear()
             if now >= moment:
                 return now
+
+
+def _seen(name: str) -> Any:
+    """Return a property that asks the spine for what its supervisor sees."""
+    return property(lambda supervisor: supervisor._spine.call(name))
 
 
 class RemoteSupervisor:
@@ -470,11 +456,6 @@ class RemoteSupervisor:
         self._spine.call("reset", agreed=agreed)
 
     @property
-    def latched(self) -> str | None:
-        """Reason for which a reset has to precede any motion, or None."""
-        return self._text("latched")
-
-    @property
     def newest_force(self) -> ForceSample | None:
         """Last force reading; None before the first."""
         self._spine.hear()
@@ -490,26 +471,10 @@ class RemoteSupervisor:
         self._spine.hear()
         return self.newest.get(name)
 
-    @property
-    def beyond(self) -> str | None:
-        """Position of a blade beyond an end of its travel, as a text; None if it is inside."""
-        return self._text("beyond")
+    # What the spine alone knows, each as the property of its supervisor with this name
 
-    @property
-    def pressed(self) -> str | None:
-        """Vertical force of a blade that presses on the tissue beyond its limit, as a text; None if it is within."""
-        return self._text("pressed")
-
-    @property
-    def relieving(self) -> bool:
-        """True while a blade that presses on the tissue is raised, and nothing else may move."""
-        return bool(self._spine.call("relieving"))
-
-    @property
-    def standing(self) -> bool:
-        """True if the blade is at rest, as far as its samples show."""
-        return bool(self._spine.call("standing"))
-
-    def _text(self, name: str) -> str | None:
-        found: str | None = self._spine.call(name)
-        return found
+    latched = _seen("latched")
+    beyond = _seen("beyond")
+    pressed = _seen("pressed")
+    relieving = _seen("relieving")
+    standing = _seen("standing")

@@ -131,7 +131,7 @@ def test_a_driver_that_never_returns_holds_up_neither_stop_nor_program_nor_close
 
 def test_a_stop_that_the_program_asks_for_is_under_way_when_it_goes_on(record):
     plant = ready()
-    assert plant.about()["blade"]["process"] == plant.spine.pid != os.getpid()
+    assert plant.spine.about()["blade"]["process"] == plant.spine.pid != os.getpid()
     plant.supervisor.trip(Cause.OPERATOR, "the button")
     assert plant.supervisor.phase == "stopped"
     assert str(plant.supervisor.report).startswith("operator: the button")
