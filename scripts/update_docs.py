@@ -5,7 +5,8 @@
     python scripts/update_docs.py ladder learned-stop stock safe-cut memory check-score depth-cut  left in runs/
     python scripts/update_docs.py depth-ladder depth-agents path-ladder path-agents                likewise
     python scripts/update_docs.py benchmark                 what scripts/leaderboard.py --publish has kept
-    python scripts/update_docs.py rig-faults rig-faults-height rig-faults-side rig-attacks rig-soak class-load    likewise, in runs/
+    python scripts/update_docs.py rig-faults rig-faults-height rig-faults-side rig-soak class-load    likewise, in runs/
+    python scripts/update_docs.py rig-attacks               what scripts/rig_attacks.py left in runs/ (--json)
     python scripts/update_docs.py depth seen-runs           what measure_depth_accuracy.py and measure_seen_runs.py left
     python scripts/update_docs.py wear                      what scripts/wear_series.py left in runs/ (--json)
     python scripts/update_docs.py twins                     what scripts/twin_trials.py left in runs/ (--json)

@@ -315,7 +315,7 @@ class RemoteSpine:
         asked = time.monotonic()
         while self.supervisor.heard < number and process is not None and not (self.gone or self._closing):
             if (waited := time.monotonic() - asked) > _HEARD_WITHIN:
-                self._why_ended = f", because it did not hear a stop ({cause.value}: {detail})"
+                self._why_ended = self._why_ended or f", because it did not hear a stop ({cause.value}: {detail})"
                 self._hang_up()
             if waited > _STOPS_WITHIN:  # without its heartbeat the drives stop by themselves
                 process.kill()
