@@ -67,7 +67,13 @@ class Made:
 def made(scene: Scene, name: str, seed: int) -> Made:
     """Run one attack; return what came of it."""
     if name in TRIALS:
-        wrong, seen = TRIALS[name]()
+        for attempt in range(1, _ATTEMPTS + 1):
+            try:
+                wrong, seen = TRIALS[name]()
+                break
+            except RigError as error:
+                if attempt == _ATTEMPTS:
+                    return Made(name, False, f"! no trial: {error}")
         return Made(name, not wrong, "; ".join([*(f"! {each}" for each in wrong), *seen]))
     attack, wanted = ATTACKS[name]
     for attempt in range(1, _ATTEMPTS + 1):

@@ -50,7 +50,7 @@ from cutenv.rig.spine_process import read_state
 _STARTS_WITHIN = 60.0  # [s]
 _CALLS_WITHIN = 60.0  # [s] for power, tare, reset; each driver has its own, shorter limits
 _COMMANDS_WITHIN = 0.5  # [s] for a command to be on the bus
-_HEARD_WITHIN = 0.1  # [s] for the spine to hear a stop, after which the line is ended
+_HEARD_WITHIN = 0.2  # [s] for the spine to hear a stop, after which the line is ended
 _STOPS_WITHIN = 0.5  # [s] for a stop that is asked for to be under way
 _SILENT = 0.5  # [s] without a sample, from which the program knows nothing of the blade any more
 _HEARS_EVERY = 1.0  # [s] of samples that are taken in at a time, at most
@@ -416,6 +416,8 @@ class RemoteSupervisor:
     def drive(self, speed: float, angle: float, hold: float, **across: float) -> float:
         """Send a command, see :meth:`cutenv.rig.safety.supervisor.Supervisor.drive`."""
         turned = self._spine.command(GO, speed, angle, hold, across.get("height", 0.0), across.get("side", 0.0))
+        if turned is None and (phase := self.phase) is not Phase.READY:
+            raise RigError(f"the blade may not move: the rig is {phase} ({self.report}), and a driver does not return.")
         return angle if turned is None else turned
 
     def turn(self, rate: float) -> None:

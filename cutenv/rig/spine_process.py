@@ -12,6 +12,7 @@ import json
 import logging
 import os
 import pickle
+import select
 import signal
 import socket
 import sys
@@ -80,6 +81,7 @@ class _Served:
         self.spine, self.supervisor = spine, spine.supervisor
         self._line, self._link, self._signals, self._log = line, link, signals, log
         self._program, self._its_parent = program, 0
+        self._parents_end: int | None = None  # descriptor that can be read once the program's parent has ended
         self._number = 0  # of the last message
         self._told: tuple[Any, ...] = ()
         self._heard = 0  # stops that were asked for
@@ -108,7 +110,10 @@ class _Served:
         supervisor, late = self.supervisor, self.spine.clock.now() - given
         if parent != (self._its_parent or parent):
             supervisor.trip(Cause.ORPHANED, f"the parent process {self._its_parent} has ended")
-        self._its_parent = self._its_parent or parent
+        if not self._its_parent:
+            self._its_parent = parent
+            with suppress(AttributeError, OSError):  # elsewhere the next command tells
+                self._parents_end = os.pidfd_open(parent)
         self._in_order(number)
         try:
             if mark == TURN:
@@ -164,6 +169,8 @@ class _Served:
             else:
                 self.supervisor.trip(Cause(wanted["cause"]), wanted["detail"])
             self._heard += 1
+        if self._parents_end is not None and select.select([self._parents_end], [], [], 0)[0]:
+            self.supervisor.trip(Cause.ORPHANED, f"the parent process {self._its_parent} has ended")
         if os.getppid() != self._program:
             self.supervisor.trip(Cause.ORPHANED, f"the program {self._program}, which commands the rig, has ended")
             self._over = True
