@@ -104,6 +104,7 @@ class Scene:
         self._emulator: RunningEmulator | None = None
         self._rig: CuttingRig | None = None
         self.notes: list[str] = []
+        self._at: dict[str, Any] = {}
         self._folder = tempfile.TemporaryDirectory()
         file = Path(self._folder.name) / "orders"
         self.orders = Orders(file)
@@ -133,13 +134,13 @@ class Scene:
     def attacked(self, attack: Attack, seed: int) -> Outcome:
         """Cut, attack from another thread, and return the outcome."""
         self.notes = []
-        rig, outcome, at = self.rig, Outcome(notes=self.notes), {}
+        rig, outcome = self.rig, Outcome(notes=self.notes)
         begun: list[float] = []
         rig.begin(seed)
         stalls = len(rig.host.stalls)
 
         def run() -> None:
-            at.update(self._truth())
+            self.mark()
             begun.append(rig.clock.now())
             try:
                 attack(self)
@@ -158,10 +159,14 @@ class Scene:
             outcome.refused = rig.refuses()
         else:
             rig.plant.halt()
-        self._look(outcome, at)
+        self._look(outcome)
         return outcome
 
-    def _look(self, outcome: Outcome, at: dict[str, Any]) -> None:
+    def mark(self) -> None:
+        """Count the way of the blade from here."""
+        self._at = self._truth()
+
+    def _look(self, outcome: Outcome) -> None:
         time.sleep(0.2)
         first = self._truth()
         time.sleep(_LOOKED)
@@ -169,8 +174,8 @@ class Scene:
         if not last:
             self.note("the emulator is gone: the drive's own watch is all that is left, as of hardware without power")
             return
-        if at:
-            outcome.way = last["position_m"] - at["position_m"]
+        if self._at:
+            outcome.way = last["position_m"] - self._at["position_m"]
         went = abs(last["position_m"] - first["position_m"]) / _LOOKED if first else 0.0
         outcome.moves = went > _STANDS
         if outcome.moves:

@@ -106,6 +106,7 @@ def scribbled(name: str, about: str, ring: str, *, asked: bool = False, once: bo
         with subprocess.Popen([sys.executable, "-c", _SCRIBBLE, str(memory), *map(str, numbers)]):
             if asked:
                 time.sleep(0.15)  # until it writes
+                scene.mark()
                 scene.rig.plant.supervisor.trip(Cause.OPERATOR, "the attack")
 
     return named(name, about, attack)
@@ -261,7 +262,6 @@ _NAN, _EVER = float("nan"), float("inf")
 STOPPED = (
     pauses(100), pauses(300), spine_paused_and_asked, spine_terminated, spine_killed,
     scribbled("readings_overwritten", "Write noise over the readings in the shared memory for 0.3 s.", "samples"),
-    scribbled("readings_spoiled", "Write noise over the readings in the shared memory once.", "samples", once=True),
     scribbled(
         "states_overwritten",
         "Write noise over the states in the shared memory, while the program asks for a stop.",
@@ -290,6 +290,11 @@ STOPPED = (
 IGNORED: tuple[Attack, ...] = ()
 EITHER = (
     pauses(10), pauses(30),
+    scribbled(
+        "readings_spoiled",
+        "Write noise over the readings in the shared memory once: one that is not taken yet may be among them.",
+        "samples", once=True,
+    ),
     refused("spine_files_refused", "Refuse the spine to open files for half a second.", resource.RLIMIT_NOFILE),
     refused("spine_memory_refused", "Refuse the spine more memory for half a second.", resource.RLIMIT_AS),
 )  # fmt: skip

@@ -138,7 +138,7 @@ def test_a_blade_that_moves_on_is_seen(speed: float, moves: bool, monkeypatch: p
     with Scene() as scene:
         monkeypatch.setattr(scene, "_truth", lambda: {"position_m": speed * next(times)})
         outcome = Outcome(cause="as if stopped")
-        scene._look(outcome, {})
+        scene._look(outcome)
     assert (outcome.moves, outcome.safe) == (moves, not moves)
 
 
