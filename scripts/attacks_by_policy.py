@@ -28,12 +28,23 @@ _ATTEMPTS = 5  # to start a cut
 _RESETS = 5  # in a row, of one rig
 
 
+_made: list[RigCutEnv] = []
+
+
+def close_all() -> None:
+    """Close the environments of all trials so far, also of those that were broken off."""
+    while _made:
+        with contextlib.suppress(RigError, OSError):
+            _made.pop().close()
+
+
 class _Cut:
     """A recorded cut on its own emulated rig, with the motion of the carriage as the emulator reports it."""
 
     def __init__(self, folder: str) -> None:
         self.folder = Path(folder)
         self.env = RigCutEnv(rig="emulator", specimen_class="uniform", target_length=0.08, records=folder)
+        _made.append(self.env)
         for attempt in range(_ATTEMPTS):  # a busy machine stops the blade on its way
             try:
                 self.env.reset(seed=attempt)

@@ -74,6 +74,8 @@ def made(scene: Scene, name: str, seed: int) -> Made:
             except RigError as error:
                 if attempt == _ATTEMPTS:
                     return Made(name, False, f"! no trial: {error}")
+            finally:
+                attacks_by_policy.close_all()
         return Made(name, not wrong, "; ".join([*(f"! {each}" for each in wrong), *seen]))
     attack, wanted = ATTACKS[name]
     for attempt in range(1, _ATTEMPTS + 1):
