@@ -38,7 +38,7 @@ OF_SUPERVISOR = ("release", "lock", "lower", "reset")
 """Methods of :class:`~cutenv.rig.safety.supervisor.Supervisor` that it may call."""
 SEEN = ("latched", "beyond", "pressed", "relieving", "standing")
 """Properties of the supervisor that it may read."""
-LONGEST = 1.0
+LONGEST_HOLD = 1.0
 """Greatest time for which a command may be valid [s]; the blade goes on for so long without the program."""
 _DETAIL = 600  # characters of a detail that are told
 _LONGEST_MESSAGE = 1 << 16  # [bytes] of a command or call
@@ -120,7 +120,7 @@ class _Served:
             if mark == TURN:
                 supervisor.turn(speed)
                 return REPLY.pack(DONE, number, angle)
-            if not 0.0 <= late <= hold <= LONGEST:
+            if not 0.0 <= late <= hold <= LONGEST_HOLD:
                 given = f"a command came {1e3 * late:.0f} ms after it was given"
                 supervisor.trip(Cause.OVERRUN, f"{given}, to be valid for {1e3 * hold:.0f} ms")
             return REPLY.pack(DONE, number, supervisor.drive(speed, angle, hold - late, height=height, side=side))

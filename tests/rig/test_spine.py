@@ -26,7 +26,7 @@ from cutenv.rig.hardware import rig_plant
 from cutenv.rig.plant import RigPlant
 from cutenv.rig.safety.stop_causes import ENDS_SESSION, Cause, RigStopped
 from cutenv.rig.spine_link import COMMAND, DONE, GO, REPLY, Link, Ring, SampleWriter, deliver, ring_size
-from cutenv.rig.spine_process import LONGEST, _Served
+from cutenv.rig.spine_process import LONGEST_HOLD, _Served
 
 UPRIGHT = math.pi / 2
 HERE = Path(__file__).parent
@@ -219,7 +219,7 @@ def command(number: int = 6, ahead: float = 0.0, hold: float = 0.02) -> bytes:
         (lambda: command(ahead=-0.1), Cause.OVERRUN),
         (lambda: command(ahead=math.nan), Cause.OVERRUN),
         (lambda: command(hold=math.inf), Cause.OVERRUN),
-        (lambda: command(hold=LONGEST + 0.1), Cause.OVERRUN),
+        (lambda: command(hold=LONGEST_HOLD + 0.1), Cause.OVERRUN),
         (lambda: command(hold=math.nan), Cause.OVERRUN),
         (lambda: command()[:-1], Cause.EXCEPTION),
         (lambda: b"\x80noise", Cause.EXCEPTION),
