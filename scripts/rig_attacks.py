@@ -48,7 +48,7 @@ TRIALS = {trial.__name__: trial for trial in (*attacks_on_spine.ENDS, *attacks_b
 ABOUT = {name: str(attack.__doc__) for name, (attack, _) in ATTACKS.items()} | {
     name: str(trial.__doc__) for name, trial in TRIALS.items()
 }
-"""What each does."""
+"""Description of each, by its name."""
 DEFAULT = Path("runs") / "rig-attacks.json"
 """File from which the documentation is made."""
 
