@@ -233,7 +233,9 @@ def form_of(use: Use, compiled: Any) -> dict[str, Any]:
     """Return name and form of a kernel, as scripts/kernels/binding.c reads it, its dtypes still in words."""
     signature = compiled.signature
     arguments = [part for kind in signature.args for part in _form(kind)]
-    result = [part for kind in [signature.return_type] for part in _form(kind)]
+    result = list(_form(signature.return_type))
+    if any(part[0] in ("r", "w", "v", "dtype") for part in result):
+        raise SystemExit(f"build_kernels: {use.name} of {use.module} returns memory: let it fill an argument instead.")
     name = f"{use.module}:{use.name}"
     named = getattr(signature.return_type, "instance_class", None)  # of a named tuple
     place = "" if named is None else f"{named.__module__}:{named.__qualname__}"

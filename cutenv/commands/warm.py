@@ -81,10 +81,13 @@ def _use_policies(task: RegisteredTask) -> None:
 
     from cutenv.envs.batch import CutBatch
     from cutenv.learning.evaluation import batched_rollout
+    from cutenv.plant.protocol import recorded_trace
+    from cutenv.scoring import score
 
     for policy in (*(make() for make in task.scripts.values()), task.planner(rounds=1)):
-        (cut,) = batched_rollout(policy, [0], {"task": task.name, "deadline_s": 1.0}, readings=True)
-        cut.metrics()
+        for seeds in ([0], [0, 1]):  # for one cut, columns of an array are contiguous
+            cut, *_ = batched_rollout(policy, seeds, {"task": task.name, "deadline_s": 1.0}, readings=True)
+        score(recorded_trace(cut.readings, cut.depth), target_length=cut.truth["target_length_m"])
     batch, which = CutBatch(2, task.single()), np.arange(2)
     batch.give_seeds([0, 1], which, np.random.default_rng(0))
     batch.begin(which)
@@ -93,15 +96,27 @@ def _use_policies(task: RegisteredTask) -> None:
 
 def _use_plant(task: RegisteredTask) -> None:
     """Drive, lead and account for a blade as the law's own checks do, and by a person's hand where the task has one."""
+    import numpy as np
+
+    from cutenv.scoring import score
+    from cutenv.tissue import measured_liver
+    from cutenv.tissue.floor import BladePath, expected_floor
+    from cutenv.tissue.grid import N_POINTS
+    from cutenv.tissue.specimen import draw_liver
+
     environment = task.single()
     environment.reset(seed=0)
     plant = environment.plant
     plant.advance(0.01, math.radians(60.0), 5)
     plant.lead([plant.states["blade"][0]], math.radians(60.0))
     plant.energy()
+    draw_liver(np.random.default_rng(0))
+    expected_floor(measured_liver(), np.full(N_POINTS, 0.01), BladePath(*np.zeros((3, 2))))
     if task.hand:
         cut = task.hand()
-        cut.follow([[0.0, math.radians(60.0), 0.0][: len(task.task.action_names)]] * 5)
+        way = np.zeros((2000, len(task.task.action_names)))
+        way[:, 0], way[:, 1] = np.linspace(0.0, 0.04, len(way)), math.radians(60.0)
+        score(cut.trace(cut.follow(way), **cut.facts), target_length=cut.target_length)
 
 
 def _use_rigs() -> None:

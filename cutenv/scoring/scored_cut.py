@@ -478,7 +478,8 @@ class ScoredCut:
         tips = np.zeros(len(instants))
         memory["position"], memory["tip"] = even[0, 0], min(float(even[0, 0]), 0.0)
         mean = MeanTissue(stiffness, len(stiffness), self.tissue.nominal_friction_per_depth)
-        taught = assess_tips(memory, mean, even, tips)
+        taught = np.zeros_like(memory)
+        assess_tips(memory, taught, mean, even, tips)
         # A cut never heals: where drawing back locates the tip, it was not further before.
         tips = np.minimum.accumulate(tips[::-1])[::-1]
         return np.interp(self.time, instants, tips), taught

@@ -348,12 +348,3 @@ def observe_rest(counts: StructArray, cuts: Any, c: Integer, angle: float, obser
 def charge_stored(task: Struct, energy: float, toughness: float, info: Struct) -> None:
     """Charge a tissue that an end leaves loaded with an ``energy`` [J], at a tip whose R B is ``toughness`` [N]."""
     _charge_stored(task, energy, toughness, info)
-
-
-@njit
-def succeeded_all(tasks: StructArray, progresses: StructArray) -> StructArray:
-    """Return :func:`succeeded` for n cuts, shape (n,)."""
-    successes = np.zeros(len(tasks), np.bool_)
-    for n in range(len(tasks)):
-        successes[n] = succeeded(tasks[n], progresses[n])
-    return successes

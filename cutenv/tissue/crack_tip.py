@@ -146,20 +146,19 @@ def assess_tip(memory: Struct, mean: MeanTissue, reading: BladeReading) -> float
 
 
 @njit
-def assess_tips(memories: StructArray, mean: MeanTissue, readings: Array, tips: Array) -> StructArray:
+def assess_tips(memories: StructArray, taught: StructArray, mean: MeanTissue, readings: Array, tips: Array) -> None:
     """Fill ``tips``, shape (n,) [m], by :func:`assess_tip` for ``readings`` every 20 ms, shape (n, 4).
 
-    The columns are the fields of :class:`BladeReading`; ``memories`` has shape (1,).  Returns what was remembered at
-    the first return stroke, shape (1,), or zeros.
+    The columns are the fields of :class:`BladeReading`; ``memories`` has shape (1,), and so has ``taught``, which is
+    given as zeros and filled with what was remembered at the first return stroke.
     """
-    memory, first = memories[0], np.zeros_like(memories)
+    memory, first = memories[0], taught
     for k in range(len(readings)):
         position, speed, depth, force = readings[k, 0], readings[k, 1], readings[k, 2], readings[k, 3]
         assess_tip(memory, mean, BladeReading(max(position, 0.0), speed, depth, force))
         tips[k] = memory.tip
         if memory.probed == 1 and (first[0].probed == 0 or memory.back_from == first[0].back_from):
             first[0] = memory
-    return first
 
 
 @njit_internal

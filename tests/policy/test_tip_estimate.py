@@ -166,7 +166,7 @@ def test_no_tip_is_located_before_the_clamp():
     readings = np.column_stack([position, speed, depth, 400.0 * (position + 0.002) + 0.2 * np.sign(speed)])
     memories, tips = np.zeros(1, ASSESSED_TIP), np.zeros(len(position))
     believe_mean(memories, 20.0)
-    assess_tips(memories, MeanTissue(np.full(N_POINTS, 400.0), N_POINTS, 20.0), readings, tips)
+    assess_tips(memories, np.zeros_like(memories), MeanTissue(np.full(N_POINTS, 400.0), N_POINTS, 20.0), readings, tips)
     assert memories["probed"][0] == 1
     assert tips.min() >= 0.0
     assert memories["located"][0] == 0.0
