@@ -2,25 +2,34 @@
 
 from __future__ import annotations
 
+import dataclasses
+import os
+import tempfile
 import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
+from attacked_drivers import ORDERS, Orders
 from cutting_rig import SPEED, CuttingRig
 
 from cutenv.imitated.emulator.process import RunningEmulator, start
 from cutenv.rig.errors import RigError
+from cutenv.rig.safety.stop_causes import Cause
 
 FARTHEST = 0.005
 """Distance within which an attack that must stop the blade has to stop it [m]."""
+_OF_STALLS = (Cause.FORCE_STALE, Cause.FORCE_LATE, Cause.MOTION_STALE, Cause.OVERRUN, Cause.HEARTBEAT, Cause.EXCEPTION)
 _STANDS = 2e-4  # [m/s]
 _AFTER = 0.4  # [s] of cutting before the attack
 _WATCHED = 1.2  # [s] of observation after it
 _LOOKED = 0.4  # [s] between the two last observations
 
 Attack = Callable[["Scene"], None]
+Found = tuple[list[str], list[str]]
+"""Defects that a trial of its own has found, and other observations."""
 
 
 def named(name: str, about: str, attack: Attack) -> Attack:
@@ -43,6 +52,8 @@ class Outcome:
         True if it moves in the end though it was stopped, or though nothing commands it.
     refused : bool
         True if commands are refused after a stop.
+    before : bool
+        True if a busy machine had stopped it before the attack: this is no trial of it.
     stalls : int
         Number of delays of this machine meanwhile.
     notes : list of str
@@ -53,6 +64,7 @@ class Outcome:
     way: float | None = None
     moves: bool = False
     refused: bool = True
+    before: bool = False
     stalls: int = 0
     notes: list[str] = field(default_factory=list)
 
@@ -68,17 +80,35 @@ class Outcome:
 
     @property
     def goes_on(self) -> bool:
-        """True if the cut went on; a machine that stalls may stop it as well."""
-        return self.safe and (self.cause is None or self.stalls > 0)
+        """True if the cut went on."""
+        return self.safe and self.cause is None
+
+    @property
+    def disturbed(self) -> bool:
+        """True if a machine that stalls has stopped it, as far as can be seen: then it is not known what would be."""
+        return self.before or (self.stalls > 0 and self.cause in _OF_STALLS)
 
 
 class Scene:
-    """An emulated rig on which a blade cuts; recreated when an attack leaves it unusable."""
+    """An emulated rig on which a blade cuts, its spine in a process of its own; recreated after each attack.
+
+    Attributes
+    ----------
+    orders : Orders
+        Where an attack writes how the drivers misbehave.
+    notes : list of str
+        Observations of the present attack.
+    """
 
     def __init__(self) -> None:
         self._emulator: RunningEmulator | None = None
         self._rig: CuttingRig | None = None
         self.notes: list[str] = []
+        self._at: dict[str, Any] = {}
+        self._folder = tempfile.TemporaryDirectory()
+        file = Path(self._folder.name) / "orders"
+        self.orders = Orders(file)
+        os.environ[ORDERS] = str(file)  # for the spine
 
     @property
     def emulator(self) -> RunningEmulator:
@@ -90,7 +120,11 @@ class Scene:
     def rig(self) -> CuttingRig:
         """The rig that cuts on it."""
         if self._rig is None:
-            self._rig = CuttingRig(self.emulator.settings, self.emulator.control, within=True)
+            settings = self.emulator.settings
+            blade = dataclasses.replace(settings.blade, driver="attacked_drivers:attacked_axis")
+            sensor = dataclasses.replace(settings.sensor, driver="attacked_drivers:attacked_sensor")
+            settings = dataclasses.replace(settings, blade=blade, sensor=sensor)
+            self._rig = CuttingRig(settings, self.emulator.control)
         return self._rig
 
     def note(self, text: str) -> None:
@@ -100,12 +134,14 @@ class Scene:
     def attacked(self, attack: Attack, seed: int) -> Outcome:
         """Cut, attack from another thread, and return the outcome."""
         self.notes = []
-        rig, outcome, at = self.rig, Outcome(notes=self.notes), {}
+        rig, outcome = self.rig, Outcome(notes=self.notes)
+        begun: list[float] = []
         rig.begin(seed)
         stalls = len(rig.host.stalls)
 
         def run() -> None:
-            at.update(self._truth())
+            self.mark()
+            begun.append(rig.clock.now())
             try:
                 attack(self)
             except Exception as error:  # an attack that raises is not an attack
@@ -115,6 +151,7 @@ class Scene:
         timer.start()
         report = rig.cut(_AFTER + _WATCHED)
         timer.join(10.0)
+        outcome.before = report is not None and bool(begun) and report.detected < begun[0]
         outcome.cause = None if report is None else report.cause.value
         outcome.stalls = len(rig.host.stalls) - stalls
         if report is not None:
@@ -122,10 +159,14 @@ class Scene:
             outcome.refused = rig.refuses()
         else:
             rig.plant.halt()
-        self._look(outcome, at)
+        self._look(outcome)
         return outcome
 
-    def _look(self, outcome: Outcome, at: dict[str, Any]) -> None:
+    def mark(self) -> None:
+        """Count the way of the blade from here."""
+        self._at = self._truth()
+
+    def _look(self, outcome: Outcome) -> None:
         time.sleep(0.2)
         first = self._truth()
         time.sleep(_LOOKED)
@@ -133,8 +174,8 @@ class Scene:
         if not last:
             self.note("the emulator is gone: the drive's own watch is all that is left, as of hardware without power")
             return
-        if at:
-            outcome.way = last["position_m"] - at["position_m"]
+        if self._at:
+            outcome.way = last["position_m"] - self._at["position_m"]
         went = abs(last["position_m"] - first["position_m"]) / _LOOKED if first else 0.0
         outcome.moves = went > _STANDS
         if outcome.moves:
@@ -148,6 +189,7 @@ class Scene:
 
     def renew(self, *, whole: bool = False) -> None:
         """Close the rig, and the emulator too if it is unusable, so that they are recreated."""
+        self.orders.give("")
         rig, self._rig = self._rig, None
         if rig is not None:
             rig.close()
@@ -165,3 +207,4 @@ class Scene:
 
     def __exit__(self, *error: Any) -> None:
         self.renew(whole=True)
+        self._folder.cleanup()

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from attack_scene import Scene
+from attack_scene import Found, Scene
 from cutting_rig import UPRIGHT
 
 from cutenv.envs.rig_cut import RigCutEnv
@@ -22,12 +22,20 @@ from cutenv.recording.schema import RecordError
 from cutenv.rig.errors import RigError
 from cutenv.rig.safety.stop_causes import RigStopped
 
-Found = tuple[list[str], list[str]]
-"""Defects found, and other observations."""
 _GOOD = 30  # decisions before the policy misbehaves
 _BAD = 100  # largest number of decisions after that
 _ATTEMPTS = 5  # to start a cut
 _RESETS = 5  # in a row, of one rig
+
+
+_made: list[RigCutEnv] = []
+
+
+def close_all() -> None:
+    """Close the environments of all trials so far, also of those that were broken off."""
+    while _made:
+        with contextlib.suppress(RigError, OSError):
+            _made.pop().close()
 
 
 class _Cut:
@@ -36,6 +44,7 @@ class _Cut:
     def __init__(self, folder: str) -> None:
         self.folder = Path(folder)
         self.env = RigCutEnv(rig="emulator", specimen_class="uniform", target_length=0.08, records=folder)
+        _made.append(self.env)
         for attempt in range(_ATTEMPTS):  # a busy machine stops the blade on its way
             try:
                 self.env.reset(seed=attempt)

@@ -20,7 +20,7 @@ from attack_scene import Attack, Scene, named
 from cutenv.rig.errors import RigError
 
 
-def _paused(pid: int, seconds: float) -> None:
+def paused(pid: int, seconds: float) -> None:
     """Stop a process, and let another one continue it after ``seconds``."""
     helper = f"kill -STOP {pid}; sleep {seconds}; kill -CONT {pid}"
     subprocess.run(["sh", "-c", helper], check=True)
@@ -31,13 +31,13 @@ def pauses(milliseconds: int) -> Attack:
     return named(
         f"program_paused_{milliseconds}_ms",
         f"SIGSTOP to this program for {milliseconds} ms.",
-        lambda scene: _paused(os.getpid(), 1e-3 * milliseconds),
+        lambda scene: paused(os.getpid(), 1e-3 * milliseconds),
     )
 
 
 def emulator_paused(scene: Scene) -> None:
     """Send SIGSTOP to the emulator for 300 ms while the blade moves: bus and sensor fall silent together."""
-    _paused(scene.emulator.pid, 0.3)
+    paused(scene.emulator.pid, 0.3)
 
 
 def emulator_killed(scene: Scene) -> None:
@@ -123,7 +123,8 @@ def files_refused(scene: Scene) -> None:
 
 
 @contextmanager
-def _replaced(holder: Any, name: str, value: Any) -> Iterator[None]:
+def replaced(holder: Any, name: str, value: Any) -> Iterator[None]:
+    """Replace an attribute in the block."""
     before = getattr(holder, name)
     setattr(holder, name, value)
     try:
@@ -135,22 +136,14 @@ def _replaced(holder: Any, name: str, value: Any) -> Iterator[None]:
 def wall_clock_set(scene: Scene) -> None:
     """Set the wall clock back by a year."""
     true = time.time
-    with _replaced(time, "time", lambda: true() - 3.15e7):
+    with replaced(time, "time", lambda: true() - 3.15e7):
         time.sleep(0.4)
 
 
-def socket_taken_away(scene: Scene) -> None:
-    """Close the descriptor of the CAN connection under the driver."""
-    network = scene.rig.plant.spine.axes[0]._network  # type: ignore[attr-defined]
-    network._bus._socket.close()
-
-
 def forked_child(scene: Scene) -> None:
-    """Fork in a policy, and let its child close the rig, stop and command the drive."""
-    plant = scene.rig.plant
-    actions: tuple[Callable[[], object], ...] = (
-        plant.close, plant.spine.axes[0].quick_stop, plant.spine.axes[0].close, lambda: plant.advance(0.0, 1.5, 20),
-    )  # fmt: skip
+    """Fork in a policy, and let its child close session and rig, and command the blade."""
+    plant, session = scene.rig.plant, scene.rig.session
+    actions: tuple[Callable[[], object], ...] = (session.close, plant.close, lambda: plant.advance(0.0, 1.5, 20))
     child = os.fork()
     if not child:
         for action in actions:
@@ -168,7 +161,7 @@ def closed_by_another_thread(scene: Scene) -> None:
 
 
 STOPPED = (
-    pauses(100), pauses(300), emulator_paused, emulator_killed, interpreter_held, socket_taken_away,
+    pauses(100), pauses(300), emulator_paused, emulator_killed, interpreter_held,
     closed_by_another_thread,
 )  # fmt: skip
 IGNORED = (wall_clock_set, forked_child)

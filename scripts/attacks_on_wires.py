@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import os
 import random
 import socket
 import struct
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from attack_scene import Attack, Scene, named
 
 from cutenv.rig.devices.canopen.bus import Socketcand
-from cutenv.rig.devices.host import SystemClock
 from cutenv.rig.devices.netft.packets import RdtCommand, request_bytes
 from cutenv.rig.errors import RigError
 from cutenv.rig.hardware import rig_plant
@@ -95,7 +96,7 @@ def flood_of_foreign_frames(scene: Scene) -> None:
     """Send two thousand frames with unused identifiers."""
     with on_the_bus(scene) as send:
         for i in range(2000):
-            send(0x300 + i % 64, bytes(8))
+            send(0x310 + i % 64, bytes(8))  # not those of our nodes' process data
 
 
 def gateway_full_of_clients(scene: Scene) -> None:
@@ -117,7 +118,7 @@ def gateway_hears_garbage(scene: Scene) -> None:
 
 def second_program(scene: Scene) -> None:
     """Start a second program, or another environment, for the same rig: refused, and the first goes on."""
-    plant = rig_plant(scene.emulator.settings, SystemClock())
+    plant = rig_plant(scene.emulator.settings)
     try:
         plant.open()
         scene.note("! two programs have one rig")
@@ -129,12 +130,18 @@ def second_program(scene: Scene) -> None:
 
 def foreign_packets_to_us(scene: Scene) -> None:
     """Send a thousand packets to our port of the sensor from elsewhere."""
-    opened = scene.rig.plant.spine.sensor._socket
-    if opened is None:
-        raise RuntimeError("the sensor is not open")
+    ours = _udp_port(scene.rig.plant.spine.pid)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         for i in range(1000):
-            other.sendto(struct.pack("!IIIiiiiii", i, i, 0, 10**9, 0, 0, 0, 0, 0), opened.getsockname())
+            other.sendto(struct.pack("!IIIiiiiii", i, i, 0, 10**9, 0, 0, 0, 0, 0), ("127.0.0.1", ours))
+
+
+def _udp_port(pid: int) -> int:
+    """Return the local port of the only UDP socket that a process has, as Linux tells it."""
+    files = [os.readlink(file) for file in Path(f"/proc/{pid}/fd").iterdir()]
+    lines = Path("/proc/net/udp").read_text(encoding="ascii").splitlines()[1:]
+    (port,) = (int(line.split()[1].split(":")[1], 16) for line in lines if f"socket:[{line.split()[9]}]" in files)
+    return port
 
 
 def _ask_sensor(scene: Scene, command: RdtCommand) -> None:

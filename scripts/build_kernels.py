@@ -235,7 +235,9 @@ def form_of(use: Use, compiled: Any) -> dict[str, Any]:
     arguments = [part for kind in signature.args for part in _form(kind)]
     result = [part for kind in [signature.return_type] for part in _form(kind)]
     name = f"{use.module}:{use.name}"
-    return {"name": name, "releases": use.releases, "arguments": arguments, "result": result}
+    named = getattr(signature.return_type, "instance_class", None)  # of a named tuple
+    place = "" if named is None else f"{named.__module__}:{named.__qualname__}"
+    return {"name": name, "releases": use.releases, "arguments": arguments, "result": result, "class": place}
 
 
 def _form(kind: Any) -> Iterator[str | tuple[str, str]]:
@@ -256,6 +258,9 @@ def _form(kind: Any) -> Iterator[str | tuple[str, str]]:
     elif isinstance(kind, types.Array):
         yield f"{'w' if kind.mutable else 'r'}{'C' if kind.layout == 'C' else 'A'}{kind.ndim}"
         yield "dtype", memory_of(as_dtype(kind.dtype))
+    elif isinstance(kind, types.Record):
+        yield "v"
+        yield "dtype", memory_of(as_dtype(kind))
     elif kind == types.none:
         yield "n"
     else:
@@ -297,6 +302,8 @@ def entry_code(compiled: Any, symbol: str) -> str:
             array.parent = ir.Constant(array.parent.type, None)
             return array._getvalue()
         number = next_word()
+        if isinstance(kind, types.Record):
+            return builder.inttoptr(number, context.get_value_type(kind))
         if kind == types.float64:
             return builder.bitcast(number, ir.DoubleType())
         if kind == types.float32:
@@ -433,7 +440,8 @@ def table(entries: list[dict[str, Any]], levels: int) -> str:
     rows = []
     for entry in entries:
         arguments, result = (_letters(entry[each], dtypes) for each in ("arguments", "result"))
-        rows.append(f'    {{"{entry["name"]}", "{arguments}", "{result}", {int(entry["releases"])}}},')
+        texts = ", ".join(f'"{text}"' for text in (entry["name"], arguments, result, entry["class"]))
+        rows.append(f"    {{{texts}, {int(entry['releases'])}}},")
     lines += ["static const Entry entries[] = {", *rows, "};"]
     lines += [f"static const Kernel kernels[{levels}][{len(entries)}] = {{"]
     lines += [f"    {{{', '.join(f'{symbol}_{k}' for symbol in symbols)}}}," for k in range(levels)]

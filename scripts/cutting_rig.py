@@ -71,18 +71,16 @@ class CuttingRig:
         Settings of the emulated rig.
     control : EmulatorControl
         Control for mounting specimens.
-    within : bool
-        True if drivers and safety are to be in this process, for attacks that reach into them.
     """
 
-    def __init__(self, settings: RigSettings, control: EmulatorControl, *, within: bool = False) -> None:
-        self.settings, self._supply, self._within = settings, EmulatedSpecimens(control), within
+    def __init__(self, settings: RigSettings, control: EmulatorControl) -> None:
+        self.settings, self._supply = settings, EmulatedSpecimens(control)
         self.speed, self.period = pace_of(settings)
         Specimen.drawn(0, 0)  # compiles: a drive would miss this process's heartbeat
         self._open()
 
     def _open(self) -> None:
-        plant = rig_plant(self.settings, SystemClock() if self._within else None)
+        plant = rig_plant(self.settings)
         self.session = RigSession(plant, AutomaticOperator(self.settings), self._supply)
         self.plant = self.session.plant
         self.clock = self.plant.clock
@@ -135,9 +133,8 @@ class CuttingRig:
 
     def cut(self, seconds: float) -> StopReport | None:
         """Cut for ``seconds``; return the report of a stop on the way."""
-        ends = self.clock.now() + seconds
         try:
-            while self.clock.now() < ends:
+            for _ in range(round(seconds / self.period)):  # by its own pace, whatever the clock says
                 self.plant.advance(self.speed, UPRIGHT, round(1e3 * self.period))
         except RigStopped as stop:
             return stop.report

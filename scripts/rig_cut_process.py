@@ -35,13 +35,15 @@ class CutProcess:
         Seed of the specimen.
     kept : bool
         Whether there is a process between this one and it, which can then be killed.
+    errors : int, optional
+        Descriptor of its standard error, of its spine's too; by default this process's.
     """
 
-    def __init__(self, emulator: RunningEmulator, *, seed: int, kept: bool = False) -> None:
+    def __init__(self, emulator: RunningEmulator, *, seed: int, kept: bool = False, errors: int | None = None) -> None:
         command = [sys.executable, __file__, json.dumps(emulator.ready), str(seed)]
         keeper = [sys.executable, "-c", "import subprocess, sys; subprocess.run(sys.argv[1:])"]
         self.process = subprocess.Popen(
-            keeper + command if kept else command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE
+            keeper + command if kept else command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=errors
         )
         self._read = b""
 

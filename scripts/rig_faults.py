@@ -10,9 +10,9 @@
 
 The blade cuts sampled specimens at 1.5 cm/s (a slow rig: 4.5 mm/s) when the fault occurs, at a random instant.  All
 times are of one clock.  The machine's own delays are counted (a thread of the rig or of the emulator that was late by
-more than 5 ms), and the times of such trials are kept apart.  If such a delay has stopped the rig before the fault, the
-trial does not count, and is repeated.  A machine that is too busy is refused at once (exit code 3), with what to ask
-for.
+more than 5 ms), and the times of such trials are kept apart.  If such a delay has stopped the rig before the fault, or
+something in such a trial is not as promised, it does not count, and is made again.  A machine that is too busy is
+refused at once (exit code 3), with what to ask for.
 
 Trials are stored as they are made, in runs/rig-faults.part.json, those of the other kinds in
 rig-faults-height.part.json, rig-faults-side.part.json and so on there.  An interrupted run
@@ -84,7 +84,7 @@ class Trials:
     Attributes
     ----------
     before : Counter
-        Number of times that the rig had stopped before the fault, by fault.
+        Number of trials that were made again, by fault.
     """
 
     def __init__(self, check: Callable[[], None] | None = None, *, kind: str = "") -> None:
@@ -115,9 +115,11 @@ class Trials:
                 continue
             if fault in SPOILS:
                 self.close()  # its carriage is no longer where the encoder reports
-            if not done.before:
+            spoiled = done.wrong() if done.stalls else []
+            if not (done.before or spoiled):
                 return done
-            print(f"{fault}: no trial, stopped before ({done.detail or done.speed})", file=sys.stderr)
+            why = "; ".join(spoiled) or f"stopped before ({done.detail or done.speed})"
+            print(f"{fault}: made again, {why}", file=sys.stderr)
             self.before[fault] += 1
         raise RigError(f"{fault}: {_ATTEMPTS} times the rig had stopped before the fault came: is this machine busy?")
 
@@ -174,7 +176,7 @@ def row(fault: str, trials: Sequence[Trial], before: int) -> tuple[str, ...]:
         late = max(max(each.stalls or [0.0]) for each in stalled)
         host += f" (by {1e3 * late:.0f} ms: {_spread([each.times['detection'] for each in stalled])})"
     if before:
-        host += f" + {before} before"
+        host += f" + {before} again"
     by_drive = fault in BY_THE_DRIVE
     return (
         fault,
@@ -226,7 +228,8 @@ def markdown(kept: dict[str, Any]) -> str:
     """Return the table for the documentation."""
     lines = [HEADER, tuple("---" for _ in HEADER), *rows(kept)]
     table = "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
-    made = f"{len(kept['trials'])} trials, {sum(kept['before'].values())} more that a stop came before."
+    again = sum(kept["before"].values())
+    made = f"{len(kept['trials'])} trials, {again} more made again: the host had stopped them before, or spoiled them."
     if "bus_gap" not in {each["fault"] for each in kept["trials"]}:
         return f"{table}\n\n{made}"
     allowed = f"Found out counts as kept up to {1e3 * WAY:g} ms beyond the stated time: the ways of frames and events."

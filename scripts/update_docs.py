@@ -7,6 +7,7 @@
     python scripts/update_docs.py depth-ladder depth-agents path-ladder path-agents                likewise
     python scripts/update_docs.py benchmark                 what scripts/leaderboard.py --publish has kept
     python scripts/update_docs.py rig-faults rig-faults-height rig-faults-side rig-soak class-load    likewise, in runs/
+    python scripts/update_docs.py rig-attacks               what scripts/rig_attacks.py left in runs/ (--json)
     python scripts/update_docs.py depth seen-runs           what measure_depth_accuracy.py and measure_seen_runs.py left
     python scripts/update_docs.py wear                      what scripts/wear_series.py left in runs/ (--json)
     python scripts/update_docs.py twins                     what scripts/twin_trials.py left in runs/ (--json)
@@ -76,6 +77,7 @@ import promises
 import record_faults
 import recover_layers
 import return_strokes
+import rig_attacks
 import rig_faults
 import rig_soak
 import safe_cut
@@ -527,6 +529,7 @@ ON_PAGES: dict[str, dict[str, Callable[[argparse.Namespace], str]]] = {
         "rig-faults": lambda _: rig_faults.markdown(left_by(rig_faults)),
         "rig-faults-height": lambda _: rig_faults.markdown(left_by(rig_faults, rig_faults.DEFAULTS["height"])),
         "rig-faults-side": lambda _: rig_faults.markdown(left_by(rig_faults, rig_faults.DEFAULTS["side"])),
+        "rig-attacks": lambda _: rig_attacks.markdown(left_by(rig_attacks)),
         "rig-soak": lambda _: "```\n" + rig_soak.text(left_by(rig_soak)) + "\n```",
     },
     "docs/rig/serial-rig.md": {

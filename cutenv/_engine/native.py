@@ -87,7 +87,13 @@ class Kernel:
         self._compile = compile
         built = _built.get(f"{function.__module__}:{function.__qualname__}", [])
         self.is_built = bool(built)
-        self._call = LIBRARY.kernel(built, lambda *arguments: self.compiled(*arguments))
+        call = LIBRARY.kernel(built, lambda *arguments: self.compiled(*arguments))
+        if named := {LIBRARY.classes[number] for number in built} - {""}:
+            module, _, name = named.pop().partition(":")
+            make = getattr(import_module(module), name)._make
+            self._call = lambda *arguments: make(call(*arguments))
+        else:
+            self._call = call
 
     def __call__(self, *arguments: Any) -> Any:
         """Compute; the arguments are those of the function, by place."""

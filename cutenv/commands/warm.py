@@ -63,11 +63,13 @@ def compile_part(name: str) -> None:
     if name == _RIG:
         _use_rigs()
         return
+    import numpy as np
+
     task = TASKS[name]
     for keywords in ({}, {"reward_from": "estimate"}):
         for environment in (task.single(**keywords), task.vector(64, **keywords)):
             environment.reset(seed=0)
-            environment.step(environment.action_space.sample())
+            environment.step(np.zeros(environment.action_space.shape, np.float32))
             environment.close()
     _use_policies(task)
     _use_plant(task)
@@ -104,6 +106,8 @@ def _use_plant(task: RegisteredTask) -> None:
 
 def _use_rigs() -> None:
     """Use the emulator, along the cut and across it, and an environment on a fake rig of each task that has one."""
+    import numpy as np
+
     from cutenv.imitated.emulator.process import warm_up
 
     for across in _ACROSS:
@@ -112,7 +116,8 @@ def _use_rigs() -> None:
         if task.rig:
             environment = task.rig(rig="fake")
             environment.reset(seed=0)
-            environment.step(environment.action_space.sample())
+            environment.step(np.zeros(environment.action_space.shape, np.float32))
+            environment.cutting.charge_stop()
             environment.close()
 
 

@@ -278,7 +278,7 @@ class RigSource:
         operator = self._operator or operator_of(self.settings)
         if self.settings.camera is not None:
             self._camera = RigCamera(self.settings.camera)
-        plant = rig_plant(self.settings)
+        plant = rig_plant(self.settings, file=self._rig)
         return RigSession(plant, operator, SpecimensByHand(lambda: read_rig_file(self._rig), operator, plant.lower))
 
     def _lowered(self, settings: RigSettings) -> RigSettings:

@@ -71,7 +71,7 @@ def connected(rig: str, *, clock: FakeClock | None = None) -> Iterator[Connectio
                 settings = emulator.settings
             else:
                 settings = read_rig_file(rig)
-            plant = rig_plant(settings)
+            plant = rig_plant(settings, file=None if rig in EMULATED else rig)
             stack.enter_context(undisturbed())
         stack.callback(plant.close)
         plant.open()

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from datetime import date
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,6 +64,8 @@ class RigPlant(Travel):
     ----------
     spine : Spine or RemoteSpine
         Drivers and safety of the rig: in this process, or in one of their own.
+    note : Path, optional
+        File in which the proof of the stop button is noted, for later programs of the same day.
 
     Attributes
     ----------
@@ -77,13 +79,13 @@ class RigPlant(Travel):
         Direction in which a blade points that an axis moves to the side as well.
     owner : Owner
         Process that has opened the rig; no other may move it.
-    proven : date or None
-        Day on which the stop button was last proven on this connection.
+    proven : str
+        Note of the last proof of the stop button on this connection; empty before the first.
     zero : tuple of 3 float
         Force at the last tare [N], relative to the sensor's own zero.
     """
 
-    def __init__(self, spine: Spine | RemoteSpine) -> None:
+    def __init__(self, spine: Spine | RemoteSpine, note: Path | None = None) -> None:
         self.spine, self.settings, self.clock = spine, spine.settings, spine.clock
         self.supervisor: Oversight = spine.supervisor
         self._turns = self.settings.angle is not None
@@ -92,7 +94,7 @@ class RigPlant(Travel):
         self._witness: Observer | None = None
         self.timing = Timing()
         self.zero = (0.0, 0.0, 0.0)
-        self.proven: date | None = None
+        self.note, self.proven = note, ""
         self.owner = Owner()
         self._left = False
         self.heading = Heading()
@@ -141,28 +143,6 @@ class RigPlant(Travel):
     def switch_off(self) -> None:
         """Switch off the power of drives at rest; their samples continue."""
         self.spine.switch_off()
-
-    @property
-    def rate_error(self) -> float:
-        """Greatest relative error of the force sensor's rate [1]."""
-        return self.spine.rate_error
-
-    @property
-    def counts_steps(self) -> bool:
-        """True if the blade's drive counts the steps that it sends, and does not see whether the blade moves."""
-        return self.spine.counts_steps
-
-    def set_zero(self) -> None:
-        """Take the blade's present position, without power, as zero; see :meth:`cutenv.rig.spine.Spine.set_zero`."""
-        self.spine.set_zero()
-
-    def drive_limits(self) -> dict[str, dict[str, float]]:
-        """Return the limits that each drive reports, by axis."""
-        return self.spine.drive_limits()
-
-    def about(self) -> dict[str, dict[str, float | str]]:
-        """Return the data that drives and sensor report about themselves, by name."""
-        return self.spine.about()
 
     def lower(self, limits: SafetyLimits) -> None:
         """Adopt each limit that is stricter than the present one, see :meth:`Supervisor.lower`."""

@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import math
 import os
 import pickle
 import signal
@@ -32,6 +33,7 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partialmethod
 from multiprocessing.connection import Connection
 from typing import Any, NoReturn
 
@@ -48,7 +50,9 @@ from cutenv.rig.spine_process import read_state
 _STARTS_WITHIN = 60.0  # [s]
 _CALLS_WITHIN = 60.0  # [s] for power, tare, reset; each driver has its own, shorter limits
 _COMMANDS_WITHIN = 0.5  # [s] for a command to be on the bus
+_HEARD_WITHIN = 0.2  # [s] for the spine to hear a stop, after which the line is ended
 _STOPS_WITHIN = 0.5  # [s] for a stop that is asked for to be under way
+_SILENT = 0.5  # [s] without a sample, from which the program knows nothing of the blade any more
 _HEARS_EVERY = 1.0  # [s] of samples that are taken in at a time, at most
 _LOOK = 0.0005  # [s] between two looks for an answer through the memory
 
@@ -94,7 +98,8 @@ class RemoteSpine:
         self._numbers = itertools.count(1)
         self._asked = 0
         self._closing = False
-        self._hearer = 0
+        self._hearer, self._heard_at = 0, 0.0
+        self._why_ended = ""
         self.lost: StopReport | None = None
         """Report of the spine's own end, if it ended before it was closed."""
 
@@ -123,10 +128,13 @@ class RemoteSpine:
         self.rate_error, self.counts_steps = found
 
     def _start(self) -> None:
+        while (taken := os.open(os.devnull, os.O_RDWR)) <= 2:
+            pass  # closed, 0 to 2 would be what the spine logs to
+        os.close(taken)
         self._link = link = Link()
         ours, theirs = socket.socketpair()
         code = f"import sys; sys.path[:] = {sys.path!r}\nfrom cutenv.rig.spine_process import serve_spine\n"
-        code += f"serve_spine({theirs.fileno()}, {link.file})"
+        code += f"serve_spine({theirs.fileno()}, {link.file}, {os.getpid()})"
         before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)  # until it can answer them
         try:
             self._process = subprocess.Popen(
@@ -243,6 +251,7 @@ class RemoteSpine:
             return
         if (status := self._process.poll()) is not None:
             how = f"was ended by {signal.Signals(-status).name}" if status < 0 else f"has ended with status {status}"
+            how += self._why_ended
             self.lost = StopReport(
                 cause=Cause.SPINE,
                 detail=f"the process {self.pid}, which watches the rig, {how}; without its heartbeat the drives stop "
@@ -258,11 +267,25 @@ class RemoteSpine:
             return  # the latter in a signal's handler, which has interrupted it
         with self._hearing:
             self._hearer = threading.get_ident()
-            self.supervisor.hear(self._link.states)
-            while (record := self._link.samples.take()) is not None:
-                deliver(record, self._axes, self)
-            self._note_end()
-            self._hearer = 0
+            try:
+                missed = self._take_in()
+            finally:
+                self._hearer = 0
+        if self.supervisor.told is Phase.READY and (missed or self.clock.now() - self._heard_at > _SILENT):
+            self._heard_at = math.inf  # until the next comes
+            why = f"{missed} readings of the spine are lost" if missed else "nothing comes from the spine any more"
+            self.ask_for_stop(Cause.EXCEPTION, f"{why}: it is paused, or something wrote to its memory")
+
+    def _take_in(self) -> int:
+        """Take in what is in the memory; return how many readings are missing."""
+        self.supervisor.hear(self._link.states)
+        samples, before = self._link.samples, self._link.samples.lost
+        while (record := samples.take()) is not None:
+            deliver(record, self._axes, self)
+            self._heard_at = 0.0
+        self._heard_at = self._heard_at or self.clock.now()
+        self._note_end()
+        return samples.lost - before
 
     def force(self, sample: ForceSample) -> None:
         """Take a reading of the force sensor from the memory."""
@@ -288,45 +311,35 @@ class RemoteSpine:
 
     def ask_for_stop(self, cause: Cause, detail: str) -> None:
         """Have the loop of the spine stop the blade, from any thread; return once its quick stops are under way."""
-        number = self._ask({"cause": cause.value, "detail": detail[:400]})
-        deadline = time.monotonic() + _STOPS_WITHIN
-        while self.supervisor.heard < number and not self.gone and time.monotonic() < deadline:
+        process, number = self._process, self._ask({"cause": cause.value, "detail": detail[:400]})
+        asked = time.monotonic()
+        while self.supervisor.heard < number and process is not None and not (self.gone or self._closing):
+            if (waited := time.monotonic() - asked) > _HEARD_WITHIN:
+                self._why_ended = self._why_ended or f", because it did not hear a stop ({cause.value}: {detail})"
+                self._hang_up()
+            if waited > _STOPS_WITHIN:  # without its heartbeat the drives stop by themselves
+                process.kill()
             time.sleep(_LOOK)
             self.hear()
+
+    def _hang_up(self) -> None:
+        """End the line, for which the spine stops the blade and ends."""
+        with suppress(OSError), socket.socket(fileno=os.dup(self._line.fileno())) as line:
+            line.shutdown(socket.SHUT_RDWR)
 
     def _ask(self, wanted: dict[str, Any]) -> int:
         self._asked += 1
         self._link.stops.put(json.dumps(wanted).encode())
         return self._asked
 
-    # Procedures
+    # Procedures, each as that of the spine with this name
 
-    def power(self) -> None:
-        """Switch the drives on, at rest."""
-        self.call("power")
-
-    def switch_off(self) -> None:
-        """Switch off the power of drives at rest; their samples continue."""
-        self.call("switch_off")
-
-    def set_zero(self) -> None:
-        """Take the blade's present position, without power, as zero."""
-        self.call("set_zero")
-
-    def drive_limits(self) -> dict[str, dict[str, float]]:
-        """Return the limits that each drive reports, by axis."""
-        limits: dict[str, dict[str, float]] = self.call("drive_limits")
-        return limits
-
-    def about(self) -> dict[str, dict[str, float | str]]:
-        """Return the data that drives and sensor report about themselves, by name."""
-        about: dict[str, dict[str, float | str]] = self.call("about")
-        return about
-
-    def tare(self) -> tuple[float, float, float]:
-        """Take the present force as zero; return it [N], relative to the sensor's own zero."""
-        zero: tuple[float, float, float] = self.call("tare")
-        return zero
+    power = partialmethod(call, "power")
+    switch_off = partialmethod(call, "switch_off")
+    set_zero = partialmethod(call, "set_zero")
+    drive_limits = partialmethod(call, "drive_limits")
+    about = partialmethod(call, "about")
+    tare = partialmethod(call, "tare")
 
 
 class _HearingClock(SystemClock):
@@ -345,6 +358,11 @@ class _HearingClock(SystemClock):
                 return now
 
 
+def _seen(name: str) -> Any:
+    """Return a property that asks the spine for what its supervisor sees."""
+    return property(lambda supervisor: supervisor._spine.call(name))
+
+
 class RemoteSupervisor:
     """Safety of a rig whose spine has a process of its own; see :class:`cutenv.rig.safety.oversight.Oversight`.
 
@@ -358,6 +376,8 @@ class RemoteSupervisor:
         Last force reading that was received.
     heard : int
         Number of stops asked for that the spine has heard.
+    told : Phase
+        Phase that the spine has told.
     """
 
     def __init__(self, spine: RemoteSpine) -> None:
@@ -366,7 +386,7 @@ class RemoteSupervisor:
         self.newest: dict[str, MotionSample] = {}
         self.newest_force_heard: ForceSample | None = None
         self._spine = spine
-        self._phase, self._report = Phase.UNREADY, None
+        self.told, self._report = Phase.UNREADY, None
 
     _report: StopReport | None
 
@@ -379,13 +399,13 @@ class RemoteSupervisor:
                     vars(self._report).update(vars(report))  # whoever has it sees it completed
                 else:
                     self._report = report
-            self._phase = Phase(phase)
+            self.told = Phase(phase)
 
     @property
     def phase(self) -> Phase:
         """State of the rig; stopped, if the spine has ended."""
         self._spine.hear()
-        return Phase.STOPPED if self._spine.gone else self._phase
+        return Phase.STOPPED if self._spine.gone else self.told
 
     @property
     def report(self) -> StopReport | None:
@@ -396,6 +416,8 @@ class RemoteSupervisor:
     def drive(self, speed: float, angle: float, hold: float, **across: float) -> float:
         """Send a command, see :meth:`cutenv.rig.safety.supervisor.Supervisor.drive`."""
         turned = self._spine.command(GO, speed, angle, hold, across.get("height", 0.0), across.get("side", 0.0))
+        if turned is None and (phase := self.phase) is not Phase.READY:
+            raise RigError(f"the blade may not move: the rig is {phase} ({self.report}), and a driver does not return.")
         return angle if turned is None else turned
 
     def turn(self, rate: float) -> None:
@@ -418,6 +440,7 @@ class RemoteSupervisor:
 
     def release(self, *, returning: bool = False) -> None:
         """Allow commands, see :meth:`cutenv.rig.safety.supervisor.Supervisor.release`."""
+        self._spine.hear()  # what was missed before does not count
         self._spine.call("release", returning=returning)
 
     def lock(self) -> None:
@@ -435,11 +458,6 @@ class RemoteSupervisor:
         self._spine.call("reset", agreed=agreed)
 
     @property
-    def latched(self) -> str | None:
-        """Reason for which a reset has to precede any motion, or None."""
-        return self._text("latched")
-
-    @property
     def newest_force(self) -> ForceSample | None:
         """Last force reading; None before the first."""
         self._spine.hear()
@@ -455,26 +473,10 @@ class RemoteSupervisor:
         self._spine.hear()
         return self.newest.get(name)
 
-    @property
-    def beyond(self) -> str | None:
-        """Position of a blade beyond an end of its travel, as a text; None if it is inside."""
-        return self._text("beyond")
+    # What the spine alone knows, each as the property of its supervisor with this name
 
-    @property
-    def pressed(self) -> str | None:
-        """Vertical force of a blade that presses on the tissue beyond its limit, as a text; None if it is within."""
-        return self._text("pressed")
-
-    @property
-    def relieving(self) -> bool:
-        """True while a blade that presses on the tissue is raised, and nothing else may move."""
-        return bool(self._spine.call("relieving"))
-
-    @property
-    def standing(self) -> bool:
-        """True if the blade is at rest, as far as its samples show."""
-        return bool(self._spine.call("standing"))
-
-    def _text(self, name: str) -> str | None:
-        found: str | None = self._spine.call(name)
-        return found
+    latched = _seen("latched")
+    beyond = _seen("beyond")
+    pressed = _seen("pressed")
+    relieving = _seen("relieving")
+    standing = _seen("standing")

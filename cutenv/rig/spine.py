@@ -14,7 +14,7 @@ from typing import Any, Protocol
 
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.driver_registry import Mounting, mounted
-from cutenv.rig.devices.drivers import ForceDriver, ForceSample, MotionDriver, MotionSample, ZeroedByHand
+from cutenv.rig.devices.drivers import ForceDriver, ForceSample, MotionDriver, MotionSample, Observer, ZeroedByHand
 from cutenv.rig.devices.host import Attempt, Clock, Repeating
 from cutenv.rig.errors import RigError
 from cutenv.rig.safety.force_monitor import ForceReadings
@@ -29,20 +29,8 @@ CLOSED_WITHIN = 8.0
 _log = logging.getLogger(__name__)
 
 
-class Receiver(Protocol):
+class Receiver(Observer, Protocol):
     """Receiver of what drivers have reported, once it is judged; called in their threads, and must never wait."""
-
-    def force(self, sample: ForceSample) -> None:
-        """Take a reading of the force sensor."""
-        ...
-
-    def motion(self, axis: str, sample: MotionSample) -> None:
-        """Take a sample of an axis."""
-        ...
-
-    def alive(self, axis: str, time: float) -> None:
-        """Take a drive's heartbeat, which arrived at ``time`` [s]."""
-        ...
 
     def garbled(self, why: str, time: float) -> None:
         """Take the report of a packet that is not a valid reading, at ``time`` [s]."""

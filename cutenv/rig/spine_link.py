@@ -45,13 +45,13 @@ class Ring:
     Attributes
     ----------
     lost : int
-        Number of records that were overwritten before they were read.
+        Number of records that were overwritten, or destroyed, before they were read.
     """
 
     def __init__(self, memory: mmap.mmap | bytearray, start: int, record: int, count: int) -> None:
         self._memory, self._start, self._record, self._count = memory, start, record + _HEAD.size, count
         self._numbers = itertools.count(1)  # next() is one step for all threads
-        self._expected = 1
+        self._expected, self._far = 1, max(count // 256, 8)
         self.lost = 0
 
     def put(self, record: bytes) -> None:
@@ -66,18 +66,27 @@ class Ring:
     def take(self) -> bytes | None:
         """Return the next record, or None while there is none.
 
-        A reader who is a whole ring behind goes on with what has overwritten the record, and counts what it has missed.
+        A reader who is a whole ring behind goes on with what has overwritten the record, one whose record was destroyed
+        with the next; both count what they have missed.
         """
-        at = self._start + self._expected % self._count * self._record
-        number, checksum, length = _HEAD.unpack_from(self._memory, at)
-        if number < self._expected or length > self._record - _HEAD.size:
-            return None
-        record = bytes(self._memory[at + _HEAD.size : at + _HEAD.size + length])
-        if zlib.crc32(record, number & 0xFFFFFFFF) != checksum:
-            return None
+        while (found := self._at(self._expected)) is None:
+            if self._at(self._expected + self._far) is None:
+                return None
+            self.lost += 1  # who has written so much later has written this one, too
+            self._expected += 1
+        number, record = found
         self.lost += number - self._expected
         self._expected = number + 1
         return record
+
+    def _at(self, wanted: int) -> tuple[int, bytes] | None:
+        """Return number and content of the record that stands where ``wanted`` should, if it is that or a later one."""
+        at = self._start + wanted % self._count * self._record
+        number, checksum, length = _HEAD.unpack_from(self._memory, at)
+        if number < wanted or length > self._record - _HEAD.size:
+            return None
+        record = bytes(self._memory[at + _HEAD.size : at + _HEAD.size + length])
+        return (number, record) if zlib.crc32(record, number & 0xFFFFFFFF) == checksum else None
 
 
 _SAMPLE = struct.Struct("<BB6xQQqd6d6q")  # kind, axis, status or state, sequence, lost, time, six values, six counts

@@ -12,6 +12,7 @@ import json
 import logging
 import os
 import pickle
+import select
 import signal
 import socket
 import sys
@@ -19,10 +20,12 @@ import threading
 import time
 from contextlib import suppress
 from dataclasses import asdict
+from logging.handlers import QueueHandler, QueueListener
 from multiprocessing.connection import Connection
+from queue import SimpleQueue
 from typing import Any
 
-from cutenv.rig.devices.host import SWITCH, SystemClock, prefer
+from cutenv.rig.devices.host import SWITCH, Attempt, SystemClock, prefer
 from cutenv.rig.errors import RigError
 from cutenv.rig.safety.guard import SIGNALS
 from cutenv.rig.safety.stop_causes import WATCH, Cause, StopReport
@@ -35,12 +38,17 @@ OF_SUPERVISOR = ("release", "lock", "lower", "reset")
 """Methods of :class:`~cutenv.rig.safety.supervisor.Supervisor` that it may call."""
 SEEN = ("latched", "beyond", "pressed", "relieving", "standing")
 """Properties of the supervisor that it may read."""
+LONGEST_HOLD = 1.0
+"""Greatest time for which a command may be valid [s]; the blade goes on for so long without the program."""
 _DETAIL = 600  # characters of a detail that are told
+_LONGEST_MESSAGE = 1 << 16  # [bytes] of a command or call
+_WRITTEN_WITHIN = 0.5  # [s] for what was logged last to be written
 _FOREVER = 3600.0  # [s]
+_STACK = 1 << 19  # [bytes] of a thread
 _log = logging.getLogger(__name__)
 
 
-def serve_spine(line: int, memory: int) -> None:
+def serve_spine(line: int, memory: int, program: int) -> None:
     """Run the spine of one rig until the program at the other end closes it, or ends.
 
     Parameters
@@ -49,14 +57,16 @@ def serve_spine(line: int, memory: int) -> None:
         Descriptor of the connection to the program, which sends the rig's settings first.
     memory : int
         Descriptor of the memory of a :class:`~cutenv.rig.spine_link.Link`.
+    program : int
+        Id of the program's process.
     """
-    received = _hear_signals()
+    received, log = _hear_signals(), _log_apart()
     connection, link, clock = Connection(line), Link(memory), SystemClock()
     try:
         spine = mounted_spine(connection.recv(), clock)
     except Exception as error:
         return connection.send((False, _portable(error)))
-    served = _Served(spine, connection, link, received)
+    served = _Served(spine, connection, link, program, received, log)
     allowed = _take_precedence()
     clock.every(WATCH, served.look, "rig program")
     connection.send((True, allowed))
@@ -66,10 +76,14 @@ def serve_spine(line: int, memory: int) -> None:
 class _Served:
     """A spine that is served; see :func:`serve_spine`."""
 
-    def __init__(self, spine: Spine, line: Connection, link: Link, signals: socket.socket) -> None:
+    def __init__(
+        self, spine: Spine, line: Connection, link: Link, program: int, signals: socket.socket, log: QueueListener
+    ) -> None:
         self.spine, self.supervisor = spine, spine.supervisor
-        self._line, self._link, self._signals = line, link, signals
-        self._program, self._its_parent = os.getppid(), 0
+        self._line, self._link, self._signals, self._log = line, link, signals, log
+        self._program, self._its_parent = program, 0
+        self._parents_end: int | None = None  # descriptor that can be read once the program's parent has ended
+        self._number = 0  # of the last message
         self._told: tuple[Any, ...] = ()
         self._heard = 0  # stops that were asked for
         self._over = self._leaving = False  # the loop alone begins to leave
@@ -78,10 +92,13 @@ class _Served:
         """Take commands and calls until the program has ended, or has closed the rig."""
         while True:
             try:
-                message = self._line.recv_bytes()
-            except (EOFError, OSError):
+                message = self._line.recv_bytes(_LONGEST_MESSAGE)
+                reply = self._commanded(message) if message[:1] in (GO, TURN) else self._called(message)
+            except (EOFError, ConnectionError):
                 break
-            reply = self._commanded(message) if message[:1] in (GO, TURN) else self._called(message)
+            except Exception as error:  # nobody knows what the program wants
+                self.supervisor.trip(Cause.EXCEPTION, f"no message of the program: {type(error).__name__}: {error}")
+                break
             self._tell()  # first: who has the answer may ask for the state
             with suppress(OSError):  # nobody waits for it any more
                 self._line.send_bytes(reply)
@@ -94,19 +111,32 @@ class _Served:
         supervisor, late = self.supervisor, self.spine.clock.now() - given
         if parent != (self._its_parent or parent):
             supervisor.trip(Cause.ORPHANED, f"the parent process {self._its_parent} has ended")
-        self._its_parent = self._its_parent or parent
+        if not self._its_parent:
+            self._its_parent = parent
+            with suppress(AttributeError, OSError):  # elsewhere the next command tells
+                self._parents_end = os.pidfd_open(parent)
+        self._in_order(number)
         try:
             if mark == TURN:
                 supervisor.turn(speed)
                 return REPLY.pack(DONE, number, angle)
-            if not late <= hold:
-                supervisor.trip(Cause.OVERRUN, f"a command came {1e3 * late:.0f} ms after it was given")
+            if not 0.0 <= late <= hold <= LONGEST_HOLD:
+                given = f"a command came {1e3 * late:.0f} ms after it was given"
+                supervisor.trip(Cause.OVERRUN, f"{given}, to be valid for {1e3 * hold:.0f} ms")
             return REPLY.pack(DONE, number, supervisor.drive(speed, angle, hold - late, height=height, side=side))
         except Exception as error:
             return pickle.dumps((number, False, _portable(error)))
 
+    def _in_order(self, number: int) -> None:
+        """Note the number of a message, and stop the blade if it does not come after the last one."""
+        last, self._number = self._number, max(self._number, number)
+        if number <= last:
+            why = f"message {number} of the program comes after {last}: two programs, or a fork, command one rig"
+            self.supervisor.trip(Cause.FOREIGN, why)
+
     def _called(self, message: bytes) -> bytes:
         number, name, arguments, named = pickle.loads(message)
+        self._in_order(number)
         try:
             return pickle.dumps((number, True, self._called_by_name(name, *arguments, **named)))
         except Exception as error:
@@ -140,6 +170,8 @@ class _Served:
             else:
                 self.supervisor.trip(Cause(wanted["cause"]), wanted["detail"])
             self._heard += 1
+        if self._parents_end is not None and select.select([self._parents_end], [], [], 0)[0]:
+            self.supervisor.trip(Cause.ORPHANED, f"the parent process {self._its_parent} has ended")
         if os.getppid() != self._program:
             self.supervisor.trip(Cause.ORPHANED, f"the program {self._program}, which commands the rig, has ended")
             self._over = True
@@ -165,6 +197,7 @@ class _Served:
         except Exception:
             _log.exception("the rig was not closed in order")
         finally:
+            Attempt(self._log.stop, "rig log").ends(_WRITTEN_WITHIN)
             os._exit(0)  # threads of drivers may never return
 
 
@@ -197,12 +230,22 @@ def _hear_signals() -> socket.socket:
     return receiving
 
 
+def _log_apart() -> QueueListener:
+    """Have what is logged written from a thread of its own: a terminal that takes no more keeps nothing from a stop."""
+    waiting = SimpleQueue[logging.LogRecord]()
+    logging.getLogger().addHandler(QueueHandler(waiting))
+    listener = QueueListener(waiting, logging.StreamHandler())
+    listener.start()
+    return listener
+
+
 def _take_precedence() -> bool:
     """Collect no garbage from here on, keep the memory, and run before others; return whether that is allowed."""
     gc.collect()
     gc.freeze()
     gc.disable()
     sys.setswitchinterval(SWITCH)
+    threading.stack_size(_STACK)  # all of it is in memory once it is kept: the usual 8 MiB hold up a new thread by 3 ms
     with suppress(ImportError, OSError, AttributeError, ValueError):
         import resource  # Windows, where the module has to be importable, has none
 

@@ -10,6 +10,7 @@ A kernel takes its arguments as 64-bit words, and returns its result as such. It
     (...)       a tuple of these
     r or w      an array to be read, or written to; after it C or A (contiguous or not), its number of dimensions, and
                 its dtype as three hexadecimal digits
+    v           one record, with its dtype
     n           nothing, as a result                                                                                   */
 
 #include <stdint.h>
@@ -29,6 +30,12 @@ typedef struct {
     Object *base, *dtype;
     int flags;
 } Array; /* of NumPy 1 and 2 */
+typedef struct {
+    Object head;
+    intptr_t size;
+    char *data;
+    Object *dtype;
+} Record; /* numpy.void */
 typedef Object *(*Method)(Object *, Object *const *, intptr_t);
 typedef struct {
     const char *name;
@@ -85,7 +92,7 @@ enum { FASTCALL = 0x80, SINGLE = 0x08, STABLE_ABI = 3, CONTIGUOUS = 0x1, WRITEAB
 
 typedef int (*Kernel)(const int64_t *, int64_t *);
 typedef struct {
-    const char *name, *arguments, *result;
+    const char *name, *arguments, *result, *class;
     int releases; /* the interpreter's lock */
 } Entry;
 
@@ -97,7 +104,7 @@ typedef struct {
 
 enum { WORDS = 2048, KNOWN = 16 };
 
-static Object *array_type, *int64_type, *uint64_type, *float32_type, *bool_type, *is_same;
+static Object *array_type, *int64_type, *uint64_type, *float32_type, *bool_type, *record_type, *is_same;
 static Object *known[DTYPES][KNOWN]; /* dtypes that were found to be the same */
 static int level;
 
@@ -140,7 +147,9 @@ int numba_attempt_nocopy_reshape(intptr_t n, const intptr_t *shape, const intptr
 
 static int digit(char c) { return c <= '9' ? c - '0' : c - 'a' + 10; }
 
-static int is_dtype(int number, Object *dtype) {
+/* Whether a dtype is that of three digits. */
+static int is_dtype(const char *digits, Object *dtype) {
+    int number = digit(digits[0]) * 256 + digit(digits[1]) * 16 + digit(digits[2]);
     Object **same = known[number];
     int k = 0;
     for (; k < KNOWN && same[k] != NULL; k++)
@@ -196,13 +205,19 @@ static const char *take(const char *form, Object *value, int64_t **words, const 
             else if (*form == ')' && k + 1 != count) return NULL;
         return form[-1] == '(' && count != 0 ? NULL : form + 1;
     }
+    case 'v': {
+        Record *record = (Record *)value;
+        if (!PyType_IsSubtype(type, record_type) || !is_dtype(form, record->dtype)) return NULL;
+        *(*words)++ = (int64_t)(intptr_t)record->data;
+        return form + 3;
+    }
     default: { /* r and w */
         Array *array = (Array *)value;
         if (type != array_type && !PyType_IsSubtype(type, array_type)) return NULL;
         int dimensions = digit(form[1]);
         if (array->dimensions != dimensions || (*form == 'C' && !(array->flags & CONTIGUOUS))) return NULL;
         if (kind == 'w' && !(array->flags & WRITEABLE)) return NULL;
-        if (!is_dtype(digit(form[2]) * 256 + digit(form[3]) * 16 + digit(form[4]), array->dtype)) return NULL;
+        if (!is_dtype(form + 2, array->dtype)) return NULL;
         *(*words)++ = (int64_t)(intptr_t)array->data;
         for (int k = 0; k < dimensions; k++) *(*words)++ = array->shape[k];
         for (int k = 0; k < dimensions; k++) *(*words)++ = array->strides[k];
@@ -355,14 +370,15 @@ EXPORTED Object *PyInit__kernels(void) {
     uint64_type = PyObject_GetAttrString(numpy, "uint64");
     float32_type = PyObject_GetAttrString(numpy, "float32");
     bool_type = PyObject_GetAttrString(numpy, "bool_");
+    record_type = PyObject_GetAttrString(numpy, "void");
     Py_DecRef(numpy);
-    const char *names[ENTRIES], *forms[ENTRIES];
+    const char *names[ENTRIES], *classes[ENTRIES];
     for (int k = 0; k < ENTRIES; k++) {
         names[k] = entries[k].name;
-        forms[k] = entries[k].arguments;
+        classes[k] = entries[k].class;
     }
     add_texts(made, "names", names, ENTRIES);
-    add_texts(made, "forms", forms, ENTRIES);
+    add_texts(made, "classes", classes, ENTRIES);
     add_texts(made, "dtypes", dtypes, DTYPES);
     add_texts(made, "sources", sources, SOURCES);
     PyModule_AddStringConstant(made, "digest", DIGEST);

@@ -239,7 +239,7 @@ def test_a_moving_blade_stops_when_the_sensors_cable_is_pulled(name: str) -> Non
         )  # fmt: skip
         plant.open()
         try:
-            plant.set_zero()
+            plant.spine.set_zero()
             prepare(plant, AutomaticOperator(plant.settings), today=date.today())
             plant.begin()
             plant.advance(0.004, plant.settings.fixed_angle, 300)

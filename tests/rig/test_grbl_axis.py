@@ -235,7 +235,7 @@ def test_a_whole_rig_is_prepared_moves_to_and_fro_stops_and_keeps_its_zero(machi
     )  # fmt: skip
     plant.open()
     try:
-        plant.set_zero()
+        plant.spine.set_zero()
         operator = AutomaticOperator(plant.settings)
         prepare(plant, operator, today=date.today())
         assert "Did the blade move so?" in operator.asked[-1]

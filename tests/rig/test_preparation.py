@@ -178,13 +178,26 @@ class Beside(ScriptedOperator):
 
 
 @pytest.mark.promise("S2")
-def test_on_hardware_the_stop_button_and_the_sign_are_proven_once_a_day():
-    rig = opened(emulated=False)
-    assert prepare(rig.plant, Beside(rig), today=TODAY)
-    assert (rig.plant.supervisor.phase, rig.plant.proven) == ("ready", TODAY)
-    rig.plant.halt()
-    rig.plant.switch_off()
-    assert prepare(rig.plant, Beside(rig, wired=False), today=TODAY)  # it is not asked again
+def test_on_hardware_the_stop_button_and_the_sign_are_proven_once_a_day(tmp_path):
+    """The day is noted beside the rig's file; a rig that differs, or another day, is proven again."""
+
+    def prepared(today: date = TODAY, *, wired: bool, **changes) -> FakeRig:
+        rig = opened(emulated=False, **changes)
+        rig.plant.note = tmp_path / "rig.proven"
+        assert prepare(rig.plant, Beside(rig, wired=wired), today=today)
+        assert rig.plant.supervisor.phase == "ready"
+        return rig
+
+    first = prepared(wired=True)
+    first.plant.note = None
+    first.plant.halt()
+    first.plant.switch_off()
+    assert prepare(first.plant, Beside(first, wired=False), today=TODAY)  # it is not asked again
+    prepared(wired=False)  # nor by the next program
+    other = fake_settings().sensor
+    for later in ({"today": TODAY + timedelta(days=1)}, {"sensor": dataclasses.replace(other, port=other.port + 1)}):
+        with pytest.raises(RigError, match="still has power"):
+            prepared(wired=False, **later)
 
 
 @pytest.mark.parametrize(

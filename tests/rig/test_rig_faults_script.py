@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import json
 from collections.abc import Iterator
 from pathlib import Path
@@ -109,7 +110,7 @@ def test_trials_in_vain_end_at_the_look_that_finds_a_busy_machine(monkeypatch):
 def test_every_attack_is_listed_with_what_it_does(capsys: pytest.CaptureFixture[str]) -> None:
     assert rig_attacks.main(["--list"]) == 0
     listed = capsys.readouterr().out.splitlines()
-    assert len(listed) == len(rig_attacks.ATTACKS) + len(rig_attacks.POLICIES) >= 30
+    assert len(listed) == len(rig_attacks.ATTACKS) + len(rig_attacks.TRIALS) >= 30
     assert all(line.endswith(".") for line in listed)
 
 
@@ -122,32 +123,30 @@ def test_every_attack_is_listed_with_what_it_does(capsys: pytest.CaptureFixture[
         (Outcome(cause="force limit", way=0.001, refused=False), False, False, False),
         (Outcome(cause=None, way=0.02), True, False, True),
         (Outcome(cause=None, way=0.02, notes=["! two programs have one rig"]), False, False, False),
-        (Outcome(cause="force stale", way=0.001, stalls=1), True, True, True),
+        (Outcome(cause="force stale", way=0.001, stalls=1), True, True, False),
     ],
 )
 def test_what_came_of_an_attack_is_judged(outcome: Outcome, safe: bool, stops: bool, goes_on: bool) -> None:
     assert (outcome.safe, outcome.stops, outcome.goes_on) == (safe, stops, goes_on)
 
 
-def test_a_blade_that_moves_on_is_seen_by_the_emulator() -> None:
+@pytest.mark.parametrize(("speed", "moves"), [(0.0, False), (0.001, True)])
+def test_a_blade_that_moves_on_is_seen(speed: float, moves: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """The sibling: a stop that is not one is told as such."""
+    times = itertools.count()
+    monkeypatch.setattr("attack_scene.time.sleep", lambda seconds: None)
     with Scene() as scene:
-        rig = scene.rig
-        rig.begin(1)
-        rig.cut(0.1)
+        monkeypatch.setattr(scene, "_truth", lambda: {"position_m": speed * next(times)})
         outcome = Outcome(cause="as if stopped")
-        rig.plant.supervisor._held_until = float("inf")  # nobody misses the next command
-        scene._look(outcome, {})
-        if rig.plant.supervisor.phase == "ready":  # else a stall of the host has stopped it
-            assert outcome.moves
-            assert not outcome.safe
+        scene._look(outcome)
+    assert (outcome.moves, outcome.safe) == (moves, not moves)
 
 
 def test_a_second_program_is_refused_and_the_first_cuts_on() -> None:
     with Scene() as scene:
         for seed in range(3):
-            held, seen = rig_attacks.made(scene, "second_program", seed)
-            if held:
+            came = rig_attacks.made(scene, "second_program", seed)
+            if came.held:
                 break
-        assert held, seen
-        assert "another master" in seen
+        assert came.held, came.seen
+        assert "another master" in came.seen

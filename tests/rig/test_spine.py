@@ -6,10 +6,14 @@ import dataclasses
 import math
 import os
 import signal
+import socket
 import subprocess
 import sys
+import threading
 import time
+from multiprocessing import Pipe
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from stage_in_memory import HANGS, TOLD, Balance, settings, told
@@ -21,7 +25,8 @@ from cutenv.rig.errors import RigError
 from cutenv.rig.hardware import rig_plant
 from cutenv.rig.plant import RigPlant
 from cutenv.rig.safety.stop_causes import ENDS_SESSION, Cause, RigStopped
-from cutenv.rig.spine_link import Ring, SampleWriter, deliver, ring_size
+from cutenv.rig.spine_link import COMMAND, DONE, GO, REPLY, Link, Ring, SampleWriter, deliver, ring_size
+from cutenv.rig.spine_process import LONGEST_HOLD, _Served
 
 UPRIGHT = math.pi / 2
 HERE = Path(__file__).parent
@@ -101,11 +106,15 @@ def ready(clock: SystemClock | None = None, speed: float = 0.01) -> RigPlant:
 
 
 @pytest.mark.promise("S16")
-def test_a_spine_that_is_killed_is_a_stop_that_ends_the_session(record):
+@pytest.mark.parametrize("deaf", [False, True])
+def test_a_spine_that_is_killed_or_hears_no_stop_is_a_stop_that_ends_the_session(deaf, record):
     plant = ready()
-    os.kill(plant.spine.pid, signal.SIGKILL)
+    os.kill(plant.spine.pid, signal.SIGSTOP if deaf else signal.SIGKILL)
+    if deaf:
+        plant.supervisor.trip(Cause.OPERATOR, "the button")
     until(lambda: plant.spine.supervisor.phase == "stopped")
-    with pytest.raises(RigStopped, match="ended by SIGKILL; without its heartbeat the drives stop") as stop:
+    why = ", because it did not hear a stop .operator: the button." if deaf else ""
+    with pytest.raises(RigStopped, match=f"ended by SIGKILL{why}; without its heartbeat the drives stop") as stop:
         plant.advance(0.01, UPRIGHT, 20)
     assert stop.value.report.cause is Cause.SPINE
     assert stop.value.report.cause in ENDS_SESSION
@@ -131,7 +140,7 @@ def test_a_driver_that_never_returns_holds_up_neither_stop_nor_program_nor_close
 
 def test_a_stop_that_the_program_asks_for_is_under_way_when_it_goes_on(record):
     plant = ready()
-    assert plant.about()["blade"]["process"] == plant.spine.pid != os.getpid()
+    assert plant.spine.about()["blade"]["process"] == plant.spine.pid != os.getpid()
     plant.supervisor.trip(Cause.OPERATOR, "the button")
     assert plant.supervisor.phase == "stopped"
     assert str(plant.supervisor.report).startswith("operator: the button")
@@ -177,6 +186,62 @@ def test_a_driver_that_refuses_its_settings_is_told_as_it_is_here(record):
     slow = dataclasses.replace(settings().sensor, rate=2.0 * Balance.rate)
     with pytest.raises(RigError, match="250 readings a second, but the rig's file has 500"):
         rig_plant(dataclasses.replace(settings(), sensor=slow)).open()
+
+
+class Judge:
+    """Supervisor that notes for which causes it was to stop the blade."""
+
+    phase, limited, report, angle = "ready", 0, None, 1.5
+
+    def __init__(self) -> None:
+        self.tripped: list[Cause] = []
+
+    def trip(self, cause: Cause, detail: str) -> None:
+        self.tripped.append(cause)
+
+    def drive(self, speed: float, angle: float, hold: float, **across: float) -> float:
+        return angle
+
+
+def command(number: int = 6, ahead: float = 0.0, hold: float = 0.02) -> bytes:
+    given = time.monotonic() + ahead
+    return COMMAND.pack(GO, number, os.getppid(), given, 0.01, UPRIGHT, hold, 0.0, 0.0)
+
+
+@pytest.mark.promise("S16")
+@pytest.mark.parametrize(
+    ("message", "cause"),
+    [
+        (command, None),
+        (lambda: command(number=4), Cause.FOREIGN),
+        (lambda: command(number=5), Cause.FOREIGN),
+        (lambda: command(ahead=3600.0), Cause.OVERRUN),
+        (lambda: command(ahead=-0.1), Cause.OVERRUN),
+        (lambda: command(ahead=math.nan), Cause.OVERRUN),
+        (lambda: command(hold=math.inf), Cause.OVERRUN),
+        (lambda: command(hold=LONGEST_HOLD + 0.1), Cause.OVERRUN),
+        (lambda: command(hold=math.nan), Cause.OVERRUN),
+        (lambda: command()[:-1], Cause.EXCEPTION),
+        (lambda: b"\x80noise", Cause.EXCEPTION),
+        (lambda: bytes(1 << 20), Cause.EXCEPTION),
+    ],
+)
+def test_what_no_program_would_send_stops_the_blade(message, cause):
+    """It is heard by a spine without drivers; the messages before it are good."""
+    ours, theirs = Pipe()
+    judge, link = Judge(), Link()
+    rig = SimpleNamespace(clock=SystemClock(), supervisor=judge)
+    served = _Served(rig, theirs, link, os.getpid(), socket.socketpair()[0], None)
+    threading.Thread(target=served.run, daemon=True).start()
+    ours.send_bytes(command(number=5))
+    assert REPLY.unpack(ours.recv_bytes())[:2] == (DONE, 5)
+    assert not judge.tripped
+    ours.send_bytes(message())
+    if cause is not Cause.EXCEPTION:
+        ours.recv_bytes()
+    until(lambda: len(judge.tripped) == (cause is not None))
+    assert judge.tripped == [cause] * (cause is not None)
+    link.close()
 
 
 # Memory
@@ -256,3 +321,14 @@ def test_a_reader_who_is_far_behind_goes_on_and_counts_what_it_missed():
     assert memory.lost == 11 - len(seen)
     with pytest.raises(ValueError, match="too long"):
         memory.put(bytes(65))
+
+
+def test_a_record_that_was_destroyed_is_passed_over_once_later_ones_are_there():
+    memory = ring(count=32)
+    for number in range(8):
+        memory.put(bytes([number]))
+    memory._memory[memory._start + 3 * memory._record] ^= 0xFF  # the third one's number
+    assert [memory.take(), memory.take(), memory.take()] == [b"\0", b"\1", None]
+    for number in range(8, 12):
+        memory.put(bytes([number]))
+    assert [memory.take(), memory.lost] == [b"\3", 1]

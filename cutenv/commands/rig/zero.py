@@ -26,7 +26,7 @@ def main(argv: Sequence[str]) -> int:
     with connected(arguments.rig) as rig:
         if not operator_of(rig.settings).confirm(_QUESTION, expected=rig.settings.name):
             raise RigError("the operator has not confirmed: the zero is as it was.")
-        rig.plant.set_zero()
+        rig.plant.spine.set_zero()
     print("zero set: the blade stands at 0 mm. It is lost when the board loses its power")
     return 0
 

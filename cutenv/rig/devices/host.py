@@ -23,6 +23,7 @@ from cutenv.rig.errors import RigError
 _log = logging.getLogger(__name__)
 
 _FINE = 0.0005  # [s] before the end, from which waiting goes on in short steps
+_SLEPT = 0.1  # [s] at a time, at most: a clock that jumps holds nobody up for longer
 _STEP = 0.001  # [s] step by which a fake clock moves while it waits
 
 
@@ -79,7 +80,7 @@ class SystemClock:
     def sleep_until(self, moment: float) -> float:
         """Wait until ``moment`` [s], the last half millisecond in short steps: operating systems oversleep."""
         while (left := moment - time.monotonic()) > 0.0:
-            time.sleep(left - _FINE if left > 2 * _FINE else min(left, 5e-5))
+            time.sleep(min(left - _FINE, _SLEPT) if left > 2 * _FINE else min(left, 5e-5))
         return time.monotonic()
 
     def wait_for(self, come: Callable[[], bool], limit: float, changed: threading.Condition) -> bool:

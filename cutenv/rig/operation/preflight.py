@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
+import platform
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import date
+from pathlib import Path
 
 from cutenv.rig.config.axes import Axis, CrossAxis
 from cutenv.rig.config.settings import RigSettings, expired
@@ -64,7 +68,7 @@ def still_checks(plant: RigPlant, *, in_air: bool = True) -> list[Check]:
         if in_air:
             checks.append(Check("zero force", norm <= ZERO_FORCE, f"{norm:.3f} N, {ZERO_FORCE:g} N allowed"))
     axes = settings.axes
-    answered = plant.drive_limits()
+    answered = plant.spine.drive_limits()
     for name, axis in axes.items():
         moved = supervisor.axis(name)
         checks.append(
@@ -74,7 +78,7 @@ def still_checks(plant: RigPlant, *, in_air: bool = True) -> list[Check]:
     for name, cross_axis in settings.cross_axes.items():
         if cross_axis.homing == "trusted":
             continue
-        homed = plant.about()[name].get("homed") == "yes"
+        homed = plant.spine.about()[name].get("homed") == "yes"
         cure = (
             "" if homed else '; home it with the maker\'s tool, or write homing = "trusted" for a drive without the bit'
         )
@@ -136,6 +140,9 @@ def _ask_direction(plant: RigPlant, name: str, axis: CrossAxis, operator: Operat
 def prove(plant: RigPlant, operator: Operator, today: date) -> None:
     """Prove the stop button and the sign of the force once a day; the drives are without power before and after.
 
+    The day is noted beside the rig's file, for later programs of this computer, until its drives, sensor or bus change
+    in the file.
+
     The operator pushes the blade toward the clamp by hand, as tissue would. Then the drives are switched on at rest,
     the operator presses the button, and every drive has to show that it has lost its power. Nothing else moves.
 
@@ -144,7 +151,7 @@ def prove(plant: RigPlant, operator: Operator, today: date) -> None:
     RigError
         If the force has the other sign or none, a drive keeps its power, or the operator does not agree.
     """
-    if plant.proven == today:
+    if (note := _proof_of(plant.settings, today)) in (plant.proven, _noted(plant.note)):
         return
     _prove_sign(plant, operator)
     operator.tell(
@@ -165,7 +172,24 @@ def prove(plant: RigPlant, operator: Operator, today: date) -> None:
         raise RigError("the operator has not released the stop button.")
     plant.clock.sleep_until(plant.clock.now() + SETTLE)
     plant.supervisor.reset(agreed=True)
-    plant.proven = today
+    plant.proven = note
+    if plant.note is not None:
+        with suppress(OSError):  # where it cannot be noted, the next program asks again
+            plant.note.write_text(note, encoding="utf-8")
+
+
+def _proof_of(settings: RigSettings, today: date) -> str:
+    """Return the note of a proof: the day, and a hash of all that it has proven, on this computer."""
+    proven = platform.node(), settings.name, settings.axes, settings.sensor, settings.bus
+    return f"{today.isoformat()} {hashlib.sha256(repr(proven).encode()).hexdigest()[:16]}\n"
+
+
+def _noted(file: Path | None) -> str:
+    """Return the note of the last proof; empty if there is none."""
+    try:
+        return "" if file is None else file.read_text(encoding="utf-8")
+    except (OSError, ValueError):
+        return ""
 
 
 def _prove_sign(plant: RigPlant, operator: Operator) -> None:
@@ -197,7 +221,7 @@ def _ask_motion(plant: RigPlant, operator: Operator) -> None:
     RigError
         If the operator does not agree.
     """
-    sent = "sent the steps for" if plant.counts_steps else "turned by"
+    sent = "sent the steps for" if plant.spine.counts_steps else "turned by"
     question = f"The drive has {sent} {1e3 * _NUDGE:g} mm away from the clamp, and back. Did the blade move so?"
     if not operator.confirm(question):
         raise RigError(
@@ -320,7 +344,7 @@ def prepare(plant: RigPlant, operator: Operator, *, today: date, in_air: bool = 
             relieve(plant)
         plant.supervisor.release()
         checks += _passed(moving_checks(plant))
-        if plant.counts_steps or (in_air and not plant.settings.emulated):
+        if plant.spine.counts_steps or (in_air and not plant.settings.emulated):
             _ask_motion(plant, operator)
         for name, axis in plant.settings.cross_axes.items() if in_air else ():
             _ask_direction(plant, name, axis, operator)

@@ -70,17 +70,17 @@ def inspect(plant: RigPlant, today: date) -> Inspection:
     finally:
         plant.witness = None
     checks += still_checks(plant)
-    told: dict[str, dict[str, Any]] = {name: dict(about) for name, about in plant.about().items()}
+    told: dict[str, dict[str, Any]] = {name: dict(about) for name, about in plant.spine.about().items()}
     checks += [
         Check(f"{name} zero", about[_ZERO] == "yes", "set by hand" if about[_ZERO] == "yes" else str(about[_ZERO]))
         for name, about in told.items()
         if _ZERO in about
     ]
-    for name, limits in plant.drive_limits().items():
+    for name, limits in plant.spine.drive_limits().items():
         unit = "rad" if name == "angle" else "m"
         told[name] |= {f"limit_{what}_{unit}{_PER[what]}": value for what, value in limits.items()}
     end = start + LISTEN
-    found = [_forces(plant.settings, recorder, start, end, plant.rate_error)]
+    found = [_forces(plant.settings, recorder, start, end, plant.spine.rate_error)]
     found += [_motion(plant, name, recorder, start, end) for name in told if name != "sensor"]
     for name, more, about in found:
         checks += more
