@@ -5,6 +5,7 @@
     python scripts/check_score.py --specimens 50    a quick look
     python scripts/check_score.py --task depth --specimens 60    cuts along a wanted depth; some ten minutes
     python scripts/check_score.py --task path --specimens 60     cuts along a drawn line; likewise
+    python scripts/check_score.py --doubts          how often records are doubted by their motion; some two minutes
     python scripts/check_score.py --print           prints what is in runs/check-score/
 
 A class that was measured is kept: a run that was broken off goes on with the next.
@@ -26,6 +27,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from benchmark.table import markdown_table
 from kept_rows import keep, kept_rows
+from scipy.ndimage import uniform_filter1d
 from scipy.stats import spearmanr
 from simulated_hands import DRIVEN, SKILLS, SimulatedHand
 
@@ -40,16 +42,20 @@ from cutenv.policy.depth_scripts import FollowDepth
 from cutenv.policy.interface import PrivilegedPolicy
 from cutenv.scoring import score
 from cutenv.scoring.cut_map import LINE_KEY
+from cutenv.scoring.doubts import DOUBT
+from cutenv.scoring.lurches import QUICKNESS
+from cutenv.scoring.scored_cut import ScoredCut
 from cutenv.scoring.truth import ASIDE_AT_END, FLOOR_AT_END, TIP_AT_END
+from cutenv.scoring.validity import Unavailable
 from cutenv.task.depth import DEPTH_COMPONENTS
 from cutenv.task.observation import COMPONENTS
 from cutenv.task.registry import TASKS
 from cutenv.tissue.lines import places_within
 from cutenv.trace import Trace
 
-FOLDER, FILE, HAND_FILE = Path("runs") / "check-score", "rows.csv", "hand.csv"
-"""Folder of what is kept; in it, the rows of each class in a folder of its name."""
-TEXTS = ("class", "policy", "end")
+FOLDER, FILE, HAND_FILE, DOUBTS_FILE = Path("runs") / "check-score", "rows.csv", "hand.csv", "doubts.csv"
+"""Folder of what is kept; in it, the rows of each class in a folder of its name, and those about doubts."""
+TEXTS = ("class", "policy", "end", "record")
 """Columns of the kept rows that are no numbers."""
 CLASSES = ("mixed", "vascular", "liver", "uniform")
 FEED, GIVES_UP = "constant 1.27 cm/s 90 deg", "gives up at two thirds"
@@ -309,6 +315,130 @@ def report(rows: Sequence[Mapping[str, Any]]) -> str:
     )
 
 
+def forged(trace: Trace, **fields: object) -> Trace:
+    """Return a record with other fields, whose speed follows from its position."""
+    return dataclasses.replace(trace, speed=None, **fields)  # type: ignore[arg-type]
+
+
+def with_smooth_position(milliseconds: int) -> Callable[[Trace], Trace]:
+    """Return a change of records at 1 kHz: the position is a moving mean over that time."""
+    return lambda trace: forged(trace, position=uniform_filter1d(np.asarray(trace.position), milliseconds))
+
+
+def with_fast_clock(factor: float) -> Callable[[Trace], Trace]:
+    """Return a change of records: by a fast clock, the cut seems to last that many times as long."""
+    return lambda trace: forged(trace, time=factor * trace.time)
+
+
+def every(step: int) -> Callable[[Trace], Trace]:
+    """Return a change of records: one reading of so many is kept."""
+    return lambda trace: trace.select(slice(None, None, step))
+
+
+AS_IT_IS = "1000 Hz"
+RATES: Mapping[str, Callable[[Trace], Trace]] = {
+    AS_IT_IS: every(1), "200 Hz": every(5), "100 Hz": every(10), "33 Hz": every(30)
+}  # fmt: skip
+"""Honest records, read at other rates."""
+CHANGES: Mapping[str, Callable[[Trace], Trace]] = {
+    **{f"position smoothed over {ms} ms": with_smooth_position(ms) for ms in (20, 30, 50)},
+    **{f"clock faster by a factor of {factor}": with_fast_clock(factor) for factor in (2, 1.5, 1.3, 1.2)},
+}
+"""Changes to the motion in a person's record at 1 kHz by which it may gain."""
+CHANGED = ("steady hand", "brisk hand", "hurried hand", "late hand")
+"""Those whose records are changed."""
+_BY_MOTION = "position was smoothed"  # in every doubt about motion, and in the reason why such a record has no score
+
+
+def measure_doubts(names: Iterable[str], specimens: int, kind: str) -> list[dict[str, Any]]:
+    """Let everybody cut the first held-out specimens of a class, and look for doubts about the motion in the records.
+
+    A row for each record: as it is, at lower rates, and, of some people, changed.
+    """
+    rows = []
+    for name in names:
+        policy, arguments = player(name)
+        person = {"operator": "p07"} if name in SKILLS else {}
+        seeds = TEST_SEEDS[:specimens]
+        cuts = batched_rollout(policy, seeds, {**arguments, "specimen_class": kind}, readings=True)
+        for seed, cut in zip(seeds, cuts, strict=True):
+            noted = {TIP_AT_END: float(cut.readings["tip"][-1]), "target_length_m": cut.truth["target_length_m"]}
+            trace = recorded_trace(cut.readings, cut.measured_depth, end=cut.end, **noted, **person)
+            for record, change in ({**RATES, **CHANGES} if name in CHANGED else RATES).items():
+                row = {"class": kind, "seed": seed, "policy": name, "record": record}
+                rows.append(row | _doubted(change(trace)))
+    return rows
+
+
+def _doubted(trace: Trace) -> dict[str, float]:
+    """Return score, doubt and refusal by the motion in a record, and how its lurches are; NaN where there is none."""
+    card = score(trace)
+    found: dict[str, float | None] = {
+        "score": card.overall_score,
+        "doubted": float(any(note.startswith(DOUBT) and _BY_MOTION in note for note in card.notes)),
+        "refused": float(_BY_MOTION in card.no_score),
+    }
+    try:
+        lurches = ScoredCut(trace=trace).lurches
+    except Unavailable:
+        lurches = None
+    sharpness, slowness, early = lurches[2:] if lurches else (None, None, None)
+    found["lasts"] = 1.0 / sharpness if sharpness else None
+    found["quickness"] = QUICKNESS / slowness if slowness else None
+    found["early"] = early
+    return {name: np.nan if value is None else float(value) for name, value in found.items()}
+
+
+def doubts_report(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return two Markdown tables: how often honest records are doubted by their motion, and what changed ones gain."""
+    kinds, specimens = dict.fromkeys(row["class"] for row in rows), len({row["seed"] for row in rows})
+    counts = []
+    for who, people in (("by scripts and agents", False), ("by simulated people", True)):
+        own = [row for row in rows if (row["policy"] in SKILLS) == people]
+        for said, name in (("doubted", "doubted"), ("without a score for it", "refused")):
+            some = [[row for row in own if row["record"] == rate] for rate in RATES]
+            judged = [[row for row in each if np.isfinite(row["score"]) or row["refused"]] for each in some]
+            counts.append((f"{who}: {said}", *(f"{sum(int(r[name]) for r in each)} of {len(each)}" for each in judged)))
+    by_hand = [row["lasts"] for row in rows if row["policy"] in SKILLS and row["record"] in RATES]
+    honest = {
+        (row["class"], row["seed"], row["policy"]): row
+        for row in rows
+        if row["record"] == AS_IT_IS and row["policy"] in CHANGED and np.isfinite(row["score"])
+    }
+    gains = []
+    for record in (AS_IT_IS, *CHANGES):
+        own = [row for row in rows if row["record"] == record]
+        pairs = [(honest[key], row) for row in own if (key := (row["class"], row["seed"], row["policy"])) in honest]
+        told = [
+            (float(np.nan_to_num(row["score"])) - before["score"], row["doubted"] or row["refused"])
+            for before, row in pairs
+        ]
+        gained = [gain for gain, _ in told], [gain for gain, doubted in told if not doubted]
+        columns = [np.array([row[name] for _, row in pairs]) for name in ("lasts", "quickness", "early")]
+        (fast, slow), (low, high) = (np.nanquantile(column, (0.01, 0.99)) for column in columns[:2])
+        gains.append(
+            (
+                "as it is" if record == AS_IT_IS else record, f"{1e3 * fast:.0f} to {1e3 * slow:.0f} ms",
+                f"{low:.2f} to {high:.2f}", f"{100 * np.nanmedian(columns[2]):.0f} %",
+                f"{sum(int(doubted) for _, doubted in told)} of {len(told)}",
+                *(f"{max(some):.1f}" if some and record != AS_IT_IS else "" for some in gained),
+            )
+        )  # fmt: skip
+    head = (
+        "record", "a lurch lasts", "v over the root of D w", "before the fall (median)", "doubted, or no score",
+        "largest gain", "largest gain without a doubt",
+    )  # fmt: skip
+    return (
+        f"{specimens} held-out specimens of each class: {', '.join(kinds)}. Honest records:\n\n"
+        f"{markdown_table(('honest records', *RATES), counts)}\n\n"
+        f"At these rates, lurches of simulated people last {1e3 * np.nanmin(by_hand):.0f} to "
+        f"{1e3 * np.nanmax(by_hand):.0f} ms, mean of a cut.\n\n"
+        f"Records of {', '.join(CHANGED)}, as they are and changed; of times and of v over the root of D w, "
+        "98 of 100:\n\n"
+        f"{markdown_table(head, gains)}"
+    )
+
+
 def kept_classes(folder: Path, kinds: Iterable[str] = CLASSES, *, hand: bool = True) -> list[dict[str, Any]]:
     """Return the kept rows of classes, with or without hands; SystemExit with the command that makes them."""
     file, command = (HAND_FILE, "check_score.py --hand") if hand else (FILE, "check_score.py")
@@ -319,14 +449,25 @@ def main() -> None:
     """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--task", default="gentle", choices=("gentle", *MAP_TASKS), help="default gentle")
-    parser.add_argument("--specimens", type=int, default=500, metavar="N", help="of each class; default 500")
+    parser.add_argument("--specimens", type=int, metavar="N", help="of each class; default 500, with --doubts 10")
     parser.add_argument("--classes", nargs="+", default=CLASSES, choices=CLASSES, help="default all")
     parser.add_argument("--out", type=Path, default=FOLDER, metavar="FOLDER", help=f"folder; default {FOLDER}")
     parser.add_argument("--hand", action="store_true", help="let simulated people of several skills cut as well")
+    parser.add_argument("--doubts", action="store_true", help="count doubts about motion in honest and changed records")
     parser.add_argument("--print", action="store_true", help="print the kept table without measuring again")
     arguments = parser.parse_args()
+    if arguments.specimens is None:
+        arguments.specimens = 10 if arguments.doubts else 500
     if arguments.specimens < 1:
         parser.error(f"--specimens {arguments.specimens} is less than 1")
+    if arguments.doubts:
+        path, everybody = arguments.out / DOUBTS_FILE, (*PLAYERS, *SKILLS)
+        if not arguments.print:
+            # A mixed specimen is that of another class with the same seed, and would count twice.
+            kinds = CLASSES[1:] if arguments.classes is CLASSES else arguments.classes
+            keep(path, [row for kind in kinds for row in measure_doubts(everybody, arguments.specimens, kind)])
+        print(doubts_report(kept_rows(path, "check_score.py --doubts", TEXTS)), flush=True)
+        return
     if arguments.task in MAP_TASKS:
         task, path = MAP_TASKS[arguments.task], arguments.out / f"{arguments.task}.csv"
         if not arguments.print:

@@ -3,6 +3,7 @@
     python scripts/update_docs.py parameters agreement specimens calibration field pass-marks speed baselines
     python scripts/update_docs.py training results --runs runs/NAME ...  one run for each training seed
     python scripts/update_docs.py ladder learned-stop stock safe-cut memory check-score depth-cut  left in runs/
+    python scripts/update_docs.py doubts                    what scripts/check_score.py --doubts left in runs/
     python scripts/update_docs.py depth-ladder depth-agents path-ladder path-agents                likewise
     python scripts/update_docs.py benchmark                 what scripts/leaderboard.py --publish has kept
     python scripts/update_docs.py rig-faults rig-faults-height rig-faults-side rig-soak class-load    likewise, in runs/
@@ -481,6 +482,9 @@ ON_PAGES: dict[str, dict[str, Callable[[argparse.Namespace], str]]] = {
     "docs/validation/curved-benchmark.md": {"curved-benchmark": lambda _: curved_cuts.table()},
     "docs/validation/score.md": {
         "check-score": lambda _: check_score.report(check_score.kept_classes(ROOT / check_score.FOLDER)),
+        "doubts": lambda _: check_score.doubts_report(
+            kept_rows(ROOT / check_score.FOLDER / check_score.DOUBTS_FILE, "check_score.py --doubts", check_score.TEXTS)
+        ),
         "check-depth-score": lambda _: map_score("depth"),
         "check-path-score": lambda _: map_score("path"),
     },

@@ -17,7 +17,7 @@ DOUBT = "doubtful"
 _SAME_DEPTH = 1e-6  # [m]
 _LONG = 0.03  # [m], advance over which a real depth changes
 _STILL = 0.03  # [m/s], top speed after sudden falls of the force that one hand in 100 is below
-_SLOW, _SLOW_FROM = 1.2, 90.0  # slowness of lurches above every hand's, if read so often [Hz]
+_SLOW, _SLOW_FROM = 1.2, 90.0  # slowness of lurches above nearly every hand's, if read so often [Hz]
 _EARLY, _EARLY_FROM = 0.2, 190.0  # share of them before the fall of the force, likewise
 _SAME_TIP = 1.5e-3  # [m] within which the return stroke shows where the tip is
 _ZERO, _ZERO_SHARE = 0.2, 0.08  # [N], and share of the range, that a force may have where nothing is touched
@@ -75,7 +75,7 @@ def _motion(cut: ScoredCut) -> Iterator[str]:
     elif lurches and found.slowness is not None and found.slowness > _SLOW:
         yield (
             f"the blade follows sudden falls of the force {found.slowness:.1f} times as slowly as a hand does: if its "
-            "position was smoothed, or the clock runs slow, it was faster than it seems"
+            "position was smoothed, or the clock runs fast, it was faster than it seems"
         )
     elif by_hand and found.drops and found.top < _STILL:
         yield (

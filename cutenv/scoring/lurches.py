@@ -17,12 +17,12 @@ _SUDDEN, _SUDDEN_SHARE = 0.1, 0.1  # [N], and share of the range, by which a for
 _BEFORE, _AFTER, _AFTERWARDS = 5, 20, 40  # samples at 100 Hz around such a fall: of the lurch, and until it is over
 _EARLIER = 30  # samples at 100 Hz before it, of which those up to 10 before are without a lurch
 _WAY = 0.8e-3  # [m] of a lurch
-_SHARPEST_SMOOTHED = 10.0  # [1/s], sharpness of lurches below which they are no hand's: honest ones have 13 and more
+_SHARPEST_SMOOTHED = 10.0  # [1/s], sharpness of lurches below which they are no hand's: honest ones have 17 and more
 _FINE = 1000  # samples a second at which a lurch is looked at closely
 _FALL, _SPEED = 4, 5  # such samples over which the force falls, and over which the largest speed is taken
 _USUAL, _STARTS, _LASTS = 150, 50, 200  # such samples: from when to when before the fall it is usual; of a lurch
 _FEWEST = 3  # lurches by whose median it is told what comes first
-_QUICKNESS = 1.67
+QUICKNESS = 1.67
 """Largest speed of a lurch over the root of fall and way [1/kg^0.5], of a hand as ``cutenv play`` has it, median."""
 
 
@@ -36,10 +36,10 @@ class Lurches(NamedTuple):
     sharpness: float | None
     """Largest speed of a lurch over its way [1/s], mean of all by their ways; None without any of 0.8 mm."""
     slowness: float | None
-    """How many times as slowly as a hand's the blade follows the falls of the force; None without a lurch.
+    """Factor by which a hand's blade follows the falls of the force more quickly; None without a lurch.
 
-    What a fall of the force does over the way of a lurch moves the mass of hand and blade, whatever the tissue: behind
-    a clock at half its speed the mass seems to be four times as large.
+    What a fall of the force does over the way of a lurch moves the mass of hand and blade, whatever the tissue: by
+    a clock at twice its speed the mass seems to be four times as large.
     """
     early: float | None
     """Share of a lurch that comes before the fall of the force that causes it, median; None of fewer than three."""
@@ -77,7 +77,7 @@ def lurches_of(trace: Trace, position: Array, even: Array) -> Lurches:
     close = np.array(list(_closely(trace, falls))).reshape(-1, 3)
     if not len(close):
         return Lurches(drops, top, sharpness, None, None)
-    slowness = _QUICKNESS / float(np.average(close[:, 0], weights=close[:, 2]))
+    slowness = QUICKNESS / float(np.average(close[:, 0], weights=close[:, 2]))
     early = float(np.median(close[:, 1])) if len(close) >= _FEWEST else None
     return Lurches(drops, top, sharpness, slowness, early)
 
@@ -111,5 +111,5 @@ def smoothed_motion(lurches: Lurches) -> str:
         return ""
     return (
         f"where the force falls suddenly the blade takes some {1e3 / sharp:.0f} ms for a lurch, and a hand less than "
-        f"{1e3 / _SHARPEST_SMOOTHED:.0f}: the position was smoothed, or the clock runs slow. Record both as they are"
+        f"{1e3 / _SHARPEST_SMOOTHED:.0f}: the position was smoothed, or the clock runs fast. Record both as they are"
     )

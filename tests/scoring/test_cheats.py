@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import math
 from collections.abc import Callable
 
 import numpy as np
 import pytest
-from check_score import player
+from check_score import CHANGES, RATES, doubts_report, forged, player, with_fast_clock, with_smooth_position
 from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 from scipy.signal import lfilter
 from scored_cuts import rated
@@ -46,10 +45,6 @@ def records() -> tuple[Trace, ...]:
 @functools.cache
 def honest_cards() -> tuple[ScoreCard, ...]:
     return tuple(score(each) for each in records())
-
-
-def forged(trace: Trace, **fields: object) -> Trace:
-    return dataclasses.replace(trace, speed=None, **fields)  # type: ignore[arg-type]
 
 
 def renoted(trace: Trace, **notes: object) -> Trace:
@@ -89,14 +84,10 @@ def never_fast(position: np.ndarray) -> np.ndarray:
     return np.asarray(found)
 
 
-def slowed_where_fast(trace: Trace) -> Trace:
-    """A clock that goes on the slower, the faster the blade moves beyond 2 cm/s."""
+def fast_where_the_blade_is(trace: Trace) -> Trace:
+    """A clock that goes on the faster, the faster the blade moves beyond 2 cm/s."""
     steps = np.diff(trace.time) * np.maximum(1.0, np.abs(trace.blade_speed[1:]) / 0.02)
     return forged(trace, time=np.append(0.0, np.cumsum(steps)))
-
-
-def clock(factor: float) -> Callable[[Trace], Trace]:
-    return lambda trace: forged(trace, time=factor * trace.time)
 
 
 def offset(size: float) -> Callable[[Trace], Trace]:
@@ -173,17 +164,17 @@ CHEATS: dict[str, Callable[[Trace], Trace]] = {
 }
 """Changes to a record, by name."""
 MOTIONS: dict[str, Callable[[Trace], Trace]] = {
-    "position smoothed over 50 ms": moved(lambda position: uniform_filter1d(position, 50)),
-    "position smoothed over 0.1 s": moved(lambda position: uniform_filter1d(position, 100)),
-    "position smoothed over 0.3 s": moved(lambda position: uniform_filter1d(position, 300)),
-    "position smoothed over 1 s": moved(lambda position: uniform_filter1d(position, 1000)),
+    "position smoothed over 50 ms": CHANGES["position smoothed over 50 ms"],
+    "position smoothed over 0.1 s": with_smooth_position(100),
+    "position smoothed over 0.3 s": with_smooth_position(300),
+    "position smoothed over 1 s": with_smooth_position(1000),
     "position smoothed by a bell": moved(lambda position: gaussian_filter1d(position, 100)),
     "position behind": moved(behind),
     "position never fast": moved(never_fast),
-    "a clock at two thirds of its speed": clock(1.5),
-    "a clock at half its speed": clock(2.0),
-    "a clock at a third of its speed": clock(3.0),
-    "a clock slowed where the blade is fast": slowed_where_fast,
+    "clock faster by a factor of 1.5": CHANGES["clock faster by a factor of 1.5"],
+    "clock faster by a factor of 2": CHANGES["clock faster by a factor of 2"],
+    "clock faster by a factor of 3": with_fast_clock(3.0),
+    "a clock that is fast where the blade is": fast_where_the_blade_is,
 }
 """Changes to the motion of a person's record."""
 
@@ -253,7 +244,7 @@ def test_what_is_no_record_of_a_cut_says_why(name: str, says: str) -> None:
     ("change", "says"),
     [
         (MOTIONS["position smoothed over 50 ms"], "of a lurch comes before the fall of the force"),
-        (MOTIONS["a clock at two thirds of its speed"], "times as slowly as a hand does"),
+        (MOTIONS["clock faster by a factor of 1.5"], "times as slowly as a hand does"),
         (MOTIONS["position smoothed over 1 s"], "the blade hardly lurches at "),
         (offset(0.8), "N at the start, before anything is touched"),
         (CHEATS["noted as finished before its end"], "ends before the blade rests or is drawn back"),
@@ -278,6 +269,20 @@ def test_a_spike_is_left_out_and_told() -> None:
 def test_the_charges_are_the_tasks() -> None:
     weights = RewardWeights()
     assert {name: getattr(weights, name) for name in CHARGED} == CHARGED
+
+
+def test_doubts_and_gains_are_counted() -> None:
+    """A record without a score, honest or changed, is in no count of doubts, and gains nothing."""
+    base = {"class": "liver", "policy": "hurried hand", "refused": 0.0, "lasts": 0.02, "quickness": 1.7, "early": 0.1}
+    rows = []
+    for seed, before in ((0, 20.0), (1, 30.0), (2, np.nan)):
+        for record in (*RATES, *CHANGES):
+            quick = {"score": before + 5.0 + seed, "doubted": 1.0 - seed} if record in CHANGES else {}
+            rows.append(base | {"seed": seed, "record": record, "score": before, "doubted": 0.0} | quick)
+    said = doubts_report(rows)
+    assert "| by simulated people: doubted | 0 of 2 | 0 of 2 | 0 of 2 | 0 of 2 |" in said
+    assert "| as it is | 20 to 20 ms | 1.70 to 1.70 | 10 % | 0 of 2 |  |  |" in said
+    assert "| clock faster by a factor of 2 | 20 to 20 ms | 1.70 to 1.70 | 10 % | 1 of 2 | 6.0 | 6.0 |" in said
 
 
 def pushed(seed: int) -> Trace:

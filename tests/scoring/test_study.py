@@ -384,6 +384,11 @@ def test_few_people_get_values_without_intervals_and_one_honest_word() -> None:
     assert note.startswith(
         "too few operators for an interval of the groups' difference (3 and 2, of at least 4 in each)"
     )
+    four = Study(name="four", cuts=cuts[2:], metrics=("force_rate",)).findings[0]
+    assert four.reliability == NotEstimable(
+        "fewer than 5 operators with two cuts or more, and so few often differ by chance"
+    )
+    assert isinstance(four.separation, Separation)
     two = one_way_reliability([[1.0, 2.0], [5.0, 6.0]])
     full = one_way_reliability([[1.0, 2.0], [5.0, 6.0], [3.0, 3.5]])
     assert (two.single.low, two.single.value > 0.9, full.single.low is None) == (None, True, False)

@@ -27,6 +27,12 @@ FEWEST_PEOPLE = 3
 """Smallest number of people (rows) for an interval."""
 FEWEST_COMPARED = 2
 """Smallest number of people (rows) for any statistics about people."""
+FEWEST_RELIABLE = 5
+"""Smallest number of people for a study's reliability.
+
+Of two people who are equally good, with two cuts each, one pair in ten has a reliability above 0.8 by chance; of
+five, one group in sixty.
+"""
 _LARGEST = 1e12
 _NO_VARIATION = 1e-12  # relative to the largest value: less is rounding
 

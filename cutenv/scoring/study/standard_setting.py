@@ -12,7 +12,7 @@ from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range, one_of
 from cutenv.scoring.metric import METRICS
 from cutenv.scoring.score_card import whole_score
-from cutenv.scoring.study.estimate import FEWEST_COMPARED, Estimate
+from cutenv.scoring.study.estimate import FEWEST_COMPARED, FEWEST_RELIABLE, Estimate
 from cutenv.scoring.study.pass_mark import (
     IN_A_ROW,
     METHODS,
@@ -333,8 +333,10 @@ class StandardSetting(StudiedPeople):
             separation=NotEstimable(f"fewer than {FEWEST_COMPARED} people in a group")
             if few < FEWEST_COMPARED
             else told(separation, groups[1], groups[0]),
-            reliability=NotEstimable(f"fewer than {FEWEST_COMPARED} people with two cuts or more")
-            if len(several) < FEWEST_COMPARED
+            reliability=NotEstimable(
+                f"fewer than {FEWEST_RELIABLE} people with two cuts or more, and so few often differ by chance"
+            )
+            if len(several) < FEWEST_RELIABLE
             else told(one_way_reliability, several),
             raters=self._correlations(values, better, rng),
         )

@@ -13,7 +13,7 @@ from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range, one_of
 from cutenv.scoring.metric import FORCE_WEIGHTS, METRICS, Direction
 from cutenv.scoring.score_card import ScoreCard
-from cutenv.scoring.study.estimate import FEWEST_COMPARED, FEWEST_PEOPLE
+from cutenv.scoring.study.estimate import FEWEST_COMPARED, FEWEST_RELIABLE
 from cutenv.scoring.study.learning import FEWEST_IN_CURVE, Cusum, LearningCurve, cusum, learning_curve
 from cutenv.scoring.study.reliability import Intraclass, OneWay, intraclass_correlation, one_way_reliability
 from cutenv.scoring.study.separation import FEWEST_IN_A_GROUP, Separation, separation
@@ -301,10 +301,6 @@ class Study(StudiedPeople):
         groups = max(
             (each.separation.people for each in findings if isinstance(each.separation, Separation)), default=()
         )
-        people = max(
-            (each.reliability.people for each in findings if isinstance(each.reliability, OneWay)),
-            default=FEWEST_PEOPLE,
-        )
         curves = [
             c for each in findings for c in each.curves.values() if isinstance(c, LearningCurve) and c.low is None
         ]
@@ -313,8 +309,6 @@ class Study(StudiedPeople):
             said.append(
                 f"the groups' difference ({groups[0]} and {groups[1]}, of at least {FEWEST_IN_A_GROUP} in each)"
             )
-        if people < FEWEST_PEOPLE:
-            said.append(f"the reliability ({people} of at least {FEWEST_PEOPLE})")
         if curves:
             least = max(int(each.people[0]) for each in curves)
             said.append(f"a group's learning ({least} of at least {FEWEST_IN_CURVE})")
@@ -331,8 +325,10 @@ class Study(StudiedPeople):
             return None
         series = self._series(values)
         several = {operator: values for operator, values in series.items() if len(values) >= 2}
-        few = NotEstimable(f"fewer than {FEWEST_COMPARED} {self.who}s with two cuts or more")
-        enough = len(several) >= FEWEST_COMPARED
+        few = NotEstimable(
+            f"fewer than {FEWEST_RELIABLE} {self.who}s with two cuts or more, and so few often differ by chance"
+        )
+        enough = len(several) >= FEWEST_RELIABLE
         reliability = told(one_way_reliability, list(several.values())) if enough else few
         target, target_is = self._target(series)
         within = _pooled(several)
@@ -403,8 +399,10 @@ class Study(StudiedPeople):
             for operator in self.operators
             if all((operator, session) in cells for session in self.sessions)
         ]
-        if len(rows) < FEWEST_COMPARED:
-            return NotEstimable(f"fewer than {FEWEST_COMPARED} {self.who}s were at every session")
+        if len(rows) < FEWEST_RELIABLE:
+            return NotEstimable(
+                f"fewer than {FEWEST_RELIABLE} {self.who}s were at every session, and so few often differ by chance"
+            )
         return told(intraclass_correlation, rows)
 
 
