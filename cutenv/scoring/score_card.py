@@ -345,9 +345,11 @@ def _overall(
         doubt = cut.no_mark(known.get("work_over_fracture"))
         return ((), "", doubt) if doubt else (points, outcome, "")
     except Unavailable as error:
-        why = "" if cut.trace.position is None else f"{error}, and there is "
+        why = "no reference set of such records"
+        if cut.trace.position is not None:
+            why = f"{error}, and there is no reference set of such records"
     if reference is None:
-        return (), "", f"{why}no reference set of such records"
+        return (), "", why
     if reference.force_unit != cut.trace.force_unit:
         unit, own = reference.force_unit, cut.trace.force_unit
         return (), "", f"the force of {reference.name} is in unit {unit!r}, this record's in {own!r}"
