@@ -86,6 +86,7 @@ import stock_learners
 import suite_times
 import task_table
 import tip_errors
+import try_wheel
 import tune_scripts
 import twin_trials
 import wear_series
@@ -417,7 +418,7 @@ ON_PAGES: dict[str, dict[str, Callable[[argparse.Namespace], str]]] = {
     },
     "docs/validation/pass-marks.md": {"pass-marks": pass_marks},
     "docs/validation/field.md": {"field": field},
-    "docs/results/speed.md": {"speed": lambda _: speed_of()},
+    "docs/results/speed.md": {"wheel": lambda _: try_wheel.kept(), "speed": lambda _: speed_of()},
     "docs/results/training.md": {"training": training},
     "README.md": {"results": results, "excision-short": lambda _: task_table.TABLES["excision"].short_report()},
     "docs/results/baselines.md": {"baselines": baselines},

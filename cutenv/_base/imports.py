@@ -17,7 +17,6 @@ EXTRAS_OF_MODULE = {
     "h5py": ("data", "formats"),
     "jinja2": ("view", "rl", "serve", "view3d", "vision"),
     "mcap": ("ros", "formats"),
-    "llvmlite": ("compile",),
     "matplotlib": ("view", "rl", "serve", "vision"),
     "meshcat": ("view3d",),
     "minari": ("data",),

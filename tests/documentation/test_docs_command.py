@@ -25,8 +25,10 @@ def checkout(tmp_path: Path) -> Path:
     folder.mkdir()
     for name in ("cutenv", "assets"):
         shutil.copytree(ROOT / name, folder / name, ignore=IGNORED)
-    for name in ("pyproject.toml", "README.md", "LICENSE", "CHANGELOG.md", ".gitignore"):
-        shutil.copy(ROOT / name, folder)
+    (folder / "scripts" / "kernels").mkdir(parents=True)
+    hook = "scripts/kernels/wheel_hook.py"
+    for name in ("pyproject.toml", "README.md", "LICENSE", "CHANGELOG.md", ".gitignore", hook):
+        shutil.copy(ROOT / name, folder / name)
     return folder
 
 

@@ -21,8 +21,8 @@ from cutenv.rig.devices.drivers import DriveState
 from cutenv.rig.hardware import rig_plant
 from cutenv.rig.operation.preflight import SETTLE
 from cutenv.rig.operation.self_check import Inspection, inspect
-from cutenv.rig.plant import RigPlant
 from cutenv.rig.safety.stop_causes import Cause
+from cutenv.rig.spine import Spine
 from cutenv.rig.toml_file import to_toml
 
 
@@ -54,9 +54,9 @@ def test_a_rig_that_is_well_passes_every_check() -> None:
 
 
 def test_a_drive_whose_zero_nobody_has_set_fails(monkeypatch: pytest.MonkeyPatch) -> None:
-    about = RigPlant.about
+    about = Spine.about
     for told, fails in (("yes", set()), ("no: put the blade at the clamp", {"blade zero"})):
-        monkeypatch.setattr(RigPlant, "about", lambda plant, told=told: {**about(plant), "blade": {"zero_set": told}})
+        monkeypatch.setattr(Spine, "about", lambda spine, told=told: {**about(spine), "blade": {"zero_set": told}})
         found = inspected()
         assert failed(found) == fails
         assert any("'cutenv rig zero' sets it" in line for line in lines(found)) == (not fails)
