@@ -129,7 +129,7 @@ _TRANSLATION = {"NUMBA_OPT": "0", "NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATUR
 
 
 def see(part: str, stem: str) -> None:
-    """Use a part, and keep which kernels were called with which types."""
+    """Use a part, and write a file of the kernels that were called, each with the types of its arguments."""
     from cutenv._engine import jit
 
     uses: dict[Use, None] = {}
@@ -164,7 +164,7 @@ def see(part: str, stem: str) -> None:
 
 
 def translate(part: str, stem: str) -> None:
-    """Translate the kernels that a part calls, into LLVM's intermediate code; keep it, and their entries."""
+    """Translate the kernels that a part calls to LLVM's intermediate code; write it to a file, and one of entries."""
     from cutenv._engine import jit
 
     jit.kernel_folder = lambda *_, **__: None
@@ -239,7 +239,9 @@ def form_of(use: Use, compiled: Any) -> dict[str, Any]:
     name = f"{use.module}:{use.name}"
     named = getattr(signature.return_type, "instance_class", None)  # of a named tuple
     place = "" if named is None else f"{named.__module__}:{named.__qualname__}"
-    return {"name": name, "releases": use.releases, "arguments": arguments, "result": result, "class": place}
+    modules = [use.module] if use.made_in is None else [use.module, use.made_in]
+    entry = {"name": name, "releases": use.releases, "arguments": arguments, "result": result, "class": place}
+    return entry | {"modules": modules}
 
 
 def _form(kind: Any) -> Iterator[str | tuple[str, str]]:
@@ -270,7 +272,7 @@ def _form(kind: Any) -> Iterator[str | tuple[str, str]]:
 
 
 def entry_code(compiled: Any, symbol: str) -> str:
-    """Return the intermediate code of a function of words that calls a kernel."""
+    """Return the intermediate code of an entry: it takes its arguments as 64-bit words, and calls the kernel."""
     from llvmlite import ir
     from numba.core import types
 
@@ -467,10 +469,7 @@ def sources_of(entries: list[dict[str, Any]]) -> list[str]:
     """Return the files whose content is compiled into the kernels, relative to the package."""
     from cutenv._engine import jit
 
-    files = set()
-    for entry in entries:
-        module = entry["name"].partition(":")[0]
-        files |= jit.sources(module)
+    files = set().union(*(jit.sources(module) for entry in entries for module in entry["modules"]))
     return sorted(path.relative_to(PACKAGE).as_posix() for path in files)
 
 

@@ -1,6 +1,6 @@
 """Functions that Numba lacks, for kernels: bit patterns of floats, prefetch, uncounted references, atomic counters.
 
-Here each is plain Python, against which the tests compare; :mod:`cutenv._engine.lowering` tells Numba of them.
+Here each is plain Python, against which the tests compare; :mod:`cutenv._engine.lowering` registers them with Numba.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def as_float64_view(records: Any) -> Any:
 
 
 def atomic_add(counters: Any, row: Any, which: Any, size: Any) -> Any:
-    """Add ``size`` atomically to one counter of a thread (acquire-release) and return its value before."""
+    """Add ``size`` atomically to one counter of a row (acquire-release) and return its value before."""
     with _plain:
         before = int(counters[row, which])
         counters[row, which] += size

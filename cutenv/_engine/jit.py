@@ -30,7 +30,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 _PACKAGE = Path(__file__).parents[1]
 _PREFIX = "kernels-"
 _DOCUMENTED = ("nogil",)  # of the options that the decorators below give to Numba
-_later: list[Callable[[], object]] = []  # what the compiler has to know of, once it is needed
+_unregistered: list[Callable[[], object]] = []  # calls that register functions with Numba, once it is needed
 
 
 def sources(module: str, package: Path = _PACKAGE) -> set[Path]:
@@ -198,8 +198,9 @@ def _folder_of(kernel: Any) -> Path | None:
 
 
 def _compile_internal(function: Function, **options: bool) -> Function:
-    if native.covers(function) and not _compiler.cache_info().currsize:
-        _later.append(partial(_compiled_inside, function, **options))
+    compiler_is_loaded = bool(_compiler.cache_info().currsize)
+    if native.covers(function) and not compiler_is_loaded:
+        _unregistered.append(partial(_compiled_inside, function, **options))
         return function
     return _compiled_inside(function, **options)
 
@@ -223,23 +224,23 @@ def _compile(function: Function, **options: Any) -> Function:
 
 @cache
 def _compiler() -> ModuleType:
-    """Return the module that compiles; Numba is imported, and told of all that kernels may call, where it is needed."""
+    """Return the module that compiles. Numba is imported here, and nowhere before."""
     with extra_named():
         from cutenv._engine import lanes, shortcuts  # noqa: F401 - the lowering of lanes is registered
     return shortcuts
 
 
-def _tell_compiler_of_all() -> None:
-    """Have the compiler know the functions that were decorated while nothing had to be compiled."""
-    waiting = _later.copy()
-    _later.clear()
-    for tell in waiting:
-        tell()
+def _register_all() -> None:
+    """Register with Numba the functions that were decorated while nothing had to be compiled."""
+    waiting = _unregistered.copy()
+    _unregistered.clear()
+    for register in waiting:
+        register()
 
 
 def _compiled(function: Function, cache: bool = True, **options: Any) -> Function:
     shortcuts = _compiler()
-    _tell_compiler_of_all()
+    _register_all()
     # Numba reads the folder once, when it decorates; the caches of other packages stay where they are.
     settings: Any = shortcuts.numba.config
     njit: Any = shortcuts.numba.njit  # whose types lack the wrappers

@@ -1,7 +1,7 @@
 """Kernels of the library that a wheel brings, compiled ahead of time: ``scripts/build_kernels.py`` builds it.
 
-The library is used as a whole or not at all: where the source of any kernel is another than the one that it was built
-from, as in a checkout, Numba compiles.  A call whose arguments no function of the library takes goes to Numba, too.
+The library is used as a whole or not at all: where any source file differs from the one that it was built from, Numba
+compiles, as it does in a checkout, which has no library.  A call with types that the library lacks goes to Numba, too.
 """
 
 from __future__ import annotations

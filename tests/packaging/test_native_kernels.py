@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import platform
 import subprocess
 import sys
 import textwrap
 from pathlib import Path
+from typing import Any
 
 import build_kernels
-import numpy as np
 import pytest
 
-from cutenv._engine.randomness import normal_at
-from cutenv.tissue.sampling import add_vessels, is_vascular, lognormal
-
 ROOT = Path(__file__).parents[2]
-HERE = "x86_64-linux"
+SYSTEMS = {
+    ("x86_64", "linux"): "x86_64-linux", ("aarch64", "linux"): "aarch64-linux", ("arm64", "darwin"): "arm64-macos",
+    ("AMD64", "win32"): "x86_64-windows",
+}  # fmt: skip
+HERE = SYSTEMS[platform.machine(), sys.platform]
 MAGIC = {
     "x86_64-linux": b"\x7fELF\x02", "aarch64-linux": b"\x7fELF\x02", "arm64-macos": b"\xcf\xfa\xed\xfe",
     "x86_64-windows": b"MZ",
@@ -23,16 +25,24 @@ MAGIC = {
 USES = """
 import numpy as np
 from cutenv._engine.randomness import normal_at
+from cutenv._engine.work_queue import make_queue, wait_done
+from cutenv.cutting.drive import lag_gain
+from cutenv.cutting.dtypes import DRIVE
+from cutenv.cutting.motion import STRAIGHT
+from cutenv.cutting.simulate import account_one
 from cutenv.tissue.sampling import add_vessels, is_vascular, lognormal
 
 
 def results():
+    '''Numbers, tuples, arrays, a record; a kernel that releases the lock, one that returns a named tuple.'''
     keys = [(np.uint64(seed), np.uint64(2)) for seed in range(50)]
-    resistance = np.ones(301)
+    resistance, drive, cut = np.ones(301), np.zeros(1, DRIVE), np.zeros(1, STRAIGHT.cut)
     for key in keys:
         add_vessels(key, resistance)
     normal = [normal_at(*key, np.uint64(3), k) for k, key in enumerate(keys)]
-    return [is_vascular(*key) for key in keys], resistance.tolist(), normal, lognormal(0.3, 0.1)
+    drive["lag"], cut["states"]["work"] = 0.05, 0.25
+    numbers = lognormal(0.3, 0.1), lag_gain(drive[0], 0.001), wait_done(make_queue(0), 3), wait_done(make_queue(9), 3)
+    return [is_vascular(*key) for key in keys], resistance.tolist(), normal, numbers, account_one(STRAIGHT)(cut)
 """
 
 
@@ -80,13 +90,11 @@ def test_every_system_has_its_library(tmp_path: Path) -> None:
 
 
 def test_without_numba_it_computes_the_same_bits(libraries: Path) -> None:
-    resistance = np.ones(301)
-    keys = [(np.uint64(seed), np.uint64(2)) for seed in range(50)]
-    for key in keys:
-        add_vessels(key, resistance)
-    normal = [normal_at(*key, np.uint64(3), k) for k, key in enumerate(keys)]
-    expected = [is_vascular(*key) for key in keys], resistance.tolist(), normal, lognormal(0.3, 0.1)
-    assert run_with(libraries, "import some_uses; print(some_uses.results())").strip() == str(expected)
+    compiled: dict[str, Any] = {}
+    exec(USES, compiled)
+    expected = str(compiled["results"]())
+    assert "EnergyAccount(work=0.25" in expected
+    assert run_with(libraries, "import some_uses; print(some_uses.results())").strip() == expected
 
 
 def test_what_it_lacks_names_the_extra_with_the_compiler(libraries: Path) -> None:
@@ -112,5 +120,8 @@ def test_a_call_with_other_types_is_no_call_of_it(libraries: Path) -> None:
 
 
 def test_of_another_source_it_is_not_used(libraries: Path) -> None:
+    """Its source is that of declarations, and of the modules that make kernels of them."""
     printed = run_with(libraries, "import cutenv._engine.native as n; print(n.LIBRARY)", digest="'another'")
     assert printed.strip() == "None"
+    sources = run_with(libraries, "print(*library.sources)").split()
+    assert {"cutting/motion.py", "cutting/simulate.py", "tissue/sampling.py"} <= set(sources)

@@ -55,7 +55,7 @@ PARTS = {
     "lost": ["3 s, 3 usual steps and 3 mm of travel"], "happened": ["given up"],
     "_falls": ["3 sudden falls", "1 sudden fall"],
 }  # fmt: skip
-"""What stands for calls and names in a text; all else is a number."""
+"""Texts in the places of calls and names; in any other place stands a number."""
 CHECKS, TERMINAL = ("in_range", "array_in_range", "one_of"), ("__str__", "_repr_html_", "to_json", "difficulty")
 """Functions whose texts are for programmers, and those that write no page."""
 ENGLISH = re.compile(r"\b(the|of|is|are|with|mean|cuts?|people|score|no|not|group|each|every|first|last)\b")
