@@ -5,8 +5,8 @@
 
 Each part (a task, the emulated rig) is used once, as a user would, to see which kernels it calls with which types.
 These are translated by Numba to LLVM's intermediate code, and by llvmlite's own back end to machine code, on x86-64 for
-every processor and for those with AVX2.  Fast-math is off and nothing is contracted, so that results are Numba's to the
-last bit.  ``ziglang`` compiles scripts/kernels/binding.c and links.
+every processor, for those with AVX2 and for those with AVX-512.  Fast-math is off and nothing is contracted, so that
+results are Numba's to the last bit.  ``ziglang`` compiles scripts/kernels/binding.c and links.
 """
 
 from __future__ import annotations
@@ -43,15 +43,17 @@ class Target:
     tag: str
     """Platform of a wheel's name."""
     levels: tuple[str, ...]
-    """Processors, the least first."""
+    """Processors, the least first, each with LLVM's features of it behind a comma; the binding takes the best."""
     options: tuple[str, ...] = ()
     """Options of the linker."""
 
 
+# Rows of cuts are long: AVX-512 pays in its full width.
+_X86_64 = "x86-64", "x86-64-v3", "x86-64-v4,-prefer-256-bit"
 TARGETS = {
     "x86_64-linux": Target(
         "x86_64-unknown-linux-gnu", "x86_64-linux-gnu.2.17", "_kernels.abi3.so", "manylinux_2_17_x86_64",
-        ("x86-64", "x86-64-v3"), ("-Wl,-z,undefs",),
+        _X86_64, ("-Wl,-z,undefs",),
     ),
     "aarch64-linux": Target(
         "aarch64-unknown-linux-gnu", "aarch64-linux-gnu.2.17", "_kernels.abi3.so", "manylinux_2_17_aarch64",
@@ -62,7 +64,7 @@ TARGETS = {
         ("-Wl,-undefined,dynamic_lookup",),
     ),
     "x86_64-windows": Target(
-        "x86_64-pc-windows-gnu", "x86_64-windows-gnu", "_kernels.pyd", "win_amd64", ("x86-64", "x86-64-v3"),
+        "x86_64-pc-windows-gnu", "x86_64-windows-gnu", "_kernels.pyd", "win_amd64", _X86_64,
     ),
 }  # fmt: skip
 
@@ -210,7 +212,7 @@ def emit(targets: str, stem: str) -> None:
     code = Path(stem).with_suffix(".bc").read_bytes()
     for name in targets.split(","):
         target = TARGETS[name]
-        machines = [machine_of(llvm, target.triple, cpu) for cpu in target.levels]
+        machines = [machine_of(llvm, target.triple, level) for level in target.levels]
         module = llvm.parse_bitcode(code)
         module.triple, module.data_layout = target.triple, str(machines[0].target_data)
         inline(llvm, module, machines[0])
@@ -354,10 +356,11 @@ _RUNTIME = {  # of binding.c; and of any C library, exact in each
 }  # fmt: skip
 
 
-def machine_of(llvm: Any, triple: str, cpu: str) -> Any:
-    """Return llvmlite's back end for a processor."""
+def machine_of(llvm: Any, triple: str, level: str) -> Any:
+    """Return llvmlite's back end for one level of a target."""
+    cpu, _, features = level.partition(",")
     target: Any = llvm.Target.from_triple(triple)
-    return target.create_target_machine(cpu=cpu, opt=3, reloc="pic", codemodel="default")
+    return target.create_target_machine(cpu=cpu, features=features, opt=3, reloc="pic", codemodel="default")
 
 
 def inline(llvm: Any, module: Any, machine: Any) -> None:

@@ -347,16 +347,18 @@ static void add_texts(Object *to, const char *name, const char *const *texts, in
     Py_DecRef(list);
 }
 
-/* Whether processor and system have x86-64-v3, the level of AVX2, where kernels were built for it, too. */
+/* The best level that processor and system have: x86-64, x86-64-v3 (AVX2) or x86-64-v4 (AVX-512). */
 static int best_level(void) {
 #if LEVELS > 1
-    unsigned a, b, c, d, wanted = bit_FMA | bit_MOVBE | bit_OSXSAVE | bit_AVX | bit_F16C;
+    unsigned a, b, c, d, kept, wanted = bit_FMA | bit_MOVBE | bit_OSXSAVE | bit_AVX | bit_F16C;
     if (!__get_cpuid(1, &a, &b, &c, &d) || (c & wanted) != wanted) return 0;
-    __asm__("xgetbv" : "=a"(a), "=d"(d) : "c"(0));
-    if ((a & 6) != 6) return 0; /* registers of AVX are kept by the system */
+    __asm__("xgetbv" : "=a"(kept), "=d"(d) : "c"(0)); /* registers that the system keeps */
     wanted = bit_AVX2 | bit_BMI | bit_BMI2;
-    if (!__get_cpuid_count(7, 0, &a, &b, &c, &d) || (b & wanted) != wanted) return 0;
-    return __get_cpuid(0x80000001, &a, &b, &c, &d) && (c & bit_LZCNT);
+    if ((kept & 0x6) != 0x6 || !__get_cpuid_count(7, 0, &a, &b, &c, &d) || (b & wanted) != wanted) return 0;
+    unsigned features = b;
+    if (!__get_cpuid(0x80000001, &a, &b, &c, &d) || !(c & bit_LZCNT)) return 0;
+    wanted = bit_AVX512F | bit_AVX512BW | bit_AVX512CD | bit_AVX512DQ | bit_AVX512VL;
+    return LEVELS > 2 && (kept & 0xe6) == 0xe6 && (features & wanted) == wanted ? 2 : 1;
 #else
     return 0;
 #endif
