@@ -108,6 +108,23 @@ def test_the_death_of_the_parent_stops_the_blade(tmp_path):
     assert [line.split(" ")[:3] for line in told.read_text().splitlines()][1] == ["stopped", "parent", "death"]
 
 
+FORGETFUL = """
+import atexit
+from cutenv.envs.rig_cut import RigCutEnv
+atexit.register(lambda: print(env.session.plant.supervisor.report))  # registered first, it runs last
+env = RigCutEnv(rig="fake", specimen_class="uniform", target_length=0.06)
+env.reset(seed=1)
+for _ in range(20):
+    env.step([0.625, 1.0])
+"""
+
+
+@pytest.mark.promise("S9")
+def test_a_program_that_ends_without_closing_its_rig_stops_the_blade_and_ends():
+    done = subprocess.run([sys.executable, "-c", FORGETFUL], capture_output=True, text=True, timeout=60.0, check=True)
+    assert "the program ended without closing the rig" in done.stdout
+
+
 @pytest.mark.promise("S9")
 def test_an_exception_stops_the_blade_and_goes_on():
     rig = ready_rig()

@@ -171,7 +171,9 @@ class _Due:
 
 
 class Attempt:
-    """Call in a thread of its own, for a driver may never return from it.
+    """Call in a thread of its own, for a driver may never return from it; in this one where none can be started.
+
+    So it is when the interpreter ends.
 
     Attributes
     ----------
@@ -182,7 +184,14 @@ class Attempt:
     def __init__(self, call: Callable[[], None], name: str) -> None:
         self.error: str | None = None
         self._call, self._done = call, threading.Event()
-        threading.Thread(target=self._run, name=name, daemon=True).start()
+        try:
+            thread = None if sys.is_finalizing() else threading.Thread(target=self._run, name=name, daemon=True)
+            if thread is not None:
+                thread.start()
+        except RuntimeError:  # Python 3.12 says so instead of waiting for ever
+            thread = None
+        if thread is None:
+            self._run()
 
     def _run(self) -> None:
         try:

@@ -179,10 +179,11 @@ def _rise(before: tuple[float, float, float], now: tuple[float, float, float]) -
 
     A fall is no breach, because the force falls when a crack runs; one that swings to the other side is.
     """
-    squared = sum(each * each for each in before)
-    along = sum(a * b for a, b in zip(before, now, strict=True))
+    (x, y, z), (now_x, now_y, now_z) = before, now  # written out: it is asked at each reading
+    squared = x * x + y * y + z * z
+    along = x * now_x + y * now_y + z * now_z
     left = min(max(along / squared, 0.0), 1.0) if squared > 0.0 else 0.0
-    return math.dist(now, [left * each for each in before])
+    return math.hypot(now_x - left * x, now_y - left * y, now_z - left * z)
 
 
 def _newtons(sample: ForceSample) -> str:

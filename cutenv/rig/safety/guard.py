@@ -1,8 +1,9 @@
-"""Stop of the blade when the program ends by an exception, Ctrl-C or SIGTERM."""
+"""Stop of the blade when the program ends: by an exception, Ctrl-C or SIGTERM, or without closing the rig."""
 
 from __future__ import annotations
 
 import _thread
+import atexit
 import os
 import signal
 import threading
@@ -23,7 +24,7 @@ SIGNALS = tuple(
 
 @contextmanager
 def guarded(supervisor: Oversight) -> Iterator[None]:
-    """Stop the blade if the block is ended by an exception or a signal.
+    """Stop the blade if the block is ended by an exception or a signal, or not before the program is.
 
     If the block is left in another thread, which may not set signal handlers, the handlers stay installed; they then
     do, as in a forked child, what the earlier handlers would have done.
@@ -40,7 +41,13 @@ def guarded(supervisor: Oversight) -> Iterator[None]:
             return _pass_on(handlers.get(number), number, frame)
         interrupt(supervisor, Cause.INTERRUPTED, signal.Signals(number).name, number)
 
+    def ended() -> None:
+        """Stop while threads still run: of what is collected after them nothing may start one."""
+        if owner.here:
+            supervisor.trip(Cause.EXCEPTION, "the program ended without closing the rig")
+
     left, owner = False, Owner()
+    atexit.register(ended)
     handlers: dict[int, Any] = {}
     if threading.current_thread() is threading.main_thread():
         for number in SIGNALS:
@@ -55,6 +62,7 @@ def guarded(supervisor: Oversight) -> Iterator[None]:
         raise
     finally:
         left = True
+        atexit.unregister(ended)
         if threading.current_thread() is threading.main_thread():
             for number, handler in handlers.items():
                 signal.signal(number, handler)
