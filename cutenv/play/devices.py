@@ -25,7 +25,7 @@ LOWERED_BY_NOTCH, LEVEL_REACH = 0.0005, 0.02
 """Change of level for one notch of the wheel, and the farthest from that at the start [m]."""
 BEHIND = 0.008
 """Distance from a hand to the tip of its cut, of a blade on a spring and tissue that it drags along [m]."""
-_SHORT, _FREED = 0.0025, 0.030
+_SHORT, _FREED = 0.0025, 0.050
 """Way of a watched tip to the target at which the hand turns back, as a run may come yet, and its way back [m]."""
 _SLOWER_FROM, _UPRIGHT_FROM, _CREEP = 0.020, 0.016, 0.3
 """Ways of that tip to there from which on hand is slower, blade upright [m]; least share of the hand's speed."""

@@ -259,7 +259,7 @@ def test_mouse_arrow_keys_and_stick_lead_the_hand_across_in_the_window() -> None
     session.close()
 
 
-@pytest.mark.parametrize("task", [["depth"], ["path", "--line", "excision"]])
+@pytest.mark.parametrize("task", [["depth"], ["path", "--line", "arc"]])
 def test_the_command_plays_a_cut(task: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["--task", *task, "--scripted", "--seed", "3", "--target-length", "60mm", "--out", str(tmp_path)]
     assert play.main([*arguments, "--picture", str(tmp_path / "cut.png")]) == 0
