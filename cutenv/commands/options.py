@@ -43,7 +43,9 @@ class CommandParser(argparse.ArgumentParser):
     def __init__(self, *, common: Sequence[str] = (), **keywords: Any) -> None:
         super().__init__(**keywords, add_help=False)
         self._common = common
-        self.add_argument("-h", action=_Screen, nargs=0, dest="help", default=argparse.SUPPRESS, help="show the options")
+        self.add_argument(
+            "-h", action=_Screen, nargs=0, dest="help", default=argparse.SUPPRESS, help="show the options"
+        )
         self.add_argument("--help", action="help", default=argparse.SUPPRESS, help="explain every option")
 
     def format_help(self) -> str:
