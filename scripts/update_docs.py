@@ -23,7 +23,7 @@
     python scripts/update_docs.py lab-formats               every format of a laboratory, read as it is
     python scripts/update_docs.py record-faults             three minutes: a thousand faulty records, 500 clean ones
     python scripts/update_docs.py expert-ratings            half a minute: published cuts beside their ratings
-    python scripts/update_docs.py errata tissue-file rig-file slow-rig metrics weights ends class-attacks
+    python scripts/update_docs.py errata tissue-file rig-file slow-rig metrics weights ends class-attacks licences
     python scripts/update_docs.py --check parameters        fails if a block is not what it would print
     python scripts/update_docs.py --picture                 draws assets/pictures/cut.png
 
@@ -66,6 +66,7 @@ import lab_format_table
 import ladder
 import leaderboard
 import learned_stop
+import licence_table
 import measure_bead_tracking as bead_tracking
 import measure_codebase
 import measure_depth_accuracy
@@ -521,6 +522,7 @@ ON_PAGES: dict[str, dict[str, Callable[[argparse.Namespace], str]]] = {
     },
     "docs/reference/files/tissue.md": {"tissue-file": tissue_file},
     "docs/reference/files/rig.md": {"rig-file": rig_file},
+    "docs/reference/licences.md": {"licences": lambda _: licence_table.table()},
     "docs/rig/run.md": {"twins": lambda _: twin_trials.table(left_by(twin_trials)["rows"])},
     "docs/rig/thesis-rig.md": {"wear": lambda _: "\n".join(wear_series.table(left_by(wear_series)["rows"]))},
     "docs/validation/beads.md": {

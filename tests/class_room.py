@@ -35,9 +35,10 @@ CLOCK = Clock()
 class Room:
     """A class with its server, its clients, and hands that move by a script."""
 
-    def __init__(self, folder: Path, course: str | None = None) -> None:
+    def __init__(self, folder: Path, course: str | None = None, tissue: Path | None = None) -> None:
         self.store = ClassStore(f"sqlite:///{folder / 'class.db'}", CLOCK)
-        self.lesson = Lesson(self.store, folder / "records", None if course is None else named_course(course))
+        led = None if course is None else named_course(course)
+        self.lesson = Lesson(self.store, folder / "records", led, tissue=tissue)
         self.app = class_app(ClassSite(lesson=self.lesson, secret=TOKEN))
 
     def client(self) -> TestClient:
@@ -92,10 +93,12 @@ def begun(client: TestClient, lasts: float = 30.0) -> dict[str, Any]:
     return handed_out
 
 
-def sent(client: TestClient, handed_out: dict[str, Any], movements: Any = None, **changed: Any) -> Any:
+def sent(
+    client: TestClient, handed_out: dict[str, Any], movements: Any = None, tissue: Path | None = None, **changed: Any
+) -> Any:
     """Finish a cut that has begun, as the page does; the answer."""
     stylus = hand() if movements is None else movements
-    made = HandCut(specimen_class=handed_out["specimen_class"], seed=handed_out["seed"])
+    made = HandCut(specimen_class=handed_out["specimen_class"], seed=handed_out["seed"], tissue=tissue)
     return client.post(f"/cuts/{handed_out['id']}", **(message(made, stylus) | changed))
 
 

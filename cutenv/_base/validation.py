@@ -85,6 +85,8 @@ def unexpected_keyword(of: str, keyword: str, known: Iterable[str] = (), cure: s
     """
     names = list(known)
     listed = f" It takes {', '.join(names)}." if names else ""
+    if len(names) > _MANY:
+        listed = f" help({of}) lists what it takes."
     hint = nearest_choices(keyword, names)
     said = f"{of}.__init__() got an unexpected keyword argument {keyword!r}.{hint}{listed} {cure}"
     return UnexpectedKeyword(said.rstrip())

@@ -91,8 +91,7 @@ def kernel_folder(module: str, package: Path = _PACKAGE, maker: str | None = Non
     name = module if maker is None else f"{module}-{maker.rpartition('.')[2]}"
     digest = "".join(source_digest(each, package) for each in (module, maker) if each is not None)
     given = os.environ.get("NUMBA_CACHE_DIR")
-    places = [Path(given) / package.name] if given else [package / "__pycache__", *_user_caches(package.name)]
-    for place in places:
+    for place in _places(package)[: 1 if given else None]:
         folder = place / f"{_PREFIX}{name}-{digest}"
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -105,6 +104,29 @@ def kernel_folder(module: str, package: Path = _PACKAGE, maker: str | None = Non
                 shutil.rmtree(earlier, ignore_errors=True)
         return folder
     return None
+
+
+def _places(package: Path) -> list[Path]:
+    """Return the folders in which compiled kernels of a package may be, that of ``NUMBA_CACHE_DIR`` first."""
+    given = os.environ.get("NUMBA_CACHE_DIR")
+    return [*([Path(given) / package.name] if given else []), package / "__pycache__", *_user_caches(package.name)]
+
+
+def remove_kernels(package: Path = _PACKAGE) -> list[Path]:
+    """Remove every compiled kernel of this machine, and the folders that are empty then; return where there were any.
+
+    Raises
+    ------
+    OSError
+        If one cannot be removed.
+    """
+    held = {place: [*place.glob(f"{_PREFIX}*")] for place in _places(package)}
+    for place, folders in held.items():
+        for folder in folders:
+            shutil.rmtree(folder)
+        if folders and not any(place.iterdir()):
+            place.rmdir()
+    return [place for place, folders in held.items() if folders]
 
 
 def _user_caches(name: str) -> list[Path]:

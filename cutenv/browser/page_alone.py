@@ -20,6 +20,7 @@ from cutenv._base.document import LANGUAGES, render, texts_by_key
 from cutenv._base.output import atomic_write
 from cutenv._base.validation import in_range, one_of
 from cutenv.cutting.dtypes import READING
+from cutenv.envs.tissue_source import TissueSource
 from cutenv.measurement.strokes import SHORTEST_STROKE, STANDSTILL_SPEED
 from cutenv.play.devices import INCLINED, LEAD, LEVEL_REACH, LOWERED_BY_NOTCH, NOTCH, TRAVEL
 from cutenv.play.hand_model import PLAYED_HAND
@@ -47,7 +48,7 @@ from cutenv.task_quantities import (
     SHALLOWEST,
     TIP_TOLERANCE,
 )
-from cutenv.tissue import measured_liver
+from cutenv.tissue import TissueDescription, measured_liver
 from cutenv.tissue.drawn_lines import KINDS
 from cutenv.tissue.specimen import CLASSES, LENGTH, SPACING
 from cutenv.trace import SPEED_WINDOW
@@ -92,6 +93,7 @@ def page_alone(
     tasks: Sequence[str] = ("gentle",),
     lines: Sequence[str] = OFFERED_LINES,
     specimen_classes: Sequence[str] = OFFERED,
+    tissue: str | Path | None = None,
     count: int = 4,
     seed: int = 0,
     language: str = "en",
@@ -107,6 +109,8 @@ def page_alone(
         Kinds of lines of a task along one, which its specimens have in turn.
     specimen_classes : sequence of str
         Classes of specimens to offer.
+    tissue : str or Path, optional
+        File of the tissue that all specimens are of; default: the measured pig liver.
     count : int
         Number of specimens of each task and class, episodes 0 to ``count`` - 1 of ``seed``.
     seed : int
@@ -135,12 +139,14 @@ def page_alone(
     in_range("seed", seed, 0, 2**53, "1", "Give a whole number from 0.")
     numbers = range(round(in_range("count", count, 1, 100, "1", "Give how many specimens of each class.")))
     tasks = tuple(dict.fromkeys(tasks))
-    told = page_data(tasks) | {
+    told = page_data(tasks, TissueSource(tissue).description) | {
         "language": language,
         "platform": platform,
         "scoring": scoring_data(),
         "specimens": [
-            specimen_data(each, seed, k, task=task, line=lines[k % len(lines)] if TASKS[task].line else None)
+            specimen_data(
+                each, seed, k, task=task, line=lines[k % len(lines)] if TASKS[task].line else None, tissue=tissue
+            )
             for task, each, k in itertools.product(tasks, dict.fromkeys(specimen_classes), numbers)
         ],
     }
@@ -164,15 +170,19 @@ def law_of(task: str) -> bytes:
     return resources.path(f"browser/{task}_law.wasm").read_bytes()
 
 
-def page_data(tasks: Sequence[str] = ("gentle",)) -> dict[str, Any]:
-    """Return what a page of ``tasks`` needs to know, whatever the specimen: layouts, hand, limits, texts; SI units."""
+def page_data(tasks: Sequence[str] = ("gentle",), tissue: TissueDescription | None = None) -> dict[str, Any]:
+    """Return what a page of ``tasks`` needs to know, whatever the specimen: layouts, hand, limits, texts; SI units.
+
+    Its specimens are of ``tissue``, by default the measured pig liver.
+    """
+    tissue = tissue or measured_liver()
     kinds = {"reading": READING}
     for task in tasks:
         led = TASKS[task].hand.led.task
         kinds |= {f"{task}_cut": led.motion.cut, f"{task}_episode": led.episode}
     return {
         "version": cutenv.__version__,
-        "tasks": {task: _task_data(task) for task in tasks},
+        "tasks": {task: _task_data(task, tissue) for task in tasks},
         "layout": {name: layout(kind) for name, kind in kinds.items()},
         "hand": dataclasses.asdict(PLAYED_HAND),
         "terms": TERMS,
@@ -194,7 +204,7 @@ def page_data(tasks: Sequence[str] = ("gentle",)) -> dict[str, Any]:
         "inclined": INCLINED,
         "spacing": SPACING,
         "length": LENGTH,
-        "slab": _slab_data(),
+        "slab": _slab_data(tissue),
         "scene": scene_data(),
         "texts": {each: page_texts(each) for each in LANGUAGES},
     }
@@ -206,7 +216,7 @@ def page_texts(language: str) -> dict[str, str]:
     return own if language != "en" else own | WORDS
 
 
-def _task_data(task: str) -> dict[str, Any]:
+def _task_data(task: str, tissue: TissueDescription) -> dict[str, Any]:
     """Return how a task's law is called: numbers of the hand in a millisecond, records, and sizes of memory [bytes]."""
     kind = TASKS[task].hand
     led = kind.led.task
@@ -217,7 +227,7 @@ def _task_data(task: str) -> dict[str, Any]:
         "channels": kind.channel_fields,
         "ends": led.ends,
         "terms": tuple(cost.name for cost in led.costs),
-        "shared": _base64(shared_part(task, measured_liver().slab()).tobytes()),
+        "shared": _base64(shared_part(task, tissue.slab()).tobytes()),
     }
 
 
@@ -229,14 +239,16 @@ def specimen_data(
     *,
     task: str = "gentle",
     line: str | None = None,
+    tissue: str | Path | None = None,
 ) -> dict[str, Any]:
     """Return a cut at its start: its key, and the records of its whole state as base64; hidden truth included.
 
-    ``line`` is the kind of line of a cut along one; the key draws it by default.
+    ``line`` is the kind of line of a cut along one; the key draws it by default.  ``tissue`` is the file of another
+    tissue than the measured pig liver.
     """
     key: dict[str, Any] = {"specimen_class": specimen_class, "seed": seed, "episode": episode}
     of_task: dict[str, Any] = {} if line is None else {"line": line}
-    cut = TASKS[task].hand(**key, **of_task, target_length=target_length)
+    cut = TASKS[task].hand(**key, **of_task, target_length=target_length, tissue=tissue)
     told = {"line": cut.noted["line"]} if TASKS[task].line else {}
     records = {name: _base64(record.tobytes()) for name, record in cut.records.items()}
     return {"task": task} | key | told | {"records": records, "facts": cut.facts}
@@ -300,9 +312,9 @@ def layout(kind: np.dtype[Any]) -> dict[str, Any]:
     return {"size": kind.itemsize, "offsets": offsets}
 
 
-def _slab_data() -> dict[str, Any]:
+def _slab_data(tissue: TissueDescription) -> dict[str, Any]:
     """Return the finite-element field for drawing: places at rest, and displacement by tip for a unit of lag."""
-    model = measured_liver().cut_model()
+    model = tissue.cut_model()
     slab = Slab(model, (1, 1))
     tips = np.linspace(0.0, model.length, _TIPS)
     fields = np.stack([slab.displacement(min(max(tip, 1e-3), model.length - 1e-3), 1.0) for tip in tips.tolist()])

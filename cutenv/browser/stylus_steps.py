@@ -215,6 +215,11 @@ class HandCut:
         self._channels: list[Array] = []
 
     @property
+    def specimen_words(self) -> str:
+        """Class of the specimen, and name of its tissue where that is not the measured pig liver."""
+        return self._env.tissue.words(self._env.specimen_class)
+
+    @property
     def cutting(self) -> Any:
         """Episode of this cut."""
         return self._env.cutting

@@ -31,6 +31,7 @@ from cutenv.classroom.class_store import teacher_of
 from cutenv.classroom.foreign_upload import LARGEST_UPLOAD
 from cutenv.classroom.lesson import LONGEST_CUT, Lesson
 from cutenv.classroom.xapi_statements import Courier
+from cutenv.envs.tissue_source import TissueSource
 from cutenv.play.course_words import course_name
 from cutenv.report.page import translated
 
@@ -226,7 +227,7 @@ class ClassSite:
     @cached_property
     def page_data(self) -> dict[str, Any]:
         """Facts that the page that cuts needs, whatever the specimen."""
-        return page_data(self.lesson.kinds)
+        return page_data(self.lesson.kinds, TissueSource(self.lesson.tissue).description)
 
     @property
     def words(self) -> Mapping[str, str]:

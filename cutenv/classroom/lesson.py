@@ -40,6 +40,7 @@ from cutenv.classroom.class_tables import (
     UNFINISHED,
 )
 from cutenv.classroom.foreign_upload import Uploads
+from cutenv.envs.tissue_source import TissueSource
 from cutenv.play.course import Course, CourseTask, marked_numbers
 from cutenv.play.course_progress import GIVEN_UP, CourseProgress
 from cutenv.play.course_words import COURSE_WORDS
@@ -131,12 +132,21 @@ class Lesson:
         Course that everybody goes through; without one, specimens of ``specimen_class`` are drawn without end.
     specimen_class : str
         Class of specimens without a course.
+    tissue : str or Path, optional
+        File of the tissue that all specimens are of, a course's too; default: the measured pig liver.
     """
 
     def __init__(
-        self, store: ClassStore, folder: Path, course: Course | None = None, specimen_class: str = "liver"
+        self,
+        store: ClassStore,
+        folder: Path,
+        course: Course | None = None,
+        specimen_class: str = "liver",
+        tissue: str | Path | None = None,
     ) -> None:
         self.store, self.folder, self.course, self.specimen_class = store, folder, course, specimen_class
+        self.tissue = tissue
+        self._of_tissue = () if tissue is None else (TissueSource(tissue).description.to_json(),)
         folder.mkdir(parents=True, exist_ok=True)
         self.analyses = Analyses(folder.parent / "studies", folder)
         self.uploads = Uploads()
@@ -212,7 +222,9 @@ class Lesson:
                 return {"done": True, "ahead": ahead}
             task = self._task(code, cut)
             assert task is not None  # it was handed out by the present course
-            data = specimen_data(cut.specimen_class, cut.seed, 0, cut.target_length, task=task.task, **task.of_line)
+            data = specimen_data(
+                cut.specimen_class, cut.seed, 0, cut.target_length, task=task.task, tissue=self.tissue, **task.of_line
+            )
             return data | {"ahead": ahead, "feedback": task.feedback, "id": cut.id, "done": False}
 
     def _next(self, code: str, cuts: Sequence[HandedOutCut]) -> NewCut | None:
@@ -220,13 +232,13 @@ class Lesson:
         progress = self.progress(code, cuts)
         if progress is None or self.course is None:
             free = CourseTask(name="", specimen_class=self.specimen_class)
-            return NewCut(self.specimen_class, secrets.randbelow(2**31), terms=_terms("", free))
+            return NewCut(self.specimen_class, secrets.randbelow(2**31), terms=self._terms("", free))
         if progress.unread:
             raise OSError(f"a record of yours cannot be read ({progress.unread[0]}). Tell your teacher")
         task = progress.task
         if task is None:
             return None
-        return NewCut(*progress.specimen(), self.course.name, task.name, _terms(self.course.name, task))
+        return NewCut(*progress.specimen(), self.course.name, task.name, self._terms(self.course.name, task))
 
     def finish(self, code: str, number: str, movements: bytes, digest: str, *, stalled: float = 0.0) -> dict[str, Any]:
         """Repeat a cut by the law, and keep it if the page's readings are those of the law; return the card.
@@ -275,7 +287,7 @@ class Lesson:
                 rig="cutenv serve, simulated",
                 sensor="simulated, 1 kHz",
                 operator=code,
-                specimen=f"{handed_out.specimen_class}, seed {handed_out.seed}, number 0",
+                specimen=f"{cut.specimen_words}, seed {handed_out.seed}, number 0",
                 date=date.isoformat(timespec="seconds"),
             )
             trace = cut.trace(
@@ -369,7 +381,7 @@ class Lesson:
             raise RefusedCut("a movement of the hand is no number, or farther than any hand reaches.")
         cut = kind(
             specimen_class=handed_out.specimen_class, seed=handed_out.seed, target_length=handed_out.target_length,
-            **task.of_line,
+            tissue=self.tissue, **task.of_line,
         )  # fmt: skip
         readings = cut.follow(stylus)
         if len(readings) < len(stylus):
@@ -389,7 +401,15 @@ class Lesson:
             tasks: Sequence[CourseTask] = (CourseTask(name="", specimen_class=cut.specimen_class),)
         else:
             tasks = self.course.for_operator(code).tasks
-        return next((task for task in tasks if _terms(self.course_name, task) == cut.terms), None)
+        return next((task for task in tasks if self._terms(self.course_name, task) == cut.terms), None)
+
+    def _terms(self, course: str, task: CourseTask) -> str:
+        """Return a digest of what defines the cuts of a task: one is handed out, and finished, on the same terms alone.
+
+        Mark, repetitions and feedback are not in it: they may change while people cut.
+        """
+        defined = (course, task.name, task.task, task.line, task.specimen_class, task.seeds, task.target_length)
+        return hashlib.sha256(repr(defined + self._of_tissue).encode()).hexdigest()[:32]
 
     def scored(self, cut: HandedOutCut) -> tuple[Trace, ScoreCard]:
         """Return the record of a saved cut and its score card; LookupError if it was not saved."""
@@ -505,15 +525,6 @@ def _record_name(cut: HandedOutCut) -> str:
     """Return the name of a cut's record; it follows from the cut, so that one sent again is not kept twice."""
     handed_out = datetime.fromisoformat(cut.handed_out).astimezone()
     return f"{handed_out:%Y%m%dT%H%M%S}_{cut.specimen_class}_{cut.seed}-0_{cut.id[:6]}"
-
-
-def _terms(course: str, task: CourseTask) -> str:
-    """Return a digest of what defines the cuts of a task: a cut is handed out, and finished, on the same terms alone.
-
-    Mark, repetitions and feedback are not in it: they may change while people cut.
-    """
-    defined = (course, task.name, task.task, task.line, task.specimen_class, task.seeds, task.target_length)
-    return hashlib.sha256(repr(defined).encode()).hexdigest()[:32]
 
 
 def _movement_size(task: CourseTask) -> int:

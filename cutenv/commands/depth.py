@@ -173,9 +173,9 @@ def _parser() -> argparse.ArgumentParser:
         "depth",
         __doc__,
         examples=(
-            "--calibrate boards/*.png --board 9x6 --spacing 5mm --stereo --out cam.json",
-            "--calibrate boards/*.png --board 9x6 --spacing 5mm --plane standing.png --out cam.json",
             "cut.mp4 --calibration cam.json --record cut.csv --out measured",
+            "--calibrate boards/*.png --board 9x6 --spacing 5mm --plane standing.png --out cam.json",
+            "--calibrate boards/*.png --board 9x6 --spacing 5mm --stereo --out cam.json",
         ),
         note="The images of a pair of cameras stand side by side in every frame, the left camera's on the left. The\n"
         "record gets the depth at right angles to the travel; the table of frames has the length along the blade too.",

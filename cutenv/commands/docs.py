@@ -1,31 +1,35 @@
-"""Open the documentation, which comes with the package, in a browser; nothing is fetched from a network."""
+"""Open the documentation, which comes with the package, in a browser; nothing is fetched from a network.
+
+Installed from a checkout, the pages are built there first, if MkDocs is installed.
+"""
 
 from __future__ import annotations
 
 import argparse
+import json
+import subprocess
 import sys
 import webbrowser
 from collections.abc import Sequence
+from importlib.metadata import PackageNotFoundError, distribution
+from importlib.util import find_spec
 from pathlib import Path
+from urllib.parse import urlsplit
+from urllib.request import url2pathname
 
 from cutenv._base import resources
 from cutenv.commands.options import command_parser
 
 PAGES = "site/index.html"
-"""First page, below ``assets``: part of the wheel, and of a checkout once the pages are built."""
-BUILD = "python -m mkdocs build --strict"
+"""First page, below ``assets``: part of a released wheel, and of a checkout once the pages are built."""
+_BUILDING = ("mkdocs", "material", "mkdocstrings", "latex2mathml")
 
 
 def main(argv: Sequence[str]) -> int:
-    """Open the first page or print its path; 1 if the pages are not built."""
+    """Open the first page or print its path; 1 if the pages are not built, and cannot be."""
     arguments = _parser().parse_args(argv)
-    page = built_page()
+    page = built_page() or _build()
     if page is None:
-        print(
-            "cutenv docs: the pages are not built here. In a checkout, build them by: "
-            f"pip install -e '.[docs]' && {BUILD}",
-            file=sys.stderr,
-        )
         return 1
     if arguments.print_path or not webbrowser.open(page.as_uri()):
         print(page)
@@ -37,7 +41,49 @@ def built_page() -> Path | None:
     try:
         return resources.path(PAGES)
     except FileNotFoundError:
+        source = checkout()
+        page = None if source is None else source / "assets" / PAGES
+        return page if page is not None and page.is_file() else None
+
+
+def checkout() -> Path | None:
+    """Return the checkout that the package is in or was installed from; None if it is not here."""
+    places = [Path(resources.__file__).resolve().parents[2]]
+    try:
+        told = json.loads(distribution("cutenv").read_text("direct_url.json") or "{}").get("url", "")
+        places += [Path(url2pathname(urlsplit(told).path))] if told.startswith("file:") else []
+    except PackageNotFoundError:
+        pass
+    return next((place for place in places if (place / "mkdocs.yml").is_file()), None)
+
+
+def _build() -> Path | None:
+    """Build the pages in the checkout; say why not, and return None, if that cannot be."""
+    source = checkout()
+    if source is None:
+        print(
+            "cutenv docs: this wheel was built without its pages; install a release, or from a checkout, which has "
+            "them in docs/",
+            file=sys.stderr,
+        )
         return None
+    if any(find_spec(name) is None for name in _BUILDING):
+        print(
+            f"cutenv docs: the pages are not built yet; pip install '{source}[docs]', then this command builds them. "
+            f"Their text is in {source / 'docs' / 'index.md'}",
+            file=sys.stderr,
+        )
+        return None
+    print("building the pages, once, for about a minute ...", file=sys.stderr, flush=True)
+    built = subprocess.run(
+        [sys.executable, "-m", "mkdocs", "build", "--quiet"], cwd=source, capture_output=True, text=True, check=False
+    )
+    page = built_page()
+    if built.returncode or page is None:
+        why = (built.stderr.strip().splitlines() or ["it wrote no pages"])[-1]
+        print(f"cutenv docs: 'python -m mkdocs build' in {source} failed: {why}", file=sys.stderr)
+        return None
+    return page
 
 
 def _parser() -> argparse.ArgumentParser:

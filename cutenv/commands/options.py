@@ -7,7 +7,7 @@ import functools
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from cutenv._base.document import LANGUAGES
 from cutenv._base.output import check_writable, reader_has_gone
@@ -25,13 +25,65 @@ RIG = 'a rig\'s TOML file, "emulator", "serial" or "grbl" (emulated slow rigs) o
 """Help of every argument that names a rig."""
 
 
+SCREEN = 40
+"""Most lines that ``-h`` prints."""
+
+
+class CommandParser(argparse.ArgumentParser):
+    """Parser of a sub-command: ``-h`` fits a screen, ``--help`` explains every option; both begin with common uses.
+
+    Parameters
+    ----------
+    common : sequence of str
+        The commonest uses, as they are typed.
+    **keywords
+        Those of ``argparse.ArgumentParser``.
+    """
+
+    def __init__(self, *, common: Sequence[str] = (), **keywords: Any) -> None:
+        super().__init__(**keywords, add_help=False)
+        self._common = common
+        self.add_argument(
+            "-h", action=_Screen, nargs=0, dest="help", default=argparse.SUPPRESS, help="show the options"
+        )
+        self.add_argument("--help", action="help", default=argparse.SUPPRESS, help="explain every option")
+
+    def format_help(self) -> str:
+        """Return the whole help."""
+        return "".join(f"{use}\n" for use in self._common) + "\n" * bool(self._common) + super().format_help()
+
+    def format_screen(self) -> str:
+        """Return the whole help if it fits a screen, else what it begins with, and the names of the options."""
+        whole = self.format_help()
+        if whole.count("\n") <= SCREEN:
+            return whole
+        first = (self.description or "").partition("\n\n")[0]
+        uses = "".join(f"{use}\n" for use in self._common)
+        return f"{uses}\n{first}\n\n{self.format_usage()}\n'{self.prog} --help' explains every option.\n"
+
+
+class _Screen(argparse.Action):
+    """Prints what fits a screen."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *given: object) -> None:
+        assert isinstance(parser, CommandParser)
+        print(parser.format_screen(), end="")
+        parser.exit()
+
+
 def command_parser(
     name: str, description: str | None, *, examples: Sequence[str] = (), note: str = ""
 ) -> argparse.ArgumentParser:
-    """Return the parser of ``cutenv NAME``; its help ends with examples, without the word cutenv, and a note."""
-    listed = "".join(f"  cutenv {name} {example}".rstrip() + "\n" for example in examples)
+    """Return the parser of ``cutenv NAME``.
+
+    Its help begins with the first two examples, the commonest uses, and ends with all of them and a note; they are
+    given without the name of the command.
+    """
+    uses = [f"cutenv {name} {example}".rstrip() for example in examples]
+    listed = "".join(f"  {use}\n" for use in uses)
     parts = [f"examples:\n{listed}".rstrip()] * bool(examples) + [note] * bool(note)
-    return argparse.ArgumentParser(
+    return CommandParser(
+        common=uses[:2],
         prog=f"cutenv {name}",
         description=description,
         epilog="\n\n".join(parts),

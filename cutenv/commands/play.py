@@ -16,8 +16,10 @@ from cutenv.commands.options import (
     add_specimen_class,
     add_target_length,
     add_task,
+    add_tissue,
     check_line,
     command_parser,
+    drawn_given,
     made_place,
     reports_errors,
     target_length,
@@ -63,6 +65,7 @@ def main(argv: Sequence[str]) -> int:
         )
     if arguments.line is not None:
         check_line(arguments.line, [arguments.task])
+    drawn_given(arguments)  # refuses a file that is no tissue
     if arguments.picture is not None:
         made_place("--picture", arguments.picture)
     place = arguments.out.absolute()  # made when everything else is known to be right
@@ -81,6 +84,7 @@ def main(argv: Sequence[str]) -> int:
                 line=arguments.line,
                 agent=agent,
                 specimen_class=arguments.specimen_class or _DEFAULT_CLASS,
+                tissue=arguments.tissue,
                 target_length=length if arguments.device != _EMULATED else target,
                 seed=secrets.randbelow(2**31) if arguments.seed is None else arguments.seed,
                 practice=arguments.practice,
@@ -195,6 +199,7 @@ def _parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     add_specimen_class(parser, _DEFAULT_CLASS)
     parser.set_defaults(specimen_class=None)  # so that it is known whether it was given
+    add_tissue(parser)
     add_target_length(parser, "drawn from 60mm to 100mm")
     parser.add_argument(
         "--course",

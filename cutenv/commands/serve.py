@@ -13,7 +13,7 @@ from typing import Any
 
 from cutenv._base.document import LANGUAGES
 from cutenv._base.validation import in_range
-from cutenv.commands.options import add_watch, command_parser, made_folder, reports_errors
+from cutenv.commands.options import add_tissue, add_watch, command_parser, drawn_given, made_folder, reports_errors
 from cutenv.play.course import SHIPPED_COURSES, Course, named_course
 from cutenv.tissue.specimen import CLASSES
 
@@ -32,6 +32,7 @@ def main(argv: Sequence[str]) -> int:
         if path is not None and not path.is_file():
             raise ValueError(f"{option} {path} is no file. Give the path of one.")
     course = None if arguments.course is None else named_course(arguments.course)
+    drawn_given(arguments)  # refuses a file that is no tissue
     before = os.umask(0o077)  # records of people's movements are nobody else's on this machine
     try:
         return _serve(arguments, argv, port, course)
@@ -78,7 +79,7 @@ def _serve(arguments: argparse.Namespace, argv: Sequence[str], port: int, course
             raise
         print(f"restored: {count} records into {arguments.folder}; 'cutenv serve {arguments.folder}' goes on")
         return 0
-    lesson = Lesson(store, arguments.folder / "records", course, arguments.specimen_class)
+    lesson = Lesson(store, arguments.folder / "records", course, arguments.specimen_class, arguments.tissue)
     lost = lesson.recover()
     secure = arguments.certificate is not None
     token, ticket = new_token(), new_token()
@@ -194,6 +195,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--specimen-class", choices=CLASSES, default="liver", help="specimens without a course; default liver"
     )
+    add_tissue(parser)
     parser.add_argument("--title", default="cutenv", metavar="NAME", help="name of the class on its pages")
     parser.add_argument("--language", choices=LANGUAGES, default="en", help="language of the pages; default en")
     parser.add_argument(

@@ -9,7 +9,15 @@ from pathlib import Path
 from cutenv._base.document import LANGUAGES
 from cutenv.browser.page_alone import OFFERED, OFFERED_LINES, write_page_alone
 from cutenv.browser.scorm_package import write_scorm_package
-from cutenv.commands.options import add_task, check_line, command_parser, made_place, reports_errors
+from cutenv.commands.options import (
+    add_task,
+    add_tissue,
+    check_line,
+    command_parser,
+    drawn_given,
+    made_place,
+    reports_errors,
+)
 from cutenv.tissue.drawn_lines import KINDS
 from cutenv.tissue.specimen import CLASSES
 
@@ -23,6 +31,7 @@ def main(argv: Sequence[str]) -> int:
     tasks = tuple(arguments.task or ("gentle",))
     if arguments.line:
         check_line(arguments.line[0], tasks)
+    drawn_given(arguments)  # refuses a file that is no tissue
     made_place("PAGE", arguments.page)
     if arguments.scorm is not None:
         made_place("PACKAGE", arguments.scorm)
@@ -30,6 +39,7 @@ def main(argv: Sequence[str]) -> int:
         "tasks": tasks,
         "lines": arguments.line or OFFERED_LINES,
         "specimen_classes": arguments.specimen_class or OFFERED,
+        "tissue": arguments.tissue,
         "count": arguments.count,
         "seed": arguments.seed,
         "language": arguments.language,
@@ -75,6 +85,7 @@ def _parser() -> argparse.ArgumentParser:
         choices=CLASSES,
         help=f"class of specimens, may be repeated; default {', '.join(OFFERED)}",
     )
+    add_tissue(parser)
     parser.add_argument("--count", type=int, default=4, metavar="N", help="specimens of each class; default 4")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of specimens and targets; default 0")
     parser.add_argument("--language", choices=LANGUAGES, default="en", help="language of the page; default en")

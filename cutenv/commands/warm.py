@@ -28,7 +28,13 @@ _ACROSS: tuple[tuple[str, ...], ...] = ((), ("height",), ("side",))
 def main(argv: Sequence[str]) -> int:
     """Compile and print where it is kept; 1 if nothing can be kept or a part fails."""
     arguments = _parser().parse_args(argv)
-    from cutenv._engine.jit import kernel_folder
+    from cutenv._engine.jit import kernel_folder, remove_kernels
+
+    if arguments.remove:
+        print(
+            "\n".join(f"removed: what was compiled in {place}" for place in remove_kernels()) or "nothing is compiled"
+        )
+        return 0
 
     folder = kernel_folder("cutenv.cutting.law")
     if folder is None:
@@ -144,6 +150,7 @@ def _compiled_apart(name: str) -> str | None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = command_parser("warm", __doc__, examples=("", "--task gentle --task excision"))
+    parser = command_parser("warm", __doc__, examples=("", "--task gentle --task excision", "--remove"))
     parser.add_argument("--task", choices=parts(), action="append", help="compile this alone; may be given again")
+    parser.add_argument("--remove", action="store_true", help="delete what was compiled, as before 'pip uninstall'")
     return parser

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 from cutenv.tissue import description, specimen
-from cutenv.tissue.description import TissueDescription
+from cutenv.tissue.description import TissueDescription, measured_liver
 from cutenv.tissue.specimen import Specimen
 
 
@@ -53,6 +53,16 @@ class TissueSource:
                 f"tissue = {str(path)!r} is neither a tissue ({description.TISSUE_SCHEMA}) nor a specimen "
                 f"({specimen.SPECIMEN_SCHEMA}): its schema is {schema!r}."
             )
+
+    @property
+    def description(self) -> TissueDescription:
+        """Tissue that the specimens are of."""
+        return self.specimen.tissue if self.specimen is not None else self.tissue or measured_liver()
+
+    def words(self, specimen_class: str) -> str:
+        """Return which specimens these are, such as "liver", or "liver of my_tissue" where the tissue is another."""
+        other = self.tissue is not None or self.specimen is not None
+        return f"{specimen_class} of {self.description.name}" if other else specimen_class
 
     def drawn(self, seed: int, episode: int, specimen_class: str) -> Specimen:
         """Return the specimen with that key and ``specimen_class``."""

@@ -25,6 +25,10 @@ LOWERED_BY_NOTCH, LEVEL_REACH = 0.0005, 0.02
 """Change of level for one notch of the wheel, and the farthest from that at the start [m]."""
 BEHIND = 0.008
 """Distance from a hand to the tip of its cut, of a blade on a spring and tissue that it drags along [m]."""
+_SHORT, _FREED = 0.0025, 0.050
+"""Way of a watched tip to the target at which the hand turns back, as a run may come yet, and its way back [m]."""
+_SLOWER_FROM, _UPRIGHT_FROM, _CREEP = 0.020, 0.016, 0.3
+"""Ways of that tip to there from which on hand is slower, blade upright [m]; least share of the hand's speed."""
 LEAD = 0.003
 """Farthest that a mouse leads the hand [m]: enough for the hand's full speed, and it stops 0.2 s after the mouse."""
 KEY_SPEED = 0.0127
@@ -259,6 +263,42 @@ def simple_hand(
             return _at(line, position, tilt, level(max(position - BEHIND, 0.0)))
         position = max(farthest - speed * (time - there), farthest - back)
         return _at(line, position, _UPRIGHT, level(farthest - BEHIND))
+
+    return ScriptedDevice(script)
+
+
+def watching_hand(
+    tip: Callable[[], float],
+    target: float,
+    *,
+    level: Callable[[float], float] = lambda position: 0.0,
+    line: CutLine | None = None,
+) -> ScriptedDevice:
+    """Return a hand that watches the tip: slower before the target, back as soon as the tip is near enough, until free.
+
+    Parameters
+    ----------
+    tip : callable
+        Returns the place of the crack tip now, along the cut from the clamp [m].
+    target, level, line
+        As of :func:`simple_hand`.
+    """
+    in_range("target", target, 0.005, TRAVEL, "m", "Lengths are in metres: 80 mm is 0.08.")
+    place, farthest = 0.0, math.inf
+
+    def script(time: float) -> HandMotion:
+        nonlocal place, farthest
+        if time == 0.0:
+            place, farthest = 0.0, math.inf
+        left = target - _SHORT - tip()
+        if left <= 0.0 or place >= TRAVEL:
+            farthest = min(farthest, place)
+        if farthest < math.inf:
+            place = max(place - KEY_SPEED * TICK, farthest - _FREED)
+            return _at(line, place, _UPRIGHT, level(tip()))
+        place += KEY_SPEED * TICK * min(max(left / _SLOWER_FROM, _CREEP), 1.0)
+        tilt = _LEAN if 0.005 < place and left > _UPRIGHT_FROM else _UPRIGHT
+        return _at(line, place, tilt, level(max(place - BEHIND, 0.0)))
 
     return ScriptedDevice(script)
 

@@ -14,6 +14,7 @@ import numpy as np
 import cutenv
 from cutenv._base.validation import in_range, one_of
 from cutenv.cutting.dtypes import TICK
+from cutenv.envs.tissue_source import TissueSource
 from cutenv.play.course import FEEDBACK, shown_feedback
 from cutenv.play.course_progress import GIVEN_UP, CourseProgress
 from cutenv.play.devices import LedHand
@@ -67,6 +68,8 @@ class SessionPlan:
         Target length of every cut [m]; drawn from 0.060 to 0.100 by default.
     practice : bool
         True to show hidden quantities.
+    tissue : str or Path, optional
+        File of the tissue that all specimens are of, a course's too; default: the measured pig liver.
     cuts : int, optional
         Number of cuts; unlimited by default.
     countdown : float
@@ -85,6 +88,7 @@ class SessionPlan:
     seed: int = 0
     target_length: float | None = None
     practice: bool = False
+    tissue: str | Path | None = None
     cuts: int | None = None
     countdown: float = COUNTDOWN
 
@@ -95,6 +99,7 @@ class SessionPlan:
         if (self.agent is not None) != (self.task == SHARED_TASK):
             raise ValueError('an agent and task="shared" belong together, and no course has them.')
         one_of("specimen_class", self.specimen_class, CLASSES)
+        TissueSource(self.tissue)  # refuses a file that is none
         if self.cuts is not None:
             in_range("cuts", self.cuts, 1, 10_000, "1", "Give how many.")
         in_range("countdown", self.countdown, 0.0, 60.0, "s", "Give seconds.")
@@ -143,7 +148,7 @@ class Session:
         now: Callable[[], datetime] = lambda: datetime.now().astimezone(),
     ) -> None:
         self.device = device
-        self.task, self._of_task = plan.task, plan.of_task
+        self.task, self._of_task, self._tissue = plan.task, plan.of_task, plan.tissue
         if plan.agent is not None and course is not None:
             raise ValueError('an agent and task="shared" belong together, and no course has them.')
         kinds = (self.task,) if course is None else course.course.kinds
@@ -179,7 +184,7 @@ class Session:
         self._task, self._feedback = "", "always"
         # Compile now, on cuts that are discarded, rather than while the clock of the first one runs.
         for kind in kinds:
-            _kind_of_cut(kind)(**self._of_task).tick(Stylus(0.0, float(np.pi / 2)))
+            _kind_of_cut(kind)(tissue=self._tissue, **self._of_task).tick(Stylus(0.0, float(np.pi / 2)))
         self._prepare()
         if folder is not None:
             folder.mkdir(parents=True, exist_ok=True)
@@ -316,6 +321,7 @@ class Session:
             episode=self.number,
             target_length=self._target_length,
             handle=Handle(PLAYED_HAND) if self._with_handle else None,
+            tissue=self._tissue,
             **self._of_task,
         )
         self._serial += 1
@@ -349,7 +355,7 @@ class Session:
             return
         origin = dataclasses.replace(
             self._origin,
-            specimen=f"{self.cut.specimen_class}, seed {self.seed}, number {self.number}",
+            specimen=f"{self.cut.specimen_words}, seed {self.seed}, number {self.number}",
             date=self._date.isoformat(timespec="seconds"),
         )
         name = f"{self._date:%Y%m%dT%H%M%S}_{self.cut.specimen_class}_{self.seed}-{self.number}_{self._attempts}"

@@ -14,7 +14,7 @@ from cutenv.cutting.dtypes import READING, TICK
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.plant.protocol import to_trace
 from cutenv.plant.simulator import SimulatedPlant
-from cutenv.play.devices import ScriptedDevice, simple_hand
+from cutenv.play.devices import ScriptedDevice, watching_hand
 from cutenv.play.finishing import NearTarget, missing_to_finish
 from cutenv.play.hand_model import PLAYED_HAND, speed_toward
 from cutenv.play.handle_body import Handle, HandlePose
@@ -113,6 +113,11 @@ class PlayedCut:
         return self._env.cutting
 
     @property
+    def specimen_words(self) -> str:
+        """Class of the specimen, and name of its tissue where that is not the measured pig liver."""
+        return self._env.tissue.words(self.specimen_class)
+
+    @property
     def truth(self) -> dict[str, Any]:
         """Hidden state, and energies [J], as in the environment's info; for practice."""
         told: dict[str, Any] = self._info["truth"] | self._info["energy"]
@@ -193,8 +198,11 @@ class PlayedCut:
         return felt.update(stylus.position, float(self.readings["position"][-1]))
 
     def simple_hand(self) -> ScriptedDevice:
-        """Return a scripted hand with a beginner's plan for this cut."""
-        return simple_hand(self.target_length)
+        """Return a scripted hand for this cut, which watches the tip as in practice."""
+        return watching_hand(self._tip, self.target_length)
+
+    def _tip(self) -> float:
+        return float(self.plant.states["tip"][0])
 
     @property
     def map_words(self) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv.envs.depth_cut import DepthCutEnv
-from cutenv.play.devices import ScriptedDevice, simple_hand
+from cutenv.play.devices import ScriptedDevice, watching_hand
 from cutenv.play.hand_model import descent_toward
 from cutenv.play.haptics import Stylus
 from cutenv.play.played_cut import PlayedCut
@@ -45,8 +45,8 @@ class PlayedDepthCut(PlayedCut):
         return np.append(super().action(stylus), np.float32(np.clip(descent, -1.0, 1.0)))
 
     def simple_hand(self) -> ScriptedDevice:
-        """Return a scripted hand with a beginner's plan, which keeps the blade at the wanted depth."""
-        return simple_hand(self.target_length, level=self.wanted_level)
+        """Return a scripted hand that watches the tip and keeps the blade at the wanted depth."""
+        return watching_hand(self._tip, self.target_length, level=self.wanted_level)
 
     def _sampled(self) -> tuple[float, ...]:
         return self.level, float(self.cutting.across[0])

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array
 from cutenv.envs.path_cut import PathCutEnv, to_path_action
-from cutenv.play.devices import ScriptedDevice, simple_hand
+from cutenv.play.devices import ScriptedDevice, watching_hand
 from cutenv.play.hand_model import PLAYED_HAND, hand_over_slab, steered_toward
 from cutenv.play.haptics import Stylus
 from cutenv.play.played_cut import PlayedCut
@@ -53,8 +53,8 @@ class PlayedPathCut(PlayedCut):
         return to_path_action(float(speed), stylus.angle, float(turn))
 
     def simple_hand(self) -> ScriptedDevice:
-        """Return a scripted hand with a beginner's plan, which goes along the line."""
-        return simple_hand(self.target_length, line=self.cutting.line)
+        """Return a scripted hand that watches the tip and goes along the line."""
+        return watching_hand(self._tip, self.target_length, line=self.cutting.line)
 
     def _sampled(self) -> tuple[float, ...]:
         return *self.cutting.blade_place, _LATERAL.scale * float(self._observation[_AT])

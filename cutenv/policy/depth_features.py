@@ -66,7 +66,7 @@ class DepthFeatures(Features):
     added = _OF_DEPTH
     forces = (*Features.forces, *_VERTICALS)
 
-    def __init__(self, count: int = 1, *, history: int = 6, force: bool = True) -> None:
+    def __init__(self, count: int = 1, *, history: int = 0, force: bool = True) -> None:
         super().__init__(count, history=history, force=force)
         self._depths, self._felt = np.zeros(int(count), DEPTH_MEMORY), nothing_felt(int(count))
 

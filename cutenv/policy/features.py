@@ -84,7 +84,7 @@ class Features:
     forces: ClassVar[Sequence[int]] = (FORCE_COLUMN, FORCE_MEAN_COLUMN, FORCE_MIN_COLUMN, FORCE_MAX_COLUMN)
     """Columns of all forces in an observation."""
 
-    def __init__(self, count: int = 1, *, history: int = 6, force: bool = True) -> None:
+    def __init__(self, count: int = 1, *, history: int = 0, force: bool = True) -> None:
         if in_range("count", count, 1, 10**7, "1", "Give the number of cuts.") % 1.0:
             raise ValueError(f"count = {count} is not a whole number of cuts.")
         if in_range("history", history, 0, 1000, "1", "A handful of decisions is enough.") % 1.0:

@@ -130,7 +130,7 @@ class PathFeatures(Features):
     added = _OF_PATH
     forces = (*Features.forces, *_LATERALS)
 
-    def __init__(self, count: int = 1, *, history: int = 6, force: bool = True) -> None:
+    def __init__(self, count: int = 1, *, history: int = 0, force: bool = True) -> None:
         super().__init__(count, history=history, force=force)
         self._courses = no_course(int(count))
 

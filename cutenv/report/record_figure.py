@@ -170,7 +170,7 @@ def _draw_force(axes: Axes, readings: StructArray, depth: Array, force_limit_per
     along_mm = 1e3 * np.arange(len(depth)) * SPACING
     axes.plot(along_mm, force_limit_per_depth * depth, color="0.4", linestyle=":", label="force limit")
     axes.set_ylabel("force on the blade [N]")
-    axes.legend(loc="upper left", frameon=False, borderpad=0.1)
+    axes.legend(loc="upper center", ncols=2, frameon=False, borderpad=0.1)  # the limit leaves by the top left
 
 
 def _draw_motion(axes: Axes, readings: StructArray) -> None:

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import base64
+import dataclasses
 import importlib.util
+import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -11,9 +15,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cutenv.browser.page_alone import page_alone, shared_part
 from cutenv.browser.stylus_steps import HandCut, HandDepthCut, HandPathCut
 from cutenv.play import Stylus
 from cutenv.task.registry import TASKS, tasks_with
+from cutenv.tissue import measured_liver
 
 pytest.importorskip("wasmtime", reason="runs WebAssembly in the tests: pip install 'cutenv[dev]'")
 
@@ -69,6 +75,21 @@ def test_a_led_cut_is_the_windows(task: str) -> None:
     if task == "path":
         assert np.ptp(ours.lateral_force) > 0.1
         assert {"line": "excision"} | {name: theirs.metadata[name] for name in set(noted) - {"line"}} == noted
+
+
+def test_a_page_of_another_tissue_holds_its_specimens_and_cuts_as_python_does(tmp_path: Path) -> None:
+    tissue = tmp_path / "other.json"
+    other = dataclasses.replace(measured_liver(), name="other", poisson=0.4, fracture_resistance=120.0)
+    tissue.write_text(other.to_json())
+    cut = TASKS["depth"].hand(specimen_class="uniform", tissue=tissue)
+    page = page_alone(tasks=["depth"], specimen_classes=["uniform"], count=1, tissue=tissue)
+    (data,) = re.findall(r'id="data">(.*?)</script>', page, re.DOTALL)
+    told = json.loads(data)
+    held = {name: base64.b64decode(record) for name, record in told["specimens"][0]["records"].items()}
+    assert held == {name: record.tobytes() for name, record in cut.records.items()}
+    assert base64.b64decode(told["tasks"]["depth"]["shared"]) == shared_part("depth", other.slab()).tobytes()
+    assert held["cut"] != TASKS["depth"].hand(specimen_class="uniform").records["cut"].tobytes()
+    assert check_browser_law.same(cut, check_browser_law.wandering(cut, 5, 3_000))
 
 
 def test_a_cut_that_has_ended_stays_as_it_is() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import io
 import re
 import zipfile
@@ -27,6 +28,7 @@ from cutenv.classroom.class_site import LARGEST_BODY, ClassSite, Trials
 from cutenv.play.course import named_course
 from cutenv.recording import load_one
 from cutenv.scoring import score
+from cutenv.tissue import measured_liver
 
 
 def test_a_cut_is_repeated_scored_and_kept(room: Room) -> None:
@@ -51,6 +53,23 @@ def test_a_cut_is_repeated_scored_and_kept(room: Room) -> None:
     assert first["seen"]["en"].endswith(" mm before the target")
     assert first["try"]["en"].startswith("Go on slowly as far as the target")
     assert first["try"]["de"] != first["try"]["en"]
+
+
+def test_a_class_cuts_a_tissue_of_its_own(tmp_path: Path) -> None:
+    tissue = tmp_path / "softer.json"
+    softer = dataclasses.replace(measured_liver(), name="softer", fracture_resistance=120.0)
+    tissue.write_text(softer.to_json())
+    room = Room(tmp_path, tissue=tissue)
+    client = room.person("P07")
+    begins = begun(client)
+    assert sent(client, begins, tissue=tissue).status_code == 200
+    (path,) = (room.lesson.folder / "P07").glob("*.csv")
+    assert load_one(path).metadata["specimen"] == f"liver of softer, seed {begins['seed']}, number 0"
+    left = begun(client)
+    tissue.write_text(dataclasses.replace(softer, fracture_resistance=130.0).to_json())
+    again = Room(tmp_path, tissue=tissue)  # the same class, and by now another tissue
+    refused = sent(again.person("P07"), left, tissue=tissue)
+    assert "handed out for a task that is served no more" in refused.json()["error"]
 
 
 def test_a_course_leads_from_task_to_task_and_hides_what_it_is_to_hide(tmp_path: Path) -> None:

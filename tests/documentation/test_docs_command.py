@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import subprocess
 import sys
 import zipfile
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -52,15 +54,47 @@ def test_a_wheel_holds_the_built_pages_and_finds_them(checkout: Path, tmp_path: 
     assert printed.read_text() == "<h1>cutenv</h1>"
 
 
-def test_without_pages_it_says_how_to_build_them(
-    checkout: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+@pytest.fixture
+def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Pretend that the package was installed from a checkout without built pages; its folder."""
+    source = tmp_path / "a checkout"
+    (source / "assets").mkdir(parents=True)
+    (source / "mkdocs.yml").touch()
+    told = SimpleNamespace(read_text=lambda name: json.dumps({"url": source.as_uri()}))
+    monkeypatch.setattr(docs, "distribution", lambda name: told)
+    monkeypatch.setattr(resources, "__file__", str(tmp_path / "site-packages" / "cutenv" / "_base" / "resources.py"))
+    monkeypatch.setattr(resources, "_CHECKOUT", tmp_path / "nowhere")
+    return source
+
+
+def test_without_pages_it_says_what_builds_them(
+    installed: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(resources, "_CHECKOUT", checkout / "assets")
+    monkeypatch.setattr(docs, "find_spec", lambda name: None)
     assert main(["docs"]) == 1
-    printed = capsys.readouterr()
-    assert printed.out == ""
-    assert len(printed.err.splitlines()) == 1
-    assert docs.BUILD in printed.err
+    (installed / "mkdocs.yml").unlink()
+    assert main(["docs"]) == 1
+    first, second = capsys.readouterr().err.splitlines()
+    assert f"pip install '{installed}[docs]'" in first
+    assert "built without its pages" in second
+
+
+def test_it_builds_the_pages_of_the_checkout_that_it_was_installed_from(
+    installed: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = installed / "assets" / "site" / "index.html"
+
+    def build(command: list[str], *, cwd: Path, **_: object) -> SimpleNamespace:
+        assert command[1:4] == ["-m", "mkdocs", "build"]
+        (cwd / "assets" / "site").mkdir()
+        (cwd / "assets" / "site" / "index.html").touch()
+        return SimpleNamespace(returncode=0)
+
+    monkeypatch.setattr(docs.subprocess, "run", build)
+    assert main(["docs", "--print-path"]) == 0
+    assert capsys.readouterr().out.strip() == str(page)
+    monkeypatch.delattr(docs.subprocess, "run")
+    assert main(["docs", "--print-path"]) == 0  # they are there now
 
 
 @pytest.mark.parametrize("browser", [True, False])

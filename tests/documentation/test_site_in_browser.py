@@ -21,7 +21,7 @@ PAGES = (
 SEARCH = """(() => {
   const field = document.querySelector(".md-search__input");
   field.focus();
-  field.value = "backlash";
+  field.value = "%s";
   field.dispatchEvent(new KeyboardEvent("keyup", {bubbles: true}));
 })()"""
 FOUND = """[...document.querySelectorAll(".md-search-result__link")].map(link => link.getAttribute("href")).join(" ")"""
@@ -37,10 +37,18 @@ def test_a_page_fetches_nothing_and_fits_a_phone(browser: chromium.Browser, site
     assert browser.errors() == []
 
 
-def test_the_search_finds_without_a_server(browser: chromium.Browser, site: Path) -> None:
+@pytest.mark.parametrize(
+    ("word", "page"),
+    [
+        ("backlash", "reference/constants.html"),
+        ("licence", "reference/licences.html"),
+        ("hyperparameters", "how-to/own-reward.html"),
+    ],
+)
+def test_the_search_finds_without_a_server(browser: chromium.Browser, site: Path, word: str, page: str) -> None:
     browser.open(site / "index.html", 1280)
-    browser.value(SEARCH)
+    browser.value(SEARCH % word)
     until = time.monotonic() + PATIENCE_S
     while not (found := browser.value(FOUND)) and time.monotonic() < until:
         time.sleep(0.1)
-    assert "reference/constants.html" in found
+    assert page in found

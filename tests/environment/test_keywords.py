@@ -57,7 +57,8 @@ def test_a_misspelt_argument_is_an_error_that_names_the_nearest(typed, meant):
 
 @pytest.mark.parametrize("environment", IDS)
 def test_an_unknown_keyword_is_the_type_error_of_python_for_every_id(environment):
-    said = r"^\w+\.__init__\(\) got an unexpected keyword argument 'frameskip'\. .*It takes .*render_mode"
+    known = r"(help\(\w+\) lists what it takes|It takes .*render_mode)"
+    said = rf"^\w+\.__init__\(\) got an unexpected keyword argument 'frameskip'\. {known}"
     with pytest.raises(TypeError, match=said):
         gymnasium.make(environment, frameskip=4)
     with pytest.raises(TypeError, match=said):

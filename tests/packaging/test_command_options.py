@@ -18,7 +18,7 @@ import pytest
 
 from cutenv import cli
 from cutenv.commands import train
-from cutenv.commands.options import made_folder, target_length
+from cutenv.commands.options import SCREEN, made_folder, target_length
 from cutenv.recording.schema import parse_length
 
 NAMES = [*(name for name in cli.COMMANDS if name != "rig"), *(f"rig {name}" for name in cli.RIG_COMMANDS)]
@@ -57,6 +57,25 @@ def test_every_option_has_help_with_a_noun_or_a_verb_first_and_a_plain_placehold
 @pytest.mark.parametrize("name", NAMES)
 def test_the_examples_of_a_command_are_taken_by_its_parser(name: str) -> None:
     check_examples(name, parser_of(name))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_short_help_fits_a_screen_and_begins_with_the_two_commonest_uses(
+    name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    printed = {}
+    for option in ("-h", "--help"):
+        with pytest.raises(SystemExit) as ended:
+            parser_of(name).parse_args([option])
+        assert ended.value.code == 0
+        printed[option] = capsys.readouterr().out.splitlines()
+    assert len(printed["-h"]) <= SCREEN
+    examples = [line.strip() for line in printed["--help"] if line.startswith(f"  cutenv {name}")][:2]
+    for lines in printed.values():
+        assert lines[: len(examples)] == examples
+    spelled = {action.option_strings[-1] for action in options_of(parser_of(name)) if action.option_strings}
+    assert all(any(option in line for line in printed["-h"]) for option in spelled)
 
 
 @pytest.mark.parametrize("learner", train.LEARNERS)

@@ -5,10 +5,11 @@ from __future__ import annotations
 import re
 import sys
 import tomllib
-from importlib.metadata import PackageNotFoundError, requires
 from pathlib import Path
 
+import licence_table
 import pytest
+from licence_table import brought
 from packaging.requirements import Requirement
 
 from cutenv import cli
@@ -29,24 +30,6 @@ CALLED = {
     "umsgpack": "meshcat",  # comes with it
 }
 SERVERS = {"ipython", "pyngrok", "pyzmq", "tornado"}
-
-
-def brought(packages: set[str]) -> set[str]:
-    """Everything that pip installs for these packages, as far as it is installed here."""
-    found: set[str] = set()
-    waiting = list(packages)
-    while waiting:
-        name = waiting.pop().lower()
-        if name in found:
-            continue
-        found.add(name)
-        try:
-            lines = requires(name) or []
-        except PackageNotFoundError:
-            continue
-        needed = map(Requirement, lines)
-        waiting += [each.name for each in needed if each.marker is None or each.marker.evaluate({"extra": ""})]
-    return found
 
 
 @pytest.mark.parametrize(
@@ -103,3 +86,13 @@ def test_the_table_of_the_install_page_names_every_extra() -> None:
     table = page.partition("| extra |")[2].partition("\n\n")[0]
     named = [line.split("`")[1] for line in table.splitlines() if line.startswith("| `")]
     assert sorted(named) == sorted(EXTRAS.keys() - {"dev"})
+
+
+def test_the_licence_of_everything_that_an_extra_installs_is_on_its_page_and_none_is_gpl() -> None:
+    page = (Path(__file__).parents[2] / "docs/reference/licences.md").read_text(encoding="utf-8")
+    listed = dict(re.findall(r"^\| ([\w-]+) \| (.+?) \|", page, re.MULTILINE))
+    names = set().union(*map(brought, licence_table.EXTRAS.values()))
+    assert len(names) > 10
+    missing = names - listed.keys() - {"backports-zstd"}  # of some Pythons alone
+    assert not missing, f"python scripts/update_docs.py licences: {missing}"
+    assert not [name for name, licence in listed.items() if re.search(r"\bA?GPL|not stated", licence)]

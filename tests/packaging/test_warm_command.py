@@ -46,6 +46,20 @@ def test_where_nothing_can_be_kept_nothing_is_compiled(
     assert "NUMBA_CACHE_DIR" in capsys.readouterr().err
 
 
+def test_what_was_compiled_can_be_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "given"))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    package = tmp_path / "cutenv"
+    kept = [tmp_path / "given" / "cutenv", package / "__pycache__", tmp_path / "cache" / "cutenv"]
+    for place in kept:
+        (place / "kernels-cutenv.law-0123").mkdir(parents=True)
+    (package / "__pycache__" / "cli.pyc").touch()
+    assert jit.remove_kernels(package) == kept
+    assert not list(tmp_path.rglob("kernels-*"))
+    assert [place.exists() for place in kept] == [False, True, False]  # Python's own files are pip's
+    assert jit.remove_kernels(package) == []
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("task", warm.TASKS)
 def test_after_it_nothing_is_left_to_compile(task: str, tmp_path: Path) -> None:

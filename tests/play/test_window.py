@@ -19,6 +19,7 @@ from cutenv.play.play_session import GIVEN_UP, Session, SessionPlan, ViewState
 from cutenv.play.play_window import PlayWindow
 from cutenv.recording import load_one
 from cutenv.scoring import TechniqueFault
+from cutenv.tissue import measured_liver
 from cutenv.viewer import palette
 from cutenv.viewer.canvas import Canvas
 from cutenv.viewer.views import tint
@@ -268,7 +269,8 @@ def test_the_command_plays_a_script_records_it_and_saves_a_picture(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    out, picture = tmp_path / "cuts", tmp_path / "end.png"
+    out, picture, tissue = tmp_path / "cuts", tmp_path / "end.png", tmp_path / "softer.json"
+    tissue.write_text(dataclasses.replace(measured_liver(), name="softer", fracture_resistance=120.0).to_json())
     options = [
         "--scripted",
         "--cuts",
@@ -280,11 +282,15 @@ def test_the_command_plays_a_script_records_it_and_saves_a_picture(
         "--specimen-class",
         "uniform",
         "--practice",
+        "--tissue",
+        str(tissue),
     ]
     assert cli.main(["play", *options, "--out", str(out), "--picture", str(picture)]) == 0
     traces = [load_one(path) for path in sorted(out.iterdir())]
     assert [trace.metadata["specimen_episode"] for trace in traces] == [0, 1]
     assert all(trace.metadata["practice"] for trace in traces)
+    assert traces[1].metadata["specimen"] == "uniform of softer, seed 6, number 1"
+    assert all(trace.metadata["success"] for trace in traces)
     assert pygame.image.load(str(picture)).get_size() == (LAYOUT.width, LAYOUT.height)
     said = capsys.readouterr().out
     assert "of 100" in said

@@ -28,7 +28,7 @@ def observations(seed: int, policy=None, **keywords) -> np.ndarray:
 
 
 def all_features(seen: np.ndarray, **keywords) -> np.ndarray:
-    extract = Features(**keywords)
+    extract = Features(**{"history": 6, **keywords})
     return np.array([extract(observation) for observation in seen])
 
 
@@ -76,7 +76,7 @@ def test_history_tells_the_decisions_before_and_how_far_ago_they_were():
 
 
 def test_reset_forgets_the_last_cut():
-    extract, first, second = Features(), observations(0), observations(1)
+    extract, first, second = Features(history=6), observations(0), observations(1)
     for observation in first:
         extract(observation)
     without = extract(second[0])

@@ -178,7 +178,7 @@ def test_the_readout_tells_the_instant(desk: Browser) -> None:
     assert told_now == [
         f"{cut.time[25]:.2f} s",
         f"{cut.force[25]:.2f} N",
-        f"{1e3 * cut.speed[25]:.1f} mm/s",
+        f"{1e2 * cut.speed[25]:.2f} cm/s",
         "60°",
         f"{1e3 * cut.position[25]:.1f} mm",
         f"{1e3 * cut.tip[25]:.1f} mm",

@@ -137,7 +137,7 @@
     const show = (name, value) => { byId("shown-" + name).textContent = value; };
     show("time", number(told.time_s[i], 2) + " s");
     show("force", number(told.force_N[i], 2) + " N");
-    show("speed", number(1e3 * told.speed_m_s[i], 1) + " mm/s");
+    show("speed", number(1e2 * told.speed_m_s[i], 2) + " cm/s");
     show("angle", number(told.angle_rad[i] * 180 / Math.PI, 0) + "°");
     show("blade", number(1e3 * told.position_m[i], 1) + " mm");
     show("tip", number(1e3 * told.tip_m[i], 1) + " mm");
