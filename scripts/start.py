@@ -34,8 +34,6 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 PROGRAMS = {"train": ["-m", "cutenv", "train"], "test": ["-m", "pytest", "-n", "2", "--dist", "worksteal"], "setup": []}
 TWO_TASKS = ["--task", "gentle", "excision"]
-SOONER = ["--timesteps", "1500000", "--specimens", "100"]
-"""A first look at both: less than half of the decisions of "cutenv train", after which returns hardly rise."""
 EXTRAS = {"train": "rl", "test": "dev", "setup": "dev"}
 """Extra of pyproject.toml that a command needs; dev holds the others but distributed."""
 RAY = "distributed"  # an extra that wants another Gymnasium, and so an environment of its own
@@ -269,7 +267,7 @@ def main(argv: list[str]) -> int:
         return 0
     program = options.instead or PROGRAMS[options.command]
     if options.command == "train" and set(passed_on) <= {"--quick"}:
-        passed_on = [*(passed_on or SOONER), *TWO_TASKS]
+        passed_on = [*passed_on, *TWO_TASKS]
     command = [python_of(venv), *program, *passed_on]
     os.chdir(ROOT)
     sys.stdout.flush()

@@ -305,10 +305,6 @@ def test_arguments_are_passed_on_in_order(monkeypatch: pytest.MonkeyPatch) -> No
     assert became[2][1:] == ["scripts/long_checks.py", "--list"]
     start.main(["test", "--fast", "--since", "HEAD~1"])
     assert became[3][1:] == ["scripts/fast_tests.py", "--since", "HEAD~1"]
-    start.main(["train"])
-    assert became[4][4:] == [*start.SOONER, "--task", "gentle", "excision"]
-    start.main(["train", "--quick"])
-    assert became[5][4:] == ["--quick", "--task", "gentle", "excision"]
 
 
 @pytest.mark.parametrize("line", [["train", "--long"], ["train", "--fast"], ["test", "--fast", "--long"]])
