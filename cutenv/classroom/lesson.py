@@ -70,6 +70,7 @@ def shown_card(
         "outcome": {} if hidden else in_languages(card.outcome),
         "why": {} if hidden or not card.no_score else in_languages(f"{_capital(card.no_score)}."),
         "advice": [] if hidden else _advice(card),
+        "numbers": {} if hidden else {k: v for k, v in marked_numbers(card).items() if k in _CARD_NUMBERS},
         "points": [] if hidden else [dataclasses.asdict(each) for each in card.points],
         "verdict": {} if progress is None else progress.verdicts,
         "ahead": ahead_words(progress),
@@ -95,6 +96,7 @@ def ahead_words(progress: CourseProgress | None) -> dict[str, str]:
 
 
 _MOST_ADVICE = 2  # a person attends to no more in the next cut
+_CARD_NUMBERS = ("peak_force", "largest_jump", "duration")  # as on the teacher's card of the same cut
 LONGEST_CUT = 30_000
 """Longest cut [ms]: the deadline of the task."""
 FEWEST_MOVEMENTS = 100

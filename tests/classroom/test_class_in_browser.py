@@ -113,7 +113,10 @@ def test_an_educators_way(browser: chromium.Browser, served: Served, tmp_path: P
             assert kept.startswith("Saved. Score ")
             assert "Not yet passed: it takes 90." in kept
             assert browser.value("document.querySelectorAll('#tries li').length") >= 1
-        wait(browser, "document.querySelectorAll('#history tr').length === 3")
+        wait(browser, "document.querySelectorAll('main #history tr').length === 3")
+        longest = "texts => [...document.querySelectorAll('#results dt')].find(each => each.textContent === texts)"
+        shown = browser.value(f"({longest})('longest sudden run').nextSibling.textContent")
+        assert shown == browser.value("`${(1e3 * cutenvPage.page.kept.numbers.largest_jump).toFixed(1)} mm`")
         wait(browser, "document.querySelectorAll('#curve circle').length === 2")
         submit("form[action=leave]", "document.querySelector('[name=consent]')")
         assert browser.errors() == []

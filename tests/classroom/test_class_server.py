@@ -44,6 +44,8 @@ def test_a_cut_is_repeated_scored_and_kept(room: Room) -> None:
     ).overall_score
     assert overall is not None
     assert answer.json()["score"] == round(overall)
+    told_numbers, card = answer.json()["numbers"], room.lesson.scored(room.store.cuts("P07")[0])[1]
+    assert told_numbers == {name: card[name] for name in ("peak_force", "largest_jump", "duration")}
     (told,) = client.get("/cuts").json()
     assert (told["state"], told["score"]) == ("saved", round(overall))
     first = answer.json()["advice"][0]
@@ -65,6 +67,7 @@ def test_a_course_leads_from_task_to_task_and_hides_what_it_is_to_hide(tmp_path:
     assert (first["specimen_class"], first["seed"], first["feedback"]) == ("uniform", 5, "never")
     answer = sent(client, first, to_the_end()).json()
     assert (answer["score"], answer["outcome"], answer["points"], answer["advice"]) == (None, {}, [], [])
+    assert answer["numbers"] == {}
     assert client.post("/cuts").json()["feedback"] == "above-limit"
     again = Lesson(room.store, room.lesson.folder, named_course(str(course))).progress("P01")
     assert again is not None

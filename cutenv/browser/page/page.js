@@ -251,8 +251,9 @@
     byId("verdict").textContent = verdict(cut, found, millimetres);
     byId("card").className = cut.success ? "card good" : "card bad";
     const scored = page.points ? [[texts.score, say(texts.points_of, { value: fixed(sum(page.points), told.platform ? 1 : 0), most: 100 })]] : [];
-    const rows = [...scored, [texts.result_off, off], [texts.result_peak, `${fixed(found.peak, 1)} N`],
-      [texts.result_longest, `${millimetres(found.longest)} mm`], [texts.result_time, `${fixed(found.time, 1)} s`],
+    const { peak_force: peak = found.peak, largest_jump: longest = found.longest, duration = found.time } = page.kept?.numbers ?? {};
+    const rows = [...scored, [texts.result_off, off], [texts.result_peak, `${fixed(peak, 1)} N`],
+      [texts.result_longest, `${millimetres(longest)} mm`], [texts.result_time, `${fixed(duration, 1)} s`],
       ...depthRows(cut), ...pathRows(cut)];
     const toldRows = shown().result ? rows : [];
     if (!shown().result) byId("verdict").textContent = texts.ended;
