@@ -48,6 +48,7 @@ class PeoplePages:
             Route("/cuts", self.begin, methods=["POST"]), Route("/cuts", self.history, methods=["GET"]),
             Route("/curve", self.curve, methods=["GET"]), Route("/cuts/{number:str}", self.finish, methods=["POST"]),
             Route("/cuts/{number:str}/begun", self.begun, methods=["POST"]),
+            Route("/cuts/{number:str}/replay", self.replay, methods=["GET"]),
         ]  # fmt: skip
 
     async def enter_page(self, request: Request) -> Response:
@@ -108,6 +109,16 @@ class PeoplePages:
         if not await run_in_threadpool(self._lesson.store.begun, request.path_params["number"], code):
             raise HTTPException(409, "This cut is not to be begun any more. Load the page again.")
         return JSONResponse({})
+
+    async def replay(self, request: Request) -> Response:
+        """Answer with a saved cut for its replay."""
+        code = await self._site.person(request)
+        try:
+            return JSONResponse(await run_in_threadpool(self._lesson.replay, code, request.path_params["number"]))
+        except LookupError as error:
+            raise HTTPException(404, str(error)) from None
+        except (OSError, ValueError) as error:
+            raise HTTPException(422, str(error)) from None
 
     async def finish(self, request: Request) -> Response:
         """Repeat, score and keep a cut that has ended."""

@@ -41,6 +41,7 @@ from cutenv.classroom.class_tables import (
     PASS_MARKS,
     PEOPLE,
     PREPARED,
+    SAVED,
     SESSIONS,
     TAKEN_BACK,
     UNFINISHED,
@@ -86,6 +87,7 @@ class HandedOutCut(NamedTuple):
 
     ``target_length`` [m] is None if it is drawn, ``begun`` (UTC) "" before, ``score`` None without one, ``numbers``
     (:func:`~cutenv.play.course.marked_numbers`) None where they were not noted, ``stalled`` what its page lost [s].
+    An ``example`` is shown beside replays of the same specimen.
     """
 
     id: str
@@ -107,6 +109,7 @@ class HandedOutCut(NamedTuple):
     ended: str
     numbers: Mapping[str, float] | None
     stalled: float
+    example: bool
 
 
 class SeenMovements(ValueError):
@@ -461,6 +464,22 @@ class ClassStore:
         with self._transaction() as connection:
             connection.execute(update(CUTS).where(CUTS.c.id == number).values(**columns, course=course))
 
+    def set_example(self, number: str, code: str, shown: bool) -> None:
+        """Let a saved cut be an example or not, in place of another one of the same specimen in the same task.
+
+        Raises
+        ------
+        LookupError
+            If the person has no such saved cut.
+        """
+        cut = self.cut(number, code)
+        if cut.state != SAVED:
+            raise LookupError(f"cut {number!r} is {cut.state}: it has no record.")
+        same = (CUTS.c.terms == cut.terms) & (CUTS.c.specimen_class == cut.specimen_class) & (CUTS.c.seed == cut.seed)
+        with self._transaction() as connection:
+            connection.execute(update(CUTS).where(same).values(example=None))
+            connection.execute(update(CUTS).where(CUTS.c.id == number).values(example=1 if shown else None))
+
     def add_foreign(self, code: str, end: CutEnd) -> str:
         """Note a cut that another program recorded; return its number."""
         for _ in range(_TRIES):
@@ -520,6 +539,7 @@ class ClassStore:
                 row.terms or "", row.handed_out, row.begun or "", row.state, row.record or "", row.outcome or "",
                 row.score, row.reason or "", row.ended or "",
                 None if row.numbers is None else json.loads(row.numbers), (row.stalled_ms or 0) / 1e3,
+                bool(row.example),
             )  # fmt: skip
 
 

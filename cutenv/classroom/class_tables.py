@@ -50,6 +50,7 @@ CUTS = Table(
     Column("numbers", Text),  # those that a mark may limit, JSON
     Column("movements", String(64)),  # SHA-256
     Column("stalled_ms", Integer),
+    Column("example", Integer),  # 1 if the teacher shows it beside replays of the same specimen
 )
 SESSIONS = Table(
     "sessions",

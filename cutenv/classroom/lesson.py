@@ -22,9 +22,11 @@ from typing import Any
 import numpy as np
 
 import cutenv
+from cutenv._base.arrays import Array
 from cutenv._base.output import put_in_place
 from cutenv.browser.page_alone import specimen_data
 from cutenv.browser.stylus_steps import HandCut
+from cutenv.browser.watched_cut import MOVEMENTS, from_runs, in_runs, planned_way, way_of
 from cutenv.classroom.analysis import Analyses
 from cutenv.classroom.class_store import ClassStore, CutEnd, HandedOutCut, MarkInForce, NewCut, Place, SeenMovements
 from cutenv.classroom.class_tables import (
@@ -44,6 +46,7 @@ from cutenv.play.course import Course, CourseTask, marked_numbers
 from cutenv.play.course_progress import GIVEN_UP, CourseProgress
 from cutenv.play.course_words import COURSE_WORDS
 from cutenv.recording import Provenance, load_one, save
+from cutenv.recording.csv_file import read_metadata
 from cutenv.report.page import in_languages
 from cutenv.report.score_page import ScoredRecord, write_score_page
 from cutenv.scoring import ReferenceSet, ScoreCard, score
@@ -106,7 +109,7 @@ _LEFTOVER = 60.0  # s after which a part of a record belongs to a server that wa
 
 # Facts that a record of another program may claim, and that only this server's own records may have.
 _FACTS_OF_A_CONFIRMED_CUT = frozenset(
-    ("course", "task", "feedback", "crossover", "hand", "stalled_s", "movements_sha256", TIP_AT_END)
+    ("course", "task", "feedback", "crossover", "hand", "stalled_s", "movements_sha256", MOVEMENTS, TIP_AT_END)
 )
 
 
@@ -298,6 +301,7 @@ class Lesson:
                 **cut.noted,
                 stalled_s=round(stalled, 3),
                 **({} if seen is None else {"movements_sha256": seen}),
+                **{MOVEMENTS: in_runs(_rows(movements, task))},
             )
             card = score(trace, target_length=cut.target_length, reference=self._reference)
             place = self.folder / code
@@ -366,19 +370,59 @@ class Lesson:
                 f"{len(movements)} bytes are no cut: {FEWEST_MOVEMENTS} to {LONGEST_CUT} milliseconds of {size} bytes "
                 "are."
             )
-        stylus = np.frombuffer(movements, "<f8").reshape(-1, size // 8)
+        stylus = _rows(movements, task)
         if not np.isfinite(stylus).all() or np.abs(stylus).max() > 10.0:
             raise RefusedCut("a movement of the hand is no number, or farther than any hand reaches.")
-        cut = kind(
-            specimen_class=handed_out.specimen_class, seed=handed_out.seed, target_length=handed_out.target_length,
-            **task.of_line,
-        )  # fmt: skip
+        cut = kind(**_key(handed_out), **task.of_line)
         readings = cut.follow(stylus)
         if len(readings) < len(stylus):
             raise RefusedCut(f"the cut ends after {len(readings)} ms; the page sent {len(stylus)}.")
         if f"{zlib.crc32(readings.tobytes()):08x}" != digest.lower():
             raise RefusedCut("its readings are not those of the law for these movements.")
         return cut, readings
+
+    def replay(self, code: str, number: str) -> dict[str, Any]:
+        """Return a saved cut for its replay: specimen, movements, an expert's way in it, and who that is.
+
+        The expert is a cut of the same specimen that the teacher has chosen, "example", or else the "planner".
+
+        Raises
+        ------
+        LookupError
+            If there is no such cut, it has no movements, or its task hides the force.
+        OSError, ValueError
+            If its record cannot be read.
+        """
+        cut = self.store.cut(number, code)
+        task = self._task(code, cut)
+        if cut.state != SAVED or task is None or task.feedback == "never":
+            raise LookupError("this cut is not shown again.")
+        example = next((each for each in self.store.cuts() if each.example and _same_specimen(each, cut)), None)
+        expert = None
+        if example is not None and example.id != number:
+            with suppress(OSError, LookupError, ValueError):  # its record is damaged: the planner takes its place
+                expert = self._way(example, task)
+        movements = in_runs(self._movements(cut))
+        by = "planner" if expert is None else "example"
+        kind, seed, target = cut.specimen_class, cut.seed, cut.target_length
+        line = task.line if TASKS[task.task].line else None
+        if expert is None:
+            expert = planned_way(kind, seed, 0, target, task=task.task, line=line)
+        specimen = specimen_data(kind, seed, 0, target, task=task.task, **task.of_line)
+        return {"specimen": specimen, "movements": movements, "expert": expert, "by": by}
+
+    def _movements(self, cut: HandedOutCut) -> Array:
+        """Return the movements of a saved cut, shape (n, k); LookupError if an earlier version kept it without them."""
+        runs = read_metadata(self._path(cut)).get(MOVEMENTS)
+        if runs is None:
+            raise LookupError("this cut was kept without the movements of the hand.")
+        return from_runs(runs)
+
+    def _way(self, cut: HandedOutCut, task: CourseTask) -> dict[str, list[float]]:
+        """Return the way of a saved cut, made again by the law."""
+        made = TASKS[task.task].hand(**_key(cut), **task.of_line)
+        readings = made.follow(self._movements(cut))
+        return way_of(readings, dict(zip(made.channel_fields, made.channels, strict=True)))
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -465,7 +509,8 @@ class Lesson:
         tasks = () if self.course is None else self.course.for_operator(code).tasks
         silent = {task.name for task in tasks if task.feedback == "never"}
         return [
-            {"when": cut.handed_out, "state": cut.state, "stalled": cut.stalled}
+            {"id": cut.id, "when": cut.handed_out, "state": cut.state, "stalled": cut.stalled}
+            | {"replay": cut.state == SAVED and cut.task not in silent and self._task(code, cut) is not None}
             | {"outcome": {} if cut.task in silent else in_languages(cut.outcome)}
             | {"score": None if cut.task in silent else cut.score}
             for cut in self.store.cuts(code)
@@ -518,6 +563,20 @@ def _terms(course: str, task: CourseTask) -> str:
     return hashlib.sha256(repr(defined).encode()).hexdigest()[:32]
 
 
+def _key(cut: HandedOutCut) -> dict[str, Any]:
+    """Return what the specimen of a cut is made by."""
+    return {"specimen_class": cut.specimen_class, "seed": cut.seed, "target_length": cut.target_length}
+
+
+def _same_specimen(one: HandedOutCut, other: HandedOutCut) -> bool:
+    return (*_key(one).values(), one.terms) == (*_key(other).values(), other.terms)
+
+
+def _rows(movements: bytes, task: CourseTask) -> Array:
+    """Return movements as rows, one each millisecond."""
+    return np.frombuffer(movements, "<f8").reshape(-1, _movement_size(task) // 8)
+
+
 def _movement_size(task: CourseTask) -> int:
     """Return the number of bytes of a millisecond's movement."""
     return 8 * len(TASKS[task.task].hand.led.task.action_names)
@@ -525,8 +584,7 @@ def _movement_size(task: CourseTask) -> int:
 
 def _digest_of(movements: bytes, task: CourseTask) -> str | None:
     """Return the SHA-256 of movements; None of a hand that hardly moved, as that of many others may."""
-    places = np.frombuffer(movements, "<f8")[:: _movement_size(task) // 8]
-    return hashlib.sha256(movements).hexdigest() if np.ptp(places) > _OWN_WAY else None
+    return hashlib.sha256(movements).hexdigest() if np.ptp(_rows(movements, task)[:, 0]) > _OWN_WAY else None
 
 
 def _sweep(place: Path) -> None:

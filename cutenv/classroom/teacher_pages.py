@@ -63,6 +63,7 @@ class TeacherPages:
             route("GET", "/teacher/records.zip", self.records), route("POST", "/teacher/delete", self.remove),
             route("POST", "/teacher/places", self.place), route("GET", "/teacher/cuts.csv", self.cut_table),
             route("GET", "/teacher/people/{code:str}", self.person),
+            route("POST", "/teacher/people/{code:str}/example", self.example),
         ]  # fmt: skip
 
     @property
@@ -166,6 +167,13 @@ class TeacherPages:
         for row in (row for row in rows if row["code"] == code):
             return self._site.page("person.html", person=row, mark=self._lesson.pass_mark, root="../../")
         raise HTTPException(404, "There is no such code.")
+
+    async def example(self, request: Request) -> Response:
+        """Show a person's cut as an example, or no longer."""
+        form, code = await request.form(), request.path_params["code"]
+        number, shown = text_of(form, "cut"), text_of(form, "shown") == "yes"
+        await run_in_threadpool(self._lesson.store.set_example, number, code, shown)
+        return RedirectResponse(f"../{code}", 303)
 
     async def place(self, request: Request) -> Response:
         """Put people into classes and groups."""
