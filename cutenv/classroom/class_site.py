@@ -171,6 +171,7 @@ def _is_address(host: str) -> bool:
 
 
 _PAGES = Path(__file__).parent / "pages"
+_page_data = functools.lru_cache(8)(page_data)  # a second of work; a course that is edited may have other tasks
 _SIGNED_IN = 12 * 3600  # [s]
 
 
@@ -223,10 +224,10 @@ class ClassSite:
         """Name under which the teacher is signed in: it ends with the secret."""
         return teacher_of(self.secret)
 
-    @cached_property
+    @property
     def page_data(self) -> dict[str, Any]:
         """Facts that the page that cuts needs, whatever the specimen."""
-        return page_data(self.lesson.kinds)
+        return _page_data(tuple(self.lesson.kinds))
 
     @property
     def words(self) -> Mapping[str, str]:

@@ -23,7 +23,7 @@ import numpy as np
 
 import cutenv
 from cutenv._base.arrays import Array
-from cutenv._base.output import put_in_place
+from cutenv._base.output import atomic_write, put_in_place
 from cutenv.browser.page_alone import specimen_data
 from cutenv.browser.stylus_steps import HandCut
 from cutenv.browser.watched_cut import MOVEMENTS, from_runs, in_runs, planned_way, way_of
@@ -42,7 +42,7 @@ from cutenv.classroom.class_tables import (
     UNFINISHED,
 )
 from cutenv.classroom.foreign_upload import Uploads
-from cutenv.play.course import Course, CourseTask, marked_numbers
+from cutenv.play.course import Course, CourseTask, course_toml, marked_numbers, read_course
 from cutenv.play.course_progress import GIVEN_UP, CourseProgress
 from cutenv.play.course_words import COURSE_WORDS
 from cutenv.recording import Provenance, load_one, save
@@ -77,7 +77,7 @@ def shown_card(
         "points": [] if hidden else [dataclasses.asdict(each) for each in card.points],
         "verdict": {} if progress is None else progress.verdicts,
         "ahead": ahead_words(progress),
-        "done": progress is not None and progress.task is None,
+        "done": progress is not None and (progress.task is None or progress.waits),
     }
 
 
@@ -99,6 +99,8 @@ def ahead_words(progress: CourseProgress | None) -> dict[str, str]:
 
 
 _MOST_ADVICE = 2  # a person attends to no more in the next cut
+COURSE_FILE = "course.toml"
+"""Name of the file of a course that was edited, in the class's folder."""
 _CARD_NUMBERS = ("peak_force", "largest_jump", "duration")  # as on the teacher's card of the same cut
 LONGEST_CUT = 30_000
 """Longest cut [ms]: the deadline of the task."""
@@ -141,8 +143,10 @@ class Lesson:
     def __init__(
         self, store: ClassStore, folder: Path, course: Course | None = None, specimen_class: str = "liver"
     ) -> None:
-        self.store, self.folder, self.course, self.specimen_class = store, folder, course, specimen_class
+        self.store, self.folder, self.specimen_class = store, folder, specimen_class
         folder.mkdir(parents=True, exist_ok=True)
+        self._given = course
+        self._edited: tuple[tuple[int, ...], Course | None] = (), course  # stamp and course of the edited file
         self.analyses = Analyses(folder.parent / "studies", folder)
         self.uploads = Uploads()
         self._reference = ReferenceSet.shipped()
@@ -156,9 +160,36 @@ class Lesson:
         self.store.close()
 
     @property
+    def course_file(self) -> Path:
+        """File of the course that was edited on the teacher's page; it takes the place of that of the start."""
+        return self.folder.parent / COURSE_FILE
+
+    @property
+    def course(self) -> Course | None:
+        """Course that everybody goes through now, whichever server has edited it; None without one."""
+        try:
+            about = self.course_file.stat()
+        except OSError:
+            return self._given
+        stamp = (about.st_mtime_ns, about.st_size, about.st_ino)
+        if stamp != self._edited[0]:
+            with suppress(OSError, ValueError):  # changed by hand, and damaged: the course goes on as it was
+                self._edited = (stamp, read_course(self.course_file))
+        return self._edited[1]
+
+    def set_course(self, course: Course | None) -> None:
+        """Let everybody go through a course from now on; None for that of the start."""
+        if course is None:
+            self.course_file.unlink(missing_ok=True)
+            return
+        with atomic_write(self.course_file) as part:
+            part.write_text(course_toml(course), encoding="utf-8")
+
+    @property
     def course_name(self) -> str:
         """Name of the course; "" without one."""
-        return "" if self.course is None else self.course.name
+        course = self.course
+        return "" if course is None else course.name
 
     @property
     def pass_mark(self) -> MarkInForce | None:
@@ -176,9 +207,10 @@ class Lesson:
         A cut that was left or refused counts as given up.  Records that cannot be read, of cuts that an earlier version
         saved without their numbers, stand in ``unread``: they are read again the next time.
         """
-        if self.course is None:
+        course = self.course
+        if course is None:
             return None
-        progress = CourseProgress(self.course, code)
+        progress = CourseProgress(course, code, clock=self.store.clock)
         for cut in self.store.cuts(code) if cuts is None else cuts:
             known = cut
             if cut.state == SAVED and cut.numbers is None:
@@ -187,7 +219,7 @@ class Lesson:
                 except (OSError, KeyError, ValueError) as error:
                     progress.unread.append(f"{cut.record}: {error}")
                     continue
-            if known.course != self.course.name or not any(task.name == known.task for task in self.course.tasks):
+            if known.course != course.name or not any(task.name == known.task for task in course.tasks):
                 continue
             if known.state == UNFINISHED:
                 progress.skip(known.task)
@@ -223,15 +255,16 @@ class Lesson:
     def _next(self, code: str, cuts: Sequence[HandedOutCut]) -> NewCut | None:
         """Return the cut to hand out after those that have ended; None if the course is done."""
         progress = self.progress(code, cuts)
-        if progress is None or self.course is None:
+        if progress is None:
             free = CourseTask(name="", specimen_class=self.specimen_class)
             return NewCut(self.specimen_class, secrets.randbelow(2**31), terms=_terms("", free))
         if progress.unread:
             raise OSError(f"a record of yours cannot be read ({progress.unread[0]}). Tell your teacher")
         task = progress.task
-        if task is None:
+        if task is None or progress.waits:
             return None
-        return NewCut(*progress.specimen(), self.course.name, task.name, _terms(self.course.name, task))
+        course = progress.course.name
+        return NewCut(*progress.specimen(), course, task.name, _terms(course, task))
 
     def finish(self, code: str, number: str, movements: bytes, digest: str, *, stalled: float = 0.0) -> dict[str, Any]:
         """Repeat a cut by the law, and keep it if the page's readings are those of the law; return the card.
@@ -427,15 +460,17 @@ class Lesson:
     @property
     def kinds(self) -> tuple[str, ...]:
         """Tasks that are cut in the class."""
-        return ("gentle",) if self.course is None else self.course.kinds
+        course = self.course
+        return ("gentle",) if course is None else course.kinds
 
     def _task(self, code: str, cut: HandedOutCut) -> CourseTask | None:
         """Return the task that a cut was handed out for, gentle cutting without a course; None if it is not served."""
-        if self.course is None:
+        course = self.course
+        if course is None:
             tasks: Sequence[CourseTask] = (CourseTask(name="", specimen_class=cut.specimen_class),)
         else:
-            tasks = self.course.for_operator(code).tasks
-        return next((task for task in tasks if _terms(self.course_name, task) == cut.terms), None)
+            tasks = course.for_operator(code).tasks
+        return next((task for task in tasks if _terms("" if course is None else course.name, task) == cut.terms), None)
 
     def scored(self, cut: HandedOutCut) -> tuple[Trace, ScoreCard]:
         """Return the record of a saved cut and its score card; LookupError if it was not saved."""
@@ -506,7 +541,8 @@ class Lesson:
 
     def history(self, code: str) -> list[dict[str, Any]]:
         """Return a person's cuts as the person may see them: without result where the task shows no feedback."""
-        tasks = () if self.course is None else self.course.for_operator(code).tasks
+        course = self.course
+        tasks = () if course is None else course.for_operator(code).tasks
         silent = {task.name for task in tasks if task.feedback == "never"}
         return [
             {"id": cut.id, "when": cut.handed_out, "state": cut.state, "stalled": cut.stalled}

@@ -331,7 +331,10 @@ def test_nothing_english_is_left_of_a_german_class(tmp_path: Path) -> None:
     pages = [
         room.client().post("/", data={"code": "XX", "consent": "yes"}),
         person.get("/cut"),
-        *(teacher.get(f"/teacher{path}") for path in ("", "/people/P01", "/studies", "/upload", "/sheet")),
+        *(
+            teacher.get(f"/teacher{path}")
+            for path in ("", "/people/P01", "/studies", "/upload", "/sheet", "/live", "/course")
+        ),
         teacher.get("/teacher/people/P99", headers={"Accept": "text/html"}),
     ]
     told = [re.sub(r"<(style|script)\b.*?</\1>|<[^>]*>|„[^“]*“", " ", page.text, flags=re.DOTALL) for page in pages]

@@ -210,8 +210,8 @@
       sayCourse();
       showPoints(said.points);
     }
-    await tellHistory();
     show();
+    await tellHistory();
   }
 
   async function tellHistory() {
@@ -227,6 +227,9 @@
       return made;
     });
     byId("history").replaceChildren(row("th", texts.when, texts.outcome, texts.score, ""), ...rows);
+    const comments = await ask("GET", "comments");
+    byId("comments").replaceChildren(...Object.values(comments).filter(each => each?.said).map(({ when, said }) =>
+      element("li", say(texts.comment, { said, when: moment(when) }))));
     byId("curve").innerHTML = (await ask("GET", "curve")).curve ?? "";
     byId("curve").firstChild?.setAttribute("aria-label", texts.curve);
   }
@@ -335,8 +338,8 @@
     const rows = [...scored, [texts.result_off, off], [texts.result_peak, `${fixed(peak, 1)} N`],
       [texts.result_longest, `${millimetres(longest)} mm`], [texts.result_time, `${fixed(duration, 1)} s`],
       ...depthRows(cut), ...pathRows(cut)];
-    const toldRows = mayTell() ? rows : [];
-    if (!toldRows.length) byId("verdict").textContent = texts.ended;
+    const toldRows = mayTell() && !(told.served && page.busy) ? rows : []; // the server's numbers, once they are there
+    if (!mayTell()) byId("verdict").textContent = texts.ended;
     byId("results").replaceChildren(...toldRows.flatMap(([name, value]) => [element("dt", name), element("dd", value)]));
     if (!told.served) showPoints(page.points ?? []);
     byId("practised").hidden = !page.practised;
