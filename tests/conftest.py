@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import sys
@@ -81,6 +82,14 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         (left_out if item.nodeid.partition("[")[0] in longer else kept).append(item)
     config.hook.pytest_deselected(items=left_out)
     items[:] = kept
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_finish() -> None:
+    """Leave the tests and all that they import out of garbage collections, which would search them each time."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(10_000)
 
 
 BEGUN = pytest.StashKey[tuple[float, float]]()

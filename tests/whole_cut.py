@@ -10,6 +10,7 @@ import gymnasium
 import numpy as np
 
 import cutenv
+from cutenv._base.arrays import joined_records
 from cutenv.task.observation import in_units, to_action
 
 ENVIRONMENT = "cutenv/GentleCut-v1"
@@ -99,7 +100,7 @@ def go_on(env: gymnasium.Env[Any, Any], policy: Any, observation: np.ndarray) ->
         infos.append(info)
         readings.append(env.unwrapped.cutting.readings.copy())
         observations.append(observation)
-    return Cut(np.array(rewards), terms, infos, np.concatenate(readings), np.array(observations))
+    return Cut(np.array(rewards), terms, infos, joined_records(readings), np.array(observations))
 
 
 def interval(values: Any) -> tuple[float, float]:

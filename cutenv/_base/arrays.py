@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -17,3 +18,10 @@ Struct: TypeAlias = Any
 """One element of a structured array, its fields read as attributes (``state.tip``)."""
 StructArray: TypeAlias = NDArray[Any]
 """Structured array."""
+
+
+def joined_records(parts: Sequence[StructArray]) -> StructArray:
+    """Join contiguous records of one type, as ``numpy.concatenate``, which compares their fields anew for each part."""
+    kind = parts[0].dtype
+    whole: StructArray = np.concatenate([part.view((np.void, kind.itemsize)) for part in parts]).view(kind)
+    return whole

@@ -128,13 +128,16 @@ def follow_hand(led: LedTask) -> Callable[..., int]:
         actions, observations, across = memory
         readings, channels, outcome = filled
         done = end = 0
+        ticks = np.int64(1)  # as Python gives it: the step would be compiled again for a number that is known
         for i in range(len(stylus)):
             lead(one.cut[0], stylus[i], hand, actions[0])
             actions[0, 1] = (stylus[i, 1] - ANGLE_CENTRE) / ANGLE_SCALE
             for k in range(numbers):  # an action is of single precision, as an agent's
                 actions[0, k] = min(max(float(np.float32(actions[0, k])), -1.0), 1.0)
             done = i + 1
-            end = step(one.cut, one.shared, one.episode, 1, actions[0], observations[0], readings[i:done], across)[1]
+            end = step(one.cut, one.shared, one.episode, ticks, actions[0], observations[0], readings[i:done], across)[
+                1
+            ]
             if note is not None:
                 note(one.cut[0], across[0], observations[0], channels, i)
             if end != 0:
@@ -265,7 +268,8 @@ class HandCut:
         stylus : array_like, shape (n, 2)
             Wanted position of the hand, from the clamp [m], and angle of the blade [rad].
         """
-        places = np.ascontiguousarray(stylus, dtype=np.float64).reshape(-1, len(self.led.task.action_names))
+        # A copy, for an array that cannot be written to would have the step compiled again.
+        places = np.array(stylus, np.float64, order="C").reshape(-1, len(self.led.task.action_names))
         readings, outcome = np.zeros((len(places), 1), READING), np.zeros(2)
         if self.end:
             return readings[:0, 0]

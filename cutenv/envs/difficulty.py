@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from cutenv._base.arrays import StructArray
+from cutenv._base.arrays import StructArray, joined_records
 from cutenv.cutting.dtypes import READING
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.plant import to_trace
@@ -66,7 +66,7 @@ def _scored_script(env: GentleCutEnv, name: str, seed: int, episode: int) -> Scr
         observation, _, ended, _, _ = env.step(policy(observation))
         assert env.cutting.readings is not None  # a step was made
         parts.append(env.cutting.readings.copy())
-    readings = np.concatenate(parts)
+    readings = joined_records(parts)
     noted = {TIP_AT_END: float(readings["tip"][-1]), "end": env.cutting.end}
     card = score(to_trace(env.plant, readings, **noted), target_length=env.cutting.target_length)
     return ScriptScore(name=name, overall_score=float(card.overall_score or 0.0), outcome=card.outcome)

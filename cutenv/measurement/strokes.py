@@ -171,10 +171,10 @@ def fit_return_stroke(trace: Trace, depth: DepthProfile, *, with_offset: bool = 
     lowest, highest = float(x.min()) + _PLAIN_LENGTH, float(x.max())
 
     def misfit(a: float) -> float:
-        return _hinge(x, F, B, a, with_offset).squares
+        return float(_hinge(x, F, B, a, with_offset).squares)
 
     places = np.linspace(lowest, highest, 200)
-    best = int(np.argmin([misfit(a) for a in places]))
+    best = int(np.argmin(_hinge(x, F, B, places[:, np.newaxis], with_offset).squares))
     if best == 0:
         return None
     around = (float(places[best - 1]), float(places[min(best + 1, len(places) - 1)]))
@@ -193,9 +193,9 @@ def fit_return_stroke(trace: Trace, depth: DepthProfile, *, with_offset: bool = 
     return ReturnStroke(
         stop=way_back[-1].stop,
         tip=tip,
-        friction_per_depth=max(fit.friction, 0.0),
-        stiffness=fit.stiffness,
-        offset=fit.offset,
+        friction_per_depth=max(float(fit.friction), 0.0),
+        stiffness=float(fit.stiffness),
+        offset=float(fit.offset),
         offset_error=_CORRELATED * noise / math.sqrt(len(plain)) * _inflation(plain) if with_offset else 0.0,
     )
 
@@ -216,26 +216,34 @@ def _binned(trace: Trace, position: Array, stroke: Stroke) -> tuple[Array, Array
 
 
 class _Hinge(NamedTuple):
-    """The best fit F = K max(x - a, 0) - f B + c for a given tip, and its sum of squares [N2]."""
+    """The best fit F = K max(x - a, 0) - f B + c for each given tip, and its sum of squares [N2]."""
 
-    stiffness: float  # K [N/m]
-    friction: float  # f [N/m]
-    offset: float  # c [N]
-    squares: float
+    stiffness: Array  # K [N/m]
+    friction: Array  # f [N/m]
+    offset: Array  # c [N]
+    squares: Array
 
 
-def _hinge(x: Array, F: Array, B: Array, a: float, with_offset: bool) -> _Hinge:
+def _hinge(x: Array, F: Array, B: Array, a: float | Array, with_offset: bool) -> _Hinge:
+    """Fit for one tip, or for tips of shape (n, 1)."""
     h = np.maximum(x - a, 0.0)
-    h0, B0, F0 = (float(values.mean()) if with_offset else 0.0 for values in (h, B, F))
+    h0, B0, F0 = (values.mean(axis=-1) if with_offset else np.zeros(values.shape[:-1]) for values in (h, B, F))
     # Centred about their means, the three are free of the constant.
-    dh, dB, dF = h - h0, B - B0, F - F0
-    hh, hB, BB, hF, BF = float(dh @ dh), float(dh @ dB), float(dB @ dB), float(dh @ dF), float(dB @ dF)
+    dh, dB, dF = h - h0[..., np.newaxis], B - B0, F - F0
+    hh, hB, BB, hF, BF = _dot(dh, dh), dh @ dB, float(dB @ dB), dh @ dF, float(dB @ dF)
     determinant = hh * BB - hB**2
     # With no reading ahead of the tip, or one, only friction can be determined.
-    K = (hF * BB - BF * hB) / determinant if determinant > _SINGULAR * hh * BB else 0.0
-    f = (K * hB - BF) / BB if BB > 0.0 else 0.0
-    residual = dF - K * dh + f * dB
-    return _Hinge(K, f, F0 - K * h0 + f * B0, float(residual @ residual))
+    singular = determinant <= _SINGULAR * hh * BB
+    K = np.where(singular, 0.0, (hF * BB - BF * hB) / np.where(singular, 1.0, determinant))
+    f = (K * hB - BF) / BB if BB > 0.0 else np.zeros_like(K)
+    residual = dF - K[..., np.newaxis] * dh + f[..., np.newaxis] * dB
+    return _Hinge(K, f, F0 - K * h0 + f * B0, _dot(residual, residual))
+
+
+def _dot(one: Array, other: Array) -> Array:
+    """Return the sums of products along the last axis."""
+    sums: Array = np.matmul(one[..., np.newaxis, :], other[..., np.newaxis])[..., 0, 0]
+    return sums
 
 
 def _inflation(B: Array) -> float:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cutenv._base.arrays import Array, Struct, StructArray
+from cutenv._base.arrays import Array, Struct, StructArray, joined_records
 from cutenv._base.validation import in_range
 from cutenv.cutting.steering import begin_steering
 from cutenv.plant.steered_plant import SteeredPlant
@@ -217,8 +217,7 @@ class FreehandPlant(SteeredPlant):
             across.append(self._across)
             self._follow()
         self._across = np.concatenate(across)
-        found: StructArray = np.concatenate(readings).view(readings[0].dtype)
-        return found
+        return joined_records(readings)
 
     def settle(self) -> None:
         """Wait until the model has followed the crack as far as it can."""

@@ -5,9 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
-from cutenv._base.arrays import Array, StructArray
+from cutenv._base.arrays import Array, StructArray, joined_records
 from cutenv._base.validation import in_range
 from cutenv.cutting.dtypes import TICK
 from cutenv.plant.interface import Plant
@@ -78,7 +76,7 @@ def run(plant: Plant, legs: list[Leg]) -> StructArray:
         if leg.dwell > 0.0:
             parts.append(plant.advance(0.0, leg.angle, round(leg.dwell / TICK)).copy())
             position = float(parts[-1]["position"][-1])
-    return np.concatenate(parts)
+    return joined_records(parts)
 
 
 def to_trace(plant: Plant, readings: StructArray, **metadata: object) -> Trace:

@@ -47,6 +47,7 @@ _SAMPLE = 400  # lines from which the separator is chosen
 _NO_ROW = re.compile(r"\s*(?:$|[#%!]|/[/*])")  # lines that are blank or comments; "/ft" is a topic
 _KEY_LINE = re.compile(r"\w[\w ]{0,30}:\s+\S.*")  # "rows: 1361", which names no columns
 _POINT, _COMMA = re.compile(r"\d\.\d"), re.compile(r"\d,\d")
+_DIGIT = re.compile(r"\d")
 _NUMBER = {sign: re.compile(pattern) for sign, pattern in NUMBER_PATTERNS.items()}
 _GROUPED = {
     ".": re.compile(r"[+-]?[1-9]\d{0,2}(?:[, '\u2019\u00a0\u202f\u2009]\d{3})+(?:\.\d*)?"),
@@ -125,7 +126,14 @@ class _Reading:
 
     def table(self) -> NamedColumns:
         """Return the table, in the dialect that explains its lines best."""
-        explained = {dialect: _explained(self.sample, dialect) for dialect in _DIALECTS}
+        marks = set().union(*self.sample)
+        # Separators that stand nowhere part the lines alike: the first of them speaks for the others.
+        nowhere = next((each for each in _NAMES if each not in marks and each != " "), None)
+        explained = {
+            dialect: _explained(self.sample, dialect)
+            for dialect in _DIALECTS
+            if dialect.separator in marks or dialect.separator in (" ", nowhere)
+        }
         best = [dialect for dialect, share in explained.items() if share >= max(explained.values()) - 1e-9]
         found = [rows for dialect in best if (rows := self._rows(dialect)) is not None]
         if not found:
@@ -477,7 +485,7 @@ def _is_number(cell: str, *, decimal: str) -> bool:
     """Return whether a cell holds a number, with thousands or a unit perhaps, or a time."""
     if _NUMBER[decimal].fullmatch(cell):
         return True
-    if not any(sign.isdigit() for sign in cell):
+    if not _DIGIT.search(cell):
         return False
     if _GROUPED[decimal].fullmatch(cell) or MOMENT_PATTERN.fullmatch(cell):
         return True

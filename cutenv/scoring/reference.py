@@ -6,6 +6,7 @@ import csv
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -73,6 +74,7 @@ class ReferenceSet:
         return float(100.0 * worse / len(known))
 
     @classmethod
+    @cache
     def shipped(cls, name: str = "baselines") -> ReferenceSet:
         """Load a reference set that comes with the package."""
         return cls.load(resource(SHIPPED_REFERENCES[one_of("reference set", name, SHIPPED_REFERENCES)]))

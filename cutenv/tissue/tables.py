@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -34,31 +37,32 @@ class ThesisTable:
         Number in the thesis (``"5.6"``) and title.
     provenance : str
         Author, work and table number.
-    columns : dict of str to ndarray of float64, shape (rows,)
+    columns : mapping of str to ndarray of float64, shape (rows,)
         The printed values, NaN where nothing was measured. Names end in the unit (``_Pa``, ``_cm_s``).
-    resolution : dict of str to float
+    resolution : mapping of str to float
         Unit of the last printed digit of each column, 0 for exact counts and labels.
     notes, errata : tuple of str
         Remarks on the print, and known errors in it.
-    printed_mean, printed_population_sd : dict of str to Printed
+    printed_mean, printed_population_sd : mapping of str to Printed
         The printed "Average" row: mean and standard deviation (ddof = 0) over the rows of the column named.
     """
 
     number: str
     title: str
     provenance: str
-    columns: dict[str, Array]
-    resolution: dict[str, float]
+    columns: Mapping[str, Array]
+    resolution: Mapping[str, float]
     notes: tuple[str, ...] = ()
     errata: tuple[str, ...] = ()
-    printed_mean: dict[str, Printed]
-    printed_population_sd: dict[str, Printed]
+    printed_mean: Mapping[str, Printed]
+    printed_population_sd: Mapping[str, Printed]
 
     def __getitem__(self, column: str) -> Array:
         """Return one column, shape (rows,); an unknown name is a ``ValueError`` that lists the known ones."""
         return self.columns[one_of(f"column of Table {self.number}", column, self.columns)]
 
 
+@cache
 def table_numbers() -> tuple[str, ...]:
     """Return the numbers of the tables that exist, in the thesis's order: ``("4.1", ..., "7.1")``."""
     stems = (file.stem.removeprefix("table_") for file in resources.path("tables").glob("table_*_*.csv"))
@@ -87,12 +91,13 @@ def table(number: str) -> ThesisTable:
     return read_table(resources.path(f"tables/table_{known.replace('.', '_')}.csv"), number=known)
 
 
+@cache
 def read_table(file: Path, *, number: str) -> ThesisTable:
     """Read ``file`` as the table ``number``.
 
     The format: comment lines ``# key: value`` (title and source once; note and erratum any number of times;
     ``# resolution: column = unit`` for every column; ``# printed_mean: column = value to unit``), a header of
-    comma-separated column names, then one row of numbers per line. Nothing else, no blank line.
+    comma-separated column names, then one row of numbers per line. Nothing else, no blank line. A file is read once.
 
     Raises
     ------
@@ -142,12 +147,12 @@ class _Reader:
             number=number,
             title=self._once(comments, "title"),
             provenance=self._once(comments, "source"),
-            columns={name: values[:, i] for i, name in enumerate(names)},
-            resolution=resolution,
+            columns=MappingProxyType({name: values[:, i] for i, name in enumerate(names)}),
+            resolution=MappingProxyType(resolution),
             notes=tuple(value for _, value in comments["note"]),
             errata=tuple(value for _, value in comments["erratum"]),
-            printed_mean=self._printed(comments["printed_mean"], names),
-            printed_population_sd=self._printed(comments["printed_population_sd"], names),
+            printed_mean=MappingProxyType(self._printed(comments["printed_mean"], names)),
+            printed_population_sd=MappingProxyType(self._printed(comments["printed_population_sd"], names)),
         )
 
     def _once(self, comments: dict[str, list[tuple[int, str]]], key: str) -> str:

@@ -80,7 +80,8 @@ def test_a_cut_that_has_ended_stays_as_it_is() -> None:
 
 
 @pytest.mark.skipif(importlib.util.find_spec("ziglang") is None, reason="its linker: pip install 'cutenv[dev]'")
-@pytest.mark.parametrize("task", ["gentle", *(pytest.param(task, marks=pytest.mark.slow) for task in FURTHER)])
+@pytest.mark.slow
+@pytest.mark.parametrize("task", ["gentle", *FURTHER])
 def test_it_can_be_built_anew_from_the_kernels_and_is_the_same_law(tmp_path: Path, task: str) -> None:
     build = [sys.executable, "scripts/build_browser_law.py", "--out", str(tmp_path), "--task", task]
     done = subprocess.run(build, cwd=ROOT, capture_output=True, text=True)

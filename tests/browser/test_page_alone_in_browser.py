@@ -340,6 +340,35 @@ def test_it_fits_a_telephone_and_can_be_read(browser: Browser, written: Path, la
     assert (browser.value(paper) != "#fff") == dark
 
 
+THE_PICTURE_ALONE = """(() => {
+  for (let each = document.getElementById("picture"); each !== document.body; each = each.parentElement) {
+    for (const other of each.parentElement.children) if (other !== each) other.style.display = "none";
+  }
+})()"""
+A_LITTLE_TALLER_THAN_THE_WINDOW = """(() => {
+  const { style } = document.body, below = innerHeight + 1 - document.body.getBoundingClientRect().bottom;
+  style.paddingBottom = `${parseFloat(getComputedStyle(document.body).paddingBottom) + below}px`;
+  return below;
+})()"""
+DRAWN_IN_HALF_A_SECOND = """new Promise(done => {
+  const { drawing } = cutenvPage, draw = drawing.draw.bind(drawing);
+  let drawn = 0;
+  drawing.draw = (...all) => { drawn += 1; return draw(...all); };
+  setTimeout(() => { drawing.draw = draw; done(drawn); }, 500);
+})"""
+
+
+def test_a_page_at_rest_is_not_drawn_again(browser: Browser, written: Path) -> None:
+    """Nor where a scroll bar makes the picture narrower, and so too low for a scroll bar."""
+    browser.open(written, 700)
+    wait(browser, "Boolean(window.cutenvPage?.page?.cut)")
+    browser.value(THE_PICTURE_ALONE)
+    time.sleep(0.2)
+    assert browser.value(A_LITTLE_TALLER_THAN_THE_WINDOW) > 0.0, "it was taller before: the test compares nothing"
+    time.sleep(0.2)
+    assert browser.value(DRAWN_IN_HALF_A_SECOND) == 0
+
+
 def test_both_languages_have_the_same_texts() -> None:
     texts = [page_texts(language) for language in LANGUAGES]
     assert set(texts[0]) == set(texts[1])

@@ -320,17 +320,25 @@ def test_nothing_is_said_of_a_kernel_that_was_typed_into_a_shell():
 NEWER = "import numba; numba.__version__ = '9.0'; numba.version_info = numba.version_info._replace(short=(9, 0))\n"
 
 
-def test_a_newer_numba_cuts_to_the_same_numbers_with_one_line_that_tells_of_it(tmp_path):
-    use = (
-        "from cutenv._engine.jit import warn_before_first_compile; from cutenv.cutting.motion import STRAIGHT; from "
-        "cutenv.cutting.simulate import follow; from cutenv.plant import SimulatedPlant; from cutenv.tissue import "
-        "Specimen\n"
-        "warn_before_first_compile(follow(STRAIGHT))\n"
-        "for _ in range(2):\n"
-        "    plant = SimulatedPlant(Specimen.drawn(3), seed=3)\n"
-        "    for angle in (1.5, 0.9): seen = plant.advance(0.02, angle, 300)\n"
-        "print(seen.tobytes().hex())"
-    )
+A_DRAW = (
+    "from cutenv._engine.jit import warn_before_first_compile; from cutenv._engine.randomness import normal_at\n"
+    "warn_before_first_compile(normal_at)\n"
+    "print([normal_at(3, 5, 1, k).hex() for k in range(50)])"
+)
+A_CUT = (
+    "from cutenv._engine.jit import warn_before_first_compile; from cutenv.cutting.motion import STRAIGHT; from "
+    "cutenv.cutting.simulate import follow; from cutenv.plant import SimulatedPlant; from cutenv.tissue import "
+    "Specimen\n"
+    "warn_before_first_compile(follow(STRAIGHT))\n"
+    "for _ in range(2):\n"
+    "    plant = SimulatedPlant(Specimen.drawn(3), seed=3)\n"
+    "    for angle in (1.5, 0.9): seen = plant.advance(0.02, angle, 300)\n"
+    "print(seen.tobytes().hex())"
+)
+
+
+@pytest.mark.parametrize("use", [A_DRAW, pytest.param(A_CUT, marks=pytest.mark.slow)], ids=["draw", "cut"])
+def test_a_newer_numba_computes_the_same_numbers_with_one_line_that_tells_of_it(tmp_path, use):
     kept = kernel_folder("cutenv._engine.shortcuts") or tmp_path  # compiles for some seconds, once
     seen, told = [], []
     for program, environment in ((use, {}), (NEWER + use, {"NUMBA_CACHE_DIR": str(kept / "newer")})):

@@ -273,9 +273,14 @@
     }
     page.last = now;
     paint();
-    if (page.phase !== "ended") tell();
+    const state = [page.cut.count, page.cut.hand, page.phase, stylus.angle, stylus.level, seconds(), document.documentElement.lang].join();
+    if (page.phase !== "ended" && (page.cut !== page.described || state !== page.state)) tell();
+    [page.described, page.state] = [page.cut, state];
     requestAnimationFrame(frame);
   }
+
+  // What the countdown shows.
+  const seconds = () => page.phase === "countdown" ? String(Math.max(1, Math.ceil((1500 - (performance.now() - page.from)) / 500))) : "";
 
   // Draw, unless the picture would be the same: that would cost a tablet its battery.
   function paint() {
@@ -413,7 +418,7 @@
     put("time", say(texts.of, { value: fixed(cut.last("time"), 1), most: fixed(cut.deadline, 0) }));
     byId("tilt").value = Math.round(stylus.angle * 180 / Math.PI);
     byId("level").value = 1e3 * stylus.level;
-    put("countdown", page.phase === "countdown" ? String(Math.max(1, Math.ceil((1500 - (performance.now() - page.from)) / 500))) : "");
+    put("countdown", seconds());
     put("missing", page.phase === "cutting" ? missing(cut, force) : "");
     canvas.setAttribute("aria-label", say(texts.picture, { force: seen ? fixed(force, 1) : "–", distance: fixed(distance, 0) }));
   }
