@@ -206,7 +206,8 @@ def test_pages_fit_a_telephone_and_can_be_read(browser: chromium.Browser, served
     teacher = served.client()
     teacher.post("teacher", data={"token": served.token})
     teacher.post("teacher/codes", data={"count": "2", "class_name": "2b"})
-    for path in ("", "teacher", "teacher/live", "teacher/course?from=path", "teacher/sheet"):
+    code = re.findall(r"people/(\w+)", teacher.get("teacher").text)[0]
+    for path in ("", "teacher", "teacher/live", "teacher/course?from=path", "teacher/sheet", f"teacher/people/{code}"):
         if path == "teacher/live":
             for name, value in teacher.cookies.items():
                 browser.tell("Network.setCookie", name=name, value=value, url=served.address)
