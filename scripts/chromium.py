@@ -91,10 +91,14 @@ class Browser:
                 return heard["result"]
             self.events.append(heard)
 
-    def open(self, path: Path, width: int, *, dark: bool = False) -> None:
-        """Open a file in a window of a width [px] and wait until it is loaded."""
+    def open(self, path: Path, width: int, height: int = 900, *, dark: bool = False) -> None:
+        """Open a file in a window of a width and height [px] and wait until it is loaded."""
         self.tell(
-            "Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=width < 700
+            "Emulation.setDeviceMetricsOverride",
+            width=width,
+            height=height,
+            deviceScaleFactor=1,
+            mobile=min(width, height) < 700,
         )
         self.darken(dark)
         self.events.clear()

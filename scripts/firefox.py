@@ -55,10 +55,10 @@ class Browser:
                 return heard["result"]  # type: ignore[no-any-return]
             self.events.append(heard)
 
-    def open(self, path: Path, width: int, *, dark: bool = False) -> None:
-        """Open a file in a window of a width [px] and wait until it is loaded."""
+    def open(self, path: Path, width: int, height: int = 900, *, dark: bool = False) -> None:
+        """Open a file in a window of a width and height [px] and wait until it is loaded."""
         self._be_dark(dark)
-        viewport = {"width": width, "height": 900}
+        viewport = {"width": width, "height": height}
         self.tell("browsingContext.setViewport", context=self._page, viewport=viewport, devicePixelRatio=1)
         self.events.clear()
         self.tell("browsingContext.navigate", context=self._page, url=path.as_uri(), wait="complete")

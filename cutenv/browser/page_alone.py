@@ -19,6 +19,7 @@ from cutenv._base.arrays import Array, StructArray
 from cutenv._base.document import LANGUAGES, render, texts_by_key
 from cutenv._base.output import atomic_write
 from cutenv._base.validation import in_range, one_of
+from cutenv.browser.watched_cut import planned_way
 from cutenv.cutting.dtypes import READING
 from cutenv.envs.tissue_source import TissueSource
 from cutenv.measurement.strokes import SHORTEST_STROKE, STANDSTILL_SPEED
@@ -62,7 +63,7 @@ OFFERED_LINES = ("arc", "s", "excision", "random")
 _HERE = Path(__file__).parent / "page"
 _SCRIPTS = (
     "law.js", "words.js", "depth.js", "path.js", "record.js", "score.js", "platform.js", "scene.js", "plan.js",
-    "drawing.js", "hand.js", "page.js",
+    "drawing.js", "replay.js", "hand.js", "page.js",
 )  # fmt: skip
 _TIPS = 61  # positions of the tip for which the page holds the field; between them it is interpolated
 
@@ -98,6 +99,7 @@ def page_alone(
     seed: int = 0,
     language: str = "en",
     platform: Mapping[str, float | None] | None = None,
+    expert: bool = False,
 ) -> str:
     """Return a page that cuts, shows numbers and saves records.
 
@@ -119,6 +121,8 @@ def page_alone(
         Language until the reader chooses.
     platform : mapping, optional
         Given for a page in a learning platform's package: "mark" is the score to pass with, or None.
+    expert : bool
+        Whether a replay shows the planner's way in the same specimen, too; a second of work for each.
 
     Raises
     ------
@@ -145,7 +149,13 @@ def page_alone(
         "scoring": scoring_data(),
         "specimens": [
             specimen_data(
-                each, seed, k, task=task, line=lines[k % len(lines)] if TASKS[task].line else None, tissue=tissue
+                each,
+                seed,
+                k,
+                task=task,
+                line=lines[k % len(lines)] if TASKS[task].line else None,
+                expert=expert,
+                tissue=tissue,
             )
             for task, each, k in itertools.product(tasks, dict.fromkeys(specimen_classes), numbers)
         ],
@@ -239,19 +249,23 @@ def specimen_data(
     *,
     task: str = "gentle",
     line: str | None = None,
+    expert: bool = False,
     tissue: str | Path | None = None,
 ) -> dict[str, Any]:
     """Return a cut at its start: its key, and the records of its whole state as base64; hidden truth included.
 
-    ``line`` is the kind of line of a cut along one; the key draws it by default.  ``tissue`` is the file of another
-    tissue than the measured pig liver.
+    ``line`` is the kind of line of a cut along one; the key draws it by default.  With ``expert`` the planner's way is
+    there, too.  ``tissue`` is the file of another tissue than the measured pig liver.
     """
     key: dict[str, Any] = {"specimen_class": specimen_class, "seed": seed, "episode": episode}
     of_task: dict[str, Any] = {} if line is None else {"line": line}
     cut = TASKS[task].hand(**key, **of_task, target_length=target_length, tissue=tissue)
     told = {"line": cut.noted["line"]} if TASKS[task].line else {}
     records = {name: _base64(record.tobytes()) for name, record in cut.records.items()}
-    return {"task": task} | key | told | {"records": records, "facts": cut.facts}
+    data = {"task": task} | key | told | {"records": records, "facts": cut.facts}
+    if expert:
+        data["expert"] = planned_way(specimen_class, seed, episode, target_length, task=task, line=line, tissue=tissue)
+    return data
 
 
 def scoring_data() -> dict[str, Any]:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from datetime import datetime
 from typing import Any, NamedTuple
 
 from cutenv._base.document import texts_by_key
+from cutenv._base.validation import one_of
 from cutenv.classroom.class_store import HandedOutCut, MarkInForce, Place
-from cutenv.classroom.class_tables import LEFT, SAVED
-from cutenv.classroom.lesson import Lesson
+from cutenv.classroom.class_tables import GOING_ON, LEFT, OPEN, SAVED, TAKEN_BACK
+from cutenv.classroom.lesson import LONGEST_CUT, Lesson
 from cutenv.scoring.study import proficiency
 
 _WIDTH, _HEIGHT, _LEFT, _BELOW, _ABOVE = 400.0, 170.0, 30.0, 22.0, 8.0
@@ -123,6 +125,72 @@ def people_of(lesson: Lesson) -> list[Person]:
     for cut in lesson.store.cuts():
         by_code.setdefault(cut.code, []).append(cut)
     return [Person(code, consented, by_code.get(code, [])) for code, consented in lesson.store.codes()]
+
+
+CUTTING, STALLED, LEFT_OFF, HERE, AWAY = "cutting", "stalled", "left off", "here", "away"
+"""States of a person now: cuts; has begun a cut and sent none in its time; left one; is signed in; is not."""
+_ORDER = (STALLED, CUTTING, LEFT_OFF, HERE, AWAY)
+_GRACE = 15.0  # s beyond the longest cut, in which it is sent
+_ATTENTION = {state: place for place, state in enumerate(_ORDER)}
+LIVE_ORDERS = ("code", "class", "doing", "cuts", "score")
+"""Keys by which the live list can be sorted."""
+
+
+def live_list(
+    lesson: Lesson, language: str, *, by: str = "code", class_name: str | None = None
+) -> list[dict[str, Any]]:
+    """Return what everybody does now, a row each.
+
+    Parameters
+    ----------
+    lesson : Lesson
+        The class at work.
+    language : {"en", "de"}
+        Language of what comes next in a course.
+    by : str
+        One of :data:`LIVE_ORDERS`; "doing" puts those first who may need help.
+    class_name : str, optional
+        Class to show; all by default.
+    """
+    places, present = lesson.store.places(), lesson.store.present()
+    rows = []
+    for person in people_of(lesson):
+        where = places.get(person.code, Place())
+        if class_name is not None and where.class_name != class_name:
+            continue
+        saved = [cut for cut in person.cuts if cut.state == SAVED]
+        progress = lesson.progress(person.code, person.cuts)
+        doing, since = _doing(lesson, person, present)
+        rows.append(
+            {
+                "code": person.code, "class": where.class_name, "doing": doing, "since": since, "cuts": len(saved),
+                "score": saved[-1].score if saved else None, "last": saved[-1] if saved else None,
+                "ahead": "" if progress is None else progress.ahead(language),
+            }
+        )  # fmt: skip
+    keys = {
+        "code": lambda row: row["code"],
+        "class": lambda row: (row["class"], row["code"]),
+        "doing": lambda row: (_ATTENTION[row["doing"]], row["code"]),
+        "cuts": lambda row: (row["cuts"], row["code"]),
+        "score": lambda row: (-1 if row["score"] is None else row["score"], row["code"]),
+    }
+    return sorted(rows, key=keys[one_of("by", by, LIVE_ORDERS)])
+
+
+def _doing(lesson: Lesson, person: Person, present: Mapping[str, str]) -> tuple[str, float | None]:
+    """Return what a person does now, and for how long, if that is known [s]."""
+    made = [cut for cut in person.cuts if cut.state != TAKEN_BACK]
+    open_cut = next((cut for cut in made if cut.state == GOING_ON), None)
+    if open_cut is not None:
+        for_long = (lesson.store.clock() - datetime.fromisoformat(open_cut.begun)).total_seconds()
+        if person.code not in present:
+            return LEFT_OFF, for_long
+        return (CUTTING if for_long <= LONGEST_CUT / 1e3 + _GRACE else STALLED), for_long
+    if person.code not in present:
+        return AWAY, None
+    ended = [cut for cut in made if cut.state not in OPEN]
+    return (LEFT_OFF if ended and ended[-1].state == LEFT else HERE), None
 
 
 def _shown(lesson: Lesson, language: str, mark: MarkInForce | None, place: Place, person: Person) -> dict[str, Any]:

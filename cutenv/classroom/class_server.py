@@ -17,12 +17,14 @@ from starlette.routing import Route
 from cutenv.browser.page_alone import page_text
 from cutenv.classroom.class_overview import score_curve
 from cutenv.classroom.class_site import ClassSite, Guard, Trials
-from cutenv.classroom.class_tables import SAVED
+from cutenv.classroom.class_tables import SAVED, TRIAL
+from cutenv.classroom.course_pages import CoursePages
 from cutenv.classroom.lesson import RefusedCut
 from cutenv.classroom.live_rig import LiveRig, live_routes
 from cutenv.classroom.teacher_pages import StudyPages, TeacherPages, UploadPages
 from cutenv.report.page import in_languages, translated
 
+_LONGEST_CODE = 64
 _FAILURES_BY_CODE = 2  # wrong codes in a minute, for each code there is
 
 
@@ -46,15 +48,17 @@ class PeoplePages:
             Route("/", self.enter_page, methods=["GET"]), Route("/", self.enter, methods=["POST"]),
             Route("/leave", self.leave, methods=["POST"]), Route("/cut", self.cut_page, methods=["GET"]),
             Route("/cuts", self.begin, methods=["POST"]), Route("/cuts", self.history, methods=["GET"]),
-            Route("/curve", self.curve, methods=["GET"]), Route("/cuts/{number:str}", self.finish, methods=["POST"]),
+            Route("/curve", self.curve, methods=["GET"]), Route("/comments", self.comments, methods=["GET"]),
+            Route("/cuts/{number:str}", self.finish, methods=["POST"]),
             Route("/cuts/{number:str}/begun", self.begun, methods=["POST"]),
+            Route("/cuts/{number:str}/replay", self.replay, methods=["GET"]),
         ]  # fmt: skip
 
     async def enter_page(self, request: Request) -> Response:
         """Show the page on which a code is entered."""
         if await self._site.signed_in(request, self._site.person_cookie):
             return RedirectResponse("cut", 303)
-        return self._site.page("enter.html", trouble="")
+        return self._site.page("enter.html", trouble="", code=request.query_params.get("code", "")[:_LONGEST_CODE])
 
     async def enter(self, request: Request) -> Response:
         """Sign a person in who has a code and consents."""
@@ -62,11 +66,13 @@ class PeoplePages:
         self._trials.check(address, len(await run_in_threadpool(self._lesson.store.codes)))
         form = await request.form()
         code = str(form.get("code", "")).strip().upper()
-        if not (code and code.isprintable()) or not await run_in_threadpool(self._lesson.store.knows, code):
+        if not (code and code.isprintable() and code != TRIAL) or not await run_in_threadpool(
+            self._lesson.store.knows, code
+        ):
             self._trials.failed(address)
-            return self._site.page("enter.html", 403, trouble=self._site.words["wrong_code"])
+            return self._site.page("enter.html", 403, trouble=self._site.words["wrong_code"], code="")
         if form.get("consent") != "yes":
-            return self._site.page("enter.html", 403, trouble=self._site.words["no_consent"])
+            return self._site.page("enter.html", 403, trouble=self._site.words["no_consent"], code=code)
         await run_in_threadpool(self._lesson.store.consent, code)
         if self._site.courier is not None:
             await run_in_threadpool(self._site.courier.queue.agree, code)
@@ -109,6 +115,16 @@ class PeoplePages:
             raise HTTPException(409, "This cut is not to be begun any more. Load the page again.")
         return JSONResponse({})
 
+    async def replay(self, request: Request) -> Response:
+        """Answer with a saved cut for its replay."""
+        code = await self._site.person(request)
+        try:
+            return JSONResponse(await run_in_threadpool(self._lesson.replay, code, request.path_params["number"]))
+        except LookupError as error:
+            raise HTTPException(404, str(error)) from None
+        except (OSError, ValueError) as error:
+            raise HTTPException(422, str(error)) from None
+
     async def finish(self, request: Request) -> Response:
         """Repeat, score and keep a cut that has ended."""
         code = await self._site.person(request)
@@ -131,6 +147,11 @@ class PeoplePages:
     async def history(self, request: Request) -> Response:
         """Answer with the person's cuts."""
         return JSONResponse(await run_in_threadpool(self._lesson.history, await self._site.person(request)))
+
+    async def comments(self, request: Request) -> Response:
+        """Answer with the teacher's comments to the person."""
+        said = await run_in_threadpool(self._lesson.store.comments, await self._site.person(request))
+        return JSONResponse([{"when": each.written, "said": each.said} for each in said])
 
     async def curve(self, request: Request) -> Response:
         """Answer with the person's learning curve."""
@@ -172,6 +193,7 @@ def class_app(site: ClassSite, *, live: LiveRig | None = None, ticket: str | Non
             *live_routes(live, site.teacher, site.page),
             *PeoplePages(site).routes,
             *teacher.routes,
+            *CoursePages(site).routes,
             *StudyPages(site).routes,
             *UploadPages(site).routes,
             *teacher.routes_of_any_name,

@@ -175,6 +175,11 @@ _PAGES = Path(__file__).parent / "pages"
 _SIGNED_IN = 12 * 3600  # [s]
 
 
+@functools.lru_cache(8)  # a second of work; a course that is edited may have other tasks
+def _page_data(tasks: tuple[str, ...], tissue: str | Path | None) -> dict[str, Any]:
+    return page_data(tasks, TissueSource(tissue).description)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ClassSite:
     """Site of a class.
@@ -224,10 +229,10 @@ class ClassSite:
         """Name under which the teacher is signed in: it ends with the secret."""
         return teacher_of(self.secret)
 
-    @cached_property
+    @property
     def page_data(self) -> dict[str, Any]:
         """Facts that the page that cuts needs, whatever the specimen."""
-        return page_data(self.lesson.kinds, TissueSource(self.lesson.tissue).description)
+        return _page_data(tuple(self.lesson.kinds), self.lesson.tissue)
 
     @property
     def words(self) -> Mapping[str, str]:

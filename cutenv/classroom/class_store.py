@@ -33,6 +33,7 @@ from cutenv.classroom.class_tables import (
     BROKEN_OFF,
     CLASS_METADATA,
     CLASS_PLACES,
+    COMMENTS,
     CUTS,
     GOING_ON,
     INDEXES,
@@ -41,13 +42,17 @@ from cutenv.classroom.class_tables import (
     PASS_MARKS,
     PEOPLE,
     PREPARED,
+    SAVED,
     SESSIONS,
     TAKEN_BACK,
+    TRIAL,
     UNFINISHED,
 )
 from cutenv.recording.provenance import check_operator
 from cutenv.scoring.score_card import whole_score
 
+LONGEST_COMMENT = 500
+"""Most characters of a comment."""
 _TRIES = 100  # of handing out a cut, while other servers are quicker
 _SESSION, _IDLE, _NOTED = timedelta(hours=12), timedelta(minutes=15), timedelta(minutes=1)
 _TEACHER = "teacher "  # no code begins so
@@ -70,6 +75,14 @@ class MarkInForce(NamedTuple):
     since: str
 
 
+class Comment(NamedTuple):
+    """Comment of the teacher to a person, and when it was written (UTC)."""
+
+    id: str
+    written: str
+    said: str
+
+
 class NewCut(NamedTuple):
     """Cut to hand out: its specimen, as in :class:`HandedOutCut`, its course and task, and a digest of the task."""
 
@@ -86,6 +99,7 @@ class HandedOutCut(NamedTuple):
 
     ``target_length`` [m] is None if it is drawn, ``begun`` (UTC) "" before, ``score`` None without one, ``numbers``
     (:func:`~cutenv.play.course.marked_numbers`) None where they were not noted, ``stalled`` what its page lost [s].
+    An ``example`` is shown beside replays of the same specimen.
     """
 
     id: str
@@ -107,6 +121,7 @@ class HandedOutCut(NamedTuple):
     ended: str
     numbers: Mapping[str, float] | None
     stalled: float
+    example: bool
 
 
 class SeenMovements(ValueError):
@@ -242,9 +257,10 @@ class ClassStore:
         return True
 
     def codes(self) -> list[tuple[str, bool]]:
-        """Return all codes in order, and whether their people consented."""
+        """Return all codes of people in order, and whether they consented."""
         with self._transaction() as connection:
-            rows = connection.execute(select(PEOPLE).order_by(PEOPLE.c.created, PEOPLE.c.code)).all()
+            everybody = select(PEOPLE).where(PEOPLE.c.code != TRIAL)
+            rows = connection.execute(everybody.order_by(PEOPLE.c.created, PEOPLE.c.code)).all()
         return [(row.code, row.consented is not None) for row in rows]
 
     def knows(self, code: str) -> bool:
@@ -262,7 +278,7 @@ class ClassStore:
         if not self.knows(code):
             return False
         with self._transaction() as connection:
-            for table in (CUTS, CLASS_PLACES, SESSIONS):
+            for table in (CUTS, CLASS_PLACES, COMMENTS, SESSIONS):
                 connection.execute(delete(table).where(table.c.code == code))
             return connection.execute(delete(PEOPLE).where(PEOPLE.c.code == code)).rowcount > 0
 
@@ -294,6 +310,39 @@ class ClassStore:
                 connection.execute(delete(CLASS_PLACES).where(CLASS_PLACES.c.code == code))
                 if any(new.values()):
                     connection.execute(insert(CLASS_PLACES).values(code=code, **new))
+
+    # Comments
+
+    def comment(self, code: str, said: str) -> None:
+        """Keep a comment of the teacher to a person.
+
+        Raises
+        ------
+        LookupError
+            If there is no such person.
+        ValueError
+            If it is empty, or longer than 500 characters.
+        """
+        if not self.knows(code):
+            raise LookupError("There is no such code.")
+        said = said.strip()
+        if not 1 <= len(said) <= LONGEST_COMMENT:
+            raise ValueError(f"A comment has 1 to {LONGEST_COMMENT} characters; this one has {len(said)}.")
+        values = {"id": secrets.token_hex(16), "code": code, "written": self._now(), "said": said}
+        with self._transaction() as connection:
+            connection.execute(insert(COMMENTS).values(**values))
+
+    def comments(self, code: str) -> list[Comment]:
+        """Return the comments to a person, the newest first."""
+        mine = select(COMMENTS).where(COMMENTS.c.code == code).order_by(COMMENTS.c.written.desc(), COMMENTS.c.id)
+        with self._transaction() as connection:
+            return [Comment(row.id, row.written, row.said) for row in connection.execute(mine)]
+
+    def take_back(self, number: str, code: str) -> None:
+        """Delete a comment to a person."""
+        mine = (COMMENTS.c.id == number) & (COMMENTS.c.code == code)
+        with self._transaction() as connection:
+            connection.execute(delete(COMMENTS).where(mine))
 
     # Pass marks
 
@@ -343,6 +392,14 @@ class ClassStore:
                 mine = SESSIONS.c.token_hash == row.token_hash
                 connection.execute(update(SESSIONS).where(mine).values(seen=_written(now)))
         return str(row.code)
+
+    def present(self) -> dict[str, str]:
+        """Return when everybody who is signed in was last seen (UTC, to a minute), by code."""
+        now = self.clock()
+        here = (SESSIONS.c.expires >= _written(now)) & (SESSIONS.c.seen >= _written(now - _IDLE))
+        seen = select(SESSIONS.c.code, func.max(SESSIONS.c.seen).label("seen")).where(here).group_by(SESSIONS.c.code)
+        with self._transaction() as connection:
+            return {row.code: row.seen for row in connection.execute(seen)}
 
     def sign_out(self, token: str) -> None:
         """Forget a token."""
@@ -461,6 +518,22 @@ class ClassStore:
         with self._transaction() as connection:
             connection.execute(update(CUTS).where(CUTS.c.id == number).values(**columns, course=course))
 
+    def set_example(self, number: str, code: str, shown: bool) -> None:
+        """Let a saved cut be an example or not, in place of another one of the same specimen in the same task.
+
+        Raises
+        ------
+        LookupError
+            If the person has no such saved cut.
+        """
+        cut = self.cut(number, code)
+        if cut.state != SAVED:
+            raise LookupError(f"cut {number!r} is {cut.state}: it has no record.")
+        same = (CUTS.c.terms == cut.terms) & (CUTS.c.specimen_class == cut.specimen_class) & (CUTS.c.seed == cut.seed)
+        with self._transaction() as connection:
+            connection.execute(update(CUTS).where(same).values(example=None))
+            connection.execute(update(CUTS).where(CUTS.c.id == number).values(example=1 if shown else None))
+
     def add_foreign(self, code: str, end: CutEnd) -> str:
         """Note a cut that another program recorded; return its number."""
         for _ in range(_TRIES):
@@ -476,8 +549,8 @@ class ClassStore:
         raise LookupError("There is no such code.")
 
     def cuts(self, code: str | None = None) -> list[HandedOutCut]:
-        """Return the cuts of a person, or of all, in order."""
-        return list(self._found(*([] if code is None else [CUTS.c.code == code])))
+        """Return the cuts of a person, or of all people, in order."""
+        return list(self._found(CUTS.c.code != TRIAL if code is None else CUTS.c.code == code))
 
     def content(self) -> dict[str, list[dict[str, Any]]]:
         """Return everything but the sessions, as rows by table, for a backup."""
@@ -520,6 +593,7 @@ class ClassStore:
                 row.terms or "", row.handed_out, row.begun or "", row.state, row.record or "", row.outcome or "",
                 row.score, row.reason or "", row.ended or "",
                 None if row.numbers is None else json.loads(row.numbers), (row.stalled_ms or 0) / 1e3,
+                bool(row.example),
             )  # fmt: skip
 
 

@@ -50,6 +50,7 @@ CUTS = Table(
     Column("numbers", Text),  # those that a mark may limit, JSON
     Column("movements", String(64)),  # SHA-256
     Column("stalled_ms", Integer),
+    Column("example", Integer),  # 1 if the teacher shows it beside replays of the same specimen
 )
 SESSIONS = Table(
     "sessions",
@@ -61,7 +62,19 @@ SESSIONS = Table(
 )
 
 
-BACKED_UP = (PEOPLE, CLASS_PLACES, CUTS, PASS_MARKS)
+COMMENTS = Table(  # of the teacher, to a person
+    "comments",
+    CLASS_METADATA,
+    Column("id", String(32), primary_key=True),
+    Column("code", String(64), ForeignKey("people.code", ondelete="CASCADE"), nullable=False),
+    Column("written", String(32), nullable=False),
+    Column("said", String(500), nullable=False),
+)
+TRIAL = "TRY0"
+"""Code by which the teacher tries a lesson: nobody enters by it, and no list, study or export has its cuts."""
+
+
+BACKED_UP = (PEOPLE, CLASS_PLACES, CUTS, PASS_MARKS, COMMENTS)
 """Tables of a backup, in the order in which they are filled; nobody stays signed in."""
 
 

@@ -22,9 +22,11 @@ from typing import Any
 import numpy as np
 
 import cutenv
-from cutenv._base.output import put_in_place
+from cutenv._base.arrays import Array
+from cutenv._base.output import atomic_write, put_in_place
 from cutenv.browser.page_alone import specimen_data
 from cutenv.browser.stylus_steps import HandCut
+from cutenv.browser.watched_cut import MOVEMENTS, from_runs, in_runs, planned_way, way_of
 from cutenv.classroom.analysis import Analyses
 from cutenv.classroom.class_store import ClassStore, CutEnd, HandedOutCut, MarkInForce, NewCut, Place, SeenMovements
 from cutenv.classroom.class_tables import (
@@ -41,10 +43,11 @@ from cutenv.classroom.class_tables import (
 )
 from cutenv.classroom.foreign_upload import Uploads
 from cutenv.envs.tissue_source import TissueSource
-from cutenv.play.course import Course, CourseTask, marked_numbers
+from cutenv.play.course import Course, CourseTask, course_toml, marked_numbers, read_course
 from cutenv.play.course_progress import GIVEN_UP, CourseProgress
 from cutenv.play.course_words import COURSE_WORDS
 from cutenv.recording import Provenance, load_one, save
+from cutenv.recording.csv_file import read_metadata
 from cutenv.report.page import in_languages
 from cutenv.report.score_page import ScoredRecord, write_score_page
 from cutenv.scoring import ReferenceSet, ScoreCard, score
@@ -71,10 +74,11 @@ def shown_card(
         "outcome": {} if hidden else in_languages(card.outcome),
         "why": {} if hidden or not card.no_score else in_languages(f"{_capital(card.no_score)}."),
         "advice": [] if hidden else _advice(card),
+        "numbers": {} if hidden else {k: v for k, v in marked_numbers(card).items() if k in _CARD_NUMBERS},
         "points": [] if hidden else [dataclasses.asdict(each) for each in card.points],
         "verdict": {} if progress is None else progress.verdicts,
         "ahead": ahead_words(progress),
-        "done": progress is not None and progress.task is None,
+        "done": progress is not None and (progress.task is None or progress.waits),
     }
 
 
@@ -96,6 +100,9 @@ def ahead_words(progress: CourseProgress | None) -> dict[str, str]:
 
 
 _MOST_ADVICE = 2  # a person attends to no more in the next cut
+COURSE_FILE = "course.toml"
+"""Name of the file of a course that was edited, in the class's folder."""
+_CARD_NUMBERS = ("peak_force", "largest_jump", "duration")  # as on the teacher's card of the same cut
 LONGEST_CUT = 30_000
 """Longest cut [ms]: the deadline of the task."""
 FEWEST_MOVEMENTS = 100
@@ -105,7 +112,7 @@ _LEFTOVER = 60.0  # s after which a part of a record belongs to a server that wa
 
 # Facts that a record of another program may claim, and that only this server's own records may have.
 _FACTS_OF_A_CONFIRMED_CUT = frozenset(
-    ("course", "task", "feedback", "crossover", "hand", "stalled_s", "movements_sha256", TIP_AT_END)
+    ("course", "task", "feedback", "crossover", "hand", "stalled_s", "movements_sha256", MOVEMENTS, TIP_AT_END)
 )
 
 
@@ -144,10 +151,12 @@ class Lesson:
         specimen_class: str = "liver",
         tissue: str | Path | None = None,
     ) -> None:
-        self.store, self.folder, self.course, self.specimen_class = store, folder, course, specimen_class
+        self.store, self.folder, self.specimen_class = store, folder, specimen_class
         self.tissue = tissue
         self._of_tissue = () if tissue is None else (TissueSource(tissue).description.to_json(),)
         folder.mkdir(parents=True, exist_ok=True)
+        self._given = course
+        self._edited: tuple[tuple[int, ...], Course | None] = (), course  # stamp and course of the edited file
         self.analyses = Analyses(folder.parent / "studies", folder)
         self.uploads = Uploads()
         self._reference = ReferenceSet.shipped()
@@ -161,9 +170,36 @@ class Lesson:
         self.store.close()
 
     @property
+    def course_file(self) -> Path:
+        """File of the course that was edited on the teacher's page; it takes the place of that of the start."""
+        return self.folder.parent / COURSE_FILE
+
+    @property
+    def course(self) -> Course | None:
+        """Course that everybody goes through now, whichever server has edited it; None without one."""
+        try:
+            about = self.course_file.stat()
+        except OSError:
+            return self._given
+        stamp = (about.st_mtime_ns, about.st_size, about.st_ino)
+        if stamp != self._edited[0]:
+            with suppress(OSError, ValueError):  # changed by hand, and damaged: the course goes on as it was
+                self._edited = (stamp, read_course(self.course_file))
+        return self._edited[1]
+
+    def set_course(self, course: Course | None) -> None:
+        """Let everybody go through a course from now on; None for that of the start."""
+        if course is None:
+            self.course_file.unlink(missing_ok=True)
+            return
+        with atomic_write(self.course_file) as part:
+            part.write_text(course_toml(course), encoding="utf-8")
+
+    @property
     def course_name(self) -> str:
         """Name of the course; "" without one."""
-        return "" if self.course is None else self.course.name
+        course = self.course
+        return "" if course is None else course.name
 
     @property
     def pass_mark(self) -> MarkInForce | None:
@@ -181,9 +217,10 @@ class Lesson:
         A cut that was left or refused counts as given up.  Records that cannot be read, of cuts that an earlier version
         saved without their numbers, stand in ``unread``: they are read again the next time.
         """
-        if self.course is None:
+        course = self.course
+        if course is None:
             return None
-        progress = CourseProgress(self.course, code)
+        progress = CourseProgress(course, code, clock=self.store.clock)
         for cut in self.store.cuts(code) if cuts is None else cuts:
             known = cut
             if cut.state == SAVED and cut.numbers is None:
@@ -192,7 +229,7 @@ class Lesson:
                 except (OSError, KeyError, ValueError) as error:
                     progress.unread.append(f"{cut.record}: {error}")
                     continue
-            if known.course != self.course.name or not any(task.name == known.task for task in self.course.tasks):
+            if known.course != course.name or not any(task.name == known.task for task in course.tasks):
                 continue
             if known.state == UNFINISHED:
                 progress.skip(known.task)
@@ -230,15 +267,16 @@ class Lesson:
     def _next(self, code: str, cuts: Sequence[HandedOutCut]) -> NewCut | None:
         """Return the cut to hand out after those that have ended; None if the course is done."""
         progress = self.progress(code, cuts)
-        if progress is None or self.course is None:
+        if progress is None:
             free = CourseTask(name="", specimen_class=self.specimen_class)
             return NewCut(self.specimen_class, secrets.randbelow(2**31), terms=self._terms("", free))
         if progress.unread:
             raise OSError(f"a record of yours cannot be read ({progress.unread[0]}). Tell your teacher")
         task = progress.task
-        if task is None:
+        if task is None or progress.waits:
             return None
-        return NewCut(*progress.specimen(), self.course.name, task.name, self._terms(self.course.name, task))
+        course = progress.course.name
+        return NewCut(*progress.specimen(), course, task.name, self._terms(course, task))
 
     def finish(self, code: str, number: str, movements: bytes, digest: str, *, stalled: float = 0.0) -> dict[str, Any]:
         """Repeat a cut by the law, and keep it if the page's readings are those of the law; return the card.
@@ -308,6 +346,7 @@ class Lesson:
                 **cut.noted,
                 stalled_s=round(stalled, 3),
                 **({} if seen is None else {"movements_sha256": seen}),
+                **{MOVEMENTS: in_runs(_rows(movements, task))},
             )
             card = score(trace, target_length=cut.target_length, reference=self._reference)
             place = self.folder / code
@@ -376,13 +415,10 @@ class Lesson:
                 f"{len(movements)} bytes are no cut: {FEWEST_MOVEMENTS} to {LONGEST_CUT} milliseconds of {size} bytes "
                 "are."
             )
-        stylus = np.frombuffer(movements, "<f8").reshape(-1, size // 8)
+        stylus = _rows(movements, task)
         if not np.isfinite(stylus).all() or np.abs(stylus).max() > 10.0:
             raise RefusedCut("a movement of the hand is no number, or farther than any hand reaches.")
-        cut = kind(
-            specimen_class=handed_out.specimen_class, seed=handed_out.seed, target_length=handed_out.target_length,
-            tissue=self.tissue, **task.of_line,
-        )  # fmt: skip
+        cut = kind(**_key(handed_out), **task.of_line, tissue=self.tissue)
         readings = cut.follow(stylus)
         if len(readings) < len(stylus):
             raise RefusedCut(f"the cut ends after {len(readings)} ms; the page sent {len(stylus)}.")
@@ -390,18 +426,64 @@ class Lesson:
             raise RefusedCut("its readings are not those of the law for these movements.")
         return cut, readings
 
+    def replay(self, code: str, number: str) -> dict[str, Any]:
+        """Return a saved cut for its replay: specimen, movements, an expert's way in it, and who that is.
+
+        The expert is a cut of the same specimen that the teacher has chosen, "example", or else the "planner".
+
+        Raises
+        ------
+        LookupError
+            If there is no such cut, it has no movements, or its task hides the force.
+        OSError, ValueError
+            If its record cannot be read.
+        """
+        cut = self.store.cut(number, code)
+        task = self._task(code, cut)
+        if cut.state != SAVED or task is None or task.feedback == "never":
+            raise LookupError("this cut is not shown again.")
+        example = next((each for each in self.store.cuts() if each.example and _same_specimen(each, cut)), None)
+        expert = None
+        if example is not None and example.id != number:
+            with suppress(OSError, LookupError, ValueError):  # its record is damaged: the planner takes its place
+                expert = self._way(example, task)
+        movements = in_runs(self._movements(cut))
+        by = "planner" if expert is None else "example"
+        kind, seed, target = cut.specimen_class, cut.seed, cut.target_length
+        line = task.line if TASKS[task.task].line else None
+        if expert is None:
+            expert = planned_way(kind, seed, 0, target, task=task.task, line=line, tissue=self.tissue)
+        specimen = specimen_data(kind, seed, 0, target, task=task.task, tissue=self.tissue, **task.of_line)
+        return {"specimen": specimen, "movements": movements, "expert": expert, "by": by}
+
+    def _movements(self, cut: HandedOutCut) -> Array:
+        """Return the movements of a saved cut, shape (n, k); LookupError if an earlier version kept it without them."""
+        runs = read_metadata(self._path(cut)).get(MOVEMENTS)
+        if runs is None:
+            raise LookupError("this cut was kept without the movements of the hand.")
+        return from_runs(runs)
+
+    def _way(self, cut: HandedOutCut, task: CourseTask) -> dict[str, list[float]]:
+        """Return the way of a saved cut, made again by the law."""
+        made = TASKS[task.task].hand(**_key(cut), **task.of_line, tissue=self.tissue)
+        readings = made.follow(self._movements(cut))
+        return way_of(readings, dict(zip(made.channel_fields, made.channels, strict=True)))
+
     @property
     def kinds(self) -> tuple[str, ...]:
         """Tasks that are cut in the class."""
-        return ("gentle",) if self.course is None else self.course.kinds
+        course = self.course
+        return ("gentle",) if course is None else course.kinds
 
     def _task(self, code: str, cut: HandedOutCut) -> CourseTask | None:
         """Return the task that a cut was handed out for, gentle cutting without a course; None if it is not served."""
-        if self.course is None:
+        course = self.course
+        if course is None:
             tasks: Sequence[CourseTask] = (CourseTask(name="", specimen_class=cut.specimen_class),)
         else:
-            tasks = self.course.for_operator(code).tasks
-        return next((task for task in tasks if self._terms(self.course_name, task) == cut.terms), None)
+            tasks = course.for_operator(code).tasks
+        name = "" if course is None else course.name
+        return next((task for task in tasks if self._terms(name, task) == cut.terms), None)
 
     def _terms(self, course: str, task: CourseTask) -> str:
         """Return a digest of what defines the cuts of a task: one is handed out, and finished, on the same terms alone.
@@ -480,10 +562,12 @@ class Lesson:
 
     def history(self, code: str) -> list[dict[str, Any]]:
         """Return a person's cuts as the person may see them: without result where the task shows no feedback."""
-        tasks = () if self.course is None else self.course.for_operator(code).tasks
+        course = self.course
+        tasks = () if course is None else course.for_operator(code).tasks
         silent = {task.name for task in tasks if task.feedback == "never"}
         return [
-            {"when": cut.handed_out, "state": cut.state, "stalled": cut.stalled}
+            {"id": cut.id, "when": cut.handed_out, "state": cut.state, "stalled": cut.stalled}
+            | {"replay": cut.state == SAVED and cut.task not in silent and self._task(code, cut) is not None}
             | {"outcome": {} if cut.task in silent else in_languages(cut.outcome)}
             | {"score": None if cut.task in silent else cut.score}
             for cut in self.store.cuts(code)
@@ -527,6 +611,20 @@ def _record_name(cut: HandedOutCut) -> str:
     return f"{handed_out:%Y%m%dT%H%M%S}_{cut.specimen_class}_{cut.seed}-0_{cut.id[:6]}"
 
 
+def _key(cut: HandedOutCut) -> dict[str, Any]:
+    """Return what the specimen of a cut is made by."""
+    return {"specimen_class": cut.specimen_class, "seed": cut.seed, "target_length": cut.target_length}
+
+
+def _same_specimen(one: HandedOutCut, other: HandedOutCut) -> bool:
+    return (*_key(one).values(), one.terms) == (*_key(other).values(), other.terms)
+
+
+def _rows(movements: bytes, task: CourseTask) -> Array:
+    """Return movements as rows, one each millisecond."""
+    return np.frombuffer(movements, "<f8").reshape(-1, _movement_size(task) // 8)
+
+
 def _movement_size(task: CourseTask) -> int:
     """Return the number of bytes of a millisecond's movement."""
     return 8 * len(TASKS[task.task].hand.led.task.action_names)
@@ -534,8 +632,7 @@ def _movement_size(task: CourseTask) -> int:
 
 def _digest_of(movements: bytes, task: CourseTask) -> str | None:
     """Return the SHA-256 of movements; None of a hand that hardly moved, as that of many others may."""
-    places = np.frombuffer(movements, "<f8")[:: _movement_size(task) // 8]
-    return hashlib.sha256(movements).hexdigest() if np.ptp(places) > _OWN_WAY else None
+    return hashlib.sha256(movements).hexdigest() if np.ptp(_rows(movements, task)[:, 0]) > _OWN_WAY else None
 
 
 def _sweep(place: Path) -> None:

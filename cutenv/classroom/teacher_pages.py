@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import functools
 import hmac
 import re
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import date
 from typing import Any
 
@@ -17,10 +18,10 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.routing import Route
 
 from cutenv.classroom.analysis import PASS_MARK_KIND, STUDY_KIND, StudiedRecord
-from cutenv.classroom.class_overview import overview, people_of
+from cutenv.classroom.class_overview import CUTTING, LIVE_ORDERS, STALLED, live_list, overview, people_of
 from cutenv.classroom.class_site import UPLOAD_PATH, ClassSite, Trials, download, is_loopback, text_of
-from cutenv.classroom.class_store import Place
-from cutenv.classroom.class_tables import KEPT, LEFT, SAVED
+from cutenv.classroom.class_store import LONGEST_COMMENT, Place
+from cutenv.classroom.class_tables import KEPT, LEFT, SAVED, TRIAL
 from cutenv.classroom.foreign_upload import PICKED, picked_length, units_by_field
 from cutenv.classroom.live_rig import LiveRig
 from cutenv.report.page import embedded_figure
@@ -63,6 +64,9 @@ class TeacherPages:
             route("GET", "/teacher/records.zip", self.records), route("POST", "/teacher/delete", self.remove),
             route("POST", "/teacher/places", self.place), route("GET", "/teacher/cuts.csv", self.cut_table),
             route("GET", "/teacher/people/{code:str}", self.person),
+            route("POST", "/teacher/people/{code:str}/example", self.example),
+            route("POST", "/teacher/people/{code:str}/comment", self.comment),
+            route("GET", "/teacher/live", self.live_people), route("POST", "/teacher/try", self.try_lesson),
         ]  # fmt: skip
 
     @property
@@ -120,6 +124,37 @@ class TeacherPages:
         await run_in_threadpool(self._lesson.store.put, codes, class_name=class_name)
         return RedirectResponse("../teacher", 303)
 
+    async def live_people(self, request: Request) -> Response:
+        """Show what everybody does now; the page looks again by itself."""
+        by, chosen = request.query_params.get("by", "doing"), request.query_params.get("class", "")
+        rows = await run_in_threadpool(
+            lambda: live_list(self._lesson, self._site.language, by=by, class_name=chosen or None)
+        )
+        places = await run_in_threadpool(self._lesson.store.places)
+        classes = sorted({place.class_name for place in places.values() if place.class_name})
+        answer = self._site.page(
+            "live.html", rows=rows, by=by, orders=LIVE_ORDERS, classes=classes, chosen=chosen, root="../",
+            course=self._lesson.course_name, counts={state: _count(rows, state) for state in (CUTTING, STALLED)},
+        )  # fmt: skip
+        answer.headers["Refresh"] = "5"  # the page has no script that could ask
+        return answer
+
+    async def try_lesson(self, request: Request) -> Response:
+        """Let the teacher cut as somebody of no code would, from the beginning; nothing of it counts."""
+        await run_in_threadpool(self._lesson.delete, TRIAL)
+        await run_in_threadpool(self._lesson.store.add_code, TRIAL)
+        token = await run_in_threadpool(self._lesson.store.sign_in, TRIAL)
+        return self._site.sign(RedirectResponse("../cut", 303), self._site.person_cookie, token)
+
+    async def comment(self, request: Request) -> Response:
+        """Write a comment to a person, or take one back."""
+        form, code = await request.form(), request.path_params["code"]
+        if back := text_of(form, "take_back"):
+            await run_in_threadpool(self._lesson.store.take_back, back, code)
+        else:
+            await run_in_threadpool(self._lesson.store.comment, code, text_of(form, "said"))
+        return RedirectResponse(f"../{code}", 303)
+
     async def sheet(self, request: Request) -> Response:
         """Show codes to print and cut apart, of everybody or of one class."""
         store, chosen = self._lesson.store, request.query_params.get("class", "")
@@ -132,6 +167,7 @@ class TeacherPages:
             classes=classes,
             chosen=chosen,
             address=str(request.base_url),
+            qr=functools.partial(qr_code, str(request.base_url)),
             here_alone=is_loopback(request.url.hostname or ""),
         )
 
@@ -163,9 +199,21 @@ class TeacherPages:
         """Show a person's cuts."""
         code = request.path_params["code"]
         rows = (await run_in_threadpool(overview, self._lesson, self._site.language))["people"]
+        codes = [row["code"] for row in rows]
         for row in (row for row in rows if row["code"] == code):
-            return self._site.page("person.html", person=row, mark=self._lesson.pass_mark, root="../../")
+            k, comments = codes.index(code), await run_in_threadpool(self._lesson.store.comments, code)
+            return self._site.page(
+                "person.html", person=row, mark=self._lesson.pass_mark, root="../../", comments=comments,
+                longest=LONGEST_COMMENT, before=codes[k - 1] if k else "", after="".join(codes[k + 1 : k + 2]),
+            )  # fmt: skip
         raise HTTPException(404, "There is no such code.")
+
+    async def example(self, request: Request) -> Response:
+        """Show a person's cut as an example, or no longer."""
+        form, code = await request.form(), request.path_params["code"]
+        number, shown = text_of(form, "cut"), text_of(form, "shown") == "yes"
+        await run_in_threadpool(self._lesson.store.set_example, number, code, shown)
+        return RedirectResponse(f"../{code}", 303)
 
     async def place(self, request: Request) -> Response:
         """Put people into classes and groups."""
@@ -181,6 +229,20 @@ class TeacherPages:
     async def cut_table(self, request: Request) -> Response:
         """Send a table of all cuts."""
         return download((await run_in_threadpool(self._lesson.table)).encode(), "cuts.csv", "text/csv")
+
+
+def qr_code(address: str, code: str) -> str:
+    """Return a QR code by which a telephone opens the class with a code filled in, as SVG; "" without segno."""
+    try:
+        import segno  # an extra
+    except ImportError:
+        return ""
+    made = segno.make(f"{address}?code={code}", error="m", micro=False)
+    return str(made.svg_inline(scale=2, border=4, light="white", title=code))
+
+
+def _count(rows: Sequence[Mapping[str, Any]], state: str) -> int:
+    return sum(row["doing"] == state for row in rows)
 
 
 _TYPES = {".html": "text/html", ".csv": "text/csv", ".json": "application/json"}

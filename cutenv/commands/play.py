@@ -164,7 +164,7 @@ def _course_of(arguments: argparse.Namespace) -> CourseProgress | None:
     progress = CourseProgress(named_course(arguments.course), arguments.operator, arguments.out)
     for reason in progress.unread:
         print(f"note: not counted: {reason}", file=sys.stderr)
-    if progress.task is None:
+    if progress.task is None or progress.waits:
         raise ValueError(f"{progress.ahead()} The records are in {arguments.out}.")
     print(progress.ahead(), file=sys.stderr, flush=True)
     return progress

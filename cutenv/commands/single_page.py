@@ -43,6 +43,7 @@ def main(argv: Sequence[str]) -> int:
         "count": arguments.count,
         "seed": arguments.seed,
         "language": arguments.language,
+        "expert": arguments.expert,
     }
     if arguments.scorm is not None:
         size = write_scorm_package(arguments.scorm, pass_mark=arguments.pass_mark, **options)
@@ -89,6 +90,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--count", type=int, default=4, metavar="N", help="specimens of each class; default 4")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of specimens and targets; default 0")
     parser.add_argument("--language", choices=LANGUAGES, default="en", help="language of the page; default en")
+    parser.add_argument(
+        "--expert", action="store_true", help="show the planner's way beside replays; seconds of work for a specimen"
+    )
     parser.add_argument(
         "--scorm", type=Path, metavar="PACKAGE", help="write it as a SCORM 1.2 package for a learning platform, too"
     )

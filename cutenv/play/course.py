@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import re
 import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from datetime import date, datetime, time, timedelta
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -114,6 +116,10 @@ class CourseTask:
         Length of the cuts [m]; None if it is drawn from 0.060 to 0.100.
     crossover : bool
         True for the two tasks that exchange their feedback for operators with an even number.
+    attempts : int or None
+        Most cuts that count; after them the task is over, reached or not.  None for as many as it takes.
+    opens, closes : datetime or None
+        Moments from which, and up to which, cuts are handed out; on the clock of the machine if they name no zone.
     """
 
     name: str
@@ -126,6 +132,9 @@ class CourseTask:
     seeds: tuple[int, ...] = ()
     target_length: float | None = None
     crossover: bool = False
+    attempts: int | None = None
+    opens: datetime | None = None
+    closes: datetime | None = None
 
     @property
     def of_line(self) -> dict[str, Any]:
@@ -213,23 +222,65 @@ def read_course(path: Path) -> Course:
     except tomllib.TOMLDecodeError as error:
         raise ValueError(f"{path}: it is not TOML: {error}.") from None
     try:
-        _known_keys(content, ("name", "about", "task"))
-        given = content.get("task")
-        if not isinstance(given, list) or not given or not all(isinstance(each, dict) for each in given):
-            raise ValueError("it has no tasks. Begin each task with a line [[task]].")
-        tasks = tuple(_task(number, each) for number, each in enumerate(given, 1))
-        for task in tasks:
-            if sum(other.name == task.name for other in tasks) > 1:
-                raise ValueError(f"two tasks are called {task.name!r}. Give each a name of its own.")
-        pair = [task for task in tasks if task.crossover]
-        if pair and (len(pair) != 2 or pair[0].feedback == pair[1].feedback):
-            raise ValueError(
-                "crossover = true must stand in two tasks with different feedback, which are compared; "
-                f"here it stands in {len(pair)} ({', '.join(f'{each.name!r}: {each.feedback}' for each in pair)})."
-            )
-        return Course(name=_text("name", content), about=_text("about", content, ""), tasks=tasks)
+        return course_of(content)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{path}: {error}") from None
+
+
+def course_of(content: Mapping[str, Any]) -> Course:
+    """Return the course of a file's content, by key.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As :func:`read_course`, without the file's name.
+    """
+    _known_keys(content, ("name", "about", "task"))
+    given = content.get("task")
+    if not isinstance(given, list) or not given or not all(isinstance(each, dict) for each in given):
+        raise ValueError("it has no tasks. Begin each task with a line [[task]].")
+    tasks = tuple(_task(number, each) for number, each in enumerate(given, 1))
+    for task in tasks:
+        if sum(other.name == task.name for other in tasks) > 1:
+            raise ValueError(f"two tasks are called {task.name!r}. Give each a name of its own.")
+    pair = [task for task in tasks if task.crossover]
+    if pair and (len(pair) != 2 or pair[0].feedback == pair[1].feedback):
+        raise ValueError(
+            "crossover = true must stand in two tasks with different feedback, which are compared; "
+            f"here it stands in {len(pair)} ({', '.join(f'{each.name!r}: {each.feedback}' for each in pair)})."
+        )
+    return Course(name=_text("name", content), about=_text("about", content, ""), tasks=tasks)
+
+
+def course_toml(course: Course) -> str:
+    """Return the text of a course's file, which :func:`read_course` reads as the same course."""
+    parts = [_entries({"name": course.name, "about": course.about})]
+    parts += [f"[[task]]\n{_entries(task_content(task))}" for task in course.tasks]
+    return "\n".join(parts)
+
+
+def task_content(task: CourseTask) -> dict[str, Any]:
+    """Return a task as it stands in a file, by key; without what is the default."""
+    least = CourseTask(name="", specimen_class="")
+    fields = {_FIELDS.get(key, key): key for key in _TASK_KEYS}
+    found = {key: getattr(task, name) for name, key in fields.items() if getattr(task, name) != getattr(least, name)}
+    if task.target_length is not None:
+        found["target_length_mm"] = round(1e3 * task.target_length, 9)
+    return {key: list(value) if isinstance(value, tuple) else value for key, value in found.items()}
+
+
+def _entries(content: Mapping[str, Any]) -> str:
+    return "".join(f"{key} = {_toml(value)}\n" for key, value in content.items())
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{key} = {_toml(each)}" for key, each in value.items()) + " }"
+    if isinstance(value, datetime):
+        return value.isoformat()
+    if isinstance(value, float):
+        return repr(int(value)) if value.is_integer() else repr(value)
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")  # JSON's texts, lists and truths are TOML's
 
 
 def _task(number: int, given: Mapping[str, Any]) -> CourseTask:
@@ -250,7 +301,14 @@ def _task(number: int, given: Mapping[str, Any]) -> CourseTask:
         if TASKS[kind].line and "target_length_mm" in given:
             longest = f"A drawn line is long enough for cuts of at most {1e3 * LONGEST:.0f} mm."
             in_range("target_length_mm", given["target_length_mm"], 15.0, 1e3 * LONGEST, "mm", longest)
-        return CourseTask(**{_FIELDS.get(key, key): _TASK_KEYS[key](given[key]) for key in given})
+        task = CourseTask(**{_FIELDS.get(key, key): _TASK_KEYS[key](given[key]) for key in given})
+        if task.attempts is not None and task.attempts < task.repetitions:
+            raise ValueError(
+                f"attempts = {task.attempts} is less than repetitions = {task.repetitions}: nobody could reach it."
+            )
+        if task.opens and task.closes and task.closes <= task.opens:
+            raise ValueError(f"closes = {task.closes:%Y-%m-%d %H:%M} is not after opens. Give a later moment.")
+        return task
     except (TypeError, ValueError) as error:
         raise ValueError(f"task {number}{called}: {error}") from None
 
@@ -302,6 +360,16 @@ def _mark(value: Any) -> dict[str, float]:
     }
 
 
+def _moment(key: str, value: Any) -> datetime:
+    cure = f"Write {key} = 2026-12-01, or {key} = 2026-12-01T08:00:00."
+    if isinstance(value, datetime):
+        return value.astimezone()  # without a zone, on this machine's clock
+    if not isinstance(value, date):
+        raise TypeError(f"{key} must be a date, or a date with a time, got {value!r}. {cure}")
+    whole = datetime.combine(value, time.min)  # the day is part of it
+    return (whole + timedelta(days=1) if key == "closes" else whole).astimezone()
+
+
 def _crossover(value: Any) -> bool:
     if not isinstance(value, bool):
         raise TypeError(f"crossover must be true or false, got {value!r}.")
@@ -320,6 +388,9 @@ _TASK_KEYS: Mapping[str, Callable[[Any], Any]] = {
     "seeds": _seeds,
     "target_length_mm": _length,
     "crossover": _crossover,
+    "attempts": lambda value: _whole("attempts", value, 1, 1000, "Give how many cuts count."),
+    "opens": lambda value: _moment("opens", value),
+    "closes": lambda value: _moment("closes", value),
 }
 """Keys of a task in the file, and what reads their values."""
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import secrets
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -38,6 +39,8 @@ class CourseProgress:
     folder : Path, optional
         Folder of the records, in which the person's cuts of this course are looked for; they are scored again, by the
         marks that stand in the course now. Without one, the cuts so far are those that :meth:`count` is told.
+    clock : callable
+        Returns the present time, with its zone.
 
     Attributes
     ----------
@@ -47,9 +50,16 @@ class CourseProgress:
         What the last cut of this session reached, in words of each language; empty before the first.
     """
 
-    def __init__(self, course: Course, operator: str, folder: Path | None = None) -> None:
+    def __init__(
+        self,
+        course: Course,
+        operator: str,
+        folder: Path | None = None,
+        clock: Callable[[], datetime] = lambda: datetime.now(UTC),
+    ) -> None:
         self.course = course.for_operator(operator)
         self.operator = operator
+        self._clock = clock
         self.unread: list[str] = []
         self.verdicts: dict[str, str] = {}
         self._counted: dict[str, list[bool]] = {task.name: [] for task in self.course.tasks}
@@ -67,8 +77,13 @@ class CourseProgress:
 
     @property
     def task(self) -> CourseTask | None:
-        """Present task: the first that is not done; None when the course is."""
-        return next((task for task in self.course.tasks if not self._is_done(task)), None)
+        """Present task: the first that is not over; None when the course is."""
+        return next((task for task in self.course.tasks if not self._is_over(task)), None)
+
+    @property
+    def waits(self) -> bool:
+        """True while the present task is not open yet."""
+        return self.task is not None and self.task.opens is not None and self._clock() < self.task.opens
 
     def specimen(self) -> CourseSpecimen:
         """Return the specimen of the next cut; a task without seeds draws one at every call.
@@ -124,14 +139,24 @@ class CourseProgress:
         """Return in words what comes next."""
         task, count = self.task, len(self.course.tasks)
         if task is None:
-            return course_words(language, "done", course=course_name(language, self.course.name), count=count)
+            reached = sum(map(self._is_done, self.course.tasks))
+            told = {"course": course_name(language, self.course.name), "count": count, "reached": reached}
+            return course_words(language, "done" if reached == count else "over", **told)
         number, many = self.course.tasks.index(task) + 1, task.repetitions > 1
         so_far = course_words(language, "so far", done=self._in_row(task), times=task.repetitions) if many else ""
         force = course_words(language, task.feedback)
         name = course_name(language, task.name)
         facts = {"number": number, "count": count, "name": name, "so_far": so_far, "force": force}
         said = course_words(language, "ahead", demand=task.demand(language), **facts)
-        return f"{said} {course_words(language, along)}" if (along := TASKS[task.task].along) else said
+        parts = [said, course_words(language, along) if (along := TASKS[task.task].along) else ""]
+        if task.attempts is not None:
+            parts.append(course_words(language, "attempt", nth=len(self._counted[task.name]) + 1, of=task.attempts))
+        for key in ("opens", "closes"):
+            moment = getattr(task, key)
+            if moment is not None and (key == "closes" or self.waits):
+                when = moment.astimezone().strftime(course_words(language, "moment"))
+                parts.append(course_words(language, key, moment=when))
+        return " ".join(filter(None, parts))
 
     def _is_ours(self, facts: dict[str, Any]) -> bool:
         named = (facts.get("course"), facts.get("operator"))
@@ -141,6 +166,11 @@ class CourseProgress:
         """Return the number of cuts that count towards the repetitions now: in a row if there is a mark."""
         counted = self._counted[task.name]
         return _longest_end(counted) if task.mark else sum(counted)
+
+    def _is_over(self, task: CourseTask) -> bool:
+        """Return whether a task is done, its attempts are used, or it is closed."""
+        used = task.attempts is not None and len(self._counted[task.name]) >= task.attempts
+        return used or (task.closes is not None and self._clock() >= task.closes) or self._is_done(task)
 
     def _is_done(self, task: CourseTask) -> bool:
         counted = self._counted[task.name]

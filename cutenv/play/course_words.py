@@ -7,6 +7,11 @@ from collections.abc import Mapping
 COURSE_WORDS: Mapping[str, Mapping[str, str]] = {
     "en": {
         "done": "Course {course!r}: all {count} tasks are done.",
+        "over": "Course {course!r}: all tasks are over; {reached} of {count} reached.",
+        "attempt": "Attempt {nth} of {of}.",
+        "moment": "%Y-%m-%d, %H:%M",
+        "opens": "It opens on {moment}.",
+        "closes": "It closes on {moment}.",
         "ahead": "Task {number} of {count}, {name}: {demand}{so_far}. Force: {force}.",
         "so far": ", {done} of {times} so far",
         "along a wanted depth": "Along the dashed depth.",
@@ -33,6 +38,11 @@ COURSE_WORDS: Mapping[str, Mapping[str, str]] = {
     },
     "de": {
         "done": "Kurs „{course}“: Alle {count} Aufgaben sind geschafft.",
+        "over": "Kurs „{course}“: Alle Aufgaben sind vorbei; {reached} von {count} geschafft.",
+        "attempt": "Versuch {nth} von {of}.",
+        "moment": "%d.%m.%Y, %H:%M",
+        "opens": "Sie öffnet am {moment}.",
+        "closes": "Sie schließt am {moment}.",
         "ahead": "Aufgabe {number} von {count}, {name}: {demand}{so_far}. Kraft: {force}.",
         "so far": ", bisher {done} von {times}",
         "along a wanted depth": "In der gestrichelten Tiefe.",

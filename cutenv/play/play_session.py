@@ -250,7 +250,7 @@ class Session:
     @property
     def done(self) -> bool:
         """True when the requested number of cuts is finished, or the course is done."""
-        over = self.course is not None and self.course.task is None
+        over = self.course is not None and (self.course.task is None or self.course.waits)
         return over or (self.count is not None and self.finished >= self.count)
 
     # Time

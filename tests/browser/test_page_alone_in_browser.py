@@ -18,6 +18,7 @@ pytest.importorskip("jinja2", reason="pages are an extra: pip install 'cutenv[vi
 from cutenv._base.document import LANGUAGES
 from cutenv.browser import HandCut, write_page_alone
 from cutenv.browser.page_alone import page_texts, scoring_data, specimen_data
+from cutenv.browser.watched_cut import from_runs
 from cutenv.commands import single_page
 from cutenv.plant.protocol import recorded_trace
 from cutenv.recording import load
@@ -62,6 +63,7 @@ def test_a_record_of_the_page_is_pythons(page: Browser, tmp_path: Path, number: 
         assert getattr(trace, name).tobytes() == getattr(again, name).tobytes(), name
     assert (end, success) == (cut.end, cut.success)
     assert trace.metadata["operator"] == "P07"
+    assert from_runs(trace.metadata["movements"]).tolist() == stylus[: len(readings)]
     assert numbers["peak"] == readings["force"].max()
     assert numbers["off"] == readings["tip"][-1] - trace.metadata["target_length_m"]
     card = score(trace, target_length=trace.metadata["target_length_m"])
@@ -153,6 +155,73 @@ def test_a_whole_cut_is_finished_and_ends_with_a_card(
     assert page.value("document.getElementById('results').children.length") == 10
     assert page.value("document.getElementById('points').rows.length") == len(scoring_data()["points"])
     assert page.value("document.getElementById('card').hidden") is False
+
+
+EXPERT = """(() => {
+  const way = n => Array.from({ length: 251 }, (_, k) => k * n);
+  cutenvPage.page.cut.specimen.expert = {
+    time: way(0.02), position: way(2e-4), angle: way(0).map(() => 1.2), force: way(0.01), tip: way(1.9e-4),
+  };
+})()"""
+
+
+def test_a_replay_is_the_cut_again_beside_an_experts(page: Browser) -> None:
+    """The law makes the same readings of the same movements, at any pace; the card covers nothing."""
+    start(page)
+    led = (
+        "(rows => { for (let i = 0; i < rows.length; i += 200) cutenvPage.page.cut.advance(rows.slice(i, i + 200)); })"
+    )
+    page.value(f"{led}({json.dumps(hands(3, 4000))})")
+    page.value(EXPERT)
+    give_up(page)
+    box = "(r => [r.left, r.right])(document.getElementById('{}').getBoundingClientRect())"
+    assert page.value(box.format("card"))[0] >= page.value(box.format("picture"))[1]
+    page.value("document.getElementById('watch').click()")
+    wait(page, "cutenvPage.page.replay !== null && !document.getElementById('replay').hidden")
+    page.value("document.getElementById('play').click()")
+    page.value("void cutenvPage.page.replay.seek(1000)")
+    half = (
+        "(r => { r.playing = true; r.pace = 0.5; r.advance(400); r.playing = false; return [r.passed, r.cut.count]; })"
+    )
+    assert page.value(f"{half}(cutenvPage.page.replay)") == [1200, 1200]
+    page.value("void cutenvPage.page.replay.seek(cutenvPage.page.replay.lasts)")
+    assert page.value("cutenvPage.page.replay.cut.count") == page.value("cutenvPage.page.cut.count")
+    page.value("void (window.own = cutenvPage.page.cut.bytes())")
+    assert page.value("cutenvPage.page.replay.cut.bytes().every((value, k) => Object.is(value, own[k]))")
+    at = page.value("cutenvPage.page.replay.expert.at(0.01)")
+    assert (at["force"], at["time"], at["speed"]) == (pytest.approx(0.5), pytest.approx(1.0), pytest.approx(0.01))
+    wait(page, "document.getElementById('compared').rows.length === 5")
+    assert page.value("document.getElementById('compared').rows[0].cells[2].textContent") == "the best known way"
+    differs = "cutenvPage.drawing.canvas.toDataURL()"
+    beside = page.value(differs)
+    page.value("void (cutenvPage.page.replay.expert = null, cutenvPage.page.looks = '')")
+    wait(page, "cutenvPage.page.looks !== ''")
+    assert page.value(differs) != beside, "the expert's way is drawn"
+    page.value("document.getElementById('end-replay').click()")
+    assert page.value("[document.getElementById('card').hidden, document.activeElement.id]") == [False, "watch"]
+
+
+@pytest.mark.parametrize(("width", "height"), [(390, 844), (844, 390)])
+def test_on_a_telephone_force_and_trace_are_in_view(browser: Browser, written: Path, width: int, height: int) -> None:
+    page = browser
+    page.open(written, width, height)
+    wait(page, "Boolean(window.cutenvPage?.page?.cut)")
+    start(page)
+    wait(page, "cutenvPage.page.cut.count > 100")
+    bounds = "(r => [r.top, r.bottom])(document.getElementById('%s').getBoundingClientRect())"
+    for name in ("force", "picture"):
+        top, bottom = page.value(bounds % name)
+        assert top >= -45, name  # of the picture, its caption may be above
+        assert bottom <= height, name
+    give_up(page)
+
+
+def test_where_a_limit_stopped_the_cut_is_marked(page: Browser) -> None:
+    start(page)
+    page.value("void (window.said = [], cutenvPage.drawing.words = text => said.push(text))")
+    page.value("(cut => { while (!cut.end) cut.advance([[0.149, 1.57]]); })(cutenvPage.page.cut)")
+    wait(page, "cutenvPage.page.phase === 'ended' && said.includes('stopped here')")
+    assert page.value("cutenvPage.page.cut.end") in ("force_limit", "overshoot")
 
 
 def test_the_wheel_tilts_the_blade(page: Browser) -> None:

@@ -113,8 +113,13 @@ def test_an_educators_way(browser: chromium.Browser, served: Served, tmp_path: P
             assert kept.startswith("Saved. Score ")
             assert "Not yet passed: it takes 90." in kept
             assert browser.value("document.querySelectorAll('#tries li').length") >= 1
-        wait(browser, "document.querySelectorAll('#history tr').length === 3")
+        wait(browser, "document.querySelectorAll('main #history tr').length === 3")
+        longest = "texts => [...document.querySelectorAll('#results dt')].find(each => each.textContent === texts)"
+        shown = browser.value(f"({longest})('longest sudden run').nextSibling.textContent")
+        assert shown == browser.value("`${(1e3 * cutenvPage.page.kept.numbers.largest_jump).toFixed(1)} mm`")
         wait(browser, "document.querySelectorAll('#curve circle').length === 2")
+        browser.value("document.getElementById('watch').click()")
+        wait(browser, "cutenvPage.page.replay?.cut.count > 50 && document.getElementById('compared').rows.length === 5")
         submit("form[action=leave]", "document.querySelector('[name=consent]')")
         assert browser.errors() == []
         assert browser.complaints() == []
@@ -198,7 +203,14 @@ def test_an_educators_way(browser: chromium.Browser, served: Served, tmp_path: P
 
 @pytest.mark.parametrize("dark", [False, True])
 def test_pages_fit_a_telephone_and_can_be_read(browser: chromium.Browser, served: Served, dark: bool) -> None:
-    for path in ("", "teacher"):
+    teacher = served.client()
+    teacher.post("teacher", data={"token": served.token})
+    teacher.post("teacher/codes", data={"count": "2", "class_name": "2b"})
+    code = re.findall(r"people/(\w+)", teacher.get("teacher").text)[0]
+    for path in ("", "teacher", "teacher/live", "teacher/course?from=path", "teacher/sheet", f"teacher/people/{code}"):
+        if path == "teacher/live":
+            for name, value in teacher.cookies.items():
+                browser.tell("Network.setCookie", name=name, value=value, url=served.address)
         address: Any = Address(served.address + path)
         browser.open(address, 400, dark=dark)
         wait(browser, "document.querySelector('form')")

@@ -22,6 +22,7 @@ from starlette.testclient import TestClient
 
 from cutenv.browser import HandCut
 from cutenv.browser.stylus_steps import HandDepthCut, HandPathCut
+from cutenv.browser.watched_cut import from_runs
 from cutenv.classroom import Lesson
 from cutenv.classroom.class_server import class_app
 from cutenv.classroom.class_site import LARGEST_BODY, ClassSite, Trials
@@ -46,6 +47,8 @@ def test_a_cut_is_repeated_scored_and_kept(room: Room) -> None:
     ).overall_score
     assert overall is not None
     assert answer.json()["score"] == round(overall)
+    told_numbers, card = answer.json()["numbers"], room.lesson.scored(room.store.cuts("P07")[0])[1]
+    assert told_numbers == {name: card[name] for name in ("peak_force", "largest_jump", "duration")}
     (told,) = client.get("/cuts").json()
     assert (told["state"], told["score"]) == ("saved", round(overall))
     first = answer.json()["advice"][0]
@@ -84,6 +87,7 @@ def test_a_course_leads_from_task_to_task_and_hides_what_it_is_to_hide(tmp_path:
     assert (first["specimen_class"], first["seed"], first["feedback"]) == ("uniform", 5, "never")
     answer = sent(client, first, to_the_end()).json()
     assert (answer["score"], answer["outcome"], answer["points"], answer["advice"]) == (None, {}, [], [])
+    assert answer["numbers"] == {}
     assert client.post("/cuts").json()["feedback"] == "above-limit"
     again = Lesson(room.store, room.lesson.folder, named_course(str(course))).progress("P01")
     assert again is not None
@@ -132,6 +136,42 @@ def test_a_cut_of_another_task_is_repeated_scored_and_kept(
     flat = client.post(f"/cuts/{other['id']}", **(request | {"content": hand(1001).tobytes()}))
     assert flat.status_code == 422
     assert "milliseconds of 24 bytes" in flat.json()["error"]
+    room.store.close()
+
+
+def test_a_replay_has_the_movements_and_the_teachers_example(tmp_path: Path) -> None:
+    course = tmp_path / "course.toml"
+    task = '[[task]]\nname = "{}"\nspecimen_class = "uniform"\nseeds = [5]\nfeedback = "{}"\n'
+    course.write_text('name = "two"\n' + task.format("first", "afterwards") + task.format("last", "never"))
+    room = Room(tmp_path, str(course))
+    expert, client, stylus = room.person("P01"), room.person("P02"), hand(700)
+    chosen = begun(expert)
+    assert sent(expert, chosen, hand(900)).status_code == 200
+    teacher = room.teacher()
+    page = "/teacher/people/P01"
+    assert teacher.post(f"{page}/example", data={"cut": chosen["id"], "shown": "yes"}).status_code == 303
+    assert "No longer an example" in teacher.get(page).text
+    handed_out = begun(client)
+    path = f"/cuts/{handed_out['id']}/replay"
+    assert client.get(path).status_code == 404, "it is not over"
+    assert sent(client, handed_out, stylus).status_code == 200
+    assert client.get("/cuts").json()[0] | {"id": handed_out["id"], "replay": True} == client.get("/cuts").json()[0]
+    told = client.get(path).json()
+    assert from_runs(told["movements"]).tobytes() == stylus.tobytes()
+    assert told["specimen"]["records"] == handed_out["records"]
+    assert told["by"] == "example"
+    (record,) = (room.lesson.folder / "P01").glob("*.csv")
+    assert told["expert"]["force"][-1] == pytest.approx(load_one(record).force[-1], abs=1e-3)
+    assert "P01" not in client.get(path).text
+    assert expert.get(path).status_code == 404, "it is another person's"
+    for person in (room.client(), teacher):
+        assert person.get(path).status_code == 401
+    assert client.post(f"{page}/example", data={"cut": chosen["id"], "shown": "no"}).status_code == 401
+    assert sent(client, begun(client), to_the_end()).status_code == 200
+    last = begun(client)
+    assert last["feedback"] == "never"
+    assert sent(client, last, hand(600)).status_code == 200
+    assert client.get(f"/cuts/{last['id']}/replay").status_code == 404, "its task hides the force"
     room.store.close()
 
 
@@ -310,7 +350,10 @@ def test_nothing_english_is_left_of_a_german_class(tmp_path: Path) -> None:
     pages = [
         room.client().post("/", data={"code": "XX", "consent": "yes"}),
         person.get("/cut"),
-        *(teacher.get(f"/teacher{path}") for path in ("", "/people/P01", "/studies", "/upload", "/sheet")),
+        *(
+            teacher.get(f"/teacher{path}")
+            for path in ("", "/people/P01", "/studies", "/upload", "/sheet", "/live", "/course")
+        ),
         teacher.get("/teacher/people/P99", headers={"Accept": "text/html"}),
     ]
     told = [re.sub(r"<(style|script)\b.*?</\1>|<[^>]*>|„[^“]*“", " ", page.text, flags=re.DOTALL) for page in pages]

@@ -7,6 +7,7 @@ import json
 import re
 import time
 import zipfile
+from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
@@ -16,15 +17,17 @@ import pytest
 pytest.importorskip("starlette", reason="the server is an extra: pip install 'cutenv[serve]'")
 pytest.importorskip("httpx2", reason="asks the server in its tests: pip install 'cutenv[dev]'")
 
-from class_room import Room, cut_once
+from class_room import CLOCK, Room, begun, cut_once, hand
 from starlette.testclient import TestClient
 
 from cutenv.classroom import ClassStore, Lesson
 from cutenv.classroom.class_backup import restore_backup, write_backup
-from cutenv.classroom.class_overview import class_means, score_curve
+from cutenv.classroom.class_overview import class_means, live_list, score_curve
 from cutenv.classroom.class_store import CutEnd, NewCut
+from cutenv.classroom.class_tables import TRIAL
 from cutenv.classroom.foreign_upload import LARGEST_UPLOAD
-from cutenv.play.course import named_course
+from cutenv.classroom.teacher_pages import qr_code
+from cutenv.play.course import SHIPPED_COURSES, named_course
 from cutenv.recording import load_one, save
 from cutenv.scoring.study.estimate import FEWEST_PEOPLE
 from cutenv.trace import Trace
@@ -102,6 +105,229 @@ def test_an_error_is_a_page_for_whoever_reads_pages(room: Room) -> None:
     answer = room.teacher().post("/teacher/places", headers={"Accept": "text/html"})
     assert answer.status_code == 422
     assert 'role="alert">Nobody is ticked' in answer.text
+
+
+# A lesson that goes on
+
+
+def test_the_live_list_says_who_cuts_stalls_and_left(room: Room) -> None:
+    teacher, people = room.teacher(), {code: room.person(code) for code in ("P01", "P02", "P03", "P04", "P05")}
+    room.store.add_code("P06")
+    room.store.put(["P01", "P02", "P06"], class_name="2b")
+    begun(people["P02"], lasts=50.0)
+    begun(people["P01"], lasts=5.0)
+    begun(people["P03"], lasts=0.0)
+    people["P03"].post("/leave")
+    begun(people["P04"], lasts=0.0)
+    people["P04"].post("/cuts")  # another page: that cut is left
+    doing = {row["code"]: row["doing"] for row in live_list(room.lesson, "en")}
+    assert doing == {
+        "P01": "cutting", "P02": "stalled", "P03": "left off", "P04": "left off", "P05": "here", "P06": "away"
+    }  # fmt: skip
+    answer = teacher.get("/teacher/live")
+    assert answer.headers["refresh"] == "5"
+    rows = re.findall(r'href="people/(P\d\d)"', answer.text)
+    assert rows == ["P02", "P01", "P03", "P04", "P05", "P06"], "those who may need help come first"
+    assert "1 cutting, 1 stalled, of 6." in words(answer.text)
+    chosen = teacher.get("/teacher/live", params={"class": "2b", "by": "code"}).text
+    assert re.findall(r'href="people/(P\d\d)"', chosen) == ["P01", "P02", "P06"]
+    assert teacher.get("/teacher/live", params={"by": "age"}).status_code == 422
+    assert people["P01"].get("/teacher/live").status_code == 401
+
+
+@pytest.mark.parametrize("by", ["cuts", "score"])
+def test_the_live_list_is_sorted_by_numbers(room: Room, by: str) -> None:
+    full(room)
+    room.store.add_code("P00")
+    assert [row["code"] for row in live_list(room.lesson, "en", by=by)] == ["P00", "P01", "P02", "P03", "P04"]
+
+
+def test_a_comment_reaches_its_person_alone_and_is_taken_back(room: Room, tmp_path: Path) -> None:
+    teacher, own, other = room.teacher(), room.person("P01"), room.person("P02")
+    path = "/teacher/people/P01/comment"
+    said = "<script>alert(1)</script> Slower near the target."
+    assert teacher.post(path, data={"said": said}).status_code == 303
+    assert own.get("/comments").json()[0]["said"] == said
+    assert other.get("/comments").json() == []
+    page = teacher.get("/teacher/people/P01").text
+    assert "<script>" not in page
+    assert "Slower near the target." in page
+    assert own.post(path, data={"said": "good"}).status_code == 401
+    for bad in ("  ", "a" * 501):
+        assert teacher.post(path, data={"said": bad}).status_code == 422
+    assert teacher.post("/teacher/people/P99/comment", data={"said": "nobody"}).status_code == 404
+    write_backup(room.store, room.lesson.folder, tmp_path / "class.zip")
+    restored = ClassStore(f"sqlite:///{tmp_path / 'again.db'}")
+    restore_backup(restored, tmp_path / "again", tmp_path / "class.zip")
+    (comment,) = restored.comments("P01")
+    restored.close()
+    teacher.post(path, data={"take_back": comment.id})
+    assert own.get("/comments").json() == []
+    teacher.post(path, data={"said": "once more"})
+    teacher.post("/teacher/delete", data={"code": "P01", "again": "P01"})
+    assert room.store.comments("P01") == []
+
+
+def test_a_person_has_a_way_back_and_to_the_next(room: Room) -> None:
+    page = full(room, 3).get("/teacher/people/P02").text
+    assert 'href="../../teacher">Back to the class' in page
+    assert re.findall(r'href="(P\d\d)" rel="(\w+)"', page) == [("P01", "prev"), ("P03", "next")]
+
+
+def test_the_teacher_tries_a_lesson_of_which_nothing_counts(room: Room) -> None:
+    room.store.add_code("P01")
+    teacher = room.teacher()
+    assert teacher.post("/teacher/try").headers["location"] == "../cut"
+    answer, _ = cut_once(teacher)
+    assert answer.status_code == 200
+    assert len(teacher.get("/cuts").json()) == 1
+    for page in ("/teacher", "/teacher/live", "/teacher/sheet", "/teacher/cuts.csv"):
+        assert TRIAL not in teacher.get(page).text, page
+    with zipfile.ZipFile(io.BytesIO(teacher.get("/teacher/records.zip").content)) as archive:
+        assert archive.namelist() == ["cuts.csv"]
+    assert room.client().post("/", data={"code": TRIAL, "consent": "yes"}).status_code == 403
+    assert room.client().post("/teacher/try").status_code == 401
+    teacher.post("/teacher/try")
+    assert teacher.get("/cuts").json() == [], "it begins anew"
+
+
+def test_the_sheet_has_a_roster(room: Room) -> None:
+    room.store.add_code("P01")
+    assert '<th scope="row">P01</th><td>–</td><td></td>' in room.teacher().get("/teacher/sheet").text
+    assert 'value="P01"' in room.client().get("/", params={"code": "P01"}).text
+    assert "<script>" not in room.client().get("/", params={"code": '"><script>'}).text
+
+
+def test_a_telephone_reads_the_code_of_a_slip(room: Room) -> None:
+    segno = pytest.importorskip("segno", reason="QR codes are an extra: pip install 'cutenv[serve]'")
+    cv2 = pytest.importorskip("cv2", reason="reads QR codes in the tests: pip install 'cutenv[vision]'")
+    room.store.add_code("P01")
+    assert qr_code("http://class/", "P01") in room.teacher().get("/teacher/sheet").text
+    dark = np.array(segno.make("http://class/?code=P01", error="m", micro=False).matrix, np.uint8)
+    picture = np.pad(np.kron(255 * (1 - dark), np.ones((8, 8), np.uint8)), 32, constant_values=255)
+    assert cv2.QRCodeDetector().detectAndDecode(picture.astype(np.uint8))[0] == "http://class/?code=P01"
+
+
+# The course
+
+
+def form_of(page: str) -> dict[str, Any]:
+    """What a browser would send of the form on the course's page."""
+    sent: dict[str, list[str]] = {}
+    form = page[page.index('<form method="post">') :]
+    for name, inner in re.findall(r'<select name="([^"]+)">(.*?)</select>', form, re.DOTALL):
+        options = re.findall(r'<option value="([^"]*)"( selected)?', inner)
+        sent.setdefault(name, []).append(next((value for value, chosen in options if chosen), options[0][0]))
+    for tag in re.findall(r"<input [^>]*>", form):
+        found = dict(re.findall(r'(\w+)="([^"]*)"', tag))
+        if found.get("type") != "checkbox" or " checked" in tag:
+            sent.setdefault(found["name"], []).append(found.get("value", ""))
+    return sent
+
+
+@pytest.mark.parametrize("name", [*SHIPPED_COURSES])
+def test_a_shipped_course_is_kept_by_the_page_as_it_is(room: Room, name: str, tmp_path: Path) -> None:
+    teacher = room.teacher()
+    form = form_of(teacher.get("/teacher/course", params={"from": name}).text)
+    assert teacher.post("/teacher/course", data=form | {"do": "keep"}).status_code == 303
+    assert room.lesson.course == named_course(name)
+    (tmp_path / "sent.toml").write_bytes(teacher.get("/teacher/course.toml").content)
+    assert named_course(str(tmp_path / "sent.toml")) == named_course(name)
+
+
+def test_a_course_of_the_page_holds_at_once_in_every_server_and_is_withdrawn(room: Room) -> None:
+    teacher, client = room.teacher(), room.person("P01")
+    client.post("/cuts")
+    new = {
+        "name": 'two "tasks"', "about": "", "0-name": "second", "0-place": "2", "0-specimen_class": "liver",
+        "0-feedback": "never", "1-name": "first", "1-place": "1", "1-specimen_class": "uniform", "1-seeds": "11; 12",
+        "1-feedback": "afterwards", "1-target_length_mm": "62,5", "1-repetitions": "2", "1-mark": ["overall_score", ""],
+        "1-limit": ["60", ""], "2-name": "none", "2-specimen_class": "liver", "2-drop": "yes", "do": "keep",
+    }  # fmt: skip
+    assert teacher.post("/teacher/course", data=new).status_code == 303
+    course = room.lesson.course
+    assert course is not None
+    assert [task.name for task in course.tasks] == ["first", "second"]
+    assert (course.tasks[0].seeds, course.tasks[0].target_length) == ((11, 12), 0.0625)
+    assert course.tasks[0].mark == {"overall_score": 60}
+    handed_out = client.post("/cuts").json()
+    assert (handed_out["seed"], handed_out["feedback"]) == (11, "afterwards")
+    assert Lesson(room.store, room.lesson.folder).course == course
+    assert teacher.post("/teacher/course", data={"do": "withdraw"}).status_code == 303
+    assert room.lesson.course is None
+    assert client.post("/cuts").json()["feedback"] == "always"
+
+
+@pytest.mark.parametrize(
+    ("changed", "says"),
+    [
+        ({"name": ""}, "name"),
+        ({"0-seeds": "eleven"}, "seeds"),
+        ({"0-repetitions": "0"}, "repetitions"),
+        ({"0-target_length_mm": "5"}, "target_length_mm"),
+        ({"0-mark": "overall_score", "0-limit": "a lot"}, "mark overall_score"),
+        ({"0-mark": "age", "0-limit": "3"}, "age"),
+        ({"0-feedback": "<script>"}, "feedback"),
+        ({"0-opens": "tomorrow"}, "opens must be a date"),
+        ({"0-attempts": "1", "0-repetitions": "2"}, "attempts = 1 is less than repetitions = 2"),
+        ({"1-name": "one", "1-specimen_class": "liver"}, "two tasks are called"),
+        ({"0-name": ""}, "it has no tasks"),
+    ],
+)
+def test_a_bad_course_is_refused_and_stays_to_be_mended(room: Room, changed: dict[str, str], says: str) -> None:
+    teacher = room.teacher()
+    good = {"name": "a", "0-name": "one", "0-specimen_class": "liver", "do": "keep"}
+    answer = teacher.post("/teacher/course", data=good | changed)
+    assert answer.status_code == 422
+    assert says in words(answer.text)
+    assert "<script>" not in answer.text
+    assert room.lesson.course is None
+    assert room.client().post("/teacher/course", data=good).status_code == 401
+    assert room.person("P01").get("/teacher/course.toml").status_code == 401
+
+
+def test_a_task_opens_closes_and_ends_with_its_attempts(room: Room) -> None:
+    teacher, client = room.teacher(), room.person("P01")
+    now = room.store.clock().astimezone()
+    common = {"0-specimen_class": "uniform", "1-specimen_class": "uniform", "0-name": "first", "1-name": "last"}
+    dates = {
+        "0-closes": f"{now + timedelta(hours=5):%Y-%m-%dT%H:%M}",
+        "1-opens": f"{now + timedelta(hours=2):%Y-%m-%dT%H:%M}",
+    }
+    limited = {"0-attempts": "2", "0-mark": "overall_score", "0-limit": "99"}
+    form = {"name": "dated", **common, **dates, **limited, "do": "keep"}
+    assert teacher.post("/teacher/course", data=form).status_code == 303
+    told = client.post("/cuts").json()["ahead"]
+    assert "Attempt 1 of 2. It closes on " in told["en"]
+    assert "Versuch 1 von 2. Sie schließt am " in told["de"]
+    for _ in range(2):
+        assert cut_once(client, hand(600))[0].status_code == 200
+    waiting = client.post("/cuts").json()
+    assert waiting["done"] is True
+    assert "Task 2 of 2, last" in waiting["ahead"]["en"]
+    assert "It opens on " in waiting["ahead"]["en"]
+    CLOCK.ahead += timedelta(hours=3)
+    other = room.person("P02")
+    client.post("/", data={"code": "P01", "consent": "yes"})
+    assert client.post("/cuts").json()["done"] is False
+    assert "first" in other.post("/cuts").json()["ahead"]["en"]
+    CLOCK.ahead += timedelta(hours=3)
+    other.post("/", data={"code": "P02", "consent": "yes"})
+    assert "last" in other.post("/cuts").json()["ahead"]["en"], "the first task is closed"
+    shown = form_of(teacher.get("/teacher/course").text)
+    before = room.lesson.course
+    assert teacher.post("/teacher/course", data=shown | {"do": "keep"}).status_code == 303
+    assert room.lesson.course == before
+    bad = teacher.post("/teacher/course", data=form | {"0-closes": "2026-01-01T00:00", "0-opens": "2026-02-01T00:00"})
+    assert "is not after opens" in words(bad.text)
+
+
+def test_a_course_file_damaged_by_hand_changes_nothing(room: Room) -> None:
+    teacher = room.teacher()
+    teacher.post("/teacher/course", data={"name": "a", "0-name": "one", "0-specimen_class": "liver", "do": "keep"})
+    course = room.lesson.course
+    room.lesson.course_file.write_text("name = ")
+    assert room.lesson.course == course
 
 
 # Pass marks

@@ -271,6 +271,18 @@ def test_a_sheet_shows_nobody_else(sheets: Path) -> None:
     assert not any(code in document for code in (*NOVICES, *EXPERTS) if code != "N02")
 
 
+def test_a_sheet_in_print_keeps_names_of_records_in_their_column(browser: Browser, tmp_path: Path) -> None:
+    card = scored("20261128T101112_liver_1234567890-0_abcdef", 0.08).card
+    path = write_trainee_sheet(tmp_path, Study(name="2b", cuts=[StudiedCut(card=card, operator="P01")] * 2), "P01")
+    browser.open(path, 500)  # of A5
+    browser.tell("Emulation.setEmulatedMedia", media="print")
+    try:
+        over = "[...document.querySelectorAll('tbody th')].filter(each => each.scrollWidth > each.clientWidth).length"
+        assert browser.value(over) == 0
+    finally:
+        browser.tell("Emulation.setEmulatedMedia", media="")
+
+
 @pytest.mark.parametrize("kind", ["evaluation", "pass marks", "study"])
 def test_a_page_says_what_it_found_and_what_it_is_not(pages: Callable[[str], Path], kind: str) -> None:
     read, words = Page(pages(kind).read_text(encoding="utf-8")), words_of(pages(kind))

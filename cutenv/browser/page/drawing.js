@@ -33,21 +33,26 @@ class Drawing {
   }
 
   // What a picture depends on beside the cut.
-  looks() { return [this.canvas.clientWidth, devicePixelRatio, this.colour.ink]; }
+  looks() { return [this.canvas.clientWidth, devicePixelRatio, this.colour.ink, this.lies]; }
+
+  // On a telephone that lies the chart stands beside the scene, so that both are in view.
+  get lies() { return innerHeight < 480 && innerWidth > innerHeight; }
 
   // Fit the canvas to its box; lengths are in CSS pixels from here on.
   fit(deep) {
     const ratio = devicePixelRatio || 1, width = this.canvas.clientWidth, margin = width < 560 ? 26 : 44;
+    const { lies } = this, sceneWidth = lies ? 0.5 * width : width;
     this.left = margin;
-    this.scale = (width - margin - 12) / this.told.length;
+    this.scale = (sceneWidth - margin - 12) / this.told.length;
     const half = 0.5 * this.told.slab.width * this.scale;
     this.line = 36 + half;
     this.sideTop = this.line + half + 28;
     this.level = this.sideTop + SIDE_HEIGHT * this.scale; // of a blade at level 0
     this.ground = this.level + (deep ? this.told.scene.below * this.scale : 0);
-    this.chartTop = this.ground + 50;
-    this.chartBottom = this.chartTop + (width < 560 ? 90 : 110);
-    const height = this.chartBottom + 12;
+    [this.chartLeft, this.chartScale] = [width - sceneWidth + margin, this.scale];
+    this.chartTop = lies ? 36 : this.ground + 50;
+    this.chartBottom = lies ? this.ground : this.chartTop + (width < 560 ? 90 : 110);
+    const height = lies ? this.ground + 34 : this.chartBottom + 12;
     this.canvas.style.height = `${height}px`;
     const wanted = [Math.round(width * ratio), Math.round(height * ratio)];
     if (this.canvas.width !== wanted[0] || this.canvas.height !== wanted[1]) [this.canvas.width, this.canvas.height] = wanted;
@@ -55,15 +60,15 @@ class Drawing {
     this.pen.clearRect(0, 0, width, height);
     this.pen.font = `${width < 560 ? 12 : 13}px system-ui, sans-serif`;
     this.pen.lineJoin = "round";
-    this.box = { above: [0, 0, width, height], side: [0, this.sideTop, width, this.ground + 1 - this.sideTop],
-      chart: [this.left, this.chartTop, width, this.chartBottom - this.chartTop] };
+    this.box = { above: [0, 0, width, height], side: [0, this.sideTop, sceneWidth, this.ground + 1 - this.sideTop],
+      chart: [this.chartLeft, this.chartTop, width, this.chartBottom - this.chartTop] };
   }
 
   pixels(view, [first, second]) {
     if (view === "above") return [this.left + this.scale * second, this.line + this.scale * first];
     if (view === "side") return [this.left + this.scale * first, this.level - this.scale * second];
     const { low, high } = this.range, share = (second - low) / (high - low);
-    return [this.left + this.scale * first, this.chartBottom - (this.chartBottom - this.chartTop) * share];
+    return [this.chartLeft + this.chartScale * first, this.chartBottom - (this.chartBottom - this.chartTop) * share];
   }
 
   trace(lines, close = false) {
@@ -101,7 +106,8 @@ class Drawing {
     this.pen.restore();
   }
 
-  draw(cut, { texts, showTip, seen }) {
+  // `beside` is the way of an expert, and the time of the replay [s].
+  draw(cut, { texts, showTip, seen, beside }) {
     this.fit(cut.deep);
     this.keepUp(cut);
     const { scene } = this, values = scene.values(cut, this.range), moved = scene.displacement(values);
@@ -117,12 +123,24 @@ class Drawing {
       if (part.standing) this.standing.set(part, places);
       this.clipped(part.view, () => this.drawPart(part, places, texts, values));
     }
+    beside?.way.draw(this, cut, values, beside.time, showTip);
+    if (seen.force) this.markStop(cut, texts);
     this.drawRuler();
     this.hatch(this.line - this.scale * values.half_width, this.line + this.scale * values.half_width);
     this.hatch(this.level - this.scale * this.told.scene.clamp.height, this.ground);
     const above = this.plan ? showTip ? texts.above_path_truth : texts.above_path : texts.above;
+    if (this.lies) return; // there is no room for both
     this.words(scene.label(above, values), this.left, 14);
     this.words(scene.label(texts.side, values), this.left, this.sideTop - 8);
+  }
+
+  // Where a limit has ended the cut: a cross in the chart, and words.
+  markStop(cut, texts) {
+    if (["", "finished", "given up"].includes(cut.end)) return;
+    const [x, y] = this.pixels("chart", [cut.blade, cut.last("force")]), colour = this.colour.limit;
+    this.strokes([[[x - 7, y - 7], [x + 7, y + 7]], [[x - 7, y + 7], [x + 7, y - 7]]], colour, 3);
+    const align = x > 0.6 * this.canvas.clientWidth ? "right" : "left", low = Math.min(Math.max(y, this.chartTop + 14), this.chartBottom - 4);
+    this.words(texts.stopped_here, align === "left" ? x + 11 : x - 11, low, { colour: this.colour.ink, align });
   }
 
   drawPart(part, places, texts, values) {
@@ -222,12 +240,12 @@ class Drawing {
     this.areas([[place(0, low), place(end, low), place(end, high), place(0, high)]], this.colour.panel);
     for (let force = 0; force <= high; force += this.told.scene.chart.step) {
       this.strokes([[place(0, force), place(end, force)]], force ? this.colour.rule : this.colour.ink);
-      this.words(String(force), this.left - 5, place(0, force)[1] + 4, { colour: this.colour.ink, align: "right" });
+      this.words(String(force), this.chartLeft - 5, place(0, force)[1] + 4, { colour: this.colour.ink, align: "right" });
     }
     this.clipped("chart", () => {
       if (this.path.length && seen.trace) this.strokes([this.path.map(point => place(...point))], this.colour.ink, 1.2);
     });
-    this.words(this.scene.label(texts.chart, values), this.left, this.chartTop - 7);
+    this.words(this.lies ? `${texts.force} [N]` : this.scene.label(texts.chart, values), this.chartLeft, this.chartTop - 7);
   }
 }
 

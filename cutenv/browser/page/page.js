@@ -40,6 +40,65 @@
   const moment = when => new Date(when).toLocaleString(document.documentElement.lang === "en" ? "en-GB" : document.documentElement.lang,
     { dateStyle: "medium", timeStyle: "short" });
 
+  // Replay
+
+  const replayLaws = {}; // apart from those of the cut whose card stands beside
+
+  // Watch a cut again: its specimen, the movements of its hand, and an expert's way or null, with who that is.
+  async function watch(specimen, movements, expert, by) {
+    const { task } = specimen;
+    replayLaws[task] ??= await Law.load(byId(`law-${task}`).textContent.trim(), told, task);
+    page.replay = new Replay(replayLaws[task], specimen, movements, expert);
+    page.expertBy = by;
+    page.replay.pace = Number(byId("pace").value);
+    page.last = performance.now();
+    show();
+    byId("stage").scrollIntoView({ block: "nearest" });
+    byId("play").focus({ preventScroll: true });
+  }
+
+  async function watchAgain(number) {
+    const { cut } = page;
+    if (!told.served) { await watch(cut.specimen, cut.inputs, cut.specimen.expert ?? null, "planner"); return; }
+    const found = await ask("GET", `cuts/${number}/replay`);
+    if (!found.error) await watch(found.specimen, fromRuns(found.movements), found.expert, found.by);
+    else if (number === page.handedOut?.id) await watch(cut.specimen, cut.inputs, null, ""); // the server is away
+    else byId("course").textContent = reason(found);
+  }
+
+  function endReplay() {
+    page.replay = null;
+    show();
+    byId(byId("watch").checkVisibility?.() === false ? "start" : "watch").focus({ preventScroll: true });
+  }
+
+  function tellReplay() {
+    const { replay } = page, text = replay.playing ? texts.pause : texts.play;
+    put("play", text);
+    byId("moment").max = Math.ceil(replay.lasts / 20) * 20;
+    byId("moment").value = replay.passed;
+    byId("moment").setAttribute("aria-valuetext", `${fixed(replay.passed / 1e3, 1)} s`);
+    const head = row("th", "", texts.this_cut, ...replay.expert ? [texts[`by_${page.expertBy}`]] : []);
+    byId("compared").replaceChildren(head, ...replay.rows(texts).map(cells => row("td", ...cells)));
+    for (const each of byId("compared").rows) each.cells[2]?.classList.add("expert");
+    put("expert-words", replay.expert ? texts[`note_${page.expertBy}`] : texts.note_nobody);
+  }
+
+  byId("watch").addEventListener("click", () => watchAgain(page.handedOut?.id));
+  byId("play").addEventListener("click", () => {
+    const { replay } = page;
+    if (!replay.playing && replay.passed >= replay.lasts) replay.seek(0);
+    replay.playing = !replay.playing;
+    tellReplay();
+  });
+  byId("end-replay").addEventListener("click", endReplay);
+  byId("pace").addEventListener("change", event => { page.replay.pace = Number(event.target.value); });
+  byId("moment").addEventListener("input", event => {
+    page.replay.playing = false;
+    page.replay.seek(Number(event.target.value));
+    tellReplay();
+  });
+
   // What comes next in the course, and what the last cut reached, in the language of the moment.
   function sayCourse() {
     const language = document.documentElement.lang, { handedOut, kept } = page;
@@ -57,6 +116,7 @@
 
   async function start() {
     if (page.phase === "cutting" || page.phase === "countdown" || page.busy) return;
+    page.replay = null;
     if (page.phase === "ended") {
       page.busy = true;
       try { await prepare(); } finally { page.busy = false; }
@@ -150,22 +210,33 @@
       sayCourse();
       showPoints(said.points);
     }
-    await tellHistory();
     show();
+    await tellHistory();
   }
 
   async function tellHistory() {
     const cuts = await ask("GET", "cuts");
-    const rows = Object.values(cuts).filter(each => each?.state && !["prepared", "taken back"].includes(each.state)).reverse().map(({ when, state, outcome, score, stalled }) =>
-      row("td", moment(when),
-        [state !== "saved" && texts[`state_${state}`], outcome?.[document.documentElement.lang], stalled >= 0.5 && say(texts.stalled, { time: fixed(stalled, 1) })].filter(Boolean).join(": "), score ?? "–"));
-    byId("history").replaceChildren(row("th", texts.when, texts.outcome, texts.score), ...rows);
+    const rows = Object.values(cuts).filter(each => each?.state && !["prepared", "taken back"].includes(each.state)).reverse().map(({ id, when, state, outcome, score, stalled, replay }) => {
+      const made = row("td", moment(when),
+        [state !== "saved" && texts[`state_${state}`], outcome?.[document.documentElement.lang], stalled >= 0.5 && say(texts.stalled, { time: fixed(stalled, 1) })].filter(Boolean).join(": "), score ?? "–", "");
+      if (!replay) return made;
+      const button = element("button", texts.watch_short);
+      button.setAttribute("aria-label", `${texts.watch_short}: ${moment(when)}`);
+      button.addEventListener("click", () => { if (page.phase !== "cutting" && page.phase !== "countdown") watchAgain(id); });
+      made.lastChild.append(button);
+      return made;
+    });
+    byId("history").replaceChildren(row("th", texts.when, texts.outcome, texts.score, ""), ...rows);
+    const comments = await ask("GET", "comments");
+    byId("comments").replaceChildren(...Object.values(comments).filter(each => each?.said).map(({ when, said }) =>
+      element("li", say(texts.comment, { said, when: moment(when) }))));
     byId("curve").innerHTML = (await ask("GET", "curve")).curve ?? "";
     byId("curve").firstChild?.setAttribute("aria-label", texts.curve);
   }
 
   // What a course's rule shows of the force now, as cutenv.play.course.shown_feedback.
   function shown() {
+    if (page.replay) return { force: true, trace: true, result: true };
     const rule = page.handedOut?.feedback ?? "always", ended = page.phase === "ended", { cut } = page;
     const costs = cut.last("force") > told.force_allowed_per_depth * cut.engaged;
     const after = ended && rule !== "never", whole = rule === "always" || after;
@@ -195,6 +266,12 @@
       }
       if (page.cut.end) finish(page.cut.end);
     }
+    if (page.replay?.playing) {
+      page.replay.advance(now - page.last);
+      tell();
+      tellReplay();
+    }
+    page.last = now;
     paint();
     const state = [page.cut.count, page.cut.hand, page.phase, stylus.angle, stylus.level, seconds(), document.documentElement.lang].join();
     if (page.phase !== "ended" && (page.cut !== page.described || state !== page.state)) tell();
@@ -207,10 +284,12 @@
 
   // Draw, unless the picture would be the same: that would cost a tablet its battery.
   function paint() {
-    const seen = shown(), showTip = practising() || (page.phase === "ended" && seen.result);
-    const looks = [page.cut.count, showTip, page.phase, document.documentElement.lang, drawing.looks()].join();
-    if (page.cut !== page.drawn || looks !== page.looks) drawing.draw(page.cut, { texts, seen, showTip });
-    [page.drawn, page.looks] = [page.cut, looks];
+    const seen = shown(), { replay } = page, cut = replay?.cut ?? page.cut;
+    const showTip = practising() || Boolean(replay) || (page.phase === "ended" && seen.result);
+    const beside = replay?.expert && { way: replay.expert, time: replay.passed / 1e3 };
+    const looks = [cut.count, beside?.time, showTip, page.phase, document.documentElement.lang, drawing.looks()].join();
+    if (cut !== page.drawn || looks !== page.looks) drawing.draw(cut, { texts, seen, showTip, beside });
+    [page.drawn, page.looks] = [cut, looks];
   }
 
   for (const [name, printed] of [["beforeprint", true], ["afterprint", false]]) {
@@ -232,7 +311,11 @@
     if (!cut) return;
     const { task } = cut.specimen, named = name => `${name}_${task}` in texts ? `${name}_${task}` : name;
     byId("task").textContent = say(texts[named("task")], { target: fixed(1e3 * cut.target, 1) });
-    document.body.dataset.task = task;
+    document.body.dataset.task = (page.replay?.cut ?? cut).specimen.task;
+    document.body.dataset.phase = page.replay ? "replay" : at;
+    byId("replay").hidden = !page.replay;
+    byId("watch-line").hidden = !mayWatch();
+    if (page.replay) tellReplay();
     for (const name of ["help", "advice", "result_note"]) {
       if (!byId(name)) continue;
       byId(name).dataset.text = named(name);
@@ -246,7 +329,7 @@
     for (const name of ["specimen", "language"]) {
       if (byId(name)) byId(name).disabled = at === "cutting" || at === "countdown";
     }
-    byId("card").hidden = at !== "ended";
+    byId("card").hidden = at !== "ended" || Boolean(page.replay);
     byId("advice").hidden = at === "ended";
     tell();
     tellPlatform();
@@ -256,16 +339,22 @@
     byId("verdict").textContent = verdict(cut, found, millimetres);
     byId("card").className = cut.success ? "card good" : "card bad";
     const scored = page.points ? [[texts.score, say(texts.points_of, { value: fixed(sum(page.points), told.platform ? 1 : 0), most: 100 })]] : [];
-    const rows = [...scored, [texts.result_off, off], [texts.result_peak, `${fixed(found.peak, 1)} N`],
-      [texts.result_longest, `${millimetres(found.longest)} mm`], [texts.result_time, `${fixed(found.time, 1)} s`],
+    const { peak_force: peak = found.peak, largest_jump: longest = found.longest, duration = found.time } = page.kept?.numbers ?? {};
+    const rows = [...scored, [texts.result_off, off], [texts.result_peak, `${fixed(peak, 1)} N`],
+      [texts.result_longest, `${millimetres(longest)} mm`], [texts.result_time, `${fixed(duration, 1)} s`],
       ...depthRows(cut), ...pathRows(cut)];
-    const toldRows = shown().result ? rows : [];
-    if (!shown().result) byId("verdict").textContent = texts.ended;
+    const toldRows = mayTell() && !(told.served && page.busy) ? rows : []; // the server's numbers, once they are there
+    if (!mayTell()) byId("verdict").textContent = texts.ended;
     byId("results").replaceChildren(...toldRows.flatMap(([name, value]) => [element("dt", name), element("dd", value)]));
     if (!told.served) showPoints(page.points ?? []);
     byId("practised").hidden = !page.practised;
     if (byId("save")) byId("save").disabled = cut.count < FEWEST;
   }
+
+  const mayTell = () => page.handedOut?.feedback !== "never" || !told.served;
+
+  // Once it is kept, or without a server: of a task that hides the force, nothing is watched.
+  const mayWatch = () => page.phase === "ended" && mayTell() && page.cut.count >= FEWEST && (!told.served || Boolean(page.kept));
 
   function depthRows(cut) {
     if (!cut.deep) return [];
@@ -310,7 +399,7 @@
   }
 
   function tell() {
-    const { cut } = page, force = cut.last("force"), depth = cut.engaged;
+    const cut = page.replay?.cut ?? page.cut, force = cut.last("force"), depth = cut.engaged;
     const limit = cut.limitPerDepth * depth, distance = 1e3 * (cut.target - cut.blade);
     const seen = shown().force;
     put("force", seen ? `${fixed(force, 1)} N` : "–");

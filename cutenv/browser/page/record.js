@@ -115,7 +115,7 @@ class HandCut {
       specimen_class: kind, specimen_seed: seed, specimen_episode: episode, practice: practised,
       end: this.end || "given up", success: this.success, device: "browser", hand: this.law.told.hand,
       stalled_s: Math.round(1e3 * this.stalled) / 1e3, target_length_m: this.target,
-      tip_end_m: Math.round(1e6 * this.last("tip")) / 1e6, ...this.map?.noted(this.target),
+      tip_end_m: Math.round(1e6 * this.last("tip")) / 1e6, ...this.map?.noted(this.target), movements: inRuns(this.inputs),
     };
     const { time, force, position, speed, angle } = this.columns, { channels } = this.law;
     const rows = time.map((_, i) => [time[i], force[i], position[i], speed[i], angle[i],

@@ -1,0 +1,93 @@
+"""A cut that is watched again: movements of its hand, by which the law repeats it, and an expert's way beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cutenv._base.arrays import Array, StructArray, joined_records
+from cutenv.task.registry import TASKS
+
+MOVEMENTS = "movements"
+"""Key of a record's metadata: the movements of the hand, :func:`in_runs`."""
+_STEP = 0.02  # [s], between the moments of a way
+_FIELDS: Mapping[str, int] = {"time": 3, "position": 6, "angle": 4, "force": 3, "tip": 6}
+"""Fields of a way, and their decimals; SI units."""
+_FURTHER: Mapping[str, int] = {"height": 6, "blade_x": 6, "blade_y": 6}
+
+
+def in_runs(movements: Array) -> list[list[float]]:
+    """Return movements, a row each millisecond, as runs: how often a row stands, and its numbers.
+
+    A pointer moves once for each picture, so that a run has some 16 rows.  The numbers are not changed.
+    """
+    rows = np.asarray(movements, np.float64)
+    if not len(rows):
+        return []
+    first = np.flatnonzero(np.append(True, (rows[1:] != rows[:-1]).any(axis=1)))
+    counts = np.diff(np.append(first, len(rows)))
+    return [[count, *row] for count, row in zip(counts.tolist(), rows[first].tolist(), strict=True)]
+
+
+def from_runs(runs: Sequence[Sequence[float]]) -> Array:
+    """Return the movements, shape (n, k), that :func:`in_runs` has packed.
+
+    Raises
+    ------
+    ValueError
+        If these are no runs.
+    """
+    table = np.array(runs, np.float64)
+    if table.ndim != 2 or table.shape[1] < 3 or not np.isfinite(table).all() or not (table[:, 0] >= 1.0).all():
+        raise ValueError("the movements of this record are damaged.")
+    return np.repeat(table[:, 1:], table[:, 0].astype(int), axis=0)
+
+
+def way_of(readings: StructArray, further: Mapping[str, Array]) -> dict[str, list[float]]:
+    """Return the way of a cut, thinned to 50 moments a second: times, places and forces by name, SI units.
+
+    Parameters
+    ----------
+    readings : records, shape (n,)
+        Readings of every millisecond.
+    further : mapping of str to array, shape (n,)
+        Height of the blade, or its places, by field of a trace; others are left out.
+    """
+    time = readings["time"]
+    moments = np.unique(np.append(np.searchsorted(time, np.arange(time[0], time[-1], _STEP)), len(time) - 1))
+    columns = {name: readings[name] for name in _FIELDS}
+    columns |= {name: values for name, values in further.items() if name in _FURTHER}
+    digits = {**_FIELDS, **_FURTHER}
+    return {name: np.round(values[moments], digits[name]).tolist() for name, values in columns.items()}
+
+
+@lru_cache(256)
+def planned_way(
+    specimen_class: str,
+    seed: int,
+    episode: int,
+    target_length: float | None = None,
+    *,
+    task: str = "gentle",
+    line: str | None = None,
+    tissue: str | Path | None = None,
+) -> dict[str, list[float]]:
+    """Return the :func:`way_of` the planner that knows a specimen, on a drive; some seconds of work."""
+    known = TASKS[task]
+    of_line: dict[str, Any] = {} if line is None else {"line": line}
+    env = known.single(specimen_class=specimen_class, target_length=target_length, tissue=tissue, **of_line)
+    observation, _ = env.reset(seed=seed, options={"episode": episode})
+    planner = known.planner()
+    planner.reset(np.random.default_rng(seed))
+    planner.set_state(env.cutting)
+    parts, further, ended = [], [], False
+    while not ended:
+        observation, _, ended, _, _ = env.step(planner(observation))
+        parts.append(env.cutting.readings.copy())
+        further.append({name: values.copy() for name, values in env.cutting.channels.items()})
+    joined = {name: np.concatenate([each[name] for each in further]) for name in further[0]}
+    return way_of(joined_records(parts), joined)

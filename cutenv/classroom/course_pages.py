@@ -1,0 +1,171 @@
+"""Page on which the teacher edits the course, and what its form says as the content of a course's file."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from datetime import datetime
+from typing import Any
+
+from starlette.concurrency import run_in_threadpool
+from starlette.datastructures import FormData
+from starlette.requests import Request
+from starlette.responses import RedirectResponse, Response
+from starlette.routing import Route
+
+from cutenv.classroom.class_site import ClassSite, download, text_of
+from cutenv.classroom.lesson import COURSE_FILE
+from cutenv.play.course import (
+    FEEDBACK,
+    MARKED_METRICS,
+    SHIPPED_COURSES,
+    Course,
+    course_of,
+    course_toml,
+    named_course,
+    task_content,
+)
+from cutenv.play.course_words import COURSE_WORDS, course_words
+from cutenv.task.registry import tasks_with
+from cutenv.tissue.drawn_lines import KINDS
+from cutenv.tissue.specimen import CLASSES
+
+_MOST_TASKS, _MARKS = 50, 3
+_WHOLE, _NUMBER = re.compile(r"[+-]?\d{1,12}"), re.compile(r"[+-]?\d{1,12}([.,]\d{1,9})?")
+
+
+class CoursePages:
+    """Pages and answers for the course.
+
+    Parameters
+    ----------
+    site : ClassSite
+        Site of the class.
+    """
+
+    def __init__(self, site: ClassSite) -> None:
+        self._site, self._lesson = site, site.lesson
+
+    @property
+    def routes(self) -> list[Route]:
+        """Routes of these pages."""
+        route = self._site.teachers_route
+        return [
+            route("GET", "/teacher/course", self.edit), route("POST", "/teacher/course", self.keep),
+            route("GET", f"/teacher/{COURSE_FILE}", self.file),
+        ]  # fmt: skip
+
+    def page(self, content: Mapping[str, Any], trouble: str = "", status: int = 200) -> Response:
+        """Return the page, filled with the content of a course's file as far as there is one."""
+        words = COURSE_WORDS[self._site.language]
+        tasks = [_shown(task) for task in content.get("task", [])]
+        return self._site.page(
+            "course.html", status, trouble=trouble, content={"name": "", "about": ""} | dict(content),
+            tasks=[*tasks, _shown({})], root="../", kinds=tasks_with("hand"), classes=CLASSES,
+            lines=(*KINDS, "mixed"), rules={rule: words[rule] for rule in FEEDBACK},
+            metrics=_metrics(self._site.language), edited=self._lesson.course_file.is_file(),
+            shipped=list(SHIPPED_COURSES),
+        )  # fmt: skip
+
+    async def edit(self, request: Request) -> Response:
+        """Show the course, or one that is shipped, to be edited."""
+        chosen = request.query_params.get("from", "")
+        course = named_course(chosen) if chosen in SHIPPED_COURSES else self._lesson.course
+        return await run_in_threadpool(self.page, {} if course is None else _content(course))
+
+    async def keep(self, request: Request) -> Response:
+        """Put the course into force as the form has it, or withdraw it."""
+        form = await request.form(max_fields=20 * _MOST_TASKS)
+        if form.get("do") == "withdraw":
+            await run_in_threadpool(self._lesson.set_course, None)
+            return RedirectResponse("course", 303)
+        content = _content_of(form)
+        if form.get("do") == "add":
+            return await run_in_threadpool(self.page, content)
+        try:
+            await run_in_threadpool(self._lesson.set_course, course_of(content))
+        except (TypeError, ValueError) as error:
+            return await run_in_threadpool(self.page, content, str(error), 422)
+        return RedirectResponse("course", 303)
+
+    async def file(self, request: Request) -> Response:
+        """Send the course as its file."""
+        course = self._lesson.course
+        if course is None:
+            raise LookupError("There is no course.")
+        return download(course_toml(course).encode(), COURSE_FILE, "application/toml")
+
+
+def _content(course: Course) -> dict[str, Any]:
+    return {"name": course.name, "about": course.about, "task": [task_content(task) for task in course.tasks]}
+
+
+def _metrics(language: str) -> dict[str, str]:
+    """Return the words for each metric that a mark may limit, with its unit and sense, by key."""
+    return {
+        key: f"{course_words(language, about.name)}{'' if about.unit.sign == '1' else f' [{about.unit.sign}]'} "
+        + ("≥" if about.more else "≤")
+        for key, about in MARKED_METRICS.items()
+    }
+
+
+def _shown(task: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a task as its fields show it: seeds as one text, marks as pairs."""
+    marks: list[tuple[str, Any]] = [(key, _plain(limit)) for key, limit in task.get("mark", {}).items()]
+    shown = dict.fromkeys(_FIELDS, "") | {key: _plain(value) for key, value in task.items()}
+    shown["seeds"] = ", ".join(map(str, task.get("seeds", ())))
+    return shown | {"marks": marks + [("", "")] * max(_MARKS - len(marks), 1)}
+
+
+def _moment(text: str) -> datetime | str:
+    try:
+        return datetime.fromisoformat(text)
+    except ValueError:
+        return text
+
+
+def _plain(value: Any) -> Any:
+    """Return a value as a field shows it."""
+    if isinstance(value, datetime):
+        return f"{value.astimezone():%Y-%m-%dT%H:%M}"
+    return int(value) if isinstance(value, float) and value.is_integer() else value
+
+
+def _content_of(form: FormData) -> dict[str, Any]:
+    """Return the content of the file that a form stands for; what is no number stays a text, and is refused later."""
+    tasks = []
+    for k in range(_MOST_TASKS):
+        given = {name: text_of(form, f"{k}-{name}").strip() for name in ("name", "place", "task", "line", *_TEXTS)}
+        if not given["name"] or form.get(f"{k}-drop"):
+            continue
+        task: dict[str, Any] = {"name": given["name"]}
+        task |= {name: given[name] for name in ("specimen_class", "feedback") if given[name]}
+        kind = given["task"] or "gentle"
+        task |= {} if kind == "gentle" else {"task": kind}
+        task |= {"line": given["line"]} if kind == "path" and given["line"] else {}
+        task |= {name: _number(given[name]) for name in _NUMBERS if given[name]}
+        task |= {name: _moment(given[name]) for name in ("opens", "closes") if given[name]}
+        if given["seeds"]:
+            task["seeds"] = [_number(seed) for seed in re.split(r"[,;\s]+", given["seeds"].strip(",; "))]
+        names, limits = form.getlist(f"{k}-mark"), form.getlist(f"{k}-limit")
+        mark = {str(name): _number(str(limit).strip()) for name, limit in zip(names, limits, strict=False) if name}
+        task |= {"mark": mark} if mark else {}
+        task |= {"crossover": True} if form.get(f"{k}-crossover") else {}
+        place = _number(given["place"])
+        tasks.append((place if isinstance(place, int | float) else k + 1, k, task))
+    ordered = [task for *_, task in sorted(tasks, key=lambda each: each[:2])]
+    return {"name": text_of(form, "name").strip(), "about": text_of(form, "about").strip(), "task": ordered}
+
+
+_FIELDS = (
+    "name", "task", "line", "specimen_class", "feedback", "target_length_mm", "repetitions", "crossover", "attempts",
+    "opens", "closes",
+)  # fmt: skip
+_NUMBERS = ("target_length_mm", "repetitions", "attempts")
+_TEXTS = ("specimen_class", "feedback", "seeds", "opens", "closes", *_NUMBERS)
+
+
+def _number(text: str) -> int | float | str:
+    if _WHOLE.fullmatch(text):
+        return int(text)
+    return float(text.replace(",", ".")) if _NUMBER.fullmatch(text) else text
