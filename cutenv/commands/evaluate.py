@@ -195,8 +195,8 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--processes", type=int, metavar="N", help="number of processes; default one per core")
     parser.add_argument("--report", type=Path, metavar="RUN", help="evaluate a finished training run again, and report")
-    add_question(parser, unit="specimen", smallest="0.05 of return", most=1000)
     parser.add_argument(
         "--baselines-of", type=Path, metavar="RUN", help="with --report: reuse the baselines of another run"
     )
+    add_question(parser, unit="specimen", smallest="0.05 of return", most=1000)
     return parser

@@ -83,7 +83,7 @@ def test_first_and_second_are_treated_alike():
     other_at, other = stops(sequential_decisions(-found, LOOSE))
     assert (at == other_at).all()
     assert ((said == 1) == (other == 2)).all()
-    assert {DECISIONS[k] for k in said} == {"better", "undecided"}
+    assert {DECISIONS[k] for k in said} >= {"better", "undecided"}
 
 
 def test_a_large_difference_is_found_with_fewer_pairs_than_a_fixed_design_takes():
@@ -96,17 +96,17 @@ def test_a_large_difference_is_found_with_fewer_pairs_than_a_fixed_design_takes(
 
 def test_a_good_forecast_saves_pairs_and_a_bad_one_does_no_harm():
     rng = np.random.default_rng(8)
-    shape = (400, 300)
+    shape = (300, 400)
     place, coin = rng.normal(0.0, 0.25, shape), rng.choice((-1.0, 1.0), shape)
-    found = np.clip(0.08 + coin * place + rng.normal(0.0, 0.1, shape), -1.0, 1.0)
+    found = np.clip(0.05 + coin * place + rng.normal(0.0, 0.1, shape), -1.0, 1.0)
     plain = np.median(stops(sequential_decisions(found, SequentialQuestion()))[0])
     medians = {}
     for name, forecast in {"good": place, "none": 0.0 * place, "wrong": 0.4 + 3.0 * place[::-1]}.items():
         better, room = corrected(found, coin * forecast)
         assert (room <= MAX_CORRECTION).all()
-        assert better.mean() == pytest.approx(0.08, abs=0.01), name
+        assert better.mean() == pytest.approx(0.05, abs=0.01), name
         medians[name] = np.median(stops(sequential_decisions(better, SequentialQuestion(), room))[0])
-    assert medians["good"] < 0.7 * plain
+    assert medians["good"] < 0.65 * plain
     assert medians["none"] == plain
     assert medians["wrong"] < 1.15 * plain
 
