@@ -40,6 +40,7 @@ CHECKS: dict[str, list[str]] = {
     "physics: up and down": ["scripts/check_descent.py"],
     "physics: along a line": ["scripts/check_steering.py"],
     "physics: elements solved as the cut opens": ["scripts/free_cut.py"],
+    "statistics: decisions at any time": ["scripts/check_sequential.py"],
     "class: load": ["scripts/class_load.py"],
     "measurement": ["scripts/measure_recovery.py"],
     "thesis": ["scripts/reproduce_thesis.py"],

@@ -51,6 +51,7 @@ import camera_beside_rig
 import changed_laws
 import check_descent
 import check_score
+import check_sequential
 import check_steering
 import class_attacks
 import class_load
@@ -476,6 +477,10 @@ ON_PAGES: dict[str, dict[str, Callable[[argparse.Namespace], str]]] = {
         "free-cut": lambda _: free_cut.table(),
         "steering-speed": lambda _: speed_of("steering"),
         "freehand-speed": lambda _: speed_of("freehand"),
+    },
+    "docs/validation/sequential.md": {
+        "sequential": lambda _: check_sequential.decision_table(),
+        "sequential-twins": lambda _: check_sequential.twin_table(),
     },
     "docs/validation/laws.md": {
         "laws": lambda _: changed_laws.markdown(),

@@ -12,11 +12,25 @@ import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from cutenv.commands.options import add_tissue, command_parser, drawn_given, made_folder, reports_errors
+from cutenv.commands.options import (
+    add_question,
+    add_tissue,
+    command_parser,
+    drawn_given,
+    made_folder,
+    question_given,
+    reports_errors,
+)
 from cutenv.learning.options import class_in_words
 from cutenv.task.registry import TASKS
 from cutenv.tissue.specimen import CLASSES
+
+if TYPE_CHECKING:
+    from cutenv.learning.evaluation import Contestant
+
+_LOOK = 20  # specimens between two looks: a batch costs little more than a cut
 
 
 @reports_errors("evaluate")
@@ -62,6 +76,9 @@ def _evaluate(arguments: argparse.Namespace) -> None:
     drawn = drawn_given(arguments)
     if arguments.out:
         made_folder("--out", arguments.out)
+    if arguments.until is not None:
+        _decide(arguments, chosen, seeds, drawn)
+        return
     rows = evaluate(
         chosen,
         seeds[: arguments.specimens],
@@ -79,6 +96,62 @@ def _evaluate(arguments: argparse.Namespace) -> None:
     print_table(summary, TASKS[next(iter(tasks.values()))].shown)
     if paired and len(chosen) <= 12:
         print_differences(paired)
+
+
+def _decide(
+    arguments: argparse.Namespace, chosen: dict[str, Contestant], seeds: Sequence[int], drawn: dict[str, Any]
+) -> None:
+    """Let two policies cut specimen after specimen until it is decided which is better."""
+    import numpy as np
+
+    from cutenv.learning.evaluation import evaluate
+    from cutenv.learning.statistics import by_policy
+    from cutenv.report.decision_page import ComparedOutcome, DecisionReport, write_decision
+    from cutenv.scoring.study.sequential import RETURN_FLOOR, RETURN_TOP
+
+    if len(chosen) != 2:
+        raise ValueError(f"--until decided compares two policies, and {len(chosen)} are given. Give two.")
+    question = question_given(arguments, smallest=0.05)
+    if question.most > len(seeds):
+        raise ValueError(f"--most {question.most} is above {len(seeds)}, the specimens there are. Give fewer.")
+    names = list(chosen)
+    rows: list[dict[str, Any]] = []
+    while True:
+        first = len(rows) // 2
+        looked = seeds[first : min(first + _LOOK, question.most)]
+        rows += evaluate(chosen, looked, drawn, processes=arguments.processes or 1)
+        own = by_policy(rows)
+        pairs = list(zip(*(own[name] for name in names), strict=True))
+        scores = np.array(
+            [[(np.clip(cut["return"], RETURN_FLOOR, RETURN_TOP), cut["success"]) for cut in pair] for pair in pairs]
+        )
+        report = DecisionReport(
+            first=names[0],
+            second=names[1],
+            outcomes=[
+                ComparedOutcome(name=name, differences=scores[:, 0, k] - scores[:, 1, k], question=question)
+                for k, name in enumerate(("return", "success"))
+            ],
+            rows=[
+                {"seed": a["seed"]}
+                | {f"{side}_{key}": cut[key] for side, cut in (("first", a), ("second", b)) for key in _RAW}
+                for a, b in pairs
+            ],
+            pair="specimen",
+            pairs="specimens",
+            notes=[
+                f"a return below {RETURN_FLOOR:g} counts as {RETURN_FLOOR:g}",
+                f"looked at after every {_LOOK} specimens",
+            ],
+        )
+        if report.decision != "undecided" or len(pairs) == question.most:
+            break
+    print("\n".join(report.lines()))
+    if arguments.out:
+        print(f"page: {write_decision(arguments.out, report)[0]}")
+
+
+_RAW = ("return", "success", "end", "tip_error_mm", "peak_force_N", "time_s")
 
 
 def _report(arguments: argparse.Namespace) -> None:
@@ -99,6 +172,7 @@ def _parser() -> argparse.ArgumentParser:
         examples=(
             '"probe and creep" runs/NAME',
             "all --specimens 500 --out runs/all",
+            '"return stroke" runs/NAME --until decided',
             "--list",
             "--report runs/NAME",
         ),
@@ -124,4 +198,5 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--baselines-of", type=Path, metavar="RUN", help="with --report: reuse the baselines of another run"
     )
+    add_question(parser, unit="specimen", smallest="0.05 of return", most=1000)
     return parser

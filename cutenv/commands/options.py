@@ -14,6 +14,7 @@ from cutenv._base.output import check_writable, reader_has_gone
 
 if TYPE_CHECKING:  # slow to import, and --help does not need it
     from cutenv.measurement import DepthProfile
+    from cutenv.scoring.study.sequential import SequentialQuestion
     from cutenv.tissue.lines import CutLine
 
 Main = Callable[[Sequence[str]], int]
@@ -371,6 +372,40 @@ def add_record_options(
         metavar="FOLDER",
         help="draw every record into this folder: offset taken off, cuts and flaws found",
     )
+
+
+def add_question(parser: argparse.ArgumentParser, *, unit: str, smallest: str, most: int, always: bool = False) -> None:
+    """Add ``--until decided`` and its options, read by :func:`question_given`; ``unit`` is what a difference costs.
+
+    A command that ``always`` stops when it is decided has no ``--until``.
+    """
+    asked = parser.add_argument_group("stop when it is decided")
+    if not always:
+        asked.add_argument(
+            "--until", choices=("decided",), help=f"look after every {unit}, and stop when it is decided: better, "
+            "worse, or equivalent within --smallest",
+        )  # fmt: skip
+    asked.add_argument(
+        "--error", type=float, default=0.05, metavar="P", help="largest probability of a wrong decision; default 0.05"
+    )
+    asked.add_argument(
+        "--smallest", type=float, metavar="DIFFERENCE", help=f"smallest that matters; default {smallest}"
+    )
+    asked.add_argument("--most", type=int, default=most, metavar="N", help=f"largest number of {unit}s; default {most}")
+
+
+def question_given(arguments: argparse.Namespace, *, smallest: float, reach: float = 1.0) -> SequentialQuestion:
+    """Return what the options of :func:`add_question` ask.
+
+    Raises
+    ------
+    ValueError
+        If a number is out of range.
+    """
+    from cutenv.scoring.study.sequential import SequentialQuestion
+
+    given = smallest if arguments.smallest is None else arguments.smallest
+    return SequentialQuestion(error=arguments.error, smallest=given, most=arguments.most, reach=reach)
 
 
 def add_study_options(parser: argparse.ArgumentParser, *, columns: str) -> None:

@@ -7,9 +7,27 @@ import functools
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from cutenv._base.output import watched
-from cutenv.commands.options import add_study_options, command_parser, made_folder, reports_errors
+from cutenv.commands.options import (
+    add_question,
+    add_study_options,
+    command_parser,
+    made_folder,
+    question_given,
+    reports_errors,
+)
+
+if TYPE_CHECKING:
+    from cutenv.report.decision_page import DecisionReport
+    from cutenv.scoring.study import Study
+    from cutenv.scoring.study.sequential import SequentialQuestion
+
+_SCALE = 100.0
+"""Largest overall score."""
+_SMALLEST = 5.0
+"""Smallest difference of scores that matters, by default."""
 
 
 @reports_errors("study", ImportError)
@@ -33,6 +51,7 @@ def main(argv: Sequence[str]) -> int:
         in_range("--mark", arguments.mark, 0.0, 100.0, "1", "Give an overall score, such as 60.")
     if arguments.sheets is not None:
         made_folder("--sheets", arguments.sheets)
+    question = question_given(arguments, smallest=_SMALLEST, reach=_SCALE)
     rows = None if arguments.operators is None else load_operators(arguments.operators)
     name = study_name(arguments)
     cuts, refused, left = studied_cuts(arguments, rows)
@@ -47,6 +66,9 @@ def main(argv: Sequence[str]) -> int:
         target=_criterion(arguments),
     )
     print("\n".join([*table_lines(study), *crossover_lines(study)]))
+    if arguments.until is not None:
+        for report in _decided(study, question, arguments.mark):
+            print("\n".join(["", *report.lines()]))
     for each in refused:
         print(f"note: left out: {each.name}: {each.reason}")
     if arguments.out is not None:
@@ -59,6 +81,45 @@ def main(argv: Sequence[str]) -> int:
         page, table = write_class_list(arguments.sheets, study, mark=arguments.mark, language=arguments.language)
         print(f"\nclass list: {page} and {table}\nsheets: {len(study.operators)} beside it")
     return 0
+
+
+def _decided(study: Study, question: SequentialQuestion, mark: float | None) -> list[DecisionReport]:
+    """Return what is decided of each person against the mark, or without a mark of the two groups.
+
+    People are compared by their means, in the order of the table: the first of one group with the first of the other.
+    """
+    import numpy as np
+
+    from cutenv.report.decision_page import ComparedOutcome, DecisionReport
+    from cutenv.scoring.study.study import OVERALL, value_of
+
+    scores: dict[str, list[float]] = {}
+    for cut in study.cuts:
+        value, _ = value_of(cut.card, OVERALL)
+        if value is not None:
+            scores.setdefault(cut.operator, []).append(value)
+
+    def report(first: str, second: str, differences: list[float], pairs: str, *notes: str) -> DecisionReport:
+        outcome = ComparedOutcome(
+            name=OVERALL.replace("_", " "), differences=np.array(differences[: question.most]), question=question
+        )
+        return DecisionReport(
+            first=first, second=second, outcomes=[outcome], rows=[], pair=pairs[:-1], pairs=pairs, notes=notes
+        )
+
+    if mark is not None:
+        return [
+            report(who, f"the mark {mark:g}", [value - mark for value in own], "cuts") for who, own in scores.items()
+        ]
+    if study.groups is None:
+        raise ValueError("--until decided compares people with --mark, or two groups: give --mark or --groups.")
+    means = [
+        [float(np.mean(own)) for who, own in scores.items() if study.group_of[who] == group] for group in study.groups
+    ]
+    pairs = list(zip(*means, strict=False))
+    alone = abs(len(means[0]) - len(means[1]))
+    notes = [f"{alone} of the larger group have no partner yet, and do not count"] * bool(alone)
+    return [report(*study.groups, [a - b for a, b in pairs], "pairs of people", *notes)]
 
 
 def _criterion(arguments: argparse.Namespace) -> float | None:
@@ -111,4 +172,5 @@ def _parser() -> argparse.ArgumentParser:
         metavar="VALUE",
         help="target value of the learning curves itself, in the unit in which the one --metric is shown: mm, N, s",
     )
+    add_question(parser, unit="cut or person", smallest=f"{_SMALLEST:g} points", most=10_000)
     return parser

@@ -265,34 +265,55 @@ def cut_on_rig(
     parts: list[tuple[list[float], list[float], int, float, int]] = []
     between: list[str] = []
     for episode in range(specimens):
-        lost = False
-        for _ in range(_ATTEMPTS):
-            try:
-                cut = cut_once(env, policy, seed=seed, episode=episode, specimen=specimen)
-            except RigError as error:
-                between.append(f"specimen {episode + 1}: {error}")
-                lost = lost or _time_was_lost(env)
-                if not lost:
-                    return cuts, ClockKept.of(env.ticks * TICK, parts), between
-                if not _time_was_lost(env):
-                    env.close()  # drives that were left in mid-motion are connected again
-                continue
-            if cut.end == STOPPED and _time_was_lost(env):
-                lost = True
-                between.append(f"specimen {episode + 1} was cut again: {env.session.plant.supervisor.report}")
-                continue
-            if cut.end == STOPPED and _stopped_by(env) in ENDS_SESSION:
-                between.append(f"specimen {episode + 1}: {env.session.plant.supervisor.report}")
-                return cuts, ClockKept.of(env.ticks * TICK, parts), between
-            cuts.append(cut)
+        cut = cut_again(env, policy, between, seed=seed, episode=episode, specimen=specimen)
+        if cut is None:
             break
-        else:
-            return cuts, ClockKept.of(env.ticks * TICK, parts), between
+        cuts.append(cut)
         timing = env.session.plant.timing
         parts.append((timing.periods, timing.latencies, timing.overruns, timing.skipped, timing.garbled))
         if told is not None:
             told("rig", len(cuts))
     return cuts, ClockKept.of(env.ticks * TICK, parts), between
+
+
+def cut_again(
+    env: RigCutEnv, policy: Policy, between: list[str], *, seed: int, episode: int, **laid: Any
+) -> ComparedCut | None:
+    """Cut one specimen; again, up to four times, if the rig was stopped by a delay of the computer.
+
+    Parameters
+    ----------
+    env, policy, seed, episode, **laid
+        As for :func:`cut_once`.
+    between : list of str
+        Notes, to which those on this cut are added.
+
+    Returns
+    -------
+    ComparedCut or None
+        The cut; None if the rig cannot go on, and the last note says why.
+    """
+    lost = False
+    for _ in range(_ATTEMPTS):
+        try:
+            cut = cut_once(env, policy, seed=seed, episode=episode, **laid)
+        except RigError as error:
+            between.append(f"specimen {episode + 1}: {error}")
+            lost = lost or _time_was_lost(env)
+            if not lost:
+                return None
+            if not _time_was_lost(env):
+                env.close()  # drives that were left in mid-motion are connected again
+            continue
+        if cut.end == STOPPED and _time_was_lost(env):
+            lost = True
+            between.append(f"specimen {episode + 1} was cut again: {env.session.plant.supervisor.report}")
+            continue
+        if cut.end == STOPPED and _stopped_by(env) in ENDS_SESSION:
+            between.append(f"specimen {episode + 1}: {env.session.plant.supervisor.report}")
+            return None
+        return cut
+    return None
 
 
 def _stopped_by(env: RigCutEnv) -> Cause | None:

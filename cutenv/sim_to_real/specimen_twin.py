@@ -134,9 +134,14 @@ def _specimen(
 
 
 def fit_twin(
-    trace: Trace, tissue: TissueDescription, *, law: LawParameters | None = None, force_delay: float = 0.0
+    trace: Trace,
+    tissue: TissueDescription,
+    *,
+    law: LawParameters | None = None,
+    force_delay: float = 0.0,
+    share: float = SHARE,
 ) -> SpecimenTwin:
-    """Fit a specimen to the first half of a record.
+    """Fit a specimen to the first half of a record, or to another ``share`` of the blade's way.
 
     The blade is led along the recorded positions and angles, without drive and sensor; modulus, fracture resistance
     and friction are those that give the recorded force best, weighed against the spread of the tissue.
@@ -151,6 +156,8 @@ def fit_twin(
         Constants of the cutting law.
     force_delay : float
         Delay of the force behind the position [s].
+    share : float
+        Share of the way that is fitted, above 0 and up to 1.
 
     Returns
     -------
@@ -166,7 +173,7 @@ def fit_twin(
     way = float(readings["position"].max())
     if way < _SHORTEST:
         raise ValueError(f"the blade goes {1e3 * way:.1f} mm: {1e3 * _SHORTEST:g} mm or more tell of the tissue.")
-    until = SHARE * way
+    until = share * way
     stop = int(np.argmax(readings["position"] >= until))
     kernel = np.ones(_SMOOTH) / _SMOOTH
     padded = np.pad(readings["position"][:stop], _SMOOTH // 2, mode="edge")

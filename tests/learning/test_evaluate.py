@@ -307,3 +307,16 @@ def _alive(group: int) -> bool:
     except ProcessLookupError:
         return False
     return True
+
+
+def test_two_policies_are_compared_until_it_is_decided(tmp_path, capsys):
+    pytest.importorskip("matplotlib", reason="pictures are an extra: pip install 'cutenv[view]'")
+    given = ["probe and creep", "nothing", "--until", "decided", "--validation"]
+    assert main([*given, "--out", str(tmp_path)]) == 0
+    assert re.search(r"probe and creep is better than nothing in return, after \d+ specimens", capsys.readouterr().out)
+    with (tmp_path / "pairs.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 20, "it stopped at its first look"
+    assert [int(row["seed"]) for row in rows] == list(VALIDATION_SEEDS[:20])
+    assert main(["ppo-free", *given]) == 2
+    assert "compares two policies, and 3 are given" in capsys.readouterr().err

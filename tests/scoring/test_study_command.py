@@ -233,3 +233,14 @@ def test_a_table_in_another_encoding_is_refused(tmp_path: Path) -> None:
     table.write_bytes("record,operator\nschräg,P1\n".encode("latin-1"))
     with pytest.raises(RecordError, match="UTF-8"):
         load_operators(table)
+
+
+def test_people_and_groups_are_compared_until_it_is_decided(records, capsys):
+    given = [records, records / "operators.csv", "--until", "decided", "--metric", "force_rate"]
+    assert run(*given, "--mark", "1") == 0
+    said = capsys.readouterr().out
+    assert said.count("against the mark 1") + said.count("than the mark 1") == len((*NOVICES, *EXPERTS))
+    assert run(*given, "--groups", "expert", "novice") == 0
+    said = capsys.readouterr().out
+    assert "expert against novice is undecided in overall score" in said
+    assert f"after {min(len(NOVICES), len(EXPERTS))} pairs of people" in said

@@ -1,23 +1,30 @@
-"""Run the same policy on the same specimens in the simulator and on a rig, and report whether they agree."""
+"""Run the same policy on the same specimens in the simulator and on a rig, and report whether they agree.
+
+With --until decided two policies are compared on the rig, pair by pair, until it is decided which is better. Every cut
+is kept in --out at once: the same command goes on where the last one ended, on any day.
+"""
 
 from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cutenv._base.output import progress_bar
 from cutenv.commands.options import (
     RIG,
+    add_question,
     add_specimen_class,
     add_target_length,
     add_task,
     command_parser,
+    length_given,
     made_folder,
     made_place,
+    question_given,
     target_length,
 )
 from cutenv.commands.rig import reports_rig_errors
@@ -25,20 +32,31 @@ from cutenv.rig.errors import RigError
 from cutenv.task.registry import TASKS
 
 if TYPE_CHECKING:
+    from cutenv.envs.gentle_cut import GentleCutEnv
     from cutenv.envs.rig_cut import RigCutEnv
     from cutenv.sim_to_real.evaluation_result import Evaluation
     from cutenv.sim_to_real.paired_experiment import ProgressCallback
+    from cutenv.sim_to_real.sequential_experiment import RigComparison
     from cutenv.tissue.specimen import Specimen
 
 AGREE, DIFFER = 0, 1
 _OF_BOTH = ("control_hz", "deadline_s", "angle_mode", "fixed_angle_deg")
 _PAGE, _RECORDS = "evaluation.html", "records"
+_ASKED = (
+    "policies", "task", "seed", "specimen_class", "target_length", "error", "smallest", "opening", "draws", "unknown",
+)  # fmt: skip
+SMALLEST_RETURN = 0.05
+"""Smallest difference of returns that matters, by default [1]."""
 
 
 @reports_rig_errors("evaluate", ImportError, TypeError, refused=2)
 def main(argv: Sequence[str]) -> int:
     """Run the command; return 0 if both agree or it is open, 1 if they differ, 2 for bad input, 130 after Ctrl-C."""
     arguments = _parser().parse_args(argv)
+    if arguments.until is not None:
+        return decide(arguments)
+    if arguments.policies or arguments.policy is None:
+        raise ValueError("give --policy POLICY to compare a rig with the simulator, or POLICY OTHER --until decided.")
     evaluation = _evaluated(arguments)
     print("\n".join(evaluation.lines()))
     _write(arguments, evaluation)
@@ -46,12 +64,11 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _evaluated(arguments: argparse.Namespace) -> Evaluation:
-    from cutenv.commands.rig.run import chosen_policy, paced
-    from cutenv.imitated.connection import settings_of
+    from cutenv.commands.rig.run import chosen_policy
     from cutenv.rig.operation.suitability import simulator_keywords
     from cutenv.sim_to_real import FEWEST_SPECIMENS
     from cutenv.sim_to_real.evaluation_result import Evaluation
-    from cutenv.sim_to_real.paired_experiment import paired_experiment, save_records, simulator_like
+    from cutenv.sim_to_real.paired_experiment import paired_experiment, save_records
 
     _check_out(arguments)
     policy, wanted = chosen_policy(arguments.policy, arguments.task)
@@ -59,21 +76,12 @@ def _evaluated(arguments: argparse.Namespace) -> Evaluation:
     changed: dict[str, Any] = dict(_constant(text) for text in arguments.change)
     out: Path | None = arguments.out
     specimen = _specimen(arguments)
-    shared: dict[str, Any] = {"specimen_class": arguments.specimen_class, "tissue": arguments.tissue}
-    shared["target_length"] = target_length(arguments)
-    shared, note = paced(
-        shared | {name: wanted[name] for name in _OF_BOTH if name in wanted}, settings_of(arguments.rig)
-    )
-    if note:
-        print(f"cutenv rig evaluate: {note}", file=sys.stderr)
+    shared = _shared(arguments, wanted)
     with ExitStack() as stack:
         records = None if out is None else out / _RECORDS / "rig"
         rig: RigCutEnv = task.rig(rig=arguments.rig, records=records, **shared, **changed)
         stack.callback(rig.close)
-        if changed and not rig.draws_specimens:
-            raise ValueError("--change is for an emulated or fake rig: a real one is described by its file.")
-        wanted = {name: value for name, value in shared.items() if name not in ("angle_mode", "fixed_angle_deg")}
-        simulator = simulator_like(rig, **wanted)
+        simulator = _simulator(rig, shared, changed)
         cuts = paired_experiment(
             rig, simulator, policy, seed=arguments.seed, specimens=arguments.specimens, draws=arguments.draws,
             specimen=specimen, unknown=True if arguments.unknown else None, told=_progress(arguments.specimens, stack),
@@ -101,6 +109,88 @@ def _evaluated(arguments: argparse.Namespace) -> Evaluation:
             * bool(changed)
         ),
     )
+
+
+def _shared(arguments: argparse.Namespace, wanted: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the keywords of both environments; a note is printed if the rig is slower than the policy."""
+    from cutenv.commands.rig.run import paced
+    from cutenv.imitated.connection import settings_of
+
+    shared: dict[str, Any] = {"specimen_class": arguments.specimen_class, "tissue": arguments.tissue}
+    shared["target_length"] = target_length(arguments)
+    shared, note = paced(
+        shared | {name: wanted[name] for name in _OF_BOTH if name in wanted}, settings_of(arguments.rig)
+    )
+    if note:
+        print(f"cutenv rig evaluate: {note}", file=sys.stderr)
+    return shared
+
+
+def _simulator(rig: RigCutEnv, shared: Mapping[str, Any], changed: Mapping[str, Any]) -> GentleCutEnv:
+    from cutenv.sim_to_real.paired_experiment import simulator_like
+
+    if changed and not rig.draws_specimens:
+        raise ValueError("--change is for an emulated or fake rig: a real one is described by its file.")
+    wanted = {name: value for name, value in shared.items() if name not in ("angle_mode", "fixed_angle_deg")}
+    return simulator_like(rig, **wanted)
+
+
+@contextmanager
+def rig_comparison(arguments: argparse.Namespace, *, records: Path | None = None) -> Iterator[RigComparison]:
+    """Make the comparison that the options ask for, on a rig that is closed at the end."""
+    from cutenv.commands.rig.run import chosen_policy
+    from cutenv.sim_to_real.sequential_experiment import RigComparison, two_names
+
+    names = two_names(arguments.policies)
+    found = [chosen_policy(name, arguments.task) for name in names]
+    wanted = [{name: given[name] for name in _OF_BOTH if name in given} for _, given in found]
+    if wanted[0] != wanted[1]:
+        raise ValueError(f"POLICY OTHER: {names[0]!r} needs {wanted[0]}, and {names[1]!r} {wanted[1]}. Take two alike.")
+    opening = length_given(arguments, "opening", (0.020, 0.050), "Write 25mm.")
+    changed: dict[str, Any] = dict(_constant(text) for text in arguments.change)
+    shared = _shared(arguments, wanted[0])
+    rig: RigCutEnv = TASKS[arguments.task].rig(rig=arguments.rig, records=records, **shared, **changed)
+    try:
+        yield RigComparison(
+            rig=rig, simulator=_simulator(rig, shared, changed), policies=(found[0][0], found[1][0]), names=names,
+            question=question_given(arguments, smallest=SMALLEST_RETURN), seed=arguments.seed,
+            apart=arguments.unknown or not rig.draws_specimens, opening=opening, draws=arguments.draws,
+        )  # fmt: skip
+    finally:
+        rig.close()
+
+
+def decide(arguments: argparse.Namespace) -> int:
+    """Compare two policies until it is decided; the status is 0, whatever is decided."""
+    from cutenv.report.decision_page import write_decision
+    from cutenv.sim_to_real.sequential_experiment import KeptCuts
+
+    for option in ("policy", "specimen", "json"):
+        if getattr(arguments, option) is not None:
+            raise ValueError(f"--{option} is for one policy beside the simulator: leave it out with --until decided.")
+    if arguments.out is None:
+        raise ValueError("--until decided keeps every cut: give --out FOLDER.")
+    out = made_folder("--out", arguments.out)
+    with rig_comparison(arguments, records=out / _RECORDS / "rig") as comparison:
+        kept = KeptCuts(
+            out,
+            {name: getattr(arguments, name) for name in _ASKED}
+            | {name: str(getattr(arguments, name)) for name in ("rig", "tissue", "change")},
+        )
+        if arguments.missing is not None:
+            if (pair := kept.open_pair) is None:
+                raise ValueError("--missing is for a pair with one cut, and there is none. Leave it out.")
+            kept.add({"pair": pair, "missing": arguments.missing})
+        try:
+            with progress_bar("cutting", "pair", total=comparison.question.most) as bar:
+                bar(len(kept.whole()))
+                comparison.run(kept, bar)
+        finally:
+            report = comparison.report(kept)
+            if kept.whole():
+                paths = write_decision(out, report)
+                print("\n".join([*report.lines(), f"page: {paths[0]}; cuts: {out}"]))
+    return 0
 
 
 def _specimen(arguments: argparse.Namespace) -> Specimen | None:
@@ -176,12 +266,14 @@ def _parser() -> argparse.ArgumentParser:
             '--task depth --policy "follow the depth" --rig fake --specimens 6',
             '--task path --policy "steer by force" --rig fake --specimens 6',
             "--policy ppo-free --rig emulator --out evaluation",
+            '"return stroke" "probe and creep" --until decided --rig fake --smallest 0.1 --out decided',
         ),
         note="Exit status: 0 where both agree or more specimens are needed, 1 where they differ, 2 for an error.",
     )
     add = parser.add_argument
-    add("--policy", required=True, metavar="POLICY", help="name of a script or of a shipped policy, or folder of a "
-        "trained policy")  # fmt: skip
+    add("policies", nargs="*", metavar="POLICY", help="with --until decided: the two policies to compare on the rig")
+    add("--policy", metavar="POLICY", help="policy to compare with itself in the simulator: name of a script or of a "
+        "shipped policy, or folder of a trained policy")  # fmt: skip
     add("--rig", required=True, metavar="RIG", help=RIG)
     add_task(parser, "rig")
     add("--specimens", type=int, default=20, metavar="N", help="number of specimens, 6 or more; default 20")
@@ -201,4 +293,17 @@ def _parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     add("--out", type=Path, metavar="FOLDER", help=f"folder of {_PAGE} and the records of all cuts")
     add("--json", type=Path, metavar="FILE", help="file for every number that was found")
+    add_question(parser, unit="pair of cuts", smallest=f"{SMALLEST_RETURN:g} of return", most=400)
+    add_opening(parser)
+    add(
+        "--missing", metavar="REASON", help="the pair with one cut alone cannot be completed: leave it out, and say why"
+    )
     return parser
+
+
+def add_opening(parser: argparse.ArgumentParser) -> None:
+    """Add ``--opening``, the length of the measured opening."""
+    parser.add_argument(
+        "--opening", metavar="LENGTH", help="let both policies take over after the same slow feed of this length, such "
+        "as 25mm, by which twins of both places correct their difference; with --unknown on an imitated rig",
+    )  # fmt: skip
