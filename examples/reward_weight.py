@@ -32,6 +32,6 @@ assert abs((strict - usual) - (strict_jumps - usual_jumps)) < 1e-12
 try:
     gymnasium.make("cutenv/GentleCut-v1", weight_jmup=0.2)
 except TypeError as error:  # a misspelt name is never ignored
-    print(f"{error}".partition(" It takes")[0])
+    print(f"{error}".partition(" help(")[0])
 else:
     raise AssertionError("a misspelt weight was taken")
