@@ -212,7 +212,7 @@ def test_a_telephone_reads_the_code_of_a_slip(room: Room) -> None:
 
 
 def form_of(page: str) -> dict[str, Any]:
-    """What a browser would send of the form on the course's page."""
+    """Return the form of the course's page as a browser sends it."""
     sent: dict[str, list[str]] = {}
     form = page[page.index('<form method="post">') :]
     for name, inner in re.findall(r'<select name="([^"]+)">(.*?)</select>', form, re.DOTALL):
