@@ -391,7 +391,9 @@ def add_question(parser: argparse.ArgumentParser, *, unit: str, smallest: str, m
     asked.add_argument(
         "--smallest", type=float, metavar="DIFFERENCE", help=f"smallest that matters; default {smallest}"
     )
-    asked.add_argument("--most", type=int, default=most, metavar="N", help=f"largest number of {unit}s; default {most}")
+    asked.add_argument(
+        "--most", type=int, default=most, metavar="N", help=f"end undecided after so many; default {most}"
+    )
 
 
 def question_given(arguments: argparse.Namespace, *, smallest: float, reach: float = 1.0) -> SequentialQuestion:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import importlib
+import itertools
 import re
 from datetime import datetime
 from pathlib import Path
@@ -299,7 +300,10 @@ class RigSource:
         date, settings = datetime.now(), self.settings
         axis = settings.height
         rig = re.sub(r"[^\w.-]+", "_", settings.name)
-        name = f"{date:%Y%m%dT%H%M%S}_{rig}_{seed}-{episode}"
+        first = f"{date:%Y%m%dT%H%M%S}_{rig}_{seed}-{episode}"
+        # On a fake rig a specimen may be cut twice in a second, by two policies.
+        names = itertools.chain((first,), (f"{first}_{number}" for number in itertools.count(2)))
+        name = next(each for each in names if not (self._folder / f"{each}.csv").exists())
         origin = Provenance(
             rig=settings.name,
             sensor=_sensor_name(settings) if not self.draws else f"of the {self._rig}",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import tomllib
+from datetime import datetime
 
 import gymnasium
 import numpy as np
@@ -242,6 +243,25 @@ def test_a_blade_that_was_pushed_while_the_specimen_was_laid_is_found_out(env):
     before = len(env.session.operator.asked)
     env.reset()
     assert any("will move" in asked for asked in env.session.operator.asked[before:])  # hands may still be there
+
+
+def test_a_specimen_that_is_cut_twice_within_a_second_has_two_records(tmp_path, monkeypatch):
+    class Stopped(datetime):
+        @classmethod
+        def now(cls, tz=None):
+            return cls(2026, 1, 2, 3, 4, 5)
+
+    monkeypatch.setattr("cutenv.envs.rig_source.datetime", Stopped)
+    env = RigCutEnv(rig="fake", target_length=0.06, records=tmp_path)
+    for _ in range(2):
+        env.reset(seed=1, options={"episode": 0})
+        env.step([0.625, 1.0])
+    env.close()
+    assert len(set(env.records)) == 2
+    assert sorted(each.name for each in tmp_path.glob("*.csv")) == [
+        "20260102T030405_fake_1-0.csv",
+        "20260102T030405_fake_1-0_2.csv",
+    ]
 
 
 def test_a_cut_that_is_given_up_comes_to_rest_and_its_record_is_finished(tmp_path):
