@@ -40,10 +40,12 @@ TWO_TASKS = """name = "two"
 [[task]]
 name = "first"
 specimen_class = "uniform"
+seeds = [1, 2]
 repetitions = 2
 [[task]]
 name = "second"
 specimen_class = "liver"
+seeds = [1]
 """
 ONE_TASK = """name = "one"
 [[task]]
