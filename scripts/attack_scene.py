@@ -12,12 +12,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from attacked_drivers import ORDERS, Orders
-from cutting_rig import SPEED, CuttingRig
-
 from cutenv.imitated.emulator.process import RunningEmulator, start
 from cutenv.rig.errors import RigError
 from cutenv.rig.safety.stop_causes import Cause
+from scripts.attacked_drivers import ORDERS, Orders
+from scripts.cutting_rig import SPEED, CuttingRig
 
 FARTHEST = 0.005
 """Distance within which an attack that must stop the blade has to stop it [m]."""

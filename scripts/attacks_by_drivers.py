@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-from attack_scene import Attack, Scene, named
+from scripts.attack_scene import Attack, Scene, named
 
 
 def ordered(name: str, about: str, order: str, *, pressed: bool = False) -> Attack:

@@ -13,14 +13,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from attack_scene import Found, Scene
-from cutting_rig import UPRIGHT
 
 from cutenv.envs.rig_cut import RigCutEnv
 from cutenv.recording import load_one
 from cutenv.recording.schema import RecordError
 from cutenv.rig.errors import RigError
 from cutenv.rig.safety.stop_causes import RigStopped
+from scripts.attack_scene import Found, Scene
+from scripts.cutting_rig import UPRIGHT
 
 _GOOD = 30  # decisions before the policy misbehaves
 _BAD = 100  # largest number of decisions after that

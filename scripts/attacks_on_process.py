@@ -15,9 +15,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
 
-from attack_scene import Attack, Scene, named
-
 from cutenv.rig.errors import RigError
+from scripts.attack_scene import Attack, Scene, named
 
 
 def paused(pid: int, seconds: float) -> None:

@@ -14,15 +14,14 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from attack_scene import FARTHEST, Attack, Found, Scene, named
-from attacks_on_process import paused, replaced
-from cutting_rig import SPEED, UPRIGHT
-from rig_cut_process import CutProcess
-
 from cutenv.imitated.emulator.process import RunningEmulator, start
 from cutenv.rig.remote_spine import RemoteSpine
 from cutenv.rig.safety.stop_causes import Cause
 from cutenv.rig.spine_link import COMMAND, GO
+from scripts.attack_scene import FARTHEST, Attack, Found, Scene, named
+from scripts.attacks_on_process import paused, replaced
+from scripts.cutting_rig import SPEED, UPRIGHT
+from scripts.rig_cut_process import CutProcess
 
 _HOUR = 3600.0  # [s]
 _STANDS = 1e-4  # [m] that a blade at rest may move in 0.4 s

@@ -12,12 +12,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from attack_scene import Attack, Scene, named
-
 from cutenv.rig.devices.canopen.bus import Socketcand
 from cutenv.rig.devices.netft.packets import RdtCommand, request_bytes
 from cutenv.rig.errors import RigError
 from cutenv.rig.hardware import rig_plant
+from scripts.attack_scene import Attack, Scene, named
 
 
 @contextmanager

@@ -1,7 +1,7 @@
 """Baseline table: every baseline on 500 specimens of each class, with the present and the earlier reward of v1.
 
-    python scripts/baseline_table.py               a quarter of an hour on 2 cores; writes runs/baselines/
-    python scripts/baseline_table.py --print       prints what is in runs/baselines/
+    python -m scripts.baseline_table               a quarter of an hour on 2 cores; writes runs/baselines/
+    python -m scripts.baseline_table --print       prints what is in runs/baselines/
 
 It shows how much there is to learn: the gap between the best script and the planner that knows the truth.
 
@@ -17,8 +17,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from kept_rows import interval_text, keep, kept_rows
-
 from cutenv.learning.evaluation import Contestant, evaluate
 from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.learning.statistics import differences, summarise
@@ -27,6 +25,7 @@ from cutenv.task.reward import SAFETY_ENDS, WORST_STORED
 from cutenv.task.weights import RewardWeights
 from cutenv.task_quantities import TIME_SCALE
 from cutenv.tissue.specimen import CLASSES
+from scripts.kept_rows import interval_text, keep, kept_rows
 
 FOLDER = Path("runs") / "baselines"
 DEADLINE = 30.0  # [s]
@@ -133,7 +132,7 @@ def report(rows: Sequence[Mapping[str, Any]], specimen_class: str) -> str:
 
 def kept(folder: Path, specimen_class: str) -> list[dict[str, Any]]:
     """Return the rows of an earlier measurement; SystemExit if there is none."""
-    return kept_rows(folder / f"{specimen_class}.csv", "baseline_table.py", ("policy", "specimen_class", "end"))
+    return kept_rows(folder / f"{specimen_class}.csv", "scripts.baseline_table", ("policy", "specimen_class", "end"))
 
 
 def main() -> None:

@@ -1,8 +1,8 @@
 """Measure the speed of the environment on this machine, each number compared with something run in the same process.
 
-python scripts/bench.py                 everything, some minutes
-python scripts/bench.py step tick       only these
-python scripts/bench.py --json FILE     keep the numbers; --compare FILE prints ratios to them later
+python -m scripts.bench                 everything, some minutes
+python -m scripts.bench step tick       only these
+python -m scripts.bench --json FILE     keep the numbers; --compare FILE prints ratios to them later
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
-from speed import BENCHMARKS, measurement
-from speed.comparison import compared
-from speed.machine import BLAS_THREADS
-from speed.measured import Number
-from speed.record import check_place, read, record_of, write
+from scripts.speed import BENCHMARKS, measurement
+from scripts.speed.comparison import compared
+from scripts.speed.machine import BLAS_THREADS
+from scripts.speed.measured import Number
+from scripts.speed.record import check_place, read, record_of, write
 
 
 def main(argv: Sequence[str] | None = None) -> int:

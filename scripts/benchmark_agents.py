@@ -1,13 +1,13 @@
 """Benchmark: train every agent, evaluate every policy on held-out specimens, print the table.
 
-    python scripts/benchmark_agents.py              goes on where assets/benchmark/ ends; writes runs/benchmark/
-    python scripts/benchmark_agents.py --plan       remaining work, and its duration
-    python scripts/benchmark_agents.py --only PPO "return stroke"
-    python scripts/benchmark_agents.py --runs runs  with training runs that are there already: runs/ppo-seed0 ...
-    python scripts/benchmark_agents.py --afresh     everything again, whatever is published
-    python scripts/benchmark_agents.py --quick      a test of the whole program in some ten minutes; no result
-    python scripts/benchmark_agents.py --table      the table again from the CSV files
-    python scripts/benchmark_agents.py --against    where it differs from the published one beyond both intervals
+    python -m scripts.benchmark_agents              goes on where assets/benchmark/ ends; writes runs/benchmark/
+    python -m scripts.benchmark_agents --plan       remaining work, and its duration
+    python -m scripts.benchmark_agents --only PPO "return stroke"
+    python -m scripts.benchmark_agents --runs runs  with training runs that are there already: runs/ppo-seed0 ...
+    python -m scripts.benchmark_agents --afresh     everything again, whatever is published
+    python -m scripts.benchmark_agents --quick      a test of the whole program in some ten minutes; no result
+    python -m scripts.benchmark_agents --table      the table again from the CSV files
+    python -m scripts.benchmark_agents --against    where it differs from the published one beyond both intervals
 
 Finished parts are not repeated: interrupt it at any time, publish what is done with scripts/leaderboard.py --publish,
 and start it again, there or on another machine.  cutenv/learning/benchmark.py defines the comparison, and
@@ -21,13 +21,12 @@ import argparse
 import os
 from pathlib import Path
 
-from benchmark.kept_cuts import merge_cuts
-from benchmark.protocol import ENTRIES, SCRIPTED, keep_protocol, kept_protocol
-from benchmark.runs import Benchmark, differs
-from benchmark.table import PUBLISHED, write_tables
-
 from cutenv.learning.benchmark import QUICK, Protocol
 from cutenv.learning.evaluation import workers
+from scripts.benchmark.kept_cuts import merge_cuts
+from scripts.benchmark.protocol import ENTRIES, SCRIPTED, keep_protocol, kept_protocol
+from scripts.benchmark.runs import Benchmark, differs
+from scripts.benchmark.table import PUBLISHED, write_tables
 
 
 def main() -> None:

@@ -1,9 +1,9 @@
 """Build the laws of the page: WebAssembly from the kernels that Python runs, assets/browser.
 
-    python scripts/build_browser_law.py              # build those of all tasks
-    python scripts/build_browser_law.py --check      # build them and compare with those that are kept; 1 if one differs
-    python scripts/build_browser_law.py --out FOLDER # build them elsewhere
-    python scripts/build_browser_law.py --task depth # build one of them
+    python -m scripts.build_browser_law              # build those of all tasks
+    python -m scripts.build_browser_law --check      # build them and compare with those that are kept; 1 if one differs
+    python -m scripts.build_browser_law --out FOLDER # build them elsewhere
+    python -m scripts.build_browser_law --task depth # build one of them
 
 Another Python or Numba may give other instructions for the same arithmetic.
 
@@ -25,8 +25,9 @@ from pathlib import Path
 from typing import Any
 
 from cutenv.task.registry import TASKS, tasks_with
+from scripts import ROOT
 
-BUILT = Path(__file__).parents[1] / "assets" / "browser"
+BUILT = ROOT / "assets" / "browser"
 _ENTRY = "follow"
 _LAYOUT = "e-m:e-p:32:32-p10:8:8-p20:8:8-i64:64-i128:128-n32:64-S128-ni:1:10:20"  # of data, for wasm32
 _TRIPLE = "wasm32-unknown-unknown"

@@ -1,7 +1,7 @@
 """Build the kernels of a wheel: one library of machine code, which Python calls without Numba.
 
-    python scripts/build_kernels.py --out FOLDER                  for each system, in a folder of its name
-    python scripts/build_kernels.py --out FOLDER --target x86_64-linux --part gentle    for one, a part
+    python -m scripts.build_kernels --out FOLDER                  for each system, in a folder of its name
+    python -m scripts.build_kernels --out FOLDER --target x86_64-linux --part gentle    for one, a part
 
 Each part (a task, the emulated rig) is used once, as a user would, to see which kernels it calls with which types.
 These are translated by Numba to LLVM's intermediate code, and by llvmlite's own back end to machine code, on x86-64 for
@@ -26,7 +26,9 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
-PACKAGE = Path(__file__).parents[1] / "cutenv"
+from scripts import ROOT
+
+PACKAGE = ROOT / "cutenv"
 BINDING = Path(__file__).with_name("kernels") / "binding.c"
 
 

@@ -1,6 +1,6 @@
 """Build the files of a release in dist/: the documentation first, then sdist and wheels, which hold it.
 
-    python scripts/build_release.py
+    python -m scripts.build_release
 
 One wheel is for any system, and requires Numba; for each system of scripts/build_kernels.py there is one with compiled
 kernels, which pip prefers there.
@@ -18,9 +18,9 @@ import tempfile
 import zipfile
 from pathlib import Path
 
-from build_kernels import PACKAGE, TARGETS
+from scripts import ROOT
+from scripts.build_kernels import PACKAGE, TARGETS
 
-ROOT = Path(__file__).parents[1]
 SITE = ROOT / "assets" / "site"
 DIST = ROOT / "dist"
 BUILD = ("-m", "build", "--no-isolation", "--outdir", str(DIST))

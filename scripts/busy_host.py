@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from cutting_rig import WATCHED, HostWatch
-
 from cutenv.rig.devices.host import PRIORITY, SystemClock, preferred
+from scripts.cutting_rig import WATCHED, HostWatch
 
 LOOKED = 4.0
 """Duration of the check [s]."""

@@ -1,8 +1,8 @@
 """Camera beside an emulated rig, in real time: frames a second by the wall clock, and the rig's timing with it.
 
-    python scripts/camera_beside_rig.py                       2 minutes of cutting each; some 15 in all
-    python scripts/camera_beside_rig.py --minutes 1 --json runs/camera-beside-rig.json
-    python scripts/update_docs.py live-camera
+    python -m scripts.camera_beside_rig                       2 minutes of cutting each; some 15 in all
+    python -m scripts.camera_beside_rig --minutes 1 --json runs/camera-beside-rig.json
+    python -m scripts.update_docs live-camera
 
 A rendered film is played at 30 frames a second into the camera's process, as a camera would send it, while the rig cuts
 as in scripts/rig_soak.py: three processes, of rig, emulated rig and camera. First there is no camera, then one camera
@@ -26,15 +26,15 @@ from typing import Any
 
 import av
 import numpy as np
-import rig_soak
-from benchmark.table import markdown_table
-from kept_rows import keep_json
-from measure_depth_accuracy import BOARD, BOARDS
-from rendering.filmed_cut import film_cut
 
 from cutenv.rig.config.settings import CameraSettings
 from cutenv.rig.devices.camera import RigCamera
 from cutenv.vision.camera_calibration import calibrate_cameras, halves
+from scripts import rig_soak
+from scripts.benchmark.table import markdown_table
+from scripts.kept_rows import keep_json
+from scripts.measure_depth_accuracy import BOARD, BOARDS
+from scripts.rendering.filmed_cut import film_cut
 
 DEFAULT = Path("runs") / "camera-beside-rig.json"
 CAMERAS = {"none": None, "one camera": 1, "two cameras": 2}

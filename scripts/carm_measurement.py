@@ -8,8 +8,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rendering.xray import XRayCamera
-from rendering.xray_session import BALL, BEAD, ERRORS, Session, exposed
 from scipy.spatial import cKDTree
 
 from cutenv.tissue.cut_model import CutModel
@@ -18,6 +16,8 @@ from cutenv.vision.beads import find_beads
 from cutenv.vision.fluoroscopy import CArmCalibration, CArmView, calibrate_view, length_per_pixel
 from cutenv.vision.projection import fit_magnification
 from cutenv.vision.spots import locate_spots
+from scripts.rendering.xray import XRayCamera
+from scripts.rendering.xray_session import BALL, BEAD, ERRORS, Session, exposed
 
 REGION = [[-0.045, -0.005, -0.002], [0.045, 0.155, 0.03]]
 """Places where beads may be [m]."""

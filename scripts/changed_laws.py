@@ -7,20 +7,14 @@ Not a program: ``scripts/update_docs.py laws laws-results`` writes them.  What w
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import Any
 
-import check_descent
-import check_steering
-import crack_truth
-import promises
-import task_table
-from benchmark.table import markdown_table
-from kept_rows import kept_rows
-
 from cutenv.learning.statistics import summarise
+from scripts import ROOT, check_descent, check_steering, crack_truth, promises, task_table
+from scripts.benchmark.table import markdown_table
+from scripts.kept_rows import kept_rows
 
-BEFORE = Path(__file__).parents[1] / "docs" / "validation" / "laws-before.json"
+BEFORE = ROOT / "docs" / "validation" / "laws-before.json"
 CHECKED = check_descent.check_friction, check_descent.check_pressing, check_steering.check_passing
 """Parts of the checks that were written for the change."""
 
@@ -39,7 +33,7 @@ def results() -> str:
     before: dict[str, Any] = json.loads(BEFORE.read_text())["results"]
     rows = []
     for name, table in task_table.TABLES.items():
-        cuts = kept_rows(table.file, f"task_table.py {name}", task_table.TEXTS)
+        cuts = kept_rows(table.file, f"scripts.task_table {name}", task_table.TEXTS)
         values = {(row["policy"], row["score"]): row["mean"] for row in summarise(cuts)}
         error, _, shown = table.errors[0]
         for policy, old in before[name].items():

@@ -1,8 +1,8 @@
 """Check the cutting law where the blade also moves up and down: energy, limit cases, and layers against bricks.
 
-    python scripts/check_descent.py                 4 specimens, and layers on bricks: some minutes
-    python scripts/check_descent.py --only account limits --specimens 1
-    python scripts/check_descent.py --slice-push    forces on an edge that is pressed and drawn, beside the closed form
+    python -m scripts.check_descent                 4 specimens, and layers on bricks: some minutes
+    python -m scripts.check_descent --only account limits --specimens 1
+    python -m scripts.check_descent --slice-push    forces on an edge that is pressed and drawn, beside the closed form
 
 The table shows the results and what is promised; a line without a promise is a finding.  The exit status is 1 if a
 promise is not kept.
@@ -18,10 +18,6 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from adversarial_motions import FEED, MOTIONS, TICKS, UPRIGHT
-from benchmark.table import markdown_table
-from fit_layers import SlabsOfBricks, size_of, slab_name
-from promises import Led, Row, account_rows, differing, run, share_row
 
 from cutenv.cutting.descent import DescentParameters
 from cutenv.cutting.dtypes import TICK
@@ -29,6 +25,10 @@ from cutenv.plant import DescendingPlant
 from cutenv.tissue import Layers, Specimen, measured_liver
 from cutenv.tissue.layers import LAYER_REACH
 from cutenv.tissue.specimen import SPACING
+from scripts.adversarial_motions import FEED, MOTIONS, TICKS, UPRIGHT
+from scripts.benchmark.table import markdown_table
+from scripts.fit_layers import SlabsOfBricks, size_of, slab_name
+from scripts.promises import Led, Row, account_rows, differing, run, share_row
 
 LAYERED = Layers(capsule_thickness=5e-4, capsule_toughness=8.0, boundary=0.01, deep_toughness=5.0, deep_modulus=2.0)
 SLAB_LAYERS = (

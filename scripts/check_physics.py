@@ -1,7 +1,7 @@
 """Check the physics on sampled specimens: stiffness, reloading, energy, sampling, measurement and speed of resets.
 
-    python scripts/check_physics.py                        30 specimens, 10,000 draws: about a minute
-    python scripts/check_physics.py --specimens 3 --only stiffness account
+    python -m scripts.check_physics                        30 specimens, 10,000 draws: about a minute
+    python -m scripts.check_physics --specimens 3 --only stiffness account
 
 A third of the specimens are livers, a third have vessels, a third come from other seeds.  The table shows the results
 and what is promised; a line without a promise is a finding.  The exit status is 1 if a promise is not kept.
@@ -19,12 +19,8 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
-import measure_recovery
 import numpy as np
-from adversarial_motions import INCLINED, MOTIONS, UPRIGHT
 from numpy.typing import NDArray
-from promises import LEAST_WORK, RESIDUAL, SEED, Row, drawn
-from speed.batch import MANY, RESETS_IN_STEPS, rates
 
 from cutenv._engine.jit import njit
 from cutenv._engine.randomness import generator
@@ -35,6 +31,10 @@ from cutenv.plant import SimulatedPlant
 from cutenv.tissue import CutModel, Specimen, measured_liver
 from cutenv.tissue.slab import ROWS, row_means
 from cutenv.tissue.specimen import N_POINTS, SPACING
+from scripts import measure_recovery
+from scripts.adversarial_motions import INCLINED, MOTIONS, UPRIGHT
+from scripts.promises import LEAST_WORK, RESIDUAL, SEED, Row, drawn
+from scripts.speed.batch import MANY, RESETS_IN_STEPS, rates
 
 Array = NDArray[np.float64]
 

@@ -1,12 +1,12 @@
 """Check that the overall score agrees with the task: same specimens, cut by scripts, agents, planner and hands.
 
-    python scripts/check_score.py                   500 specimens of each class, some fifteen minutes
-    python scripts/check_score.py --hand            simulated people as well, who hold it by a spring; half an hour
-    python scripts/check_score.py --specimens 50    a quick look
-    python scripts/check_score.py --task depth --specimens 60    cuts along a wanted depth; some ten minutes
-    python scripts/check_score.py --task path --specimens 60     cuts along a drawn line; likewise
-    python scripts/check_score.py --doubts          how often records are doubted by their motion; some two minutes
-    python scripts/check_score.py --print           prints what is in runs/check-score/
+    python -m scripts.check_score                   500 specimens of each class, some fifteen minutes
+    python -m scripts.check_score --hand            simulated people as well, who hold it by a spring; half an hour
+    python -m scripts.check_score --specimens 50    a quick look
+    python -m scripts.check_score --task depth --specimens 60    cuts along a wanted depth; some ten minutes
+    python -m scripts.check_score --task path --specimens 60     cuts along a drawn line; likewise
+    python -m scripts.check_score --doubts          how often records are doubted by their motion; some two minutes
+    python -m scripts.check_score --print           prints what is in runs/check-score/
 
 A class that was measured is kept: a run that was broken off goes on with the next.
 
@@ -25,11 +25,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from benchmark.table import markdown_table
-from kept_rows import keep, kept_rows
 from scipy.ndimage import uniform_filter1d
 from scipy.stats import spearmanr
-from simulated_hands import DRIVEN, SKILLS, SimulatedHand
 
 from cutenv.envs.depth_cut import DepthCutEnv
 from cutenv.envs.path_cut import PathCutEnv
@@ -52,6 +49,9 @@ from cutenv.task.observation import COMPONENTS
 from cutenv.task.registry import TASKS
 from cutenv.tissue.lines import places_within
 from cutenv.trace import Trace
+from scripts.benchmark.table import markdown_table
+from scripts.kept_rows import keep, kept_rows
+from scripts.simulated_hands import DRIVEN, SKILLS, SimulatedHand
 
 FOLDER, FILE, HAND_FILE, DOUBTS_FILE = Path("runs") / "check-score", "rows.csv", "hand.csv", "doubts.csv"
 """Folder of what is kept; in it, the rows of each class in a folder of its name, and those about doubts."""
@@ -441,7 +441,7 @@ def doubts_report(rows: Sequence[Mapping[str, Any]]) -> str:
 
 def kept_classes(folder: Path, kinds: Iterable[str] = CLASSES, *, hand: bool = True) -> list[dict[str, Any]]:
     """Return the kept rows of classes, with or without hands; SystemExit with the command that makes them."""
-    file, command = (HAND_FILE, "check_score.py --hand") if hand else (FILE, "check_score.py")
+    file, command = (HAND_FILE, "scripts.check_score --hand") if hand else (FILE, "scripts.check_score")
     return [row for kind in kinds for row in kept_rows(folder / kind / file, command, TEXTS)]
 
 
@@ -466,13 +466,13 @@ def main() -> None:
             # A mixed specimen is that of another class with the same seed, and would count twice.
             kinds = CLASSES[1:] if arguments.classes is CLASSES else arguments.classes
             keep(path, [row for kind in kinds for row in measure_doubts(everybody, arguments.specimens, kind)])
-        print(doubts_report(kept_rows(path, "check_score.py --doubts", TEXTS)), flush=True)
+        print(doubts_report(kept_rows(path, "scripts.check_score --doubts", TEXTS)), flush=True)
         return
     if arguments.task in MAP_TASKS:
         task, path = MAP_TASKS[arguments.task], arguments.out / f"{arguments.task}.csv"
         if not arguments.print:
             keep(path, measure_map(arguments.task, arguments.specimens))
-        print(map_report(task, kept_rows(path, f"check_score.py --task {arguments.task}", TEXTS)), flush=True)
+        print(map_report(task, kept_rows(path, f"scripts.check_score --task {arguments.task}", TEXTS)), flush=True)
         return
     for kind in () if arguments.print else arguments.classes:
         path = arguments.out / kind / (HAND_FILE if arguments.hand else FILE)

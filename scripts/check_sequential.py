@@ -1,7 +1,7 @@
 """Check the decisions of a sequential comparison by simulated studies, whose truth is known.
 
-    python scripts/check_sequential.py                       10,000 studies a row; some minutes
-    python scripts/check_sequential.py --studies 500 --block twins
+    python -m scripts.check_sequential                       10,000 studies a row; some minutes
+    python -m scripts.check_sequential --studies 500 --block twins
 
 Differences of a pair are drawn with a known mean and bounded as returns are, by 1: normal, heavy-tailed (Student's t
 with two degrees of freedom, clipped, its mean then set), drifting (the mean swings from study to study and day to day,
@@ -15,7 +15,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from benchmark.table import markdown_table
 from scipy.stats import t as student
 
 from cutenv._base.arrays import Array
@@ -28,6 +27,7 @@ from cutenv.scoring.study.sequential import (
     sequential_decisions,
     stops,
 )
+from scripts.benchmark.table import markdown_table
 
 SPREAD = 0.2
 """Standard deviation of a difference on the same specimen, of returns clipped at 0, as of two scripts in simulation."""

@@ -1,8 +1,8 @@
 """Check the cutting law in the plane, and the models of cuts along a curve against others and against closed forms.
 
-    python scripts/check_steering.py                 4 specimens: two minutes
-    python scripts/check_steering.py --only account --specimens 1
-    python scripts/check_steering.py --picture FILE  half an excision, led along the line
+    python -m scripts.check_steering                 4 specimens: two minutes
+    python -m scripts.check_steering --only account --specimens 1
+    python -m scripts.check_steering --picture FILE  half an excision, led along the line
 
 The table shows the results and what is promised; a line without a promise is a finding.  The exit status is 1 if a
 promise is not kept.
@@ -18,10 +18,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-import crack_truth
 import numpy as np
-from adversarial_motions import FEED, MOTIONS, TICKS, UPRIGHT
-from promises import Led, Row, account_rows, differing, run, share_row
 
 from cutenv.cutting.dtypes import TICK
 from cutenv.cutting.steering import SteeringParameters
@@ -30,6 +27,9 @@ from cutenv.tissue import CutModel, Specimen
 from cutenv.tissue.grid import SPACING
 from cutenv.tissue.lines import CutLine, arc, half_ellipse, random_line, s_shape, straight
 from cutenv.tissue.path_model import PathModel
+from scripts import crack_truth
+from scripts.adversarial_motions import FEED, MOTIONS, TICKS, UPRIGHT
+from scripts.promises import Led, Row, account_rows, differing, run, share_row
 
 LINES = {
     "straight": straight(),

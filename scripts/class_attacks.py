@@ -1,7 +1,7 @@
 """Print the attacks that a class's server is tested with: what happens, and the test that tries each.
 
-python scripts/class_attacks.py         the table, for scripts/update_docs.py class-attacks
-python scripts/class_attacks.py --try   run the tests
+python -m scripts.class_attacks         the table, for scripts/update_docs.py class-attacks
+python -m scripts.class_attacks --try   run the tests
 """
 
 from __future__ import annotations

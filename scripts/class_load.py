@@ -1,7 +1,7 @@
 """Fill a class's server with people who cut at once, kill it amid cuts, send it nonsense, and count what was lost.
 
-    python scripts/class_load.py                              ten minutes or more
-    python scripts/class_load.py --json runs/class-load.json  for scripts/update_docs.py class-load
+    python -m scripts.class_load                              ten minutes or more
+    python -m scripts.class_load --json runs/class-load.json  for scripts/update_docs.py class-load
 
 A server on this machine gets malformed messages and bytes: it must go on, store nothing and not grow.  Then it is
 killed (SIGKILL) in the middle of cuts and started again: whatever it said was saved must be there, and whatever was
@@ -30,13 +30,13 @@ from typing import Any
 
 import httpx2
 import numpy as np
-from kept_rows import keep_json
-from malformed_messages import malformed_bytes, malformed_message, send_bytes
-from test_programs import own_postgresql
 
 from cutenv.browser import HandCut
 from cutenv.classroom import ClassStore
 from cutenv.classroom.class_tables import BROKEN_OFF, GOING_ON, SAVED, UNFINISHED
+from scripts.kept_rows import keep_json
+from scripts.malformed_messages import malformed_bytes, malformed_message, send_bytes
+from scripts.test_programs import own_postgresql
 
 DEFAULT = Path("runs") / "class-load.json"
 PARTS_OF_LOAD = ("nonsense", "study", "kills", "load", "servers")

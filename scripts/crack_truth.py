@@ -14,8 +14,6 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from curves.calculix import compliance
-from promises import Row
 
 from cutenv.tissue import CutModel, PathModel, Specimen, SteeredModel
 from cutenv.tissue.drawn_lines import KINDS, LEAST_LENGTH, STORED, first_of_pair, given_line
@@ -27,6 +25,8 @@ from cutenv.tissue.path_model import straight_stiffness
 from cutenv.tissue.place_model import beside_line
 from cutenv.tissue.split_mesh import SplitMesh
 from cutenv.tissue.split_stiffness import SplitStiffness
+from scripts.curves.calculix import compliance
+from scripts.promises import Row
 
 ELEMENT = 0.01
 """Elements at the tip to which stiffnesses are converted [m]: those of the model that the measured moduli belong to."""

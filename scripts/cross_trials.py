@@ -10,13 +10,12 @@ import threading
 import time
 from typing import Any, NamedTuple
 
-from cutting_rig import PERIOD, SPEED, UPRIGHT, WATCHED, CuttingRig
-from rig_trials import EXPECTED_ACROSS, WAY, Trial, stalls_around
-
 from cutenv.imitated.emulator.control import EmulatorControl
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.operation.preflight import SETTLE, return_inside
 from cutenv.rig.safety.stop_causes import Cause, RigStopped, StopReport, detection_times
+from scripts.cutting_rig import PERIOD, SPEED, UPRIGHT, WATCHED, CuttingRig
+from scripts.rig_trials import EXPECTED_ACROSS, WAY, Trial, stalls_around
 
 ACROSS_SPEED = 0.003
 """Speed downwards, or to the right; upwards, or to the left, where the fault is of that way [m/s]."""

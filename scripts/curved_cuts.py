@@ -1,8 +1,8 @@
 """Benchmark of cuts along a curve for other solvers: make its files, check an entry, print the table.
 
-    python scripts/curved_cuts.py make            write assets/benchmark/curves: a minute
-    python scripts/curved_cuts.py check FOLDER    measure an entry against the reference
-    python scripts/curved_cuts.py table           print the table of all entries
+    python -m scripts.curved_cuts make            write assets/benchmark/curves: a minute
+    python -m scripts.curved_cuts check FOLDER    measure an entry against the reference
+    python -m scripts.curved_cuts table           print the table of all entries
 
 docs/validation/curved-benchmark.md says what an entry holds.
 """
@@ -14,11 +14,12 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmark.table import markdown_table
-from curves.entry import HEADER, measured
-from curves.made import make
+from scripts import ROOT
+from scripts.benchmark.table import markdown_table
+from scripts.curves.entry import HEADER, measured
+from scripts.curves.made import make
 
-FOLDER = Path(__file__).resolve().parents[1] / "assets" / "benchmark" / "curves"
+FOLDER = ROOT / "assets" / "benchmark" / "curves"
 """Files of the benchmark."""
 
 

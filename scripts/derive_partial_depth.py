@@ -1,8 +1,8 @@
 """Derive the effect of a partial depth of cut B on the stiffness of a slab of thickness T, from 20-node bricks.
 
-    python scripts/derive_partial_depth.py            derives the table and prints it
-    python scripts/derive_partial_depth.py --write    also writes assets/derived/partial_depth.json
-    python scripts/derive_partial_depth.py --check    checks field and depth together on another, finer mesh
+    python -m scripts.derive_partial_depth            derives the table and prints it
+    python -m scripts.derive_partial_depth --write    also writes assets/derived/partial_depth.json
+    python -m scripts.derive_partial_depth --check    checks field and depth together on another, finer mesh
 
 The 2-D model assumes slabs that are cut through. Here the thesis's slab (8 x 15 x 2.5 cm) is built of bricks, 8 x 15 in
 the plane as in the 2-D model, with thin layers under the surface. The blade moves all nodes of the tip from the
@@ -21,7 +21,6 @@ import argparse
 import json
 
 import numpy as np
-from benchmark.table import markdown_table
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 from scipy.sparse.linalg import splu
@@ -37,6 +36,7 @@ from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING, field_modes, lognormal
 from cutenv.tissue.slab import DEPTHS, ROWS, THICKNESS, local_modulus, row_means, stiffness_along
 from cutenv.tissue.specimen import Specimen
 from cutenv.tissue.tables import FOLDER
+from scripts.benchmark.table import markdown_table
 
 Array = NDArray[np.float64]
 

@@ -1,7 +1,7 @@
 """Condense the 2-D model of a slab with a field of moduli, and print the error of K(a) against the full model.
 
-python scripts/derive_slab.py            prints errors and the time that a specimen takes
-python scripts/derive_slab.py --write    condenses first, and writes assets/derived/slab.json
+python -m scripts.derive_slab            prints errors and the time that a specimen takes
+python -m scripts.derive_slab --write    condenses first, and writes assets/derived/slab.json
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Digests of what the project computes, compared with the committed ones: they show which bits a change has moved.
 
-    python scripts/digests.py --check [--quick] [--only gentle/ depth/]
-    python scripts/digests.py --write [--quick] [--only gentle/ depth/]
+    python -m scripts.digests --check [--quick] [--only gentle/ depth/]
+    python -m scripts.digests --write [--quick] [--only gentle/ depth/]
 
 Prints the name of every digest that moved.  A name says what it is of: ``gentle/single/script/info`` are the infos of
 single environments of gentle cutting under a script.  With ``--quick`` there are fewer specimens, and digests of their
@@ -38,8 +38,9 @@ from cutenv.policy.path_scripts import BladeOnLine
 from cutenv.task import registry
 from cutenv.tissue import Specimen
 from cutenv.tissue.lines import arc, s_shape
+from scripts import ROOT
 
-FILE = Path(__file__).parents[1] / "tests" / "environment" / "digests.json"
+FILE = ROOT / "tests" / "environment" / "digests.json"
 DECISIONS, HOLD = 60, 4  # of a cut by random actions
 UPRIGHT = np.pi / 2
 Digests = Iterator[tuple[str, str]]

@@ -1,6 +1,6 @@
 """Draw the one picture of the architecture, assets/pictures/architecture.svg, from the list below.
 
-    python scripts/draw_architecture.py
+    python -m scripts.draw_architecture
 
 A row is a wing, drawn as one box or several: name, purpose and packages.  A module imports only from rows below
 its own.  Change the list when a wing changes; ``tests/documentation/test_pages.py`` checks that every package of
@@ -10,10 +10,11 @@ its own.  Change the list when a wing changes; ``tests/documentation/test_pages.
 from __future__ import annotations
 
 from html import escape
-from pathlib import Path
 from typing import NamedTuple
 
-PICTURE = Path(__file__).parents[1] / "assets" / "pictures" / "architecture.svg"
+from scripts import ROOT
+
+PICTURE = ROOT / "assets" / "pictures" / "architecture.svg"
 
 
 class Wing(NamedTuple):

@@ -1,13 +1,11 @@
 """Draw the figures of the documentation's concepts: assets/pictures/geometry.svg and law.svg.
 
-    python scripts/draw_concepts.py
+    python -m scripts.draw_concepts
 
 Backgrounds are transparent, and lines and letters of a grey that is read on white and on black.
 """
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import matplotlib
 
@@ -19,8 +17,9 @@ from matplotlib.patches import Polygon, Rectangle
 
 from cutenv.plant import Leg, SimulatedPlant, run
 from cutenv.tissue import Specimen
+from scripts import ROOT
 
-FOLDER = Path(__file__).parents[1] / "assets" / "pictures"
+FOLDER = ROOT / "assets" / "pictures"
 GREY = "#808080"
 TISSUE, CRACK, FORCE, TARGET = "#d98c7a", "#5b9bd5", "#2f8fd0", "#1f9e77"
 STYLE = {

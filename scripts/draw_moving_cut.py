@@ -1,7 +1,7 @@
 """Draw cuts as moving pictures, in assets/pictures.
 
-    python scripts/draw_moving_cut.py            cut.gif: a cut by the shipped agent
-    python scripts/draw_moving_cut.py excision   excision.gif: the best script and the agent on the same excision
+    python -m scripts.draw_moving_cut            cut.gif: a cut by the shipped agent
+    python -m scripts.draw_moving_cut excision   excision.gif: the best script and the agent on the same excision
 
 They run at twice the speed of the cut, and are repeated after a pause.
 """
@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -20,8 +19,9 @@ from PIL import Image  # comes with matplotlib
 import cutenv  # noqa: F401  registers the environments
 from cutenv.learning.evaluation import contestant
 from cutenv.task.registry import TASKS
+from scripts import ROOT
 
-PICTURES = Path(__file__).parents[1] / "assets" / "pictures"
+PICTURES = ROOT / "assets" / "pictures"
 CUTS: Mapping[str, tuple[tuple[str, ...], int]] = {
     "cut": (("ppo-free",), 7),
     "excision": (("excision by force", "ppo-excision"), 3_000_031),

@@ -1,6 +1,6 @@
 """Draw two virtual cuts in ``cutenv view``, photographed in a headless Chromium: view.png and view-depth.png.
 
-    python scripts/draw_view.py
+    python -m scripts.draw_view
 
 They lie in assets/pictures.  The first is a gentle cut, coloured by energy; the second one along a wanted depth, by a
 simple hand.  Needs Debian's ``chromium``; takes a minute, because the browser draws in software.
@@ -23,8 +23,9 @@ from cutenv.play.played_depth_cut import PlayedDepthCut
 from cutenv.tissue import Specimen, measured_liver
 from cutenv.trace import Trace
 from cutenv.viewer.solid import ShownCut, write_view
+from scripts import ROOT
 
-PICTURES = Path(__file__).parents[1] / "assets" / "pictures"
+PICTURES = ROOT / "assets" / "pictures"
 SIZE = "1100,760"  # px, of the window
 COLOURS = 256  # of the picture, which halves the file
 LEGS = [

@@ -1,7 +1,7 @@
 """Run the examples, and write what they print into their pages of the documentation.
 
-    python scripts/example_pages.py             all of them
-    python scripts/example_pages.py NAME ...    some of them
+    python -m scripts.example_pages             all of them
+    python -m scripts.example_pages NAME ...    some of them
 
 Needed after a change of what an example prints; ``tests/examples`` compares the pages with what is printed.
 """
@@ -13,9 +13,9 @@ import re
 import subprocess
 import sys
 import tempfile
-from pathlib import Path
 
-ROOT = Path(__file__).parents[1]
+from scripts import ROOT
+
 TIMED = ("thousand_at_once", "train_sb3")
 """Examples that print what depends on the machine: a rate, or what PyTorch has learned."""
 

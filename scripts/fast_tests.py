@@ -19,11 +19,10 @@ import sys
 from functools import cache
 from pathlib import Path
 
-import suite_times
+from scripts import ROOT, suite_times
 
-ROOT = Path(__file__).parents[1]
 TESTS = ROOT / "tests"
-SOURCES = {"cutenv": ".", "scripts": "scripts", "agents": "agents", "tests": None}
+SOURCES = {"cutenv": ".", "scripts": ".", "agents": "agents", "tests": None}
 """Folders of modules, each with where their dotted names begin; a module of the tests is named by its file alone."""
 LINT = [f"tests/packaging/test_habits.py::test_{what}" for what in (
     "lint_is_clean", "form_is_that_of_ruff_format", "types_are_strict_and_hold", "layers_import_downwards"
@@ -69,10 +68,10 @@ def imported_names(path: Path) -> dict[str, str]:
         elif isinstance(node, ast.ImportFrom):
             names |= {alias.asname or alias.name: f"{node.module}.{alias.name}" for alias in node.names}
         elif isinstance(node, ast.Constant) and isinstance(node.value, str):
-            if re.fullmatch(r"cutenv\.[\w.:]+", node.value):
+            if re.fullmatch(r"(cutenv|scripts)\.[\w.:]+", node.value):
                 names[node.value] = node.value.replace(":", ".")
-            elif program := re.fullmatch(r"[\w/]*?(\w+)\.py", node.value):
-                names[node.value] = program[1]
+            elif program := re.fullmatch(r"(scripts/)?[\w/]*?(\w+)\.py", node.value):
+                names[node.value] = node.value[:-3].replace("/", ".") if program[1] else program[2]
     return names
 
 

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from chromium import PATIENCE_S
+from scripts.chromium import PATIENCE_S
 
 PROGRAM = shutil.which("firefox-esr") or shutil.which("firefox")
 _ADDRESS = "WebDriver BiDi listening on "

@@ -1,6 +1,6 @@
 """Fit how far the layers below a blade's lower end reach into its stiffness, and show the error on other slabs.
 
-    python scripts/fit_layers.py            some minutes: 26 slabs of bricks
+    python -m scripts.fit_layers            some minutes: 26 slabs of bricks
 
 The slab of ``scripts/derive_partial_depth.py`` is solved anew with layers of other moduli.  One number, the reach of
 :func:`cutenv.tissue.layers.layered_depth`, is fitted by least squares to some of them; the others are held out.  The
@@ -15,8 +15,6 @@ import sys
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from benchmark.table import markdown_table
-from derive_partial_depth import LAYERS, stiffness_by_depth
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from tqdm import tqdm
@@ -24,6 +22,8 @@ from tqdm import tqdm
 from cutenv.tissue import Layers
 from cutenv.tissue.layers import LAYER_REACH, layered_depth_by
 from cutenv.tissue.slab import ROWS, THICKNESS
+from scripts.benchmark.table import markdown_table
+from scripts.derive_partial_depth import LAYERS, stiffness_by_depth
 
 Array = NDArray[np.float64]
 

@@ -1,7 +1,7 @@
 """Fit the specimens' spread to the thesis's tables by virtual measurement, and print the fit.
 
-    python scripts/fit_specimens.py            prints measured tables beside virtual ones
-    python scripts/fit_specimens.py --fit      fits first, and writes assets/derived/*.json
+    python -m scripts.fit_specimens            prints measured tables beside virtual ones
+    python -m scripts.fit_specimens --fit      fits first, and writes assets/derived/*.json
 
 Virtual livers are sampled, four cuts each, and cut over 12 cm at 0.1, 1.27 and 2.54 cm/s, 90 degrees, by the simulated
 rig with its sensor. Their records are evaluated as in the thesis: for Tables 5.2 to 5.4 without depth, friction or the

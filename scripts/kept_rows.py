@@ -20,7 +20,7 @@ def keep(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
 def kept_rows(path: Path, command: str, texts: Iterable[str] = ("policy",)) -> list[dict[str, Any]]:
     """Return the rows of a file, numbers but for the columns ``texts``; SystemExit with the command that makes it."""
     if not path.is_file():
-        raise SystemExit(f"{path} is missing; run 'python scripts/{command}' first.")
+        raise SystemExit(f"{path} is missing; run 'python -m {command}' first.")
     return [{name: v if name in texts else float(v) for name, v in row.items()} for row in rows_of(path)]
 
 
@@ -34,7 +34,7 @@ def keep_json(path: Path, content: Any) -> None:
 def kept_json(path: Path, command: str) -> Any:
     """Return the content of a file; SystemExit with the command that makes it."""
     if not path.is_file():
-        raise SystemExit(f"{path} is missing; make it by: python scripts/{command}")
+        raise SystemExit(f"{path} is missing; make it by: python -m {command}")
     return json.loads(path.read_text(encoding="utf-8"))
 
 

@@ -1,8 +1,8 @@
 """Ladder of knowledge of a task that adds to gentle cutting: what one script earns with more and more of the truth.
 
-    python scripts/knowledge_ladder.py depth            500 held-out specimens; writes runs/depth/ladder.csv
-    python scripts/knowledge_ladder.py path --validation    on validation specimens, to plan a training
-    python scripts/knowledge_ladder.py path --print     the table of what is in runs/path
+    python -m scripts.knowledge_ladder depth            500 held-out specimens; writes runs/depth/ladder.csv
+    python -m scripts.knowledge_ladder path --validation    on validation specimens, to plan a training
+    python -m scripts.knowledge_ladder path --print     the table of what is in runs/path
 
 Every rung for DepthCut-v1 is the script "follow the depth" with other knowledge.  The steps between the rungs say what
 of the gap to the planner with truth, which is in the table of ``scripts/task_table.py depth``, is the tip, the surface,
@@ -23,8 +23,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from kept_rows import keep, kept_rows, mean_text
-from ladder import TrueTip, rows_of_rung
 
 from cutenv._base.arrays import Array, Array32, Indices
 from cutenv._engine.jit import njit
@@ -46,6 +44,8 @@ from cutenv.policy.path_scripts import (
     course_back,
 )
 from cutenv.tissue.grid import N_POINTS, POINTS_PER_METRE
+from scripts.kept_rows import keep, kept_rows, mean_text
+from scripts.ladder import TrueTip, rows_of_rung
 
 START = "as the script has it"
 """Name of the first rung."""
@@ -97,7 +97,7 @@ class KnowledgeLadder:
 
     def kept_report(self) -> str:
         """Return the table of the last measurement; SystemExit if there is none."""
-        return self.report(kept_rows(self.file, f"knowledge_ladder.py {self.task}"))
+        return self.report(kept_rows(self.file, f"scripts.knowledge_ladder {self.task}"))
 
 
 class DepthRung(FollowDepth):

@@ -1,6 +1,6 @@
 """Table of the formats of laboratories: what is read at first try, what is asked, what is left out.
 
-    python scripts/lab_format_table.py
+    python -m scripts.lab_format_table
 
 Each file of the corpus (tests/recording/lab_formats.py) is made, read as it is, and compared with its truth.
 """
@@ -13,12 +13,12 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from benchmark.table import markdown_table
-
 from cutenv.recording import RecordError
 from cutenv.recording.importers import OpenQuestions, look_at
+from scripts import ROOT
+from scripts.benchmark.table import markdown_table
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "recording"))
+sys.path.insert(0, str(ROOT / "tests" / "recording"))
 TOLERANCE = 0.01
 """Relative error of duration, peak and travel up to which a record is right."""
 

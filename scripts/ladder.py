@@ -1,9 +1,9 @@
 """Ladder of information: what the same script earns with the mean tissue, with what it infers, and with the truth.
 
-    python scripts/ladder.py                        1000 held-out specimens, some five minutes on 2 cores
-    python scripts/ladder.py --specimens 200        a quick look
-    python scripts/ladder.py --specimen-class liver    without tough inclusions; writes runs/ladder/liver.csv
-    python scripts/ladder.py --print                prints what is in runs/ladder/
+    python -m scripts.ladder                        1000 held-out specimens, some five minutes on 2 cores
+    python -m scripts.ladder --specimens 200        a quick look
+    python -m scripts.ladder --specimen-class liver    without tough inclusions; writes runs/ladder/liver.csv
+    python -m scripts.ladder --print                prints what is in runs/ladder/
 
 Every rung is the script "return stroke" with other knowledge, but for probe and creep and the planner that knows the
 tissue (the oracle).  The steps between the rungs say how much of the gap between them is information: stiffness and
@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from kept_rows import keep, kept_rows, mean_text
 
 from cutenv._base.arrays import Array, StructArray
 from cutenv.envs.batch import CutBatch
@@ -30,6 +29,7 @@ from cutenv.policy.interface import ArrayPolicy
 from cutenv.task.info import GROUPS, INFO, column
 from cutenv.task.registry import TASKS
 from cutenv.tissue.specimen import CLASSES
+from scripts.kept_rows import keep, kept_rows, mean_text
 
 FOLDER = Path("runs") / "ladder"
 CLASS = "mixed"
@@ -178,7 +178,7 @@ def main() -> None:
     if not arguments.print:
         rows = measure(arguments.specimens, arguments.processes, kind)
         keep(file, rows)
-    print(report(kept_rows(file, "ladder.py"), kind), flush=True)
+    print(report(kept_rows(file, "scripts.ladder"), kind), flush=True)
 
 
 if __name__ == "__main__":

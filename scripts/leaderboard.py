@@ -1,10 +1,10 @@
 """Print the table of the benchmark, from its kept cuts.
 
-python scripts/leaderboard.py                     the published table, of assets/benchmark
-python scripts/leaderboard.py --page FILE         and as a page that opens without a network
-python scripts/leaderboard.py runs/benchmark --publish    merge another one into it, finished or not
-python scripts/leaderboard.py --add submission.json       repeat every cut of an entry, and add it to it
-python scripts/leaderboard.py --add submission.json --policies my_policy/    and let its policies act again
+python -m scripts.leaderboard                     the published table, of assets/benchmark
+python -m scripts.leaderboard --page FILE         and as a page that opens without a network
+python -m scripts.leaderboard runs/benchmark --publish    merge another one into it, finished or not
+python -m scripts.leaderboard --add submission.json       repeat every cut of an entry, and add it to it
+python -m scripts.leaderboard --add submission.json --policies my_policy/    and let its policies act again
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from benchmark.table import PUBLISHED, add_submission, markdown, publish, write_leaderboard
+from scripts.benchmark.table import PUBLISHED, add_submission, markdown, publish, write_leaderboard
 
 
 def main() -> None:

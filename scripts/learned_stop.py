@@ -1,8 +1,8 @@
 """Look-ahead over sampled tissues: what the best place to stop is worth that the force so far can tell.
 
-    python scripts/learned_stop.py                  5000 training and 4000 held-out specimens, some five minutes
-    python scripts/learned_stop.py --specimens 1000 --held-out 500      a quick look
-    python scripts/learned_stop.py --print          prints what is in runs/ladder/
+    python -m scripts.learned_stop                  5000 training and 4000 held-out specimens, some five minutes
+    python -m scripts.learned_stop --specimens 1000 --held-out 500      a quick look
+    python -m scripts.learned_stop --print          prints what is in runs/ladder/
 
 What a stop earns depends on the tissue ahead, which nobody sees.  But over thousands of tissues drawn like the one at
 hand, the agent's features tell what stopping here and what going on earn on average: optimal stopping by regression
@@ -17,10 +17,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import ladder
 import numpy as np
 import torch
-from kept_rows import interval_text, keep, kept_rows, mean_text
 from numpy.typing import NDArray
 from torch import nn
 from tqdm import tqdm
@@ -34,6 +32,8 @@ from cutenv.policy import BASELINES, Features, OneReturnStroke, StopAndUnload
 from cutenv.policy.interface import DISTANCE_COLUMN, POSITION_COLUMN, SPEED_COLUMN, ArrayPolicy, in_si
 from cutenv.policy.scripted import coasting
 from cutenv.task.observation import COMPONENTS
+from scripts import ladder
+from scripts.kept_rows import interval_text, keep, kept_rows, mean_text
 
 FILE = "learned_stop.csv"
 SCRIPT, LEARNED = "return stroke", "return stroke with a learned stop"
@@ -256,7 +256,7 @@ def main() -> None:
         torch.set_num_threads(1)
         rows = measure(arguments.specimens, arguments.held_out)
         keep(arguments.out / FILE, rows)
-    print(report(kept_rows(arguments.out / FILE, "learned_stop.py")), flush=True)
+    print(report(kept_rows(arguments.out / FILE, "scripts.learned_stop")), flush=True)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Licences of everything that pip installs for the package and its extras, read from the installed packages.
 
-python scripts/licence_table.py         the table of docs/reference/licences.md, from an environment that has it all
+python -m scripts.licence_table         the table of docs/reference/licences.md, from an environment that has it all
 """
 
 from __future__ import annotations
@@ -9,12 +9,13 @@ import re
 import tomllib
 from collections.abc import Iterable
 from importlib.metadata import PackageNotFoundError, metadata, requires
-from pathlib import Path
 
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
-PROJECT = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+from scripts import ROOT
+
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 NOT_USERS = ("dev", "docs", "distributed", "force-dimension")
 """Extras of those who work on cutenv, and two that are installed in environments of their own."""
 EXTRAS = {

@@ -1,8 +1,8 @@
 """Run the checks that are too long for every change: soak, faults, attacks, fuzzing, learning, the whole benchmark.
 
     python3 scripts/start.py test --long                    all of them, some hours; sets up first
-    python scripts/long_checks.py --list                    what there is, and what is done
-    python scripts/long_checks.py --only "rig: faults" "slow tests"
+    python -m scripts.long_checks --list                    what there is, and what is done
+    python -m scripts.long_checks --only "rig: faults" "slow tests"
 
 A check that has passed on this state of the source is not repeated: interrupt it at any time, and start it again. What
 is done is kept in runs/long-checks/, with the output of every check. The last line has the date and the commit.
@@ -21,7 +21,8 @@ import sys
 import time
 from pathlib import Path
 
-ROOT = Path(__file__).parents[1]
+from scripts import ROOT
+
 FOLDER = Path("runs") / "long-checks"
 _PYTEST = ["-m", "pytest", "-p", "no:cacheprovider"]
 

@@ -1,7 +1,7 @@
 """Jitter of a rig's loop beside a program that is busy: within its process, and in a spine of its own.
 
-    python scripts/loop_jitter.py                  a minute each
-    python scripts/loop_jitter.py --seconds 5
+    python -m scripts.loop_jitter                  a minute each
+    python -m scripts.loop_jitter --seconds 5
 
 A driver in memory has the loop call it every millisecond; the jitter is the time from one call to the next beyond that.
 An empty loop with the same priority runs beside it in a third process: what it shows is the machine's.
@@ -173,7 +173,9 @@ def measured(load: Callable[[float], None], seconds: float, *, apart: bool) -> t
     with undisturbed() if apart else preferred():
         plant.open()
         plant.witness = calls
-        empty = subprocess.Popen([sys.executable, __file__, "--empty", str(seconds)], stdout=subprocess.PIPE)
+        empty = subprocess.Popen(
+            [sys.executable, "-m", "scripts.loop_jitter", "--empty", str(seconds)], stdout=subprocess.PIPE
+        )
         try:
             ends = time.monotonic() + seconds
             while (left := ends - time.monotonic()) > 0.0:

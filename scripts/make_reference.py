@@ -1,9 +1,9 @@
 """Make the reference set that comes with the package: scores of scripts (and agents) on sampled livers.
 
-    python scripts/make_reference.py                             prints medians by script
-    python scripts/make_reference.py --write                     also writes assets/reference/baselines.csv
-    python scripts/make_reference.py --against OLD.csv           prints how each metric changed, cut by cut
-    python scripts/make_reference.py --policy runs/NAME/policy   includes trained policies, too
+    python -m scripts.make_reference                             prints medians by script
+    python -m scripts.make_reference --write                     also writes assets/reference/baselines.csv
+    python -m scripts.make_reference --against OLD.csv           prints how each metric changed, cut by cut
+    python -m scripts.make_reference --policy runs/NAME/policy   includes trained policies, too
 
 Every cut is scored from what a rig can measure, with an estimated tip, as a person's cut would be.
 """
@@ -20,8 +20,8 @@ from cutenv.learning.evaluation import batched_rollout, contestant
 from cutenv.plant.protocol import recorded_trace
 from cutenv.policy import BASELINES, SCRIPTS
 from cutenv.scoring import METRICS, ReferenceSet, score
+from scripts import ROOT
 
-ROOT = Path(__file__).parents[1]
 TARGET = ROOT / "assets" / "reference" / "baselines.csv"
 FEEDS = [f"constant {speed} cm/s {angle} deg" for speed in ("0.38", "0.89", "1.65", "2.54") for angle in (45, 90)]
 FIRST_SEED = 7_000_000  # far from those of training, validation and test

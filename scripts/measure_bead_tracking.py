@@ -1,9 +1,9 @@
 """Measure how well C-arm images are corrected and beads followed, on rendered X-ray sessions; docs/validation/beads.md.
 
-python scripts/measure_bead_tracking.py                 all parts, one after the other: a quarter of an hour
-python scripts/measure_bead_tracking.py --part images   one part; each is kept in runs/bead_tracking as it is done
-python scripts/measure_bead_tracking.py --part slow --seed 2 --out runs/bead_tracking_2   another session
-python scripts/update_docs.py bead-tracking
+python -m scripts.measure_bead_tracking                 all parts, one after the other: a quarter of an hour
+python -m scripts.measure_bead_tracking --part images   one part; each is kept in runs/bead_tracking as it is done
+python -m scripts.measure_bead_tracking --part slow --seed 2 --out runs/bead_tracking_2   another session
+python -m scripts.update_docs bead-tracking
 """
 
 from __future__ import annotations
@@ -16,8 +16,16 @@ from itertools import chain
 from pathlib import Path
 
 import numpy as np
-from benchmark.table import markdown_table
-from carm_measurement import (
+from scipy.spatial import cKDTree
+
+from cutenv.vision.bead_correspondence import bundle_adjusted, linked, pairs_by_epipolar
+from cutenv.vision.bead_images import attenuation
+from cutenv.vision.beads import find_beads, track_beads
+from cutenv.vision.fluoroscopy import CArmCalibration, deinterlaced
+from cutenv.vision.projection import project, triangulate
+from cutenv.vision.registration import clock_lag
+from scripts.benchmark.table import markdown_table
+from scripts.carm_measurement import (
     BEAD_PX,
     SEED,
     Array,
@@ -31,15 +39,7 @@ from carm_measurement import (
     rms,
     swept,
 )
-from rendering.xray_session import BEAD, Session, exposed
-from scipy.spatial import cKDTree
-
-from cutenv.vision.bead_correspondence import bundle_adjusted, linked, pairs_by_epipolar
-from cutenv.vision.bead_images import attenuation
-from cutenv.vision.beads import find_beads, track_beads
-from cutenv.vision.fluoroscopy import CArmCalibration, deinterlaced
-from cutenv.vision.projection import project, triangulate
-from cutenv.vision.registration import clock_lag
+from scripts.rendering.xray_session import BEAD, Session, exposed
 
 FOLDER = "runs/bead_tracking"
 """Folder where each part of the measurement is kept, relative to the repository."""
@@ -304,7 +304,7 @@ def kept(folder: Path) -> Part:
     for name in PARTS:
         path = folder / f"{name}.json"
         if not path.is_file():
-            raise SystemExit(f"{path} is missing; make it by: python scripts/measure_bead_tracking.py --part {name}")
+            raise SystemExit(f"{path} is missing; make it by: python -m scripts.measure_bead_tracking --part {name}")
         told = json.loads(path.read_text())
         marks += [Mark(**mark) for mark in told["marks"]]
         lines += told["lines"]

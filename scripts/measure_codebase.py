@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
 """Measure the structure and the language of the code base, and print a Markdown table.
 
-    python scripts/measure_codebase.py                            this checkout
-    python scripts/measure_codebase.py FOLDER                     another checkout
-    python scripts/measure_codebase.py --at 7b6279b HEAD          revisions of this repository
-    python scripts/measure_codebase.py --at 7b6279b --json FILE   keep the numbers
-    python scripts/measure_codebase.py --compare FILE             kept numbers beside those of now
-    python scripts/measure_codebase.py --list names               what was counted: cycles, docstrings, loaded or names
+    python -m scripts.measure_codebase                            this checkout
+    python -m scripts.measure_codebase FOLDER                     another checkout
+    python -m scripts.measure_codebase --at 7b6279b HEAD          revisions of this repository
+    python -m scripts.measure_codebase --at 7b6279b --json FILE   keep the numbers
+    python -m scripts.measure_codebase --compare FILE             kept numbers beside those of now
+    python -m scripts.measure_codebase --list names               what was counted: cycles, docstrings, loaded or names
 
 The kept numbers of earlier revisions are in ``docs/development/measures-before.json``, for clones without history.
 """
@@ -34,7 +34,8 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-ROOT = Path(__file__).resolve().parents[1]
+from scripts import ROOT
+
 BEFORE = Path("docs/development/measures-before.json")
 """Numbers of earlier revisions, relative to the checkout."""
 PACKAGE = "cutenv"
@@ -195,7 +196,7 @@ def kept(path: Path) -> dict[str, Measures]:
     """
     if not path.is_file():
         raise SystemExit(
-            f"{path} is missing; make it by: python scripts/measure_codebase.py --at REVISION --json {path}"
+            f"{path} is missing; make it by: python -m scripts.measure_codebase --at REVISION --json {path}"
         )
     columns: dict[str, Measures] = json.loads(path.read_text(encoding="utf-8"))
     return columns

@@ -1,7 +1,7 @@
 """Accuracy of the depth of cut from video, on rendered films of cuts whose depth is known.
 
-    python scripts/measure_depth_accuracy.py                  2 films at 90 and at 45 degrees; some ten minutes
-    python scripts/measure_depth_accuracy.py --films 1        a quick look
+    python -m scripts.measure_depth_accuracy                  2 films at 90 and at 45 degrees; some ten minutes
+    python -m scripts.measure_depth_accuracy --films 1        a quick look
 
 Each film has cameras, lenses, light, tissue and noise (2 to 10 grey values) of its own, 5 % of its frames are spoilt,
 and it is written and read as H.264. Half of the films show a depth from 1 to 20 mm; the others show livers cut 11 cm
@@ -23,11 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmark.table import markdown_table
-from kept_rows import keep_json
-from measure_recovery import KnownCut, cut_specimens
 from numpy.typing import NDArray
-from rendering.filmed_cut import FilmedCut, film_cut
 from tqdm import tqdm
 
 from cutenv.measurement import estimate_fracture_resistance
@@ -38,6 +34,10 @@ from cutenv.vision.cameras import CalibratedCameras
 from cutenv.vision.depth_record import FilmedDepth, filmed_depth
 from cutenv.vision.film_source import video_frames
 from cutenv.vision.marked_blade import BladeCameras
+from scripts.benchmark.table import markdown_table
+from scripts.kept_rows import keep_json
+from scripts.measure_recovery import KnownCut, cut_specimens
+from scripts.rendering.filmed_cut import FilmedCut, film_cut
 
 KEPT = Path("runs") / "depth_accuracy.json"
 ANGLES_DEG = (90, 45)

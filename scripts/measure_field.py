@@ -1,7 +1,7 @@
 """Measure how well beads and force give back what was put in; print the marks, and what the thesis says of them.
 
-    python scripts/measure_field.py            everything, some minutes
-    python scripts/measure_field.py --quick    one slice, a coarser mesh
+    python -m scripts.measure_field            everything, some minutes
+    python -m scripts.measure_field --quick    one slice, a coarser mesh
 
 Cuts are simulated; a finer mesh than that of the measurement, driven by the force, moves 98 beads as in the thesis (7 x
 14, about 1 cm apart), each located to 0.1 mm along every axis, 29.97 times a second (scripts/filmed_cuts.py).
@@ -14,10 +14,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from benchmark.table import markdown_table
-from filmed_cuts import filmed_cut, slice_of_zones
 from numpy.typing import NDArray
-from reproduction.models import FROM_THE_CLAMP, FROM_THE_LINE, TIP, TIP_DISPLACEMENT, displacement_of_beads
 from tqdm import tqdm
 
 from cutenv._engine.randomness import generator
@@ -28,6 +25,9 @@ from cutenv.tissue import CutModel, Specimen
 from cutenv.tissue.tables import table
 from cutenv.vision.field_comparison import ZoneModuli, compare_field, estimate_zone_moduli
 from cutenv.vision.filmed_measurement import MeanModulus, measure_filmed_cut, zones_as_measured
+from scripts.benchmark.table import markdown_table
+from scripts.filmed_cuts import filmed_cut, slice_of_zones
+from scripts.reproduction.models import FROM_THE_CLAMP, FROM_THE_LINE, TIP, TIP_DISPLACEMENT, displacement_of_beads
 
 Array = NDArray[np.float64]
 FIELD_MARK, MODULUS_MARK = 0.15, 0.10  # RMS [mm]; relative error of a zone's modulus

@@ -1,7 +1,7 @@
 """Passivity of a haptic device in ``cutenv play``, and the stiffnesses that it can render: tables for the pages.
 
-    python scripts/measure_haptics.py passivity [--minutes 10] [--late 0.02]
-    python scripts/measure_haptics.py z-width
+    python -m scripts.measure_haptics passivity [--minutes 10] [--late 0.02]
+    python -m scripts.measure_haptics z-width
 
 *passivity*: a scripted hand (a spring and a damper that are led to and fro, with jerks and tremor; firm in one cut,
 slack in the next) holds an emulated device, which cuts specimen after specimen in simulated time. An observer

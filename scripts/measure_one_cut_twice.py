@@ -1,7 +1,7 @@
 """Render one cut, film and X-ray it, and measure the modulus of its tissue twice: by force and by image.
 
-    python scripts/measure_one_cut_twice.py            some minutes on two cores; ends with the page twice.html
-    python scripts/measure_one_cut_twice.py --seed 2   another tissue, other cameras
+    python -m scripts.measure_one_cut_twice            some minutes on two cores; ends with the page twice.html
+    python -m scripts.measure_one_cut_twice --seed 2   another tissue, other cameras
 
 The simulator cuts a slice whose modulus is drawn. Two cameras film the blade, and two C-arms the beads in the slice,
 which bricks of finite elements move under the force of the blade. From film, X-ray videos and record alone follow the
@@ -29,11 +29,7 @@ from typing import Any
 import av
 import cv2
 import numpy as np
-from carm_measurement import BEAD_PX, Array, calibrated, swept
 from numpy.typing import NDArray
-from rendering.filmed_cut import FilmedCut, film_cut
-from rendering.moved_tissue import MovedTissue
-from rendering.xray_session import THICKNESS, CutHistory, Session
 from tqdm import tqdm
 
 from cutenv._base.output import atomic_write
@@ -44,6 +40,10 @@ from cutenv.tissue import CutModel, Specimen, quasi_static_modulus
 from cutenv.tissue.grid import LENGTH, N_POINTS
 from cutenv.vision.beads import track_beads
 from cutenv.vision.film_source import video_frames
+from scripts.carm_measurement import BEAD_PX, Array, calibrated, swept
+from scripts.rendering.filmed_cut import FilmedCut, film_cut
+from scripts.rendering.moved_tissue import MovedTissue
+from scripts.rendering.xray_session import THICKNESS, CutHistory, Session
 
 OUT = Path("runs") / "one_cut_twice"
 SPEED, WAY_BACK, TRAVEL = 0.0038, 0.0127, 0.07  # of the blade [m/s], [m]

@@ -1,6 +1,6 @@
 """Measure the page that cuts in real browsers: pictures a second, delay from input to picture, and its score.
 
-    python scripts/measure_page.py --json runs/measure_page.json [--cuts 300] [--seconds 12]    some minutes
+    python -m scripts.measure_page --json runs/measure_page.json [--cuts 300] [--seconds 12]    some minutes
 
 In each browser that is installed (Debian's ``chromium`` and ``firefox-esr``, without a window or a graphics card) a
 mouse leads a cut while every picture is timed: from the input's own time stamp to the end of drawing what it moved.
@@ -19,11 +19,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-import chromium
-import firefox
 import numpy as np
-from benchmark.table import markdown_table
-from kept_rows import keep_json
 from tqdm import tqdm
 
 from cutenv.browser import HandCut, write_page_alone
@@ -38,6 +34,9 @@ from cutenv.scoring.validity import Unavailable
 from cutenv.task.registry import TASKS, tasks_with
 from cutenv.tissue.grid import depth_below
 from cutenv.trace import Trace
+from scripts import chromium, firefox
+from scripts.benchmark.table import markdown_table
+from scripts.kept_rows import keep_json
 
 DEFAULT = Path("runs") / "measure_page.json"
 BROWSERS = {"Chromium": chromium, "Firefox": firefox}

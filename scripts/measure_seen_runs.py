@@ -1,7 +1,7 @@
 """Runs of the crack as one camera sees them, against the sudden drops of the force and against the truth.
 
-    python scripts/measure_seen_runs.py            4 rendered cuts of drawn livers; some minutes
-    python scripts/update_docs.py seen-runs        puts the table into docs/validation/depth.md
+    python -m scripts.measure_seen_runs            4 rendered cuts of drawn livers; some minutes
+    python -m scripts.update_docs seen-runs        puts the table into docs/validation/depth.md
 
 The simulator cuts livers 7 cm long at two speeds and two angles. The tissue in the film moves as a finite-element model
 says whose tip is that of the cut. The result is kept in runs/seen_runs.json.
@@ -15,12 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmark.table import markdown_table
-from kept_rows import keep_json
-from measure_depth_accuracy import BOARD, BOARDS
 from numpy.typing import NDArray
-from rendering.filmed_cut import FilmedCut, film_cut
-from rendering.moved_tissue import MovedTissue
 from tqdm import tqdm
 
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
@@ -32,6 +27,11 @@ from cutenv.vision.crack_runs import RunsAndDrops, runs_and_drops, seen_runs
 from cutenv.vision.depth_record import filmed_depth
 from cutenv.vision.film_source import VideoFrame
 from cutenv.vision.marked_blade import BladeCameras
+from scripts.benchmark.table import markdown_table
+from scripts.kept_rows import keep_json
+from scripts.measure_depth_accuracy import BOARD, BOARDS
+from scripts.rendering.filmed_cut import FilmedCut, film_cut
+from scripts.rendering.moved_tissue import MovedTissue
 
 KEPT = Path("runs") / "seen_runs.json"
 CUTS = ((90, 0.0038, 15.0), (45, 0.0038, 15.0), (90, 0.0127, 15.0), (45, 0.0127, 30.0))

@@ -1,8 +1,8 @@
 """Memory gap on cutenv/GentleCutRaw-v1: the same PPO without memory, with memory, and with the hidden state shown.
 
-    python scripts/memory_gap.py                                one training seed each, on one core
-    python scripts/memory_gap.py --learners recurrent --seeds 1 2
-    python scripts/memory_gap.py --print                        prints what is in runs/memory/
+    python -m scripts.memory_gap                                one training seed each, on one core
+    python -m scripts.memory_gap --learners recurrent --seeds 1 2
+    python -m scripts.memory_gap --print                        prints what is in runs/memory/
 
 All learn from the 12 raw numbers with the same settings and number of decisions.  A run that was finished is not made
 again; stop the script whenever you like, and go on later.  The most likely actions then cut held-out specimens.
@@ -18,7 +18,6 @@ from typing import Any
 
 import numpy as np
 import torch
-from benchmark.table import markdown_table
 from sb3_contrib import RecurrentPPO
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecEnv, VecFrameStack
@@ -27,6 +26,7 @@ from cutenv.envs.tracks import PROTOCOL
 from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.learning.statistics import mean_with_interval, rows_of, write_csv
 from cutenv.sb3 import NativeVecEnv
+from scripts.benchmark.table import markdown_table
 
 FOLDER = Path("runs") / "memory"
 ENVIRONMENTS, STACKED = 64, 8
@@ -128,7 +128,7 @@ def kept(folder: Path) -> dict[tuple[str, int], list[dict[str, str]]]:
         learner, seed = path.stem.rsplit("-", 1)
         runs[learner, int(seed)] = list(rows_of(path))
     if not runs:
-        raise SystemExit(f"{folder} holds no run; run 'python scripts/memory_gap.py' first.")
+        raise SystemExit(f"{folder} holds no run; run 'python -m scripts.memory_gap' first.")
     return runs
 
 

@@ -1,7 +1,7 @@
 """Run the notebook, and write its page of the documentation: text, code, what was printed, and its figures.
 
-    python scripts/notebook_page.py             writes docs/how-to/notebook.md and assets/pictures/notebook-1.svg
-    python scripts/notebook_page.py --check     fails if the page is not what the notebook prints now
+    python -m scripts.notebook_page             writes docs/how-to/notebook.md and assets/pictures/notebook-1.svg
+    python -m scripts.notebook_page --check     fails if the page is not what the notebook prints now
 
 The cells are plain Python, and run without Jupyter, one after the other in one namespace.
 """
@@ -12,16 +12,16 @@ import contextlib
 import io
 import json
 import sys
-from pathlib import Path
 from typing import Any
 
 import matplotlib
 
 matplotlib.use("svg")
 import matplotlib.pyplot as plt
-from draw_concepts import STYLE
 
-ROOT = Path(__file__).parents[1]
+from scripts import ROOT
+from scripts.draw_concepts import STYLE
+
 NOTEBOOK = ROOT / "docs" / "how-to" / "first_cut.ipynb"
 PAGE = ROOT / "docs" / "how-to" / "notebook.md"
 PICTURES = ROOT / "assets" / "pictures"

@@ -1,6 +1,6 @@
 """Print pass marks beside published ones, and how often their intervals hold the truth, as two Markdown tables.
 
-    python scripts/pass_mark_coverage.py [--trials 400]    a few minutes
+    python -m scripts.pass_mark_coverage [--trials 400]    a few minutes
 
 The truth of a trial is known because the people are drawn from normal distributions: those of the passing group two or
 three standard deviations above the others.
@@ -13,12 +13,12 @@ import math
 import sys
 
 import numpy as np
-from benchmark.table import markdown_table
 from scipy.stats import norm
 from tqdm import tqdm
 
 from cutenv.scoring.study import Estimate, pass_mark, rater_correlation
 from cutenv.scoring.study.pass_mark import METHODS, NormalCurve, crossing
+from scripts.benchmark.table import markdown_table
 
 PEOPLE = (5, 6, 8, 10, 15, 20, 30, 60)
 DESIGNS = ((2.0, 1.0), (3.0, 0.5))  # mean and standard deviation of the passing group; the others have 0 and 1

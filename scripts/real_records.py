@@ -1,8 +1,8 @@
 """Force statistics and loading segments of 207 real hand-held scalpel cuts.
 
-    python scripts/real_records.py                reads ../shared/data beside the repository
-    python scripts/real_records.py --data FILE    reads another copy of the file
-    python scripts/real_records.py --out FOLDER   also draws the segments of some cuts, and a summary by trial
+    python -m scripts.real_records                reads ../shared/data beside the repository
+    python -m scripts.real_records --data FILE    reads another copy of the file
+    python -m scripts.real_records --out FOLDER   also draws the segments of some cuts, and a summary by trial
 
 The cuts are elliptical excisions in a skin phantom with a No. 10 blade: 18 trials, 180 samples a cut at 30
 Hz, of which the first 120 are the cut.  The force is a pure number, normalised to the largest of the data
@@ -24,8 +24,9 @@ from cutenv.measurement import Segment, loading_segments
 from cutenv.measurement.segments import STRAIGHT_RAMP
 from cutenv.recording import ColumnMap, load_foreign
 from cutenv.trace import Trace
+from scripts import ROOT
 
-DATA = Path(__file__).resolve().parents[2] / "shared" / "data" / "scalpel_excision_forces.csv"
+DATA = ROOT.parent / "shared" / "data" / "scalpel_excision_forces.csv"
 CUT_SAMPLES = 120
 COLUMNS = ColumnMap(time="time_s", force="force_normalised", unit="1", split_by=("trial", "cut"))
 SMALLEST_DROP = 0.05  # of the largest force of the data set; noise is 0.003 in the median cut (second differences)
@@ -165,7 +166,7 @@ def aligned(heads: list[str], rows: list[list[str]]) -> str:
 
 def draw_cuts(traces: list[Trace], path: Path, smallest_drop: float = SMALLEST_DROP) -> None:
     """Draw force against time of some cuts, with their segments and drops."""
-    from thesis_figures.style import FORCE, STRAIN, STRESS, named, panels, save
+    from scripts.thesis_figures.style import FORCE, STRAIN, STRESS, named, panels, save
 
     trials = by_trial(traces)
     shown = [trials[name][len(trials[name]) // 2] for name in SHOWN if name in trials]
@@ -208,7 +209,7 @@ def draw_cuts(traces: list[Trace], path: Path, smallest_drop: float = SMALLEST_D
 
 def draw_trials(traces: list[Trace], path: Path, smallest_drop: float = SMALLEST_DROP) -> None:
     """Draw by trial: number of drops in a cut, their sizes, and loading rates."""
-    from thesis_figures.style import INCLINED, UPRIGHT, named, panels, save
+    from scripts.thesis_figures.style import INCLINED, UPRIGHT, named, panels, save
 
     trials = by_trial(traces)
     title = f"Loading segments of {len(traces)} hand-held cuts by trial (drops of {smallest_drop:g} and more)"
@@ -249,7 +250,8 @@ def draw_trials(traces: list[Trace], path: Path, smallest_drop: float = SMALLEST
 def draw(traces: list[Trace], folder: Path, smallest_drop: float) -> list[Path]:
     """Draw both pictures into ``folder``, which is created if missing."""
     from matplotlib import rc_context
-    from thesis_figures.style import STYLE
+
+    from scripts.thesis_figures.style import STYLE
 
     folder.mkdir(parents=True, exist_ok=True)
     paths = [folder / "real_cuts.png", folder / "real_trials.png"]

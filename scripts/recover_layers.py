@@ -1,8 +1,8 @@
 """Recover what was put into virtual cuts with depth: fracture resistance by area, and layers with their intervals.
 
-    python scripts/recover_layers.py                     some minutes; writes runs/layers/layers.json
-    python scripts/recover_layers.py --studies 10        a quick look
-    python scripts/recover_layers.py --print             the tables of what is in runs/layers
+    python -m scripts.recover_layers                     some minutes; writes runs/layers/layers.json
+    python -m scripts.recover_layers --studies 10        a quick look
+    python -m scripts.recover_layers --print             the tables of what is in runs/layers
 
 A study is some cuts in steps of depth (scripts/stepped_cuts.py), each of another drawn liver, with noise of both
 forces; the surface is known to the given error.
@@ -17,14 +17,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmark.table import markdown_table
-from stepped_cuts import DEPTHS, stepped_cut
 
 from cutenv.measurement.depth_sections import DepthSection, depth_sections, opened_resistance
 from cutenv.measurement.measured_cut import find_layers
 from cutenv.tissue import CutModel, Layers, Specimen
 from cutenv.tissue.grid import SPACING
 from cutenv.trace import Trace
+from scripts.benchmark.table import markdown_table
+from scripts.stepped_cuts import DEPTHS, stepped_cut
 
 KEPT = Path("runs") / "layers" / "layers.json"
 CUTS = 6
@@ -171,7 +171,7 @@ def layer_table(kept: Mapping[str, Any]) -> str:
 def left() -> dict[str, Any]:
     """Return what an earlier run has kept; SystemExit if there is none."""
     if not KEPT.is_file():
-        raise SystemExit(f"{KEPT} is missing; run 'python scripts/recover_layers.py' first.")
+        raise SystemExit(f"{KEPT} is missing; run 'python -m scripts.recover_layers' first.")
     content: dict[str, Any] = json.loads(KEPT.read_text())
     return content
 

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Print the section of CHANGELOG.md for a release, if it agrees with the version of the package.
 
-python scripts/release_notes.py v0.1.0    the tag of the release, or the version alone
+python -m scripts.release_notes v0.1.0    the tag of the release, or the version alone
 """
 
 from __future__ import annotations

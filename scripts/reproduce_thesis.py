@@ -1,9 +1,9 @@
 """Print the thesis's numbers and ours, misses included, and draw its figures.
 
-    python scripts/reproduce_thesis.py                      everything, some minutes; figures into figures/
-    python scripts/reproduce_thesis.py --quick              fewer speeds, specimens and policies
-    python scripts/reproduce_thesis.py --only plane-strain  one comparison or figure, by its short name
-    python scripts/reproduce_thesis.py --markdown FILE      the summary as a Markdown table, for the documentation
+    python -m scripts.reproduce_thesis                      everything, some minutes; figures into figures/
+    python -m scripts.reproduce_thesis --quick              fewer speeds, specimens and policies
+    python -m scripts.reproduce_thesis --only plane-strain  one comparison or figure, by its short name
+    python -m scripts.reproduce_thesis --markdown FILE      the summary as a Markdown table, for the documentation
 
 scripts/fit_specimens.py prints how well sampled livers reproduce the measured spread.
 """
@@ -15,11 +15,12 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from reproduction import COMPARISONS, Comparison
-from thesis_figures import FIGURES, NOT_DRAWN, draw
 from tqdm import tqdm
 
-ROOT = Path(__file__).parents[1]
+from scripts import ROOT
+from scripts.reproduction import COMPARISONS, Comparison
+from scripts.thesis_figures import FIGURES, NOT_DRAWN, draw
+
 MARKS = {True: "ok", False: "MISS", None: "--"}
 
 
@@ -97,7 +98,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"figure: {path}")
     if len(drawn) == len(FIGURES):
         print("\n".join(f"not drawn: {numbers}: {why}" for numbers, why in NOT_DRAWN.items()))
-    print(f"{time.perf_counter() - began:.0f} s. The spread of drawn livers: python scripts/fit_specimens.py")
+    print(f"{time.perf_counter() - began:.0f} s. The spread of drawn livers: python -m scripts.fit_specimens")
     return sum(len(c.misses) for c in done.values())
 
 

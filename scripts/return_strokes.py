@@ -1,7 +1,7 @@
 """Count the return strokes of policies, by which the force tells where the tip is.
 
-    python scripts/return_strokes.py "return stroke" ppo-free runs/NAME/policy     writes runs/strokes/strokes.csv
-    python scripts/return_strokes.py --print                                       the table of what is in there
+    python -m scripts.return_strokes "return stroke" ppo-free runs/NAME/policy     writes runs/strokes/strokes.csv
+    python -m scripts.return_strokes --print                                       the table of what is in there
 
 A return stroke draws the blade back by a millimetre or more, and goes forward again by as much.  The last drawing back,
 which unloads the tissue at the end, is none.
@@ -15,12 +15,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from kept_rows import keep, kept_rows, mean_text
 
 from cutenv._base.arrays import Array
 from cutenv.learning.evaluation import batched_rollout, contestant
 from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.learning.statistics import by_policy
+from scripts.kept_rows import keep, kept_rows, mean_text
 
 FILE = Path("runs") / "strokes" / "strokes.csv"
 LEAST = 0.001
@@ -79,7 +79,7 @@ def main() -> None:
         if not arguments.policies:
             parser.error("name a policy, such as 'return stroke', or give --print")
         keep(FILE, measure(arguments.policies, arguments.specimens))
-    print(report(kept_rows(FILE, "return_strokes.py POLICY ...")), flush=True)
+    print(report(kept_rows(FILE, "scripts.return_strokes POLICY ...")), flush=True)
 
 
 if __name__ == "__main__":

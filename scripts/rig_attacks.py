@@ -1,9 +1,9 @@
 """Attacks on a rig over sockets, processes, clocks, load and memory: each a small function, run on an emulated rig.
 
-    python scripts/rig_attacks.py                               each once, some minutes
-    python scripts/rig_attacks.py --only foreign_sync --times 5
-    python scripts/rig_attacks.py --list
-    python scripts/rig_attacks.py --json runs/rig-attacks.json   added to what the file has; scripts/update_docs.py
+    python -m scripts.rig_attacks                               each once, some minutes
+    python -m scripts.rig_attacks --only foreign_sync --times 5
+    python -m scripts.rig_attacks --list
+    python -m scripts.rig_attacks --json runs/rig-attacks.json   added to what the file has; scripts/update_docs.py
 
 A blade cuts at 1.5 cm/s when the attack comes.  For each it is defined beforehand whether it has to stop the blade
 (within 5 mm), must not, or may; in any case nothing may move that was stopped.  Exit code 1 if one of them fails.
@@ -19,15 +19,10 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import attacks_by_drivers
-import attacks_by_policy
-import attacks_on_process
-import attacks_on_spine
-import attacks_on_wires
-from attack_scene import Attack, Outcome, Scene
-from kept_rows import keep_json, kept_json
-
 from cutenv.rig.errors import RigError
+from scripts import attacks_by_drivers, attacks_by_policy, attacks_on_process, attacks_on_spine, attacks_on_wires
+from scripts.attack_scene import Attack, Outcome, Scene
+from scripts.kept_rows import keep_json, kept_json
 
 _ATTEMPTS = 8  # at an attack that the host's stalls prevent
 _PARTS = (attacks_on_wires, attacks_on_process, attacks_on_spine, attacks_by_drivers)

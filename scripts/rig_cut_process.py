@@ -12,14 +12,13 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from cutting_rig import LATCHED_FOR, CuttingRig
-from rig_trials import Trial, moved_since, put_together, stalls_around
-
 from cutenv.imitated.emulator.control import EmulatorControl
 from cutenv.imitated.emulator.process import RunningEmulator, emulated_settings
 from cutenv.rig.devices.canopen.network import DRIVE_PATIENCE
 from cutenv.rig.errors import RigError
 from cutenv.rig.safety.stop_causes import Cause, StopReport
+from scripts.cutting_rig import LATCHED_FOR, CuttingRig
+from scripts.rig_trials import Trial, moved_since, put_together, stalls_around
 
 _PATIENCE = 60.0  # [s] to wait for a child process
 
@@ -40,7 +39,7 @@ class CutProcess:
     """
 
     def __init__(self, emulator: RunningEmulator, *, seed: int, kept: bool = False, errors: int | None = None) -> None:
-        command = [sys.executable, __file__, json.dumps(emulator.ready), str(seed)]
+        command = [sys.executable, "-m", "scripts.rig_cut_process", json.dumps(emulator.ready), str(seed)]
         keeper = [sys.executable, "-c", "import subprocess, sys; subprocess.run(sys.argv[1:])"]
         self.process = subprocess.Popen(
             keeper + command if kept else command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=errors

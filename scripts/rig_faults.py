@@ -1,12 +1,12 @@
 """All faults of a rig, many times each, in real time on an emulated one in a separate process.
 
-    python scripts/rig_faults.py                              10 trials of each fault, about a quarter of an hour
-    python scripts/rig_faults.py --only kill_9 --trials 3
-    python scripts/rig_faults.py --height                     faults of a height axis, with the blade in air
-    python scripts/rig_faults.py --side                       faults of an axis to the side, with the blade in air
-    python scripts/rig_faults.py --serial                     faults of a serial rig: board, stepper, load cell
-    python scripts/rig_faults.py --grbl                       faults of a rig with GRBL and a load cell
-    python scripts/rig_faults.py --json runs/rig-faults.json  for scripts/update_docs.py rig-faults
+    python -m scripts.rig_faults                              10 trials of each fault, about a quarter of an hour
+    python -m scripts.rig_faults --only kill_9 --trials 3
+    python -m scripts.rig_faults --height                     faults of a height axis, with the blade in air
+    python -m scripts.rig_faults --side                       faults of an axis to the side, with the blade in air
+    python -m scripts.rig_faults --serial                     faults of a serial rig: board, stepper, load cell
+    python -m scripts.rig_faults --grbl                       faults of a rig with GRBL and a load cell
+    python -m scripts.rig_faults --json runs/rig-faults.json  for scripts/update_docs.py rig-faults
 
 The blade cuts sampled specimens at 1.5 cm/s (a slow rig: 4.5 mm/s) when the fault occurs, at a random instant.  All
 times are of one clock.  The machine's own delays are counted (a thread of the rig or of the emulator that was late by
@@ -32,12 +32,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from busy_host import TooBusy, look
-from cross_trials import CrossingRig, cross_trial
-from cutting_rig import CuttingRig
-from kept_rows import keep_json
-from rig_cut_process import trial_in_child
-from rig_trials import (
+from tqdm import tqdm
+
+from cutenv.imitated.emulator.process import RunningEmulator, start
+from cutenv.rig.config.settings import EMULATOR
+from cutenv.rig.errors import RigError
+from scripts.busy_host import TooBusy, look
+from scripts.cross_trials import CrossingRig, cross_trial
+from scripts.cutting_rig import CuttingRig
+from scripts.kept_rows import keep_json
+from scripts.rig_cut_process import trial_in_child
+from scripts.rig_trials import (
     BY_THE_DRIVE,
     EXPECTED,
     EXPECTED_ACROSS,
@@ -50,11 +55,6 @@ from rig_trials import (
     Trial,
     trial,
 )
-from tqdm import tqdm
-
-from cutenv.imitated.emulator.process import RunningEmulator, start
-from cutenv.rig.config.settings import EMULATOR
-from cutenv.rig.errors import RigError
 
 KNOWN = {"": EXPECTED, **EXPECTED_ACROSS, "serial": EXPECTED_OF_SERIAL, "grbl": EXPECTED_OF_GRBL}
 """Faults by the kind of rig, "" that of the drives on a bus."""

@@ -1,8 +1,8 @@
 """Soak test: cut after cut on an emulated rig for minutes, and the timing of its clock.
 
-    python scripts/rig_soak.py                             5 minutes of cutting, in some ten
-    python scripts/rig_soak.py --minutes 60                an hour
-    python scripts/rig_soak.py --json runs/rig-soak.json   for scripts/update_docs.py rig-soak
+    python -m scripts.rig_soak                             5 minutes of cutting, in some ten
+    python -m scripts.rig_soak --minutes 60                an hour
+    python -m scripts.rig_soak --json runs/rig-soak.json   for scripts/update_docs.py rig-soak
 
 Decisions at 50 Hz by a slow feed that ends where it estimates the tip at the target, force at 1 kHz, SYNC every 5 ms,
 ways back to the clamp between cuts, drive and sensor in a separate process.  The minutes are those of cuts.  A stop
@@ -22,8 +22,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from cutting_rig import HostWatch
-from kept_rows import keep_json
 
 from cutenv.commands.rig.run import chosen_policy, rehearse
 from cutenv.envs.rig_cut import RigCutEnv
@@ -32,6 +30,8 @@ from cutenv.rig.devices.camera import RigCamera
 from cutenv.rig.devices.drivers import ForceSample, MotionSample
 from cutenv.rig.errors import RigError
 from cutenv.rig.plant import RigPlant
+from scripts.cutting_rig import HostWatch
+from scripts.kept_rows import keep_json
 
 DEFAULT = Path("runs") / "rig-soak.json"
 POLICY = "constant 0.38 cm/s 90 deg"

@@ -12,8 +12,6 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
-from cutting_rig import PERIOD, SLOW, SPEED, UPRIGHT, WATCHED, CuttingRig, pace_of
-
 from cutenv.imitated.emulator.control import EmulatorControl
 from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.devices.canopen.network import DRIVE_PATIENCE
@@ -21,6 +19,7 @@ from cutenv.rig.devices.serial.board import BOARD_PATIENCE
 from cutenv.rig.devices.serial.load_cell import sensor_delay
 from cutenv.rig.safety.stop_causes import Cause, RigStopped, StopReport, detection_times
 from cutenv.rig_drivers.grbl import PIECE, SENT_AHEAD
+from scripts.cutting_rig import PERIOD, SLOW, SPEED, UPRIGHT, WATCHED, CuttingRig, pace_of
 
 SENSOR_DELAY = 0.010
 """Delay of the emulated sensor's readings, as in the simulated one [s]."""

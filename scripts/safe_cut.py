@@ -1,7 +1,7 @@
 """Print the cost of policies on cutenv/SafeCut-v1, and their differences from a policy on the same specimens.
 
-    python scripts/safe_cut.py                                    probe and creep: two thirds of its cost are the budget
-    python scripts/safe_cut.py runs/ppo/policy runs/careful/policy "return stroke"
+    python -m scripts.safe_cut                                    probe and creep: two thirds of its cost are the budget
+    python -m scripts.safe_cut runs/ppo/policy runs/careful/policy "return stroke"
 
 Differences are from the first policy named, which is ``probe and creep`` without any, paired by specimen.
 """
@@ -13,13 +13,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmark.table import markdown_table
-from kept_rows import keep, kept_rows, mean_text
-
 from cutenv.envs.tracks import COST_BUDGET_MM, PROTOCOL
 from cutenv.learning.evaluation import Contestant, contestant, evaluate
 from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.learning.statistics import by_policy
+from scripts.benchmark.table import markdown_table
+from scripts.kept_rows import keep, kept_rows, mean_text
 
 FOLDER, FILE = Path("runs") / "safe-cut", "rows.csv"
 BUDGET_OF = "probe and creep"
@@ -69,7 +68,7 @@ def main() -> None:
         except ValueError as error:
             parser.error(str(error))
         keep(arguments.out / FILE, rows)
-    print(report(kept_rows(arguments.out / FILE, "safe_cut.py")), flush=True)
+    print(report(kept_rows(arguments.out / FILE, "scripts.safe_cut")), flush=True)
 
 
 if __name__ == "__main__":

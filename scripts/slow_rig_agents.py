@@ -1,8 +1,8 @@
 """Policies on a slow rig, beside the same on the rig of the tasks: can a cheap rig be used.
 
-    python scripts/slow_rig_agents.py --train              trains three policies for it, 5 minutes each, and compares
-    python scripts/slow_rig_agents.py                      compares with the policies trained before
-    python scripts/slow_rig_agents.py --on-rig 6           cuts some specimens on the emulated serial rig too
+    python -m scripts.slow_rig_agents --train              trains three policies for it, 5 minutes each, and compares
+    python -m scripts.slow_rig_agents                      compares with the policies trained before
+    python -m scripts.slow_rig_agents --on-rig 6           cuts some specimens on the emulated serial rig too
 
 The slow rig is that of ``cutenv rig init --profile serial`` with an HX711: force at 80 readings a second, 10 decisions
 a second, 4.8 mm/s, the blade upright.  Its drive and noise are as ``cutenv rig identify`` measures them on the emulated
@@ -20,7 +20,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from kept_rows import interval_text, keep_json, kept_json, mean_text
 
 from cutenv.envs import RigCutEnv
 from cutenv.imitated.connection import settings_of
@@ -35,6 +34,7 @@ from cutenv.rig.toml_file import to_toml, write_identified
 from cutenv.sim_to_real import ComparedCut
 from cutenv.sim_to_real.paired_experiment import LOST_TIME, cut_once, simulator_like
 from cutenv.task.episode_dtypes import STOPPED
+from scripts.kept_rows import interval_text, keep_json, kept_json, mean_text
 
 FOLDER = Path("runs") / "slow-rig"
 DEFAULT = FOLDER / "table.json"
@@ -254,7 +254,7 @@ def main() -> None:
         if arguments.on_rig:
             found["check"] = check(arguments.on_rig, found["decisions"])
         keep_json(DEFAULT, found)
-    print(markdown(kept_json(DEFAULT, "slow_rig_agents.py --train")), flush=True)
+    print(markdown(kept_json(DEFAULT, "scripts.slow_rig_agents --train")), flush=True)
 
 
 if __name__ == "__main__":

@@ -241,8 +241,8 @@ def main(argv: list[str]) -> int:
     parser.add_argument("command", choices=PROGRAMS)
     parser.add_argument("--torch-index", metavar="URL")
     parser.add_argument("--accept-cuda", action="store_true")
-    parser.add_argument("--fast", action="append_const", dest="instead", const="scripts/fast_tests.py")
-    parser.add_argument("--long", action="append_const", dest="instead", const="scripts/long_checks.py")
+    parser.add_argument("--fast", action="append_const", dest="instead", const="scripts.fast_tests")
+    parser.add_argument("--long", action="append_const", dest="instead", const="scripts.long_checks")
     options, passed_on = parser.parse_known_args(argv)
     if options.instead and (options.command != "test" or len(options.instead) > 1):
         parser.error("--fast or --long is for the command 'test'")
@@ -265,7 +265,7 @@ def main(argv: list[str]) -> int:
     if options.command == "setup":
         print(f"cutenv: {venv} is ready")
         return 0
-    program = options.instead or PROGRAMS[options.command]
+    program = ["-m", *options.instead] if options.instead else PROGRAMS[options.command]
     if options.command == "train" and set(passed_on) <= {"--quick"}:
         passed_on = [*passed_on, *TWO_TASKS]
     command = [python_of(venv), *program, *passed_on]

@@ -13,7 +13,9 @@ from collections import defaultdict
 from collections.abc import Mapping
 from pathlib import Path
 
-KEPT = Path(__file__).parents[1] / "tests" / "times.csv"
+from scripts import ROOT
+
+KEPT = ROOT / "tests" / "times.csv"
 LEAST = 1.0  # shorter tests are kept in their folder's sum alone [s]
 SHOWN = 20
 Seconds = tuple[float, float]

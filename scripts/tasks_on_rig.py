@@ -1,7 +1,7 @@
 """Scripts of ``cutenv/DepthCut-v1`` or ``PathCut-v1`` on the same specimens in the simulator and on a rig, compared.
 
-    python scripts/tasks_on_rig.py --task depth [--rig fake] [--specimens 6]
-    python scripts/tasks_on_rig.py --task path [--rig fake] [--specimens 6]
+    python -m scripts.tasks_on_rig --task depth [--rig fake] [--specimens 6]
+    python -m scripts.tasks_on_rig --task path [--rig fake] [--specimens 6]
 
 It prints the tables of the sections "Along a wanted depth" and "Along a curve" of docs/rig/run.md.
 """

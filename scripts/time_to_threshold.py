@@ -1,6 +1,6 @@
 """Print the time of training after which an agent did as well as the demonstrated script, on validation specimens.
 
-python scripts/time_to_threshold.py runs/NAME ...       finished runs of 'cutenv train'; demonstrations count
+python -m scripts.time_to_threshold runs/NAME ...       finished runs of 'cutenv train'; demonstrations count
 """
 
 from __future__ import annotations

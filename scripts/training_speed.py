@@ -1,8 +1,8 @@
 """Measure how fast PPO trains with the settings of ``cutenv train``, and the share of the environments.
 
-    python scripts/training_speed.py               some 30 seconds; prints one line of JSON
-    python scripts/training_speed.py --updates 20  for a less variable number
-    python scripts/training_speed.py --memory      agents/ppo_gru.py, and RecurrentPPO of sb3-contrib: two minutes
+    python -m scripts.training_speed               some 30 seconds; prints one line of JSON
+    python -m scripts.training_speed --updates 20  for a less variable number
+    python -m scripts.training_speed --memory      agents/ppo_gru.py, and RecurrentPPO of sb3-contrib: two minutes
 
 Part of scripts/bench.py.  The agent has the skill of the shipped one, explores as at the end of training, and keeps its
 skill (its learning rate is almost zero): an untrained one stands still until the deadline, which is cheaper to simulate
@@ -24,7 +24,6 @@ import json
 import math
 import sys
 import time
-from pathlib import Path
 
 import torch
 from stable_baselines3 import PPO
@@ -34,8 +33,9 @@ from cutenv.learning.arguments import PPOArguments
 from cutenv.learning.ppo import LEARNER
 from cutenv.policy import shipped
 from cutenv.sb3 import NativeVecEnv
+from scripts import ROOT
 
-sys.path.append(str(Path(__file__).resolve().parents[1] / "agents"))  # the programs there are no package
+sys.path.append(str(ROOT / "agents"))  # the programs there are no package
 import ppo_gru
 
 SKILLED = "ppo-free"

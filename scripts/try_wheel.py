@@ -1,6 +1,6 @@
 """Try a wheel in an environment of its own: its size, the time of a first use, speed and results beside Numba's.
 
-    python scripts/try_wheel.py dist/cutenv-0.1.0-cp311-abi3-manylinux_2_17_x86_64.whl
+    python -m scripts.try_wheel dist/cutenv-0.1.0-cp311-abi3-manylinux_2_17_x86_64.whl
 
 Installs the wheel alone, without extras. Prints what it brings; how long every task takes from import to the end of the
 first step in a new process; how fast its batches are beside those that this checkout compiles, in turns; and whether
@@ -117,7 +117,7 @@ def _bits(python: Path, folder: str) -> Iterator[Line]:
 def kept() -> str:
     """Return what the last trial printed, for a page; SystemExit if there was none."""
     if not KEPT.is_file():
-        raise SystemExit(f"{KEPT} is missing; run 'python scripts/try_wheel.py WHEEL' first.")
+        raise SystemExit(f"{KEPT} is missing; run 'python -m scripts.try_wheel WHEEL' first.")
     return f"```\n{KEPT.read_text(encoding='utf-8').rstrip()}\n```"
 
 

@@ -1,9 +1,9 @@
 """Tune the scripts of a task by an evolution strategy, as fairly as an agent is trained.
 
-    python scripts/tune_scripts.py excision                 every script, 200 generations; writes runs/excision
-    python scripts/tune_scripts.py hand-excision            those with a hand that yields
-    python scripts/tune_scripts.py excision --script NAME --generations 50
-    python scripts/tune_scripts.py excision --print         what was found, as a table
+    python -m scripts.tune_scripts excision                 every script, 200 generations; writes runs/excision
+    python -m scripts.tune_scripts hand-excision            those with a hand that yields
+    python -m scripts.tune_scripts excision --script NAME --generations 50
+    python -m scripts.tune_scripts excision --print         what was found, as a table
 
 Every number of a script, and of the script along the cut under it, is searched for at once.  A generation draws so many
 variants about a mean, lets all cut the same training specimens, which no other generation cuts, and moves the mean
@@ -21,7 +21,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from kept_rows import keep_json, kept_json
 
 from cutenv._base.arrays import Array
 from cutenv.envs.batch import CutBatch
@@ -37,6 +36,7 @@ from cutenv.policy.path_scripts import (
 )
 from cutenv.policy.scripted import INCLINED, UPRIGHT
 from cutenv.task.registry import TASKS
+from scripts.kept_rows import keep_json, kept_json
 
 VARIANTS, BEST = 12, 3
 """Variants of a generation, and how many of them move the mean."""
@@ -187,7 +187,7 @@ def file_of(task: str) -> Path:
 
 def kept_report(task: str) -> str:
     """Return the table of what was found for a task; SystemExit if there is none."""
-    return report(kept_json(file_of(task), f"tune_scripts.py {task}"))
+    return report(kept_json(file_of(task), f"scripts.tune_scripts {task}"))
 
 
 def main() -> None:
@@ -204,7 +204,7 @@ def main() -> None:
         print(kept_report(arguments.task))
         return
     path = file_of(arguments.task)
-    found = kept_json(path, "tune_scripts.py") if path.is_file() else {}
+    found = kept_json(path, "scripts.tune_scripts") if path.is_file() else {}
     for name in arguments.script or FAMILIES:
         tuning = Tuning(arguments.task, FAMILIES[name], arguments.seed)
         found[name] = tuning.run(arguments.generations, lambda line, name=name: print(f"{name}, {line}", flush=True))

@@ -1,7 +1,7 @@
 """Verdicts of the comparison of a rig with the simulator under a known gain of the force, where specimens are a lab's.
 
-    python scripts/twin_trials.py                    ten runs of twenty specimens for each row; some minutes
-    python scripts/twin_trials.py --runs 2 --json runs/twins.json
+    python -m scripts.twin_trials                    ten runs of twenty specimens for each row; some minutes
+    python -m scripts.twin_trials --runs 2 --json runs/twins.json
 
 The rig is imitated by the simulator, with other noise of the sensor; its force is multiplied by a gain, all along or in
 the second half of the cut. The policy is a constant feed, which no force changes.
@@ -16,13 +16,12 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from benchmark.table import markdown_table
-
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.policy import BASELINES
 from cutenv.sim_to_real import Agreement, ComparedCut
 from cutenv.sim_to_real.paired_experiment import cut_once, cut_twins, simulate_cuts
 from cutenv.tissue.specimen import Specimen
+from scripts.benchmark.table import markdown_table
 
 POLICY = "constant 1.27 cm/s 90 deg"
 DEFAULT = Path("runs") / "twins.json"

@@ -1,31 +1,31 @@
 """Print every generated number of the documentation: rewrite the blocks of its pages, or check them.
 
-    python scripts/update_docs.py parameters agreement specimens calibration field pass-marks speed baselines
-    python scripts/update_docs.py training results --runs runs/NAME ...  one run for each training seed
-    python scripts/update_docs.py ladder learned-stop stock safe-cut memory check-score depth-cut  left in runs/
-    python scripts/update_docs.py doubts                    what scripts/check_score.py --doubts left in runs/
-    python scripts/update_docs.py depth-ladder depth-agents path-ladder path-agents                likewise
-    python scripts/update_docs.py benchmark                 what scripts/leaderboard.py --publish has kept
-    python scripts/update_docs.py rig-faults rig-faults-height rig-faults-side rig-soak class-load    likewise, in runs/
-    python scripts/update_docs.py rig-attacks               what scripts/rig_attacks.py left in runs/ (--json)
-    python scripts/update_docs.py depth seen-runs           what measure_depth_accuracy.py and measure_seen_runs.py left
-    python scripts/update_docs.py wear                      what scripts/wear_series.py left in runs/ (--json)
-    python scripts/update_docs.py twins                     what scripts/twin_trials.py left in runs/ (--json)
-    python scripts/update_docs.py live-camera               what scripts/camera_beside_rig.py left in runs/ (--json)
-    python scripts/update_docs.py bead-tracking             what scripts/measure_bead_tracking.py left in runs/
-    python scripts/update_docs.py browser-page              what scripts/measure_page.py left in runs/ (--json)
-    python scripts/update_docs.py rig-faults-serial         what scripts/rig_faults.py --serial left in runs/ (--json)
-    python scripts/update_docs.py rig-faults-grbl           what scripts/rig_faults.py --grbl left in runs/ (--json)
-    python scripts/update_docs.py exploit-kinds exploits    what scripts/find_exploits.py left in runs/exploits
-    python scripts/update_docs.py slow-rig-agents           what scripts/slow_rig_agents.py left in runs/slow-rig
-    python scripts/update_docs.py test-times                what a whole run of the tests left (--times tests/times.csv)
-    python scripts/update_docs.py calibration-studies partial-depth     some minutes: thirty calibrations; fine bricks
-    python scripts/update_docs.py lab-formats               every format of a laboratory, read as it is
-    python scripts/update_docs.py record-faults             three minutes: a thousand faulty records, 500 clean ones
-    python scripts/update_docs.py expert-ratings            half a minute: published cuts beside their ratings
-    python scripts/update_docs.py errata tissue-file rig-file slow-rig metrics weights ends class-attacks licences
-    python scripts/update_docs.py --check parameters        fails if a block is not what it would print
-    python scripts/update_docs.py --picture                 draws assets/pictures/cut.png
+    python -m scripts.update_docs parameters agreement specimens calibration field pass-marks speed baselines
+    python -m scripts.update_docs training results --runs runs/NAME ...  one run for each training seed
+    python -m scripts.update_docs ladder learned-stop stock safe-cut memory check-score depth-cut  left in runs/
+    python -m scripts.update_docs doubts                    what scripts/check_score.py --doubts left in runs/
+    python -m scripts.update_docs depth-ladder depth-agents path-ladder path-agents                likewise
+    python -m scripts.update_docs benchmark                 what scripts/leaderboard.py --publish has kept
+    python -m scripts.update_docs rig-faults rig-faults-height rig-faults-side rig-soak class-load    likewise, in runs/
+    python -m scripts.update_docs rig-attacks               what scripts/rig_attacks.py left in runs/ (--json)
+    python -m scripts.update_docs depth seen-runs           what measure_depth_accuracy.py and measure_seen_runs.py left
+    python -m scripts.update_docs wear                      what scripts/wear_series.py left in runs/ (--json)
+    python -m scripts.update_docs twins                     what scripts/twin_trials.py left in runs/ (--json)
+    python -m scripts.update_docs live-camera               what scripts/camera_beside_rig.py left in runs/ (--json)
+    python -m scripts.update_docs bead-tracking             what scripts/measure_bead_tracking.py left in runs/
+    python -m scripts.update_docs browser-page              what scripts/measure_page.py left in runs/ (--json)
+    python -m scripts.update_docs rig-faults-serial         what scripts/rig_faults.py --serial left in runs/ (--json)
+    python -m scripts.update_docs rig-faults-grbl           what scripts/rig_faults.py --grbl left in runs/ (--json)
+    python -m scripts.update_docs exploit-kinds exploits    what scripts/find_exploits.py left in runs/exploits
+    python -m scripts.update_docs slow-rig-agents           what scripts/slow_rig_agents.py left in runs/slow-rig
+    python -m scripts.update_docs test-times                what a whole run of the tests left (--times tests/times.csv)
+    python -m scripts.update_docs calibration-studies partial-depth     some minutes: thirty calibrations; fine bricks
+    python -m scripts.update_docs lab-formats               every format of a laboratory, read as it is
+    python -m scripts.update_docs record-faults             three minutes: a thousand faulty records, 500 clean ones
+    python -m scripts.update_docs expert-ratings            half a minute: published cuts beside their ratings
+    python -m scripts.update_docs errata tissue-file rig-file slow-rig metrics weights ends class-attacks licences
+    python -m scripts.update_docs --check parameters        fails if a block is not what it would print
+    python -m scripts.update_docs --picture                 draws assets/pictures/cut.png
 
 A block stands between ``<!-- NAME -->`` and ``<!-- /NAME -->`` on its page (``PAGES``).
 """
@@ -45,55 +45,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-import baseline_table
-import calibration_studies
-import camera_beside_rig
-import changed_laws
-import check_descent
-import check_score
-import check_sequential
-import check_steering
-import class_attacks
-import class_load
-import curved_cuts
-import derive_partial_depth
-import expert_ratings
-import find_exploits
-import fit_layers
-import free_cut
 import gymnasium
-import knowledge_ladder
-import lab_format_table
-import ladder
-import leaderboard
-import learned_stop
-import licence_table
-import measure_bead_tracking as bead_tracking
-import measure_codebase
-import measure_depth_accuracy
-import measure_page
-import measure_seen_runs
-import memory_gap
 import numpy as np
-import promises
-import record_faults
-import recover_layers
-import return_strokes
-import rig_attacks
-import rig_faults
-import rig_soak
-import safe_cut
-import slow_rig_agents
-import stock_learners
-import suite_times
-import task_table
-import tip_errors
-import try_wheel
-import tune_scripts
-import twin_trials
-import wear_series
-from benchmark.table import markdown_table
-from kept_rows import kept_json, kept_rows
 
 from cutenv._base.validation import parameter_table
 from cutenv.cutting.descent import DescentParameters
@@ -118,8 +71,57 @@ from cutenv.tissue import tables as thesis_tables
 from cutenv.tissue.blade_wear import BladeWear
 from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.specimen import CLASSES, SurfaceSpread
+from scripts import (
+    ROOT,
+    baseline_table,
+    calibration_studies,
+    camera_beside_rig,
+    changed_laws,
+    check_descent,
+    check_score,
+    check_sequential,
+    check_steering,
+    class_attacks,
+    class_load,
+    curved_cuts,
+    derive_partial_depth,
+    expert_ratings,
+    find_exploits,
+    fit_layers,
+    free_cut,
+    knowledge_ladder,
+    lab_format_table,
+    ladder,
+    leaderboard,
+    learned_stop,
+    licence_table,
+    measure_codebase,
+    measure_depth_accuracy,
+    measure_page,
+    measure_seen_runs,
+    memory_gap,
+    promises,
+    record_faults,
+    recover_layers,
+    return_strokes,
+    rig_attacks,
+    rig_faults,
+    rig_soak,
+    safe_cut,
+    slow_rig_agents,
+    stock_learners,
+    suite_times,
+    task_table,
+    tip_errors,
+    try_wheel,
+    tune_scripts,
+    twin_trials,
+    wear_series,
+)
+from scripts import measure_bead_tracking as bead_tracking
+from scripts.benchmark.table import markdown_table
+from scripts.kept_rows import kept_json, kept_rows
 
-ROOT = Path(__file__).parents[1]
 SCORES = ("return", "success", "tip_error_mm", "peak_force_N", "time_s")
 
 
@@ -355,7 +357,7 @@ def errata(_: argparse.Namespace) -> str:
 
 def map_score(task: str) -> str:
     """Return how the score of cuts along a wanted depth or a line agrees with the task."""
-    path, command = ROOT / check_score.FOLDER / f"{task}.csv", f"check_score.py --task {task}"
+    path, command = ROOT / check_score.FOLDER / f"{task}.csv", f"scripts.check_score --task {task}"
     return check_score.map_report(check_score.MAP_TASKS[task], kept_rows(path, command, check_score.TEXTS))
 
 
@@ -425,22 +427,22 @@ ON_PAGES: dict[str, dict[str, Callable[[argparse.Namespace], str]]] = {
     "README.md": {"results": results, "excision-short": lambda _: task_table.TABLES["excision"].short_report()},
     "docs/results/baselines.md": {"baselines": baselines},
     "docs/results/information.md": {
-        "ladder": lambda _: ladder.report(kept_rows(ROOT / ladder.FOLDER / "ladder.csv", "ladder.py")),
+        "ladder": lambda _: ladder.report(kept_rows(ROOT / ladder.FOLDER / "ladder.csv", "scripts.ladder")),
         "return-strokes": lambda _: return_strokes.report(
-            kept_rows(ROOT / return_strokes.FILE, "return_strokes.py POLICY ...")
+            kept_rows(ROOT / return_strokes.FILE, "scripts.return_strokes POLICY ...")
         ),
         "slab-memory": lambda _: ladder.memory_report(
-            kept_rows(ROOT / ladder.FOLDER / "liver.csv", "ladder.py --specimen-class liver")
+            kept_rows(ROOT / ladder.FOLDER / "liver.csv", "scripts.ladder --specimen-class liver")
         ),
         "learned-stop": lambda _: learned_stop.report(
-            kept_rows(ROOT / ladder.FOLDER / learned_stop.FILE, "learned_stop.py")
+            kept_rows(ROOT / ladder.FOLDER / learned_stop.FILE, "scripts.learned_stop")
         ),
     },
     "docs/results/stock-learners.md": {
         "stock": lambda _: stock_learners.report(*stock_learners.kept(ROOT / stock_learners.FOLDER))
     },
     "docs/results/safe-cut.md": {
-        "safe-cut": lambda _: safe_cut.report(kept_rows(ROOT / safe_cut.FOLDER / safe_cut.FILE, "safe_cut.py"))
+        "safe-cut": lambda _: safe_cut.report(kept_rows(ROOT / safe_cut.FOLDER / safe_cut.FILE, "scripts.safe_cut"))
     },
     "docs/results/memory-gap.md": {"memory": lambda _: memory_gap.report(memory_gap.kept(ROOT / memory_gap.FOLDER))},
     "docs/results/leaderboard.md": {"benchmark": benchmark},
@@ -490,7 +492,9 @@ ON_PAGES: dict[str, dict[str, Callable[[argparse.Namespace], str]]] = {
     "docs/validation/score.md": {
         "check-score": lambda _: check_score.report(check_score.kept_classes(ROOT / check_score.FOLDER)),
         "doubts": lambda _: check_score.doubts_report(
-            kept_rows(ROOT / check_score.FOLDER / check_score.DOUBTS_FILE, "check_score.py --doubts", check_score.TEXTS)
+            kept_rows(
+                ROOT / check_score.FOLDER / check_score.DOUBTS_FILE, "scripts.check_score --doubts", check_score.TEXTS
+            )
         ),
         "check-depth-score": lambda _: map_score("depth"),
         "check-path-score": lambda _: map_score("path"),
@@ -501,10 +505,10 @@ ON_PAGES: dict[str, dict[str, Callable[[argparse.Namespace], str]]] = {
     },
     "docs/validation/depth.md": {
         "depth": lambda _: measure_depth_accuracy.report(
-            kept_json(ROOT / measure_depth_accuracy.KEPT, "measure_depth_accuracy.py")
+            kept_json(ROOT / measure_depth_accuracy.KEPT, "scripts.measure_depth_accuracy")
         ),
         "seen-runs": lambda _: measure_seen_runs.report(
-            kept_json(ROOT / measure_seen_runs.KEPT, "measure_seen_runs.py")
+            kept_json(ROOT / measure_seen_runs.KEPT, "scripts.measure_seen_runs")
         ),
         "live-camera": lambda _: camera_beside_rig.markdown(left_by(camera_beside_rig)),
     },
@@ -547,7 +551,7 @@ ON_PAGES: dict[str, dict[str, Callable[[argparse.Namespace], str]]] = {
     },
     "docs/results/slow-rig.md": {
         "slow-rig-agents": lambda _: slow_rig_agents.markdown(
-            kept_json(ROOT / slow_rig_agents.DEFAULT, "slow_rig_agents.py --train")
+            kept_json(ROOT / slow_rig_agents.DEFAULT, "scripts.slow_rig_agents --train")
         )
     },
     "docs/reference/files/formats.md": {"lab-formats": lambda _: lab_format_table.markdown()},

@@ -1,7 +1,7 @@
 """Put blade wear into series of virtual cuts, measure them as records, and print what is found beside what was put in.
 
-    python scripts/wear_series.py                      the table: some minutes
-    python scripts/wear_series.py --series 3 --json runs/wear.json
+    python -m scripts.wear_series                      the table: some minutes
+    python -m scripts.wear_series --series 3 --json runs/wear.json
 
 A series is cuts of 80 mm at 1.27 cm/s with a return stroke, one after the other by one blade, each in its own
 specimen, with the noise of force and depth of the environments.  In liver, cuts differ by half besides; in a block of
@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from kept_rows import keep_json
 
 from cutenv.envs.constants import Knowledge
 from cutenv.measurement import estimate_fracture_resistance, fit_wear
@@ -25,6 +24,7 @@ from cutenv.measurement.wear import without_friction
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
 from cutenv.tissue import Specimen
 from cutenv.tissue.blade_wear import BladeWear
+from scripts.kept_rows import keep_json
 
 DEFAULT = Path("runs") / "wear.json"
 LENGTH = 0.08

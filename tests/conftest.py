@@ -39,7 +39,7 @@ settings.load_profile("exploring" if os.environ.get("CUTENV_EXPLORE") else "repe
 @pytest.fixture(scope="session")
 def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     """One browser for every test of a page; one with 3-D graphics is another."""
-    import chromium  # from scripts/, which a copy of this file elsewhere does not have
+    from scripts import chromium  # from scripts/, which a copy of this file elsewhere does not have
 
     with chromium.browser(tmp_path_factory.mktemp("profile")) as opened:
         yield opened
@@ -63,7 +63,7 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     if within is not None and time.monotonic() - first >= within:
         pytest.skip("needs more time: python3 scripts/start.py test")
     for name in (name for mark in item.iter_markers("needs") for name in mark.args):
-        import test_programs  # from scripts/, which a copy of this file elsewhere does not have
+        from scripts import test_programs  # from scripts/, which a copy of this file elsewhere does not have
 
         if test_programs.GROUPS[name].found() is None:
             pytest.skip(test_programs.reason(name))
@@ -73,7 +73,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     """Leave out the tests that take longer than --at-most."""
     if config.getoption("--at-most") is None:
         return
-    import suite_times  # from scripts/, which a copy of this file elsewhere does not have
+    from scripts import suite_times  # from scripts/, which a copy of this file elsewhere does not have
 
     times = suite_times.read(Path(__file__).with_name("times.csv"))
     longer = {name for name, took in times.items() if max(took) > config.getoption("--at-most")}
@@ -208,7 +208,7 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
     if file := config.getoption("--times"):
-        import suite_times  # from scripts/, which a copy of this file elsewhere does not have
+        from scripts import suite_times  # from scripts/, which a copy of this file elsewhere does not have
 
         rows = suite_times.summed(taken(terminalreporter))
         suite_times.write(file, rows)

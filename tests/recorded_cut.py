@@ -8,7 +8,6 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from reproduction.virtual_cuts import true_moduli, true_resistance
 
 from cutenv._engine.randomness import generator
 from cutenv.cutting.sensor import SensorParameters
@@ -17,6 +16,7 @@ from cutenv.plant.simulator import SimulatedPlant
 from cutenv.tissue.description import following_means, tables_only
 from cutenv.tissue.specimen import Specimen
 from cutenv.trace import Trace
+from scripts.reproduction.virtual_cuts import true_moduli, true_resistance
 
 TISSUE = tables_only(**following_means(), eta90=0.28)
 

@@ -7,12 +7,12 @@ import functools
 from collections.abc import Sequence
 from typing import Any
 
-import calibrate_virtual_rig as rig
 import numpy as np
 
 from cutenv.measurement import MeasuredCut, measure_cuts
 from cutenv.tissue import CutModel, Specimen, TissueDescription, measured_liver
 from cutenv.trace import Trace
+from scripts import calibrate_virtual_rig as rig
 
 MODEL = CutModel()
 SPEEDS = (0.0064, 0.0127, 0.0254)

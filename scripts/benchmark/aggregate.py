@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from benchmark.kept_cuts import KeptRun, Row, read_runs
-from benchmark.protocol import ENTRIES, REFERENCE
 from cutenv.learning.benchmark import CUT_MARKS, IQM, MEAN, Protocol, paired_difference, standing, strata
 from cutenv.learning.statistics import Interval, rows_of, stratified
+from scripts.benchmark.kept_cuts import KeptRun, Row, read_runs
+from scripts.benchmark.protocol import ENTRIES, REFERENCE
 
 ALL = "all"
 """All pure classes together: one stratum each, in which a seed gives one specimen of each."""
@@ -135,7 +135,7 @@ def sweep_lines(folder: Path, protocol: Protocol) -> list[dict[str, Any]]:
     The first rows have all constants as in training, on the same specimens, the first of ``cuts/``: a loss is the
     difference from these.
     """
-    from benchmark.robustness import settings
+    from scripts.benchmark.robustness import settings
 
     every, swept = read_runs(folder, protocol), []
     for setting in settings():

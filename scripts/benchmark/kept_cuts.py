@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmark.protocol import slug
 from cutenv._base.output import atomic_write
 from cutenv.learning.benchmark import Protocol, entry_seeds
+from scripts.benchmark.protocol import slug
 
 Row = dict[str, str]
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from benchmark.protocol import SCRIPTED
-from benchmark.summary import BOUND, IDLE, Table
 from cutenv.report.page import write_page
 from cutenv.report.training_result import Bar, returns_figure
+from scripts.benchmark.protocol import SCRIPTED
+from scripts.benchmark.summary import BOUND, IDLE, Table
 
 
 def write_page_of(path: Path, standings: Table, about: str) -> None:

@@ -15,10 +15,6 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from benchmark.aggregate import disagreements, read_summary
-from benchmark.kept_cuts import file_of, write_run
-from benchmark.protocol import BEST_FEED, ENTRIES, SCRIPTED, Entry, slug
-from benchmark.robustness import settings
 from cutenv._base.resources import git
 from cutenv.commands.train import LEARNERS, training_options
 from cutenv.learning.benchmark import SCRATCH, Protocol, returns_after, training_kind
@@ -27,6 +23,10 @@ from cutenv.learning.run_folder import checkpoint_of, marked
 from cutenv.learning.seeds import VALIDATION_SEEDS
 from cutenv.learning.statistics import best_script, read_rows, rows_of, summarise, write_csv
 from cutenv.policy import BASELINES, CONSTANT_FEEDS, NULL_POLICIES, ORACLE
+from scripts.benchmark.aggregate import disagreements, read_summary
+from scripts.benchmark.kept_cuts import file_of, write_run
+from scripts.benchmark.protocol import BEST_FEED, ENTRIES, SCRIPTED, Entry, slug
+from scripts.benchmark.robustness import settings
 
 SWEPT = ("PPO", "PPO (random rigs)", "recurrent PPO", "return stroke", "probe and creep", BEST_FEED)
 OFFLINE = tuple(LEARNERS[name][0] for name in ("bc", "iql"))

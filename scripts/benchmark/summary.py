@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from benchmark.aggregate import AFTER, ALL, UNCHANGED, Line, verdict
-from benchmark.protocol import ENTRIES, FEWEST_SEEDS, REFERENCE, SCRIPTED
 from cutenv.learning.benchmark import (
     CUT_MARKS,
     ENTRY_KINDS,
@@ -19,6 +17,8 @@ from cutenv.learning.benchmark import (
     shown,
 )
 from cutenv.policy import NULL_POLICIES, ORACLE
+from scripts.benchmark.aggregate import AFTER, ALL, UNCHANGED, Line, verdict
+from scripts.benchmark.protocol import ENTRIES, FEWEST_SEEDS, REFERENCE, SCRIPTED
 
 Heading, Rows = list[str], list[list[str]]
 BOUND, IDLE = "upper bound: sees hidden state", "idle"

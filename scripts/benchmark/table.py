@@ -5,16 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmark.aggregate import ALL, read_summary, summary, sweep_lines
-from benchmark.kept_cuts import merge_cuts, read_facts, read_runs, write_run
-from benchmark.page import write_page_of
-from benchmark.protocol import ENTRIES, SCRIPTED, keep_protocol, kept_protocol, slug
-from benchmark.summary import AS_BEGUN, Table
 from cutenv.commands.submit import checked
 from cutenv.learning.benchmark import Protocol
 from cutenv.learning.statistics import rows_of, write_csv
+from scripts import ROOT
+from scripts.benchmark.aggregate import ALL, read_summary, summary, sweep_lines
+from scripts.benchmark.kept_cuts import merge_cuts, read_facts, read_runs, write_run
+from scripts.benchmark.page import write_page_of
+from scripts.benchmark.protocol import ENTRIES, SCRIPTED, keep_protocol, kept_protocol, slug
+from scripts.benchmark.summary import AS_BEGUN, Table
 
-PUBLISHED = Path(__file__).parents[2] / "assets" / "benchmark"
+PUBLISHED = ROOT / "assets" / "benchmark"
 """Folder of the published comparison."""
 
 

@@ -10,15 +10,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from check_steering import follow_line
-from crack_truth import ELEMENT, led_along
 
-from curves.calculix import MODULUS, POISSON, THICKNESS, deck
 from cutenv.plant import FreehandPlant, SteeredPlant
 from cutenv.tissue import CutModel, Specimen, SteeredModel
 from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING
 from cutenv.tissue.lines import WIDTH, CutLine, arc, half_ellipse, length_within, random_line, s_shape, straight
 from cutenv.tissue.path_model import stiffness_on_line
+from scripts.check_steering import follow_line
+from scripts.crack_truth import ELEMENT, led_along
+from scripts.curves.calculix import MODULUS, POISSON, THICKNESS, deck
 
 PATHS: dict[str, CutLine] = {
     "straight": straight(),

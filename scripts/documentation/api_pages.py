@@ -6,7 +6,9 @@ import ast
 from collections.abc import Iterator
 from pathlib import Path
 
-PACKAGE = Path(__file__).parents[2] / "cutenv"
+from scripts import ROOT
+
+PACKAGE = ROOT / "cutenv"
 FOLDER = "reference/api"
 MODULES = (
     "cutenv.envs.vector",

@@ -7,7 +7,8 @@ import pydoc
 from typing import Any
 
 import griffe
-from restructured import with_links, with_tables
+
+from scripts.documentation.restructured import with_links, with_tables
 
 
 class Docstrings(griffe.Extension):

@@ -8,9 +8,9 @@ import re
 from collections.abc import Iterator
 
 import gymnasium
-from restructured import markdown
 
 from cutenv.task.registry import TASKS
+from scripts.documentation.restructured import markdown
 
 IDS = {
     "-".join(re.findall("[A-Z][a-z]+", environment_id)).lower(): environment_id

@@ -6,16 +6,14 @@ import re
 from pathlib import Path
 from typing import Any
 
-import api_pages
-import command_pages
-import environment_pages
-from equations import as_mathml
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
 from cutenv.browser.page_alone import page_alone
+from scripts import ROOT
+from scripts.documentation import api_pages, command_pages, environment_pages
+from scripts.documentation.equations import as_mathml
 
-ROOT = Path(__file__).parents[2]
 GENERATED = "GENERATED "
 
 _INTERVAL = re.compile(r"(<td[^>]*>[^<\[]*)(\[[-+\d., ]+\])(</td>)")

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from rendering.lens import Array, RenderedCamera
+from scripts.rendering.lens import Array, RenderedCamera
 
 TIMES = (np.array([[3, 8, 1], [2, 4, 6], [7, 0, 5]]) - 4.0) / 9.0
 """Instant of each of a pixel's points within the exposure; a magic square, so that time and place do not correlate."""

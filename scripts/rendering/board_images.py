@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from rendering.lens import Array, RenderedCamera
+from scripts.rendering.lens import Array, RenderedCamera
 
 
 def board_image(

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from rendering.blade_scene import Blade, FilmedScene, Slab, draw_blade, draw_slab
-from rendering.board_images import held_boards, standing_board
-from rendering.lens import Array, RenderedCamera, draw_pair
-from rendering.moved_tissue import MovedTissue
+from scripts.rendering.blade_scene import Blade, FilmedScene, Slab, draw_blade, draw_slab
+from scripts.rendering.board_images import held_boards, standing_board
+from scripts.rendering.lens import Array, RenderedCamera, draw_pair
+from scripts.rendering.moved_tissue import MovedTissue
 
 BED = 0.004
 """Height of the blade's end over the plate [m]: tissue that is not cut."""

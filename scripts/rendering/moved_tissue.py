@@ -9,7 +9,7 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 
 from cutenv.tissue.cut_model import CutModel
-from rendering.lens import Array
+from scripts.rendering.lens import Array
 
 _STEP = 2e-3  # of the grid of places [m]
 _TURNS = 40  # in which a place at rest settles

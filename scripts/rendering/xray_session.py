@@ -18,7 +18,7 @@ from cutenv.plant.protocol import Leg, run
 from cutenv.plant.simulator import SimulatedPlant
 from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.specimen import Specimen
-from rendering.xray import STEEL, TISSUE, Array, Box, XRayCamera, interlaced
+from scripts.rendering.xray import STEEL, TISSUE, Array, Box, XRayCamera, interlaced
 
 BEAD = 0.5e-3
 """Radius of the beads [m]."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from reproduction import (
+from scripts.reproduction import (
     chapter_4,
     chapters_5_to_7,
     cutting,
@@ -14,7 +14,7 @@ from reproduction import (
     moduli,
     worked_check,
 )
-from reproduction.rows import Check, Comparison, Row
+from scripts.reproduction.rows import Check, Comparison, Row
 
 _MODULES = (
     *(elements, models, moduli, drawn_tables, derived, measuring, cutting, worked_check, chapters_5_to_7),

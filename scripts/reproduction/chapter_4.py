@@ -11,10 +11,21 @@ import numpy as np
 
 from cutenv.tissue import CutModel
 from cutenv.tissue.tables import ThesisTable, table
-from reproduction.constitutive import constitutive_matrix
-from reproduction.elements import DIVISIONS, model
-from reproduction.models import EXPERIMENTS, FORMULATIONS, FROM_4_CM, PIECE_LENGTH, four_node_rows, places
-from reproduction.rows import Row, Statements, equal, erratum, everywhere, holds, near, printed_as, refuted, statement
+from scripts.reproduction.constitutive import constitutive_matrix
+from scripts.reproduction.elements import DIVISIONS, model
+from scripts.reproduction.models import EXPERIMENTS, FORMULATIONS, FROM_4_CM, PIECE_LENGTH, four_node_rows, places
+from scripts.reproduction.rows import (
+    Row,
+    Statements,
+    equal,
+    erratum,
+    everywhere,
+    holds,
+    near,
+    printed_as,
+    refuted,
+    statement,
+)
 
 AREA_CM2 = 8 * 15
 TO_ONE_DECIMAL = (1.1, 1.0)  # of the ratios of Table 4.1; everything else is printed to two

@@ -12,10 +12,10 @@ import numpy as np
 from cutenv.tissue import measured_fracture_resistance, tables
 from cutenv.tissue.effective_modulus import linear_fit, power_fit
 from cutenv.tissue.tables import table
-from reproduction.elements import model
-from reproduction.models import FORMULATIONS, MEAN_OVER
-from reproduction.moduli import EQUATIONS, equation_rows, fit_rows
-from reproduction.rows import (
+from scripts.reproduction.elements import model
+from scripts.reproduction.models import FORMULATIONS, MEAN_OVER
+from scripts.reproduction.moduli import EQUATIONS, equation_rows, fit_rows
+from scripts.reproduction.rows import (
     SHOWN,
     Found,
     Statements,

@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 import math
 
-import derive_eta90
 import numpy as np
 
 from cutenv._base import resources
 from cutenv.tissue import measured_liver
 from cutenv.tissue.tables import table
-from reproduction.rows import Found, check, holds, near
+from scripts import derive_eta90
+from scripts.reproduction.rows import Found, check, holds, near
 
 EXPECTED = (0.25, 0.40)
 """Range of an independent estimate."""

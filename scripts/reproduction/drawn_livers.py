@@ -15,7 +15,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from fit_specimens import FEWEST_SEGMENTS, SIGNIFICANT_DROP, TRAVEL
 from numpy.typing import NDArray
 from tqdm import tqdm
 
@@ -27,6 +26,7 @@ from cutenv.tissue import CutModel, Specimen, draw_liver, measured_liver
 from cutenv.tissue.tables import table
 from cutenv.tissue.variance_components import CUTS_PER_LIVER
 from cutenv.trace import Trace
+from scripts.fit_specimens import FEWEST_SEGMENTS, SIGNIFICANT_DROP, TRAVEL
 
 SPEEDS_CM_S = tuple(float(v) for v in table("5.6")["speed_cm_s"])
 QUICK_SPEEDS_CM_S = (0.1, 1.27, 2.54)

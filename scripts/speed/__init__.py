@@ -7,7 +7,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from speed.measured import Measured
+    from scripts.speed.measured import Measured
 
 BENCHMARKS = {
     "first": "first_use",
@@ -33,5 +33,5 @@ BENCHMARKS = {
 def measurement(name: str) -> Callable[[], Measured]:
     """Return the measurement of a benchmark; its module is loaded only now."""
     module, _, argument = BENCHMARKS[name].partition(":")
-    measure = import_module(f"speed.{module}").measure
+    measure = import_module(f"{__name__}.{module}").measure
     return lambda: measure(*filter(None, (argument,)))

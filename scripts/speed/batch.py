@@ -21,9 +21,9 @@ from cutenv.cutting.update import update_row
 from cutenv.envs.vector import GentleCutVectorEnv
 from cutenv.task.declare import Cuts
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, commanded_speed
-from speed.gymnasium_vectors import ASYNC, NATIVE, SYNC, Other, step_rate
-from speed.limits import limits
-from speed.measured import Measured, Number, at_least, at_most
+from scripts.speed.gymnasium_vectors import ASYNC, NATIVE, SYNC, Other, step_rate
+from scripts.speed.limits import limits
+from scripts.speed.measured import Measured, Number, at_least, at_most
 
 SHARE_OF_BARE = 0.80
 """Share of the bare loop's rate that the environment must reach at :data:`MANY`."""

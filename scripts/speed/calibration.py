@@ -15,7 +15,7 @@ from cutenv.recording import load_one, save
 from cutenv.tissue import CutModel, Specimen
 from cutenv.tissue.tables import table
 from cutenv.trace import Trace
-from speed.measured import Measured, Number, at_most
+from scripts.speed.measured import Measured, Number, at_most
 
 LIVERS = 6
 """Number of livers; each is cut at seven speeds and two angles: 84 cuts."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from speed.record import Record
+from scripts.speed.record import Record
 
 
 def compared(old: Record, new: Record) -> list[str]:

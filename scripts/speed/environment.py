@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import cutenv  # noqa: F401  registers the environment
-from speed.measured import Measured, Number, at_most
+from scripts.speed.measured import Measured, Number, at_most
 
 ALLOWED_OVER_PENDULUM = 1.0
 """Largest acceptable time of a step, 20 force updates, over a step of Pendulum-v1."""

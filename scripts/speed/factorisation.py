@@ -13,7 +13,7 @@ from scipy.sparse import csr_array
 from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.mesh import ELEMENT_KINDS, CutMesh
 from cutenv.tissue.tip_response import blade_unknowns, factorise, stiffness_matrix, tip_responses
-from speed.measured import Measured, Number
+from scripts.speed.measured import Measured, Number
 
 REQUIRED_SPEEDUP = {(8, 15): 8.0, (40, 75): 15.0}
 """Required speed-up of one factorisation over one for each tip, by the numbers of elements across and along."""

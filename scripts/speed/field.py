@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cutenv.tissue.cut_model import CutModel
 from cutenv.viewer.drawn_slab import Slab
-from speed.measured import Measured, Number, at_most
+from scripts.speed.measured import Measured, Number, at_most
 
 MESHES = ((8, 15), (40, 75))
 """Numbers of elements across and along."""

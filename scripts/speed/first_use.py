@@ -9,7 +9,7 @@ import tempfile
 from pathlib import Path
 from typing import NamedTuple
 
-from speed.measured import Measured, Number, at_most
+from scripts.speed.measured import Measured, Number, at_most
 
 ALLOWED_S = 5.0
 """Largest acceptable time of the first use [s]: a few seconds."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from cutenv.plant import FreehandPlant, SteeredPlant
 from cutenv.tissue import Specimen, SteeredModel
 from cutenv.tissue.lines import straight
-from speed.measured import Measured, Number, at_most
+from scripts.speed.measured import Measured, Number, at_most
 
 EMPTY, THREADED = "empty", "model in a second thread"
 """Names of loops."""

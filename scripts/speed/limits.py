@@ -21,7 +21,7 @@ from cutenv.cutting.sensor import SENSOR
 from cutenv.task.episode_dtypes import PROGRESS, TASK
 from cutenv.task.info import INFO
 from cutenv.task.observation import COMPONENTS
-from speed.measured import Measured, Number, fastest
+from scripts.speed.measured import Measured, Number, fastest
 
 
 @njit

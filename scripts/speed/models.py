@@ -11,7 +11,7 @@ from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.mesh import ELEMENT_KINDS, CutMesh
 from cutenv.tissue.tables import table
 from cutenv.tissue.tip_response import blade_unknowns, factorise, stiffness_matrix
-from speed.measured import Measured, Number
+from scripts.speed.measured import Measured, Number
 
 BRICKS = "hex20"
 LEVELS = {"quad4": ("plane_stress", 2, 4), "quad8": ("plane_stress", 2, 8), BRICKS: ("solid", 3, 20)}

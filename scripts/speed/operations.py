@@ -1,6 +1,6 @@
 """Count the floating-point operations of one force update: a row of one lane in plain Python, on numbers that count.
 
-NUMBA_DISABLE_JIT=1 python scripts/speed/operations.py
+NUMBA_DISABLE_JIT=1 python -m scripts.speed.operations
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ import numpy as np
 from cutenv.play.devices import HandMotion, ScriptedDevice
 from cutenv.play.picture import PlayPicture
 from cutenv.play.play_session import Session, SessionPlan
-from speed.measured import Measured, Number, at_most, fastest
+from scripts.speed.measured import Measured, Number, at_most, fastest
 
 FRAME = 1.0 / 60.0
 _HALFWAY = 200

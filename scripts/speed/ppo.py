@@ -9,12 +9,13 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Sequence
 from importlib.util import find_spec
-from pathlib import Path
 
-from speed.measured import Measured, Number, at_most
+from scripts import ROOT
+from scripts.speed.measured import Measured, Number, at_most
 
-PROGRAM = Path(__file__).resolve().parents[1] / "training_speed.py"
+PROGRAM = ("-m", "scripts.training_speed")
 LEARNERS = ("stable_baselines3", "torch", "safetensors")
 ALLOWED_SHARE = 0.1
 """Share of the time of training that the environments may take."""
@@ -28,7 +29,7 @@ def missing() -> str | None:
     return f"{', '.join(absent)} not installed: pip install 'cutenv[rl]'" if absent else None
 
 
-def training_speed(program: Path = PROGRAM) -> dict[str, float]:
+def training_speed(program: Sequence[str] = PROGRAM) -> dict[str, float]:
     """Run ``scripts/training_speed.py``; return its decisions, decisions_per_s and environments_share.
 
     Raises
@@ -36,10 +37,10 @@ def training_speed(program: Path = PROGRAM) -> dict[str, float]:
     RuntimeError
         If the program fails; the message ends with its last line.
     """
-    path = os.pathsep.join([str(PROGRAM.parents[1]), *filter(None, [os.environ.get("PYTHONPATH")])])
+    path = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
     try:
         done = subprocess.run(
-            [sys.executable, str(program)],
+            [sys.executable, *program],
             env=os.environ | {"PYTHONPATH": path},
             capture_output=True,
             text=True,
@@ -47,10 +48,10 @@ def training_speed(program: Path = PROGRAM) -> dict[str, float]:
             check=False,
         )
     except subprocess.TimeoutExpired:
-        raise RuntimeError(f"{program.name} was not done after {_LIMIT_S:g} s") from None
+        raise RuntimeError(f"{program[-1]} was not done after {_LIMIT_S:g} s") from None
     if done.returncode != 0:
         said = (done.stderr.strip() or "nothing").splitlines()[-1]
-        raise RuntimeError(f"{program.name} failed with status {done.returncode}: {said}")
+        raise RuntimeError(f"{program[-1]} failed with status {done.returncode}: {said}")
     found = json.loads(done.stdout.splitlines()[-1])
     return {name: float(found[name]) for name in _UNITS}
 

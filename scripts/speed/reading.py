@@ -11,7 +11,7 @@ import numpy as np
 
 from cutenv.recording import load, save
 from cutenv.trace import Trace
-from speed.measured import Measured, Number, at_most, fastest
+from scripts.speed.measured import Measured, Number, at_most, fastest
 
 TIMES_LOADTXT = 3.0
 """Largest acceptable time of reading, in times of numpy.loadtxt."""

@@ -11,11 +11,11 @@ from typing import Any, NamedTuple
 
 import cutenv
 from cutenv._base.output import atomic_write
-from speed.machine import description
-from speed.measured import Number
+from scripts.speed.machine import description
+from scripts.speed.measured import Number
 
 FORMAT = "cutenv bench 1"
-_CURE = "Make one with: python scripts/bench.py --json FILE"
+_CURE = "Make one with: python -m scripts.bench --json FILE"
 
 Numbers = Mapping[str, Mapping[str, Number]]
 """Numbers by benchmark and name."""

@@ -8,8 +8,8 @@ from cutenv.cutting.motion import NOTHING
 from cutenv.cutting.parameters import profile_records
 from cutenv.cutting.steering import STEERED, steering_records
 from cutenv.tissue.lines import CutLine, half_ellipse, straight
-from speed.measured import Measured
-from speed.vertical_motion import (
+from scripts.speed.measured import Measured
+from scripts.speed.vertical_motion import (
     ANGLE,
     COUNT,
     ROUNDS,

@@ -14,7 +14,7 @@ from cutenv._engine.parallel import cores
 from cutenv.envs.batch import CutBatch
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.task.registry import TASKS
-from speed.measured import Measured, Number, at_most
+from scripts.speed.measured import Measured, Number, at_most
 
 COUNT, STEPS, ROUNDS = 1024, 60, 5
 ALLOWED = 2.0

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cutenv.plant import Plant, SimulatedPlant
 from cutenv.tissue import Specimen
-from speed.measured import Measured, Number, at_most
+from scripts.speed.measured import Measured, Number, at_most
 
 ALLOWED_NS = 20_000.0
 """Largest acceptable delay of 99.9 % of the updates over the empty loop [ns]."""

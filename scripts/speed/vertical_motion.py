@@ -21,7 +21,7 @@ from cutenv.cutting.sensor import SensorParameters, sensor_records
 from cutenv.cutting.simulate import Physics, hold_some
 from cutenv.tissue import Layers, Specimen
 from cutenv.tissue.specimen import LENGTH, SPACING
-from speed.measured import Measured, Number
+from scripts.speed.measured import Measured, Number
 
 COUNT, TICKS = 1024, 20
 _LAYERS = Layers(capsule_thickness=5e-4, capsule_modulus=5.0, boundary=0.017, deep_toughness=3.0, deep_modulus=2.0)

@@ -9,16 +9,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from carm_measurement import BEAD_PX, Array, calibrated, predicted_by, swept
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import Normalize
-from measure_field import LEM_AVERAGE, cut_of_liver
-from rendering.xray_session import THICKNESS, Session
-from reproduction.drawn_livers import measure_as_the_thesis
-from reproduction.models import FROM_THE_CLAMP, FROM_THE_LINE, TIP, displacement_of_beads
-from reproduction.virtual_cuts import SPEEDS, virtual_cut
 
 from cutenv.measurement import MeasuredCut, loading_segments
 from cutenv.measurement.prediction import predicted_ramps
@@ -29,10 +23,16 @@ from cutenv.vision.beads import track_beads
 from cutenv.vision.filmed_measurement import zones_as_measured
 from cutenv.vision.fluoroscopy import NTSC_RATE, CArmView
 from cutenv.vision.projection import project
-from thesis_figures import xray_images
-from thesis_figures.experiments import KIND
-from thesis_figures.models import FACES, seen_from_above
-from thesis_figures.style import (
+from scripts.carm_measurement import BEAD_PX, Array, calibrated, predicted_by, swept
+from scripts.measure_field import LEM_AVERAGE, cut_of_liver
+from scripts.rendering.xray_session import THICKNESS, Session
+from scripts.reproduction.drawn_livers import measure_as_the_thesis
+from scripts.reproduction.models import FROM_THE_CLAMP, FROM_THE_LINE, TIP, displacement_of_beads
+from scripts.reproduction.virtual_cuts import SPEEDS, virtual_cut
+from scripts.thesis_figures import xray_images
+from scripts.thesis_figures.experiments import KIND
+from scripts.thesis_figures.models import FACES, seen_from_above
+from scripts.thesis_figures.style import (
     DISPLACEMENT_LABEL,
     FIRST,
     FORCE,

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
-from reproduction.drawn_livers import measure_as_the_thesis
-from reproduction.virtual_cuts import PLACES, SPEEDS, cm_s, virtual_cut
 
 from cutenv.measurement import estimate_local_effective_moduli
 from cutenv.tissue import CutModel
 from cutenv.trace import Trace
-from thesis_figures.experiments import KIND
-from thesis_figures.style import (
+from scripts.reproduction.drawn_livers import measure_as_the_thesis
+from scripts.reproduction.virtual_cuts import PLACES, SPEEDS, cm_s, virtual_cut
+from scripts.thesis_figures.experiments import KIND
+from scripts.thesis_figures.style import (
     DISPLACEMENT_LABEL,
     DISTANCE_LABEL,
     FIRST,
@@ -52,12 +52,11 @@ class FilmedLiver(NamedTuple):
 def filmed_liver(rate: float) -> FilmedLiver:
     """Cut a drawn liver, film it with two cameras at some frames a second, and measure its depth from the film."""
     # OpenCV and PyAV are an extra, which the other figures do not need.
-    from rendering.filmed_cut import film_cut
-
     from cutenv.vision.camera_calibration import CalibrationBoard, calibrate_cameras
     from cutenv.vision.depth_record import filmed_depth
     from cutenv.vision.film_source import VideoFrame
     from cutenv.vision.marked_blade import BladeCameras, MarkedBlade
+    from scripts.rendering.filmed_cut import film_cut
 
     cut = virtual_cut(KIND, speed=SPEEDS[1], turns=(TRAVEL, 0.0))
     (position,) = cut.trace.require("position", by="filmed_liver")

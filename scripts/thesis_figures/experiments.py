@@ -8,8 +8,6 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from reproduction.drawn_livers import MODELS, measure_as_the_thesis
-from reproduction.virtual_cuts import PLACES, SPEEDS, cm_s, virtual_cut
 
 from cutenv._engine.randomness import generator
 from cutenv.measurement import (
@@ -22,7 +20,9 @@ from cutenv.measurement import (
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
 from cutenv.tissue import CutModel, Specimen, draw_liver
 from cutenv.trace import Trace, blade_speed
-from thesis_figures.style import (
+from scripts.reproduction.drawn_livers import MODELS, measure_as_the_thesis
+from scripts.reproduction.virtual_cuts import PLACES, SPEEDS, cm_s, virtual_cut
+from scripts.thesis_figures.style import (
     DISPLACEMENT_LABEL,
     DISTANCE_LABEL,
     FORCE,

@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
-from reproduction import drawn_livers
-from reproduction.cutting import legs, protocol
-from reproduction.virtual_cuts import SPEEDS, cm_s, specimen, virtual_cut
 
 from cutenv.plant import SimulatedPlant
 from cutenv.tissue import measured_fracture_resistance
 from cutenv.tissue.tables import table
-from thesis_figures.style import (
+from scripts.reproduction import drawn_livers
+from scripts.reproduction.cutting import legs, protocol
+from scripts.reproduction.virtual_cuts import SPEEDS, cm_s, specimen, virtual_cut
+from scripts.thesis_figures.style import (
     DISPLACEMENT_LABEL,
     FIRST,
     FORCE,

@@ -7,19 +7,19 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from fit_specimens import SIGNIFICANT_DROP
 from matplotlib.axes import Axes
-from reproduction import drawn_livers
-from reproduction.drawn_tables import BY_CUT, cut_means, means_by_cut
-from reproduction.moduli import means_by_speed
-from reproduction.virtual_cuts import cm_s, virtual_cut
 
 from cutenv.measurement import loading_segments
 from cutenv.tissue import local_effective_modulus
 from cutenv.tissue.effective_modulus import linear_fit, power_fit
 from cutenv.tissue.variance_components import CUTS_PER_LIVER
-from thesis_figures.experiments import KIND, TRAVEL, mark_segments, name_segments
-from thesis_figures.style import DISPLACEMENT_LABEL, FORCE, INCLINED, LEM_LABEL, UPRIGHT, named, panels, save
+from scripts.fit_specimens import SIGNIFICANT_DROP
+from scripts.reproduction import drawn_livers
+from scripts.reproduction.drawn_tables import BY_CUT, cut_means, means_by_cut
+from scripts.reproduction.moduli import means_by_speed
+from scripts.reproduction.virtual_cuts import cm_s, virtual_cut
+from scripts.thesis_figures.experiments import KIND, TRAVEL, mark_segments, name_segments
+from scripts.thesis_figures.style import DISPLACEMENT_LABEL, FORCE, INCLINED, LEM_LABEL, UPRIGHT, named, panels, save
 
 
 class Panel(NamedTuple):

@@ -6,18 +6,18 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from carm_measurement import HOLE, HOLE_PX, SPACING, Array, plates_by_distance
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
-from rendering.xray import XRayCamera
-from rendering.xray_session import ERRORS, Session
 from scipy.ndimage import map_coordinates
 
 from cutenv.vision.distortion import THESIS_ERROR, FittedDistortion
 from cutenv.vision.fluoroscopy import CArmView, calibrate_view
 from cutenv.vision.projection import THESIS_MAGNIFICATION, fit_magnification
 from cutenv.vision.spots import GridHoles
-from thesis_figures.style import FIRST, FORCE, STRAIN, STRESS, named, panels, save
+from scripts.carm_measurement import HOLE, HOLE_PX, SPACING, Array, plates_by_distance
+from scripts.rendering.xray import XRayCamera
+from scripts.rendering.xray_session import ERRORS, Session
+from scripts.thesis_figures.style import FIRST, FORCE, STRAIN, STRESS, named, panels, save
 
 SEED = 72
 SHOWN = 45.0  # time of the images [s]

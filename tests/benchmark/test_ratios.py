@@ -16,9 +16,6 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.vector import VectorEnv
-from speed.batch import bare, hold_in_single_file
-from speed.factorisation import factorising_per_tip
-from speed.vertical_motion import MOTIONS, BareRates, descending_rates
 
 import cutenv  # noqa: F401  registers the environment
 from cutenv._engine.work_queue import make_queue
@@ -31,6 +28,9 @@ from cutenv.tissue.mesh import ELEMENT_KINDS, CutMesh
 from cutenv.tissue.tip_response import stiffness_matrix, tip_responses
 from cutenv.trace import Reading
 from cutenv.viewer.drawn_slab import Slab
+from scripts.speed.batch import bare, hold_in_single_file
+from scripts.speed.factorisation import factorising_per_tip
+from scripts.speed.vertical_motion import MOTIONS, BareRates, descending_rates
 
 pytestmark = pytest.mark.benchmark(group="ratios")
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-import chromium
-import firefox
 import pytest
 from opened_page import Browser, wait
+
+from scripts import chromium, firefox
 
 BROWSERS = [pytest.param(name, marks=pytest.mark.needs(name.lower())) for name in ("Chromium", "Firefox")]
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
-import chromium
-import firefox
+from scripts import chromium, firefox
 
 Browser = chromium.Browser | firefox.Browser
 

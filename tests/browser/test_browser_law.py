@@ -23,7 +23,7 @@ from cutenv.tissue import measured_liver
 
 pytest.importorskip("wasmtime", reason="runs WebAssembly in the tests: pip install 'cutenv[dev]'")
 
-import check_browser_law
+from scripts import check_browser_law
 
 FURTHER = {"depth": ("height", "vertical_force"), "path": ("blade_x", "blade_y", "lateral_force")}
 ROOT = Path(__file__).parents[2]

@@ -6,10 +6,11 @@ import json
 from pathlib import Path
 from typing import Any
 
-import measure_page
 import numpy as np
 import pytest
 from opened_page import Browser, open_on_telephone, start, wait
+
+from scripts import measure_page
 
 pytest.importorskip("jinja2", reason="pages are an extra: pip install 'cutenv[view]'")
 

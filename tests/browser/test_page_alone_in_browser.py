@@ -8,10 +8,11 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-import measure_page
 import numpy as np
 import pytest
 from opened_page import Browser, fits_and_can_be_read, open_on_telephone, start, wait
+
+from scripts import measure_page
 
 pytest.importorskip("jinja2", reason="pages are an extra: pip install 'cutenv[view]'")
 

@@ -15,10 +15,9 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-import chromium
-import firefox
 import pytest
-import test_programs
+
+from scripts import chromium, firefox, test_programs
 
 pytest.importorskip("jinja2", reason="pages are an extra: pip install 'cutenv[view]'")
 

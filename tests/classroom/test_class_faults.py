@@ -25,16 +25,16 @@ pytest.importorskip("httpx2", reason="asks the server in its tests: pip install 
 
 import httpx2
 import uvicorn
-from class_attacks import ATTACKS
-from class_load import Served
 from class_room import CLOCK, Room, begun, cut_once, hand, message, sent, there_and_back, to_the_end
-from malformed_messages import malformed_message
 from sqlalchemy import event, update
 
 from cutenv.browser import HandCut
 from cutenv.classroom import ClassStore, class_tables, lesson, patient_protocol
 from cutenv.classroom.class_site import Trials
 from cutenv.recording import load_one
+from scripts.class_attacks import ATTACKS
+from scripts.class_load import Served
+from scripts.malformed_messages import malformed_message
 
 TWO_TASKS = """name = "two"
 [[task]]

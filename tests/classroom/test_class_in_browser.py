@@ -12,17 +12,17 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import chromium
 import pytest
+
+from scripts import chromium
 
 pytest.importorskip("starlette", reason="the server is an extra: pip install 'cutenv[serve]'")
 pytest.importorskip("httpx2", reason="asks the server in its tests: pip install 'cutenv[dev]'")
 
-from class_load import Served
-
 from cutenv.classroom import ClassStore
 from cutenv.cli import main
 from cutenv.recording import load_one
+from scripts.class_load import Served
 
 pytestmark = pytest.mark.needs("chromium")
 

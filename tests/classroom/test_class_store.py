@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import test_programs
+
+from scripts import test_programs
 
 pytest.importorskip("sqlalchemy", reason="the server is an extra: pip install 'cutenv[serve]'")
 

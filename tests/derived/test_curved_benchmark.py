@@ -8,15 +8,14 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
-import curved_cuts
-import draw_excision
 import numpy as np
 import pytest
-from curves.calculix import deck
-from curves.entry import measured
-from curves.made import PATHS, reach
 
 from cutenv.tissue import SteeredModel
+from scripts import curved_cuts, draw_excision
+from scripts.curves.calculix import deck
+from scripts.curves.entry import measured
+from scripts.curves.made import PATHS, reach
 
 OURS = curved_cuts.FOLDER / "entries" / "steered"
 

@@ -9,8 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from reproduction.constitutive import constitutive_matrix
-from reproduction.elements import KELVIN, model
 from scipy.sparse import csr_array, hstack
 from scipy.sparse.linalg import spsolve
 from skfem import ElementVector, FacetBasis, LinearForm
@@ -21,6 +19,8 @@ from cutenv.tissue.elasticity import elastic_form, lame_parameters
 from cutenv.tissue.mesh import ELEMENT_KINDS, CutMesh
 from cutenv.tissue.tables import table
 from cutenv.tissue.tip_response import stiffness_matrix
+from scripts.reproduction.constitutive import constitutive_matrix
+from scripts.reproduction.elements import KELVIN, model
 
 Array = NDArray[np.float64]
 LENGTH = 0.15

@@ -7,8 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from reproduction.constitutive import constitutive_matrix
-from reproduction.elements import GRADIENT, KINDS, SIZE, convergence, joined, mesh_of, patch, small_mesh
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import spsolve
 from skfem import Basis, BilinearForm, ElementVector, FacetBasis, LinearForm
@@ -18,6 +16,8 @@ from skfem.models.elasticity import linear_elasticity
 from cutenv.tissue import CutModel, elasticity
 from cutenv.tissue.mesh import ELEMENT_KINDS, CutMesh, ElementKind
 from cutenv.tissue.tip_response import stiffness_matrix
+from scripts.reproduction.constitutive import constitutive_matrix
+from scripts.reproduction.elements import GRADIENT, KINDS, SIZE, convergence, joined, mesh_of, patch, small_mesh
 
 Array = NDArray[np.float64]
 WIDTH, LENGTH, THICKNESS = SIZE

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import crack_truth
-import derive_lines
 import numpy as np
 import pytest
 
@@ -11,6 +9,7 @@ from cutenv.tissue import place_model
 from cutenv.tissue.drawn_lines import STORED, drawn_lines, given_line
 from cutenv.tissue.lines import half_ellipse, straight
 from cutenv.tissue.place_model import FARTHEST, beside_line, fitted_numbers
+from scripts import crack_truth, derive_lines
 
 DISTANCES = (-0.02, -FARTHEST, -0.001, 0.003, FARTHEST, 0.02)  # [m]
 

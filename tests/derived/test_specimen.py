@@ -10,11 +10,9 @@ from collections.abc import Callable
 import gymnasium
 import numpy as np
 import pytest
-from derive_partial_depth import stiffness_by_depth
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from led_cut import liver
-from reproduction.elements import model
 
 from cutenv._engine.randomness import generator
 from cutenv.tissue.cut_model import CutModel
@@ -23,6 +21,8 @@ from cutenv.tissue.grid import bulge, field_modes
 from cutenv.tissue.slab import THICKNESS, effective_depth, row_means, slab_of, stiffness_along
 from cutenv.tissue.specimen import LENGTH, N_POINTS, SPACING, Specimen, draw_liver, nominal_stiffness, nominal_tissue
 from cutenv.tissue.varying_modulus import condensed
+from scripts.derive_partial_depth import stiffness_by_depth
+from scripts.reproduction.elements import model
 
 Y = np.arange(N_POINTS) * SPACING
 TISSUE = liver(modulus_between_liver_cv=0.15, modulus_between_cut_cv=0.22, modulus_within_cut_cv=0.2)

@@ -6,13 +6,8 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-import check_descent
-import check_steering
-import fit_layers
 import numpy as np
 import pytest
-from adversarial_motions import FEED, TICKS, UPRIGHT
-from promises import drawn
 
 from cutenv._engine.work_queue import make_queue
 from cutenv.cutting.descent import DESCENDING
@@ -34,6 +29,9 @@ from cutenv.tissue.lines import (
     through,
 )
 from cutenv.tissue.path_model import PathModel, stiffness_on_line
+from scripts import check_descent, check_steering, fit_layers
+from scripts.adversarial_motions import FEED, TICKS, UPRIGHT
+from scripts.promises import drawn
 
 CHECKED = [(check_descent, part) for part in ("level-zero", "account", "limits", "friction", "pressing")] + [
     (check_steering, part) for part in check_steering.CHECKS if part not in ("model", "beside")

@@ -10,9 +10,9 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
-import update_docs
 
 from cutenv.recording import UNITS, load
+from scripts import update_docs
 
 ROOT = Path(__file__).parents[2]
 PROGRAM = ROOT / "scripts" / "update_docs.py"

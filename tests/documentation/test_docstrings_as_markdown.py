@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from restructured import markdown, with_links, with_tables
+
+from scripts.documentation.restructured import markdown, with_links, with_tables
 
 TABLE = """\
 ===== =======

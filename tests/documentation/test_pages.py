@@ -16,7 +16,6 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-import api_pages
 import pytest
 
 from cutenv import cli
@@ -26,6 +25,7 @@ from cutenv.rig.config.axes import HeightAxis, SideAxis
 from cutenv.rig.config.settings import SafetyLimits
 from cutenv.rig.safety.stop_causes import STILL
 from cutenv.task.weights import RewardWeights
+from scripts.documentation import api_pages
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -137,9 +137,8 @@ def test_a_page_that_shows_code_is_run():
     assert sum(words[0] == "cutenv" for page in PAGES for words in commands(page)) >= 50
 
 
-def test_the_picture_of_the_architecture_shows_every_part_of_the_package_once(monkeypatch):
-    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
-    import draw_architecture
+def test_the_picture_of_the_architecture_shows_every_part_of_the_package_once():
+    from scripts import draw_architecture
 
     shown = [package for row in draw_architecture.ROWS for wing in row for package in wing.packages]
     there = {

@@ -13,10 +13,9 @@ import pytest
 
 pytest.importorskip("mkdocs", reason="the site needs an extra: pip install 'cutenv[docs]'")
 
-import environment_pages
-
 from cutenv.cli import COMMANDS, RIG_COMMANDS
 from cutenv.scoring import METRICS
+from scripts.documentation import environment_pages
 
 LOADING = {"audio", "embed", "iframe", "img", "link", "object", "script", "source", "track", "video"}
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
-import chromium
 import pytest
+
+from scripts import chromium
 
 pytest.importorskip("mkdocs", reason="the site needs an extra: pip install 'cutenv[docs]'")
 pytestmark = pytest.mark.needs("chromium")

@@ -11,10 +11,15 @@ import sys
 from datetime import UTC, datetime
 from pathlib import Path
 
-import bench
 import numpy as np
 import pytest
-from speed import (
+
+import cutenv
+from cutenv.plant import SimulatedPlant
+from cutenv.tissue import Specimen
+from cutenv.tissue.lines import half_ellipse
+from scripts import bench
+from scripts.speed import (
     BENCHMARKS,
     batch,
     calibration,
@@ -37,14 +42,9 @@ from speed import (
     tick,
     vertical_motion,
 )
-from speed.comparison import compared
-from speed.measured import Measured, Number
-from speed.record import Record
-
-import cutenv
-from cutenv.plant import SimulatedPlant
-from cutenv.tissue import Specimen
-from cutenv.tissue.lines import half_ellipse
+from scripts.speed.comparison import compared
+from scripts.speed.measured import Measured, Number
+from scripts.speed.record import Record
 
 THIRD_ACTIONS = [(task, name) for task, motions in third_action.MOTIONS.items() for name in motions]
 
@@ -394,7 +394,7 @@ def test_a_file_that_is_no_record_is_refused_before_anything_is_measured(content
         bench.main(["step", "--compare", str(path)])
     said = capsys.readouterr().err
     assert re.search(f"argument --compare: {re.escape(str(path))} .*{why}", said)
-    assert "Make one with: python scripts/bench.py --json FILE" in said
+    assert "Make one with: python -m scripts.bench --json FILE" in said
 
 
 @pytest.mark.parametrize(("name", "why"), [("", "is a folder"), ("none/a.json", "there is no folder")])

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import digests
 import gymnasium
 import numpy as np
 import pytest
+
+from scripts import digests
 
 
 @pytest.mark.parametrize("group", digests.PORTABLE)

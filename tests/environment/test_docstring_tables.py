@@ -239,7 +239,7 @@ def with_entry(package: Path, table: str, before: str, entry: str) -> None:
 
 def started(folder: Path, program: str) -> subprocess.CompletedProcess[str]:
     """Run a program with the package of a folder, in plain Python: nothing has to be compiled."""
-    paths = os.pathsep.join([str(folder), str(ROOT / "scripts")])
+    paths = os.pathsep.join([str(folder), str(ROOT)])
     return subprocess.run(
         [sys.executable, "-c", program],
         env=os.environ | {"PYTHONPATH": paths, "NUMBA_DISABLE_JIT": "1", "PYTHONDONTWRITEBYTECODE": "1"},

@@ -5,9 +5,7 @@ from __future__ import annotations
 import math
 import sys
 
-import baseline_table
 import pytest
-from baseline_table import earlier_return, findings, grid_lines, report, table
 
 from cutenv.learning.evaluation import batched_rollout
 from cutenv.learning.statistics import write_csv
@@ -22,6 +20,8 @@ from cutenv.policy import (
     RandomAction,
     feed_name,
 )
+from scripts import baseline_table
+from scripts.baseline_table import earlier_return, findings, grid_lines, report, table
 
 EARLIER = {
     "progress": 1.0, "accuracy": 0.0, "success": 0.0, "uncontrolled": 0.15, "jump": 0.05, "force": 0.02, "lag": 0.03,
@@ -155,7 +155,7 @@ def test_the_report_names_every_script_the_best_feed_the_bound_and_both_rewards(
 
 def test_printing_what_was_never_measured_says_what_to_run(tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "argv", ["baseline_table.py", "--print", "--out", str(tmp_path), "--classes", "liver"])
-    with pytest.raises(SystemExit, match=r"liver\.csv is missing; run 'python scripts/baseline_table\.py' first"):
+    with pytest.raises(SystemExit, match=r"liver\.csv is missing; run 'python -m scripts\.baseline_table' first"):
         baseline_table.main()
 
 

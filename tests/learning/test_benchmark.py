@@ -14,22 +14,6 @@ from program import run
 pytest.importorskip("sb3_contrib", reason="the learners are an extra: pip install 'cutenv[rl]'")
 pytest.importorskip("matplotlib", reason="pictures are an extra: pip install 'cutenv[view]'")
 
-from benchmark import runs as program
-from benchmark.aggregate import Line, disagreements, read_summary, verdict
-from benchmark.kept_cuts import file_of, read_run, read_runs, write_run
-from benchmark.protocol import BEST_FEED, ENTRIES, SCRIPTED, keep_protocol, kept_protocol, slug
-from benchmark.robustness import settings
-from benchmark.runs import Benchmark, Part, differs
-from benchmark.table import (
-    add_submission,
-    markdown,
-    publish,
-    read_table,
-    summarise_cuts,
-    write_leaderboard,
-    write_tables,
-)
-
 from cutenv._base.validation import parameter_table
 from cutenv.commands.train import LEARNERS, training_options
 from cutenv.learning import benchmark
@@ -49,6 +33,21 @@ from cutenv.learning.seeds import ENVIRONMENT, TEST_SEEDS, TRAINING_SEEDS, VALID
 from cutenv.learning.statistics import Interval
 from cutenv.policy import Features, Network, save_policy
 from cutenv.tissue.description import TissueDescription
+from scripts.benchmark import runs as program
+from scripts.benchmark.aggregate import Line, disagreements, read_summary, verdict
+from scripts.benchmark.kept_cuts import file_of, read_run, read_runs, write_run
+from scripts.benchmark.protocol import BEST_FEED, ENTRIES, SCRIPTED, keep_protocol, kept_protocol, slug
+from scripts.benchmark.robustness import settings
+from scripts.benchmark.runs import Benchmark, Part, differs
+from scripts.benchmark.table import (
+    add_submission,
+    markdown,
+    publish,
+    read_table,
+    summarise_cuts,
+    write_leaderboard,
+    write_tables,
+)
 
 TINY = Protocol(
     version="tiny", classes=("mixed", "liver"), most_seeds=2, specimens=4, feed_specimens=2, sweep_specimens=2,

@@ -10,15 +10,14 @@ from scipy.stats import norm
 
 pytest.importorskip("tqdm", reason="the comparison needs an extra: pip install 'cutenv[rl]'")
 
-from benchmark.kept_cuts import DIGITS, file_of, read_run, read_runs
-from benchmark.protocol import BEST_FEED, ENTRIES, SCRIPTED, kept_protocol
-from benchmark.summary import Table
-from benchmark.table import PUBLISHED, read_table
-
 from cutenv.learning.benchmark import Protocol
 from cutenv.learning.evaluation import contestant, evaluate
 from cutenv.learning.statistics import interquartile_mean
 from cutenv.policy import NULL_POLICIES, ORACLE, SCRIPTS
+from scripts.benchmark.kept_cuts import DIGITS, file_of, read_run, read_runs
+from scripts.benchmark.protocol import BEST_FEED, ENTRIES, SCRIPTED, kept_protocol
+from scripts.benchmark.summary import Table
+from scripts.benchmark.table import PUBLISHED, read_table
 
 
 @pytest.fixture(scope="module")

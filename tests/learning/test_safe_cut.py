@@ -10,8 +10,6 @@ import pytest
 
 pytest.importorskip("stable_baselines3", reason="the learner is an extra: pip install 'cutenv[rl]'")
 
-import safe_cut
-from kept_rows import keep, kept_rows
 from ppo_lagrangian import LagrangianArguments, PenalisedVecEnv, train
 
 from cutenv.envs.tracks import COST_BUDGET_MM, PROTOCOL
@@ -19,6 +17,8 @@ from cutenv.learning.arguments import BadArguments
 from cutenv.learning.statistics import by_policy, mean_with_interval
 from cutenv.policy import TrainedPolicy
 from cutenv.sb3 import FeatureVecEnv
+from scripts import safe_cut
+from scripts.kept_rows import keep, kept_rows
 
 SMALL = {
     "environments": 8,
@@ -98,4 +98,4 @@ def test_a_policy_that_does_not_exist_is_refused_before_any_work(monkeypatch, ca
 
 def test_what_is_kept_prints_the_same_table(rows, tmp_path):
     keep(tmp_path / "rows.csv", rows)
-    assert safe_cut.report(kept_rows(tmp_path / "rows.csv", "safe_cut.py")) == safe_cut.report(rows)
+    assert safe_cut.report(kept_rows(tmp_path / "rows.csv", "scripts.safe_cut")) == safe_cut.report(rows)

@@ -12,11 +12,10 @@ pytest.importorskip("stable_baselines3", reason="the learner is an extra: pip in
 pytest.importorskip("torch", reason="the learner is an extra: pip install 'cutenv[rl]'")
 
 import ppo_gru
-import training_speed
-from program import ROOT
-from speed import ppo
 
 from cutenv.learning.arguments import PPOArguments
+from scripts import training_speed
+from scripts.speed import ppo
 
 SMALL = dataclasses.replace(PPOArguments(), environments=4, rollout=32, batch_size=32)
 
@@ -30,12 +29,12 @@ def test_decisions_are_counted_after_the_first_update_and_the_share_is_one():
 
 def test_the_benchmark_reads_what_the_program_prints(tmp_path):
     (tmp_path / "small.py").write_text(
-        f"import sys; sys.path.insert(0, {str(ROOT / 'scripts')!r})\n"
-        "import json, dataclasses, training_speed\nfrom cutenv.learning.arguments import PPOArguments\n"
+        "import json, dataclasses\nfrom scripts import training_speed\n"
+        "from cutenv.learning.arguments import PPOArguments\n"
         "small = dataclasses.replace(PPOArguments(), environments=4, rollout=32, batch_size=32)\n"
         "print(json.dumps(training_speed.speed(small, 1)))\n"
     )
-    found = ppo.training_speed(tmp_path / "small.py")
+    found = ppo.training_speed([str(tmp_path / "small.py")])
     assert found["decisions"] == 128
     assert set(found) == {"decisions", "decisions_per_s", "environments_share"}
 

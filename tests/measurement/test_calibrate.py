@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 from recorded_cut import recorded_cut
-from stepped_cuts import DEPTHS, stepped_cut
 from virtual_session import MODEL, traces
 
 from cutenv import cli
@@ -22,6 +21,7 @@ from cutenv.plant import DescendingPlant, Leg, SimulatedPlant, run, to_trace
 from cutenv.recording import save
 from cutenv.tissue import Layers, Specimen, TissueDescription, load_description, measured_liver
 from cutenv.trace import Trace
+from scripts.stepped_cuts import DEPTHS, stepped_cut
 
 
 def few() -> list[Trace]:

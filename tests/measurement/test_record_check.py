@@ -8,8 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import real_records
-import record_faults as made
 from recorded_cut import recorded_cut
 
 from cutenv import cli
@@ -18,6 +16,8 @@ from cutenv.recording import save
 from cutenv.recording.unchecked import readings_in
 from cutenv.scoring.record_check import FAULT_NAMES, record_faults
 from cutenv.trace import Trace
+from scripts import real_records
+from scripts import record_faults as made
 
 RATE = 200.0
 

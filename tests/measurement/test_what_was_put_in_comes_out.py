@@ -7,12 +7,9 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-import measure_recovery as script
 import numpy as np
 import pytest
-from calibration_studies import slow_and_noisy
 from recorded_cut import recorded_cut
-from reproduction.virtual_cuts import true_moduli, true_resistance
 from virtual_session import EVEN, MODEL, SPEEDS, measured, rig, tissue_with, traces
 
 from cutenv.measurement import (
@@ -26,6 +23,9 @@ from cutenv.measurement import (
 )
 from cutenv.measurement.zero import TAKEN_OFF
 from cutenv.tissue import Specimen, TissueDescription
+from scripts import measure_recovery as script
+from scripts.calibration_studies import slow_and_noisy
+from scripts.reproduction.virtual_cuts import true_moduli, true_resistance
 
 RESISTANCE = 0.05
 """Largest error of the resistance, as a share of what was put in, with a return stroke."""

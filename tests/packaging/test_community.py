@@ -10,11 +10,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import release_notes
-import start
 import yaml
 
 import cutenv
+from scripts import release_notes, start
 
 ROOT = Path(__file__).parents[2]
 

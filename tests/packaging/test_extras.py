@@ -7,14 +7,14 @@ import sys
 import tomllib
 from pathlib import Path
 
-import licence_table
 import pytest
-from licence_table import brought
 from packaging.requirements import Requirement
 
 from cutenv import cli
 from cutenv._base.imports import EXTRAS_OF_MODULE, extra_named
 from cutenv._base.output import watched
+from scripts import licence_table
+from scripts.licence_table import brought
 
 PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 EXTRAS = {name: {Requirement(line).name for line in lines} for name, lines in PROJECT["optional-dependencies"].items()}
@@ -94,5 +94,5 @@ def test_the_licence_of_everything_that_an_extra_installs_is_on_its_page_and_non
     names = set().union(*map(brought, licence_table.EXTRAS.values()))
     assert len(names) > 10
     missing = names - listed.keys() - {"backports-zstd"}  # of some Pythons alone
-    assert not missing, f"python scripts/update_docs.py licences: {missing}"
+    assert not missing, f"python -m scripts.update_docs licences: {missing}"
     assert not [name for name, licence in listed.items() if re.search(r"\bA?GPL|not stated", licence)]

@@ -5,8 +5,9 @@ from __future__ import annotations
 import subprocess
 from pathlib import Path
 
-import fast_tests
 import pytest
+
+from scripts import fast_tests
 
 FILES = {
     "cutenv/__init__.py": "",

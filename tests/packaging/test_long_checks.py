@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime
-import importlib.util
 import json
 import os
 import re
@@ -14,13 +13,10 @@ from pathlib import Path
 
 import pytest
 
+from scripts import long_checks
+
 ROOT = Path(__file__).parents[2]
-SCRIPT = ROOT / "scripts" / "long_checks.py"
-specification = importlib.util.spec_from_file_location("long_checks", SCRIPT)
-assert specification is not None
-assert specification.loader is not None
-long_checks = importlib.util.module_from_spec(specification)
-specification.loader.exec_module(long_checks)
+state_of_source = long_checks.state_of_source
 
 PASSES, FAILS = ["-c", "print('fine')"], ["-c", "raise SystemExit('a reason')"]
 
@@ -51,10 +47,11 @@ def test_what_has_passed_is_not_repeated_until_the_source_changes(
 def test_ctrl_c_ends_in_one_line_and_ends_what_was_started(tmp_path: Path) -> None:
     checks = {"one": PASSES, "two": ["-c", "import time; print('begun', flush=True); time.sleep(100)"]}
     code = (
-        f"import sys; sys.path.insert(0, {str(SCRIPT.parent)!r}); import long_checks; from pathlib import Path; "
+        "import sys; from pathlib import Path; from scripts import long_checks; "
         f"sys.exit(long_checks.main([], {checks!r}, Path({str(tmp_path)!r})))"
     )
-    running = subprocess.Popen([sys.executable, "-u", "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    command = [sys.executable, "-u", "-c", code]
+    running = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     assert running.stdout is not None
     while not (tmp_path / "two.txt").exists() or "begun" not in (tmp_path / "two.txt").read_text():
         assert running.poll() is None
@@ -72,8 +69,6 @@ def test_every_check_is_a_program_that_there_is() -> None:
 
 
 def test_the_state_of_the_source_begins_with_its_commit() -> None:
-    fresh = importlib.util.module_from_spec(specification)
-    specification.loader.exec_module(fresh)  # type: ignore[union-attr]
     commit = subprocess.run(["git", "rev-parse", "HEAD"], cwd=ROOT, capture_output=True, text=True).stdout.strip()
-    assert re.match(r"[0-9a-f]{12}( changed [0-9a-f]{8})?$", fresh.state_of_source())
-    assert commit.startswith(fresh.state_of_source()[:12])
+    assert re.match(r"[0-9a-f]{12}( changed [0-9a-f]{8})?$", state_of_source())
+    assert commit.startswith(state_of_source()[:12])

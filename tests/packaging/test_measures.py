@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import measure_codebase
 import pytest
+
+from scripts import measure_codebase
 
 ROOT = Path(__file__).parents[2]
 

@@ -7,11 +7,11 @@ from collections import defaultdict
 from dataclasses import fields
 from pathlib import Path
 
-import measure_codebase
 import pytest
 
 from cutenv.cutting.motion import Motion
 from cutenv.task.declare import Task
+from scripts import measure_codebase
 
 ROOT = Path(__file__).parents[2]
 

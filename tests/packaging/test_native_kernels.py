@@ -9,8 +9,9 @@ import textwrap
 from pathlib import Path
 from typing import Any
 
-import build_kernels
 import pytest
+
+from scripts import build_kernels
 
 ROOT = Path(__file__).parents[2]
 SYSTEMS = {

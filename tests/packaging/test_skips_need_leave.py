@@ -10,7 +10,8 @@ import sys
 from pathlib import Path
 
 import pytest
-import test_programs
+
+from scripts import test_programs
 
 ROOT = Path(__file__).parents[2]
 CONFTEST = Path(__file__).parents[1] / "conftest.py"
@@ -75,7 +76,7 @@ def needing(folder: Path, *options: str) -> subprocess.CompletedProcess[str]:
     (folder / "test_page.py").write_text(NEEDING)
     (folder / "allowed.txt").touch()
     command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "-rN", "--allowed-skips", "allowed.txt"]
-    hidden = os.environ | {"PATH": str(folder), "PYTHONPATH": str(ROOT / "scripts")}
+    hidden = os.environ | {"PATH": str(folder), "PYTHONPATH": str(ROOT)}
     return subprocess.run([*command, *options], cwd=folder, capture_output=True, text=True, env=hidden)
 
 

@@ -12,7 +12,8 @@ import types
 from pathlib import Path
 
 import pytest
-import start
+
+from scripts import start
 
 ROOT = Path(__file__).parents[2]
 SCRIPT = ROOT / "scripts" / "start.py"
@@ -302,9 +303,9 @@ def test_arguments_are_passed_on_in_order(monkeypatch: pytest.MonkeyPatch) -> No
     start.main(["test", "--long", "--list"])
     assert became[0][1:] == ["-m", "cutenv", "train", "--quick", "--seed", "3"]
     assert became[1][1:] == ["-m", "pytest", "-n", "2", "--dist", "worksteal", "-k", "packaging", "tests/packaging"]
-    assert became[2][1:] == ["scripts/long_checks.py", "--list"]
+    assert became[2][1:] == ["-m", "scripts.long_checks", "--list"]
     start.main(["test", "--fast", "--since", "HEAD~1"])
-    assert became[3][1:] == ["scripts/fast_tests.py", "--since", "HEAD~1"]
+    assert became[3][1:] == ["-m", "scripts.fast_tests", "--since", "HEAD~1"]
 
 
 @pytest.mark.parametrize("line", [["train", "--long"], ["train", "--fast"], ["test", "--fast", "--long"]])

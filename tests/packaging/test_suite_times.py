@@ -9,7 +9,8 @@ import sys
 from pathlib import Path
 
 import pytest
-import suite_times
+
+from scripts import suite_times
 
 ROOT = Path(__file__).parents[2]
 BUSY = """
@@ -39,7 +40,7 @@ def run_pytest(folder: Path, *options: str) -> str:
     shutil.copy(ROOT / "tests" / "conftest.py", folder / "tests")
     (here / "test_busy.py").write_text(BUSY)
     command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", f"--rootdir={folder}", *options]
-    scripts = os.environ | {"PYTHONPATH": str(ROOT / "scripts")}
+    scripts = os.environ | {"PYTHONPATH": str(ROOT)}
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True, env=scripts).stdout
 
 

@@ -7,8 +7,9 @@ import sys
 import tomllib
 from pathlib import Path
 
-import measure_codebase
 import pytest
+
+from scripts import measure_codebase
 
 ROOT = Path(__file__).parents[2]
 

@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 import pytest
-from knowledge_ladder import LADDERS, START, KnowledgeLadder, PathRung
 
 from cutenv.learning.seeds import VALIDATION_SEEDS
 from cutenv.policy.path_scripts import SteerByForce
+from scripts.knowledge_ladder import LADDERS, START, KnowledgeLadder, PathRung
 
 SEEDS = VALIDATION_SEEDS[:6]
 LADDER = LADDERS["path"]

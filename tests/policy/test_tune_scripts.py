@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import tune_scripts
 
 from cutenv.learning.evaluation import Contestant, evaluate
 from cutenv.learning.seeds import VALIDATION_SEEDS
 from cutenv.policy.path_scripts import EXCISION_NUMBERS, PATH_SCRIPTS, SteerByForce, with_numbers
+from scripts import tune_scripts
 
 SEEDS = VALIDATION_SEEDS[:4]
 FORCE = tune_scripts.FAMILIES["steer by force"]

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-import check_physics
 import pytest
 
 from cutenv.plant import SimulatedPlant
 from cutenv.tissue import CutModel, Specimen
 from cutenv.tissue.specimen import N_POINTS, SPACING
+from scripts import check_physics
 
 
 def status(*parts: str) -> int:

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from adversarial_motions import MOTIONS
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from led_cut import (
@@ -31,6 +30,7 @@ from led_cut import (
 from cutenv._engine.randomness import generator
 from cutenv.cutting.parameters import LawParameters
 from cutenv.tissue.specimen import N_POINTS, SPACING, Specimen
+from scripts.adversarial_motions import MOTIONS
 
 some = settings(max_examples=40)
 

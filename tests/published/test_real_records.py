@@ -8,14 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import real_records
-import score_real_records
 
 from cutenv.measurement import estimate_fracture_resistance, estimate_local_effective_moduli
 from cutenv.measurement.segments import STRAIGHT_RAMP
 from cutenv.scoring.study import NotEstimable, OneWay, Study, one_way_reliability
 from cutenv.tissue.cut_model import CutModel
 from cutenv.trace import Trace
+from scripts import real_records, score_real_records
 
 recorded = pytest.mark.needs("records")
 

@@ -13,14 +13,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-import reproduce_thesis as program
-from reproduction import CHECKS, drawn_livers, measuring, scatter
-from reproduction.elements import model
-from reproduction.rows import SHOWN, Check
-from reproduction.virtual_cuts import virtual_cut
 
 from cutenv.tissue import CutModel, measured_fracture_resistance, measured_liver, tables
 from cutenv.tissue.effective_modulus import falls, linear_fit, power_fit
+from scripts import reproduce_thesis as program
+from scripts.reproduction import CHECKS, drawn_livers, measuring, scatter
+from scripts.reproduction.elements import model
+from scripts.reproduction.rows import SHOWN, Check
+from scripts.reproduction.virtual_cuts import virtual_cut
 
 SCRIPTS = Path(__file__).parents[2] / "scripts"
 STATEMENTS = [name for name, each in CHECKS.items() if not each.listed]

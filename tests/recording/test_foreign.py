@@ -14,7 +14,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from recorded_cut import recorded_cut
-from virtual_records import DIALECTS, valid_record
 
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.recording import RecordError
@@ -24,6 +23,7 @@ from cutenv.recording.importers import Imported, load_foreign
 from cutenv.recording.named_columns import bare_name
 from cutenv.scoring import score
 from cutenv.trace import Trace
+from scripts.virtual_records import DIALECTS, valid_record
 
 
 def test_the_command_line_is_read() -> None:

@@ -7,15 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import record_trials
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_up import FULL, traces
-from record_trials import KINDS, damaged, sound
-from speed import reading
 
 from cutenv.recording import SCHEMA, RecordError, load, load_one, save
 from cutenv.trace import Reading, Trace
+from scripts import record_trials
+from scripts.record_trials import KINDS, damaged, sound
+from scripts.speed import reading
 
 SUFFIXES = (".csv", ".parquet", ".h5", ".hdf5", ".CSV", ".mcap")
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import chromium
 import pytest
-from chromium import Browser
+
+from scripts import chromium
+from scripts.chromium import Browser
 
 
 @pytest.fixture(scope="session")

@@ -10,9 +10,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import chromium
 import numpy as np
 import pytest
+
+from scripts import chromium
 
 pytest.importorskip("matplotlib", reason="pictures are an extra: pip install 'cutenv[view]'")
 

@@ -12,7 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from chromium import LEAST_CONTRAST, Browser
+
+from scripts.chromium import LEAST_CONTRAST, Browser
 
 pytest.importorskip("matplotlib", reason="pictures are an extra: pip install 'cutenv[view]'")
 

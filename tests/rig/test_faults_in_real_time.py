@@ -19,14 +19,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import rig_faults
-import rig_trials
-from cross_trials import CROSS_FAULTS
 
 from cutenv.imitated.emulator.emulated_bench import FAULTS
 from cutenv.imitated.emulator.process import start
 from cutenv.recording import load_one
 from cutenv.rig.toml_file import to_toml
+from scripts import rig_faults, rig_trials
+from scripts.cross_trials import CROSS_FAULTS
 
 SCRIPTS = Path(__file__).parents[2] / "scripts"
 

@@ -10,11 +10,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import rig_attacks
-import rig_faults
-import rig_trials
-from attack_scene import Outcome, Scene
-from busy_host import LATE, Lateness, TooBusy, look
+
+from scripts import rig_attacks, rig_faults, rig_trials
+from scripts.attack_scene import Outcome, Scene
+from scripts.busy_host import LATE, Lateness, TooBusy, look
 
 CALM = Lateness([], True)
 WELL = rig_trials.Trial(

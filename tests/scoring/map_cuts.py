@@ -5,14 +5,13 @@ from __future__ import annotations
 import functools
 from typing import Any
 
-import check_score
-
 from cutenv.envs.depth_cut import DepthCutEnv
 from cutenv.envs.path_cut import PathCutEnv
 from cutenv.policy.depth_scripts import HoldDepth
 from cutenv.policy.path_scripts import PATH_SCRIPTS
 from cutenv.tissue.lines import half_ellipse
 from cutenv.trace import Trace
+from scripts import check_score
 
 LINE = half_ellipse(0.11, 0.015)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 
-import check_score
 import gymnasium
 import numpy as np
 import pytest
@@ -21,6 +20,7 @@ from cutenv.scoring.technique import FORCE_LIMIT_PER_DEPTH
 from cutenv.task.weights import Limits, RewardWeights
 from cutenv.task_quantities import DEPTH_COSTS, PATH_COSTS
 from cutenv.trace import Trace
+from scripts import check_score
 
 SPECIMENS = 24
 HANDS = ("steady hand", "upright hand", "late hand")

@@ -8,11 +8,9 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from check_score import CHANGES, RATES, doubts_report, forged, player, with_fast_clock, with_smooth_position
 from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 from scipy.signal import lfilter
 from scored_cuts import rated
-from simulated_hands import SKILLS
 
 from cutenv.learning.evaluation import batched_rollout
 from cutenv.plant.protocol import recorded_trace
@@ -22,6 +20,8 @@ from cutenv.scoring.points import CHARGED
 from cutenv.scoring.truth import TIP_AT_END
 from cutenv.task.weights import RewardWeights
 from cutenv.trace import Trace
+from scripts.check_score import CHANGES, RATES, doubts_report, forged, player, with_fast_clock, with_smooth_position
+from scripts.simulated_hands import SKILLS
 
 GAIN = 3.0
 """Points that a changed record may have more than the same cut as it was."""

@@ -7,7 +7,6 @@ import math
 from functools import cache
 from pathlib import Path
 
-import chromium
 import numpy as np
 import pytest
 from hypothesis import given
@@ -36,6 +35,7 @@ from cutenv.viewer.solid.solids import (
     pose,
 )
 from cutenv.viewer.solid.view_page import view_page
+from scripts import chromium
 
 ANGLE = math.radians(60.0)
 

@@ -9,11 +9,12 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import chromium
 import numpy as np
 import pytest
-from chromium import LEAST_CONTRAST, Browser
 from view_pages import INSTANTS, document, shown, told, with_told
+
+from scripts import chromium
+from scripts.chromium import LEAST_CONTRAST, Browser
 
 pytest.importorskip("meshcat", reason="the 3-D viewer is an extra: pip install 'cutenv[view3d]'")
 

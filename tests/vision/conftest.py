@@ -18,11 +18,10 @@ def filmed(tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespace:
     """Film with its truth, its frames, both calibrations, the record, and all of it as files."""
     for name in ("cv2", "av"):
         pytest.importorskip(name, reason=f"{name} is an extra: pip install 'cutenv[vision]'")
-    from rendering.filmed_cut import film_cut
-
     from cutenv.recording import save
     from cutenv.trace import Trace
     from cutenv.vision.camera_calibration import CalibrationBoard, calibrate_cameras, halves
+    from scripts.rendering.filmed_cut import film_cut
 
     folder: Path = tmp_path_factory.mktemp("film")
     time = np.arange(0.0, 3.6, 1e-3)

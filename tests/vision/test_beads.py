@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import carm_measurement
 import numpy as np
 import pytest
-from rendering.xray_session import CutHistory, Session
 from scipy.spatial import cKDTree
 
 from cutenv.vision.bead_correspondence import linked, pairs_by_epipolar, places_from_sweep
@@ -17,6 +15,8 @@ from cutenv.vision.beads import BeadFilter, find_beads, track_beads
 from cutenv.vision.fluoroscopy import deinterlaced
 from cutenv.vision.projection import project
 from cutenv.vision.registration import SpecimenFrame, clock_lag
+from scripts import carm_measurement
+from scripts.rendering.xray_session import CutHistory, Session
 
 SPEED = 0.003  # m/s
 STRIDE = 6  # frames of the video between those that are used

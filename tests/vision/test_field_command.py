@@ -6,10 +6,11 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-import filmed_cuts
 import numpy as np
 import pytest
-from filmed_cuts import FilmedCut, slice_of_zones
+
+from scripts import filmed_cuts
+from scripts.filmed_cuts import FilmedCut, slice_of_zones
 
 pytest.importorskip("pyarrow", reason="Parquet is an extra: pip install 'cutenv[vision]'")
 pytest.importorskip("jinja2", reason="pages are an extra: pip install 'cutenv[vision]'")

@@ -10,7 +10,7 @@ from cutenv.recording import read_record
 pytest.importorskip("cv2", reason="OpenCV is an extra: pip install 'cutenv[vision]'")
 pytest.importorskip("av", reason="PyAV is an extra: pip install 'cutenv[vision]'")
 
-import measure_one_cut_twice
+from scripts import measure_one_cut_twice
 
 
 def test_a_file_that_is_there_is_not_made_again_and_half_a_one_is_not_kept(tmp_path):
