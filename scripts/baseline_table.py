@@ -25,6 +25,7 @@ from cutenv.task.reward import SAFETY_ENDS, WORST_STORED
 from cutenv.task.weights import RewardWeights
 from cutenv.task_quantities import TIME_SCALE
 from cutenv.tissue.specimen import CLASSES
+from scripts import ROOT
 from scripts.kept_rows import interval_text, keep, kept_rows
 
 FOLDER = Path("runs") / "baselines"
@@ -133,6 +134,13 @@ def report(rows: Sequence[Mapping[str, Any]], specimen_class: str) -> str:
 def kept(folder: Path, specimen_class: str) -> list[dict[str, Any]]:
     """Return the rows of an earlier measurement; SystemExit if there is none."""
     return kept_rows(folder / f"{specimen_class}.csv", "scripts.baseline_table", ("policy", "specimen_class", "end"))
+
+
+def kept_report() -> str:
+    """Return the tables of all classes that were measured, as a block of code."""
+    measured = [name for name in reversed(CLASSES) if (ROOT / FOLDER / f"{name}.csv").is_file()]
+    tables = [report(kept(ROOT / FOLDER, name), name) for name in measured or CLASSES]
+    return "```\n" + "\n\n".join(tables) + "\n```"
 
 
 def main() -> None:

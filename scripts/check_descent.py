@@ -25,6 +25,7 @@ from cutenv.plant import DescendingPlant
 from cutenv.tissue import Layers, Specimen, measured_liver
 from cutenv.tissue.layers import LAYER_REACH
 from cutenv.tissue.specimen import SPACING
+from scripts import promises
 from scripts.adversarial_motions import FEED, MOTIONS, TICKS, UPRIGHT
 from scripts.benchmark.table import markdown_table
 from scripts.fit_layers import SlabsOfBricks, size_of, slab_name
@@ -294,6 +295,11 @@ CHECKS: dict[str, Callable[[Sequence[Specimen]], Iterator[Row]]] = {
     "pressing": check_pressing,
     "bricks": check_layers,
 }
+
+
+def markdown() -> str:
+    """Return the table of the page."""
+    return promises.markdown(CHECKS, 4)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

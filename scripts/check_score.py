@@ -49,6 +49,7 @@ from cutenv.task.observation import COMPONENTS
 from cutenv.task.registry import TASKS
 from cutenv.tissue.lines import places_within
 from cutenv.trace import Trace
+from scripts import ROOT
 from scripts.benchmark.table import markdown_table
 from scripts.kept_rows import keep, kept_rows
 from scripts.simulated_hands import DRIVEN, SKILLS, SimulatedHand
@@ -445,6 +446,21 @@ def kept_classes(folder: Path, kinds: Iterable[str] = CLASSES, *, hand: bool = T
     return [row for kind in kinds for row in kept_rows(folder / kind / file, command, TEXTS)]
 
 
+def kept_report() -> str:
+    """Return the report of all classes with hands, of an earlier measurement."""
+    return report(kept_classes(ROOT / FOLDER))
+
+
+def kept_doubts(folder: Path = ROOT / FOLDER) -> str:
+    """Return the report of doubts, of an earlier measurement."""
+    return doubts_report(kept_rows(folder / DOUBTS_FILE, "scripts.check_score --doubts", TEXTS))
+
+
+def kept_map_report(task: str, folder: Path = ROOT / FOLDER) -> str:
+    """Return the report of cuts along a wanted depth or a line, of an earlier measurement."""
+    return map_report(MAP_TASKS[task], kept_rows(folder / f"{task}.csv", f"scripts.check_score --task {task}", TEXTS))
+
+
 def main() -> None:
     """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -466,13 +482,12 @@ def main() -> None:
             # A mixed specimen is that of another class with the same seed, and would count twice.
             kinds = CLASSES[1:] if arguments.classes is CLASSES else arguments.classes
             keep(path, [row for kind in kinds for row in measure_doubts(everybody, arguments.specimens, kind)])
-        print(doubts_report(kept_rows(path, "scripts.check_score --doubts", TEXTS)), flush=True)
+        print(kept_doubts(arguments.out), flush=True)
         return
     if arguments.task in MAP_TASKS:
-        task, path = MAP_TASKS[arguments.task], arguments.out / f"{arguments.task}.csv"
         if not arguments.print:
-            keep(path, measure_map(arguments.task, arguments.specimens))
-        print(map_report(task, kept_rows(path, f"scripts.check_score --task {arguments.task}", TEXTS)), flush=True)
+            keep(arguments.out / f"{arguments.task}.csv", measure_map(arguments.task, arguments.specimens))
+        print(kept_map_report(arguments.task, arguments.out), flush=True)
         return
     for kind in () if arguments.print else arguments.classes:
         path = arguments.out / kind / (HAND_FILE if arguments.hand else FILE)

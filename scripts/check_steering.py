@@ -27,7 +27,7 @@ from cutenv.tissue import CutModel, Specimen
 from cutenv.tissue.grid import SPACING
 from cutenv.tissue.lines import CutLine, arc, half_ellipse, random_line, s_shape, straight
 from cutenv.tissue.path_model import PathModel
-from scripts import crack_truth
+from scripts import crack_truth, promises
 from scripts.adversarial_motions import FEED, MOTIONS, TICKS, UPRIGHT
 from scripts.promises import Led, Row, account_rows, differing, run, share_row
 
@@ -269,6 +269,11 @@ def draw(path: Path) -> None:
     axes.set_aspect("equal")
     axes.legend(loc="lower right")
     figure.savefig(path, dpi=110)
+
+
+def markdown() -> str:
+    """Return the table of the page."""
+    return promises.markdown(CHECKS, 2)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -2,7 +2,7 @@
 
     python3 scripts/start.py test --long                    all of them, some hours; sets up first
     python -m scripts.long_checks --list                    what there is, and what is done
-    python -m scripts.long_checks --only "rig: faults" "slow tests"
+    python -m scripts.long_checks --only "rig: soak" "tests: slow"
 
 A check that has passed on this state of the source is not repeated: interrupt it at any time, and start it again. What
 is done is kept in runs/long-checks/, with the output of every check. The last line has the date and the commit.
@@ -21,36 +21,12 @@ import sys
 import time
 from pathlib import Path
 
-from scripts import ROOT
+from scripts import ROOT, checks
 
 FOLDER = Path("runs") / "long-checks"
-_PYTEST = ["-m", "pytest", "-p", "no:cacheprovider"]
-
-CHECKS: dict[str, list[str]] = {
-    "slow tests": [*_PYTEST, "-m", "slow"],
-    "new examples of every property": [*_PYTEST, "tests/properties", "tests/derived", "tests/recording", "tests/rig"],
-    "rig: soak": ["scripts/rig_soak.py", "--minutes", "60"],
-    "rig: faults": ["scripts/rig_faults.py"],
-    "rig: faults of a height axis": ["scripts/rig_faults.py", "--height"],
-    "rig: faults of an axis to the side": ["scripts/rig_faults.py", "--side"],
-    "rig: faults of a serial rig": ["scripts/rig_faults.py", "--serial"],
-    "rig: faults of a rig with GRBL": ["scripts/rig_faults.py", "--grbl"],
-    "rig: attacks": ["scripts/rig_attacks.py", "--times", "3"],
-    "records: damaged, and of other programs": ["scripts/record_trials.py"],
-    "physics": ["scripts/check_physics.py"],
-    "physics: up and down": ["scripts/check_descent.py"],
-    "physics: along a line": ["scripts/check_steering.py"],
-    "physics: elements solved as the cut opens": ["scripts/free_cut.py"],
-    "statistics: decisions at any time": ["scripts/check_sequential.py"],
-    "class: load": ["scripts/class_load.py"],
-    "measurement": ["scripts/measure_recovery.py"],
-    "thesis": ["scripts/reproduce_thesis.py"],
-    "same bits on other processors": ["scripts/same_bits.py"],
-    "benchmark": ["scripts/benchmark_agents.py", "--afresh"],
-    "benchmark: against the published one": ["scripts/benchmark_agents.py", "--against"],
-}
+CHECKS = {check.name: check.arguments for check in checks.CHECKS if check.long}
 """Arguments of Python for each check; it passes if the program ends with 0."""
-ENVIRONMENT = {"new examples of every property": {"CUTENV_EXPLORE": "1"}}
+ENVIRONMENT = {"tests: new examples of every property": {"CUTENV_EXPLORE": "1"}}
 
 
 def state_of_source() -> str:
@@ -89,10 +65,10 @@ def passes(name: str, command: list[str], output: Path) -> bool:
             raise
 
 
-def main(argv: list[str], checks: dict[str, list[str]] = CHECKS, folder: Path = ROOT / FOLDER) -> int:
+def main(argv: list[str], chosen: dict[str, list[str]] = CHECKS, folder: Path = ROOT / FOLDER) -> int:
     """Run what is not done yet; return 0 if all that was asked for has passed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--only", nargs="+", metavar="CHECK", choices=checks, default=list(checks))
+    parser.add_argument("--only", nargs="+", metavar="CHECK", choices=chosen, default=list(chosen))
     parser.add_argument("--list", action="store_true", help="print what there is, and what is done, and stop")
     options = parser.parse_args(argv)
     folder.mkdir(parents=True, exist_ok=True)
@@ -100,7 +76,7 @@ def main(argv: list[str], checks: dict[str, list[str]] = CHECKS, folder: Path = 
     kept = json.loads(done_file.read_text(encoding="utf-8")) if done_file.is_file() else {}
     done: dict[str, str] = kept.get("done", {}) if kept.get("source") == state else {}
     if options.list:
-        for name, command in checks.items():
+        for name, command in chosen.items():
             print(f"{name:<40} {done.get(name, 'to do'):<20} python {' '.join(command)}")
         return 0
     failed = []
@@ -112,7 +88,7 @@ def main(argv: list[str], checks: dict[str, list[str]] = CHECKS, folder: Path = 
         print(f"[{number}/{len(options.only)}] {name} ...", end=" ", flush=True)
         begun = time.monotonic()
         try:
-            passed = passes(name, checks[name], output)
+            passed = passes(name, chosen[name], output)
         except KeyboardInterrupt:
             print(f"stopped; the same command goes on ({len(done)} done)")
             return 130

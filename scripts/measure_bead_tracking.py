@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from dataclasses import asdict, dataclass, replace
 from functools import cache
 from itertools import chain
@@ -24,6 +25,7 @@ from cutenv.vision.beads import find_beads, track_beads
 from cutenv.vision.fluoroscopy import CArmCalibration, deinterlaced
 from cutenv.vision.projection import project, triangulate
 from cutenv.vision.registration import clock_lag
+from scripts import ROOT
 from scripts.benchmark.table import markdown_table
 from scripts.carm_measurement import (
     BEAD_PX,
@@ -326,20 +328,28 @@ def markdown(marks: list[Mark], lines: list[str]) -> str:
     return table + "\n\n" + "\n".join(f"- {line}" for line in lines)
 
 
-def main() -> None:
-    """Measure, print, and keep."""
+def kept_markdown() -> str:
+    """Return the table of all parts, of an earlier measurement."""
+    return markdown(*kept(ROOT / FOLDER))
+
+
+def main() -> int:
+    """Measure, print, and keep; return 1 if a mark is missed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--part", choices=PARTS, help="measure this part alone")
     parser.add_argument("--out", type=Path, default=Path(FOLDER), metavar="FOLDER", help="where the parts are kept")
     parser.add_argument("--seed", type=int, default=SEED, help=f"draws the session; default {SEED}, that of the page")
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
+    met = True
     for name in [arguments.part] if arguments.part else PARTS:
         marks, lines = PARTS[name](arguments.seed)
         print(markdown(marks, lines), flush=True)
+        met &= all(mark.met for mark in marks)
         whole = {"marks": [asdict(mark) for mark in marks], "lines": lines}
         (arguments.out / f"{name}.json").write_text(json.dumps(whole, indent=1))
+    return int(not met)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

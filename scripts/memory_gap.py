@@ -26,6 +26,7 @@ from cutenv.envs.tracks import PROTOCOL
 from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.learning.statistics import mean_with_interval, rows_of, write_csv
 from cutenv.sb3 import NativeVecEnv
+from scripts import ROOT
 from scripts.benchmark.table import markdown_table
 
 FOLDER = Path("runs") / "memory"
@@ -130,6 +131,11 @@ def kept(folder: Path) -> dict[tuple[str, int], list[dict[str, str]]]:
     if not runs:
         raise SystemExit(f"{folder} holds no run; run 'python -m scripts.memory_gap' first.")
     return runs
+
+
+def kept_report() -> str:
+    """Return the report of finished runs."""
+    return report(kept(ROOT / FOLDER))
 
 
 def main() -> None:

@@ -24,6 +24,7 @@ from cutenv.tissue import CutModel, Layers, Specimen
 from cutenv.tissue.grid import SPACING
 from cutenv.trace import Trace
 from scripts.benchmark.table import markdown_table
+from scripts.kept_rows import kept_json
 from scripts.stepped_cuts import DEPTHS, stepped_cut
 
 KEPT = Path("runs") / "layers" / "layers.json"
@@ -168,14 +169,6 @@ def layer_table(kept: Mapping[str, Any]) -> str:
     )
 
 
-def left() -> dict[str, Any]:
-    """Return what an earlier run has kept; SystemExit if there is none."""
-    if not KEPT.is_file():
-        raise SystemExit(f"{KEPT} is missing; run 'python -m scripts.recover_layers' first.")
-    content: dict[str, Any] = json.loads(KEPT.read_text())
-    return content
-
-
 def main() -> None:
     """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -187,7 +180,7 @@ def main() -> None:
     if not arguments.print:
         KEPT.parent.mkdir(parents=True, exist_ok=True)
         KEPT.write_text(json.dumps(measure(arguments.studies)))
-    print(tables(left()))
+    print(tables(kept_json(KEPT, "scripts.recover_layers")))
 
 
 if __name__ == "__main__":

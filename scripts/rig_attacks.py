@@ -44,7 +44,6 @@ ABOUT = {name: str(attack.__doc__) for name, (attack, _) in ATTACKS.items()} | {
     name: str(trial.__doc__) for name, trial in TRIALS.items()
 }
 """Description of each, by its name."""
-DEFAULT = Path("runs") / "rig-attacks.json"
 """File from which the documentation is made."""
 
 

@@ -179,6 +179,11 @@ def text(kept: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
+def markdown(kept: dict[str, Any]) -> str:
+    """Return the same as a block of code."""
+    return f"```\n{text(kept)}\n```"
+
+
 def main() -> int:
     """Run the soak test, print and store its results."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)

@@ -30,6 +30,7 @@ from cutenv.learning.evaluation import contestant, evaluate
 from cutenv.learning.seeds import VALIDATION_SEEDS
 from cutenv.learning.statistics import rows_of, write_csv
 from cutenv.policy import feed_name
+from scripts import ROOT
 
 FOLDER = Path("runs") / "stock"
 DECISIONS = {"PPO": 1_000_000, "SAC": 200_000, "TQC": 200_000, "CrossQ": 200_000}
@@ -135,6 +136,11 @@ def kept(folder: Path) -> tuple[dict[str, list[dict[str, float]]], float]:
     if not runs or not (folder / MARK_FILE).is_file():
         raise SystemExit(f"{folder} holds no run; run 'python -m scripts.stock_learners' first.")
     return runs, float((folder / MARK_FILE).read_text())
+
+
+def kept_report() -> str:
+    """Return the report of finished runs."""
+    return report(*kept(ROOT / FOLDER))
 
 
 def main() -> None:

@@ -66,3 +66,8 @@ def tables(rows: Mapping[str, Seconds]) -> str:
         )
         for title, lines in parts.items()
     )
+
+
+def kept_tables() -> str:
+    """Return the tables of the last whole run."""
+    return tables(read())

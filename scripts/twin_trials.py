@@ -24,7 +24,6 @@ from cutenv.tissue.specimen import Specimen
 from scripts.benchmark.table import markdown_table
 
 POLICY = "constant 1.27 cm/s 90 deg"
-DEFAULT = Path("runs") / "twins.json"
 SPECIMENS, DRAWS, RUNS = 20, 4, 10
 GAINS = (1.0, 1.05, 1.2, 1.3, 1.5)
 """Gains of the force in the second half of a cut [1]."""
@@ -87,6 +86,11 @@ def table(rows: list[dict[str, Any]]) -> str:
     """Return the rows as a table of Markdown."""
     header = ["specimens", "force times", "where", "agree", "undecided", "differ"]
     return markdown_table(header, [[str(row[name]) for name in header] for row in rows])
+
+
+def kept_table(kept: dict[str, Any]) -> str:
+    """Return the table of rows that were kept."""
+    return table(kept["rows"])
 
 
 def main() -> None:

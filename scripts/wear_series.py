@@ -87,6 +87,11 @@ def table(rows: Sequence[dict[str, Any]]) -> list[str]:
     return lines
 
 
+def kept_table(kept: dict[str, Any]) -> str:
+    """Return the table of rows that were kept."""
+    return "\n".join(table(kept["rows"]))
+
+
 def main() -> None:
     """Run all series, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)

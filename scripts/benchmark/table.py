@@ -25,7 +25,7 @@ def markdown_table(heading: Sequence[str], rows: Sequence[Sequence[str]]) -> str
     return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
 
 
-def markdown(folder: Path) -> str:
+def markdown(folder: Path = PUBLISHED) -> str:
     """Return the block of the documentation: main table, verdicts, origins, classes, ablations, robustness."""
     table = read_table(folder)
     parts = [about(table), markdown_table(*table.main())]

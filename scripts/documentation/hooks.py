@@ -11,7 +11,7 @@ from mkdocs.structure.files import File, Files
 
 from cutenv.browser.page_alone import page_alone
 from scripts import ROOT
-from scripts.documentation import api_pages, command_pages, environment_pages
+from scripts.documentation import api_pages, check_pages, command_pages, environment_pages
 from scripts.documentation.equations import as_mathml
 
 GENERATED = "GENERATED "
@@ -25,7 +25,7 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
     titled = [*command_pages.pages(), *api_pages.pages()]
     _generated.clear()
     _generated.update({path: text for path, _, text in titled})
-    _generated.update(environment_pages.pages())
+    _generated.update([*environment_pages.pages(), *check_pages.pages()])
     examples = sorted(
         Path(config.docs_dir, "examples").glob("*.md"), key=lambda page: (page.stem != "index", page.stem)
     )

@@ -12,10 +12,11 @@ from pathlib import Path
 import pytest
 
 from cutenv.recording import UNITS, load
-from scripts import update_docs
+from scripts.checks import BLOCKS
+from scripts.documentation.page_blocks import block_of
+from scripts.documentation.training_blocks import verdict
 
 ROOT = Path(__file__).parents[2]
-PROGRAM = ROOT / "scripts" / "update_docs.py"
 RECORDS = (ROOT / "docs" / "reference" / "files" / "records.md").read_text(encoding="utf-8")
 
 CHEAP = (
@@ -26,8 +27,8 @@ CHEAP = (
 
 
 def blocks_of(text: str) -> list[str]:
-    """Return the names of the blocks that begin in a text."""
-    return re.findall(r"^<!-- ([\w-]+) -->$", text, re.MULTILINE)
+    """Return the names of the blocks that end in a text."""
+    return re.findall(r"^<!-- /([\w-]+) -->$", text, re.MULTILINE)
 
 
 def test_every_block_is_on_its_page_once() -> None:
@@ -36,25 +37,24 @@ def test_every_block_is_on_its_page_once() -> None:
         (name, page.relative_to(ROOT).as_posix())
         for page in pages
         for name in blocks_of(page.read_text(encoding="utf-8"))
-        if name in update_docs.PAGES
     )
-    assert found == Counter(update_docs.PAGES.items())
+    assert found == Counter((name, check.page) for name, check in BLOCKS.items())
 
 
-@pytest.mark.parametrize("name", update_docs.PAGES)
+@pytest.mark.parametrize("name", BLOCKS)
 def test_no_block_is_empty(name: str) -> None:
-    text = (ROOT / update_docs.PAGES[name]).read_text(encoding="utf-8")
-    assert len(update_docs.block_of(text, name).strip().splitlines()) >= 5
+    assert len(block_of(ROOT / BLOCKS[name].page, name).strip().splitlines()) >= 5
 
 
-def test_a_block_that_is_there_twice_is_noticed() -> None:
-    block = "<!-- speed -->\n<!-- /speed -->\n"
+def test_a_block_that_is_there_twice_is_noticed(tmp_path: Path) -> None:
+    (tmp_path / "page.md").write_text(2 * "<!-- speed -->\n<!-- /speed -->\n")
     with pytest.raises(SystemExit, match="speed 2 times"):
-        update_docs.block_of(2 * block, "speed")
+        block_of(tmp_path / "page.md", "speed")
 
 
 def test_the_cheap_blocks_are_what_the_script_prints() -> None:
-    done = subprocess.run([sys.executable, PROGRAM, "--check", *CHEAP], capture_output=True, text=True, check=False)
+    command = [sys.executable, "-m", "scripts.update_docs", "--check", *CHEAP]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
 
 
@@ -67,7 +67,7 @@ def test_the_cheap_blocks_are_what_the_script_prints() -> None:
     ],
 )
 def test_the_sentence_about_the_agent_follows_the_interval(interval: str, beginning: str) -> None:
-    sentence = update_docs.verdict([{"seed": "1", "agent minus script: return": interval}])
+    sentence = verdict([{"seed": "1", "agent minus script: return": interval}])
     assert sentence.startswith(beginning)
     assert "one training seed" in sentence
 

@@ -1,0 +1,419 @@
+"""Registry of checks: what backs each number of the documentation, what it promises, how it is run, how long it takes.
+
+``update_docs`` prints blocks of pages from it, ``long_checks`` runs what takes long, the page
+``docs/validation/checks.md`` lists it all, and tests hold that nothing is missing.
+"""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterable, Mapping
+from importlib import import_module
+from typing import Any, NamedTuple
+
+from scripts import ROOT
+from scripts.kept_rows import kept_json, kept_rows
+
+
+class Check(NamedTuple):
+    """A program that backs numbers of a page.
+
+    Attributes
+    ----------
+    name
+        Subject and what of it.
+    promise
+        What the program shows.
+    run
+        Module, with its arguments: what follows ``python -m``.
+    minutes
+        Duration on two cores [min], about; 0 for seconds, None where nobody has measured it.
+    page
+        Page with its numbers, from the root of the checkout; "" where no page has any.
+    block
+        Generated block of the page; "" where the page tells the numbers in words.
+    prints
+        Function that returns the block, as ``module:name``.
+    given
+        Arguments of that function.
+    kept
+        File of ``run`` from which the function makes the block, its first argument; "" where it computes afresh.
+    long
+        Whether it is to pass before a change is closed that touches what it checks: ``start.py test --long``.
+    """
+
+    name: str
+    promise: str
+    run: str
+    minutes: float | None = None
+    page: str = ""
+    block: str = ""
+    prints: str = ""
+    given: tuple[str, ...] = ()
+    kept: str = ""
+    long: bool = False
+
+    @property
+    def command(self) -> str:
+        """Command line, as it is typed at the root of a checkout."""
+        return f"python -m {self.run}"
+
+    @property
+    def arguments(self) -> list[str]:
+        """Arguments of Python."""
+        return ["-m", *shlex.split(self.run)]
+
+    def text(self, *more: str) -> str:
+        """Return the block of the page; SystemExit with the cure where nothing is kept to print it from."""
+        module, _, path = self.prints.partition(":")
+        found: Any = import_module(module)
+        for part in path.split("."):
+            found = found[part] if isinstance(found, Mapping) else getattr(found, part)
+        return str(found(*self._read(), *self.given, *more))
+
+    def _read(self) -> Iterable[Any]:
+        if self.kept:
+            yield (kept_rows if self.kept.endswith(".csv") else kept_json)(ROOT / self.kept, self.run)
+
+
+def updated(page: str, block: str, promise: str, prints: str, *given: str) -> Check:
+    """Return the check of a block that is printed from the checkout in seconds."""
+    return Check(f"pages: {block}", promise, f"scripts.update_docs {block}", 0, page, block, prints, given)
+
+
+def speed(page: str, block: str, promise: str, minutes: float, *parts: str) -> Check:
+    """Return the check of a block that the benchmark of speed prints."""
+    run = " ".join(("scripts.bench", *parts))
+    prints = "scripts.documentation.program_blocks:fenced"
+    return Check(f"speed: {block}", promise, run, minutes, page, block, prints, ("bench", *parts))
+
+
+PAGES = (
+    updated("docs/reference/constants.md", "parameters",
+          "every constant of tissue, law, drive, sensor and task, with provenance",
+          "scripts.documentation.reference_blocks:parameters"),
+    updated("docs/validation/errata.md", "errata", "contradictions of the thesis, as its tables keep them",
+          "scripts.documentation.reference_blocks:errata"),
+    updated("docs/reference/metrics.md", "metrics", "metrics of a score card",
+          "scripts.documentation.reference_blocks:metrics"),
+    updated("docs/reference/metrics.md", "depth-metrics", "metrics of cuts along a wanted depth",
+          "scripts.documentation.reference_blocks:map_metrics", "depth"),
+    updated("docs/reference/metrics.md", "path-metrics", "metrics of cuts along a line",
+          "scripts.documentation.reference_blocks:map_metrics", "path"),
+    updated("docs/how-to/train.md", "weights", "weights of the reward",
+          "scripts.documentation.reference_blocks:weights"),
+    updated("docs/concepts/task.md", "ends", "ends of a cut, in order of precedence",
+          "scripts.documentation.reference_blocks:ends"),
+    updated("docs/concepts/tissue.md", "other-tissues", "fracture resistance of other tissues",
+          "scripts.documentation.reference_blocks:other_tissues"),
+    updated("docs/reference/files/tissue.md", "tissue-file", "tissue file of measured liver",
+          "scripts.documentation.reference_blocks:tissue_file"),
+    updated("docs/reference/files/rig.md", "rig-file", "file that 'cutenv rig init' writes",
+          "scripts.documentation.reference_blocks:rig_file"),
+    updated("docs/rig/serial-rig.md", "slow-rig", "what a serial rig with each converter can do",
+          "scripts.documentation.reference_blocks:slow_rig"),
+    updated("docs/reference/licences.md", "licences", "licences of all that pip installs",
+          "scripts.licence_table:table"),
+    updated("docs/reference/files/formats.md", "lab-formats", "formats of laboratories: read, asked, or left out",
+          "scripts.lab_format_table:markdown"),
+    updated("docs/development/measures.md", "measures",
+          "size, structure and language of the code, beside earlier revisions", "scripts.measure_codebase:comparison"),
+    Check("tests: duration", "seconds of each folder of tests, and the slowest tests", "pytest --times tests/times.csv",
+          40, "docs/development/testing.md", "test-times", "scripts.suite_times:kept_tables"),
+    Check("tests: slow", "tests that take minutes", "pytest -p no:cacheprovider -m slow", None,
+          "docs/development/testing.md", long=True),
+    Check("tests: new examples of every property", "properties hold on examples drawn anew",
+          "pytest -p no:cacheprovider tests/properties tests/derived tests/recording tests/rig", None,
+          "docs/development/testing.md", long=True),
+    Check("bits: of results", "results keep every bit", "scripts.digests --check", 1.5, "docs/development/testing.md"),
+)  # fmt: skip
+"""Blocks that are printed from the package, and tests."""
+
+THESIS = (
+    Check("thesis: agreement", "the thesis's numbers, and independent calculations, beside ours",
+          "scripts.reproduce_thesis", 5, "docs/validation/agreement.md", "agreement",
+          "scripts.documentation.program_blocks:agreement", long=True),
+    Check("thesis: wear", "what comes back of blade wear that was put into series of cuts",
+          "scripts.wear_series --json runs/wear.json", 5, "docs/rig/thesis-rig.md", "wear",
+          "scripts.wear_series:kept_table", kept="runs/wear.json"),
+    Check("constants: specimens", "virtual measurement of drawn specimens beside the tables",
+          "scripts.fit_specimens --livers 150", 5, "docs/validation/specimens.md", "specimens",
+          "scripts.documentation.program_blocks:fenced", ("fit_specimens", "--livers", "150")),
+    Check("constants: eta90", "loss of an upright cut, derived from Table 4.1", "scripts.derive_eta90", 0,
+          "docs/validation/limits.md"),
+    Check("constants: lines", "drawn lines, solved, and the stiffness fitted to them", "scripts.derive_lines", 0.5,
+          "docs/validation/steering.md"),
+    Check("constants: partial depth", "stiffness of a slab that is not cut through, from bricks",
+          "scripts.derive_partial_depth --elements", 5, "docs/concepts/tissue.md", "partial-depth",
+          "scripts.derive_partial_depth:elements_matter"),
+    Check("constants: slab", "stiffness of a slab of varying modulus, condensed", "scripts.derive_slab", None,
+          "docs/validation/limits.md"),
+    Check("constants: reference set", "distribution of each metric in the reference set", "scripts.make_reference",
+          None, "docs/development/metric.md"),
+    Check("constants: layers", "reach of layers around a blade, fitted to slabs of bricks", "scripts.fit_layers", 5,
+          "docs/validation/descent.md", "layers-fit", "scripts.fit_layers:markdown"),
+)  # fmt: skip
+"""The thesis beside the model, and programs that derive its constants."""
+
+PHYSICS = (
+    Check("physics: straight", "stiffness, reloading, energy, sampling and measurement on sampled specimens",
+          "scripts.check_physics", 1, long=True),
+    Check("physics: up and down",
+          "energy, limit cases, and layers against bricks, where the blade also moves up and down",
+          "scripts.check_descent", 5, "docs/validation/descent.md", "descent", "scripts.check_descent:markdown",
+          long=True),
+    Check("physics: slice and push", "forces on an edge that is pressed and drawn, beside the closed form",
+          "scripts.check_descent --slice-push", 1, "docs/validation/descent.md", "slice-push",
+          "scripts.check_descent:slice_push"),
+    Check("physics: along a line",
+          "energy, straight lines and models of cuts along a curve, beside others and closed forms",
+          "scripts.check_steering", 2, "docs/validation/steering.md", "steering", "scripts.check_steering:markdown",
+          long=True),
+    Check("physics: elements solved as the cut opens",
+          "forces and way of the tip beside a model that is solved anew at every node", "scripts.free_cut", 1,
+          "docs/validation/steering.md", "free-cut", "scripts.free_cut:table", long=True),
+    Check("physics: changed laws", "laws of depth and of the line, before a change and now", "scripts.update_docs laws",
+          5, "docs/validation/laws.md", "laws", "scripts.changed_laws:markdown"),
+    Check("physics: results of changed laws", "results on the tasks, before the change and now",
+          "scripts.update_docs laws-results", 0, "docs/validation/laws.md", "laws-results",
+          "scripts.changed_laws:results"),
+    Check("physics: benchmark of curved cuts", "our own entry of the benchmark for other solvers",
+          "scripts.curved_cuts table", 0, "docs/validation/curved-benchmark.md", "curved-benchmark",
+          "scripts.curved_cuts:table"),
+    Check("bits: on other processors",
+          "cuts of every task are the same to the last bit with other instructions of the processor",
+          "scripts.same_bits", 5, "docs/development/architecture.md", long=True),
+    Check("bits: in the browser", "a thousand cuts in WebAssembly are Python's to the last bit",
+          "scripts.check_browser_law", 5, "docs/how-to/browser.md", long=True),
+)  # fmt: skip
+"""The cutting law and its models."""
+
+MEASUREMENT = (
+    Check("measurement: recovery", "resistance, moduli, friction and loss come back from records, by length of cut",
+          "scripts.measure_recovery", 2, "docs/validation/calibration.md", long=True),
+    Check("measurement: calibration", "calibrated values of virtual livers beside the true ones",
+          "scripts.calibrate_virtual_rig", 1, "docs/validation/calibration.md", "calibration",
+          "scripts.documentation.program_blocks:calibration"),
+    Check("measurement: calibration repeated", "how often the 95 % intervals hold what was put in",
+          "scripts.calibration_studies", 4, "docs/validation/calibration.md", "calibration-studies",
+          "scripts.calibration_studies:report"),
+    Check("measurement: layers", "toughness and modulus of layers come back from cuts in steps of depth",
+          "scripts.recover_layers", 5, "docs/validation/calibration.md", "layers-recovered",
+          "scripts.recover_layers:tables", kept="runs/layers/layers.json"),
+    Check("measurement: stepped cuts", "virtual records of cuts in steps of depth, to try the calibration of layers",
+          "scripts.stepped_cuts --out stepped", 0, "docs/how-to/calibrate.md"),
+    Check("measurement: beads", "beads and force give back what was put in", "scripts.measure_field", 5,
+          "docs/validation/field.md", "field", "scripts.documentation.program_blocks:printed", ("measure_field",)),
+    Check("measurement: one cut twice", "modulus of one cut by force and by images, beside the one that was put in",
+          "scripts.measure_one_cut_twice", 5, "docs/validation/field.md"),
+    Check("measurement: tip", "errors of the estimated tip at the end of cuts", "scripts.tip_errors", 2,
+          "docs/concepts/task.md", "tip-errors", "scripts.tip_errors:report"),
+)  # fmt: skip
+"""Properties of tissue, measured from records of virtual cuts."""
+
+RECORDS = (
+    Check("records: damaged, and of other programs",
+          "a damaged file is read or refused with line and fix, never guessed", "scripts.record_trials", None,
+          "docs/reference/files/records.md", long=True),
+    Check("records: faults", "how well 'cutenv check' names faults, and how seldom it doubts a clean record",
+          "scripts.record_faults", 3, "docs/validation/record-faults.md", "record-faults",
+          "scripts.record_faults:table"),
+    Check("records: real cuts", "statistics of published hand-held cuts", "scripts.real_records", None,
+          "docs/validation/real-cuts.md"),
+    Check("records: score of real cuts", "score cards of published hand-held cuts", "scripts.score_real_records", None,
+          "docs/validation/real-cuts.md"),
+    Check("records: ratings", "force statistics of published cuts beside their ratings by experts",
+          "scripts.expert_ratings", 0.5, "docs/validation/real-cuts.md", "expert-ratings",
+          "scripts.expert_ratings:report"),
+)  # fmt: skip
+"""Files of records, and those of real cuts."""
+
+SCORE = (
+    Check("score: agreement with the task", "a better cut has the higher score: scripts, agents, planner and people",
+          "scripts.check_score --hand", 30, "docs/validation/score.md", "check-score",
+          "scripts.check_score:kept_report"),
+    Check("score: wanted depth", "the same of cuts along a wanted depth", "scripts.check_score --task depth", 60,
+          "docs/validation/score.md", "check-depth-score", "scripts.check_score:kept_map_report", ("depth",)),
+    Check("score: line", "the same of cuts along a line", "scripts.check_score --task path", 60,
+          "docs/validation/score.md", "check-path-score", "scripts.check_score:kept_map_report", ("path",)),
+    Check("score: doubts", "how often honest and changed records are doubted by their motion",
+          "scripts.check_score --doubts", 2, "docs/validation/score.md", "doubts", "scripts.check_score:kept_doubts"),
+    Check("score: kinds of exploits", "ways to be paid without cutting, by kind", "scripts.update_docs exploit-kinds",
+          0, "docs/validation/exploits.md", "exploit-kinds", "scripts.find_exploits:kinds"),
+    Check("score: exploits", "searches for a reward, or a success, without the cut that was asked",
+          "scripts.find_exploits", 25, "docs/validation/exploits.md", "exploits", "scripts.find_exploits:kept_tables"),
+    Check("statistics: pass marks", "pass marks beside published ones, and how often their intervals hold the truth",
+          "scripts.pass_mark_coverage", 3, "docs/validation/pass-marks.md", "pass-marks",
+          "scripts.documentation.program_blocks:printed", ("pass_mark_coverage",)),
+    Check("statistics: decisions at any time", "errors and pairs of comparisons that stop when they are decided",
+          "scripts.check_sequential", 5, "docs/validation/sequential.md", "sequential",
+          "scripts.check_sequential:decision_table", long=True),
+    Check("statistics: twins at any time", "the same of a rig beside its twin",
+          "scripts.check_sequential --block twins", 5, "docs/validation/sequential.md", "sequential-twins",
+          "scripts.check_sequential:twin_table"),
+)  # fmt: skip
+"""Scores, and decisions by them."""
+
+VISION = (
+    Check("vision: depth of cut", "errors of depth on rendered films, and of R with it",
+          "scripts.measure_depth_accuracy", 10, "docs/validation/depth.md", "depth",
+          "scripts.measure_depth_accuracy:report", kept="runs/depth_accuracy.json", long=True),
+    Check("vision: runs of the crack", "runs of the crack that a film shows, beside those of the simulator",
+          "scripts.measure_seen_runs", 5, "docs/validation/depth.md", "seen-runs", "scripts.measure_seen_runs:report",
+          kept="runs/seen_runs.json", long=True),
+    Check("vision: camera beside a rig", "frames a second beside an emulated rig, and the rig's timing with it",
+          "scripts.camera_beside_rig --minutes 1 --json runs/camera-beside-rig.json", 15, "docs/validation/depth.md",
+          "live-camera", "scripts.camera_beside_rig:markdown", kept="runs/camera-beside-rig.json", long=True),
+    Check("vision: beads in X-ray images", "how exactly C-arm images are corrected and beads followed",
+          "scripts.measure_bead_tracking", 15, "docs/validation/beads.md", "bead-tracking",
+          "scripts.measure_bead_tracking:kept_markdown", long=True),
+)  # fmt: skip
+"""Measurement by images, on rendered ones."""
+
+
+def rig_faults(page: str, kind: str, rig: str) -> Check:
+    """Return the check of faults of a kind of rig: "" is that of the drives on a bus."""
+    block = f"rig-faults{kind and f'-{kind}'}"
+    file = f"runs/{block}.json"
+    run = " ".join(("scripts.rig_faults", *filter(None, (kind and f"--{kind}",)), "--json", file))
+    promise = f"every fault of {rig} is found out, stops it, and stays stopped"
+    return Check(f"rig: faults of {rig}", promise, run, 15, page, block, "scripts.rig_faults:markdown", (), file, True)
+
+
+RIG = (
+    rig_faults("docs/rig/what-stops-it.md", "", "drives on a bus"),
+    rig_faults("docs/rig/what-stops-it.md", "height", "a height axis"),
+    rig_faults("docs/rig/what-stops-it.md", "side", "an axis to the side"),
+    rig_faults("docs/rig/serial-rig.md", "serial", "a serial rig"),
+    rig_faults("docs/rig/serial-rig.md", "grbl", "a rig with GRBL"),
+    Check("rig: attacks", "no attack on a rig moves its blade unwatched",
+          "scripts.rig_attacks --times 3 --json runs/rig-attacks.json", 15, "docs/rig/what-stops-it.md", "rig-attacks",
+          "scripts.rig_attacks:markdown", kept="runs/rig-attacks.json", long=True),
+    Check("rig: soak", "an hour of cuts on an emulated rig, and the timing of its clock",
+          "scripts.rig_soak --minutes 60 --json runs/rig-soak.json", 120, "docs/rig/what-stops-it.md", "rig-soak",
+          "scripts.rig_soak:markdown", kept="runs/rig-soak.json", long=True),
+    Check("rig: jitter", "jitter of the loop of a rig, alone and beside other programs", "scripts.loop_jitter", 5,
+          "docs/rig/what-stops-it.md"),
+    Check("rig: twins", "verdicts of a comparison of rig and simulator under a known gain of the force",
+          "scripts.twin_trials --json runs/twins.json", 5, "docs/rig/run.md", "twins", "scripts.twin_trials:kept_table",
+          kept="runs/twins.json"),
+    Check("rig: tasks with a third axis", "scripts on the same specimens in the simulator and on a rig",
+          "scripts.tasks_on_rig --task depth", None, "docs/rig/run.md"),
+    Check("rig: haptics", "an emulated haptic device stays passive, and the stiffness that it can render",
+          "scripts.measure_haptics passivity", 20, "docs/how-to/haptic-devices.md"),
+    Check("rig: emulated haptic device", "a device of Force Dimension, emulated by its SDK's functions",
+          "scripts.emulated_force_dimension", None, "docs/how-to/haptic-devices.md"),
+)  # fmt: skip
+"""Rigs, in real time on an emulator."""
+
+CLASSES = (
+    Check("class: load", "what a server loses that is overloaded, killed and sent nonsense",
+          "scripts.class_load --json runs/class-load.json", 15, "docs/validation/class-server.md", "class-load",
+          "scripts.class_load:markdown", kept="runs/class-load.json", long=True),
+    Check("class: attacks", "attacks that a class's server is tested with", "scripts.class_attacks --try", 2,
+          "docs/validation/class-server.md", "class-attacks", "scripts.class_attacks:markdown"),
+    Check("class: page in browsers", "pictures a second, delay and score of the page that cuts, in real browsers",
+          "scripts.measure_page --json runs/measure_page.json", 5, "docs/how-to/browser.md", "browser-page",
+          "scripts.measure_page:markdown", kept="runs/measure_page.json"),
+)  # fmt: skip
+"""A class and its browsers."""
+
+SPEED = (
+    speed("docs/results/speed.md", "speed", "speed of every part, beside something run in the same process", 10),
+    speed("docs/results/path-cut.md", "path-speed", "speed of a batch along a line, beside GentleCut-v1", 1, "path"),
+    speed("docs/validation/descent.md", "descent-speed", "speed of the law up and down, beside GentleCut-v1", 1,
+          "descent"),
+    speed("docs/validation/steering.md", "steering-speed", "speed of the law in the plane, beside GentleCut-v1", 1,
+          "steering"),
+    speed("docs/validation/steering.md", "freehand-speed", "jitter of a loop of 1 kHz whose plant is solved again", 1,
+          "freehand"),
+    Check("speed: training", "decisions a second of PPO, and of policies with memory",
+          "scripts.training_speed --memory", 2, "docs/results/memory-gap.md"),
+    Check("speed: wheel", "size, first use and results of a wheel beside Numba's", "scripts.try_wheel WHEEL", None,
+          "docs/results/speed.md", "wheel", "scripts.try_wheel:kept"),
+)  # fmt: skip
+"""Speed."""
+
+AGENTS = (
+    Check("agents: training", "what the training command reaches, one run for each seed", "cutenv train", 4,
+          "docs/results/training.md", "training", "scripts.documentation.training_blocks:training"),
+    updated("README.md", "results", "agent, best script and planner in short",
+          "scripts.documentation.training_blocks:results"),
+    updated("README.md", "excision-short", "agents on excisions in short",
+          "scripts.task_table:TABLES.excision.short_report"),
+    Check("agents: time to the script", "training after which an agent did as well as the demonstrated script",
+          "scripts.time_to_threshold runs/NAME", None),
+    Check("agents: baselines", "every baseline on every class: how much there is to learn", "scripts.baseline_table",
+          15, "docs/results/baselines.md", "baselines", "scripts.baseline_table:kept_report"),
+    Check("agents: benchmark", "the benchmark runs from its beginning to its end", "scripts.benchmark_agents --afresh",
+          None, "docs/results/leaderboard.md", long=True),
+    Check("agents: benchmark, against the published one", "another benchmark agrees with the published one",
+          "scripts.benchmark_agents --against", None, "docs/results/leaderboard.md", long=True),
+    Check("agents: leaderboard", "all agents, scripts, ablations and changed constants on the same specimens",
+          "scripts.leaderboard", 0, "docs/results/leaderboard.md", "benchmark", "scripts.benchmark.table:markdown"),
+    Check("agents: information", "the same script with the mean tissue, with what it infers, and with the truth",
+          "scripts.ladder", 5, "docs/results/information.md", "ladder", "scripts.ladder:report",
+          kept="runs/ladder/ladder.csv"),
+    Check("agents: return strokes", "return strokes of policies, and what they gain", "scripts.return_strokes POLICY",
+          None, "docs/results/information.md", "return-strokes", "scripts.return_strokes:report",
+          kept="runs/strokes/strokes.csv"),
+    Check("agents: memory of a slab", "what there is to gain by remembering a slab",
+          "scripts.ladder --specimen-class liver", 5, "docs/results/information.md", "slab-memory",
+          "scripts.ladder:memory_report", kept="runs/ladder/liver.csv"),
+    Check("agents: learned stop", "where a script should stop, learned from thousands of specimens",
+          "scripts.learned_stop", 5, "docs/results/information.md", "learned-stop", "scripts.learned_stop:report",
+          kept="runs/ladder/learned_stop.csv"),
+    Check("agents: learners of other libraries",
+          "learners of other libraries with their defaults on the raw observation", "scripts.stock_learners", 180,
+          "docs/results/stock-learners.md", "stock", "scripts.stock_learners:kept_report"),
+    Check("agents: budget for the cost", "return and cost with and without a Lagrange multiplier", "scripts.safe_cut",
+          None, "docs/results/safe-cut.md", "safe-cut", "scripts.safe_cut:report", kept="runs/safe-cut/rows.csv"),
+    Check("agents: memory", "the same PPO without memory, with it, and with the hidden state shown",
+          "scripts.memory_gap", None, "docs/results/memory-gap.md", "memory", "scripts.memory_gap:kept_report"),
+    Check("agents: depth", "scripts and planner with truth on the same held-out specimens", "scripts.task_table depth",
+          None, "docs/results/depth-cut.md", "depth-cut", "scripts.task_table:TABLES.depth.kept_report"),
+    Check("agents: depth, learned", "agents, scripts and planner on the same held-out specimens",
+          "scripts.task_table depth --agents runs/NAME/policy", None, "docs/results/depth-cut.md", "depth-agents",
+          "scripts.task_table:TABLES.depth.kept_agents_report"),
+    Check("agents: depth, information", "the same script with more and more of the truth",
+          "scripts.knowledge_ladder depth", None, "docs/results/depth-cut.md", "depth-ladder",
+          "scripts.knowledge_ladder:LADDERS.depth.kept_report"),
+    Check("agents: path", "scripts and planner with truth on the same held-out specimens", "scripts.task_table path",
+          None, "docs/results/path-cut.md", "path-cut", "scripts.task_table:TABLES.path.kept_report"),
+    Check("agents: path, learned", "agents, scripts and planner on the same held-out specimens",
+          "scripts.task_table path --agents runs/NAME/policy", None, "docs/results/path-cut.md", "path-agents",
+          "scripts.task_table:TABLES.path.kept_agents_report"),
+    Check("agents: path, information", "the same script with more and more of the truth",
+          "scripts.knowledge_ladder path", None, "docs/results/path-cut.md", "path-ladder",
+          "scripts.knowledge_ladder:LADDERS.path.kept_report"),
+    Check("agents: excision", "scripts and planner with truth on the same held-out specimens",
+          "scripts.task_table excision", None, "docs/results/excision.md", "excision",
+          "scripts.task_table:TABLES.excision.kept_report"),
+    Check("agents: excision, learned", "agents, scripts and planner on the same held-out specimens",
+          "scripts.task_table excision --agents runs/NAME/policy", None, "docs/results/excision.md", "excision-agents",
+          "scripts.task_table:TABLES.excision.kept_agents_report"),
+    Check("agents: excision, information", "the same script with more and more of the truth",
+          "scripts.knowledge_ladder excision", None, "docs/results/excision.md", "excision-ladder",
+          "scripts.knowledge_ladder:LADDERS.excision.kept_report"),
+    Check("agents: excision, tuned scripts", "scripts before and after their numbers were searched for",
+          "scripts.tune_scripts excision", None, "docs/results/excision.md", "excision-tuned",
+          "scripts.tune_scripts:kept_report", ("excision",)),
+    Check("agents: excision by hand, tuned scripts", "the same with a hand that yields",
+          "scripts.tune_scripts hand-excision", None, "docs/results/excision.md", "hand-excision-tuned",
+          "scripts.tune_scripts:kept_report", ("hand-excision",)),
+    Check("agents: excision by hand, learned", "agents and scripts with a hand that yields",
+          "scripts.task_table hand-excision --agents runs/NAME/policy", None, "docs/results/excision.md",
+          "hand-excision-agents", "scripts.task_table:TABLES.hand-excision.kept_agents_report"),
+    Check("agents: learned from nothing", "agents that learned without a script",
+          "scripts.task_table excision --from-nothing runs/NAME/policy", None, "docs/results/excision.md",
+          "from-nothing", "scripts.task_table:from_nothing_report"),
+    Check("agents: slow rig", "agents at the decisions and readings of a cheap rig",
+          "scripts.slow_rig_agents --train --on-rig 6", 45, "docs/results/slow-rig.md", "slow-rig-agents",
+          "scripts.slow_rig_agents:markdown", kept="runs/slow-rig/table.json"),
+)  # fmt: skip
+"""Agents, scripts and planners."""
+
+CHECKS = (*THESIS, *PHYSICS, *MEASUREMENT, *RECORDS, *SCORE, *VISION, *RIG, *CLASSES, *SPEED, *AGENTS, *PAGES)
+"""All checks, in the order of the page."""
+BLOCKS = {check.block: check for check in CHECKS if check.block}
+"""Check of each generated block."""
