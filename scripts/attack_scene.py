@@ -120,8 +120,8 @@ class Scene:
         """The rig that cuts on it."""
         if self._rig is None:
             settings = self.emulator.settings
-            blade = dataclasses.replace(settings.blade, driver="attacked_drivers:attacked_axis")
-            sensor = dataclasses.replace(settings.sensor, driver="attacked_drivers:attacked_sensor")
+            blade = dataclasses.replace(settings.blade, driver="scripts.attacked_drivers:attacked_axis")
+            sensor = dataclasses.replace(settings.sensor, driver="scripts.attacked_drivers:attacked_sensor")
             settings = dataclasses.replace(settings, blade=blade, sensor=sensor)
             self._rig = CuttingRig(settings, self.emulator.control)
         return self._rig

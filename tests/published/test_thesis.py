@@ -258,7 +258,7 @@ def test_an_empty_picture_is_noticed(tmp_path: Path) -> None:
 
 
 def test_the_program_runs_from_anywhere(tmp_path: Path) -> None:
-    command = [sys.executable, str(SCRIPTS / "reproduce_thesis.py"), "--only", "unit-stiffness"]
+    command = [sys.executable, "-m", "scripts.reproduce_thesis", "--only", "unit-stiffness"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert "3 of 3 rows agree, 0 miss" in done.stdout

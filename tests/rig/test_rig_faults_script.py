@@ -133,7 +133,7 @@ def test_what_came_of_an_attack_is_judged(outcome: Outcome, safe: bool, stops: b
 def test_a_blade_that_moves_on_is_seen(speed: float, moves: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """The sibling: a stop that is not one is told as such."""
     times = itertools.count()
-    monkeypatch.setattr("attack_scene.time.sleep", lambda seconds: None)
+    monkeypatch.setattr("scripts.attack_scene.time.sleep", lambda seconds: None)
     with Scene() as scene:
         monkeypatch.setattr(scene, "_truth", lambda: {"position_m": speed * next(times)})
         outcome = Outcome(cause="as if stopped")
