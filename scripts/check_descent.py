@@ -28,7 +28,7 @@ from cutenv.tissue.specimen import SPACING
 from scripts import promises
 from scripts.adversarial_motions import FEED, MOTIONS, TICKS, UPRIGHT
 from scripts.benchmark.table import markdown_table
-from scripts.fit_layers import SlabsOfBricks, size_of, slab_name
+from scripts.derivations.layers import SlabsOfBricks, size_of, slab_name
 from scripts.promises import Led, Row, account_rows, differing, run, share_row
 
 LAYERED = Layers(capsule_thickness=5e-4, capsule_toughness=8.0, boundary=0.01, deep_toughness=5.0, deep_modulus=2.0)

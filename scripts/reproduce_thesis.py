@@ -5,7 +5,7 @@
     python -m scripts.reproduce_thesis --only plane-strain  one comparison or figure, by its short name
     python -m scripts.reproduce_thesis --markdown FILE      the summary as a Markdown table, for the documentation
 
-scripts/fit_specimens.py prints how well sampled livers reproduce the measured spread.
+scripts/derivations/specimens.py prints how well sampled livers reproduce the measured spread.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"figure: {path}")
     if len(drawn) == len(FIGURES):
         print("\n".join(f"not drawn: {numbers}: {why}" for numbers, why in NOT_DRAWN.items()))
-    print(f"{time.perf_counter() - began:.0f} s. The spread of drawn livers: python -m scripts.fit_specimens")
+    print(f"{time.perf_counter() - began:.0f} s. The spread of drawn livers: python -m scripts.derivations.specimens")
     return sum(len(c.misses) for c in done.values())
 
 

@@ -42,7 +42,7 @@ _CHANCE = 1e-3  # probability of so good a fit by chance, below which a layer wh
 _ROUNDS = 3  # of weighing energies against stiffnesses by their own scatter
 _LEAST_SCATTER = np.array([0.03, 0.04])
 """Error of a section's energy and stiffness in tissue that does not vary [1]: that of virtual cuts of one tissue, and
-that of the effective depth in layers beside bricks (``scripts/fit_layers.py``)."""
+that of the effective depth in layers beside bricks (``scripts/derivations/layers.py``)."""
 _RANGE = math.log(100.0)  # of a ratio, either way
 _HOW = "least squares of the sections' {what} within cuts"
 _OF = {"toughness": "fracture energies", "modulus": "stiffnesses of unloading"}

@@ -229,7 +229,7 @@ class TissueDescription:
     )  # fmt: skip
     eta90: float = parameter(
         0.28, unit="1", low=0.0, high=0.95, provenance="derived",
-        source="unit length of Table 4.1's cut, taken for 1 cm deep (scripts/derive_eta90.py)", sensitivity=(0.2, 0.45),
+        source="unit length of Table 4.1's cut, taken for 1 cm deep (scripts/derivations/eta90.py)", sensitivity=(0.2, 0.45),
     )  # fmt: skip
     thickness: float = parameter(
         THICKNESS, unit="m", low=1e-3, high=0.1, provenance="measured", source="of the slab, thesis 3.2"
@@ -398,7 +398,7 @@ FITTED = (
     "fracture_resistance",
     "fracture_between_cut_cv",
 )
-"""Fields fitted by ``scripts/fit_specimens.py``: virtual measurement of drawn specimens against the tables."""
+"""Fields fitted by ``scripts/derivations/specimens.py``: virtual measurement of drawn specimens against the tables."""
 
 
 @lru_cache(maxsize=1)

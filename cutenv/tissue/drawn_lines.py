@@ -1,7 +1,7 @@
 """The lines that a task draws: 64 of each kind, with the stiffness of a uniform slab along each.
 
 A line's stiffness is a finite-element solution, which takes a hundred times as long as the cut.  So there is a set of
-lines, the same for everybody, to the last bit, whose solutions ``scripts/derive_lines.py`` has stored; a line that is
+lines, the same for everybody, to the last bit, whose solutions ``scripts/derivations/lines.py`` has stored; a line that is
 given is solved for when it is given, and differs from machine to machine in the last places.  Every second line of a
 kind is the mirror image of the one before it.
 """
@@ -216,7 +216,7 @@ def store(found: list[dict[str, Any]]) -> None:
     lines = [one | {name: _rounded(one[name]) for name in ("tips", "stiffness")} for one in found]
     content = {
         "source": "PathModel along each drawn line (cutenv.tissue.drawn_lines): stiffness along, coupled, across [1]",
-        "script": "scripts/derive_lines.py --write",
+        "script": "scripts/derivations/lines.py --write",
         **STORED,
         "lines": lines,
     }

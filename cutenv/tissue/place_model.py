@@ -6,7 +6,7 @@ axes of the slab, along and across it, and with u = |y| over half its width, it 
     M = kappa(x) R(phi) diag(P1, P2) R(phi)^T,    tan phi = c1 y / (x + c2) (1 + c3 u^2),
     P1 = 1 - c4 u^2 / (c5 + u),    P2 = S(x) (1 + (c6 + c7 x / 0.1 m) u^2),
 
-kappa and kappa S along and across a straight cut as long.  ``scripts/derive_lines.py --fit`` fits the seven numbers to
+kappa and kappa S along and across a straight cut as long.  ``scripts/derivations/lines.py --fit`` fits the seven numbers to
 the stored lines.  A tip that stands d to the left of a line, whose own stiffness K is solved, has
 
     K_tip = L K L^T,    L = chol(M(tip)) chol(M(foot))^-1,
@@ -79,7 +79,7 @@ def store_numbers(numbers: Array) -> None:
     """Write c1 to c7 where :func:`fitted_numbers` reads them, with six digits."""
     content = {
         "source": "least squares on the stiffness of all stored lines (assets/derived/lines.json)",
-        "script": "scripts/derive_lines.py --fit",
+        "script": "scripts/derivations/lines.py --fit",
         "numbers": [float(f"{number:.6g}") for number in numbers],
     }
     resources.path(FOLDER).joinpath(_FILE).write_text(json.dumps(content) + "\n")

@@ -7,7 +7,7 @@ A specimen is a slab, 8 x 15 cm and T thick.  K is the blade force over the blad
 k is the 2-D model's stiffness per thickness in the field of moduli, averaged as by a point load
 (:mod:`~cutenv.tissue.varying_modulus`).  g is the effect of partial depth of cut, from bricks.  A shallow blade is
 affected more by its near surroundings: the share c(a, B/T) of its stiffness is l = kappa E of the two rows of elements
-at the tip (``scripts/derive_partial_depth.py``).  In a uniform slab that is cut through, K = E kappa(a) B.
+at the tip (``scripts/derivations/partial_depth.py``).  In a uniform slab that is cut through, K = E kappa(a) B.
 
 The field's 301 points become the moduli of 15 rows of elements by their means over each centimetre; between tips on the
 rows' borders k and l are interpolated as in ``CutModel`` (PCHIP), and below the first border they keep its value.
@@ -342,7 +342,7 @@ def effective_depth(cut_length: ArrayLike, depth: ArrayLike, thickness: float = 
 
     Notes
     -----
-    The table is from bricks with a Poisson's ratio of 0.3 and T = 2.5 cm (``scripts/derive_partial_depth.py``).  It
+    The table is from bricks with a Poisson's ratio of 0.3 and T = 2.5 cm (``scripts/derivations/partial_depth.py``).  It
     holds for elements of 1 cm, as ``CutModel`` has: on smaller ones a shallow cut is less stiff.
     """
     a, B = np.broadcast_arrays(np.asarray(cut_length, np.float64), np.asarray(depth, np.float64))

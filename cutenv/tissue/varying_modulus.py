@@ -5,7 +5,7 @@ symmetry half of it is enough; its inner nodes are eliminated, which leaves the 
 border (8-node elements, 8 across): exactly the full model.  On every border the displacements that blades cause, in
 fields of moduli of all kinds, are close to a space of few dimensions, spanned by the leading singular vectors of such
 displacements.  Projecting the model there (Galerkin) changes K by less than 0.15 % in fields of a coefficient of
-variation up to 0.5 (``scripts/derive_slab.py``).
+variation up to 0.5 (``scripts/derivations/slab.py``).
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ import numpy as np
 from cutenv._base import resources
 from cutenv.tissue import measured_liver
 from cutenv.tissue.tables import table
-from scripts import derive_eta90
+from scripts.derivations import eta90 as derive_eta90
 from scripts.reproduction.rows import Found, check, holds, near
 
 EXPECTED = (0.25, 0.40)
@@ -22,7 +22,7 @@ EXPECTED = (0.25, 0.40)
     "eta90, excess of the force that starts a crack run",
     "spacing of Table 4.1",
     "5 % of the unit; 0.25 to 0.40",
-    notes=("Biased upward: the table lists only significant segments. Derived by scripts/derive_eta90.py.",),
+    notes=("Biased upward: the table lists only significant segments. Derived by scripts/derivations/eta90.py.",),
 )
 def eta90(quick: bool) -> Found:
     """Compare the stored value, with its interval, and its unit length in the cut of Table 4.1."""

@@ -26,14 +26,14 @@ from cutenv.tissue import CutModel, Specimen, draw_liver, measured_liver
 from cutenv.tissue.tables import table
 from cutenv.tissue.variance_components import CUTS_PER_LIVER
 from cutenv.trace import Trace
-from scripts.fit_specimens import FEWEST_SEGMENTS, SIGNIFICANT_DROP, TRAVEL
+from scripts.derivations.specimens import FEWEST_SEGMENTS, SIGNIFICANT_DROP, TRAVEL
 
 SPEEDS_CM_S = tuple(float(v) for v in table("5.6")["speed_cm_s"])
 QUICK_SPEEDS_CM_S = (0.1, 1.27, 2.54)
 LIVERS, QUICK_LIVERS = 6, 1  # for each speed and angle
 LENGTHS = table("6.1")["cut_length_m"]
 QUICK_LENGTHS = LENGTHS[::3]
-SEED = 5  # scripts/fit_specimens.py uses another: none of these livers was fitted
+SEED = 5  # scripts/derivations/specimens.py uses another: none of these livers was fitted
 MODELS = {
     (formulation, poisson): CutModel(formulation=formulation, poisson=poisson)
     for formulation in ("plane_stress", "plane_strain")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cutenv.measurement.segments import SMALLEST_DROP
 from cutenv.tissue.tables import table
 from cutenv.tissue.variance_components import CUTS_PER_LIVER
-from scripts.fit_specimens import CUTS_OF_TABLE_6_1, SIGNIFICANT_DROP
+from scripts.derivations.specimens import CUTS_OF_TABLE_6_1, SIGNIFICANT_DROP
 from scripts.reproduction import drawn_livers
 from scripts.reproduction.drawn_livers import QUICK_SPEEDS_CM_S, DrawnCut, speeds
 from scripts.reproduction.models import FORMULATIONS
@@ -36,7 +36,7 @@ CUTS_UPRIGHT = 12
 
 FITTED_TO = (
     "Mean modulus and resistance of the livers, and the spread between their cuts, were fitted to Tables 5.2-5.4, 5.6 "
-    "and 6.1, each as one number over all rows (scripts/fit_specimens.py); no row was fitted by itself."
+    "and 6.1, each as one number over all rows (scripts/derivations/specimens.py); no row was fitted by itself."
 )
 SIGNIFICANT = (
     f"Drops of {SIGNIFICANT_DROP:g} N and more count as significant; the thesis does not give its own limit. With "

@@ -13,7 +13,7 @@ from cutenv.measurement import loading_segments
 from cutenv.tissue import local_effective_modulus
 from cutenv.tissue.effective_modulus import linear_fit, power_fit
 from cutenv.tissue.variance_components import CUTS_PER_LIVER
-from scripts.fit_specimens import SIGNIFICANT_DROP
+from scripts.derivations.specimens import SIGNIFICANT_DROP
 from scripts.reproduction import drawn_livers
 from scripts.reproduction.drawn_tables import BY_CUT, cut_means, means_by_cut
 from scripts.reproduction.moduli import means_by_speed

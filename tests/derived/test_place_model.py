@@ -9,13 +9,14 @@ from cutenv.tissue import place_model
 from cutenv.tissue.drawn_lines import STORED, drawn_lines, given_line
 from cutenv.tissue.lines import half_ellipse, straight
 from cutenv.tissue.place_model import FARTHEST, beside_line, fitted_numbers
-from scripts import crack_truth, derive_lines
+from scripts import crack_truth
+from scripts.derivations import lines
 
 DISTANCES = (-0.02, -FARTHEST, -0.001, 0.003, FARTHEST, 0.02)  # [m]
 
 
 def test_the_stored_numbers_are_those_that_the_script_fits():
-    np.testing.assert_allclose(fitted_numbers(), derive_lines.fitted(), rtol=1e-4)
+    np.testing.assert_allclose(fitted_numbers(), lines.fitted(), rtol=1e-4)
 
 
 def test_stiffness_beside_every_line_is_positive_and_on_it_the_lines_own_to_the_last_bit():

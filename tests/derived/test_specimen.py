@@ -21,7 +21,7 @@ from cutenv.tissue.grid import bulge, field_modes
 from cutenv.tissue.slab import THICKNESS, effective_depth, row_means, slab_of, stiffness_along
 from cutenv.tissue.specimen import LENGTH, N_POINTS, SPACING, Specimen, draw_liver, nominal_stiffness, nominal_tissue
 from cutenv.tissue.varying_modulus import condensed
-from scripts.derive_partial_depth import stiffness_by_depth
+from scripts.derivations.partial_depth import stiffness_by_depth
 from scripts.reproduction.elements import model
 
 Y = np.arange(N_POINTS) * SPACING

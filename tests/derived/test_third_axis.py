@@ -29,8 +29,9 @@ from cutenv.tissue.lines import (
     through,
 )
 from cutenv.tissue.path_model import PathModel, stiffness_on_line
-from scripts import check_descent, check_steering, fit_layers
+from scripts import check_descent, check_steering
 from scripts.adversarial_motions import FEED, TICKS, UPRIGHT
+from scripts.derivations import layers as fit_layers
 from scripts.promises import drawn
 
 CHECKED = [(check_descent, part) for part in ("level-zero", "account", "limits", "friction", "pressing")] + [

@@ -1,7 +1,7 @@
 """Condense the 2-D model of a slab with a field of moduli, and print the error of K(a) against the full model.
 
-python -m scripts.derive_slab            prints errors and the time that a specimen takes
-python -m scripts.derive_slab --write    condenses first, and writes assets/derived/slab.json
+python -m scripts.derivations.slab            prints errors and the time that a specimen takes
+python -m scripts.derivations.slab --write    condenses first, and writes assets/derived/slab.json
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def write() -> None:
     """Condense the model and write the result."""
     content = {
         "source": "CutModel condensed by rows of elements (cutenv.tissue.varying_modulus)",
-        "script": "scripts/derive_slab.py --write",
+        "script": "scripts/derivations/slab.py --write",
         **MODEL,
         **{name: values.tolist() for name, values in condensed(CutModel(**MODEL))._asdict().items()},
     }

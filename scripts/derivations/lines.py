@@ -1,8 +1,8 @@
 """Solve the model along every line that a task draws, and fit the stiffness by the place of the tip to it.
 
-python -m scripts.derive_lines            prints the range of bends, places and stiffness of each kind, and the fit
-python -m scripts.derive_lines --write    solves first, half a minute, and writes assets/derived/lines.json
-python -m scripts.derive_lines --fit      fits first, a second, and writes assets/derived/place_model.json
+python -m scripts.derivations.lines            prints the range of bends, places and stiffness of each kind, and the fit
+python -m scripts.derivations.lines --write    solves first, half a minute, and writes assets/derived/lines.json
+python -m scripts.derivations.lines --fit      fits first, a second, and writes assets/derived/place_model.json
 """
 
 from __future__ import annotations

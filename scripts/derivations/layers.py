@@ -1,8 +1,8 @@
 """Fit how far the layers below a blade's lower end reach into its stiffness, and show the error on other slabs.
 
-    python -m scripts.fit_layers            some minutes: 26 slabs of bricks
+    python -m scripts.derivations.layers            some minutes: 26 slabs of bricks
 
-The slab of ``scripts/derive_partial_depth.py`` is solved anew with layers of other moduli.  One number, the reach of
+The slab of ``scripts/derivations/partial_depth.py`` is solved anew with layers of other moduli.  One number, the reach of
 :func:`cutenv.tissue.layers.layered_depth`, is fitted by least squares to some of them; the others are held out.  The
 exit status is 1 if the reach in use is not the fitted one.
 """
@@ -23,7 +23,7 @@ from cutenv.tissue import Layers
 from cutenv.tissue.layers import LAYER_REACH, layered_depth_by
 from cutenv.tissue.slab import ROWS, THICKNESS
 from scripts.benchmark.table import markdown_table
-from scripts.derive_partial_depth import LAYERS, stiffness_by_depth
+from scripts.derivations.partial_depth import LAYERS, stiffness_by_depth
 
 Array = NDArray[np.float64]
 

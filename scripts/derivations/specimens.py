@@ -1,7 +1,7 @@
 """Fit the specimens' spread to the thesis's tables by virtual measurement, and print the fit.
 
-    python -m scripts.fit_specimens            prints measured tables beside virtual ones
-    python -m scripts.fit_specimens --fit      fits first, and writes assets/derived/*.json
+    python -m scripts.derivations.specimens            prints measured tables beside virtual ones
+    python -m scripts.derivations.specimens --fit      fits first, and writes assets/derived/*.json
 
 Virtual livers are sampled, four cuts each, and cut over 12 cm at 0.1, 1.27 and 2.54 cm/s, 90 degrees, by the simulated
 rig with its sensor. Their records are evaluated as in the thesis: for Tables 5.2 to 5.4 without depth, friction or the
@@ -301,7 +301,7 @@ def main() -> None:
                 unit=UNITS.get(name, "1"),
                 interval_95=None,
                 source="virtual measurement against Tables 5.2 to 5.6 and 6.1",
-                script="scripts/fit_specimens.py --fit",
+                script="scripts/derivations/specimens.py --fit",
             )
             write_derived(name, constant)
         measured_liver.cache_clear()

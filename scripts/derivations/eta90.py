@@ -1,7 +1,7 @@
 """Derive eta90, the excess of the force that starts a crack run, from the spacing of the segments of Table 4.1.
 
-    python -m scripts.derive_eta90            prints the derivation
-    python -m scripts.derive_eta90 --write    also writes assets/derived/eta90.json
+    python -m scripts.derivations.eta90            prints the derivation
+    python -m scripts.derivations.eta90 --write    also writes assets/derived/eta90.json
 
 A homogeneous specimen as stiff as that very cut is cut at its speed; eta90 is the value for which the mean length of
 a unit is that between the table's segments. The table's moduli assume that the cut is 1 cm deep, so they give K
@@ -121,7 +121,7 @@ def main() -> None:
             unit="1",
             interval_95=(round(float(low), 3), round(float(high), 3)),
             source="spacing of the loading segments of Table 4.1, with that cut's mean LEM",
-            script="scripts/derive_eta90.py",
+            script="scripts/derivations/eta90.py",
         )
         write_derived("eta90", constant)
 

@@ -1,9 +1,9 @@
 """Make the reference set that comes with the package: scores of scripts (and agents) on sampled livers.
 
-    python -m scripts.make_reference                             prints medians by script
-    python -m scripts.make_reference --write                     also writes assets/reference/baselines.csv
-    python -m scripts.make_reference --against OLD.csv           prints how each metric changed, cut by cut
-    python -m scripts.make_reference --policy runs/NAME/policy   includes trained policies, too
+    python -m scripts.derivations.reference_set                             prints medians by script
+    python -m scripts.derivations.reference_set --write                     also writes assets/reference/baselines.csv
+    python -m scripts.derivations.reference_set --against OLD.csv           prints how each metric changed, cut by cut
+    python -m scripts.derivations.reference_set --policy runs/NAME/policy   includes trained policies, too
 
 Every cut is scored from what a rig can measure, with an estimated tip, as a person's cut would be.
 """

@@ -1,8 +1,8 @@
 """Derive the effect of a partial depth of cut B on the stiffness of a slab of thickness T, from 20-node bricks.
 
-    python -m scripts.derive_partial_depth            derives the table and prints it
-    python -m scripts.derive_partial_depth --write    also writes assets/derived/partial_depth.json
-    python -m scripts.derive_partial_depth --check    checks field and depth together on another, finer mesh
+    python -m scripts.derivations.partial_depth            derives the table and prints it
+    python -m scripts.derivations.partial_depth --write    also writes assets/derived/partial_depth.json
+    python -m scripts.derivations.partial_depth --check    checks field and depth together on another, finer mesh
 
 The 2-D model assumes slabs that are cut through. Here the thesis's slab (8 x 15 x 2.5 cm) is built of bricks, 8 x 15 in
 the plane as in the 2-D model, with thin layers under the surface. The blade moves all nodes of the tip from the
@@ -211,7 +211,7 @@ def main() -> None:
         content = {
             "source": f"20-node bricks, 8 x 15 x {len(LAYERS) - 1}, nu = {POISSON}, T = {THICKNESS} m; "
             f"{FIELDS} fields of CV {FIELD_CV}",
-            "script": "scripts/derive_partial_depth.py --write",
+            "script": "scripts/derivations/partial_depth.py --write",
             "depth_over_thickness": DEPTHS.tolist(),
             "stiffness_ratio": np.round(ratio, 6).tolist(),
             "local_share": np.round(share, 6).tolist(),
