@@ -20,7 +20,7 @@ matplotlib.use("svg")
 import matplotlib.pyplot as plt
 
 from scripts import ROOT
-from scripts.draw_concepts import STYLE
+from scripts.drawings.concepts import STYLE
 
 NOTEBOOK = ROOT / "docs" / "how-to" / "first_cut.ipynb"
 PAGE = ROOT / "docs" / "how-to" / "notebook.md"

@@ -166,7 +166,7 @@ def aligned(heads: list[str], rows: list[list[str]]) -> str:
 
 def draw_cuts(traces: list[Trace], path: Path, smallest_drop: float = SMALLEST_DROP) -> None:
     """Draw force against time of some cuts, with their segments and drops."""
-    from scripts.thesis_figures.style import FORCE, STRAIN, STRESS, named, panels, save
+    from scripts.drawings.thesis.style import FORCE, STRAIN, STRESS, named, panels, save
 
     trials = by_trial(traces)
     shown = [trials[name][len(trials[name]) // 2] for name in SHOWN if name in trials]
@@ -209,7 +209,7 @@ def draw_cuts(traces: list[Trace], path: Path, smallest_drop: float = SMALLEST_D
 
 def draw_trials(traces: list[Trace], path: Path, smallest_drop: float = SMALLEST_DROP) -> None:
     """Draw by trial: number of drops in a cut, their sizes, and loading rates."""
-    from scripts.thesis_figures.style import INCLINED, UPRIGHT, named, panels, save
+    from scripts.drawings.thesis.style import INCLINED, UPRIGHT, named, panels, save
 
     trials = by_trial(traces)
     title = f"Loading segments of {len(traces)} hand-held cuts by trial (drops of {smallest_drop:g} and more)"
@@ -251,7 +251,7 @@ def draw(traces: list[Trace], folder: Path, smallest_drop: float) -> list[Path]:
     """Draw both pictures into ``folder``, which is created if missing."""
     from matplotlib import rc_context
 
-    from scripts.thesis_figures.style import STYLE
+    from scripts.drawings.thesis.style import STYLE
 
     folder.mkdir(parents=True, exist_ok=True)
     paths = [folder / "real_cuts.png", folder / "real_trials.png"]

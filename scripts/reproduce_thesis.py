@@ -18,8 +18,8 @@ from pathlib import Path
 from tqdm import tqdm
 
 from scripts import ROOT
+from scripts.drawings.thesis import FIGURES, NOT_DRAWN, draw
 from scripts.reproduction import COMPARISONS, Comparison
-from scripts.thesis_figures import FIGURES, NOT_DRAWN, draw
 
 MARKS = {True: "ok", False: "MISS", None: "--"}
 

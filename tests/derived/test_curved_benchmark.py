@@ -12,10 +12,11 @@ import numpy as np
 import pytest
 
 from cutenv.tissue import SteeredModel
-from scripts import curved_cuts, draw_excision
+from scripts import curved_cuts
 from scripts.curves.calculix import deck
 from scripts.curves.entry import measured
 from scripts.curves.made import PATHS, reach
+from scripts.drawings import excision
 
 OURS = curved_cuts.FOLDER / "entries" / "steered"
 
@@ -125,8 +126,8 @@ def test_every_path_is_long_enough_to_compare() -> None:
 
 def test_areas_of_an_excision_are_those_of_its_cuts() -> None:
     rng = np.random.default_rng(0)
-    side = draw_excision.cut_side(draw_excision.Specimen.drawn(0), draw_excision.half_ellipse(0.05, 0.008), rng)
-    assert 0.0 < draw_excision.area_between(side) < 0.05 * 4e-3
+    side = excision.cut_side(excision.Specimen.drawn(0), excision.half_ellipse(0.05, 0.008), rng)
+    assert 0.0 < excision.area_between(side) < 0.05 * 4e-3
     mirrored = side._replace(cut=side.cut * [1.0, -1.0])
     own = float(np.trapezoid(side.cut[:, 1], side.cut[:, 0]))
-    assert draw_excision.area_within(side, mirrored) == pytest.approx(2.0 * own, rel=0.02)
+    assert excision.area_within(side, mirrored) == pytest.approx(2.0 * own, rel=0.02)

@@ -138,14 +138,14 @@ def test_a_page_that_shows_code_is_run():
 
 
 def test_the_picture_of_the_architecture_shows_every_part_of_the_package_once():
-    from scripts import draw_architecture
+    from scripts.drawings import architecture
 
-    shown = [package for row in draw_architecture.ROWS for wing in row for package in wing.packages]
+    shown = [package for row in architecture.ROWS for wing in row for package in wing.packages]
     there = {
         path.stem for path in (ROOT / "cutenv").iterdir() if path.suffix == ".py" or (path / "__init__.py").exists()
     }
     assert sorted(shown) == sorted(there - {"__init__", "__main__"})
-    assert draw_architecture.PICTURE.read_text(encoding="utf-8") == draw_architecture.picture()
+    assert architecture.PICTURE.read_text(encoding="utf-8") == architecture.picture()
 
 
 def shown(page: str, language: str, number: int = 0) -> str:

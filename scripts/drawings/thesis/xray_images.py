@@ -15,9 +15,9 @@ from cutenv.vision.fluoroscopy import CArmView, calibrate_view
 from cutenv.vision.projection import THESIS_MAGNIFICATION, fit_magnification
 from cutenv.vision.spots import GridHoles
 from scripts.carm_measurement import HOLE, HOLE_PX, SPACING, Array, plates_by_distance
+from scripts.drawings.thesis.style import FIRST, FORCE, STRAIN, STRESS, named, panels, save
 from scripts.rendering.xray import XRayCamera
 from scripts.rendering.xray_session import ERRORS, Session
-from scripts.thesis_figures.style import FIRST, FORCE, STRAIN, STRESS, named, panels, save
 
 SEED = 72
 SHOWN = 45.0  # time of the images [s]

@@ -1,6 +1,6 @@
 """Draw the figures of the documentation's concepts: assets/pictures/geometry.svg and law.svg.
 
-    python -m scripts.draw_concepts
+    python -m scripts.drawings.concepts
 
 Backgrounds are transparent, and lines and letters of a grey that is read on white and on black.
 """

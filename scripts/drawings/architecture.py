@@ -1,6 +1,6 @@
 """Draw the one picture of the architecture, assets/pictures/architecture.svg, from the list below.
 
-    python -m scripts.draw_architecture
+    python -m scripts.drawings.architecture
 
 A row is a wing, drawn as one box or several: name, purpose and packages.  A module imports only from rows below
 its own.  Change the list when a wing changes; ``tests/documentation/test_pages.py`` checks that every package of

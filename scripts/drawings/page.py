@@ -1,6 +1,6 @@
 """Draw the page that cuts, after a cut along an excision, photographed in a headless Chromium: page-path.png.
 
-    python -m scripts.draw_page
+    python -m scripts.drawings.page
 
 It lies in assets/pictures.  A seeded hand cuts, :func:`measure_page.led`, about a millimetre off the line.
 Needs Debian's ``chromium``.
@@ -18,7 +18,7 @@ from PIL import Image  # comes with matplotlib
 from cutenv.browser import write_page_alone
 from cutenv.browser.stylus_steps import HandPathCut
 from scripts import chromium
-from scripts.draw_view import COLOURS, PICTURES
+from scripts.drawings.view import COLOURS, PICTURES
 from scripts.measure_page import led
 
 WIDTH = 1100  # px, of the window

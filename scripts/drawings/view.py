@@ -1,6 +1,6 @@
 """Draw two virtual cuts in ``cutenv view``, photographed in a headless Chromium: view.png and view-depth.png.
 
-    python -m scripts.draw_view
+    python -m scripts.drawings.view
 
 They lie in assets/pictures.  The first is a gentle cut, coloured by energy; the second one along a wanted depth, by a
 simple hand.  Needs Debian's ``chromium``; takes a minute, because the browser draws in software.

@@ -24,15 +24,10 @@ from cutenv.vision.filmed_measurement import zones_as_measured
 from cutenv.vision.fluoroscopy import NTSC_RATE, CArmView
 from cutenv.vision.projection import project
 from scripts.carm_measurement import BEAD_PX, Array, calibrated, predicted_by, swept
-from scripts.measure_field import LEM_AVERAGE, cut_of_liver
-from scripts.rendering.xray_session import THICKNESS, Session
-from scripts.reproduction.drawn_livers import measure_as_the_thesis
-from scripts.reproduction.models import FROM_THE_CLAMP, FROM_THE_LINE, TIP, displacement_of_beads
-from scripts.reproduction.virtual_cuts import SPEEDS, virtual_cut
-from scripts.thesis_figures import xray_images
-from scripts.thesis_figures.experiments import KIND
-from scripts.thesis_figures.models import FACES, seen_from_above
-from scripts.thesis_figures.style import (
+from scripts.drawings.thesis import xray_images
+from scripts.drawings.thesis.experiments import KIND
+from scripts.drawings.thesis.models import FACES, seen_from_above
+from scripts.drawings.thesis.style import (
     DISPLACEMENT_LABEL,
     FIRST,
     FORCE,
@@ -44,6 +39,11 @@ from scripts.thesis_figures.style import (
     panels,
     save,
 )
+from scripts.measure_field import LEM_AVERAGE, cut_of_liver
+from scripts.rendering.xray_session import THICKNESS, Session
+from scripts.reproduction.drawn_livers import measure_as_the_thesis
+from scripts.reproduction.models import FROM_THE_CLAMP, FROM_THE_LINE, TIP, displacement_of_beads
+from scripts.reproduction.virtual_cuts import SPEEDS, virtual_cut
 
 AXES = ("x, across", "y, along", "z, up")
 NEAR, REACHED = 0.022, 0.075  # beads that are followed: from the cut line, and from the clamp [m]

@@ -12,10 +12,7 @@ from numpy.typing import NDArray
 from cutenv.plant import SimulatedPlant
 from cutenv.tissue import measured_fracture_resistance
 from cutenv.tissue.tables import table
-from scripts.reproduction import drawn_livers
-from scripts.reproduction.cutting import legs, protocol
-from scripts.reproduction.virtual_cuts import SPEEDS, cm_s, specimen, virtual_cut
-from scripts.thesis_figures.style import (
+from scripts.drawings.thesis.style import (
     DISPLACEMENT_LABEL,
     FIRST,
     FORCE,
@@ -28,6 +25,9 @@ from scripts.thesis_figures.style import (
     panels,
     save,
 )
+from scripts.reproduction import drawn_livers
+from scripts.reproduction.cutting import legs, protocol
+from scripts.reproduction.virtual_cuts import SPEEDS, cm_s, specimen, virtual_cut
 
 TYPICAL, TOUGH = "liver 1", "liver 2"  # the tough one turns at 1 inch while it loads, not after a run
 UPRIGHT = math.pi / 2

@@ -14,12 +14,12 @@ from cutenv.tissue import local_effective_modulus
 from cutenv.tissue.effective_modulus import linear_fit, power_fit
 from cutenv.tissue.variance_components import CUTS_PER_LIVER
 from scripts.derivations.specimens import SIGNIFICANT_DROP
+from scripts.drawings.thesis.experiments import KIND, TRAVEL, mark_segments, name_segments
+from scripts.drawings.thesis.style import DISPLACEMENT_LABEL, FORCE, INCLINED, LEM_LABEL, UPRIGHT, named, panels, save
 from scripts.reproduction import drawn_livers
 from scripts.reproduction.drawn_tables import BY_CUT, cut_means, means_by_cut
 from scripts.reproduction.moduli import means_by_speed
 from scripts.reproduction.virtual_cuts import cm_s, virtual_cut
-from scripts.thesis_figures.experiments import KIND, TRAVEL, mark_segments, name_segments
-from scripts.thesis_figures.style import DISPLACEMENT_LABEL, FORCE, INCLINED, LEM_LABEL, UPRIGHT, named, panels, save
 
 
 class Panel(NamedTuple):

@@ -20,9 +20,7 @@ from cutenv.measurement import (
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
 from cutenv.tissue import CutModel, Specimen, draw_liver
 from cutenv.trace import Trace, blade_speed
-from scripts.reproduction.drawn_livers import MODELS, measure_as_the_thesis
-from scripts.reproduction.virtual_cuts import PLACES, SPEEDS, cm_s, virtual_cut
-from scripts.thesis_figures.style import (
+from scripts.drawings.thesis.style import (
     DISPLACEMENT_LABEL,
     DISTANCE_LABEL,
     FORCE,
@@ -33,6 +31,8 @@ from scripts.thesis_figures.style import (
     panels,
     save,
 )
+from scripts.reproduction.drawn_livers import MODELS, measure_as_the_thesis
+from scripts.reproduction.virtual_cuts import PLACES, SPEEDS, cm_s, virtual_cut
 
 KIND = "liver 6"
 TRAVEL = 0.12  # [m]

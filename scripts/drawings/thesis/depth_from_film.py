@@ -14,10 +14,8 @@ from numpy.typing import NDArray
 from cutenv.measurement import estimate_local_effective_moduli
 from cutenv.tissue import CutModel
 from cutenv.trace import Trace
-from scripts.reproduction.drawn_livers import measure_as_the_thesis
-from scripts.reproduction.virtual_cuts import PLACES, SPEEDS, cm_s, virtual_cut
-from scripts.thesis_figures.experiments import KIND
-from scripts.thesis_figures.style import (
+from scripts.drawings.thesis.experiments import KIND
+from scripts.drawings.thesis.style import (
     DISPLACEMENT_LABEL,
     DISTANCE_LABEL,
     FIRST,
@@ -29,6 +27,8 @@ from scripts.thesis_figures.style import (
     panels,
     save,
 )
+from scripts.reproduction.drawn_livers import measure_as_the_thesis
+from scripts.reproduction.virtual_cuts import PLACES, SPEEDS, cm_s, virtual_cut
 
 if TYPE_CHECKING:
     from cutenv.vision.depth_record import FilmedDepth

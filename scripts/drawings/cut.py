@@ -1,6 +1,6 @@
 """Draw one cut above its force trace: assets/pictures/cut.png.
 
-python -m scripts.draw_cut
+python -m scripts.drawings.cut
 """
 
 from __future__ import annotations

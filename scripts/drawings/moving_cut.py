@@ -1,7 +1,7 @@
 """Draw cuts as moving pictures, in assets/pictures.
 
-    python -m scripts.draw_moving_cut            cut.gif: a cut by the shipped agent
-    python -m scripts.draw_moving_cut excision   excision.gif: the best script and the agent on the same excision
+    python -m scripts.drawings.moving_cut            cut.gif: a cut by the shipped agent
+    python -m scripts.drawings.moving_cut excision   excision.gif: the best script and the agent on the same excision
 
 They run at twice the speed of the cut, and are repeated after a pause.
 """

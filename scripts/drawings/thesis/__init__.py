@@ -7,8 +7,8 @@ from pathlib import Path
 
 from matplotlib import rc_context
 
-from scripts.thesis_figures import bead_motion, depth_from_film, experiments, fracture, models, speeds, xray_images
-from scripts.thesis_figures.style import STYLE
+from scripts.drawings.thesis import bead_motion, depth_from_film, experiments, fracture, models, speeds, xray_images
+from scripts.drawings.thesis.style import STYLE
 
 FIGURES: dict[str, Callable[[Path, bool], None]] = {
     "figure_3_2": experiments.desired_and_actual_speed,
