@@ -131,7 +131,7 @@ PAGES = (
 
 THESIS = (
     Check("thesis: agreement", "the thesis's numbers, and independent calculations, beside ours",
-          "scripts.reproduce_thesis", 5, "docs/validation/agreement.md", "agreement",
+          "scripts.validation.thesis.reproduce_thesis", 5, "docs/validation/agreement.md", "agreement",
           "scripts.documentation.program_blocks:agreement", long=True),
     Check("thesis: wear", "what comes back of blade wear that was put into series of cuts",
           "scripts.wear_series --json runs/wear.json", 5, "docs/rig/thesis-rig.md", "wear",

@@ -27,7 +27,7 @@ from cutenv.vision.field_comparison import ZoneModuli, compare_field, estimate_z
 from cutenv.vision.filmed_measurement import MeanModulus, measure_filmed_cut, zones_as_measured
 from scripts.benchmark.table import markdown_table
 from scripts.filmed_cuts import filmed_cut, slice_of_zones
-from scripts.reproduction.models import FROM_THE_CLAMP, FROM_THE_LINE, TIP, TIP_DISPLACEMENT, displacement_of_beads
+from scripts.validation.thesis.models import FROM_THE_CLAMP, FROM_THE_LINE, TIP, TIP_DISPLACEMENT, displacement_of_beads
 
 Array = NDArray[np.float64]
 FIELD_MARK, MODULUS_MARK = 0.15, 0.10  # RMS [mm]; relative error of a zone's modulus

@@ -16,7 +16,7 @@ from cutenv.plant.simulator import SimulatedPlant
 from cutenv.tissue.description import following_means, tables_only
 from cutenv.tissue.specimen import Specimen
 from cutenv.trace import Trace
-from scripts.reproduction.virtual_cuts import true_moduli, true_resistance
+from scripts.validation.thesis.virtual_cuts import true_moduli, true_resistance
 
 TISSUE = tables_only(**following_means(), eta90=0.28)
 

@@ -19,8 +19,8 @@ from cutenv.tissue.elasticity import elastic_form, lame_parameters
 from cutenv.tissue.mesh import ELEMENT_KINDS, CutMesh
 from cutenv.tissue.tables import table
 from cutenv.tissue.tip_response import stiffness_matrix
-from scripts.reproduction.constitutive import constitutive_matrix
-from scripts.reproduction.elements import KELVIN, model
+from scripts.validation.thesis.constitutive import constitutive_matrix
+from scripts.validation.thesis.elements import KELVIN, model
 
 Array = NDArray[np.float64]
 LENGTH = 0.15

@@ -16,8 +16,8 @@ from skfem.models.elasticity import linear_elasticity
 from cutenv.tissue import CutModel, elasticity
 from cutenv.tissue.mesh import ELEMENT_KINDS, CutMesh, ElementKind
 from cutenv.tissue.tip_response import stiffness_matrix
-from scripts.reproduction.constitutive import constitutive_matrix
-from scripts.reproduction.elements import GRADIENT, KINDS, SIZE, convergence, joined, mesh_of, patch, small_mesh
+from scripts.validation.thesis.constitutive import constitutive_matrix
+from scripts.validation.thesis.elements import GRADIENT, KINDS, SIZE, convergence, joined, mesh_of, patch, small_mesh
 
 Array = NDArray[np.float64]
 WIDTH, LENGTH, THICKNESS = SIZE

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from led_cut import LedCut, changed_law, constant_feed, homogeneous, lead, lead_by, liver, residual_of
 
-from scripts.reproduction.worked_check import EXPECTED, MEASURES, Expected, LawCut, loading_slopes
+from scripts.validation.thesis.worked_check import EXPECTED, MEASURES, Expected, LawCut, loading_slopes
 
 FAST, INCLINED = EXPECTED[3], EXPECTED[-1]
 UNITS, SHARE, PEAK, SLOPE, LAG, WORK, RESIDUAL = MEASURES

@@ -12,7 +12,7 @@ from recorded_cut import RecordedCut, rested_cut
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.measurement import DepthProfile, estimate_fracture_resistance, fit_return_stroke
 from cutenv.trace import Trace
-from scripts.reproduction.virtual_cuts import INCH
+from scripts.validation.thesis.virtual_cuts import INCH
 
 SPEEDS = (0.001, 0.0127, 0.0254)
 PERFECT = SensorParameters(force_noise=0.0, force_resolution=0.0, force_delay=0.0)

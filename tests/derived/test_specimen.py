@@ -22,7 +22,7 @@ from cutenv.tissue.slab import THICKNESS, effective_depth, row_means, slab_of, s
 from cutenv.tissue.specimen import LENGTH, N_POINTS, SPACING, Specimen, draw_liver, nominal_stiffness, nominal_tissue
 from cutenv.tissue.varying_modulus import condensed
 from scripts.derivations.partial_depth import stiffness_by_depth
-from scripts.reproduction.elements import model
+from scripts.validation.thesis.elements import model
 
 Y = np.arange(N_POINTS) * SPACING
 TISSUE = liver(modulus_between_liver_cv=0.15, modulus_between_cut_cv=0.22, modulus_within_cut_cv=0.2)

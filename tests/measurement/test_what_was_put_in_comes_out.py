@@ -25,7 +25,7 @@ from cutenv.measurement.zero import TAKEN_OFF
 from cutenv.tissue import Specimen, TissueDescription
 from scripts import measure_recovery as script
 from scripts.calibration_studies import slow_and_noisy
-from scripts.reproduction.virtual_cuts import true_moduli, true_resistance
+from scripts.validation.thesis.virtual_cuts import true_moduli, true_resistance
 
 RESISTANCE = 0.05
 """Largest error of the resistance, as a share of what was put in, with a return stroke."""

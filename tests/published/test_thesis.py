@@ -16,11 +16,11 @@ import pytest
 
 from cutenv.tissue import CutModel, measured_fracture_resistance, measured_liver, tables
 from cutenv.tissue.effective_modulus import falls, linear_fit, power_fit
-from scripts import reproduce_thesis as program
-from scripts.reproduction import CHECKS, drawn_livers, measuring, scatter
-from scripts.reproduction.elements import model
-from scripts.reproduction.rows import SHOWN, Check
-from scripts.reproduction.virtual_cuts import virtual_cut
+from scripts.validation.thesis import CHECKS, drawn_livers, measuring, scatter
+from scripts.validation.thesis import reproduce_thesis as program
+from scripts.validation.thesis.elements import model
+from scripts.validation.thesis.rows import SHOWN, Check
+from scripts.validation.thesis.virtual_cuts import virtual_cut
 
 SCRIPTS = Path(__file__).parents[2] / "scripts"
 STATEMENTS = [name for name, each in CHECKS.items() if not each.listed]
@@ -258,7 +258,7 @@ def test_an_empty_picture_is_noticed(tmp_path: Path) -> None:
 
 
 def test_the_program_runs_from_anywhere(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "scripts.reproduce_thesis", "--only", "unit-stiffness"]
+    command = [sys.executable, "-m", "scripts.validation.thesis.reproduce_thesis", "--only", "unit-stiffness"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert "3 of 3 rows agree, 0 miss" in done.stdout

@@ -41,9 +41,9 @@ from scripts.drawings.thesis.style import (
 )
 from scripts.measure_field import LEM_AVERAGE, cut_of_liver
 from scripts.rendering.xray_session import THICKNESS, Session
-from scripts.reproduction.drawn_livers import measure_as_the_thesis
-from scripts.reproduction.models import FROM_THE_CLAMP, FROM_THE_LINE, TIP, displacement_of_beads
-from scripts.reproduction.virtual_cuts import SPEEDS, virtual_cut
+from scripts.validation.thesis.drawn_livers import measure_as_the_thesis
+from scripts.validation.thesis.models import FROM_THE_CLAMP, FROM_THE_LINE, TIP, displacement_of_beads
+from scripts.validation.thesis.virtual_cuts import SPEEDS, virtual_cut
 
 AXES = ("x, across", "y, along", "z, up")
 NEAR, REACHED = 0.022, 0.075  # beads that are followed: from the cut line, and from the clamp [m]

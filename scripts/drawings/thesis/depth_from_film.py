@@ -27,8 +27,8 @@ from scripts.drawings.thesis.style import (
     panels,
     save,
 )
-from scripts.reproduction.drawn_livers import measure_as_the_thesis
-from scripts.reproduction.virtual_cuts import PLACES, SPEEDS, cm_s, virtual_cut
+from scripts.validation.thesis.drawn_livers import measure_as_the_thesis
+from scripts.validation.thesis.virtual_cuts import PLACES, SPEEDS, cm_s, virtual_cut
 
 if TYPE_CHECKING:
     from cutenv.vision.depth_record import FilmedDepth

@@ -31,8 +31,8 @@ from scripts.drawings.thesis.style import (
     panels,
     save,
 )
-from scripts.reproduction.drawn_livers import MODELS, measure_as_the_thesis
-from scripts.reproduction.virtual_cuts import PLACES, SPEEDS, cm_s, virtual_cut
+from scripts.validation.thesis.drawn_livers import MODELS, measure_as_the_thesis
+from scripts.validation.thesis.virtual_cuts import PLACES, SPEEDS, cm_s, virtual_cut
 
 KIND = "liver 6"
 TRAVEL = 0.12  # [m]

@@ -25,9 +25,9 @@ from scripts.drawings.thesis.style import (
     panels,
     save,
 )
-from scripts.reproduction import drawn_livers
-from scripts.reproduction.cutting import legs, protocol
-from scripts.reproduction.virtual_cuts import SPEEDS, cm_s, specimen, virtual_cut
+from scripts.validation.thesis import drawn_livers
+from scripts.validation.thesis.cutting import legs, protocol
+from scripts.validation.thesis.virtual_cuts import SPEEDS, cm_s, specimen, virtual_cut
 
 TYPICAL, TOUGH = "liver 1", "liver 2"  # the tough one turns at 1 inch while it loads, not after a run
 UPRIGHT = math.pi / 2

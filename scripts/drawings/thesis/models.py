@@ -18,10 +18,10 @@ from cutenv.plant import Leg, SimulatedPlant, run, to_trace
 from cutenv.tissue import CutModel, Specimen, quasi_static_modulus
 from cutenv.tissue.tables import table
 from scripts.drawings.thesis.style import DISTANCE_LABEL, FORCE, LEM_LABEL, SOLID, STRAIN, STRESS, named, panels, save
-from scripts.reproduction.drawn_livers import measure_as_the_thesis
-from scripts.reproduction.elements import model
-from scripts.reproduction.models import places
-from scripts.reproduction.moduli import means_by_speed
+from scripts.validation.thesis.drawn_livers import measure_as_the_thesis
+from scripts.validation.thesis.elements import model
+from scripts.validation.thesis.models import places
+from scripts.validation.thesis.moduli import means_by_speed
 
 Array = NDArray[np.float64]
 CUT_LENGTH, TIP_DISPLACEMENT, DEPTH = 0.07, 0.010, 0.01  # [m]

@@ -16,10 +16,10 @@ from cutenv.tissue.variance_components import CUTS_PER_LIVER
 from scripts.derivations.specimens import SIGNIFICANT_DROP
 from scripts.drawings.thesis.experiments import KIND, TRAVEL, mark_segments, name_segments
 from scripts.drawings.thesis.style import DISPLACEMENT_LABEL, FORCE, INCLINED, LEM_LABEL, UPRIGHT, named, panels, save
-from scripts.reproduction import drawn_livers
-from scripts.reproduction.drawn_tables import BY_CUT, cut_means, means_by_cut
-from scripts.reproduction.moduli import means_by_speed
-from scripts.reproduction.virtual_cuts import cm_s, virtual_cut
+from scripts.validation.thesis import drawn_livers
+from scripts.validation.thesis.drawn_tables import BY_CUT, cut_means, means_by_cut
+from scripts.validation.thesis.moduli import means_by_speed
+from scripts.validation.thesis.virtual_cuts import cm_s, virtual_cut
 
 
 class Panel(NamedTuple):

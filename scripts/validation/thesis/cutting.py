@@ -14,10 +14,10 @@ from cutenv.cutting.drive import Hand, Rig
 from cutenv.measurement import loading_segments
 from cutenv.plant import SimulatedPlant
 from cutenv.tissue import Specimen
-from scripts.reproduction import drawn_livers
-from scripts.reproduction.measuring import LIVERS, watched
-from scripts.reproduction.rows import Found, Row, at_most, check, holds, near
-from scripts.reproduction.virtual_cuts import INCH, SPEEDS, VirtualCut, cm_s, virtual_cut
+from scripts.validation.thesis import drawn_livers
+from scripts.validation.thesis.measuring import LIVERS, watched
+from scripts.validation.thesis.rows import Found, Row, at_most, check, holds, near
+from scripts.validation.thesis.virtual_cuts import INCH, SPEEDS, VirtualCut, cm_s, virtual_cut
 
 TRAVEL = 0.12  # of the thesis's cuts [m]
 RANK_CORRELATION = -0.5  # reached by chance once in twenty times by 12 numbers, and never by 150

@@ -19,7 +19,7 @@ from cutenv.tissue.elasticity import lame_parameters
 from cutenv.tissue.mesh import ELEMENT_KINDS, CutMesh
 from cutenv.tissue.tables import table
 from cutenv.tissue.tip_response import stiffness_matrix
-from scripts.reproduction.rows import Found, Row, at_most, check, exactly, hits, near
+from scripts.validation.thesis.rows import Found, Row, at_most, check, exactly, hits, near
 
 Array = NDArray[np.float64]
 MODELS = {

@@ -12,10 +12,10 @@ import numpy as np
 from cutenv.tissue import measured_fracture_resistance, tables
 from cutenv.tissue.effective_modulus import linear_fit, power_fit
 from cutenv.tissue.tables import table
-from scripts.reproduction.elements import model
-from scripts.reproduction.models import FORMULATIONS, MEAN_OVER
-from scripts.reproduction.moduli import EQUATIONS, equation_rows, fit_rows
-from scripts.reproduction.rows import (
+from scripts.validation.thesis.elements import model
+from scripts.validation.thesis.models import FORMULATIONS, MEAN_OVER
+from scripts.validation.thesis.moduli import EQUATIONS, equation_rows, fit_rows
+from scripts.validation.thesis.rows import (
     SHOWN,
     Found,
     Statements,

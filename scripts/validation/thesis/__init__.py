@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from scripts.reproduction import (
+from scripts.validation.thesis import (
     chapter_4,
     chapters_5_to_7,
     cutting,
@@ -14,7 +14,7 @@ from scripts.reproduction import (
     moduli,
     worked_check,
 )
-from scripts.reproduction.rows import Check, Comparison, Row
+from scripts.validation.thesis.rows import Check, Comparison, Row
 
 _MODULES = (
     *(elements, models, moduli, drawn_tables, derived, measuring, cutting, worked_check, chapters_5_to_7),

@@ -12,12 +12,12 @@ from cutenv.measurement.segments import SMALLEST_DROP
 from cutenv.tissue.tables import table
 from cutenv.tissue.variance_components import CUTS_PER_LIVER
 from scripts.derivations.specimens import CUTS_OF_TABLE_6_1, SIGNIFICANT_DROP
-from scripts.reproduction import drawn_livers
-from scripts.reproduction.drawn_livers import QUICK_SPEEDS_CM_S, DrawnCut, speeds
-from scripts.reproduction.models import FORMULATIONS
-from scripts.reproduction.moduli import CUTS, EQUATIONS, means_by_speed
-from scripts.reproduction.rows import Check, Found, Row, check, hits, near, unclaimed
-from scripts.reproduction.scatter import Line, Sample, coefficient_rows, joint_row, mean_row, sd_row
+from scripts.validation.thesis import drawn_livers
+from scripts.validation.thesis.drawn_livers import QUICK_SPEEDS_CM_S, DrawnCut, speeds
+from scripts.validation.thesis.models import FORMULATIONS
+from scripts.validation.thesis.moduli import CUTS, EQUATIONS, means_by_speed
+from scripts.validation.thesis.rows import Check, Found, Row, check, hits, near, unclaimed
+from scripts.validation.thesis.scatter import Line, Sample, coefficient_rows, joint_row, mean_row, sd_row
 
 Array = NDArray[np.float64]
 Kinds = Callable[[DrawnCut], tuple[Array, Array]]

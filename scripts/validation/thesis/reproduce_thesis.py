@@ -1,9 +1,9 @@
 """Print the thesis's numbers and ours, misses included, and draw its figures.
 
-    python -m scripts.reproduce_thesis                      everything, some minutes; figures into figures/
-    python -m scripts.reproduce_thesis --quick              fewer speeds, specimens and policies
-    python -m scripts.reproduce_thesis --only plane-strain  one comparison or figure, by its short name
-    python -m scripts.reproduce_thesis --markdown FILE      the summary as a Markdown table, for the documentation
+    python -m scripts.validation.thesis.reproduce_thesis                      everything, some minutes; figures into figures/
+    python -m scripts.validation.thesis.reproduce_thesis --quick              fewer speeds, specimens and policies
+    python -m scripts.validation.thesis.reproduce_thesis --only plane-strain  one comparison or figure, by its short name
+    python -m scripts.validation.thesis.reproduce_thesis --markdown FILE      the summary as a Markdown table, for the documentation
 
 scripts/derivations/specimens.py prints how well sampled livers reproduce the measured spread.
 """
@@ -19,7 +19,7 @@ from tqdm import tqdm
 
 from scripts import ROOT
 from scripts.drawings.thesis import FIGURES, NOT_DRAWN, draw
-from scripts.reproduction import COMPARISONS, Comparison
+from scripts.validation.thesis import COMPARISONS, Comparison
 
 MARKS = {True: "ok", False: "MISS", None: "--"}
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from cutenv.tissue import CutModel
 from cutenv.tissue.tables import table
-from scripts.reproduction.elements import DIVISIONS, model
-from scripts.reproduction.rows import SHOWN, Found, Row, check, hits, largest_difference, near, unclaimed
+from scripts.validation.thesis.elements import DIVISIONS, model
+from scripts.validation.thesis.rows import SHOWN, Found, Row, check, hits, largest_difference, near, unclaimed
 
 FORMULATIONS = ("plane_stress", "plane_strain")
 QUAD8_COLUMN = "lem_quad8_plane_stress_Pa"

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special, stats
 
-from scripts.reproduction.rows import Row
+from scripts.validation.thesis.rows import Row
 
 TWO_SIDED = 0.95  # share of pairs of samples of one population that shall agree
 

@@ -11,7 +11,7 @@ from cutenv._base import resources
 from cutenv.tissue import measured_liver
 from cutenv.tissue.tables import table
 from scripts.derivations import eta90 as derive_eta90
-from scripts.reproduction.rows import Found, check, holds, near
+from scripts.validation.thesis.rows import Found, check, holds, near
 
 EXPECTED = (0.25, 0.40)
 """Range of an independent estimate."""

@@ -11,10 +11,10 @@ import numpy as np
 
 from cutenv.tissue import CutModel
 from cutenv.tissue.tables import ThesisTable, table
-from scripts.reproduction.constitutive import constitutive_matrix
-from scripts.reproduction.elements import DIVISIONS, model
-from scripts.reproduction.models import EXPERIMENTS, FORMULATIONS, FROM_4_CM, PIECE_LENGTH, four_node_rows, places
-from scripts.reproduction.rows import (
+from scripts.validation.thesis.constitutive import constitutive_matrix
+from scripts.validation.thesis.elements import DIVISIONS, model
+from scripts.validation.thesis.models import EXPERIMENTS, FORMULATIONS, FROM_4_CM, PIECE_LENGTH, four_node_rows, places
+from scripts.validation.thesis.rows import (
     Row,
     Statements,
     equal,

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from cutenv.tissue import local_effective_modulus, measured_fracture_resistance, measured_liver, quasi_static_modulus
 from cutenv.tissue.effective_modulus import linear_fit, power_fit
 from cutenv.tissue.tables import table
-from scripts.reproduction.models import FORMULATIONS
-from scripts.reproduction.rows import Found, Row, check, hits, near, printed_as, unclaimed
+from scripts.validation.thesis.models import FORMULATIONS
+from scripts.validation.thesis.rows import Found, Row, check, hits, near, printed_as, unclaimed
 
 Array = NDArray[np.float64]
 CUTS = 6

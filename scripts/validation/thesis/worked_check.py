@@ -17,7 +17,7 @@ from cutenv.cutting.law import stored_energy
 from cutenv.plant import SimulatedPlant
 from cutenv.tissue import CutModel, Specimen, local_effective_modulus
 from cutenv.tissue.description import tables_only
-from scripts.reproduction.rows import Found, Row, at_most, check, near
+from scripts.validation.thesis.rows import Found, Row, at_most, check, near
 
 ETA90, MODULUS, RESISTANCE, DEPTH = 0.28, 48.36e3, 211.0, 0.02  # [1], [Pa], [J/m2], [m]
 TRAVEL = 0.1  # [m]
