@@ -106,7 +106,7 @@ def _speeds(python: Path, folder: str) -> Iterator[Line]:
 
 def _bits(python: Path, folder: str) -> Iterator[Line]:
     """Yield whether results are equal to those of Numba."""
-    command = str(ROOT / "scripts/same_bits.py"), "--digests", str(SEEDS)
+    command = str(ROOT / "scripts/validation/physics/same_bits.py"), "--digests", str(SEEDS)
     built = json.loads(_output(python, folder, *command))
     compiled = json.loads(_output(Path(sys.executable), str(ROOT), *command, CUTENV_COMPILE="1"))
     for name, digest in built.items():

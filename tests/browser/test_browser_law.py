@@ -23,7 +23,7 @@ from cutenv.tissue import measured_liver
 
 pytest.importorskip("wasmtime", reason="runs WebAssembly in the tests: pip install 'cutenv[dev]'")
 
-from scripts import check_browser_law
+from scripts.validation.physics import browser_law
 
 FURTHER = {"depth": ("height", "vertical_force"), "path": ("blade_x", "blade_y", "lateral_force")}
 ROOT = Path(__file__).parents[2]
@@ -31,7 +31,7 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.mark.parametrize("task", tasks_with("hand"))
 def test_the_program_asks_its_surroundings_for_nothing(task: str) -> None:
-    assert list(check_browser_law.CARRIED[task].imports) == []
+    assert list(browser_law.CARRIED[task].imports) == []
 
 
 @pytest.mark.parametrize(
@@ -40,8 +40,8 @@ def test_the_program_asks_its_surroundings_for_nothing(task: str) -> None:
 )
 def test_a_cut_in_webassembly_is_pythons_to_the_last_bit(task: str, seed: int) -> None:
     kind = TASKS[task].hand
-    cut = kind(specimen_class=check_browser_law.CLASSES[seed % 4], seed=seed, episode=seed % 2)
-    assert check_browser_law.same(cut, check_browser_law.wandering(cut, seed))
+    cut = kind(specimen_class=browser_law.CLASSES[seed % 4], seed=seed, episode=seed % 2)
+    assert browser_law.same(cut, browser_law.wandering(cut, seed))
     if isinstance(cut, HandPathCut):
         assert np.ptp(cut.channels[1]) > 5e-4, "the blade goes straight on: the test compares too little"
     if isinstance(cut, HandDepthCut):
@@ -59,7 +59,7 @@ def test_a_led_cut_is_the_windows(task: str) -> None:
         stylus = [hand.read() for _ in range(3_000)]
         numbers = np.array([(each.position, each.angle, each.across) for each in stylus])
     else:
-        numbers = check_browser_law.wandering(led, 5, 3_000)
+        numbers = browser_law.wandering(led, 5, 3_000)
         stylus = [Stylus(place, angle, level=sum(level)) for place, angle, *level in numbers.tolist()]
     readings = np.concatenate([led.follow(part) for part in np.split(numbers, [7, 1500])])
     for each in stylus:
@@ -89,7 +89,7 @@ def test_a_page_of_another_tissue_holds_its_specimens_and_cuts_as_python_does(tm
     assert held == {name: record.tobytes() for name, record in cut.records.items()}
     assert base64.b64decode(told["tasks"]["depth"]["shared"]) == shared_part("depth", other.slab()).tobytes()
     assert held["cut"] != TASKS["depth"].hand(specimen_class="uniform").records["cut"].tobytes()
-    assert check_browser_law.same(cut, check_browser_law.wandering(cut, 5, 3_000))
+    assert browser_law.same(cut, browser_law.wandering(cut, 5, 3_000))
 
 
 def test_a_cut_that_has_ended_stays_as_it_is() -> None:
@@ -108,6 +108,6 @@ def test_it_can_be_built_anew_from_the_kernels_and_is_the_same_law(tmp_path: Pat
     done = subprocess.run(build, cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, f"the kept one still serves: {done.stdout[-500:]}{done.stderr[-500:]}"
     for seed in (20, 21):
-        cut = TASKS[task].hand(specimen_class=check_browser_law.CLASSES[seed % 4], seed=seed)
-        stylus = check_browser_law.wandering(cut, seed, 6000)
-        assert check_browser_law.same(cut, stylus, (tmp_path / f"{task}_law.wasm").read_bytes()), seed
+        cut = TASKS[task].hand(specimen_class=browser_law.CLASSES[seed % 4], seed=seed)
+        stylus = browser_law.wandering(cut, seed, 6000)
+        assert browser_law.same(cut, stylus, (tmp_path / f"{task}_law.wasm").read_bytes()), seed

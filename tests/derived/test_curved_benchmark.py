@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 from cutenv.tissue import SteeredModel
-from scripts import curved_cuts
-from scripts.curves.calculix import deck
-from scripts.curves.entry import measured
-from scripts.curves.made import PATHS, reach
 from scripts.drawings import excision
+from scripts.validation.physics import curved_cuts
+from scripts.validation.physics.curves.calculix import deck
+from scripts.validation.physics.curves.entry import measured
+from scripts.validation.physics.curves.made import PATHS, reach
 
 OURS = curved_cuts.FOLDER / "entries" / "steered"
 

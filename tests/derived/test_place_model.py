@@ -9,8 +9,8 @@ from cutenv.tissue import place_model
 from cutenv.tissue.drawn_lines import STORED, drawn_lines, given_line
 from cutenv.tissue.lines import half_ellipse, straight
 from cutenv.tissue.place_model import FARTHEST, beside_line, fitted_numbers
-from scripts import crack_truth
 from scripts.derivations import lines
+from scripts.validation.physics import crack_truth
 
 DISTANCES = (-0.02, -FARTHEST, -0.001, 0.003, FARTHEST, 0.02)  # [m]
 

@@ -29,22 +29,22 @@ from cutenv.tissue.lines import (
     through,
 )
 from cutenv.tissue.path_model import PathModel, stiffness_on_line
-from scripts import check_descent, check_steering
-from scripts.adversarial_motions import FEED, TICKS, UPRIGHT
 from scripts.derivations import layers as fit_layers
-from scripts.promises import drawn
+from scripts.validation.physics import descent, steering
+from scripts.validation.physics.adversarial_motions import FEED, TICKS, UPRIGHT
+from scripts.validation.physics.promises import drawn
 
-CHECKED = [(check_descent, part) for part in ("level-zero", "account", "limits", "friction", "pressing")] + [
-    (check_steering, part) for part in check_steering.CHECKS if part not in ("model", "beside")
+CHECKED = [(descent, part) for part in ("level-zero", "account", "limits", "friction", "pressing")] + [
+    (steering, part) for part in steering.CHECKS if part not in ("model", "beside")
 ]
 
 
 @pytest.mark.parametrize(("script", "part"), CHECKED, ids=lambda value: value if isinstance(value, str) else "")
 def test_every_promise_is_kept(script: Any, part: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """The account of a steered blade along the lines that bend to both sides; the script goes along all of them."""
-    if (script, part) == (check_steering, "account"):
-        bent_both_ways = {name: check_steering.LINES[name] for name in ("S, radius 30 mm", "random")}
-        monkeypatch.setattr(check_steering, "LINES", bent_both_ways)
+    if (script, part) == (steering, "account"):
+        bent_both_ways = {name: steering.LINES[name] for name in ("S, radius 30 mm", "random")}
+        monkeypatch.setattr(steering, "LINES", bent_both_ways)
     rows = list(script.CHECKS[part](drawn(1)))
     assert [str(row) for row in rows if row.holds is not True and row.promised] == []
 
@@ -143,7 +143,7 @@ def test_tissue_that_a_blade_at_level_zero_carries_along_lifts_it() -> None:
 def test_a_tougher_layer_costs_more(layers: Layers) -> None:
     specimen = Specimen.drawn(0, specimen_class="uniform")
     levels = np.full(TICKS, -0.002)
-    soft, tough = (check_descent.led(specimen, 2.0 * FEED, levels, UPRIGHT, each) for each in (None, layers))
+    soft, tough = (descent.led(specimen, 2.0 * FEED, levels, UPRIGHT, each) for each in (None, layers))
     assert tough.plant.energy()["fracture"] > 1.1 * soft.plant.energy()["fracture"]
 
 
@@ -155,7 +155,7 @@ def test_a_drawn_edge_cuts_deeper_than_a_pressed_one() -> None:
     rest = np.full(2500, lead[-1])
     drawn_back = lead[-1] - np.minimum(np.maximum(np.arange(2500) - 500, 0) * 5e-6, 0.008)
     opened = [
-        check_descent.led(specimen, np.concatenate((lead, way)), press, UPRIGHT).plant.descents[0]["opened"]
+        descent.led(specimen, np.concatenate((lead, way)), press, UPRIGHT).plant.descents[0]["opened"]
         for way in (rest, drawn_back)
     ]
     assert opened[0] == 0.0
@@ -190,24 +190,24 @@ def test_the_reach_is_found_again_in_slabs_that_it_made() -> None:
 
 def test_no_slab_is_fitted_and_held_out() -> None:
     assert set(fit_layers.FITTED).isdisjoint(fit_layers.HELD_OUT)
-    assert set(check_descent.SLAB_LAYERS) <= set(fit_layers.HELD_OUT)
+    assert set(descent.SLAB_LAYERS) <= set(fit_layers.HELD_OUT)
 
 
 def test_stiffness_that_is_not_converted_breaks_promises(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(SteeredModel, "converted_stiffness", lambda model, element: model.stiffness)
-    broken = [row.holds for row in check_steering.CHECKS["steered"]([])]
+    broken = [row.holds for row in steering.CHECKS["steered"]([])]
     assert broken[4:7] == [False, False, False]
 
 
 def test_every_promise_of_the_model_is_kept() -> None:
-    rows = list(check_steering.check_model([], finest=2))
+    rows = list(steering.check_model([], finest=2))
     assert [str(row) for row in rows if row.holds is not True and row.promised] == []
 
 
 def test_the_crack_lags_inside_a_bend_and_outside_when_it_turns_late() -> None:
     turns, specimen = np.full(len(FEED), FEED[0] / 0.04), Specimen.drawn(0)
     cuts = {
-        limit: check_steering.led(specimen, arc(0.04), turns, FEED, UPRIGHT, SteeringParameters(crack_curvature=limit))
+        limit: steering.led(specimen, arc(0.04), turns, FEED, UPRIGHT, SteeringParameters(crack_curvature=limit))
         for limit in (1.0, 100.0)
     }
     late, soon = (cut.plant.steerings[0]["tip_aside"] for cut in cuts.values())
@@ -230,7 +230,7 @@ def test_a_blade_beside_the_tip_is_pushed_back_toward_it() -> None:
 
 def test_places_on_a_bent_line_are_those_of_the_blades_motion() -> None:
     plant = SteeredPlant(Specimen.drawn(1), half_ellipse())
-    places = check_steering.follow_line(plant, 0.01, 0.06)
+    places = steering.follow_line(plant, 0.01, 0.06)
     line, s = plant.line, float(plant.states["blade"][0])
     grid = np.arange(len(line.x)) * 5e-4
     angle = np.interp(s, grid, line.angle)

@@ -1,4 +1,4 @@
-"""``scripts/check_physics.py`` on one specimen: what its promises say is kept, and broken physics is told."""
+"""``scripts/validation/physics/straight.py`` on one specimen: what its promises say is kept, and broken physics is told."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import pytest
 from cutenv.plant import SimulatedPlant
 from cutenv.tissue import CutModel, Specimen
 from cutenv.tissue.specimen import N_POINTS, SPACING
-from scripts import check_physics
+from scripts.validation.physics import straight
 
 
 def status(*parts: str) -> int:
-    return check_physics.main(["--specimens", "1", "--only", *parts])
+    return straight.main(["--specimens", "1", "--only", *parts])
 
 
 def test_one_specimen_keeps_every_promise(capsys: pytest.CaptureFixture[str]) -> None:
@@ -48,7 +48,7 @@ LEAD = SimulatedPlant.lead
     [
         ("stiffness", Specimen, "stiffness", local_product),
         ("reloading", SimulatedPlant, "lead", forgetting),
-        ("account", check_physics, "SimulatedPlant", unaccounted),
+        ("account", straight, "SimulatedPlant", unaccounted),
     ],
 )
 def test_broken_physics_ends_in_status_1(

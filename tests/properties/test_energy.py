@@ -30,7 +30,7 @@ from led_cut import (
 from cutenv._engine.randomness import generator
 from cutenv.cutting.parameters import LawParameters
 from cutenv.tissue.specimen import N_POINTS, SPACING, Specimen
-from scripts.adversarial_motions import MOTIONS
+from scripts.validation.physics.adversarial_motions import MOTIONS
 
 some = settings(max_examples=40)
 

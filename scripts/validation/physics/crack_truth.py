@@ -1,6 +1,6 @@
 """Truth of the model of a cut that is not known beforehand: other models, symmetry, refinement, fracture mechanics.
 
-Rows of the table of scripts/check_steering.py.  With faces that open the model is one of a crack, for which there are
+Rows of the table of scripts/validation/physics/steering.py.  With faces that open the model is one of a crack, for which there are
 closed forms: an edge crack in tension (Tada, Paris and Irwin), a kink (Cotterell and Rice 1980) and an arc under
 pressure (Sih, Paris and Erdogan 1962, the example of Cotterell and Rice).
 """
@@ -25,8 +25,8 @@ from cutenv.tissue.path_model import straight_stiffness
 from cutenv.tissue.place_model import beside_line
 from cutenv.tissue.split_mesh import SplitMesh
 from cutenv.tissue.split_stiffness import SplitStiffness
-from scripts.curves.calculix import compliance
-from scripts.promises import Row
+from scripts.validation.physics.curves.calculix import compliance
+from scripts.validation.physics.promises import Row
 
 ELEMENT = 0.01
 """Elements at the tip to which stiffnesses are converted [m]: those of the model that the measured moduli belong to."""

@@ -1,8 +1,8 @@
 """Check the cutting law where the blade also moves up and down: energy, limit cases, and layers against bricks.
 
-    python -m scripts.check_descent                 4 specimens, and layers on bricks: some minutes
-    python -m scripts.check_descent --only account limits --specimens 1
-    python -m scripts.check_descent --slice-push    forces on an edge that is pressed and drawn, beside the closed form
+    python -m scripts.validation.physics.descent                 4 specimens, and layers on bricks: some minutes
+    python -m scripts.validation.physics.descent --only account limits --specimens 1
+    python -m scripts.validation.physics.descent --slice-push    forces on an edge that is pressed and drawn, beside the closed form
 
 The table shows the results and what is promised; a line without a promise is a finding.  The exit status is 1 if a
 promise is not kept.
@@ -25,11 +25,11 @@ from cutenv.plant import DescendingPlant
 from cutenv.tissue import Layers, Specimen, measured_liver
 from cutenv.tissue.layers import LAYER_REACH
 from cutenv.tissue.specimen import SPACING
-from scripts import promises
-from scripts.adversarial_motions import FEED, MOTIONS, TICKS, UPRIGHT
 from scripts.benchmark.table import markdown_table
 from scripts.derivations.layers import SlabsOfBricks, size_of, slab_name
-from scripts.promises import Led, Row, account_rows, differing, run, share_row
+from scripts.validation.physics import promises
+from scripts.validation.physics.adversarial_motions import FEED, MOTIONS, TICKS, UPRIGHT
+from scripts.validation.physics.promises import Led, Row, account_rows, differing, run, share_row
 
 LAYERED = Layers(capsule_thickness=5e-4, capsule_toughness=8.0, boundary=0.01, deep_toughness=5.0, deep_modulus=2.0)
 SLAB_LAYERS = (

@@ -16,9 +16,9 @@ from cutenv.tissue import CutModel, Specimen, SteeredModel
 from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING
 from cutenv.tissue.lines import WIDTH, CutLine, arc, half_ellipse, length_within, random_line, s_shape, straight
 from cutenv.tissue.path_model import stiffness_on_line
-from scripts.check_steering import follow_line
-from scripts.crack_truth import ELEMENT, led_along
-from scripts.curves.calculix import MODULUS, POISSON, THICKNESS, deck
+from scripts.validation.physics.crack_truth import ELEMENT, led_along
+from scripts.validation.physics.curves.calculix import MODULUS, POISSON, THICKNESS, deck
+from scripts.validation.physics.steering import follow_line
 
 PATHS: dict[str, CutLine] = {
     "straight": straight(),

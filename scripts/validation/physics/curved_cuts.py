@@ -1,8 +1,8 @@
 """Benchmark of cuts along a curve for other solvers: make its files, check an entry, print the table.
 
-    python -m scripts.curved_cuts make            write assets/benchmark/curves: a minute
-    python -m scripts.curved_cuts check FOLDER    measure an entry against the reference
-    python -m scripts.curved_cuts table           print the table of all entries
+    python -m scripts.validation.physics.curved_cuts make            write assets/benchmark/curves: a minute
+    python -m scripts.validation.physics.curved_cuts check FOLDER    measure an entry against the reference
+    python -m scripts.validation.physics.curved_cuts table           print the table of all entries
 
 docs/validation/curved-benchmark.md says what an entry holds.
 """
@@ -16,8 +16,8 @@ from pathlib import Path
 
 from scripts import ROOT
 from scripts.benchmark.table import markdown_table
-from scripts.curves.entry import HEADER, measured
-from scripts.curves.made import make
+from scripts.validation.physics.curves.entry import HEADER, measured
+from scripts.validation.physics.curves.made import make
 
 FOLDER = ROOT / "assets" / "benchmark" / "curves"
 """Files of the benchmark."""

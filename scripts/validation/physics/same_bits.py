@@ -1,6 +1,6 @@
 """Check that other machines would compute the same bits: cuts with kernels, NumPy and BLAS for other processors.
 
-    python -m scripts.same_bits
+    python -m scripts.validation.physics.same_bits
 
 Each setting runs in a separate process, which takes a minute: specimens of every class are cut by random actions for
 4 seconds in batches of every task, and in single environments, 24 of PathCut, until the cut ends.  Fails if kernels,

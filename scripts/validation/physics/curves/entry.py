@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scripts.curves.made import ENERGY, PATHS, STIFFNESS
+from scripts.validation.physics.curves.made import ENERGY, PATHS, STIFFNESS
 
 LARGEST_GAP = 0.006
 """Largest distance of two arc lengths of an entry's stiffness [m]."""

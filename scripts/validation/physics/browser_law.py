@@ -1,6 +1,6 @@
 """Cut a thousand specimens twice, in Python and in the WebAssembly of the page, and compare every byte.
 
-    python -m scripts.check_browser_law [--cuts 1000] [--task path]    some minutes
+    python -m scripts.validation.physics.browser_law [--cuts 1000] [--task path]    some minutes
 
 Specimens of all classes in turn; seeded hands that go forward and back, pause and tilt, where a depth is wanted up and
 down, and along a line to either side.  Compared are all readings and the whole state of cut and task at the end.

@@ -1,8 +1,8 @@
 """Check the cutting law in the plane, and the models of cuts along a curve against others and against closed forms.
 
-    python -m scripts.check_steering                 4 specimens: two minutes
-    python -m scripts.check_steering --only account --specimens 1
-    python -m scripts.check_steering --picture FILE  half an excision, led along the line
+    python -m scripts.validation.physics.steering                 4 specimens: two minutes
+    python -m scripts.validation.physics.steering --only account --specimens 1
+    python -m scripts.validation.physics.steering --picture FILE  half an excision, led along the line
 
 The table shows the results and what is promised; a line without a promise is a finding.  The exit status is 1 if a
 promise is not kept.
@@ -27,9 +27,9 @@ from cutenv.tissue import CutModel, Specimen
 from cutenv.tissue.grid import SPACING
 from cutenv.tissue.lines import CutLine, arc, half_ellipse, random_line, s_shape, straight
 from cutenv.tissue.path_model import PathModel
-from scripts import crack_truth, promises
-from scripts.adversarial_motions import FEED, MOTIONS, TICKS, UPRIGHT
-from scripts.promises import Led, Row, account_rows, differing, run, share_row
+from scripts.validation.physics import crack_truth, promises
+from scripts.validation.physics.adversarial_motions import FEED, MOTIONS, TICKS, UPRIGHT
+from scripts.validation.physics.promises import Led, Row, account_rows, differing, run, share_row
 
 LINES = {
     "straight": straight(),

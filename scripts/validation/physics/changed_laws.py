@@ -10,12 +10,13 @@ import json
 from typing import Any
 
 from cutenv.learning.statistics import summarise
-from scripts import ROOT, check_descent, check_steering, crack_truth, promises, task_table
+from scripts import ROOT, task_table
 from scripts.benchmark.table import markdown_table
 from scripts.kept_rows import kept_rows
+from scripts.validation.physics import crack_truth, descent, promises, steering
 
 BEFORE = ROOT / "docs" / "validation" / "laws-before.json"
-CHECKED = check_descent.check_friction, check_descent.check_pressing, check_steering.check_passing
+CHECKED = descent.check_friction, descent.check_pressing, steering.check_passing
 """Parts of the checks that were written for the change."""
 
 

@@ -1,7 +1,7 @@
 """Check the physics on sampled specimens: stiffness, reloading, energy, sampling, measurement and speed of resets.
 
-    python -m scripts.check_physics                        30 specimens, 10,000 draws: about a minute
-    python -m scripts.check_physics --specimens 3 --only stiffness account
+    python -m scripts.validation.physics.straight                        30 specimens, 10,000 draws: about a minute
+    python -m scripts.validation.physics.straight --specimens 3 --only stiffness account
 
 A third of the specimens are livers, a third have vessels, a third come from other seeds.  The table shows the results
 and what is promised; a line without a promise is a finding.  The exit status is 1 if a promise is not kept.
@@ -32,9 +32,9 @@ from cutenv.tissue import CutModel, Specimen, measured_liver
 from cutenv.tissue.slab import ROWS, row_means
 from cutenv.tissue.specimen import N_POINTS, SPACING
 from scripts import measure_recovery
-from scripts.adversarial_motions import INCLINED, MOTIONS, UPRIGHT
-from scripts.promises import LEAST_WORK, RESIDUAL, SEED, Row, drawn
 from scripts.speed.batch import MANY, RESETS_IN_STEPS, rates
+from scripts.validation.physics.adversarial_motions import INCLINED, MOTIONS, UPRIGHT
+from scripts.validation.physics.promises import LEAST_WORK, RESIDUAL, SEED, Row, drawn
 
 Array = NDArray[np.float64]
 

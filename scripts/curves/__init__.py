@@ -1,1 +1,0 @@
-"""Benchmark of cuts along a curve for other solvers; the program is scripts/curved_cuts.py."""
