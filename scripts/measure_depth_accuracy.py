@@ -36,8 +36,8 @@ from cutenv.vision.film_source import video_frames
 from cutenv.vision.marked_blade import BladeCameras
 from scripts.benchmark.table import markdown_table
 from scripts.kept_rows import keep_json
-from scripts.measure_recovery import KnownCut, cut_specimens
 from scripts.rendering.filmed_cut import FilmedCut, film_cut
+from scripts.validation.measurement.recovery import KnownCut, cut_specimens
 
 KEPT = Path("runs") / "depth_accuracy.json"
 ANGLES_DEG = (90, 45)

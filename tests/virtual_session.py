@@ -1,4 +1,4 @@
-"""Sessions on the virtual rig of ``scripts/calibrate_virtual_rig.py``: small, of tissue that is known, cut once."""
+"""Sessions on the virtual rig of ``scripts/validation/measurement/calibrate_virtual_rig.py``: small, of tissue that is known, cut once."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from cutenv.measurement import MeasuredCut, measure_cuts
 from cutenv.tissue import CutModel, Specimen, TissueDescription, measured_liver
 from cutenv.trace import Trace
-from scripts import calibrate_virtual_rig as rig
+from scripts.validation.measurement import calibrate_virtual_rig as rig
 
 MODEL = CutModel()
 SPEEDS = (0.0064, 0.0127, 0.0254)

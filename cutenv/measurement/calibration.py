@@ -440,7 +440,9 @@ def _scaled(evidence: Evidence, factor: float) -> Evidence:
     return dataclasses.replace(evidence, low=factor * evidence.low, high=factor * evidence.high)
 
 
-_BIAS = {"eta90": 0.015}  # that virtual studies show beside the scatter of cuts (scripts/calibration_studies.py)
+_BIAS = {
+    "eta90": 0.015
+}  # that virtual studies show beside the scatter of cuts (scripts/validation/measurement/calibration_studies.py)
 _FIT = "least squares of the cuts' mean moduli, per effective depth, against speed and angle (5.1)"
 _HOW = {
     "intercept_90": f"{_FIT}, for v -> 0 at 90 degrees",

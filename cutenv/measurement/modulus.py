@@ -204,7 +204,7 @@ def estimate_local_effective_moduli(
 
     A cut's median modulus is recovered within 0.1 % (median) and 0.5 % (95th percentile) in sampled livers cut 11 cm
     long, with depth known exactly, and within 1.5 and 5.4 % with depth known to 0.5 mm; over 6 cm then within 3.5 and
-    12 % (``scripts/measure_recovery.py --specimens 40``).
+    12 % (``scripts/validation/measurement/recovery.py --specimens 40``).
     """
     by = "estimate_local_effective_moduli"
     trace.require_newtons(by=by)

@@ -21,7 +21,7 @@ from cutenv.plant import DescendingPlant, Leg, SimulatedPlant, run, to_trace
 from cutenv.recording import save
 from cutenv.tissue import Layers, Specimen, TissueDescription, load_description, measured_liver
 from cutenv.trace import Trace
-from scripts.stepped_cuts import DEPTHS, stepped_cut
+from scripts.validation.measurement.stepped_cuts import DEPTHS, stepped_cut
 
 
 def few() -> list[Trace]:

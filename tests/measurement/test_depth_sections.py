@@ -12,7 +12,7 @@ from cutenv.measurement.layer_fit import fit_layers
 from cutenv.measurement.measured_cut import find_layers
 from cutenv.tissue import CutModel, Layers, Specimen, measured_liver
 from cutenv.tissue.grid import SPACING
-from scripts.stepped_cuts import DEPTHS, stepped_cut
+from scripts.validation.measurement.stepped_cuts import DEPTHS, stepped_cut
 
 MODEL = CutModel()
 PUT_IN = Layers(boundary=0.010, deep_toughness=3.0, deep_modulus=2.0)

@@ -23,8 +23,8 @@ from cutenv.measurement import (
 )
 from cutenv.measurement.zero import TAKEN_OFF
 from cutenv.tissue import Specimen, TissueDescription
-from scripts import measure_recovery as script
-from scripts.calibration_studies import slow_and_noisy
+from scripts.validation.measurement import recovery as script
+from scripts.validation.measurement.calibration_studies import slow_and_noisy
 from scripts.validation.thesis.virtual_cuts import true_moduli, true_resistance
 
 RESISTANCE = 0.05

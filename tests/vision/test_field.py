@@ -12,8 +12,8 @@ from cutenv.tissue import CutModel, Specimen
 from cutenv.vision import BeadTracks
 from cutenv.vision.field_comparison import compare_displacements, compare_field, estimate_zone_moduli, even_borders
 from cutenv.vision.filmed_measurement import FilmedMeasurement, MeanModulus, measure_filmed_cut, zones_as_measured
-from scripts import filmed_cuts
-from scripts.filmed_cuts import FilmedCut, slice_of_zones
+from scripts.validation.measurement import filmed_cuts
+from scripts.validation.measurement.filmed_cuts import FilmedCut, slice_of_zones
 
 BORDERS, MODULI = [0.03, 0.06], [60e3, 30e3, 45e3]
 MARK = 0.15e-3  # RMS of the field [m]

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scripts import filmed_cuts
-from scripts.filmed_cuts import FilmedCut, slice_of_zones
+from scripts.validation.measurement import filmed_cuts
+from scripts.validation.measurement.filmed_cuts import FilmedCut, slice_of_zones
 
 pytest.importorskip("pyarrow", reason="Parquet is an extra: pip install 'cutenv[vision]'")
 pytest.importorskip("jinja2", reason="pages are an extra: pip install 'cutenv[vision]'")

@@ -10,7 +10,7 @@ from cutenv.recording import read_record
 pytest.importorskip("cv2", reason="OpenCV is an extra: pip install 'cutenv[vision]'")
 pytest.importorskip("av", reason="PyAV is an extra: pip install 'cutenv[vision]'")
 
-from scripts import measure_one_cut_twice
+from scripts.validation.measurement import one_cut_twice
 
 
 def test_a_file_that_is_there_is_not_made_again_and_half_a_one_is_not_kept(tmp_path):
@@ -21,15 +21,15 @@ def test_a_file_that_is_there_is_not_made_again_and_half_a_one_is_not_kept(tmp_p
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        measure_one_cut_twice.made(path, stopped)
+        one_cut_twice.made(path, stopped)
     assert list(path.parent.iterdir()) == []
-    measure_one_cut_twice.made(path, lambda part: part.write_text("whole"))
-    measure_one_cut_twice.made(path, stopped)
+    one_cut_twice.made(path, lambda part: part.write_text("whole"))
+    one_cut_twice.made(path, stopped)
     assert path.read_text() == "whole"
 
 
 def test_the_beads_are_moved_by_the_force_that_the_record_shows(tmp_path):
-    cut = measure_one_cut_twice.RenderedCut(1)
+    cut = one_cut_twice.RenderedCut(1)
     cut.record(tmp_path / "cut.csv")
     (trace,) = read_record(tmp_path / "cut.csv").traces
     assert trace.depth is None
@@ -43,7 +43,7 @@ def test_the_beads_are_moved_by_the_force_that_the_record_shows(tmp_path):
 
 @pytest.mark.slow
 def test_both_moduli_are_what_was_put_in(tmp_path):
-    assert measure_one_cut_twice.measure(3, tmp_path) == 0
+    assert one_cut_twice.measure(3, tmp_path) == 0
     found = json.loads((tmp_path / "twice.json").read_text())
     put_in = found["modulus_put_in_Pa"]
     assert found["modulus_by_force_Pa"]["mean"] == pytest.approx(put_in, rel=0.02)

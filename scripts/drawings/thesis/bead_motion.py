@@ -39,8 +39,8 @@ from scripts.drawings.thesis.style import (
     panels,
     save,
 )
-from scripts.measure_field import LEM_AVERAGE, cut_of_liver
 from scripts.rendering.xray_session import THICKNESS, Session
+from scripts.validation.measurement.field import LEM_AVERAGE, cut_of_liver
 from scripts.validation.thesis.drawn_livers import measure_as_the_thesis
 from scripts.validation.thesis.models import FROM_THE_CLAMP, FROM_THE_LINE, TIP, displacement_of_beads
 from scripts.validation.thesis.virtual_cuts import SPEEDS, virtual_cut

@@ -31,8 +31,8 @@ from cutenv.plant import SimulatedPlant
 from cutenv.tissue import CutModel, Specimen, measured_liver
 from cutenv.tissue.slab import ROWS, row_means
 from cutenv.tissue.specimen import N_POINTS, SPACING
-from scripts import measure_recovery
 from scripts.speed.batch import MANY, RESETS_IN_STEPS, rates
+from scripts.validation.measurement import recovery
 from scripts.validation.physics.adversarial_motions import INCLINED, MOTIONS, UPRIGHT
 from scripts.validation.physics.promises import LEAST_WORK, RESIDUAL, SEED, Row, drawn
 
@@ -158,10 +158,10 @@ def check_drawing(keys: int) -> Iterator[Row]:
 
 
 def check_measurement(specimens: int) -> Iterator[Row]:
-    """Check the recovery of R, LEM, friction and eta90, by ``scripts/measure_recovery.py``."""
-    cuts, true_eta90 = measure_recovery.cut_specimens(CUT_LENGTH, specimens, SEED), measured_liver().eta90
-    for name, promised in measure_recovery.PROMISED.items():
-        found = measure_recovery.recovery(cuts, measure_recovery.CONDITIONS[name])
+    """Check the recovery of R, LEM, friction and eta90, by ``scripts/validation/measurement/recovery.py``."""
+    cuts, true_eta90 = recovery.cut_specimens(CUT_LENGTH, specimens, SEED), measured_liver().eta90
+    for name, promised in recovery.PROMISED.items():
+        found = recovery.recovery(cuts, recovery.CONDITIONS[name])
         where = f"{name.strip()}, {100 * CUT_LENGTH:g} cm"
         measured = f"{found.cuts} of {len(cuts)}"
         if "no return stroke" in name:  # a record without a steady segment then gives nothing

@@ -13,7 +13,7 @@ from tqdm import tqdm
 
 from cutenv.measurement import estimate_fracture_resistance, estimate_local_effective_moduli
 from cutenv.tissue import CutModel
-from scripts.measure_recovery import CONDITIONS, PROMISED, cut_specimens, recovery
+from scripts.validation.measurement.recovery import CONDITIONS, PROMISED, cut_specimens, recovery
 from scripts.validation.thesis.rows import Found, Row, check, hits, holds, largest_difference, near
 from scripts.validation.thesis.virtual_cuts import ANGLES_DEG, INCH, SEVEN_SPEEDS, SPEEDS, VirtualCut, cm_s, virtual_cut
 

@@ -1,6 +1,6 @@
 """Virtual records of cuts in steps of depth, as a rig with a height axis would have made them, and what was put in.
 
-    python -m scripts.stepped_cuts --out stepped --cuts 6 --layer-mm 10 --toughness 3 --modulus 2
+    python -m scripts.validation.measurement.stepped_cuts --out stepped --cuts 6 --layer-mm 10 --toughness 3 --modulus 2
 
 The blade cuts some centimetres at one depth below the surface, is raised by half a millimetre, and goes back past the
 tip.  Then it cuts on, and is lowered or raised on the way.  So each step ends unloaded, by which ``cutenv calibrate``

@@ -1,7 +1,7 @@
 """Put blade wear into series of virtual cuts, measure them as records, and print what is found beside what was put in.
 
-    python -m scripts.wear_series                      the table: some minutes
-    python -m scripts.wear_series --series 3 --json runs/wear.json
+    python -m scripts.validation.measurement.wear_series                      the table: some minutes
+    python -m scripts.validation.measurement.wear_series --series 3 --json runs/wear.json
 
 A series is cuts of 80 mm at 1.27 cm/s with a return stroke, one after the other by one blade, each in its own
 specimen, with the noise of force and depth of the environments.  In liver, cuts differ by half besides; in a block of

@@ -1,10 +1,10 @@
 """Recover what was put into virtual cuts with depth: fracture resistance by area, and layers with their intervals.
 
-    python -m scripts.recover_layers                     some minutes; writes runs/layers/layers.json
-    python -m scripts.recover_layers --studies 10        a quick look
-    python -m scripts.recover_layers --print             the tables of what is in runs/layers
+    python -m scripts.validation.measurement.layers                     some minutes; writes runs/layers/layers.json
+    python -m scripts.validation.measurement.layers --studies 10        a quick look
+    python -m scripts.validation.measurement.layers --print             the tables of what is in runs/layers
 
-A study is some cuts in steps of depth (scripts/stepped_cuts.py), each of another drawn liver, with noise of both
+A study is some cuts in steps of depth (scripts/validation/measurement/stepped_cuts.py), each of another drawn liver, with noise of both
 forces; the surface is known to the given error.
 """
 
@@ -25,7 +25,7 @@ from cutenv.tissue.grid import SPACING
 from cutenv.trace import Trace
 from scripts.benchmark.table import markdown_table
 from scripts.kept_rows import kept_json
-from scripts.stepped_cuts import DEPTHS, stepped_cut
+from scripts.validation.measurement.stepped_cuts import DEPTHS, stepped_cut
 
 KEPT = Path("runs") / "layers" / "layers.json"
 CUTS = 6
@@ -180,7 +180,7 @@ def main() -> None:
     if not arguments.print:
         KEPT.parent.mkdir(parents=True, exist_ok=True)
         KEPT.write_text(json.dumps(measure(arguments.studies)))
-    print(tables(kept_json(KEPT, "scripts.recover_layers")))
+    print(tables(kept_json(KEPT, "scripts.validation.measurement.layers")))
 
 
 if __name__ == "__main__":

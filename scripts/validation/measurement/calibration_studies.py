@@ -1,7 +1,7 @@
 """Calibration repeated: studies of three virtual livers each, and how often the 95 % intervals hold what was put in.
 
-    python -m scripts.calibration_studies                 ten studies of 42 cuts, four minutes
-    python -m scripts.calibration_studies --studies 5 --seed 400
+    python -m scripts.validation.measurement.calibration_studies                 ten studies of 42 cuts, four minutes
+    python -m scripts.validation.measurement.calibration_studies --studies 5 --seed 400
 
 Each study is one of ``calibrate_virtual_rig.py``. Its records are calibrated as they are, then every tenth reading of
 them with white noise added, then with a depth that is known as the environment's lab knows it.
@@ -24,7 +24,7 @@ from cutenv.tissue import Specimen, TissueDescription, measured_liver
 from cutenv.tissue.specimen import N_POINTS, SPACING
 from cutenv.trace import Trace
 from scripts.benchmark.table import markdown_table
-from scripts.calibrate_virtual_rig import session, truth
+from scripts.validation.measurement.calibrate_virtual_rig import session, truth
 
 STUDIES, SEED, LIVERS = 10, 200, 3
 RESAMPLES = 200
