@@ -213,18 +213,18 @@ MEASUREMENT = (
 
 RECORDS = (
     Check("records: damaged, and of other programs",
-          "a damaged file is read or refused with line and fix, never guessed", "scripts.record_trials", None,
+          "a damaged file is read or refused with line and fix, never guessed", "scripts.validation.records.record_trials", None,
           "docs/reference/files/records.md", long=True),
     Check("records: faults", "how well 'cutenv check' names faults, and how seldom it doubts a clean record",
-          "scripts.record_faults", 3, "docs/validation/record-faults.md", "record-faults",
-          "scripts.record_faults:table"),
-    Check("records: real cuts", "statistics of published hand-held cuts", "scripts.real_records", None,
+          "scripts.validation.records.record_faults", 3, "docs/validation/record-faults.md", "record-faults",
+          "scripts.validation.records.record_faults:table"),
+    Check("records: real cuts", "statistics of published hand-held cuts", "scripts.validation.records.real_records", None,
           "docs/validation/real-cuts.md"),
-    Check("records: score of real cuts", "score cards of published hand-held cuts", "scripts.score_real_records", None,
+    Check("records: score of real cuts", "score cards of published hand-held cuts", "scripts.validation.records.score_real_records", None,
           "docs/validation/real-cuts.md"),
     Check("records: ratings", "force statistics of published cuts beside their ratings by experts",
-          "scripts.expert_ratings", 0.5, "docs/validation/real-cuts.md", "expert-ratings",
-          "scripts.expert_ratings:report"),
+          "scripts.validation.records.expert_ratings", 0.5, "docs/validation/real-cuts.md", "expert-ratings",
+          "scripts.validation.records.expert_ratings:report"),
 )  # fmt: skip
 """Files of records, and those of real cuts."""
 

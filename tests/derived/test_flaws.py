@@ -12,7 +12,7 @@ from recorded_cut import recorded_cut
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.measurement import quality_issues
 from cutenv.trace import Trace
-from scripts.virtual_records import FLAWS, one_cut, valid_record
+from scripts.validation.records.virtual_records import FLAWS, one_cut, valid_record
 
 SENSORS = [
     SensorParameters(force_noise=noise, force_resolution=resolution)

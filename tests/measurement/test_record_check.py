@@ -16,8 +16,8 @@ from cutenv.recording import save
 from cutenv.recording.unchecked import readings_in
 from cutenv.scoring.record_check import FAULT_NAMES, record_faults
 from cutenv.trace import Trace
-from scripts import real_records
-from scripts import record_faults as made
+from scripts.validation.records import real_records
+from scripts.validation.records import record_faults as made
 
 RATE = 200.0
 

@@ -14,7 +14,7 @@ from cutenv.measurement.segments import STRAIGHT_RAMP
 from cutenv.scoring.study import NotEstimable, OneWay, Study, one_way_reliability
 from cutenv.tissue.cut_model import CutModel
 from cutenv.trace import Trace
-from scripts import real_records, score_real_records
+from scripts.validation.records import real_records, score_real_records
 
 recorded = pytest.mark.needs("records")
 

@@ -23,7 +23,7 @@ from cutenv.recording.importers import Imported, load_foreign
 from cutenv.recording.named_columns import bare_name
 from cutenv.scoring import score
 from cutenv.trace import Trace
-from scripts.virtual_records import DIALECTS, valid_record
+from scripts.validation.records.virtual_records import DIALECTS, valid_record
 
 
 def test_the_command_line_is_read() -> None:

@@ -13,9 +13,9 @@ from made_up import FULL, traces
 
 from cutenv.recording import SCHEMA, RecordError, load, load_one, save
 from cutenv.trace import Reading, Trace
-from scripts import record_trials
-from scripts.record_trials import KINDS, damaged, sound
 from scripts.speed import reading
+from scripts.validation.records import record_trials
+from scripts.validation.records.record_trials import KINDS, damaged, sound
 
 SUFFIXES = (".csv", ".parquet", ".h5", ".hdf5", ".CSV", ".mcap")
 

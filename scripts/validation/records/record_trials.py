@@ -1,8 +1,8 @@
 """Read damaged, flawed and foreign records, and print how that ends.
 
-    python -m scripts.record_trials                         20,000 damaged files, 100 of each flaw, 1000 valid records
-    python -m scripts.record_trials --files 500 --flawed 10 --valid 50
-    python -m scripts.record_trials --first 1234 --files 1 --keep FOLDER      one damaged file, kept to look at
+    python -m scripts.validation.records.record_trials                         20,000 damaged files, 100 of each flaw, 1000 valid records
+    python -m scripts.validation.records.record_trials --files 500 --flawed 10 --valid 50
+    python -m scripts.validation.records.record_trials --first 1234 --files 1 --keep FOLDER      one damaged file, kept to look at
 
 Damaged files, native and foreign, must load or end in a clear error. A file that loads to other numbers than were
 written to it has a digit changed in a way that cannot be detected. What must not happen is any error but RecordError, a
@@ -33,7 +33,7 @@ from cutenv._engine.parallel import cores
 from cutenv.measurement import quality_issues
 from cutenv.recording import ColumnMap, RecordError, load, load_foreign, save
 from cutenv.trace import Trace
-from scripts.virtual_records import DIALECTS, FLAWS, one_cut, valid_record
+from scripts.validation.records.virtual_records import DIALECTS, FLAWS, one_cut, valid_record
 
 CLEAR = ("refused", "loaded as it was", "loaded otherwise")
 _DEADLINE = 30.0  # [s] for a process to start, and for each file

@@ -1,8 +1,8 @@
 """The 207 real hand-held scalpel cuts, scored as a study: means, spread between cuts, reliability of every metric.
 
-    python -m scripts.score_real_records                reads ../shared/data beside the repository
-    python -m scripts.score_real_records --data FILE    reads another copy of the file
-    python -m scripts.score_real_records --out FOLDER   also writes the page, and every card as CSV
+    python -m scripts.validation.records.score_real_records                reads ../shared/data beside the repository
+    python -m scripts.validation.records.score_real_records --data FILE    reads another copy of the file
+    python -m scripts.validation.records.score_real_records --out FOLDER   also writes the page, and every card as CSV
 
 A record holds force only, normalised to the largest of the data set (unit "1"), at 30 Hz; the first 120 of its 180
 samples are the cut, and are scored. Metrics that need newtons, position, angle or depth are unavailable. The file does
@@ -22,7 +22,7 @@ from cutenv.report.study_table import table_lines
 from cutenv.scoring import METRICS, score
 from cutenv.scoring.study import StudiedCut, Study
 from cutenv.trace import Trace
-from scripts.real_records import CUT_SAMPLES, DATA, LICENCE, SOURCE, read_cuts
+from scripts.validation.records.real_records import CUT_SAMPLES, DATA, LICENCE, SOURCE, read_cuts
 
 
 def study_of(traces: list[Trace]) -> Study:

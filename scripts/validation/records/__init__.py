@@ -1,0 +1,1 @@
+"""Checks of reading: damaged records, records with faults, and published cuts of others."""
