@@ -11,7 +11,7 @@ from cutenv.policy.depth_scripts import HoldDepth
 from cutenv.policy.path_scripts import PATH_SCRIPTS
 from cutenv.tissue.lines import half_ellipse
 from cutenv.trace import Trace
-from scripts import check_score
+from scripts.validation.scoring import check_score
 
 LINE = half_ellipse(0.11, 0.015)
 

@@ -20,7 +20,7 @@ from cutenv.scoring.technique import FORCE_LIMIT_PER_DEPTH
 from cutenv.task.weights import Limits, RewardWeights
 from cutenv.task_quantities import DEPTH_COSTS, PATH_COSTS
 from cutenv.trace import Trace
-from scripts import check_score
+from scripts.validation.scoring import check_score
 
 SPECIMENS = 24
 HANDS = ("steady hand", "upright hand", "late hand")

@@ -20,8 +20,16 @@ from cutenv.scoring.points import CHARGED
 from cutenv.scoring.truth import TIP_AT_END
 from cutenv.task.weights import RewardWeights
 from cutenv.trace import Trace
-from scripts.check_score import CHANGES, RATES, doubts_report, forged, player, with_fast_clock, with_smooth_position
-from scripts.simulated_hands import SKILLS
+from scripts.validation.scoring.check_score import (
+    CHANGES,
+    RATES,
+    doubts_report,
+    forged,
+    player,
+    with_fast_clock,
+    with_smooth_position,
+)
+from scripts.validation.scoring.simulated_hands import SKILLS
 
 GAIN = 3.0
 """Points that a changed record may have more than the same cut as it was."""

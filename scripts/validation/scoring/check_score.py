@@ -1,12 +1,12 @@
 """Check that the overall score agrees with the task: same specimens, cut by scripts, agents, planner and hands.
 
-    python -m scripts.check_score                   500 specimens of each class, some fifteen minutes
-    python -m scripts.check_score --hand            simulated people as well, who hold it by a spring; half an hour
-    python -m scripts.check_score --specimens 50    a quick look
-    python -m scripts.check_score --task depth --specimens 60    cuts along a wanted depth; some ten minutes
-    python -m scripts.check_score --task path --specimens 60     cuts along a drawn line; likewise
-    python -m scripts.check_score --doubts          how often records are doubted by their motion; some two minutes
-    python -m scripts.check_score --print           prints what is in runs/check-score/
+    python -m scripts.validation.scoring.check_score                   500 specimens of each class, some fifteen minutes
+    python -m scripts.validation.scoring.check_score --hand            simulated people as well, who hold it by a spring; half an hour
+    python -m scripts.validation.scoring.check_score --specimens 50    a quick look
+    python -m scripts.validation.scoring.check_score --task depth --specimens 60    cuts along a wanted depth; some ten minutes
+    python -m scripts.validation.scoring.check_score --task path --specimens 60     cuts along a drawn line; likewise
+    python -m scripts.validation.scoring.check_score --doubts          how often records are doubted by their motion; some two minutes
+    python -m scripts.validation.scoring.check_score --print           prints what is in runs/check-score/
 
 A class that was measured is kept: a run that was broken off goes on with the next.
 
@@ -52,7 +52,7 @@ from cutenv.trace import Trace
 from scripts import ROOT
 from scripts.benchmark.table import markdown_table
 from scripts.kept_rows import keep, kept_rows
-from scripts.simulated_hands import DRIVEN, SKILLS, SimulatedHand
+from scripts.validation.scoring.simulated_hands import DRIVEN, SKILLS, SimulatedHand
 
 FOLDER, FILE, HAND_FILE, DOUBTS_FILE = Path("runs") / "check-score", "rows.csv", "hand.csv", "doubts.csv"
 """Folder of what is kept; in it, the rows of each class in a folder of its name, and those about doubts."""
@@ -442,7 +442,11 @@ def doubts_report(rows: Sequence[Mapping[str, Any]]) -> str:
 
 def kept_classes(folder: Path, kinds: Iterable[str] = CLASSES, *, hand: bool = True) -> list[dict[str, Any]]:
     """Return the kept rows of classes, with or without hands; SystemExit with the command that makes them."""
-    file, command = (HAND_FILE, "scripts.check_score --hand") if hand else (FILE, "scripts.check_score")
+    file, command = (
+        (HAND_FILE, "scripts.validation.scoring.check_score --hand")
+        if hand
+        else (FILE, "scripts.validation.scoring.check_score")
+    )
     return [row for kind in kinds for row in kept_rows(folder / kind / file, command, TEXTS)]
 
 
@@ -453,12 +457,15 @@ def kept_report() -> str:
 
 def kept_doubts(folder: Path = ROOT / FOLDER) -> str:
     """Return the report of doubts, of an earlier measurement."""
-    return doubts_report(kept_rows(folder / DOUBTS_FILE, "scripts.check_score --doubts", TEXTS))
+    return doubts_report(kept_rows(folder / DOUBTS_FILE, "scripts.validation.scoring.check_score --doubts", TEXTS))
 
 
 def kept_map_report(task: str, folder: Path = ROOT / FOLDER) -> str:
     """Return the report of cuts along a wanted depth or a line, of an earlier measurement."""
-    return map_report(MAP_TASKS[task], kept_rows(folder / f"{task}.csv", f"scripts.check_score --task {task}", TEXTS))
+    return map_report(
+        MAP_TASKS[task],
+        kept_rows(folder / f"{task}.csv", f"scripts.validation.scoring.check_score --task {task}", TEXTS),
+    )
 
 
 def main() -> None:

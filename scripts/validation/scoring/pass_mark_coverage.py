@@ -1,6 +1,6 @@
 """Print pass marks beside published ones, and how often their intervals hold the truth, as two Markdown tables.
 
-    python -m scripts.pass_mark_coverage [--trials 400]    a few minutes
+    python -m scripts.validation.scoring.pass_mark_coverage [--trials 400]    a few minutes
 
 The truth of a trial is known because the people are drawn from normal distributions: those of the passing group two or
 three standard deviations above the others.

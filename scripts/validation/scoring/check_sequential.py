@@ -1,7 +1,7 @@
 """Check the decisions of a sequential comparison by simulated studies, whose truth is known.
 
-    python -m scripts.check_sequential                       10,000 studies a row; some minutes
-    python -m scripts.check_sequential --studies 500 --block twins
+    python -m scripts.validation.scoring.check_sequential                       10,000 studies a row; some minutes
+    python -m scripts.validation.scoring.check_sequential --studies 500 --block twins
 
 Differences of a pair are drawn with a known mean and bounded as returns are, by 1: normal, heavy-tailed (Student's t
 with two degrees of freedom, clipped, its mean then set), drifting (the mean swings from study to study and day to day,
