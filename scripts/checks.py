@@ -256,17 +256,17 @@ SCORE = (
 
 VISION = (
     Check("vision: depth of cut", "errors of depth on rendered films, and of R with it",
-          "scripts.measure_depth_accuracy", 10, "docs/validation/depth.md", "depth",
-          "scripts.measure_depth_accuracy:report", kept="runs/depth_accuracy.json", long=True),
+          "scripts.validation.vision.depth_accuracy", 10, "docs/validation/depth.md", "depth",
+          "scripts.validation.vision.depth_accuracy:report", kept="runs/depth_accuracy.json", long=True),
     Check("vision: runs of the crack", "runs of the crack that a film shows, beside those of the simulator",
-          "scripts.measure_seen_runs", 5, "docs/validation/depth.md", "seen-runs", "scripts.measure_seen_runs:report",
+          "scripts.validation.vision.seen_runs", 5, "docs/validation/depth.md", "seen-runs", "scripts.validation.vision.seen_runs:report",
           kept="runs/seen_runs.json", long=True),
     Check("vision: camera beside a rig", "frames a second beside an emulated rig, and the rig's timing with it",
-          "scripts.camera_beside_rig --minutes 1 --json runs/camera-beside-rig.json", 15, "docs/validation/depth.md",
-          "live-camera", "scripts.camera_beside_rig:markdown", kept="runs/camera-beside-rig.json", long=True),
+          "scripts.validation.vision.camera_beside_rig --minutes 1 --json runs/camera-beside-rig.json", 15, "docs/validation/depth.md",
+          "live-camera", "scripts.validation.vision.camera_beside_rig:markdown", kept="runs/camera-beside-rig.json", long=True),
     Check("vision: beads in X-ray images", "how exactly C-arm images are corrected and beads followed",
-          "scripts.measure_bead_tracking", 15, "docs/validation/beads.md", "bead-tracking",
-          "scripts.measure_bead_tracking:kept_markdown", long=True),
+          "scripts.validation.vision.bead_tracking", 15, "docs/validation/beads.md", "bead-tracking",
+          "scripts.validation.vision.bead_tracking:kept_markdown", long=True),
 )  # fmt: skip
 """Measurement by images, on rendered ones."""
 
@@ -275,9 +275,9 @@ def rig_faults(page: str, kind: str, rig: str) -> Check:
     """Return the check of faults of a kind of rig: "" is that of the drives on a bus."""
     block = f"rig-faults{kind and f'-{kind}'}"
     file = f"runs/{block}.json"
-    run = " ".join(("scripts.rig_faults", *filter(None, (kind and f"--{kind}",)), "--json", file))
+    run = " ".join(("scripts.validation.rig.rig_faults", *filter(None, (kind and f"--{kind}",)), "--json", file))
     promise = f"every fault of {rig} is found out, stops it, and stays stopped"
-    return Check(f"rig: faults of {rig}", promise, run, 15, page, block, "scripts.rig_faults:markdown", (), file, True)
+    return Check(f"rig: faults of {rig}", promise, run, 15, page, block, "scripts.validation.rig.rig_faults:markdown", (), file, True)
 
 
 RIG = (
@@ -287,34 +287,34 @@ RIG = (
     rig_faults("docs/rig/serial-rig.md", "serial", "a serial rig"),
     rig_faults("docs/rig/serial-rig.md", "grbl", "a rig with GRBL"),
     Check("rig: attacks", "no attack on a rig moves its blade unwatched",
-          "scripts.rig_attacks --times 3 --json runs/rig-attacks.json", 15, "docs/rig/what-stops-it.md", "rig-attacks",
-          "scripts.rig_attacks:markdown", kept="runs/rig-attacks.json", long=True),
+          "scripts.validation.rig.rig_attacks --times 3 --json runs/rig-attacks.json", 15, "docs/rig/what-stops-it.md", "rig-attacks",
+          "scripts.validation.rig.rig_attacks:markdown", kept="runs/rig-attacks.json", long=True),
     Check("rig: soak", "an hour of cuts on an emulated rig, and the timing of its clock",
-          "scripts.rig_soak --minutes 60 --json runs/rig-soak.json", 120, "docs/rig/what-stops-it.md", "rig-soak",
-          "scripts.rig_soak:markdown", kept="runs/rig-soak.json", long=True),
-    Check("rig: jitter", "jitter of the loop of a rig, alone and beside other programs", "scripts.loop_jitter", 5,
+          "scripts.validation.rig.rig_soak --minutes 60 --json runs/rig-soak.json", 120, "docs/rig/what-stops-it.md", "rig-soak",
+          "scripts.validation.rig.rig_soak:markdown", kept="runs/rig-soak.json", long=True),
+    Check("rig: jitter", "jitter of the loop of a rig, alone and beside other programs", "scripts.validation.rig.loop_jitter", 5,
           "docs/rig/what-stops-it.md"),
     Check("rig: twins", "verdicts of a comparison of rig and simulator under a known gain of the force",
-          "scripts.twin_trials --json runs/twins.json", 5, "docs/rig/run.md", "twins", "scripts.twin_trials:kept_table",
+          "scripts.validation.rig.twin_trials --json runs/twins.json", 5, "docs/rig/run.md", "twins", "scripts.validation.rig.twin_trials:kept_table",
           kept="runs/twins.json"),
     Check("rig: tasks with a third axis", "scripts on the same specimens in the simulator and on a rig",
-          "scripts.tasks_on_rig --task depth", None, "docs/rig/run.md"),
+          "scripts.validation.rig.tasks_on_rig --task depth", None, "docs/rig/run.md"),
     Check("rig: haptics", "an emulated haptic device stays passive, and the stiffness that it can render",
-          "scripts.measure_haptics passivity", 20, "docs/how-to/haptic-devices.md"),
+          "scripts.validation.rig.haptics passivity", 20, "docs/how-to/haptic-devices.md"),
     Check("rig: emulated haptic device", "a device of Force Dimension, emulated by its SDK's functions",
-          "scripts.emulated_force_dimension", None, "docs/how-to/haptic-devices.md"),
+          "scripts.validation.rig.emulated_force_dimension", None, "docs/how-to/haptic-devices.md"),
 )  # fmt: skip
 """Rigs, in real time on an emulator."""
 
 CLASSES = (
     Check("class: load", "what a server loses that is overloaded, killed and sent nonsense",
-          "scripts.class_load --json runs/class-load.json", 15, "docs/validation/class-server.md", "class-load",
-          "scripts.class_load:markdown", kept="runs/class-load.json", long=True),
-    Check("class: attacks", "attacks that a class's server is tested with", "scripts.class_attacks --try", 2,
-          "docs/validation/class-server.md", "class-attacks", "scripts.class_attacks:markdown"),
+          "scripts.validation.classroom.class_load --json runs/class-load.json", 15, "docs/validation/class-server.md", "class-load",
+          "scripts.validation.classroom.class_load:markdown", kept="runs/class-load.json", long=True),
+    Check("class: attacks", "attacks that a class's server is tested with", "scripts.validation.classroom.class_attacks --try", 2,
+          "docs/validation/class-server.md", "class-attacks", "scripts.validation.classroom.class_attacks:markdown"),
     Check("class: page in browsers", "pictures a second, delay and score of the page that cuts, in real browsers",
-          "scripts.measure_page --json runs/measure_page.json", 5, "docs/how-to/browser.md", "browser-page",
-          "scripts.measure_page:markdown", kept="runs/measure_page.json"),
+          "scripts.validation.classroom.page_in_browsers --json runs/measure_page.json", 5, "docs/how-to/browser.md", "browser-page",
+          "scripts.validation.classroom.page_in_browsers:markdown", kept="runs/measure_page.json"),
 )  # fmt: skip
 """A class and its browsers."""
 

@@ -39,7 +39,7 @@ settings.load_profile("exploring" if os.environ.get("CUTENV_EXPLORE") else "repe
 @pytest.fixture(scope="session")
 def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     """One browser for every test of a page; one with 3-D graphics is another."""
-    from scripts import chromium  # from scripts/, which a copy of this file elsewhere does not have
+    from scripts.browsers import chromium  # from scripts/, which a copy of this file elsewhere does not have
 
     with chromium.browser(tmp_path_factory.mktemp("profile")) as opened:
         yield opened

@@ -17,9 +17,9 @@ from PIL import Image  # comes with matplotlib
 
 from cutenv.browser import write_page_alone
 from cutenv.browser.stylus_steps import HandPathCut
-from scripts import chromium
+from scripts.browsers import chromium
 from scripts.drawings.view import COLOURS, PICTURES
-from scripts.measure_page import led
+from scripts.validation.classroom.page_in_browsers import led
 
 WIDTH = 1100  # px, of the window
 SEED = 4  # of specimen and hand

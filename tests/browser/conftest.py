@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from opened_page import Browser, wait
 
-from scripts import chromium, firefox
+from scripts.browsers import chromium, firefox
 
 BROWSERS = [pytest.param(name, marks=pytest.mark.needs(name.lower())) for name in ("Chromium", "Firefox")]
 

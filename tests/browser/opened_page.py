@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
-from scripts import chromium, firefox
+from scripts.browsers import chromium, firefox
 
 Browser = chromium.Browser | firefox.Browser
 

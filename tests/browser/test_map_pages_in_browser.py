@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from opened_page import Browser, open_on_telephone, start, wait
 
-from scripts import measure_page
+from scripts.validation.classroom import page_in_browsers
 
 pytest.importorskip("jinja2", reason="pages are an extra: pip install 'cutenv[view]'")
 
@@ -158,7 +158,7 @@ def test_a_cut_that_does_damage_ends_and_is_told(page: Browser, written: Path) -
     indirect=["written"],
 )
 def test_the_points_of_the_page_are_pythons_by_the_true_tip_and_cut(page: Browser, written: Path, seed: int) -> None:
-    shown, known, _ = measure_page.scores(page, seed, written.stem)
+    shown, known, _ = page_in_browsers.scores(page, seed, written.stem)
     assert shown == pytest.approx(known, abs=1e-6 if written.stem == "depth" else 1e-9)
 
 

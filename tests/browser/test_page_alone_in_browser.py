@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from opened_page import Browser, fits_and_can_be_read, open_on_telephone, start, wait
 
-from scripts import measure_page
+from scripts.validation.classroom import page_in_browsers
 
 pytest.importorskip("jinja2", reason="pages are an extra: pip install 'cutenv[view]'")
 
@@ -74,7 +74,7 @@ def test_a_record_of_the_page_is_pythons(page: Browser, tmp_path: Path, number: 
 
 @pytest.mark.parametrize("seed", [*range(5), 173])  # the last lets the blade lurch at more than 1 m/s
 def test_the_score_of_the_page_is_pythons_by_the_true_tip(page: Browser, seed: int) -> None:
-    shown, known, _ = measure_page.scores(page, seed)
+    shown, known, _ = page_in_browsers.scores(page, seed)
     assert shown == pytest.approx(known, abs=1e-9)
 
 

@@ -17,7 +17,8 @@ from xml.etree import ElementTree
 
 import pytest
 
-from scripts import chromium, firefox, test_programs
+from scripts import test_programs
+from scripts.browsers import chromium, firefox
 
 pytest.importorskip("jinja2", reason="pages are an extra: pip install 'cutenv[view]'")
 

@@ -32,9 +32,9 @@ from cutenv.browser import HandCut
 from cutenv.classroom import ClassStore, class_tables, lesson, patient_protocol
 from cutenv.classroom.class_site import Trials
 from cutenv.recording import load_one
-from scripts.class_attacks import ATTACKS
-from scripts.class_load import Served
-from scripts.malformed_messages import malformed_message
+from scripts.validation.classroom.class_attacks import ATTACKS
+from scripts.validation.classroom.class_load import Served
+from scripts.validation.classroom.malformed_messages import malformed_message
 
 TWO_TASKS = """name = "two"
 [[task]]

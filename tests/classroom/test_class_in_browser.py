@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from scripts import chromium
+from scripts.browsers import chromium
 
 pytest.importorskip("starlette", reason="the server is an extra: pip install 'cutenv[serve]'")
 pytest.importorskip("httpx2", reason="asks the server in its tests: pip install 'cutenv[dev]'")
@@ -22,7 +22,7 @@ pytest.importorskip("httpx2", reason="asks the server in its tests: pip install 
 from cutenv.classroom import ClassStore
 from cutenv.cli import main
 from cutenv.recording import load_one
-from scripts.class_load import Served
+from scripts.validation.classroom.class_load import Served
 
 pytestmark = pytest.mark.needs("chromium")
 

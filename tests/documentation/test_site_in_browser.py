@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from scripts import chromium
+from scripts.browsers import chromium
 
 pytest.importorskip("mkdocs", reason="the site needs an extra: pip install 'cutenv[docs]'")
 pytestmark = pytest.mark.needs("chromium")

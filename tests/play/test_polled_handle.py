@@ -368,7 +368,7 @@ def test_a_hundred_thousand_damaged_messages_are_samples_or_refused() -> None:
     assert 50_000 < refused < 100_000
 
 
-SCRIPT = Path(__file__).parents[2] / "scripts/emulated_force_dimension.py"
+SCRIPT = Path(__file__).parents[2] / "scripts/validation/rig/emulated_force_dimension.py"
 PLAYED = """
 import json, sys, time
 from cutenv.play.force_dimension import FORCE_DIMENSION_AXES, FORCE_DIMENSION_COUPLING, ForceDimensionLink

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from scripts import chromium
-from scripts.chromium import Browser
+from scripts.browsers import chromium
+from scripts.browsers.chromium import Browser
 
 
 @pytest.fixture(scope="session")

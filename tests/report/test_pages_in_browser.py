@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from scripts.chromium import LEAST_CONTRAST, Browser
+from scripts.browsers.chromium import LEAST_CONTRAST, Browser
 
 pytest.importorskip("matplotlib", reason="pictures are an extra: pip install 'cutenv[view]'")
 

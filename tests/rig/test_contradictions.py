@@ -27,7 +27,7 @@ from cutenv.rig.operation.session import RigSession, SpecimenKey
 from cutenv.rig.safety.stop_causes import Cause, RigStopped
 from cutenv.rig.toml_file import read_rig_file, to_toml
 from cutenv.tissue.specimen import Specimen
-from scripts.cutting_rig import CuttingRig
+from scripts.validation.rig.cutting_rig import CuttingRig
 
 ATTEMPTS = 8  # at half a second of cutting in which the host does not stall
 CONTRADICTORY: dict[str, tuple[RigSettings, dict[str, Any], tuple[str, ...]]] = {

@@ -1,6 +1,6 @@
 """In real time, on an emulated rig in a process of its own: every fault stops the blade, at once, and it stays stopped.
 
-``scripts/rig_faults.py`` makes many trials of each, and prints the table; here is one of each. Those that every run
+``scripts/validation/rig/rig_faults.py`` makes many trials of each, and prints the table; here is one of each. Those that every run
 makes need wires, or a process that ends. Of the others the two halves are tested on a clock moved by hand: what the
 emulator then does (test_emulator_faults.py), and what the rig makes of it (test_every_fault_stops.py,
 test_cross_axes.py).
@@ -24,8 +24,8 @@ from cutenv.imitated.emulator.emulated_bench import FAULTS
 from cutenv.imitated.emulator.process import start
 from cutenv.recording import load_one
 from cutenv.rig.toml_file import to_toml
-from scripts import rig_faults, rig_trials
-from scripts.cross_trials import CROSS_FAULTS
+from scripts.validation.rig import rig_faults, rig_trials
+from scripts.validation.rig.cross_trials import CROSS_FAULTS
 
 SCRIPTS = Path(__file__).parents[2] / "scripts"
 

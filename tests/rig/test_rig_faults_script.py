@@ -1,4 +1,4 @@
-"""``scripts/rig_faults.py`` tells of a busy machine and goes on; ``rig_attacks.py`` tells what held and what not."""
+"""``scripts/validation/rig/rig_faults.py`` tells of a busy machine and goes on; ``rig_attacks.py`` tells what held and what not."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scripts import rig_attacks, rig_faults, rig_trials
-from scripts.attack_scene import Outcome, Scene
-from scripts.busy_host import LATE, Lateness, TooBusy, look
+from scripts.validation.rig import rig_attacks, rig_faults, rig_trials
+from scripts.validation.rig.attack_scene import Outcome, Scene
+from scripts.validation.rig.busy_host import LATE, Lateness, TooBusy, look
 
 CALM = Lateness([], True)
 WELL = rig_trials.Trial(
@@ -133,7 +133,7 @@ def test_what_came_of_an_attack_is_judged(outcome: Outcome, safe: bool, stops: b
 def test_a_blade_that_moves_on_is_seen(speed: float, moves: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """The sibling: a stop that is not one is told as such."""
     times = itertools.count()
-    monkeypatch.setattr("scripts.attack_scene.time.sleep", lambda seconds: None)
+    monkeypatch.setattr("scripts.validation.rig.attack_scene.time.sleep", lambda seconds: None)
     with Scene() as scene:
         monkeypatch.setattr(scene, "_truth", lambda: {"position_m": speed * next(times)})
         outcome = Outcome(cause="as if stopped")

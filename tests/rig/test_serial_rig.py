@@ -40,7 +40,7 @@ from cutenv.rig.safety.stop_causes import Cause
 from cutenv.rig.toml_file import read_rig_file, template, to_toml
 from cutenv.rig_drivers.conformance import Listening
 from cutenv.rig_drivers.slow_profile import RATES, slow_settings
-from scripts import rig_faults, rig_trials
+from scripts.validation.rig import rig_faults, rig_trials
 
 
 @pytest.fixture

@@ -35,7 +35,7 @@ from cutenv.viewer.solid.solids import (
     pose,
 )
 from cutenv.viewer.solid.view_page import view_page
-from scripts import chromium
+from scripts.browsers import chromium
 
 ANGLE = math.radians(60.0)
 

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from view_pages import INSTANTS, document, shown, told, with_told
 
-from scripts import chromium
-from scripts.chromium import LEAST_CONTRAST, Browser
+from scripts.browsers import chromium
+from scripts.browsers.chromium import LEAST_CONTRAST, Browser
 
 pytest.importorskip("meshcat", reason="the 3-D viewer is an extra: pip install 'cutenv[view3d]'")
 

@@ -21,7 +21,7 @@ def filmed(tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespace:
     from cutenv.recording import save
     from cutenv.trace import Trace
     from cutenv.vision.camera_calibration import CalibrationBoard, calibrate_cameras, halves
-    from scripts.rendering.filmed_cut import film_cut
+    from scripts.validation.vision.rendering.filmed_cut import film_cut
 
     folder: Path = tmp_path_factory.mktemp("film")
     time = np.arange(0.0, 3.6, 1e-3)

@@ -15,8 +15,8 @@ from cutenv.vision.beads import BeadFilter, find_beads, track_beads
 from cutenv.vision.fluoroscopy import deinterlaced
 from cutenv.vision.projection import project
 from cutenv.vision.registration import SpecimenFrame, clock_lag
-from scripts import carm_measurement
-from scripts.rendering.xray_session import CutHistory, Session
+from scripts.validation.vision import carm_measurement
+from scripts.validation.vision.rendering.xray_session import CutHistory, Session
 
 SPEED = 0.003  # m/s
 STRIDE = 6  # frames of the video between those that are used

@@ -12,7 +12,7 @@ cv2 = pytest.importorskip("cv2", reason="cv2 is an extra: pip install 'cutenv[vi
 
 from cutenv.vision.camera_calibration import CalibrationBoard, calibrate_cameras, halves, read_image  # noqa: E402
 from cutenv.vision.cameras import CalibratedCameras  # noqa: E402
-from scripts.rendering.board_images import held_boards  # noqa: E402
+from scripts.validation.vision.rendering.board_images import held_boards  # noqa: E402
 
 TAGS = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
 PHOTOGRAPH = Path(__file__).parent / "data" / "chessboard.jpg"

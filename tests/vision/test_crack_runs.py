@@ -17,7 +17,7 @@ from cutenv.vision.crack_runs import SeenRun, runs_and_drops, seen_runs
 from cutenv.vision.depth_record import filmed_depth
 from cutenv.vision.film_source import VideoFrame
 from cutenv.vision.marked_blade import BladeCameras
-from scripts.rendering.moved_tissue import MovedTissue
+from scripts.validation.vision.rendering.moved_tissue import MovedTissue
 
 RUNS = np.array([1.1, 1.3, 1.5])
 """Times at which the crack runs, 5 mm each [s]; the blade stands from 1.7 s on."""

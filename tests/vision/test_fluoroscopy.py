@@ -12,7 +12,7 @@ from cutenv.vision.distortion import DISTORTION_MODELS, THESIS_ERROR, Distortion
 from cutenv.vision.fluoroscopy import CArmCalibration, CArmView, calibrate_view, deinterlaced
 from cutenv.vision.projection import CArm
 from cutenv.vision.spots import CalibrationRefusedError, locate_grid
-from scripts.rendering.xray import XRayCamera
+from scripts.validation.vision.rendering.xray import XRayCamera
 
 SIZE = {"rows": 240, "columns": 360, "centre": (160.0, 124.0)}
 STRONG = (9e-4, -0.05, 0.0)

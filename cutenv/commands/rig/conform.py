@@ -2,7 +2,7 @@
 
 An axis moves to and fro by some millimetres: take the blade off, and lay nothing in its way. A sensor must not be
 touched. Without --section the blade's axis and the sensor are tried. How a whole rig stops at every fault is
-measured on an emulator: scripts/rig_faults.py.
+measured on an emulator: scripts/validation/rig/rig_faults.py.
 """
 
 from __future__ import annotations

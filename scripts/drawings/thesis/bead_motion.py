@@ -23,7 +23,6 @@ from cutenv.vision.beads import track_beads
 from cutenv.vision.filmed_measurement import zones_as_measured
 from cutenv.vision.fluoroscopy import NTSC_RATE, CArmView
 from cutenv.vision.projection import project
-from scripts.carm_measurement import BEAD_PX, Array, calibrated, predicted_by, swept
 from scripts.drawings.thesis import xray_images
 from scripts.drawings.thesis.experiments import KIND
 from scripts.drawings.thesis.models import FACES, seen_from_above
@@ -39,11 +38,12 @@ from scripts.drawings.thesis.style import (
     panels,
     save,
 )
-from scripts.rendering.xray_session import THICKNESS, Session
 from scripts.validation.measurement.field import LEM_AVERAGE, cut_of_liver
 from scripts.validation.thesis.drawn_livers import measure_as_the_thesis
 from scripts.validation.thesis.models import FROM_THE_CLAMP, FROM_THE_LINE, TIP, displacement_of_beads
 from scripts.validation.thesis.virtual_cuts import SPEEDS, virtual_cut
+from scripts.validation.vision.carm_measurement import BEAD_PX, Array, calibrated, predicted_by, swept
+from scripts.validation.vision.rendering.xray_session import THICKNESS, Session
 
 AXES = ("x, across", "y, along", "z, up")
 NEAR, REACHED = 0.022, 0.075  # beads that are followed: from the cut line, and from the clamp [m]

@@ -56,7 +56,7 @@ def filmed_liver(rate: float) -> FilmedLiver:
     from cutenv.vision.depth_record import filmed_depth
     from cutenv.vision.film_source import VideoFrame
     from cutenv.vision.marked_blade import BladeCameras, MarkedBlade
-    from scripts.rendering.filmed_cut import film_cut
+    from scripts.validation.vision.rendering.filmed_cut import film_cut
 
     cut = virtual_cut(KIND, speed=SPEEDS[1], turns=(TRAVEL, 0.0))
     (position,) = cut.trace.require("position", by="filmed_liver")

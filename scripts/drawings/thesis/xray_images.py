@@ -14,10 +14,10 @@ from cutenv.vision.distortion import THESIS_ERROR, FittedDistortion
 from cutenv.vision.fluoroscopy import CArmView, calibrate_view
 from cutenv.vision.projection import THESIS_MAGNIFICATION, fit_magnification
 from cutenv.vision.spots import GridHoles
-from scripts.carm_measurement import HOLE, HOLE_PX, SPACING, Array, plates_by_distance
 from scripts.drawings.thesis.style import FIRST, FORCE, STRAIN, STRESS, named, panels, save
-from scripts.rendering.xray import XRayCamera
-from scripts.rendering.xray_session import ERRORS, Session
+from scripts.validation.vision.carm_measurement import HOLE, HOLE_PX, SPACING, Array, plates_by_distance
+from scripts.validation.vision.rendering.xray import XRayCamera
+from scripts.validation.vision.rendering.xray_session import ERRORS, Session
 
 SEED = 72
 SHOWN = 45.0  # time of the images [s]

@@ -40,10 +40,10 @@ from cutenv.tissue import CutModel, Specimen, quasi_static_modulus
 from cutenv.tissue.grid import LENGTH, N_POINTS
 from cutenv.vision.beads import track_beads
 from cutenv.vision.film_source import video_frames
-from scripts.carm_measurement import BEAD_PX, Array, calibrated, swept
-from scripts.rendering.filmed_cut import FilmedCut, film_cut
-from scripts.rendering.moved_tissue import MovedTissue
-from scripts.rendering.xray_session import THICKNESS, CutHistory, Session
+from scripts.validation.vision.carm_measurement import BEAD_PX, Array, calibrated, swept
+from scripts.validation.vision.rendering.filmed_cut import FilmedCut, film_cut
+from scripts.validation.vision.rendering.moved_tissue import MovedTissue
+from scripts.validation.vision.rendering.xray_session import THICKNESS, CutHistory, Session
 
 OUT = Path("runs") / "one_cut_twice"
 SPEED, WAY_BACK, TRAVEL = 0.0038, 0.0127, 0.07  # of the blade [m/s], [m]

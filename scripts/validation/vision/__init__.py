@@ -1,0 +1,1 @@
+"""Checks of measurement by images, on rendered ones whose truth is known."""
