@@ -22,7 +22,7 @@ from tqdm import tqdm
 from cutenv.tissue import Layers
 from cutenv.tissue.layers import LAYER_REACH, layered_depth_by
 from cutenv.tissue.slab import ROWS, THICKNESS
-from scripts.benchmark.table import markdown_table
+from scripts.benchmarks.leaderboard.table import markdown_table
 from scripts.derivations.partial_depth import LAYERS, stiffness_by_depth
 
 Array = NDArray[np.float64]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 
-from scripts.benchmark.table import markdown_table
+from scripts.benchmarks.leaderboard.table import markdown_table
 from scripts.checks import CHECKS, Check
 
 PAGE = "validation/checks.md"

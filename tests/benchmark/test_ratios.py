@@ -1,6 +1,6 @@
 """How fast things are beside each other: bounds so wide that only a real loss breaks them, never a busy machine.
 
-Beside each bound stands what was measured on 2 cores; what is required of a quiet machine, ``scripts/bench.py`` prints.
+Beside each bound stands what was measured on 2 cores; what is required of a quiet machine, ``scripts/benchmarks/speed/bench.py`` prints.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from cutenv.tissue.mesh import ELEMENT_KINDS, CutMesh
 from cutenv.tissue.tip_response import stiffness_matrix, tip_responses
 from cutenv.trace import Reading
 from cutenv.viewer.drawn_slab import Slab
-from scripts.speed.batch import bare, hold_in_single_file
-from scripts.speed.factorisation import factorising_per_tip
-from scripts.speed.vertical_motion import MOTIONS, BareRates, descending_rates
+from scripts.benchmarks.speed.batch import bare, hold_in_single_file
+from scripts.benchmarks.speed.factorisation import factorising_per_tip
+from scripts.benchmarks.speed.vertical_motion import MOTIONS, BareRates, descending_rates
 
 pytestmark = pytest.mark.benchmark(group="ratios")
 

@@ -17,7 +17,7 @@ from scripts.documentation import check_pages
 ROOT = Path(__file__).parents[2]
 FOLDERS = ("validation", "benchmarks", "derivations")
 """Folders of scripts/ of which every program is a check."""
-PARTS = {"scripts.validation.rig.rig_cut_process", "scripts.speed.operations"}
+PARTS = {"scripts.validation.rig.rig_cut_process", "scripts.benchmarks.speed.operations"}
 """Programs that others start."""
 
 

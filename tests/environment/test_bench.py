@@ -18,10 +18,10 @@ import cutenv
 from cutenv.plant import SimulatedPlant
 from cutenv.tissue import Specimen
 from cutenv.tissue.lines import half_ellipse
-from scripts import bench
-from scripts.speed import (
+from scripts.benchmarks.speed import (
     BENCHMARKS,
     batch,
+    bench,
     calibration,
     environment,
     factorisation,
@@ -42,9 +42,9 @@ from scripts.speed import (
     tick,
     vertical_motion,
 )
-from scripts.speed.comparison import compared
-from scripts.speed.measured import Measured, Number
-from scripts.speed.record import Record
+from scripts.benchmarks.speed.comparison import compared
+from scripts.benchmarks.speed.measured import Measured, Number
+from scripts.benchmarks.speed.record import Record
 
 THIRD_ACTIONS = [(task, name) for task, motions in third_action.MOTIONS.items() for name in motions]
 
@@ -394,7 +394,7 @@ def test_a_file_that_is_no_record_is_refused_before_anything_is_measured(content
         bench.main(["step", "--compare", str(path)])
     said = capsys.readouterr().err
     assert re.search(f"argument --compare: {re.escape(str(path))} .*{why}", said)
-    assert "Make one with: python -m scripts.bench --json FILE" in said
+    assert "Make one with: python -m scripts.benchmarks.speed.bench --json FILE" in said
 
 
 @pytest.mark.parametrize(("name", "why"), [("", "is a folder"), ("none/a.json", "there is no folder")])

@@ -33,13 +33,13 @@ from cutenv.learning.seeds import ENVIRONMENT, TEST_SEEDS, TRAINING_SEEDS, VALID
 from cutenv.learning.statistics import Interval
 from cutenv.policy import Features, Network, save_policy
 from cutenv.tissue.description import TissueDescription
-from scripts.benchmark import runs as program
-from scripts.benchmark.aggregate import Line, disagreements, read_summary, verdict
-from scripts.benchmark.kept_cuts import file_of, read_run, read_runs, write_run
-from scripts.benchmark.protocol import BEST_FEED, ENTRIES, SCRIPTED, keep_protocol, kept_protocol, slug
-from scripts.benchmark.robustness import settings
-from scripts.benchmark.runs import Benchmark, Part, differs
-from scripts.benchmark.table import (
+from scripts.benchmarks.leaderboard import runs as program
+from scripts.benchmarks.leaderboard.aggregate import Line, disagreements, read_summary, verdict
+from scripts.benchmarks.leaderboard.kept_cuts import file_of, read_run, read_runs, write_run
+from scripts.benchmarks.leaderboard.protocol import BEST_FEED, ENTRIES, SCRIPTED, keep_protocol, kept_protocol, slug
+from scripts.benchmarks.leaderboard.robustness import settings
+from scripts.benchmarks.leaderboard.runs import Benchmark, Part, differs
+from scripts.benchmarks.leaderboard.table import (
     add_submission,
     markdown,
     publish,
@@ -460,7 +460,7 @@ def test_every_constant_of_the_parameter_table_that_has_a_range_is_swept(tmp_pat
 
 
 def test_who_takes_no_part_is_refused_with_those_who_do(tmp_path):
-    done = run("scripts/benchmark_agents.py", tmp_path, "--only", "PPPO")
+    done = run("scripts/benchmarks/leaderboard/benchmark_agents.py", tmp_path, "--only", "PPPO")
     assert done.returncode == 2
     assert "'PPPO' takes no part" in done.stderr
     assert "recurrent PPO" in done.stderr

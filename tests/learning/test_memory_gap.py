@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("sb3_contrib", reason="the learners are an extra: pip install 'cutenv[rl]'")
 
 from cutenv.task.privileged import PRIVILEGED_FEATURES
-from scripts import memory_gap
+from scripts.benchmarks.agents import memory_gap
 
 
 def run(monkeypatch, folder: Path, *options: str) -> None:
@@ -45,5 +45,5 @@ def test_they_see_what_they_are_said_to_see():
 
 
 def test_without_a_run_there_is_no_table(tmp_path):
-    with pytest.raises(SystemExit, match=r"holds no run; run 'python -m scripts.memory_gap' first"):
+    with pytest.raises(SystemExit, match=r"holds no run; run 'python -m scripts.benchmarks.agents.memory_gap' first"):
         memory_gap.kept(tmp_path)

@@ -14,10 +14,10 @@ from cutenv.learning.benchmark import Protocol
 from cutenv.learning.evaluation import contestant, evaluate
 from cutenv.learning.statistics import interquartile_mean
 from cutenv.policy import NULL_POLICIES, ORACLE, SCRIPTS
-from scripts.benchmark.kept_cuts import DIGITS, file_of, read_run, read_runs
-from scripts.benchmark.protocol import BEST_FEED, ENTRIES, SCRIPTED, kept_protocol
-from scripts.benchmark.summary import Table
-from scripts.benchmark.table import PUBLISHED, read_table
+from scripts.benchmarks.leaderboard.kept_cuts import DIGITS, file_of, read_run, read_runs
+from scripts.benchmarks.leaderboard.protocol import BEST_FEED, ENTRIES, SCRIPTED, kept_protocol
+from scripts.benchmarks.leaderboard.summary import Table
+from scripts.benchmarks.leaderboard.table import PUBLISHED, read_table
 
 
 @pytest.fixture(scope="module")

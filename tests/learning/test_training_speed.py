@@ -1,4 +1,4 @@
-"""``scripts/training_speed.py`` trains as ``cutenv train`` does, or with a memory; ``scripts/bench.py`` reads it."""
+"""``scripts/benchmarks/speed/training_speed.py`` trains as ``cutenv train`` does, or with a memory; ``scripts/benchmarks/speed/bench.py`` reads it."""
 
 from __future__ import annotations
 
@@ -14,8 +14,7 @@ pytest.importorskip("torch", reason="the learner is an extra: pip install 'cuten
 import ppo_gru
 
 from cutenv.learning.arguments import PPOArguments
-from scripts import training_speed
-from scripts.speed import ppo
+from scripts.benchmarks.speed import ppo, training_speed
 
 SMALL = dataclasses.replace(PPOArguments(), environments=4, rollout=32, batch_size=32)
 

@@ -9,7 +9,7 @@ import pytest
 
 from cutenv.learning.seeds import VALIDATION_SEEDS
 from cutenv.policy.path_scripts import SteerByForce
-from scripts.knowledge_ladder import LADDERS, START, KnowledgeLadder, PathRung
+from scripts.benchmarks.agents.knowledge_ladder import LADDERS, START, KnowledgeLadder, PathRung
 
 SEEDS = VALIDATION_SEEDS[:6]
 LADDER = LADDERS["path"]

@@ -8,7 +8,7 @@ import pytest
 from cutenv.learning.evaluation import Contestant, evaluate
 from cutenv.learning.seeds import VALIDATION_SEEDS
 from cutenv.policy.path_scripts import EXCISION_NUMBERS, PATH_SCRIPTS, SteerByForce, with_numbers
-from scripts import tune_scripts
+from scripts.benchmarks.agents import tune_scripts
 
 SEEDS = VALIDATION_SEEDS[:4]
 FORCE = tune_scripts.FAMILIES["steer by force"]

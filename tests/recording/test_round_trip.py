@@ -13,7 +13,7 @@ from made_up import FULL, traces
 
 from cutenv.recording import SCHEMA, RecordError, load, load_one, save
 from cutenv.trace import Reading, Trace
-from scripts.speed import reading
+from scripts.benchmarks.speed import reading
 from scripts.validation.records import record_trials
 from scripts.validation.records.record_trials import KINDS, damaged, sound
 

@@ -34,7 +34,7 @@ from cutenv.scoring.validity import Unavailable
 from cutenv.task.registry import TASKS, tasks_with
 from cutenv.tissue.grid import depth_below
 from cutenv.trace import Trace
-from scripts.benchmark.table import markdown_table
+from scripts.benchmarks.leaderboard.table import markdown_table
 from scripts.browsers import chromium, firefox
 from scripts.kept_rows import keep_json
 

@@ -25,7 +25,7 @@ from cutenv.tissue import CutModel, Specimen
 from cutenv.tissue.tables import table
 from cutenv.vision.field_comparison import ZoneModuli, compare_field, estimate_zone_moduli
 from cutenv.vision.filmed_measurement import MeanModulus, measure_filmed_cut, zones_as_measured
-from scripts.benchmark.table import markdown_table
+from scripts.benchmarks.leaderboard.table import markdown_table
 from scripts.validation.measurement.filmed_cuts import filmed_cut, slice_of_zones
 from scripts.validation.thesis.models import FROM_THE_CLAMP, FROM_THE_LINE, TIP, TIP_DISPLACEMENT, displacement_of_beads
 

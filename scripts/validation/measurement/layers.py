@@ -23,7 +23,7 @@ from cutenv.measurement.measured_cut import find_layers
 from cutenv.tissue import CutModel, Layers, Specimen
 from cutenv.tissue.grid import SPACING
 from cutenv.trace import Trace
-from scripts.benchmark.table import markdown_table
+from scripts.benchmarks.leaderboard.table import markdown_table
 from scripts.kept_rows import kept_json
 from scripts.validation.measurement.stepped_cuts import DEPTHS, stepped_cut
 

@@ -25,7 +25,7 @@ from cutenv.plant import DescendingPlant
 from cutenv.tissue import Layers, Specimen, measured_liver
 from cutenv.tissue.layers import LAYER_REACH
 from cutenv.tissue.specimen import SPACING
-from scripts.benchmark.table import markdown_table
+from scripts.benchmarks.leaderboard.table import markdown_table
 from scripts.derivations.layers import SlabsOfBricks, size_of, slab_name
 from scripts.validation.physics import promises
 from scripts.validation.physics.adversarial_motions import FEED, MOTIONS, TICKS, UPRIGHT

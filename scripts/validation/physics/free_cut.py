@@ -20,7 +20,7 @@ from cutenv.envs.free_cut import FreeCutEnv
 from cutenv.envs.path_cut import PathCutEnv
 from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.task.registry import TASKS
-from scripts.benchmark.table import markdown_table
+from scripts.benchmarks.leaderboard.table import markdown_table
 
 KINDS = ("arc", "s", "excision", "random")
 CUTS = 5

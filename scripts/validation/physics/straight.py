@@ -31,7 +31,7 @@ from cutenv.plant import SimulatedPlant
 from cutenv.tissue import CutModel, Specimen, measured_liver
 from cutenv.tissue.slab import ROWS, row_means
 from cutenv.tissue.specimen import N_POINTS, SPACING
-from scripts.speed.batch import MANY, RESETS_IN_STEPS, rates
+from scripts.benchmarks.speed.batch import MANY, RESETS_IN_STEPS, rates
 from scripts.validation.measurement import recovery
 from scripts.validation.physics.adversarial_motions import INCLINED, MOTIONS, UPRIGHT
 from scripts.validation.physics.promises import LEAST_WORK, RESIDUAL, SEED, Row, drawn

@@ -24,7 +24,7 @@ from cutenv._base.arrays import Array
 from cutenv.scoring import ReferenceSet, score
 from cutenv.scoring.metric import FORCE_WEIGHTS, METRICS
 from cutenv.trace import Trace
-from scripts.benchmark.table import markdown_table
+from scripts.benchmarks.leaderboard.table import markdown_table
 from scripts.validation.records.real_records import CUT_SAMPLES, DATA, by_trial, read_cuts
 
 RATINGS = DATA.with_name("scalpel_excision_ratings.csv")

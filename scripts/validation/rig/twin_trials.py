@@ -21,7 +21,7 @@ from cutenv.policy import BASELINES
 from cutenv.sim_to_real import Agreement, ComparedCut
 from cutenv.sim_to_real.paired_experiment import cut_once, cut_twins, simulate_cuts
 from cutenv.tissue.specimen import Specimen
-from scripts.benchmark.table import markdown_table
+from scripts.benchmarks.leaderboard.table import markdown_table
 
 POLICY = "constant 1.27 cm/s 90 deg"
 SPECIMENS, DRAWS, RUNS = 20, 4, 10

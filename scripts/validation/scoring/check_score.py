@@ -50,7 +50,7 @@ from cutenv.task.registry import TASKS
 from cutenv.tissue.lines import places_within
 from cutenv.trace import Trace
 from scripts import ROOT
-from scripts.benchmark.table import markdown_table
+from scripts.benchmarks.leaderboard.table import markdown_table
 from scripts.kept_rows import keep, kept_rows
 from scripts.validation.scoring.simulated_hands import DRIVEN, SKILLS, SimulatedHand
 

@@ -26,7 +26,7 @@ from cutenv.vision.fluoroscopy import CArmCalibration, deinterlaced
 from cutenv.vision.projection import project, triangulate
 from cutenv.vision.registration import clock_lag
 from scripts import ROOT
-from scripts.benchmark.table import markdown_table
+from scripts.benchmarks.leaderboard.table import markdown_table
 from scripts.validation.vision.carm_measurement import (
     BEAD_PX,
     SEED,

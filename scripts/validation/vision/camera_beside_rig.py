@@ -30,7 +30,7 @@ import numpy as np
 from cutenv.rig.config.settings import CameraSettings
 from cutenv.rig.devices.camera import RigCamera
 from cutenv.vision.camera_calibration import calibrate_cameras, halves
-from scripts.benchmark.table import markdown_table
+from scripts.benchmarks.leaderboard.table import markdown_table
 from scripts.kept_rows import keep_json
 from scripts.validation.rig import rig_soak
 from scripts.validation.vision.depth_accuracy import BOARD, BOARDS

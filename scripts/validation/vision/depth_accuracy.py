@@ -34,7 +34,7 @@ from cutenv.vision.cameras import CalibratedCameras
 from cutenv.vision.depth_record import FilmedDepth, filmed_depth
 from cutenv.vision.film_source import video_frames
 from cutenv.vision.marked_blade import BladeCameras
-from scripts.benchmark.table import markdown_table
+from scripts.benchmarks.leaderboard.table import markdown_table
 from scripts.kept_rows import keep_json
 from scripts.validation.measurement.recovery import KnownCut, cut_specimens
 from scripts.validation.vision.rendering.filmed_cut import FilmedCut, film_cut

@@ -1,0 +1,1 @@
+"""Tables of agents, scripts and planners on the same held-out specimens."""
