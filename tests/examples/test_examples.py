@@ -48,7 +48,7 @@ def test_there_are_examples():
 
 
 def test_the_notebook_prints_what_its_page_shows():
-    from scripts import notebook_page
+    from scripts.documentation import notebook_page
 
     page, figures = notebook_page.run(json.loads(notebook_page.NOTEBOOK.read_text(encoding="utf-8")))
     assert page == notebook_page.PAGE.read_text(encoding="utf-8")

@@ -13,8 +13,8 @@ from packaging.requirements import Requirement
 from cutenv import cli
 from cutenv._base.imports import EXTRAS_OF_MODULE, extra_named
 from cutenv._base.output import watched
-from scripts import licence_table
-from scripts.licence_table import brought
+from scripts.documentation import licences
+from scripts.documentation.licences import brought
 
 PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 EXTRAS = {name: {Requirement(line).name for line in lines} for name, lines in PROJECT["optional-dependencies"].items()}
@@ -91,7 +91,7 @@ def test_the_table_of_the_install_page_names_every_extra() -> None:
 def test_the_licence_of_everything_that_an_extra_installs_is_on_its_page_and_none_is_gpl() -> None:
     page = (Path(__file__).parents[2] / "docs/reference/licences.md").read_text(encoding="utf-8")
     listed = dict(re.findall(r"^\| ([\w-]+) \| (.+?) \|", page, re.MULTILINE))
-    names = set().union(*map(brought, licence_table.EXTRAS.values()))
+    names = set().union(*map(brought, licences.EXTRAS.values()))
     assert len(names) > 10
     missing = names - listed.keys() - {"backports-zstd"}  # of some Pythons alone
     assert not missing, f"python -m scripts.update_docs licences: {missing}"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from scripts import measure_codebase
+from scripts.documentation import measure_codebase
 
 ROOT = Path(__file__).parents[2]
 

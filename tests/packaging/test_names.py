@@ -11,7 +11,7 @@ import pytest
 
 from cutenv.cutting.motion import Motion
 from cutenv.task.declare import Task
-from scripts import measure_codebase
+from scripts.documentation import measure_codebase
 
 ROOT = Path(__file__).parents[2]
 

@@ -1,6 +1,6 @@
 """Table of the formats of laboratories: what is read at first try, what is asked, what is left out.
 
-    python -m scripts.lab_format_table
+    python -m scripts.documentation.lab_format_table
 
 Each file of the corpus (tests/recording/lab_formats.py) is made, read as it is, and compared with its truth.
 """

@@ -1,7 +1,7 @@
 """Run the examples, and write what they print into their pages of the documentation.
 
-    python -m scripts.example_pages             all of them
-    python -m scripts.example_pages NAME ...    some of them
+    python -m scripts.documentation.example_pages             all of them
+    python -m scripts.documentation.example_pages NAME ...    some of them
 
 Needed after a change of what an example prints; ``tests/examples`` compares the pages with what is printed.
 """
