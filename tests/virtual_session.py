@@ -1,4 +1,4 @@
-"""Sessions on the virtual rig of ``scripts/validation/measurement/calibrate_virtual_rig.py``: small, of tissue that is known, cut once."""
+"""Sessions on the virtual rig of ``calibrate_virtual_rig``: small, of tissue that is known, cut once."""
 
 from __future__ import annotations
 

@@ -124,7 +124,8 @@ def estimate_fracture_resistance(
     The error is mostly due to depth. In sampled livers cut 11 cm long R is recovered within 0.4 % (median) and 1.6 %
     (95th percentile) with exact depth, within 1.3 and 4.0 % with depth known to 0.5 mm; then within 2.8 and 7.9 %
     over 6 cm and 5.7 and 16 % over 3 cm, which are shallower. Without a return stroke friction's share is wrong by
-    the assumption, and R within 0.5 and 2.1 % over 11 cm, exact depth (``scripts/validation/measurement/recovery.py --specimens 40``).
+    the assumption, and R within 0.5 and 2.1 % over 11 cm, exact depth (``scripts/validation/measurement/recovery.py
+    --specimens 40``).
     """
     by = "estimate_fracture_resistance"
     trace.require_newtons(by=by)

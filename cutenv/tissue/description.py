@@ -229,7 +229,8 @@ class TissueDescription:
     )  # fmt: skip
     eta90: float = parameter(
         0.28, unit="1", low=0.0, high=0.95, provenance="derived",
-        source="unit length of Table 4.1's cut, taken for 1 cm deep (scripts/derivations/eta90.py)", sensitivity=(0.2, 0.45),
+        source="unit length of Table 4.1's cut, taken for 1 cm deep (scripts/derivations/eta90.py)",
+        sensitivity=(0.2, 0.45),
     )  # fmt: skip
     thickness: float = parameter(
         THICKNESS, unit="m", low=1e-3, high=0.1, provenance="measured", source="of the slab, thesis 3.2"

@@ -1,8 +1,8 @@
 """The lines that a task draws: 64 of each kind, with the stiffness of a uniform slab along each.
 
 A line's stiffness is a finite-element solution, which takes a hundred times as long as the cut.  So there is a set of
-lines, the same for everybody, to the last bit, whose solutions ``scripts/derivations/lines.py`` has stored; a line that is
-given is solved for when it is given, and differs from machine to machine in the last places.  Every second line of a
+lines, the same for everybody, to the last bit, whose solutions ``scripts/derivations/lines.py`` has stored; a line that
+is given is solved for when it is given, and differs from machine to machine in the last places.  Every second line of a
 kind is the mirror image of the one before it.
 """
 

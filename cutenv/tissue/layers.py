@@ -50,7 +50,8 @@ class Layers:
 
 
 LAYER_REACH = 0.0011
-"""Length below a blade's lower end over which its surroundings lose influence [m]: ``scripts/derivations/layers.py``."""
+"""Length below a blade's lower end over which its surroundings lose influence [m] (``scripts/derivations/layers.py``).
+"""
 
 
 @njit_inline

@@ -6,8 +6,8 @@ axes of the slab, along and across it, and with u = |y| over half its width, it 
     M = kappa(x) R(phi) diag(P1, P2) R(phi)^T,    tan phi = c1 y / (x + c2) (1 + c3 u^2),
     P1 = 1 - c4 u^2 / (c5 + u),    P2 = S(x) (1 + (c6 + c7 x / 0.1 m) u^2),
 
-kappa and kappa S along and across a straight cut as long.  ``scripts/derivations/lines.py --fit`` fits the seven numbers to
-the stored lines.  A tip that stands d to the left of a line, whose own stiffness K is solved, has
+kappa and kappa S along and across a straight cut as long.  ``scripts/derivations/lines.py --fit`` fits the seven
+numbers to the stored lines.  A tip that stands d to the left of a line, whose own stiffness K is solved, has
 
     K_tip = L K L^T,    L = chol(M(tip)) chol(M(foot))^-1,
 

@@ -342,8 +342,8 @@ def effective_depth(cut_length: ArrayLike, depth: ArrayLike, thickness: float = 
 
     Notes
     -----
-    The table is from bricks with a Poisson's ratio of 0.3 and T = 2.5 cm (``scripts/derivations/partial_depth.py``).  It
-    holds for elements of 1 cm, as ``CutModel`` has: on smaller ones a shallow cut is less stiff.
+    The table is from bricks with a Poisson's ratio of 0.3 and T = 2.5 cm (``scripts/derivations/partial_depth.py``).
+    It holds for elements of 1 cm, as ``CutModel`` has: on smaller ones a shallow cut is less stiff.
     """
     a, B = np.broadcast_arrays(np.asarray(cut_length, np.float64), np.asarray(depth, np.float64))
     ratio = np.asarray(_kept("partial_depth")["stiffness_ratio"])

@@ -2,8 +2,8 @@
 
     python -m scripts.derivations.layers            some minutes: 26 slabs of bricks
 
-The slab of ``scripts/derivations/partial_depth.py`` is solved anew with layers of other moduli.  One number, the reach of
-:func:`cutenv.tissue.layers.layered_depth`, is fitted by least squares to some of them; the others are held out.  The
+The slab of ``scripts/derivations/partial_depth.py`` is solved anew with layers of other moduli.  One number, the reach
+of :func:`cutenv.tissue.layers.layered_depth`, is fitted by least squares to some of them; the others are held out.  The
 exit status is 1 if the reach in use is not the fitted one.
 """
 
@@ -22,8 +22,8 @@ from tqdm import tqdm
 from cutenv.tissue import Layers
 from cutenv.tissue.layers import LAYER_REACH, layered_depth_by
 from cutenv.tissue.slab import ROWS, THICKNESS
-from scripts.benchmarks.leaderboard.table import markdown_table
 from scripts.derivations.partial_depth import LAYERS, stiffness_by_depth
+from scripts.tables import markdown_table
 
 Array = NDArray[np.float64]
 

@@ -36,7 +36,7 @@ from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING, field_modes, lognormal
 from cutenv.tissue.slab import DEPTHS, ROWS, THICKNESS, local_modulus, row_means, stiffness_along
 from cutenv.tissue.specimen import Specimen
 from cutenv.tissue.tables import FOLDER
-from scripts.benchmarks.leaderboard.table import markdown_table
+from scripts.tables import markdown_table
 
 Array = NDArray[np.float64]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 
-from scripts.benchmarks.leaderboard.table import markdown_table
 from scripts.checks import CHECKS, Check
+from scripts.tables import markdown_table
 
 PAGE = "validation/checks.md"
 _HEAD = """# What backs which number

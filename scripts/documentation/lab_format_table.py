@@ -16,7 +16,7 @@ from typing import Any
 from cutenv.recording import RecordError
 from cutenv.recording.importers import OpenQuestions, look_at
 from scripts import ROOT
-from scripts.benchmarks.leaderboard.table import markdown_table
+from scripts.tables import markdown_table
 
 sys.path.insert(0, str(ROOT / "tests" / "recording"))
 TOLERANCE = 0.01

@@ -1,6 +1,6 @@
 """Licences of everything that pip installs for the package and its extras, read from the installed packages.
 
-python -m scripts.documentation.licences         the table of docs/reference/licences.md, from an environment that has it all
+python -m scripts.documentation.licences  the table of docs/reference/licences.md, from an environment that has it all
 """
 
 from __future__ import annotations

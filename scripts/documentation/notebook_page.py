@@ -1,7 +1,7 @@
 """Run the notebook, and write its page of the documentation: text, code, what was printed, and its figures.
 
-    python -m scripts.documentation.notebook_page             writes docs/how-to/notebook.md and assets/pictures/notebook-1.svg
-    python -m scripts.documentation.notebook_page --check     fails if the page is not what the notebook prints now
+    python -m scripts.documentation.notebook_page  writes docs/how-to/notebook.md and assets/pictures/notebook-1.svg
+    python -m scripts.documentation.notebook_page --check  fails if the page is not what the notebook prints now
 
 The cells are plain Python, and run without Jupyter, one after the other in one namespace.
 """
@@ -68,7 +68,10 @@ def main(argv: list[str]) -> int:
     page, figures = run(json.loads(NOTEBOOK.read_text(encoding="utf-8")))
     if "--check" in argv:
         if page != PAGE.read_text(encoding="utf-8"):
-            print(f"{PAGE} is not what {NOTEBOOK.name} prints: run scripts/documentation/notebook_page.py", file=sys.stderr)
+            print(
+                f"{PAGE} is not what {NOTEBOOK.name} prints: run scripts/documentation/notebook_page.py",
+                file=sys.stderr,
+            )
             return 1
         return 0
     PAGE.write_text(page, encoding="utf-8")

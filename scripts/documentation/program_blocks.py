@@ -11,8 +11,8 @@ from scripts import ROOT
 
 
 def printed(program: str, *arguments: str) -> str:
-    """Return what a program of the checkout prints."""
-    command = [sys.executable, "-m", f"scripts.{program}", *arguments]
+    """Return what a module of the checkout prints."""
+    command = [sys.executable, "-m", program, *arguments]
     return subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True, cwd=ROOT).stdout.strip()
 
 
@@ -25,11 +25,13 @@ def agreement() -> str:
     """Return the thesis's numbers and those of independent calculations next to ours."""
     with tempfile.TemporaryDirectory() as folder:
         table = Path(folder) / "agreement.md"
-        printed("reproduce_thesis", "--out", folder, "--markdown", str(table))
+        printed("scripts.validation.thesis.reproduce_thesis", "--out", folder, "--markdown", str(table))
         return table.read_text(encoding="utf-8").strip()
 
 
 def calibration() -> str:
     """Return the comparison of calibrated values and true values that the virtual rig's calibration ends with."""
-    compared = printed("calibrate_virtual_rig").partition("4. Compared with the true values:\n")[2]
+    compared = printed("scripts.validation.measurement.calibrate_virtual_rig").partition(
+        "4. Compared with the true values:\n"
+    )[2]
     return "```\n" + compared.strip("\n") + "\n```"

@@ -26,7 +26,7 @@ from cutenv.tissue import tables as thesis_tables
 from cutenv.tissue.blade_wear import BladeWear
 from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.specimen import SurfaceSpread
-from scripts.benchmarks.leaderboard.table import markdown_table
+from scripts.tables import markdown_table
 
 
 def parameters() -> str:

@@ -12,8 +12,8 @@ import numpy as np
 from cutenv.learning.statistics import mean_with_interval, rows_of
 from cutenv.policy import CONSTANT_FEEDS, ORACLE, SCRIPTS
 from scripts import ROOT
-from scripts.benchmarks.leaderboard.table import markdown_table
 from scripts.documentation.page_blocks import block_of
+from scripts.tables import markdown_table
 
 SCORES = ("return", "success", "tip_error_mm", "peak_force_N", "time_s")
 

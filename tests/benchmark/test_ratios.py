@@ -1,6 +1,7 @@
 """How fast things are beside each other: bounds so wide that only a real loss breaks them, never a busy machine.
 
-Beside each bound stands what was measured on 2 cores; what is required of a quiet machine, ``scripts/benchmarks/speed/bench.py`` prints.
+Beside each bound stands what was measured on 2 cores; what is required of a quiet machine,
+``scripts/benchmarks/speed/bench.py`` prints.
 """
 
 from __future__ import annotations

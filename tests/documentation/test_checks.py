@@ -34,6 +34,7 @@ def programs() -> list[str]:
 def test_every_program_is_a_check() -> None:
     run = {check.run.split()[0] for check in CHECKS}
     assert set(programs()) - run - PARTS == set()
+    assert PARTS <= set(programs())
 
 
 def test_every_check_runs_a_module_that_there_is() -> None:

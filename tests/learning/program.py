@@ -23,7 +23,7 @@ ROOT = Path(__file__).parents[2]
 
 
 def command(program: str) -> list[str]:
-    """``train --learner bc`` is a command of cutenv; ``scripts/benchmarks/speed/bench.py`` a program of the checkout."""
+    """``train --learner bc`` is a command of cutenv; ``agents/ppo.py`` a program of the checkout."""
     called = [str(ROOT / program)] if program.endswith(".py") else ["-m", "cutenv", *program.split()]
     return [sys.executable, *called]
 

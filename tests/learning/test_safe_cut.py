@@ -18,7 +18,7 @@ from cutenv.learning.statistics import by_policy, mean_with_interval
 from cutenv.policy import TrainedPolicy
 from cutenv.sb3 import FeatureVecEnv
 from scripts.benchmarks.agents import safe_cut
-from scripts.kept_rows import keep, kept_rows
+from scripts.tables import keep, kept_rows
 
 SMALL = {
     "environments": 8,
@@ -98,4 +98,6 @@ def test_a_policy_that_does_not_exist_is_refused_before_any_work(monkeypatch, ca
 
 def test_what_is_kept_prints_the_same_table(rows, tmp_path):
     keep(tmp_path / "rows.csv", rows)
-    assert safe_cut.report(kept_rows(tmp_path / "rows.csv", "scripts.benchmarks.agents.safe_cut")) == safe_cut.report(rows)
+    assert safe_cut.report(kept_rows(tmp_path / "rows.csv", "scripts.benchmarks.agents.safe_cut")) == safe_cut.report(
+        rows
+    )

@@ -1,4 +1,4 @@
-"""``scripts/benchmarks/speed/training_speed.py`` trains as ``cutenv train`` does, or with a memory; ``scripts/benchmarks/speed/bench.py`` reads it."""
+"""The measurement of training speed trains as ``cutenv train`` does, or with a memory; the benchmark reads it."""
 
 from __future__ import annotations
 

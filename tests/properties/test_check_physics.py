@@ -1,4 +1,4 @@
-"""``scripts/validation/physics/straight.py`` on one specimen: what its promises say is kept, and broken physics is told."""
+"""The check of the physics on one specimen: what its promises say is kept, and broken physics is told."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``scripts/validation/rig/rig_faults.py`` tells of a busy machine and goes on; ``rig_attacks.py`` tells what held and what not."""
+"""The trials of faults tell of a busy machine and go on; those of attacks tell what held and what not."""
 
 from __future__ import annotations
 

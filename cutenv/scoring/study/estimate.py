@@ -135,7 +135,8 @@ def over_people(value: float, replicates: Array, people: int) -> Estimate:
     -----
     Expanded percentile interval of Hesterberg, The American Statistician 69 (2015) 371-386, section 5.3, doi
     10.1080/00031305.2015.1089789: the plain percentiles are too narrow for few people, so the tails are moved out by
-    Student's t and by sqrt(n/(n - 1)). How often it holds the truth is printed by ``scripts/validation/scoring/pass_mark_coverage.py``.
+    Student's t and by sqrt(n/(n - 1)). How often it holds the truth is printed by
+    ``scripts/validation/scoring/pass_mark_coverage.py``.
     """
     if people < FEWEST_FOR_AN_INTERVAL:
         return Estimate(value=value, note=f"no interval: it takes {FEWEST_FOR_AN_INTERVAL} people, here {people}")

@@ -1,7 +1,7 @@
 """Baseline table: every baseline on 500 specimens of each class, with the present and the earlier reward of v1.
 
-    python -m scripts.benchmarks.agents.baseline_table               a quarter of an hour on 2 cores; writes runs/baselines/
-    python -m scripts.benchmarks.agents.baseline_table --print       prints what is in runs/baselines/
+    python -m scripts.benchmarks.agents.baseline_table          a quarter of an hour on 2 cores; writes runs/baselines/
+    python -m scripts.benchmarks.agents.baseline_table --print  prints what is in runs/baselines/
 
 It shows how much there is to learn: the gap between the best script and the planner that knows the truth.
 
@@ -26,7 +26,7 @@ from cutenv.task.weights import RewardWeights
 from cutenv.task_quantities import TIME_SCALE
 from cutenv.tissue.specimen import CLASSES
 from scripts import ROOT
-from scripts.kept_rows import interval_text, keep, kept_rows
+from scripts.tables import interval_text, keep, kept_rows
 
 FOLDER = Path("runs") / "baselines"
 DEADLINE = 30.0  # [s]
@@ -133,7 +133,11 @@ def report(rows: Sequence[Mapping[str, Any]], specimen_class: str) -> str:
 
 def kept(folder: Path, specimen_class: str) -> list[dict[str, Any]]:
     """Return the rows of an earlier measurement; SystemExit if there is none."""
-    return kept_rows(folder / f"{specimen_class}.csv", "scripts.benchmarks.agents.baseline_table", ("policy", "specimen_class", "end"))
+    return kept_rows(
+        folder / f"{specimen_class}.csv",
+        "scripts.benchmarks.agents.baseline_table",
+        ("policy", "specimen_class", "end"),
+    )
 
 
 def kept_report() -> str:

@@ -1,12 +1,12 @@
 """Ladder of knowledge of a task that adds to gentle cutting: what one script earns with more and more of the truth.
 
-    python -m scripts.benchmarks.agents.knowledge_ladder depth            500 held-out specimens; writes runs/depth/ladder.csv
-    python -m scripts.benchmarks.agents.knowledge_ladder path --validation    on validation specimens, to plan a training
-    python -m scripts.benchmarks.agents.knowledge_ladder path --print     the table of what is in runs/path
+    python -m scripts.benchmarks.agents.knowledge_ladder depth  500 held-out specimens; writes runs/depth/ladder.csv
+    python -m scripts.benchmarks.agents.knowledge_ladder path --validation  on validation specimens, to plan a training
+    python -m scripts.benchmarks.agents.knowledge_ladder path --print  the table of what is in runs/path
 
 Every rung for DepthCut-v1 is the script "follow the depth" with other knowledge.  The steps between the rungs say what
-of the gap to the planner with truth, which is in the table of ``scripts/benchmarks/agents/task_table.py depth``, is the tip, the surface,
-the place of the stop, and the tissue ahead.
+of the gap to the planner with truth, which is in the table of ``scripts/benchmarks/agents/task_table.py depth``, is the
+tip, the surface, the place of the stop, and the tissue ahead.
 
 The first rungs for PathCut-v1 are the script "steer by force", told one thing, or several.  The last three steer by the
 planner's rule at the script's speed, with the true state but for what their names say: so they say whether knowledge or
@@ -45,7 +45,7 @@ from cutenv.policy.path_scripts import (
 )
 from cutenv.tissue.grid import N_POINTS, POINTS_PER_METRE
 from scripts.benchmarks.agents.ladder import TrueTip, rows_of_rung
-from scripts.kept_rows import keep, kept_rows, mean_text
+from scripts.tables import keep, kept_rows, mean_text
 
 START = "as the script has it"
 """Name of the first rung."""

@@ -1,8 +1,8 @@
 """Look-ahead over sampled tissues: what the best place to stop is worth that the force so far can tell.
 
-    python -m scripts.benchmarks.agents.learned_stop                  5000 training and 4000 held-out specimens, some five minutes
-    python -m scripts.benchmarks.agents.learned_stop --specimens 1000 --held-out 500      a quick look
-    python -m scripts.benchmarks.agents.learned_stop --print          prints what is in runs/ladder/
+    python -m scripts.benchmarks.agents.learned_stop  5000 training and 4000 held-out specimens, some five minutes
+    python -m scripts.benchmarks.agents.learned_stop --specimens 1000 --held-out 500  a quick look
+    python -m scripts.benchmarks.agents.learned_stop --print  prints what is in runs/ladder/
 
 What a stop earns depends on the tissue ahead, which nobody sees.  But over thousands of tissues drawn like the one at
 hand, the agent's features tell what stopping here and what going on earn on average: optimal stopping by regression
@@ -33,7 +33,7 @@ from cutenv.policy.interface import DISTANCE_COLUMN, POSITION_COLUMN, SPEED_COLU
 from cutenv.policy.scripted import coasting
 from cutenv.task.observation import COMPONENTS
 from scripts.benchmarks.agents import ladder
-from scripts.kept_rows import interval_text, keep, kept_rows, mean_text
+from scripts.tables import interval_text, keep, kept_rows, mean_text
 
 FILE = "learned_stop.csv"
 SCRIPT, LEARNED = "return stroke", "return stroke with a learned stop"

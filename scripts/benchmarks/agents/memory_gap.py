@@ -27,7 +27,7 @@ from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.learning.statistics import mean_with_interval, rows_of, write_csv
 from cutenv.sb3 import NativeVecEnv
 from scripts import ROOT
-from scripts.benchmarks.leaderboard.table import markdown_table
+from scripts.tables import markdown_table
 
 FOLDER = Path("runs") / "memory"
 ENVIRONMENTS, STACKED = 64, 8

@@ -1,7 +1,8 @@
 """Count the return strokes of policies, by which the force tells where the tip is.
 
-    python -m scripts.benchmarks.agents.return_strokes "return stroke" ppo-free runs/NAME/policy     writes runs/strokes/strokes.csv
-    python -m scripts.benchmarks.agents.return_strokes --print                                       the table of what is in there
+    python -m scripts.benchmarks.agents.return_strokes "return stroke" ppo-free runs/NAME/policy
+        writes runs/strokes/strokes.csv
+    python -m scripts.benchmarks.agents.return_strokes --print  the table of what is in there
 
 A return stroke draws the blade back by a millimetre or more, and goes forward again by as much.  The last drawing back,
 which unloads the tissue at the end, is none.
@@ -20,7 +21,7 @@ from cutenv._base.arrays import Array
 from cutenv.learning.evaluation import batched_rollout, contestant
 from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.learning.statistics import by_policy
-from scripts.kept_rows import keep, kept_rows, mean_text
+from scripts.tables import keep, kept_rows, mean_text
 
 FILE = Path("runs") / "strokes" / "strokes.csv"
 LEAST = 0.001

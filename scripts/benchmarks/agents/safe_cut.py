@@ -1,6 +1,6 @@
 """Print the cost of policies on cutenv/SafeCut-v1, and their differences from a policy on the same specimens.
 
-    python -m scripts.benchmarks.agents.safe_cut                                    probe and creep: two thirds of its cost are the budget
+    python -m scripts.benchmarks.agents.safe_cut  probe and creep: two thirds of its cost are the budget
     python -m scripts.benchmarks.agents.safe_cut runs/ppo/policy runs/careful/policy "return stroke"
 
 Differences are from the first policy named, which is ``probe and creep`` without any, paired by specimen.
@@ -17,8 +17,7 @@ from cutenv.envs.tracks import COST_BUDGET_MM, PROTOCOL
 from cutenv.learning.evaluation import Contestant, contestant, evaluate
 from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.learning.statistics import by_policy
-from scripts.benchmarks.leaderboard.table import markdown_table
-from scripts.kept_rows import keep, kept_rows, mean_text
+from scripts.tables import keep, kept_rows, markdown_table, mean_text
 
 FOLDER, FILE = Path("runs") / "safe-cut", "rows.csv"
 BUDGET_OF = "probe and creep"

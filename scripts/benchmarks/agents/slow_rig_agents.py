@@ -1,8 +1,9 @@
 """Policies on a slow rig, beside the same on the rig of the tasks: can a cheap rig be used.
 
-    python -m scripts.benchmarks.agents.slow_rig_agents --train              trains three policies for it, 5 minutes each, and compares
-    python -m scripts.benchmarks.agents.slow_rig_agents                      compares with the policies trained before
-    python -m scripts.benchmarks.agents.slow_rig_agents --on-rig 6           cuts some specimens on the emulated serial rig too
+    python -m scripts.benchmarks.agents.slow_rig_agents --train
+        trains three policies for it, 5 minutes each, and compares
+    python -m scripts.benchmarks.agents.slow_rig_agents  compares with the policies trained before
+    python -m scripts.benchmarks.agents.slow_rig_agents --on-rig 6  cuts some specimens on the emulated serial rig too
 
 The slow rig is that of ``cutenv rig init --profile serial`` with an HX711: force at 80 readings a second, 10 decisions
 a second, 4.8 mm/s, the blade upright.  Its drive and noise are as ``cutenv rig identify`` measures them on the emulated
@@ -34,7 +35,7 @@ from cutenv.rig.toml_file import to_toml, write_identified
 from cutenv.sim_to_real import ComparedCut
 from cutenv.sim_to_real.paired_experiment import LOST_TIME, cut_once, simulator_like
 from cutenv.task.episode_dtypes import STOPPED
-from scripts.kept_rows import interval_text, keep_json, kept_json, mean_text
+from scripts.tables import interval_text, keep_json, kept_json, mean_text
 
 FOLDER = Path("runs") / "slow-rig"
 DEFAULT = FOLDER / "table.json"

@@ -1,12 +1,15 @@
 """Table of a task: scripts, planner with truth and agents on the same held-out specimens.
 
-    python -m scripts.benchmarks.agents.task_table depth                     500 specimens; writes runs/depth/depth.csv
-    python -m scripts.benchmarks.agents.task_table path --print              the table of what is in runs/path
-    python -m scripts.benchmarks.agents.task_table path --agents runs/NAME/policy ...    2000 specimens; writes runs/path/agents.csv
-    python -m scripts.benchmarks.agents.task_table path --agents --print     the table of what is in there
-    python -m scripts.benchmarks.agents.task_table path --from-nothing runs/NAME/policy ...    1000; writes runs/path/from-nothing.csv
-    python -m scripts.benchmarks.agents.task_table depth --picture FILE      two cuts, as a PNG: floor, wanted depth and layer below
-    python -m scripts.benchmarks.agents.task_table path --picture FILE       line, way of the blade and cut from above
+    python -m scripts.benchmarks.agents.task_table depth  500 specimens; writes runs/depth/depth.csv
+    python -m scripts.benchmarks.agents.task_table path --print  the table of what is in runs/path
+    python -m scripts.benchmarks.agents.task_table path --agents runs/NAME/policy ...
+        2000 specimens; writes runs/path/agents.csv
+    python -m scripts.benchmarks.agents.task_table path --agents --print  the table of what is in there
+    python -m scripts.benchmarks.agents.task_table path --from-nothing runs/NAME/policy ...
+        1000; writes runs/path/from-nothing.csv
+    python -m scripts.benchmarks.agents.task_table depth --picture FILE
+        two cuts, as a PNG: floor, wanted depth and layer below
+    python -m scripts.benchmarks.agents.task_table path --picture FILE  line, way of the blade and cut from above
 
 An agent is one training run, compared with every script by paired differences: the folders of several seeds show how
 much chance in the training does.
@@ -31,7 +34,7 @@ from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.learning.statistics import by_policy, differences, summarise
 from cutenv.task.registry import TASKS
 from cutenv.tissue.grid import SPACING
-from scripts.kept_rows import interval_text, keep, kept_rows, mean_text
+from scripts.tables import interval_text, keep, kept_rows, mean_text
 
 ORACLE = "planner with truth"
 TEXTS = ("policy", "specimen_class", "end")
@@ -165,7 +168,9 @@ class TaskTable:
 
     def from_nothing_row(self) -> str:
         """Return a row of Markdown of the runs from nothing: their means, and the least of their leads."""
-        rows = kept_rows(self.from_nothing_file, f"scripts.benchmarks.agents.task_table {self.task} --from-nothing runs/NAME/policy")
+        rows = kept_rows(
+            self.from_nothing_file, f"scripts.benchmarks.agents.task_table {self.task} --from-nothing runs/NAME/policy"
+        )
         each, scripts = by_policy(rows), TASKS[self.task].scripts
         runs = [name for name in each if name not in scripts]
         least, points = min((self.lead(rows, name) for name in runs), key=lambda lead: float(lead[0]["mean"]))
@@ -183,7 +188,9 @@ class TaskTable:
 
     def short_report(self) -> str:
         """Return the planner, the training runs together, and the best script, as a Markdown table of what is kept."""
-        agents = kept_rows(self.agents_file, f"scripts.benchmarks.agents.task_table {self.task} --agents runs/NAME/policy")
+        agents = kept_rows(
+            self.agents_file, f"scripts.benchmarks.agents.task_table {self.task} --agents runs/NAME/policy"
+        )
         of_planner = kept_rows(self.file, f"scripts.benchmarks.agents.task_table {self.task}", TEXTS)
         scripts, (error, heading, shown) = TASKS[self.task].scripts, self.errors[0]
         runs = {row["policy"] for row in agents} - set(scripts)

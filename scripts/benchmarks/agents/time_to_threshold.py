@@ -1,6 +1,7 @@
 """Print the time of training after which an agent did as well as the demonstrated script, on validation specimens.
 
-python -m scripts.benchmarks.agents.time_to_threshold runs/NAME ...       finished runs of 'cutenv train'; demonstrations count
+python -m scripts.benchmarks.agents.time_to_threshold runs/NAME ...
+    finished runs of 'cutenv train'; demonstrations count
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Tune the scripts of a task by an evolution strategy, as fairly as an agent is trained.
 
-    python -m scripts.benchmarks.agents.tune_scripts excision                 every script, 200 generations; writes runs/excision
-    python -m scripts.benchmarks.agents.tune_scripts hand-excision            those with a hand that yields
+    python -m scripts.benchmarks.agents.tune_scripts excision       every script, 200 generations; writes runs/excision
+    python -m scripts.benchmarks.agents.tune_scripts hand-excision  those with a hand that yields
     python -m scripts.benchmarks.agents.tune_scripts excision --script NAME --generations 50
     python -m scripts.benchmarks.agents.tune_scripts excision --print         what was found, as a table
 
@@ -36,7 +36,7 @@ from cutenv.policy.path_scripts import (
 )
 from cutenv.policy.scripted import INCLINED, UPRIGHT
 from cutenv.task.registry import TASKS
-from scripts.kept_rows import keep_json, kept_json
+from scripts.tables import keep_json, kept_json
 
 VARIANTS, BEST = 12, 3
 """Variants of a generation, and how many of them move the mean."""

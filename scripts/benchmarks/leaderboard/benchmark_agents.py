@@ -1,18 +1,23 @@
 """Benchmark: train every agent, evaluate every policy on held-out specimens, print the table.
 
-    python -m scripts.benchmarks.leaderboard.benchmark_agents              goes on where assets/benchmark/ ends; writes runs/benchmark/
-    python -m scripts.benchmarks.leaderboard.benchmark_agents --plan       remaining work, and its duration
+    python -m scripts.benchmarks.leaderboard.benchmark_agents
+        goes on where assets/benchmark/ ends; writes runs/benchmark/
+    python -m scripts.benchmarks.leaderboard.benchmark_agents --plan  remaining work, and its duration
     python -m scripts.benchmarks.leaderboard.benchmark_agents --only PPO "return stroke"
-    python -m scripts.benchmarks.leaderboard.benchmark_agents --runs runs  with training runs that are there already: runs/ppo-seed0 ...
-    python -m scripts.benchmarks.leaderboard.benchmark_agents --afresh     everything again, whatever is published
-    python -m scripts.benchmarks.leaderboard.benchmark_agents --quick      a test of the whole program in some ten minutes; no result
-    python -m scripts.benchmarks.leaderboard.benchmark_agents --table      the table again from the CSV files
-    python -m scripts.benchmarks.leaderboard.benchmark_agents --against    where it differs from the published one beyond both intervals
+    python -m scripts.benchmarks.leaderboard.benchmark_agents --runs runs
+        with training runs that are there already: runs/ppo-seed0 ...
+    python -m scripts.benchmarks.leaderboard.benchmark_agents --afresh  everything again, whatever is published
+    python -m scripts.benchmarks.leaderboard.benchmark_agents --quick
+        a test of the whole program in some ten minutes; no result
+    python -m scripts.benchmarks.leaderboard.benchmark_agents --table  the table again from the CSV files
+    python -m scripts.benchmarks.leaderboard.benchmark_agents --against
+        where it differs from the published one beyond both intervals
 
-Finished parts are not repeated: interrupt it at any time, publish what is done with scripts/benchmarks/leaderboard/published.py --publish,
-and start it again, there or on another machine.  cutenv/learning/benchmark.py defines the comparison, and
-scripts/benchmarks/leaderboard/protocol.py who takes part; the folder contains runs/ (one for each agent and training seed), cuts/
-(one file for each of them), sweeps/ (with other constants), summary.csv, leaderboard.md and leaderboard.html.
+Finished parts are not repeated: interrupt it at any time, publish what is done with
+scripts/benchmarks/leaderboard/published.py --publish, and start it again, there or on another machine.
+cutenv/learning/benchmark.py defines the comparison, and scripts/benchmarks/leaderboard/protocol.py who takes part; the
+folder contains runs/ (one for each agent and training seed), cuts/ (one file for each of them), sweeps/ (with other
+constants), summary.csv, leaderboard.md and leaderboard.html.
 """
 
 from __future__ import annotations

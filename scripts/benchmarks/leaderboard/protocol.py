@@ -84,7 +84,8 @@ def kept_protocol(folder: Path) -> Protocol:
     path = folder / "protocol.json"
     if not path.is_file():
         raise SystemExit(
-            f"{folder} contains no protocol.json; run scripts/benchmarks/leaderboard/benchmark_agents.py first, or give its --out folder."
+            f"{folder} contains no protocol.json; run scripts/benchmarks/leaderboard/benchmark_agents.py "
+            "first, or give its --out folder."
         )
     content: dict[str, Any] = json.loads(path.read_text())
     return Protocol(**{name: tuple(value) if isinstance(value, list) else value for name, value in content.items()})

@@ -14,15 +14,10 @@ from scripts.benchmarks.leaderboard.kept_cuts import merge_cuts, read_facts, rea
 from scripts.benchmarks.leaderboard.page import write_page_of
 from scripts.benchmarks.leaderboard.protocol import ENTRIES, SCRIPTED, keep_protocol, kept_protocol, slug
 from scripts.benchmarks.leaderboard.summary import AS_BEGUN, Table
+from scripts.tables import markdown_table
 
 PUBLISHED = ROOT / "assets" / "benchmark"
 """Folder of the published comparison."""
-
-
-def markdown_table(heading: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Format a Markdown table."""
-    lines = [heading, ["---"] * len(heading), *rows]
-    return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
 
 
 def markdown(folder: Path = PUBLISHED) -> str:

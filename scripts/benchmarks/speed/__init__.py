@@ -1,4 +1,4 @@
-"""Measurements of speed, each compared with something run in the same process; the program is scripts/benchmarks/speed/bench.py."""
+"""Measurements of speed, each compared with something run in the same process; its program is ``bench``."""
 
 from __future__ import annotations
 

@@ -80,7 +80,7 @@ def bytes_per_step() -> int:
 
 
 def operations_per_update() -> dict[str, float]:
-    """Count the floating-point operations of one update of a steady cut; see :mod:`scripts.benchmarks.speed.operations`."""
+    """Count the floating-point operations of one update of a steady cut; see ``operations.py``."""
     done = subprocess.run(
         [sys.executable, "-P", str(Path(__file__).with_name("operations.py"))],
         env=os.environ | {"NUMBA_DISABLE_JIT": "1"},

@@ -1,13 +1,14 @@
 """Measure how fast PPO trains with the settings of ``cutenv train``, and the share of the environments.
 
-    python -m scripts.benchmarks.speed.training_speed               some 30 seconds; prints one line of JSON
+    python -m scripts.benchmarks.speed.training_speed  some 30 seconds; prints one line of JSON
     python -m scripts.benchmarks.speed.training_speed --updates 20  for a less variable number
-    python -m scripts.benchmarks.speed.training_speed --memory      agents/ppo_gru.py, and RecurrentPPO of sb3-contrib: two minutes
+    python -m scripts.benchmarks.speed.training_speed --memory
+        agents/ppo_gru.py, and RecurrentPPO of sb3-contrib: two minutes
 
-Part of scripts/benchmarks/speed/bench.py.  The agent has the skill of the shipped one, explores as at the end of training, and keeps its
-skill (its learning rate is almost zero): an untrained one stands still until the deadline, which is cheaper to simulate
-than cutting and starting again.  Pre-training, validation and report are left out, because they are not part of the
-cost of a decision.
+Part of scripts/benchmarks/speed/bench.py.  The agent has the skill of the shipped one, explores as at the end of
+training, and keeps its skill (its learning rate is almost zero): an untrained one stands still until the deadline,
+which is cheaper to simulate than cutting and starting again.  Pre-training, validation and report are left out, because
+they are not part of the cost of a decision.
 
 With ``--memory`` two learners with a memory train from nothing, one after the other in this process, with the settings
 of ``agents/ppo_gru.py``: environments, decisions, minibatches, epochs, size of the memory and of the layers after it.

@@ -34,7 +34,7 @@ import numpy as np
 from cutenv.browser import HandCut
 from cutenv.classroom import ClassStore
 from cutenv.classroom.class_tables import BROKEN_OFF, GOING_ON, SAVED, UNFINISHED
-from scripts.kept_rows import keep_json
+from scripts.tables import keep_json
 from scripts.test_programs import own_postgresql
 from scripts.validation.classroom.malformed_messages import malformed_bytes, malformed_message, send_bytes
 

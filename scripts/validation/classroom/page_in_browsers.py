@@ -1,6 +1,7 @@
 """Measure the page that cuts in real browsers: pictures a second, delay from input to picture, and its score.
 
-    python -m scripts.validation.classroom.page_in_browsers --json runs/measure_page.json [--cuts 300] [--seconds 12]    some minutes
+    python -m scripts.validation.classroom.page_in_browsers --json runs/measure_page.json [--cuts 300] [--seconds 12]
+        some minutes
 
 In each browser that is installed (Debian's ``chromium`` and ``firefox-esr``, without a window or a graphics card) a
 mouse leads a cut while every picture is timed: from the input's own time stamp to the end of drawing what it moved.
@@ -34,9 +35,8 @@ from cutenv.scoring.validity import Unavailable
 from cutenv.task.registry import TASKS, tasks_with
 from cutenv.tissue.grid import depth_below
 from cutenv.trace import Trace
-from scripts.benchmarks.leaderboard.table import markdown_table
 from scripts.browsers import chromium, firefox
-from scripts.kept_rows import keep_json
+from scripts.tables import keep_json, markdown_table
 
 DEFAULT = Path("runs") / "measure_page.json"
 BROWSERS = {"Chromium": chromium, "Firefox": firefox}

@@ -23,7 +23,7 @@ from cutenv.measurement import calibrate
 from cutenv.tissue import Specimen, TissueDescription, measured_liver
 from cutenv.tissue.specimen import N_POINTS, SPACING
 from cutenv.trace import Trace
-from scripts.benchmarks.leaderboard.table import markdown_table
+from scripts.tables import markdown_table
 from scripts.validation.measurement.calibrate_virtual_rig import session, truth
 
 STUDIES, SEED, LIVERS = 10, 200, 3

@@ -4,7 +4,8 @@
     python -m scripts.validation.measurement.field --quick    one slice, a coarser mesh
 
 Cuts are simulated; a finer mesh than that of the measurement, driven by the force, moves 98 beads as in the thesis (7 x
-14, about 1 cm apart), each located to 0.1 mm along every axis, 29.97 times a second (scripts/validation/measurement/filmed_cuts.py).
+14, about 1 cm apart), each located to 0.1 mm along every axis, 29.97 times a second
+(scripts/validation/measurement/filmed_cuts.py).
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from cutenv.tissue import CutModel, Specimen
 from cutenv.tissue.tables import table
 from cutenv.vision.field_comparison import ZoneModuli, compare_field, estimate_zone_moduli
 from cutenv.vision.filmed_measurement import MeanModulus, measure_filmed_cut, zones_as_measured
-from scripts.benchmarks.leaderboard.table import markdown_table
+from scripts.tables import markdown_table
 from scripts.validation.measurement.filmed_cuts import filmed_cut, slice_of_zones
 from scripts.validation.thesis.models import FROM_THE_CLAMP, FROM_THE_LINE, TIP, TIP_DISPLACEMENT, displacement_of_beads
 

@@ -4,8 +4,8 @@
     python -m scripts.validation.measurement.layers --studies 10        a quick look
     python -m scripts.validation.measurement.layers --print             the tables of what is in runs/layers
 
-A study is some cuts in steps of depth (scripts/validation/measurement/stepped_cuts.py), each of another drawn liver, with noise of both
-forces; the surface is known to the given error.
+A study is some cuts in steps of depth (scripts/validation/measurement/stepped_cuts.py), each of another drawn liver,
+with noise of both forces; the surface is known to the given error.
 """
 
 from __future__ import annotations
@@ -23,8 +23,7 @@ from cutenv.measurement.measured_cut import find_layers
 from cutenv.tissue import CutModel, Layers, Specimen
 from cutenv.tissue.grid import SPACING
 from cutenv.trace import Trace
-from scripts.benchmarks.leaderboard.table import markdown_table
-from scripts.kept_rows import kept_json
+from scripts.tables import kept_json, markdown_table
 from scripts.validation.measurement.stepped_cuts import DEPTHS, stepped_cut
 
 KEPT = Path("runs") / "layers" / "layers.json"

@@ -24,7 +24,7 @@ from cutenv.measurement.wear import without_friction
 from cutenv.plant import Leg, SimulatedPlant, run, to_trace
 from cutenv.tissue import Specimen
 from cutenv.tissue.blade_wear import BladeWear
-from scripts.kept_rows import keep_json
+from scripts.tables import keep_json
 
 DEFAULT = Path("runs") / "wear.json"
 LENGTH = 0.08

@@ -1,6 +1,7 @@
 """Motions that no drive makes: a blade that jitters, leaps, flips or pumps, to test the energy account.
 
-Not a program: ``scripts/validation/physics/straight.py`` and ``tests/properties/test_energy.py`` move a blade along them.
+Not a program: ``scripts/validation/physics/straight.py`` and ``tests/properties/test_energy.py`` move a blade along
+them.
 """
 
 from __future__ import annotations

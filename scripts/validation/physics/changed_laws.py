@@ -12,8 +12,7 @@ from typing import Any
 from cutenv.learning.statistics import summarise
 from scripts import ROOT
 from scripts.benchmarks.agents import task_table
-from scripts.benchmarks.leaderboard.table import markdown_table
-from scripts.kept_rows import kept_rows
+from scripts.tables import kept_rows, markdown_table
 from scripts.validation.physics import crack_truth, descent, promises, steering
 
 BEFORE = ROOT / "docs" / "validation" / "laws-before.json"

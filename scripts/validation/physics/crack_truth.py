@@ -1,8 +1,8 @@
 """Truth of the model of a cut that is not known beforehand: other models, symmetry, refinement, fracture mechanics.
 
-Rows of the table of scripts/validation/physics/steering.py.  With faces that open the model is one of a crack, for which there are
-closed forms: an edge crack in tension (Tada, Paris and Irwin), a kink (Cotterell and Rice 1980) and an arc under
-pressure (Sih, Paris and Erdogan 1962, the example of Cotterell and Rice).
+Rows of the table of scripts/validation/physics/steering.py.  With faces that open the model is one of a crack, for
+which there are closed forms: an edge crack in tension (Tada, Paris and Irwin), a kink (Cotterell and Rice 1980) and an
+arc under pressure (Sih, Paris and Erdogan 1962, the example of Cotterell and Rice).
 """
 
 from __future__ import annotations

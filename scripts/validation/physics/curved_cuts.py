@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from scripts import ROOT
-from scripts.benchmarks.leaderboard.table import markdown_table
+from scripts.tables import markdown_table
 from scripts.validation.physics.curves.entry import HEADER, measured
 from scripts.validation.physics.curves.made import make
 

@@ -2,7 +2,8 @@
 
     python -m scripts.validation.physics.descent                 4 specimens, and layers on bricks: some minutes
     python -m scripts.validation.physics.descent --only account limits --specimens 1
-    python -m scripts.validation.physics.descent --slice-push    forces on an edge that is pressed and drawn, beside the closed form
+    python -m scripts.validation.physics.descent --slice-push
+        forces on an edge that is pressed and drawn, beside the closed form
 
 The table shows the results and what is promised; a line without a promise is a finding.  The exit status is 1 if a
 promise is not kept.
@@ -25,8 +26,8 @@ from cutenv.plant import DescendingPlant
 from cutenv.tissue import Layers, Specimen, measured_liver
 from cutenv.tissue.layers import LAYER_REACH
 from cutenv.tissue.specimen import SPACING
-from scripts.benchmarks.leaderboard.table import markdown_table
 from scripts.derivations.layers import SlabsOfBricks, size_of, slab_name
+from scripts.tables import markdown_table
 from scripts.validation.physics import promises
 from scripts.validation.physics.adversarial_motions import FEED, MOTIONS, TICKS, UPRIGHT
 from scripts.validation.physics.promises import Led, Row, account_rows, differing, run, share_row

@@ -1,7 +1,7 @@
 """Compare cutenv/FreeCut-v1, whose elements are solved as the cut opens, with cutenv/PathCut-v1, and measure its rate.
 
-    python -m scripts.validation.physics.free_cut                     20 drawn lines: a minute on a quiet core; prints the table
-    python -m scripts.validation.physics.free_cut --picture FILE      the elements of one cut, moved by the blade, as a PNG
+    python -m scripts.validation.physics.free_cut  20 drawn lines: a minute on a quiet core; prints the table
+    python -m scripts.validation.physics.free_cut --picture FILE  the elements of one cut, moved by the blade, as a PNG
 
 Both environments get the same actions: those by which "steer by force" cuts in PathCut-v1.
 """
@@ -20,7 +20,7 @@ from cutenv.envs.free_cut import FreeCutEnv
 from cutenv.envs.path_cut import PathCutEnv
 from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.task.registry import TASKS
-from scripts.benchmarks.leaderboard.table import markdown_table
+from scripts.tables import markdown_table
 
 KINDS = ("arc", "s", "excision", "random")
 CUTS = 5

@@ -13,7 +13,7 @@ import numpy as np
 from cutenv.cutting.dtypes import READING
 from cutenv.plant import DescendingPlant, SimulatedPlant, SteeredPlant
 from cutenv.tissue import Specimen
-from scripts.benchmarks.leaderboard.table import markdown_table
+from scripts.tables import markdown_table
 
 SEED, OTHER_SEEDS = 1, 1000  # of the livers and those with vessels; the first of the others
 RESIDUAL, LEAST_WORK = 1e-12, 1e-3

@@ -1,7 +1,8 @@
 """The force-only score beside four experts' ratings of fifteen real excisions: evidence, by which nothing is chosen.
 
-    python -m scripts.validation.records.expert_ratings                reads ../shared/data beside the repository
-    python -m scripts.validation.records.expert_ratings --data FOLDER  reads other copies of scalpel_excision_forces.csv and _ratings.csv
+    python -m scripts.validation.records.expert_ratings  reads ../shared/data beside the repository
+    python -m scripts.validation.records.expert_ratings --data FOLDER
+        reads other copies of scalpel_excision_forces.csv and _ratings.csv
 
 A trial has some twelve cuts and one rating by each expert, 0 to 3. Its score is the mean over its cuts. Fifteen trials
 are too few to choose a weight, a metric or a reference by, and none was.
@@ -24,7 +25,7 @@ from cutenv._base.arrays import Array
 from cutenv.scoring import ReferenceSet, score
 from cutenv.scoring.metric import FORCE_WEIGHTS, METRICS
 from cutenv.trace import Trace
-from scripts.benchmarks.leaderboard.table import markdown_table
+from scripts.tables import markdown_table
 from scripts.validation.records.real_records import CUT_SAMPLES, DATA, by_trial, read_cuts
 
 RATINGS = DATA.with_name("scalpel_excision_ratings.csv")

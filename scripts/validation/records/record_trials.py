@@ -1,8 +1,9 @@
 """Read damaged, flawed and foreign records, and print how that ends.
 
-    python -m scripts.validation.records.record_trials                         20,000 damaged files, 100 of each flaw, 1000 valid records
+    python -m scripts.validation.records.record_trials  20,000 damaged files, 100 of each flaw, 1000 valid records
     python -m scripts.validation.records.record_trials --files 500 --flawed 10 --valid 50
-    python -m scripts.validation.records.record_trials --first 1234 --files 1 --keep FOLDER      one damaged file, kept to look at
+    python -m scripts.validation.records.record_trials --first 1234 --files 1 --keep FOLDER
+        one damaged file, kept to look at
 
 Damaged files, native and foreign, must load or end in a clear error. A file that loads to other numbers than were
 written to it has a digit changed in a way that cannot be detected. What must not happen is any error but RecordError, a

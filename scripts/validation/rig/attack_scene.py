@@ -121,7 +121,9 @@ class Scene:
         if self._rig is None:
             settings = self.emulator.settings
             blade = dataclasses.replace(settings.blade, driver="scripts.validation.rig.attacked_drivers:attacked_axis")
-            sensor = dataclasses.replace(settings.sensor, driver="scripts.validation.rig.attacked_drivers:attacked_sensor")
+            sensor = dataclasses.replace(
+                settings.sensor, driver="scripts.validation.rig.attacked_drivers:attacked_sensor"
+            )
             settings = dataclasses.replace(settings, blade=blade, sensor=sensor)
             self._rig = CuttingRig(settings, self.emulator.control)
         return self._rig

@@ -1,7 +1,8 @@
 """Emulated Force Dimension device: a stand-in for libdrd, and the device itself in a process of its own.
 
-    python -m scripts.validation.rig.emulated_force_dimension --build FOLDER    compile the stand-in below FOLDER, which is then FDSDK
-    python -m scripts.validation.rig.emulated_force_dimension --port 10002      be the device; prints its port
+    python -m scripts.validation.rig.emulated_force_dimension --build FOLDER
+        compile the stand-in below FOLDER, which is then FDSDK
+    python -m scripts.validation.rig.emulated_force_dimension --port 10002  be the device; prints its port
 
 The stand-in has the functions that forcedimension_core looks for. Those that :mod:`cutenv.play.force_dimension` calls
 exchange a force and a position with the device by UDP on this machine (``DHD_PORT``); the others fail. It is written

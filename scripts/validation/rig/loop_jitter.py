@@ -174,7 +174,8 @@ def measured(load: Callable[[float], None], seconds: float, *, apart: bool) -> t
         plant.open()
         plant.witness = calls
         empty = subprocess.Popen(
-            [sys.executable, "-m", "scripts.validation.rig.loop_jitter", "--empty", str(seconds)], stdout=subprocess.PIPE
+            [sys.executable, "-m", "scripts.validation.rig.loop_jitter", "--empty", str(seconds)],
+            stdout=subprocess.PIPE,
         )
         try:
             ends = time.monotonic() + seconds

@@ -3,7 +3,8 @@
     python -m scripts.validation.rig.rig_attacks                               each once, some minutes
     python -m scripts.validation.rig.rig_attacks --only foreign_sync --times 5
     python -m scripts.validation.rig.rig_attacks --list
-    python -m scripts.validation.rig.rig_attacks --json runs/rig-attacks.json   added to what the file has; scripts/update_docs.py
+    python -m scripts.validation.rig.rig_attacks --json runs/rig-attacks.json
+        added to what the file has; scripts/update_docs.py
 
 A blade cuts at 1.5 cm/s when the attack comes.  For each it is defined beforehand whether it has to stop the blade
 (within 5 mm), must not, or may; in any case nothing may move that was stopped.  Exit code 1 if one of them fails.
@@ -20,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from cutenv.rig.errors import RigError
-from scripts.kept_rows import keep_json, kept_json
+from scripts.tables import keep_json, kept_json
 from scripts.validation.rig import (
     attacks_by_drivers,
     attacks_by_policy,

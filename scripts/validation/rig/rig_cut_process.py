@@ -39,7 +39,13 @@ class CutProcess:
     """
 
     def __init__(self, emulator: RunningEmulator, *, seed: int, kept: bool = False, errors: int | None = None) -> None:
-        command = [sys.executable, "-m", "scripts.validation.rig.rig_cut_process", json.dumps(emulator.ready), str(seed)]
+        command = [
+            sys.executable,
+            "-m",
+            "scripts.validation.rig.rig_cut_process",
+            json.dumps(emulator.ready),
+            str(seed),
+        ]
         keeper = [sys.executable, "-c", "import subprocess, sys; subprocess.run(sys.argv[1:])"]
         self.process = subprocess.Popen(
             keeper + command if kept else command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=errors

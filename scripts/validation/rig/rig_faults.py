@@ -1,11 +1,11 @@
 """All faults of a rig, many times each, in real time on an emulated one in a separate process.
 
-    python -m scripts.validation.rig.rig_faults                              10 trials of each fault, about a quarter of an hour
+    python -m scripts.validation.rig.rig_faults  10 trials of each fault, about a quarter of an hour
     python -m scripts.validation.rig.rig_faults --only kill_9 --trials 3
-    python -m scripts.validation.rig.rig_faults --height                     faults of a height axis, with the blade in air
-    python -m scripts.validation.rig.rig_faults --side                       faults of an axis to the side, with the blade in air
-    python -m scripts.validation.rig.rig_faults --serial                     faults of a serial rig: board, stepper, load cell
-    python -m scripts.validation.rig.rig_faults --grbl                       faults of a rig with GRBL and a load cell
+    python -m scripts.validation.rig.rig_faults --height  faults of a height axis, with the blade in air
+    python -m scripts.validation.rig.rig_faults --side  faults of an axis to the side, with the blade in air
+    python -m scripts.validation.rig.rig_faults --serial  faults of a serial rig: board, stepper, load cell
+    python -m scripts.validation.rig.rig_faults --grbl  faults of a rig with GRBL and a load cell
     python -m scripts.validation.rig.rig_faults --json runs/rig-faults.json  for scripts/update_docs.py rig-faults
 
 The blade cuts sampled specimens at 1.5 cm/s (a slow rig: 4.5 mm/s) when the fault occurs, at a random instant.  All
@@ -37,7 +37,7 @@ from tqdm import tqdm
 from cutenv.imitated.emulator.process import RunningEmulator, start
 from cutenv.rig.config.settings import EMULATOR
 from cutenv.rig.errors import RigError
-from scripts.kept_rows import keep_json
+from scripts.tables import keep_json
 from scripts.validation.rig.busy_host import TooBusy, look
 from scripts.validation.rig.cross_trials import CrossingRig, cross_trial
 from scripts.validation.rig.cutting_rig import CuttingRig

@@ -30,7 +30,7 @@ from cutenv.rig.devices.camera import RigCamera
 from cutenv.rig.devices.drivers import ForceSample, MotionSample
 from cutenv.rig.errors import RigError
 from cutenv.rig.plant import RigPlant
-from scripts.kept_rows import keep_json
+from scripts.tables import keep_json
 from scripts.validation.rig.cutting_rig import HostWatch
 
 DEFAULT = Path("runs") / "rig-soak.json"

@@ -99,7 +99,7 @@ EXPECTED_ACROSS: dict[str, dict[str, tuple[Cause, ...]]] = {
         "force to the side": (Cause.FORCE, Cause.FORCE_RISE),
     },
 }
-"""Causes as which the faults of an axis across the cut may be detected, see ``scripts/validation/rig/cross_trials.py``."""
+"""Causes as which the faults of an axis across the cut may be detected, see ``cross_trials.py``."""
 EXPECTED_OF_SERIAL: dict[str, tuple[Cause, ...]] = {
     "cable_out": (Cause.BUS,),
     "board_restart": (Cause.DRIVE, Cause.FORCE_STATUS),

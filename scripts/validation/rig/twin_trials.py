@@ -1,6 +1,6 @@
 """Verdicts of the comparison of a rig with the simulator under a known gain of the force, where specimens are a lab's.
 
-    python -m scripts.validation.rig.twin_trials                    ten runs of twenty specimens for each row; some minutes
+    python -m scripts.validation.rig.twin_trials  ten runs of twenty specimens for each row; some minutes
     python -m scripts.validation.rig.twin_trials --runs 2 --json runs/twins.json
 
 The rig is imitated by the simulator, with other noise of the sensor; its force is multiplied by a gain, all along or in
@@ -21,7 +21,7 @@ from cutenv.policy import BASELINES
 from cutenv.sim_to_real import Agreement, ComparedCut
 from cutenv.sim_to_real.paired_experiment import cut_once, cut_twins, simulate_cuts
 from cutenv.tissue.specimen import Specimen
-from scripts.benchmarks.leaderboard.table import markdown_table
+from scripts.tables import markdown_table
 
 POLICY = "constant 1.27 cm/s 90 deg"
 SPECIMENS, DRAWS, RUNS = 20, 4, 10

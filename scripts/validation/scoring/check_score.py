@@ -1,12 +1,15 @@
 """Check that the overall score agrees with the task: same specimens, cut by scripts, agents, planner and hands.
 
-    python -m scripts.validation.scoring.check_score                   500 specimens of each class, some fifteen minutes
-    python -m scripts.validation.scoring.check_score --hand            simulated people as well, who hold it by a spring; half an hour
-    python -m scripts.validation.scoring.check_score --specimens 50    a quick look
-    python -m scripts.validation.scoring.check_score --task depth --specimens 60    cuts along a wanted depth; some ten minutes
-    python -m scripts.validation.scoring.check_score --task path --specimens 60     cuts along a drawn line; likewise
-    python -m scripts.validation.scoring.check_score --doubts          how often records are doubted by their motion; some two minutes
-    python -m scripts.validation.scoring.check_score --print           prints what is in runs/check-score/
+    python -m scripts.validation.scoring.check_score  500 specimens of each class, some fifteen minutes
+    python -m scripts.validation.scoring.check_score --hand
+        simulated people as well, who hold it by a spring; half an hour
+    python -m scripts.validation.scoring.check_score --specimens 50  a quick look
+    python -m scripts.validation.scoring.check_score --task depth --specimens 60
+        cuts along a wanted depth; some ten minutes
+    python -m scripts.validation.scoring.check_score --task path --specimens 60  cuts along a drawn line; likewise
+    python -m scripts.validation.scoring.check_score --doubts
+        how often records are doubted by their motion; some two minutes
+    python -m scripts.validation.scoring.check_score --print  prints what is in runs/check-score/
 
 A class that was measured is kept: a run that was broken off goes on with the next.
 
@@ -50,8 +53,7 @@ from cutenv.task.registry import TASKS
 from cutenv.tissue.lines import places_within
 from cutenv.trace import Trace
 from scripts import ROOT
-from scripts.benchmarks.leaderboard.table import markdown_table
-from scripts.kept_rows import keep, kept_rows
+from scripts.tables import keep, kept_rows, markdown_table
 from scripts.validation.scoring.simulated_hands import DRIVEN, SKILLS, SimulatedHand
 
 FOLDER, FILE, HAND_FILE, DOUBTS_FILE = Path("runs") / "check-score", "rows.csv", "hand.csv", "doubts.csv"

@@ -27,7 +27,7 @@ from cutenv.scoring.study.sequential import (
     sequential_decisions,
     stops,
 )
-from scripts.benchmarks.leaderboard.table import markdown_table
+from scripts.tables import markdown_table
 
 SPREAD = 0.2
 """Standard deviation of a difference on the same specimen, of returns clipped at 0, as of two scripts in simulation."""

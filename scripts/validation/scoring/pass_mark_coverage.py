@@ -18,7 +18,7 @@ from tqdm import tqdm
 
 from cutenv.scoring.study import Estimate, pass_mark, rater_correlation
 from cutenv.scoring.study.pass_mark import METHODS, NormalCurve, crossing
-from scripts.benchmarks.leaderboard.table import markdown_table
+from scripts.tables import markdown_table
 
 PEOPLE = (5, 6, 8, 10, 15, 20, 30, 60)
 DESIGNS = ((2.0, 1.0), (3.0, 0.5))  # mean and standard deviation of the passing group; the others have 0 and 1

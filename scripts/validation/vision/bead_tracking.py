@@ -1,8 +1,9 @@
 """Measure how well C-arm images are corrected and beads followed, on rendered X-ray sessions; docs/validation/beads.md.
 
-python -m scripts.validation.vision.bead_tracking                 all parts, one after the other: a quarter of an hour
-python -m scripts.validation.vision.bead_tracking --part images   one part; each is kept in runs/bead_tracking as it is done
-python -m scripts.validation.vision.bead_tracking --part slow --seed 2 --out runs/bead_tracking_2   another session
+python -m scripts.validation.vision.bead_tracking  all parts, one after the other: a quarter of an hour
+python -m scripts.validation.vision.bead_tracking --part images
+    one part; each is kept in runs/bead_tracking as it is done
+python -m scripts.validation.vision.bead_tracking --part slow --seed 2 --out runs/bead_tracking_2  another session
 python -m scripts.update_docs bead-tracking
 """
 
@@ -26,7 +27,7 @@ from cutenv.vision.fluoroscopy import CArmCalibration, deinterlaced
 from cutenv.vision.projection import project, triangulate
 from cutenv.vision.registration import clock_lag
 from scripts import ROOT
-from scripts.benchmarks.leaderboard.table import markdown_table
+from scripts.tables import markdown_table
 from scripts.validation.vision.carm_measurement import (
     BEAD_PX,
     SEED,
@@ -306,7 +307,9 @@ def kept(folder: Path) -> Part:
     for name in PARTS:
         path = folder / f"{name}.json"
         if not path.is_file():
-            raise SystemExit(f"{path} is missing; make it by: python -m scripts.validation.vision.bead_tracking --part {name}")
+            raise SystemExit(
+                f"{path} is missing; make it by: python -m scripts.validation.vision.bead_tracking --part {name}"
+            )
         told = json.loads(path.read_text())
         marks += [Mark(**mark) for mark in told["marks"]]
         lines += told["lines"]

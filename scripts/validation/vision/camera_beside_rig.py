@@ -1,13 +1,13 @@
 """Camera beside an emulated rig, in real time: frames a second by the wall clock, and the rig's timing with it.
 
-    python -m scripts.validation.vision.camera_beside_rig                       2 minutes of cutting each; some 15 in all
+    python -m scripts.validation.vision.camera_beside_rig  2 minutes of cutting each; some 15 in all
     python -m scripts.validation.vision.camera_beside_rig --minutes 1 --json runs/camera-beside-rig.json
     python -m scripts.update_docs live-camera
 
 A rendered film is played at 30 frames a second into the camera's process, as a camera would send it, while the rig cuts
-as in scripts/validation/rig/rig_soak.py: three processes, of rig, emulated rig and camera. First there is no camera, then one camera
-with a known plane, then two. The film is no film of these cuts: every record keeps the profile's depth, and says so.
-Processor time contains the decoding of the film (H.264). Linux alone tells it.
+as in scripts/validation/rig/rig_soak.py: three processes, of rig, emulated rig and camera. First there is no camera,
+then one camera with a known plane, then two. The film is no film of these cuts: every record keeps the profile's depth,
+and says so. Processor time contains the decoding of the film (H.264). Linux alone tells it.
 """
 
 from __future__ import annotations
@@ -30,8 +30,7 @@ import numpy as np
 from cutenv.rig.config.settings import CameraSettings
 from cutenv.rig.devices.camera import RigCamera
 from cutenv.vision.camera_calibration import calibrate_cameras, halves
-from scripts.benchmarks.leaderboard.table import markdown_table
-from scripts.kept_rows import keep_json
+from scripts.tables import keep_json, markdown_table
 from scripts.validation.rig import rig_soak
 from scripts.validation.vision.depth_accuracy import BOARD, BOARDS
 from scripts.validation.vision.rendering.filmed_cut import film_cut

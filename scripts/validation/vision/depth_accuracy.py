@@ -1,7 +1,7 @@
 """Accuracy of the depth of cut from video, on rendered films of cuts whose depth is known.
 
-    python -m scripts.validation.vision.depth_accuracy                  2 films at 90 and at 45 degrees; some ten minutes
-    python -m scripts.validation.vision.depth_accuracy --films 1        a quick look
+    python -m scripts.validation.vision.depth_accuracy            2 films at 90 and at 45 degrees; some ten minutes
+    python -m scripts.validation.vision.depth_accuracy --films 1  a quick look
 
 Each film has cameras, lenses, light, tissue and noise (2 to 10 grey values) of its own, 5 % of its frames are spoilt,
 and it is written and read as H.264. Half of the films show a depth from 1 to 20 mm; the others show livers cut 11 cm
@@ -34,8 +34,7 @@ from cutenv.vision.cameras import CalibratedCameras
 from cutenv.vision.depth_record import FilmedDepth, filmed_depth
 from cutenv.vision.film_source import video_frames
 from cutenv.vision.marked_blade import BladeCameras
-from scripts.benchmarks.leaderboard.table import markdown_table
-from scripts.kept_rows import keep_json
+from scripts.tables import keep_json, markdown_table
 from scripts.validation.measurement.recovery import KnownCut, cut_specimens
 from scripts.validation.vision.rendering.filmed_cut import FilmedCut, film_cut
 

@@ -27,8 +27,7 @@ from cutenv.vision.crack_runs import RunsAndDrops, runs_and_drops, seen_runs
 from cutenv.vision.depth_record import filmed_depth
 from cutenv.vision.film_source import VideoFrame
 from cutenv.vision.marked_blade import BladeCameras
-from scripts.benchmarks.leaderboard.table import markdown_table
-from scripts.kept_rows import keep_json
+from scripts.tables import keep_json, markdown_table
 from scripts.validation.vision.depth_accuracy import BOARD, BOARDS
 from scripts.validation.vision.rendering.filmed_cut import FilmedCut, film_cut
 from scripts.validation.vision.rendering.moved_tissue import MovedTissue

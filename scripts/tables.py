@@ -1,4 +1,4 @@
-"""Kept results of scripts: rows as CSV and all else as JSON, and the means of columns as text."""
+"""Tables of programs: kept as CSV, all else as JSON, and printed as Markdown; means of columns as text."""
 
 from __future__ import annotations
 
@@ -47,3 +47,9 @@ def interval_text(found: Mapping[str, float], digits: int = 3, sign: str = "", f
 def mean_text(values: Iterable[float], digits: int = 3, sign: str = "", factor: float = 1.0) -> str:
     """Return the mean of independent values, times ``factor``, with its 95 % interval as text."""
     return interval_text(mean_with_interval(values), digits, sign, factor)
+
+
+def markdown_table(heading: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Format a Markdown table."""
+    lines = [heading, ["---"] * len(heading), *rows]
+    return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
