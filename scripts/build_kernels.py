@@ -1,7 +1,8 @@
 """Build the kernels of a wheel: one library of machine code, which Python calls without Numba.
 
-    python -m scripts.build_kernels --out FOLDER                  for each system, in a folder of its name
-    python -m scripts.build_kernels --out FOLDER --target x86_64-linux --part gentle    for one, a part
+    python -m scripts.build_kernels --out FOLDER  for each system, in a folder of its name
+    python -m scripts.build_kernels --out FOLDER --target x86_64-linux --part gentle
+                                                  for one, a part
 
 Each part (a task, the emulated rig) is used once, as a user would, to see which kernels it calls with which types.
 These are translated by Numba to LLVM's intermediate code, and by llvmlite's own back end to machine code, on x86-64 for

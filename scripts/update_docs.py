@@ -1,9 +1,10 @@
 """Print generated blocks of the documentation: rewrite them on their pages, or check them.
 
-    python -m scripts.update_docs parameters ladder         from the package, or from what a check has left in runs/
-    python -m scripts.update_docs training results --runs runs/NAME ...    one run for each training seed
-    python -m scripts.update_docs --check parameters        fails if a block is not what it would print
-    python -m scripts.update_docs --list                    every block, with its page and the command behind it
+    python -m scripts.update_docs parameters ladder   from the package, or from what a check has left in runs/
+    python -m scripts.update_docs training results --runs runs/NAME ...
+                                                      one run for each training seed
+    python -m scripts.update_docs --check parameters  fails if a block is not what it would print
+    python -m scripts.update_docs --list              every block, with its page and the command behind it
 
 A block stands between ``<!-- NAME -->`` and ``<!-- /NAME -->`` on its page; ``scripts/checks.py`` has all of them.
 """

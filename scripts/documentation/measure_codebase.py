@@ -1,11 +1,14 @@
 #!/usr/bin/env python3
 """Measure the structure and the language of the code base, and print a Markdown table.
 
-    python -m scripts.documentation.measure_codebase  this checkout
-    python -m scripts.documentation.measure_codebase FOLDER  another checkout
-    python -m scripts.documentation.measure_codebase --at 7b6279b HEAD  revisions of this repository
-    python -m scripts.documentation.measure_codebase --at 7b6279b --json FILE  keep the numbers
-    python -m scripts.documentation.measure_codebase --compare FILE  kept numbers beside those of now
+    python -m scripts.documentation.measure_codebase               this checkout
+    python -m scripts.documentation.measure_codebase FOLDER        another checkout
+    python -m scripts.documentation.measure_codebase --at 7b6279b HEAD
+                                                                   revisions of this repository
+    python -m scripts.documentation.measure_codebase --at 7b6279b --json FILE
+                                                                   keep the numbers
+    python -m scripts.documentation.measure_codebase --compare FILE
+                                                                   kept numbers beside those of now
     python -m scripts.documentation.measure_codebase --list names  what was counted: cycles, docstrings, loaded or names
 
 The kept numbers of earlier revisions are in ``docs/development/measures-before.json``, for clones without history.

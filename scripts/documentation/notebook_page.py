@@ -1,7 +1,8 @@
 """Run the notebook, and write its page of the documentation: text, code, what was printed, and its figures.
 
     python -m scripts.documentation.notebook_page  writes docs/how-to/notebook.md and assets/pictures/notebook-1.svg
-    python -m scripts.documentation.notebook_page --check  fails if the page is not what the notebook prints now
+    python -m scripts.documentation.notebook_page --check
+                                                   fails if the page is not what the notebook prints now
 
 The cells are plain Python, and run without Jupyter, one after the other in one namespace.
 """

@@ -1,8 +1,10 @@
 """Cut an ellipse by a free hand with a tremor, on a model that is solved again as it opens; draw it, print its areas.
 
     python -m scripts.drawings.excision FILE  PNG or SVG; elements are drawn displaced by the blade's last force
-    python -m scripts.drawings.excision FILE --hand 3  another hand
-    python -m scripts.drawings.excision FILE --view PAGE  and write a page that shows it in 3-D
+    python -m scripts.drawings.excision FILE --hand 3
+                                              another hand
+    python -m scripts.drawings.excision FILE --view PAGE
+                                              and write a page that shows it in 3-D
 
 The hand follows both sides of an elliptical excision, one after the other; the second cut begins beside the first, and
 ends where it would meet it.

@@ -212,7 +212,7 @@ def test_kept_numbers_are_of_every_measure() -> None:
 
 
 def test_missing_numbers_name_the_command_that_makes_them(tmp_path: Path) -> None:
-    with pytest.raises(SystemExit, match=r"measure_codebase\.py --at REVISION --json"):
+    with pytest.raises(SystemExit, match=r"measure_codebase --at REVISION --json"):
         measure_codebase.kept(tmp_path / "none.json")
 
 

@@ -22,7 +22,6 @@ from scripts.validation.thesis.elements import model
 from scripts.validation.thesis.rows import SHOWN, Check
 from scripts.validation.thesis.virtual_cuts import virtual_cut
 
-SCRIPTS = Path(__file__).parents[2] / "scripts"
 STATEMENTS = [name for name, each in CHECKS.items() if not each.listed]
 OF_TABLES = ["mesh-counts", "plane-strain", "poisson", "bricks", "incompressible", "element-size", "beads", "averages"]
 OF_TABLES += ["equations", "fits", "law-of-speed", "constants"]

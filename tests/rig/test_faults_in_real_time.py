@@ -27,9 +27,6 @@ from cutenv.rig.toml_file import to_toml
 from scripts.validation.rig import rig_faults, rig_trials
 from scripts.validation.rig.cross_trials import CROSS_FAULTS
 
-SCRIPTS = Path(__file__).parents[2] / "scripts"
-
-
 ATTEMPTS = 3  # at a trial in which the host stalled
 
 

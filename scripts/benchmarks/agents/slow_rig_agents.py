@@ -1,9 +1,10 @@
 """Policies on a slow rig, beside the same on the rig of the tasks: can a cheap rig be used.
 
     python -m scripts.benchmarks.agents.slow_rig_agents --train
-        trains three policies for it, 5 minutes each, and compares
+                                                         trains three policies for it, 5 minutes each, and compares
     python -m scripts.benchmarks.agents.slow_rig_agents  compares with the policies trained before
-    python -m scripts.benchmarks.agents.slow_rig_agents --on-rig 6  cuts some specimens on the emulated serial rig too
+    python -m scripts.benchmarks.agents.slow_rig_agents --on-rig 6
+                                                         cuts some specimens on the emulated serial rig too
 
 The slow rig is that of ``cutenv rig init --profile serial`` with an HX711: force at 80 readings a second, 10 decisions
 a second, 4.8 mm/s, the blade upright.  Its drive and noise are as ``cutenv rig identify`` measures them on the emulated

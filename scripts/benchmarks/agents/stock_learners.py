@@ -1,7 +1,8 @@
 """Learners of other libraries with their defaults, on the 12 raw numbers of the observation at 10 decisions a second.
 
-    python -m scripts.benchmarks.agents.stock_learners  PPO, SAC and TQC, three seeds each: some hours
-    python -m scripts.benchmarks.agents.stock_learners --learners PPO --seeds 0  one run, some 20 minutes on one core
+    python -m scripts.benchmarks.agents.stock_learners          PPO, SAC and TQC, three seeds each: some hours
+    python -m scripts.benchmarks.agents.stock_learners --learners PPO --seeds 0
+                                                                one run, some 20 minutes on one core
     python -m scripts.benchmarks.agents.stock_learners --print  prints what is in runs/stock/
 
 Nothing is tuned: ``PPO("MlpPolicy", env)`` of Stable-Baselines3, and SAC and TQC (sb3-contrib) likewise.  Thirty times

@@ -1,15 +1,17 @@
 """Table of a task: scripts, planner with truth and agents on the same held-out specimens.
 
-    python -m scripts.benchmarks.agents.task_table depth  500 specimens; writes runs/depth/depth.csv
+    python -m scripts.benchmarks.agents.task_table depth         500 specimens; writes runs/depth/depth.csv
     python -m scripts.benchmarks.agents.task_table path --print  the table of what is in runs/path
     python -m scripts.benchmarks.agents.task_table path --agents runs/NAME/policy ...
-        2000 specimens; writes runs/path/agents.csv
-    python -m scripts.benchmarks.agents.task_table path --agents --print  the table of what is in there
+                                                                 2000 specimens; writes runs/path/agents.csv
+    python -m scripts.benchmarks.agents.task_table path --agents --print
+                                                                 the table of what is in there
     python -m scripts.benchmarks.agents.task_table path --from-nothing runs/NAME/policy ...
-        1000; writes runs/path/from-nothing.csv
+                                                                 1000; writes runs/path/from-nothing.csv
     python -m scripts.benchmarks.agents.task_table depth --picture FILE
-        two cuts, as a PNG: floor, wanted depth and layer below
-    python -m scripts.benchmarks.agents.task_table path --picture FILE  line, way of the blade and cut from above
+                                                                 two cuts, as a PNG: floor, wanted depth and layer below
+    python -m scripts.benchmarks.agents.task_table path --picture FILE
+                                                                 line, way of the blade and cut from above
 
 An agent is one training run, compared with every script by paired differences: the folders of several seeds show how
 much chance in the training does.

@@ -1,11 +1,12 @@
 """Print the table of the benchmark, from its kept cuts.
 
-python -m scripts.benchmarks.leaderboard.published  the published table, of assets/benchmark
-python -m scripts.benchmarks.leaderboard.published --page FILE  and as a page that opens without a network
-python -m scripts.benchmarks.leaderboard.published runs/benchmark --publish  merge another one into it, finished or not
+python -m scripts.benchmarks.leaderboard.published                        the published table, of assets/benchmark
+python -m scripts.benchmarks.leaderboard.published --page FILE            and as a page that opens without a network
+python -m scripts.benchmarks.leaderboard.published runs/benchmark --publish
+                                                                          merge another one into it, finished or not
 python -m scripts.benchmarks.leaderboard.published --add submission.json  repeat every cut of an entry, and add it to it
 python -m scripts.benchmarks.leaderboard.published --add submission.json --policies my_policy/
-    and let its policies act again
+                                                                          and let its policies act again
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """Compare cutenv/FreeCut-v1, whose elements are solved as the cut opens, with cutenv/PathCut-v1, and measure its rate.
 
     python -m scripts.validation.physics.free_cut  20 drawn lines: a minute on a quiet core; prints the table
-    python -m scripts.validation.physics.free_cut --picture FILE  the elements of one cut, moved by the blade, as a PNG
+    python -m scripts.validation.physics.free_cut --picture FILE
+                                                   the elements of one cut, moved by the blade, as a PNG
 
 Both environments get the same actions: those by which "steer by force" cuts in PathCut-v1.
 """

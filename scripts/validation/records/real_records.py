@@ -1,9 +1,10 @@
 """Force statistics and loading segments of 207 real hand-held scalpel cuts.
 
     python -m scripts.validation.records.real_records  reads ../shared/data beside the repository
-    python -m scripts.validation.records.real_records --data FILE  reads another copy of the file
+    python -m scripts.validation.records.real_records --data FILE
+                                                       reads another copy of the file
     python -m scripts.validation.records.real_records --out FOLDER
-        also draws the segments of some cuts, and a summary by trial
+                                                       also draws the segments of some cuts, and a summary by trial
 
 The cuts are elliptical excisions in a skin phantom with a No. 10 blade: 18 trials, 180 samples a cut at 30
 Hz, of which the first 120 are the cut.  The force is a pure number, normalised to the largest of the data

@@ -1,12 +1,13 @@
 """All faults of a rig, many times each, in real time on an emulated one in a separate process.
 
-    python -m scripts.validation.rig.rig_faults  10 trials of each fault, about a quarter of an hour
+    python -m scripts.validation.rig.rig_faults           10 trials of each fault, about a quarter of an hour
     python -m scripts.validation.rig.rig_faults --only kill_9 --trials 3
     python -m scripts.validation.rig.rig_faults --height  faults of a height axis, with the blade in air
-    python -m scripts.validation.rig.rig_faults --side  faults of an axis to the side, with the blade in air
+    python -m scripts.validation.rig.rig_faults --side    faults of an axis to the side, with the blade in air
     python -m scripts.validation.rig.rig_faults --serial  faults of a serial rig: board, stepper, load cell
-    python -m scripts.validation.rig.rig_faults --grbl  faults of a rig with GRBL and a load cell
-    python -m scripts.validation.rig.rig_faults --json runs/rig-faults.json  for scripts/update_docs.py rig-faults
+    python -m scripts.validation.rig.rig_faults --grbl    faults of a rig with GRBL and a load cell
+    python -m scripts.validation.rig.rig_faults --json runs/rig-faults.json
+                                                          for scripts/update_docs.py rig-faults
 
 The blade cuts sampled specimens at 1.5 cm/s (a slow rig: 4.5 mm/s) when the fault occurs, at a random instant.  All
 times are of one clock.  The machine's own delays are counted (a thread of the rig or of the emulator that was late by

@@ -1,11 +1,11 @@
 """Print the thesis's numbers and ours, misses included, and draw its figures.
 
-    python -m scripts.validation.thesis.reproduce_thesis  everything, some minutes; figures into figures/
+    python -m scripts.validation.thesis.reproduce_thesis          everything, some minutes; figures into figures/
     python -m scripts.validation.thesis.reproduce_thesis --quick  fewer speeds, specimens and policies
     python -m scripts.validation.thesis.reproduce_thesis --only plane-strain
-        one comparison or figure, by its short name
+                                                                  one comparison or figure, by its short name
     python -m scripts.validation.thesis.reproduce_thesis --markdown FILE
-        the summary as a Markdown table, for the documentation
+                                                                  the summary as a Markdown table, for the documentation
 
 scripts/derivations/specimens.py prints how well sampled livers reproduce the measured spread.
 """

@@ -1,6 +1,6 @@
 """Runs of the crack as one camera sees them, against the sudden drops of the force and against the truth.
 
-    python -m scripts.validation.vision.seen_runs            4 rendered cuts of drawn livers; some minutes
+    python -m scripts.validation.vision.seen_runs  4 rendered cuts of drawn livers; some minutes
     python -m scripts.update_docs seen-runs        puts the table into docs/validation/depth.md
 
 The simulator cuts livers 7 cm long at two speeds and two angles. The tissue in the film moves as a finite-element model
