@@ -28,7 +28,7 @@ def test_decisions_are_counted_after_the_first_update_and_the_share_is_one():
 
 def test_the_benchmark_reads_what_the_program_prints(tmp_path):
     (tmp_path / "small.py").write_text(
-        "import json, dataclasses\nfrom scripts import training_speed\n"
+        "import json, dataclasses\nfrom scripts.benchmarks.speed import training_speed\n"
         "from cutenv.learning.arguments import PPOArguments\n"
         "small = dataclasses.replace(PPOArguments(), environments=4, rollout=32, batch_size=32)\n"
         "print(json.dumps(training_speed.speed(small, 1)))\n"
