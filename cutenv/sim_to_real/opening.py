@@ -8,6 +8,7 @@ randomised comparison (:mod:`cutenv.scoring.study.sequential`), whether the twin
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from cutenv.sim_to_real.measures import ComparedCut
 from cutenv.sim_to_real.paired_experiment import cut_once
 from cutenv.sim_to_real.specimen_twin import fit_twin
 from cutenv.tissue.description import measured_liver
+from cutenv.tissue.specimen import Specimen
 from cutenv.trace import Trace
 
 OPENING_SPEED = 0.0127
@@ -78,43 +80,23 @@ def opening_of(trace: Trace, length: float) -> Trace:
     return trace.select(slice(0, int(np.argmax(position >= length))))
 
 
-def foretold(
-    env: GentleCutEnv,
-    policies: Sequence[Policy],
-    opening: Trace,
-    *,
-    depth: Array,
-    target_length: float,
-    seed: int,
-    episode: int,
-    draws: int,
-    value: Callable[[ComparedCut], Array],
-) -> Array:
-    """Return what each policy would achieve in the specimen of an opening, as its twin tells.
+def specimens_like(
+    env: GentleCutEnv, opening: Trace, *, depth: Array, seed: int, episode: int, draws: int
+) -> list[Specimen]:
+    """Return specimens as the twin of an opening has them, each with other tissue beyond it.
 
     Parameters
     ----------
     env : GentleCutEnv
         The simulator.
-    policies : sequence of Policy
-        Policies, with the opening.
     opening : Trace
         Record of the opening.
     depth : ndarray of shape (301,)
         Depth of the specimen along the cut, as measured beforehand [m].
-    target_length : float
-        Length of the cut [m].
     seed, episode : int
         Key of what the twin does not know.
     draws : int
-        Number of simulated cuts by each policy, each with other tissue beyond the opening and other noise.
-    value : callable
-        Outcomes of a cut, shape (n,).
-
-    Returns
-    -------
-    ndarray of shape (policies, n)
-        Mean outcomes.
+        Number of specimens.
 
     Raises
     ------
@@ -126,21 +108,51 @@ def foretold(
         opening, env.tissue.tissue or measured_liver(), law=env.constants.law, force_delay=sensor.force_delay, share=1.0
     )
     rng = np.random.default_rng([seed, episode])
-    laid = [twin.drawn(rng, depth) for _ in range(draws)]
-    return np.array(
-        [
-            np.mean(
-                [
-                    value(
-                        cut_once(
-                            env, policy, seed=seed, episode=episode, noise=draw + 1, specimen=specimen,
-                            target_length=target_length, depth=depth,
-                        )
-                    )
-                    for draw, specimen in enumerate(laid)
-                ],
-                axis=0,
-            )
-            for policy in policies
+    return [twin.drawn(rng, depth) for _ in range(draws)]
+
+
+def forecast(
+    env: GentleCutEnv,
+    policies: Sequence[Policy],
+    specimens: Sequence[Specimen],
+    *,
+    depth: Array,
+    target_length: float,
+    seed: int,
+    episode: int,
+    value: Callable[[ComparedCut], Array],
+) -> Array:
+    """Return what each policy achieves in specimens on average, each with other noise.
+
+    Parameters
+    ----------
+    env : GentleCutEnv
+        The simulator.
+    policies : sequence of Policy
+        Policies, with the opening.
+    specimens : sequence of Specimen
+        Specimens, by :func:`specimens_like`.
+    depth : ndarray of shape (301,)
+        Depth of the specimen along the cut, as measured beforehand [m].
+    target_length : float
+        Length of the cut [m].
+    seed, episode : int
+        Key of the noise.
+    value : callable
+        Outcomes of a cut, shape (n,).
+
+    Returns
+    -------
+    ndarray of shape (policies, n)
+        Mean outcomes.
+    """
+    key: dict[str, Any] = {"seed": seed, "episode": episode, "target_length": target_length, "depth": depth}
+
+    def mean(policy: Policy) -> Array:
+        cuts = [
+            cut_once(env, policy, noise=draw + 1, specimen=specimen, **key) for draw, specimen in enumerate(specimens)
         ]
-    )  # fmt: skip
+        found: Array = np.mean([value(cut) for cut in cuts], axis=0)
+        return found
+
+    return np.array([mean(policy) for policy in policies])

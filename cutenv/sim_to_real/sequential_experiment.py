@@ -33,7 +33,7 @@ from cutenv.scoring.study.sequential import (
     sequential_decisions,
 )
 from cutenv.sim_to_real.measures import ComparedCut
-from cutenv.sim_to_real.opening import OpenedPolicy, foretold, opening_of
+from cutenv.sim_to_real.opening import OpenedPolicy, forecast, opening_of, specimens_like
 from cutenv.sim_to_real.paired_experiment import DRAWS, cut_again, cut_once
 from cutenv.task.episode_dtypes import STOPPED
 from cutenv.tissue.description import measured_liver
@@ -223,15 +223,14 @@ class RigComparison:
         """Return what the twin of the place says of either policy on average; None without one."""
         if self.opening is None:
             return None
+        key: dict[str, Any] = {"depth": np.array(self.rig.cutting.plant.depth), "seed": self.seed, "episode": episode}
         try:
             opening = opening_of(cut.trace, self.opening)
-            found = foretold(
-                self.simulator, self.policies, opening, depth=np.array(self.rig.cutting.plant.depth),
-                target_length=length, seed=self.seed, episode=episode, draws=self.draws, value=self.outcomes,
-            )  # fmt: skip
+            specimens = specimens_like(self.simulator, opening, draws=self.draws, **key)
         except ValueError as error:
             self.between.append(f"specimen {episode + 1} has no twin: {error}")
             return None
+        found = forecast(self.simulator, self.policies, specimens, target_length=length, value=self.outcomes, **key)
         return [float(each) for each in found.mean(axis=0)]
 
     def differences(self, kept: KeptCuts, *, correct: bool = True) -> tuple[Array, Array]:

@@ -30,6 +30,44 @@ from scripts.validation.rig.cross_trials import CROSS_FAULTS
 ATTEMPTS = 3  # at a trial in which the host stalled
 
 
+def test_after_kill_9_the_blade_is_stopped_and_the_record_holds_the_cut_up_to_then(tmp_path):
+    with start(free_air=True, angle_deg=90.0) as emulator:
+        rig = tmp_path / "rig.toml"
+        rig.write_text(to_toml(dataclasses.replace(emulator.settings, depth_profile=((0.0, 0.02), (0.15, 0.02)))))
+        for trial in range(20):  # a busy host may stop a cut, and the kill then finds nobody cutting
+            records = tmp_path / f"records-{trial}"
+            killed = kill_while_cutting(rig, emulator.control.port, records)
+            time.sleep(0.5)
+            events = emulator.control.events()
+            truth = emulator.control.truth()
+            assert abs(truth["speed_m_s"]) < 1e-5
+            rests = [event["time_s"] for event in events if event["what"] == "standstill"]
+            assert rests[-1] < killed + 0.4
+            cut = load_one(max(records.glob("*.csv")))
+            if cut.metadata.get("truncated"):
+                break
+    assert cut.metadata["truncated"]
+    assert cut.time[-1] > 0.5
+    assert np.diff(cut.time) == pytest.approx(0.001)
+    assert abs(cut.position[-1] - truth["position_m"]) < 0.0127 * 1.2
+
+
+def kill_while_cutting(rig: Path, port: int, records: Path) -> float:
+    """Cut in a process of its own, kill it 2 s after a cut began, and return when, by the monotonic clock [s]."""
+    arguments = [sys.executable, "-c", CUT, str(rig), str(port), str(records)]
+    process = subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True)
+    try:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "cutting\n"
+        time.sleep(2.0)
+        os.kill(process.pid, signal.SIGKILL)
+        return time.monotonic()
+    finally:
+        process.kill()
+        process.wait()
+        process.stdout.close()
+
+
 @pytest.fixture(scope="module")
 def trials() -> Iterator[Callable[[str], rig_faults.Trials]]:
     """Trials on a kind of rig, whose emulator ends before another kind's begins: each takes a third of a processor."""
@@ -172,41 +210,3 @@ while True:
     if env.step([0.625, 1.0])[2]:
         reset()
 """
-
-
-def test_after_kill_9_the_blade_is_stopped_and_the_record_holds_the_cut_up_to_then(tmp_path):
-    with start(free_air=True, angle_deg=90.0) as emulator:
-        rig = tmp_path / "rig.toml"
-        rig.write_text(to_toml(dataclasses.replace(emulator.settings, depth_profile=((0.0, 0.02), (0.15, 0.02)))))
-        for trial in range(20):  # a busy host may stop a cut, and the kill then finds nobody cutting
-            records = tmp_path / f"records-{trial}"
-            killed = kill_while_cutting(rig, emulator.control.port, records)
-            time.sleep(0.5)
-            events = emulator.control.events()
-            truth = emulator.control.truth()
-            assert abs(truth["speed_m_s"]) < 1e-5
-            rests = [event["time_s"] for event in events if event["what"] == "standstill"]
-            assert rests[-1] < killed + 0.4
-            cut = load_one(max(records.glob("*.csv")))
-            if cut.metadata.get("truncated"):
-                break
-    assert cut.metadata["truncated"]
-    assert cut.time[-1] > 0.5
-    assert np.diff(cut.time) == pytest.approx(0.001)
-    assert abs(cut.position[-1] - truth["position_m"]) < 0.0127 * 1.2
-
-
-def kill_while_cutting(rig: Path, port: int, records: Path) -> float:
-    """Cut in a process of its own, kill it 2 s after a cut began, and return when, by the monotonic clock [s]."""
-    arguments = [sys.executable, "-c", CUT, str(rig), str(port), str(records)]
-    process = subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True)
-    try:
-        assert process.stdout is not None
-        assert process.stdout.readline() == "cutting\n"
-        time.sleep(2.0)
-        os.kill(process.pid, signal.SIGKILL)
-        return time.monotonic()
-    finally:
-        process.kill()
-        process.wait()
-        process.stdout.close()

@@ -1,7 +1,8 @@
 """Check the decisions of a sequential comparison by simulated studies, whose truth is known.
 
-    python -m scripts.validation.scoring.check_sequential                       10,000 studies a row; some minutes
+    python -m scripts.validation.scoring.check_sequential                10,000 studies a row; some minutes
     python -m scripts.validation.scoring.check_sequential --studies 500 --block twins
+    python -m scripts.validation.scoring.check_sequential --measure 140  what twins explain; 140 places, some 20 minutes
 
 Differences of a pair are drawn with a known mean and bounded as returns are, by 1: normal, heavy-tailed (Student's t
 with two degrees of freedom, clipped, its mean then set), drifting (the mean swings from study to study and day to day,
@@ -11,13 +12,18 @@ and its average so far is at most what it is said to be), and two-valued (a succ
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+import dataclasses
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.stats import t as student
 
 from cutenv._base.arrays import Array
+from cutenv._base.output import progress_bar
+from cutenv.envs.rig_cut import RigCutEnv
+from cutenv.policy import SCRIPTS
 from cutenv.scoring.study.sequential import (
     DECISIONS,
     SequentialQuestion,
@@ -27,16 +33,25 @@ from cutenv.scoring.study.sequential import (
     sequential_decisions,
     stops,
 )
-from scripts.tables import markdown_table
+from cutenv.sim_to_real.opening import OpenedPolicy, forecast, opening_of, specimens_like
+from cutenv.sim_to_real.paired_experiment import DRAWS, cut_again, simulator_like
+from cutenv.sim_to_real.sequential_experiment import RigComparison
+from cutenv.tissue.specimen import Specimen
+from scripts.tables import keep, kept_rows, markdown_table
 
 SPREAD = 0.2
 """Standard deviation of a difference on the same specimen, of returns clipped at 0, as of two scripts in simulation."""
 SPREAD_APART, TOLD, TOLD_WRONGLY = 0.28, 0.18, 0.09
 """Standard deviation of the difference of two places, and the share of its variance that twins of an opening of 40 mm
-explain, as they are, and 30 % too stiff with twice the friction."""
+explain, as they are, and 30 % too stiff with twice the friction; ``--measure`` prints them."""
+OPENING, POLICIES = 0.040, ("return stroke", "probe and creep")
+"""Length of the opening [m], and the policies that take over from it by turns, of the measured places."""
+PLACES_FILE = Path("runs") / "check-sequential" / "places.csv"
+"""File of the measured places: return, forecast and forecast of a wrong twin of each."""
 STUDIES = 10_000
 """Number of simulated studies of each row."""
 _DAY = 20  # pairs between changes of a drifting mean
+_AGAIN = 2000  # resampled sets of places
 _TOGETHER = 1000  # studies drawn at a time, to limit memory
 Draw = Callable[[np.random.Generator, tuple[int, int], float], Any]
 """Function that draws differences, shape (studies, pairs), or a tuple of such and their room."""
@@ -170,6 +185,81 @@ def twin_rows(studies: int) -> list[list[str]]:
     return rows
 
 
+def measure_places(places: int) -> Iterator[dict[str, Any]]:
+    """Cut places of the fake rig, by two policies in turn; yield what came of each and what its twins had foretold."""
+    rig = RigCutEnv(rig="fake", specimen_class="liver")
+    simulator = simulator_like(rig, specimen_class="liver")
+    policies = (
+        OpenedPolicy(SCRIPTS[POLICIES[0]](), OPENING, rig.start_angle),
+        OpenedPolicy(SCRIPTS[POLICIES[1]](), OPENING, rig.start_angle),
+    )
+    question = SequentialQuestion(most=places)
+    comparison = RigComparison(rig=rig, simulator=simulator, policies=policies, names=POLICIES, question=question)
+    try:
+        for place in range(places):
+            length = comparison.length(place)
+            cut = cut_again(rig, policies[place % 2], [], seed=0, episode=place, target_length=length)
+            if cut is None:
+                continue
+            key: dict[str, Any] = {"depth": np.array(rig.cutting.plant.depth), "seed": 0, "episode": place}
+            try:
+                found = specimens_like(simulator, opening_of(cut.trace, OPENING), draws=DRAWS, **key)
+            except ValueError:  # the cut ended in its opening
+                continue
+            value = comparison.outcomes
+            right, wrong = (
+                forecast(simulator, policies, each, target_length=length, value=value, **key).mean(axis=0)[0]
+                for each in (found, [_wrong(specimen) for specimen in found])
+            )
+            row = {"place": place, "policy": place % 2, "return": value(cut)[0], "right": right, "wrong": wrong}
+            yield {name: float(number) for name, number in row.items()}
+    finally:
+        rig.close()
+
+
+def _wrong(specimen: Specimen) -> Specimen:
+    """Return a specimen that is 30 % stiffer and rubs twice as much."""
+    return dataclasses.replace(
+        specimen, modulus=1.3 * specimen.modulus, friction_per_depth=2.0 * specimen.friction_per_depth
+    )
+
+
+def places_report(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return the spread of the difference of two places, and the shares that twins explain, with intervals."""
+    own = {name: np.array([row[name] for row in rows]) for name in ("policy", "return", "right", "wrong")}
+    rng = np.random.default_rng(0)
+    by_policy = [np.flatnonzero(own["policy"] == k) for k in (0, 1)]
+    again = [np.concatenate([rng.choice(each, len(each)) for each in by_policy]) for _ in range(_AGAIN)]
+
+    def shares(some: Array) -> list[float]:
+        """Return the spread and both shares, of places about the mean of their policy."""
+        policy, rest = own["policy"][some], {}
+        for name in ("return", "right", "wrong"):
+            value = own[name][some]
+            rest[name] = value - np.where(policy == 0, value[policy == 0].mean(), value[policy == 1].mean())
+        spread = float(np.sqrt(2.0 * np.mean(rest["return"] ** 2)))
+        return [spread, *(float(np.corrcoef(rest["return"], rest[name])[0, 1] ** 2) for name in ("right", "wrong"))]
+
+    found = shares(np.arange(len(rows)))
+    low, high = np.quantile([shares(some) for some in again], (0.05, 0.95), axis=0)
+    header = ["of the difference of two places", "", "90 % interval"]
+    names = ("standard deviation", "explained by twins", "explained by twins 30 % too stiff with twice the friction")
+    cells = [
+        [name, f"{found[k]:.2f}" if k == 0 else f"{100.0 * found[k]:.0f} %", _interval(low[k], high[k], k)]
+        for k, name in enumerate(names)
+    ]
+    return f"{len(rows)} places, {' and '.join(POLICIES)} in turn:\n\n{markdown_table(header, cells)}"
+
+
+def _interval(low: float, high: float, k: int) -> str:
+    return f"{low:.2f} to {high:.2f}" if k == 0 else f"{100.0 * low:.0f} to {100.0 * high:.0f} %"
+
+
+def places_table() -> str:
+    """Return the report of the kept places."""
+    return places_report(kept_rows(PLACES_FILE, "scripts.validation.scoring.check_sequential --measure 140", ()))
+
+
 def decision_table(studies: int = STUDIES) -> str:
     """Return the table of decisions as Markdown."""
     header = [
@@ -192,7 +282,19 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--studies", type=int, default=STUDIES, metavar="N", help=f"default {STUDIES}")
     parser.add_argument("--block", choices=("decisions", "twins"), help="print one table alone")
+    parser.add_argument(
+        "--measure", type=int, metavar="PLACES", help="cut so many places, and print what twins explain"
+    )
     arguments = parser.parse_args()
+    if arguments.measure is not None:
+        with progress_bar("cutting", "place", total=arguments.measure) as bar:
+            rows: list[dict[str, Any]] = []
+            for row in measure_places(arguments.measure):
+                rows.append(row)
+                bar(1)
+        keep(PLACES_FILE, rows)
+        print(places_table())
+        return
     tables = {"decisions": decision_table, "twins": twin_table}
     print("\n\n".join(tables[name](arguments.studies) for name in tables if arguments.block in (None, name)))
 
