@@ -59,7 +59,7 @@ def test_a_run_that_was_broken_off_goes_on_where_it_left_off(machine: Machine, c
     assert rig_faults.main(SOME) == 1  # "bad_status" is not to be found out as a force limit
     assert "4 trials were made before" in capsys.readouterr().err
     in_pieces, machine.made = machine.made, []
-    assert not rig_faults.DEFAULT.with_suffix(rig_faults.PART).exists()
+    assert not rig_faults.DEFAULTS[""].with_suffix(rig_faults.PART).exists()
     kept = json.loads(Path("kept.json").read_text())
     assert [each["fault"] for each in kept["trials"]] == ["over_force"] * 3 + ["bad_status"] * 3
     rig_faults.main(SOME)
@@ -94,7 +94,7 @@ def test_what_cannot_be_helped_by_a_priority_is_not_told_to_be():
 
 
 def test_the_look_counts_a_machine_that_stalls(monkeypatch):
-    monkeypatch.setattr("busy_host.LOOKED", 0.3)
+    monkeypatch.setattr("scripts.validation.rig.busy_host.LOOKED", 0.3)
     assert all(late > LATE for late in look().late)
 
 
