@@ -24,7 +24,7 @@ def one_column_a_channel(table: NamedColumns) -> NamedColumns:
 
     A column of text is one of channels if it says which of them is a force or a way; of trials it is not.
     """
-    if table.n_columns not in (3, 4) or len(table.headers) < table.n_columns:
+    if table.n_columns < 3 or len(table.headers) < table.n_columns:
         return table
     texts = [k for k in range(table.n_columns) if table.typed(k).kind == "text"]
     numbers = [k for k in range(table.n_columns) if k not in texts]
@@ -39,9 +39,12 @@ def one_column_a_channel(table: NamedColumns) -> NamedColumns:
     channels = np.array(table.text(key))
     names = list(dict.fromkeys(channels.tolist()))
     units = [""] * len(names)
-    if len(texts) == 2:
-        said = np.array(table.text(texts[1 - texts.index(key)]))
+    for other in texts:
+        said = np.array(table.text(other))
         each = [set(said[channels == name].tolist()) for name in names]
+        state = len(set(said.tolist())) == 1 and known_spelling(str(said[0])) is None  # such as "good"
+        if other == key or state:
+            continue
         if any(len(of_one) > 1 for of_one in each):
             return table
         units = [of_one.pop() for of_one in each]
