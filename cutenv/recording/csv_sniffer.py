@@ -534,6 +534,8 @@ def _header_of(above: Sequence[str], dialect: Dialect, length: int, numeric: Seq
     if labelled.units or (labelled.names and not units):
         names = labelled.names or names
         units = labelled.units or units
+    if units and any(_IN_VOLTS.search(line) for line in written):  # the units are those after a calibration
+        units = tuple("V" if unit else "" for unit in units)
     if len(rows[-1:] and rows[-1]) == length > 1 and rows[-1][0] and not any(rows[-1][1:]) and len(names) >= length:
         names = [rows[-1][0], *names[1:]]  # pandas writes the name of an index below those of the columns
     if len(names) == length - 1 and length - 1 not in numeric:  # a separator at the end of every row
@@ -551,6 +553,7 @@ def _header_of(above: Sequence[str], dialect: Dialect, length: int, numeric: Seq
     return _Header(tuple(names), tuple(units), "")
 
 
+_IN_VOLTS = re.compile(r"\bdata in volts?\b", re.IGNORECASE)
 _LISTED = re.compile(
     r"(?:(?:channel|column|col|ch|kanal|spalte|field)\s*#?)?(\d+)\s*[:=.)-]\s*([^\W\d].*)", re.IGNORECASE
 )

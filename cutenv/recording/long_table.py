@@ -8,7 +8,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
+from cutenv._base.arrays import Array
 from cutenv.recording.cell_values import CellValues
 from cutenv.recording.named_columns import NamedColumns
 from cutenv.recording.stated_units import known_spelling, split_header
@@ -28,10 +30,12 @@ def one_column_a_channel(table: NamedColumns) -> NamedColumns:
         return table
     texts = [k for k in range(table.n_columns) if table.typed(k).kind == "text"]
     numbers = [k for k in range(table.n_columns) if k not in texts]
-    if len(numbers) != 2 or not texts:
-        return table
     key = next((k for k in texts if _names_channels(table.text(k))), None)
     if key is None:
+        return table
+    if len(numbers) > 2:
+        numbers = [k for k in numbers if _varies_within(table.values(k), np.array(table.text(key)))]
+    if len(numbers) != 2:
         return table
     time, value = numbers
     if table.typed(time).kind == "number" and not (np.diff(table.values(time)) >= 0.0).mean() > 0.9:
@@ -74,6 +78,13 @@ def one_column_a_channel(table: NamedColumns) -> NamedColumns:
         part_names=(),
         notes=(*table.notes, f"{len(names)} channels below one another, by {table.header(key)!r}: a column each."),
     )
+
+
+def _varies_within(values: Array, channels: NDArray[np.str_]) -> bool:
+    """Return whether numbers vary within a channel, as those of a series do, and its number does not."""
+    known = np.isfinite(values)
+    each = [values[known & (channels == name)] for name in np.unique(channels)]
+    return any(len(of_one) > 0 and np.ptp(of_one) > 0.0 for of_one in each)
 
 
 def _names_channels(cells: Sequence[str]) -> bool:

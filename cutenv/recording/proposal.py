@@ -89,6 +89,7 @@ _HEADER_SHARE = 0.1  # share of the rows beside which an old oscilloscope writes
 _AXES = re.compile(
     r"(?P<name>(?:.*[^a-z])?(?P<what>pose|position|pos|force|wrench|f_ext\w*)[^a-z0-9]*)(?P<place>[0-5])\W*"
 )
+_CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 _MATRIX = re.compile(r"(?:.*[^a-z])?[a-z]_t_\w*?[^a-z0-9](?P<place>1[234])\W*")  # of 4 x 4, column by column
 
 
@@ -321,6 +322,10 @@ class _Columns:
         told = [k for k in free if self.quantity(k) == "length"]
         named = [k for k in free if not self.quantity(k) and set(_WAYS).intersection(self.words[k])]
         named = [k for k in named if not _MOMENTS.intersection(self.words[k])]
+        other = _NO_FORCES | _NO_PLACES  # whose x is no place
+        named = [
+            k for k in named if {*_WAYS}.intersection(self.words[k]) != {"x"} or not other.intersection(self.words[k])
+        ]
         named = [k for k in named if "x" not in self.words[k] or self.words[k] == ["x"] or len(self.words[k]) > 1]
         found = told or named
 
@@ -642,8 +647,8 @@ def _is_filled(known: NDArray[np.bool_]) -> bool:
 
 def _axis_of_place(header: str, headers: Sequence[str]) -> str:
     """Return the axis of a column of a place, ``px``, ``tip_x``, where all three stand beside a force; else ""."""
-    every = [each.strip().lower() for each in headers]
-    name, axis = header.strip()[:-1], header.strip()[-1:]
+    header, *every = [re.sub(_CAMEL, "_", each.strip()).lower() for each in (header, *headers)]
+    name, axis = header[:-1], header[-1:]
     if axis not in "xyz" or not all(f"{name}{each}" in every for each in "xyz"):
         return ""
     words = set(re.findall(r"[a-z]+", name))
@@ -666,8 +671,8 @@ def _words(table: NamedColumns, column: int) -> list[str]:
         places = sum(any(each.startswith(f"{found['name']}{k}") for each in others) for k in range(7))
         if places == 3 or (places == 6 and found["what"] not in ("position", "pos")):  # from 0, and not joints
             return [what, "xyz"[place]] if place < 3 else ["angle" if what == "pose" else "torque"]
-    if (axis := _axis_of_place(header, table.headers)) and not table.stated(column):
+    if (axis := _axis_of_place(table.headers[column], table.headers)) and not table.stated(column):
         return ["pos", axis]
-    stem = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", re.sub(r"\s*[\[(].*?[\])]", "", table.headers[column]))
+    stem = re.sub(_CAMEL, " ", re.sub(r"\s*[\[(].*?[\])]", "", table.headers[column]))
     plain = unicodedata.normalize("NFD", column_stem(stem))
     return re.findall(r"[a-z]+", "".join(letter for letter in plain if not unicodedata.combining(letter)))

@@ -201,7 +201,7 @@ def _whole_json(text: str) -> Tabled | None:
         value = json.loads(text)
     except (ValueError, RecursionError):
         return None
-    lists = _lists(value)
+    lists = _of_pandas(value) or _lists(value)
     if lists is not None:
         units = _units_of(value, set(lists))
         names = [f"{name} [{units[name]}]" if units.get(name) else name for name in lists]
@@ -215,6 +215,20 @@ def _whole_json(text: str) -> Tabled | None:
     names = list(dict.fromkeys(name for each in flat for name in each))
     rows = [[_text(each.get(name)) for name in names] for each in flat]
     return Tabled("JSON", names, rows, list(range(1, len(rows) + 1)), 0)
+
+
+def _of_pandas(value: Any) -> dict[str, list[Any]] | None:
+    """Return the columns of a table that pandas wrote by columns, or split into names and rows; None for any other."""
+    if not isinstance(value, dict):
+        return None
+    names, rows = value.get("columns"), value.get("data")
+    if isinstance(names, list) and isinstance(rows, list) and rows and all(isinstance(row, list) for row in rows):
+        full = all(len(row) == len(names) for row in rows)
+        return {str(name): [row[k] for row in rows] for k, name in enumerate(names)} if full else None
+    by_row = [each for each in value.values() if isinstance(each, dict)]
+    if len(by_row) < 2 or len(by_row) < len(value) or len({tuple(each) for each in by_row}) > 1 or "0" not in by_row[0]:
+        return None
+    return {name: list(each.values()) for name, each in value.items()}
 
 
 def _lists(value: Any) -> dict[str, list[Any]] | None:

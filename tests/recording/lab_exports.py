@@ -9,6 +9,7 @@ from lab_cut import (
     EPOCH,
     FORCE,
     FORCE_ALONE,
+    GRAMS,
     RATE,
     TIME,
     WAY,
@@ -219,4 +220,75 @@ add(
         ),
     ],
     truth=FORCE_ALONE,
+)
+add(
+    "seconds_and_millis.log",
+    "KUKA",
+    "seconds and milliseconds in two columns, axes in the middle of words",
+    [
+        "ZeitInSec ZeitInMillis axisX axisY axisZ cartForce1_X cartForce1_Y cartForce1_Z",
+        *(
+            f"{EPOCH + int(t)} {round((t % 1.0) * 1e3)} 400.0 5.0 {600.0 - x:.4f} 0.2 0.1 {f:.5f}"
+            for t, f, x in zip(TIME, FORCE, WAY, strict=True)
+        ),
+    ],
+    asks=1,
+)
+add(
+    "acceleration_too.csv",
+    "people and programs",
+    "an acceleration of three axes, and no way",
+    ["time_ms,force_g,accel_x,accel_y,accel_z", *table([(1e3 * TIME, "%.0f"), GRAMS, _SIDE, _NOUGHT, _SIDE])],
+    truth=FORCE_ALONE,
+)
+add(
+    "annotated.csv",
+    "InfluxDB",
+    "a row for each value, the number of its table in front",
+    [
+        "#datatype,string,long,dateTime:RFC3339,double,string,string",
+        "#group,false,false,false,false,true,true",
+        "#default,_result,,,,,",
+        ",result,table,_time,_value,_field,_measurement",
+        *(
+            f",,{k},{at(t).isoformat(timespec='milliseconds')}Z,{value:.5f},{name},rig"
+            for k, (name, values) in enumerate((("force_N", FORCE), ("position_mm", WAY)))
+            for t, value in zip(TIME, values, strict=True)
+        ),
+    ],
+)
+add(
+    "in_volts.ddf",
+    "Aurora Scientific",
+    "units and scales of channels whose data are in volts",
+    [
+        "Sample Frequency (Hz): 200",
+        "Channel\tAI0\tAI1",
+        "Units\tC\tmN",
+        "Scale (units/V)\t4.0\t100.0",
+        "Test Data in Volts:",
+        "Sample\tAI0\tAI1",
+        *table([(np.arange(N), "%d"), _NOUGHT, (10.0 * FORCE, "%.5f")], "\t"),
+    ],
+    asks=1,
+    readable=False,
+)
+_FRAME = {"t_ms": 1e3 * TIME, "Fz_N": FORCE.round(5), "z_mm": WAY.round(4)}
+add(
+    "split.json",
+    "pandas",
+    "names, and rows as lists",
+    json.dumps(
+        {
+            "columns": list(_FRAME),
+            "index": list(range(N)),
+            "data": np.column_stack(list(_FRAME.values())).tolist(),
+        }
+    ),
+)
+add(
+    "columns.json",
+    "pandas",
+    "an object for each column",
+    json.dumps({name: {str(k): value for k, value in enumerate(values)} for name, values in _FRAME.items()}),
 )
