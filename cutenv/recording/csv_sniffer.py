@@ -24,13 +24,14 @@ from cutenv.recording.cell_values import (
     plain_float,
 )
 from cutenv.recording.long_table import one_column_a_channel
-from cutenv.recording.maker_headers import MakerHeader, maker_header, stated_rate
+from cutenv.recording.maker_headers import MakerHeader, maker_header, stated_force_unit, stated_rate
 from cutenv.recording.named_columns import LeftOut, NamedColumns, RowNumbers
 from cutenv.recording.schema import RecordError
 from cutenv.recording.specimens import side_by_side
 from cutenv.recording.stated_units import known_spelling, split_header
 from cutenv.recording.text_lines import plain_rows, tabled, text_lines
 from cutenv.recording.time_columns import whole_times
+from cutenv.recording.unit_columns import units_beside
 
 
 class Dialect(NamedTuple):
@@ -79,11 +80,13 @@ def sniff_table(path: Path, lines: list[str] | None = None) -> NamedColumns:
             about=parted.kind,
             typed=functools.cache(lambda k: cell_values(cells[k], ".")),
             text=lambda k: cells[k],
+            rate=stated_rate(parted.facts),
             left_out=lost,
         )
-        return whole_times(columns)
+        return units_beside(whole_times(columns))
     lines = plain_rows(lines)
-    return one_column_a_channel(side_by_side(whole_times(_Reading(path, lines, maker_header(lines)).table())))
+    table = whole_times(_Reading(path, lines, maker_header(lines)).table())
+    return units_beside(one_column_a_channel(side_by_side(table)))
 
 
 def split_row(row: str, separator: str) -> list[str]:
@@ -256,6 +259,7 @@ class _Reading:
             part_names=part_names,
             part_starts=self.stated.starts if parts is not None and len(self.stated.starts) == len(part_names) else (),
             rate=rate,
+            force_unit=stated_force_unit(above),
             left_out=tuple(left_out),
             above=header.above,
         )
@@ -519,10 +523,10 @@ class _Header(NamedTuple):
 def _header_of(above: Sequence[str], dialect: Dialect, length: int, numeric: Sequence[int]) -> _Header:
     """Return names and units from the last lines above the numbers."""
     filled = [line.lstrip(" #%/!").rstrip("\n ") if line.lstrip()[:1] in "#%/!" else line for line in above]
-    filled = [line for line in filled if line.strip("\t ,;|-+=:")]
+    written = filled = [line for line in filled if line.strip("\t ,;|-+=:")]
     if dialect.separator == " ":
         filled = [line for line in filled if not _KEY_LINE.fullmatch(line.strip())]
-    if not filled:
+    if not written:
         return _Header((), (), "nothing stands above them")
     rows = [_header_cells(line, dialect, length) for line in filled[-16:] if line.lstrip()[:1] != "{"]
     labelled = _labelled(rows, length)
@@ -530,17 +534,57 @@ def _header_of(above: Sequence[str], dialect: Dialect, length: int, numeric: Seq
     if labelled.units or (labelled.names and not units):
         names = labelled.names or names
         units = labelled.units or units
+    if units and any(_IN_VOLTS.search(line) for line in written):  # the units are those after a calibration
+        units = tuple("V" if unit else "" for unit in units)
     if len(rows[-1:] and rows[-1]) == length > 1 and rows[-1][0] and not any(rows[-1][1:]) and len(names) >= length:
         names = [rows[-1][0], *names[1:]]  # pandas writes the name of an index below those of the columns
     if len(names) == length - 1 and length - 1 not in numeric:  # a separator at the end of every row
         names = [*names, ""]
     if len(names) == length - 1 and not units and all(names):  # R leaves the corner above its row names out
         return _Header(("row", *names), (), "")
+    if len(names) < length and (listed := _listed(written, length)):
+        names = listed
     if len(names) < length:
-        last = filled[-1].strip()
+        last = written[-1].strip()
         n_names = len(rows[-1]) if rows else 0
         return _Header((), units, f"above them stands {last[:60]!r}: {n_names} names for {length} columns")
+    if not units:
+        units = _units_of_groups(rows, list(names))
     return _Header(tuple(names), tuple(units), "")
+
+
+_IN_VOLTS = re.compile(r"\bdata in volts?\b", re.IGNORECASE)
+_LISTED = re.compile(
+    r"(?:(?:channel|column|col|ch|kanal|spalte|field)\s*#?)?(\d+)\s*[:=.)-]\s*([^\W\d].*)", re.IGNORECASE
+)
+_OF_AXIS = re.compile(r"(?:.*[^a-z])?[fmt]?[xyz]|[fmt][xyz]\W.*", re.IGNORECASE)
+
+
+def _listed(lines: Sequence[str], length: int) -> list[str]:
+    """Return the names that numbered lines give the columns, ``Channel 1: Force [N]``; [] where they do not."""
+    found = [found for line in lines if (found := _LISTED.fullmatch(line.strip())) is not None]
+    numbers, names = [int(each[1]) for each in found], [each[2].strip() for each in found]
+    if not numbers or numbers != list(range(numbers[0], numbers[0] + len(numbers))):
+        return []
+    before = length - len(names)  # one of time or of numbers stands in front of the channels
+    return [*[""] * before, *names] if before in (0, 1) else []
+
+
+def _units_of_groups(rows: list[list[str]], names: list[str]) -> tuple[str, ...]:
+    """Return the units that a line above the names states for the axes below it: ``Force (lbf),,,Torque (Nmm),,``."""
+    for above in reversed(rows[: rows.index(names)] if names in rows else []):
+        said = [split_header(cell)[1] for cell in above]
+        first = next((k for k, cell in enumerate(above) if cell), len(above))
+        spans = first + 1 < len(above) and not above[first + 1]
+        if not spans or not any(map(_is_unit, filter(None, said))):
+            continue
+        units, current = [], ""
+        for k, name in enumerate(names):
+            if k < len(above) and above[k]:
+                current = said[k] if _is_unit(said[k]) else ""
+            units.append(current if _OF_AXIS.fullmatch(split_header(name)[0]) else "")
+        return tuple(units)
+    return ()
 
 
 _LABELS = {
@@ -593,6 +637,8 @@ def _names_and_units(rows: list[list[str]], length: int) -> tuple[tuple[str, ...
     for cells in reversed(rows):
         n_filled = sum(bool(cell) for cell in cells)
         if any(_NUMBER["."].fullmatch(cell) for cell in cells):
+            continue
+        if n_filled > 1 and len(rows) > 1 and len({*cells} - {""}) == 1:  # the same of every column names none
             continue
         if n_filled > 1 or (n_filled == 1 and length <= 2 and (length == 1 or (len(cells) == 2 and not cells[0]))):
             if 2 * n_filled < min(length, 8) and len(cells) <= length and _is_label(rows, cells, length):

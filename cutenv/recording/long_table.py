@@ -8,7 +8,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
+from cutenv._base.arrays import Array
 from cutenv.recording.cell_values import CellValues
 from cutenv.recording.named_columns import NamedColumns
 from cutenv.recording.stated_units import known_spelling, split_header
@@ -24,14 +26,16 @@ def one_column_a_channel(table: NamedColumns) -> NamedColumns:
 
     A column of text is one of channels if it says which of them is a force or a way; of trials it is not.
     """
-    if table.n_columns not in (3, 4) or len(table.headers) < table.n_columns:
+    if table.n_columns < 3 or len(table.headers) < table.n_columns:
         return table
     texts = [k for k in range(table.n_columns) if table.typed(k).kind == "text"]
     numbers = [k for k in range(table.n_columns) if k not in texts]
-    if len(numbers) != 2 or not texts:
-        return table
     key = next((k for k in texts if _names_channels(table.text(k))), None)
     if key is None:
+        return table
+    if len(numbers) > 2:
+        numbers = [k for k in numbers if _varies_within(table.values(k), np.array(table.text(key)))]
+    if len(numbers) != 2:
         return table
     time, value = numbers
     if table.typed(time).kind == "number" and not (np.diff(table.values(time)) >= 0.0).mean() > 0.9:
@@ -39,9 +43,12 @@ def one_column_a_channel(table: NamedColumns) -> NamedColumns:
     channels = np.array(table.text(key))
     names = list(dict.fromkeys(channels.tolist()))
     units = [""] * len(names)
-    if len(texts) == 2:
-        said = np.array(table.text(texts[1 - texts.index(key)]))
+    for other in texts:
+        said = np.array(table.text(other))
         each = [set(said[channels == name].tolist()) for name in names]
+        state = len(set(said.tolist())) == 1 and known_spelling(str(said[0])) is None  # such as "good"
+        if other == key or state:
+            continue
         if any(len(of_one) > 1 for of_one in each):
             return table
         units = [of_one.pop() for of_one in each]
@@ -71,6 +78,13 @@ def one_column_a_channel(table: NamedColumns) -> NamedColumns:
         part_names=(),
         notes=(*table.notes, f"{len(names)} channels below one another, by {table.header(key)!r}: a column each."),
     )
+
+
+def _varies_within(values: Array, channels: NDArray[np.str_]) -> bool:
+    """Return whether numbers vary within a channel, as those of a series do, and its number does not."""
+    known = np.isfinite(values)
+    each = [values[known & (channels == name)] for name in np.unique(channels)]
+    return any(len(of_one) > 0 and np.ptp(of_one) > 0.0 for of_one in each)
 
 
 def _names_channels(cells: Sequence[str]) -> bool:

@@ -18,9 +18,13 @@ _LABCHART = ("Interval=", "ExcelDateTime=", "TimeFormat=", "DateFormat=", "Chann
 _NUMBER = NUMBER_PATTERNS["."].replace(r"\.", "[.,]")
 _RATE = re.compile(
     r"(?:sampl\w*[ _.-]*(?:rate|freq\w*)|samplerate|samples?[ _]per[ _]second|abtast(?:rate|frequenz)|"
-    r"messrate|data ?rate|scan rate|acquisition rate|frequency|fs|rate)\b[^\d\n]{0,14}?"
+    r"messrate|data ?rate|scan rate|acquisition rate|frequency|fs|rate)(?:_hz)?\b[^\d\n]{0,14}?"
     + rf"({_NUMBER})\s*(k?Hz|[kK]?S/s|1/s|samples?/s\w*|)",
     re.IGNORECASE,
+)
+_READINGS = re.compile(rf"sampling\W{{1,6}}({_NUMBER})\s*(k?Hz|[kK]?S/s|(?:data|samples?)/s\w*)", re.IGNORECASE)
+_FORCE_UNIT = re.compile(
+    r"[\s#%\"]*(?:force|load|kraft)?[ _]?(?:units?|einheit)\"?\s*[:=,;\t ]+\"?([a-z]{1,6})[\s\",;]*", re.IGNORECASE
 )
 _STEP = re.compile(
     r"(?:sampl\w*[ _.-]*(?:interval|period|time)|interval|delta[ _]?[xt]|d[xt]|time ?step|increment|schrittweite|"
@@ -94,6 +98,8 @@ def maker_header(lines: list[str]) -> MakerHeader:
         return _open_signals(lines)
     if re.match(r"Record Length,[^,]*,,", lines[0]):
         return _beside(lines)
+    if first in ("Devices", "Trajectories", "Model Outputs") and len(lines) > 5:
+        return _vicon(lines)
     if any("Counts per Unit Force" in line for line in lines[:20]):
         return _net_ft(lines)
     return MakerHeader(lines=lines)
@@ -104,7 +110,7 @@ def stated_rate(above: Sequence[str]) -> float | None:
     rates = set()
     for line in above:
         plain = re.sub(r'["\t;:=,]+(?=\D|$)|(?<=\D)["\t;:=,]+', " ", line)
-        if found := _RATE.search(plain):
+        if found := _RATE.search(plain) or _READINGS.search(plain):
             rates.add(_float(found[1]) * _SIZE.get(found[2].lower(), 1.0))
         elif found := _STEP.search(plain):
             said = found["ahead"] or found["unit"]
@@ -114,6 +120,14 @@ def stated_rate(above: Sequence[str]) -> float | None:
                 rates.add(1.0 / (_float(found["number"]) * size))
     good = {rate for rate in rates if 1.0 <= rate <= 1e6}
     return good.pop() if len(good) == 1 else None
+
+
+def stated_force_unit(above: Sequence[str]) -> str:
+    """Return the unit of force that a line above a table states for all of it; "" if none does, or several do."""
+    found = (_FORCE_UNIT.fullmatch(line) for line in above)
+    known = [known_spelling(said[1]) for said in found if said is not None]
+    units = {each.unit for each in known if each is not None and each.quantity == "force"}
+    return units.pop() if len(units) == 1 else ""
 
 
 def _float(text: str) -> float:
@@ -279,7 +293,7 @@ def _beside(lines: list[str]) -> MakerHeader:
 
 def _net_ft(lines: list[str]) -> MakerHeader:
     """Read the header of ATI's Net F/T logger: unit and counts a unit of forces and torques."""
-    facts = dict(re.findall(r'"([\w ]+): ([^"]*)"', " ".join(lines[:20])))
+    facts = dict(re.findall(r'"([\w ]+):(?: |",\s*")([^"]*)"', " ".join(lines[:20])))
     counts, units = {}, {}
     for what, letter in (("Force", "F"), ("Torque", "T")):
         number = _float(facts.get(f"Counts per Unit {what}", "1"))
@@ -292,3 +306,20 @@ def _net_ft(lines: list[str]) -> MakerHeader:
     kept = [*[""] * (above + 1), *lines[above + 1 :]]
     said = tuple(units.get(name, "") for name in names)
     return MakerHeader(lines=kept, names=names, units=said, counts=counts, maker="Net F/T")
+
+
+def _vicon(lines: list[str]) -> MakerHeader:
+    """Read the header of a table of Vicon Nexus: rate, devices, names and units, above frames and parts of a frame."""
+    rate = re.fullmatch(rf"({_NUMBER})[,\t; ]*", lines[1].strip())
+    above = next((i for i, line in enumerate(lines[:8]) if line.startswith("Frame")), None)
+    if rate is None or above is None or above + 1 >= len(lines):
+        return MakerHeader(lines=lines)
+    separator = next((sign for sign in "\t;" if sign in lines[above]), ",")
+    names, units = ([cell.strip() for cell in lines[i].split(separator)] for i in (above, above + 1))
+    return MakerHeader(
+        lines=[*[""] * (above + 2), *lines[above + 2 :]],
+        names=tuple(names),
+        units=tuple(units),
+        rate=_float(rate[1]),
+        maker="Vicon Nexus",
+    )

@@ -62,6 +62,8 @@ class NamedColumns:
         Beginning of each part on a common clock [s]; empty if the file states none.
     rate : float or None
         Readings a second that the file states [Hz].
+    force_unit : str
+        Unit of force that a line above the table states for all of it; "" if none does.
     left_out : tuple of LeftOut
         Rows that are no readings at all.
     notes : tuple of str
@@ -86,6 +88,7 @@ class NamedColumns:
     part_names: tuple[str, ...] = ()
     part_starts: tuple[float, ...] = ()
     rate: float | None = None
+    force_unit: str = ""
     left_out: tuple[LeftOut, ...] = ()
     notes: tuple[str, ...] = ()
     above: str = "nothing stands above them"
@@ -199,9 +202,16 @@ class NamedColumns:
         in_header = split_header(header)[1]
         if not said or known_spelling(in_header):
             said = in_header or said
+        if said.isdecimal() and said == in_header and self._is_indexed(header):
+            said = ""
         if not said:
             said = self.typed(index).unit
         return said.strip("[](){}<> \t")
+
+    def _is_indexed(self, header: str) -> bool:
+        """Return whether other columns have the same name with another number in brackets: ``wrench[0]``."""
+        name = bare_name(header)
+        return sum(bare_name(each) == name and without_brackets(each)[1].isdecimal() for each in self.headers) > 1
 
     def unit(self, index: int, field: str) -> str | None:
         """Return the unit that the file states for a column as a field of a trace; None if it states none.

@@ -61,18 +61,35 @@ _NO_FORCES = _DERIVED | _MOMENTS | {
     "beschleunigung", "angle", "winkel", "rpm", "battery", "status", "nm", "nmm", "kpa", "mpa", "psi", "degc",
 }  # fmt: skip
 """Words of columns that are offered as a force to nobody, though they state no unit that is known."""
+_PRESSED = {"cop", "copx", "copy", "copz", "cx", "cy", "cz"}  # the centre of pressure on a plate
+_NO_PLACES = {"acc", "gyro", "mag", "vel", "v", "a", "w", "omega", "quat", "q", "rot", "orientation", "euler", "normal"}
 _UNCALIBRATED = {"v", "mv", "uv", "volt", "mv/v", "v/v", "count", "ct", "raw", "adc", "lsb", "bit", "digit", "dig"}
 """Units of amplifiers and converters, which a calibration turns into newtons."""
-_WANTED = {"commanded", "command", "cmd", "target", "setpoint", "soll", "desired", "reference", "demand", "peak", "min"}
+_WANTED = {
+    "commanded",
+    "command",
+    "cmd",
+    "target",
+    "setpoint",
+    "soll",
+    "desired",
+    "reference",
+    "demand",
+    "peak",
+    "min",
+    "valley",
+}
 _OTHER_FORCE_UNITS = ("N", "mN", "kN", "gf", "kgf", "lbf", "1")
 _FEWEST_TICKS = 4  # different times of a coarse clock that show its step
 _USUAL_FORCE = (0.02, 500.0)  # [N]
 _FEWEST = 20  # readings in which a sign or the only rising column shows
+_LEAST_WAY = 2e-3  # [m] of a column that is a way rather than a depth
 _FEWEST_COUNTS = 1000.0  # range of whole numbers that may be those of a converter
 _HEADER_SHARE = 0.1  # share of the rows beside which an old oscilloscope writes its header
 _AXES = re.compile(
     r"(?P<name>(?:.*[^a-z])?(?P<what>pose|position|pos|force|wrench|f_ext\w*)[^a-z0-9]*)(?P<place>[0-5])\W*"
 )
+_CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 _MATRIX = re.compile(r"(?:.*[^a-z])?[a-z]_t_\w*?[^a-z0-9](?P<place>1[234])\W*")  # of 4 x 4, column by column
 
 
@@ -176,7 +193,8 @@ class _Columns:
         ways = self.ways(time, forces)
         if not forces:
             forces = self.unnamed_forces(time, ways)
-        if not forces and time is not None and not ways and not self.quantity(time):  # force needs the one column
+        alone = sum(each.kind != "text" for each in self.cells) == 1
+        if not forces and time is not None and alone and not self.quantity(time):  # force needs the one column
             forces, time = [time], None
         if not forces:
             names = ", ".join(self.table.header(k) for k in range(self.n))
@@ -300,10 +318,14 @@ class _Columns:
     def ways(self, time: int | None, forces: Sequence[int]) -> list[int]:
         """Return the columns that may be the blade's way, the likeliest first."""
         free = [k for k in range(self.n) if k != time and k not in forces and self.filled[k]]
-        free = [k for k in free if not _DEPTHS.intersection(self.words[k]) and not _DERIVED.intersection(self.words[k])]
+        free = [k for k in free if not (_DEPTHS | _DERIVED | _PRESSED).intersection(self.words[k])]
         told = [k for k in free if self.quantity(k) == "length"]
         named = [k for k in free if not self.quantity(k) and set(_WAYS).intersection(self.words[k])]
         named = [k for k in named if not _MOMENTS.intersection(self.words[k])]
+        other = _NO_FORCES | _NO_PLACES  # whose x is no place
+        named = [
+            k for k in named if {*_WAYS}.intersection(self.words[k]) != {"x"} or not other.intersection(self.words[k])
+        ]
         named = [k for k in named if "x" not in self.words[k] or self.words[k] == ["x"] or len(self.words[k]) > 1]
         found = told or named
 
@@ -393,6 +415,9 @@ class _Columns:
             return chosen
         header = self.table.header(chosen)
         if quantity == "":
+            if self.table.force_unit and not unnamed:
+                self.items["unit"] = self.table.force_unit
+                return chosen
             likely = self.likely_unit(chosen)
             text = f"In which unit is the force {header!r}?"
             if likely is None:
@@ -500,8 +525,7 @@ class _Columns:
         """Set the position, counted away from the clamp; ask for it and its unit if the file leaves them open."""
         moving = [k for k in ways if np.ptp(self.known(k)) > 0.0]
         if not moving:
-            self.ask_unknown_way(force)
-            return None
+            return self.ask_moving_depth(force)
         chosen = moving[0]
         first = self.rank_of(chosen)
         others = [k for k in moving[1:] if self.rank_of(k) == first and not self.alike(k, chosen)]
@@ -535,6 +559,35 @@ class _Columns:
                 )
             )
         return chosen
+
+    def ask_moving_depth(self, force: int) -> int | None:
+        """Take a depth that moves as a blade does for the position where no other column can be it, and ask."""
+        depths = [k for k in range(self.n) if k != force and self.is_depth(k) and self.moves(k)]
+        if len(depths) != 1:
+            self.ask_unknown_way(force)
+            return None
+        (chosen,) = depths
+        name = self.name(chosen)
+        sign = "-" if self.runs_back(chosen, force) else ""
+        self.items["position"] = f"{sign}{name}"
+        text = (
+            f"Is {self.table.header(chosen)!r}, which moves, the position of the blade? If not, map it as depth={name}."
+        )
+        choice = (self.table.header(chosen), {"position": self.items["position"]})
+        self.questions.append(Question(about="position", text=text, choices=(choice,), proposed=0))
+        return chosen
+
+    def is_depth(self, k: int) -> bool:
+        """Return whether a column is called a depth and states a unit of length."""
+        called = {"depth", "tiefe", "profondeur"}.intersection(self.words[k])
+        return bool(called) and self.filled[k] and self.quantity(k) == "length"
+
+    def moves(self, k: int) -> bool:
+        """Return whether a column moves smoothly through a usual way, as nothing does that is set once."""
+        values = self.known(k)
+        size = UNITS["position"][self.table.unit(k, "position") or "m"]
+        way = float(np.ptp(values))
+        return len(values) >= _FEWEST and way * size > _LEAST_WAY and way > 20.0 * np.median(np.abs(np.diff(values)))
 
     def ask_unknown_way(self, force: int) -> None:
         """Ask for the unit of a position that states one which nobody knows."""
@@ -577,8 +630,7 @@ class _Columns:
         """Set angle and depth where just one column has the unit, and the depth's name."""
         free = [k for k in range(self.n) if k not in taken and self.filled[k]]
         angles = [k for k in free if self.quantity(k) == "angle"]
-        depths = [k for k in free if {"depth", "tiefe", "profondeur"}.intersection(self.words[k])]
-        depths = [k for k in depths if self.quantity(k) == "length" and not set(_WAYS).intersection(self.words[k])]
+        depths = [k for k in free if self.is_depth(k) and not set(_WAYS).intersection(self.words[k])]
         for field, found, limit in (("angle", angles, np.pi), ("depth", depths, 0.1)):
             if len(found) == 1:
                 size = UNITS[field][self.table.unit(found[0], field) or ""]
@@ -591,6 +643,19 @@ def _is_filled(known: NDArray[np.bool_]) -> bool:
     """Return whether a column has readings, and not only the header beside the first rows."""
     rows = np.flatnonzero(known)
     return len(rows) >= min(2, len(known)) and not (len(known) > 100 and rows[-1] < _HEADER_SHARE * len(known))
+
+
+def _axis_of_place(header: str, headers: Sequence[str]) -> str:
+    """Return the axis of a column of a place, ``px``, ``tip_x``, where all three stand beside a force; else ""."""
+    header, *every = [re.sub(_CAMEL, "_", each.strip()).lower() for each in (header, *headers)]
+    name, axis = header[:-1], header[-1:]
+    if axis not in "xyz" or not all(f"{name}{each}" in every for each in "xyz"):
+        return ""
+    words = set(re.findall(r"[a-z]+", name))
+    if words & (_FORCES | _NO_FORCES | _NO_PLACES) or not re.fullmatch(r"(?:.*[^a-z])?p?", name):
+        return ""
+    forces = [{*re.findall(r"[a-z]+", each)} for each in every if each[:-1] != name]
+    return axis if any(each & _FORCES for each in forces) else ""
 
 
 def _words(table: NamedColumns, column: int) -> list[str]:
@@ -606,6 +671,8 @@ def _words(table: NamedColumns, column: int) -> list[str]:
         places = sum(any(each.startswith(f"{found['name']}{k}") for each in others) for k in range(7))
         if places == 3 or (places == 6 and found["what"] not in ("position", "pos")):  # from 0, and not joints
             return [what, "xyz"[place]] if place < 3 else ["angle" if what == "pose" else "torque"]
-    stem = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", re.sub(r"\s*[\[(].*?[\])]", "", table.headers[column]))
+    if (axis := _axis_of_place(table.headers[column], table.headers)) and not table.stated(column):
+        return ["pos", axis]
+    stem = re.sub(_CAMEL, " ", re.sub(r"\s*[\[(].*?[\])]", "", table.headers[column]))
     plain = unicodedata.normalize("NFD", column_stem(stem))
     return re.findall(r"[a-z]+", "".join(letter for letter in plain if not unicodedata.combining(letter)))

@@ -14,7 +14,8 @@ from cutenv.recording.named_columns import NamedColumns
 from cutenv.recording.stated_units import known_spelling, split_header
 
 _NUMBERED = re.compile(r"[\s_.:#-]*\(?\d+\)?$|\s*\[\d+\]$")
-_TIMES = re.compile(r"time|zeit|temps|tiempo|tempo|^t$|elapsed|^x_value$", re.IGNORECASE)
+TIME_NAME = re.compile(r"time|zeit|temps|tiempo|tempo|^t$|elapsed|^x_value$", re.IGNORECASE)
+"""Names of columns of time."""
 
 
 def side_by_side(table: NamedColumns) -> NamedColumns:
@@ -88,7 +89,7 @@ def _period(table: NamedColumns) -> tuple[int, int] | None:
 
 def _is_time(table: NamedColumns, column: int) -> bool:
     known = known_spelling(table.stated(column))
-    return (known is not None and known.quantity == "time") or bool(_TIMES.search(_plain(table.headers[column])))
+    return (known is not None and known.quantity == "time") or bool(TIME_NAME.search(_plain(table.headers[column])))
 
 
 def _plain(header: str) -> str:

@@ -23,6 +23,7 @@ _LOGGED = re.compile(
 _BESIDE = re.compile(
     rf"\s*(?:[+-]?{NUMBER_PATTERNS['.']}\s+[^\W\d]+(?:\s+|$))+"
 )  # numbers with their units behind them
+_INDENTED = re.compile(r"( *)([^\W\d]\w*):(?:\s+(.*?))?\s*")  # a line of YAML: a key, and perhaps a value
 _FEWEST_PAIRS = 0.8  # share of the lines that are pairs, in a file of pairs
 
 
@@ -49,10 +50,19 @@ def text_lines(path: Path) -> list[str]:
 
 
 class Tabled:
-    """Names, cells and line numbers of lines that were no table; `kind` for the reader."""
+    """Names, cells and line numbers of lines that were no table; `kind` for the reader, `facts` stand beside them."""
 
-    def __init__(self, kind: str, names: Sequence[str], rows: list[list[str]], lines: list[int], odd: int) -> None:
+    def __init__(
+        self,
+        kind: str,
+        names: Sequence[str],
+        rows: list[list[str]],
+        lines: list[int],
+        odd: int,
+        facts: Sequence[str] = (),
+    ) -> None:
         self.kind, self.names, self.rows, self.lines, self.odd = kind, tuple(names), rows, lines, odd
+        self.facts = facts
 
 
 def tabled(lines: Sequence[str]) -> Tabled | None:
@@ -62,6 +72,8 @@ def tabled(lines: Sequence[str]) -> Tabled | None:
         return None
     if filled[0].lstrip()[:1] in "[{":
         return _json(lines)
+    if any(line.strip() == "---" for line in filled) and _INDENTED.fullmatch(filled[0 if filled[0] != "---" else 1]):
+        return _documents(lines)
     if sum(bool(_ARROW.match(line)) for line in filled) > _FEWEST_PAIRS * len(filled):
         return _arrows(lines, _ARROW)
     if sum(bool(_LOGGED.fullmatch(line) and _PAIR.search(line)) for line in filled) > _FEWEST_PAIRS * len(filled):
@@ -81,8 +93,8 @@ def plain_rows(lines: Sequence[str]) -> list[str]:
     """Return lines without what some programs put around their cells: brackets, and blanks in front of units."""
     filled = [line for line in lines[:400] if line.strip()]
     few = _FEWEST_PAIRS * len(filled)
-    if sum(bool(re.fullmatch(r"\s*\[.*\],?\s*", line)) for line in filled) > few:
-        return [line.strip(" [],") for line in lines]
+    if sum(bool(re.fullmatch(r"\s*(?:\[.*\]|\([^()]*\)),?\s*", line)) for line in filled) > few:
+        return [line.strip(" [](),") for line in lines]
     if sum(bool(_BESIDE.fullmatch(line)) for line in filled) > few:
         return [re.sub(r"(?<=\d)\s+(?=[^\W\d])", "", line) for line in lines]
     return list(lines)
@@ -91,6 +103,27 @@ def plain_rows(lines: Sequence[str]) -> list[str]:
 def _leftover(line: str) -> str:
     """Return what is neither key nor value in a line of pairs, but for a word in front."""
     return re.sub(r"[\s,;|{}]+", "", _PAIR.sub("", re.sub(r"^\s*[A-Za-z]+[:>\s]+(?=[A-Za-z_]+\s*[:=])", "", line)))
+
+
+def _documents(lines: Sequence[str]) -> Tabled | None:
+    """Read messages that "---" parts, as ROS prints them: in each line a key, deeper ones below it."""
+    objects: list[dict[str, str]] = [{}]
+    numbers, odd = [0], 0
+    above: list[tuple[int, str]] = []
+    for number, line in enumerate(lines, 1):
+        if line.strip() == "---":
+            objects.append({})
+            numbers.append(number)
+        elif (found := _INDENTED.fullmatch(line)) is not None:
+            above = [*(each for each in above if each[0] < len(found[1])), (len(found[1]), found[2])]
+            if found[3]:
+                objects[-1][".".join(key for _, key in above)] = found[3].strip("'\"")
+        else:
+            odd += bool(line.strip())
+    kept = [(number + 1, each) for number, each in zip(numbers, objects, strict=True) if each]
+    names = list(dict.fromkeys(name for _, each in kept for name in each))
+    rows = [[each.get(name, "") for name in names] for _, each in kept]
+    return Tabled("messages", names, rows, [number for number, _ in kept], odd) if len(rows) > 1 else None
 
 
 def _key_values(lines: Sequence[str]) -> Tabled | None:
@@ -168,11 +201,13 @@ def _whole_json(text: str) -> Tabled | None:
         value = json.loads(text)
     except (ValueError, RecursionError):
         return None
-    lists = _lists(value)
+    lists = _of_pandas(value) or _lists(value)
     if lists is not None:
-        names = list(lists)
+        units = _units_of(value, set(lists))
+        names = [f"{name} [{units[name]}]" if units.get(name) else name for name in lists]
         rows = [[_text(cell) for cell in row] for row in zip(*lists.values(), strict=True)]
-        return Tabled("JSON", names, rows, list(range(1, len(rows) + 1)), 0)
+        facts = [f"{name}: {each}" for name, each in _leaves(value) if isinstance(each, str | int | float)]
+        return Tabled("JSON", names, rows, list(range(1, len(rows) + 1)), 0, facts)
     objects = _objects(value)
     if objects is None:
         return None
@@ -180,6 +215,20 @@ def _whole_json(text: str) -> Tabled | None:
     names = list(dict.fromkeys(name for each in flat for name in each))
     rows = [[_text(each.get(name)) for name in names] for each in flat]
     return Tabled("JSON", names, rows, list(range(1, len(rows) + 1)), 0)
+
+
+def _of_pandas(value: Any) -> dict[str, list[Any]] | None:
+    """Return the columns of a table that pandas wrote by columns, or split into names and rows; None for any other."""
+    if not isinstance(value, dict):
+        return None
+    names, rows = value.get("columns"), value.get("data")
+    if isinstance(names, list) and isinstance(rows, list) and rows and all(isinstance(row, list) for row in rows):
+        full = all(len(row) == len(names) for row in rows)
+        return {str(name): [row[k] for row in rows] for k, name in enumerate(names)} if full else None
+    by_row = [each for each in value.values() if isinstance(each, dict)]
+    if len(by_row) < 2 or len(by_row) < len(value) or len({tuple(each) for each in by_row}) > 1 or "0" not in by_row[0]:
+        return None
+    return {name: list(each.values()) for name, each in value.items()}
 
 
 def _lists(value: Any) -> dict[str, list[Any]] | None:
@@ -193,6 +242,15 @@ def _lists(value: Any) -> dict[str, list[Any]] | None:
     if len(lists) > 1:
         return lists
     return next((found for each in value.values() if (found := _lists(each)) is not None), None)
+
+
+def _units_of(value: Any, names: set[str]) -> dict[str, str]:
+    """Return the units of some lists that an object beside them gives, by name; {} if none does."""
+    if not isinstance(value, dict):
+        return {}
+    if names & set(value) and all(isinstance(each, str) for each in value.values()):
+        return {name: unit for name, unit in value.items() if name in names}
+    return next((found for each in value.values() if (found := _units_of(each, names))), {})
 
 
 def _objects(value: Any) -> list[dict[str, Any]] | None:

@@ -21,7 +21,7 @@ _PARTS = (  # of a second, by the end of the name
 
 def whole_times(table: NamedColumns) -> NamedColumns:
     """Return a table whose column of seconds includes the parts of a second that a second column holds."""
-    headers = [header.strip() for header in table.headers[: table.n_columns]]
+    headers = [re.sub(r"(?<=[a-z])(?=[A-Z])", "_", header.strip()) for header in table.headers[: table.n_columns]]
     for k, header in enumerate(headers):
         for j, other in enumerate(headers):
             parts = next((size for pattern, size in _PARTS if pattern.fullmatch(other)), 0)
@@ -29,7 +29,7 @@ def whole_times(table: NamedColumns) -> NamedColumns:
                 continue
             seconds, fraction = table.typed(k), table.typed(j).values
             by_clock = seconds.kind in ("clock", "date")
-            if not by_clock and not (_SECONDS.fullmatch(header) and parts == 10**9):
+            if not by_clock and not _SECONDS.fullmatch(header):
                 continue
             known = fraction[np.isfinite(fraction)]
             whole = seconds.values[np.isfinite(seconds.values)]

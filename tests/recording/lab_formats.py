@@ -5,6 +5,7 @@ from __future__ import annotations
 import lab_bags
 import lab_binary
 import lab_clocks
+import lab_exports
 import lab_harder
 import lab_loggers
 import lab_machines
@@ -19,6 +20,7 @@ __all__ = [
     "lab_bags",
     "lab_binary",
     "lab_clocks",
+    "lab_exports",
     "lab_harder",
     "lab_loggers",
     "lab_machines",

@@ -99,7 +99,6 @@ add(
     "people and programs",
     "kv units hdr",
     ["Force unit: N", "Position unit: mm", "Time unit: s", "", "Time\tForce\tPosition", *table([T, F, X], "\t")],
-    asks=1,
 )
 add("pos_m.csv", "people and programs", "pos m", ["time,force,position", *table([T, F, (WAY / 1e3, "%.6f")])], asks=1)
 add("cm.csv", "people and programs", "cm", ["time [s],force [N],position [cm]", *table([T, F, (WAY / 10, "%.5f")])])

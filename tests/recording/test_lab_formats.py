@@ -83,6 +83,10 @@ def test_a_file_is_right_at_first_try_or_asks_and_the_map_of_the_message_reads_i
             ["time_s,torque_Nm,speed_rpm", *(f"{k / 100},{k / 9:.3f},{100 + k % 3}" for k in range(99))],
             "can be a force",
         ),
+        (
+            ["Timestamp,VoltageRatio 0", *(f"{1715000000000 + 8 * k}.000,{k / 7e6:.9f}" for k in range(99))],
+            "can be a force",
+        ),
         (["t;F;x", *(f"{k};{k};{k}" for k in range(50)), "x;t;F", *(f"{k};{k};{k}" for k in range(70))], "other form"),
     ],
 )
