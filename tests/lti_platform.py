@@ -96,9 +96,16 @@ class LearningPlatform(ThreadingHTTPServer):
 
     daemon_threads = True
 
-    def __init__(self, clock: Callable[[], datetime], tool_keys: Callable[[], Mapping[str, Any]]) -> None:
-        super().__init__(("127.0.0.1", 0), _Answer)
-        self.issuer = f"http://127.0.0.1:{self.server_address[1]}"
+    def __init__(
+        self,
+        clock: Callable[[], datetime],
+        tool_keys: Callable[[], Mapping[str, Any]],
+        host: str = "127.0.0.1",
+        answer: type[PlatformAnswer] | None = None,
+    ) -> None:
+        super().__init__((host, 0), answer or PlatformAnswer)
+        self.issuer = f"http://{host}:{self.server_address[1]}"
+        self.tool = ""
         self.clock, self.tool_keys = clock, tool_keys
         self.signers = [FIRST]
         self.answers: list[int | threading.Event] = []
@@ -237,7 +244,7 @@ class LearningPlatform(ThreadingHTTPServer):
         return 200
 
 
-class _Answer(BaseHTTPRequestHandler):
+class PlatformAnswer(BaseHTTPRequestHandler):
     server: LearningPlatform
 
     def do_GET(self) -> None:
