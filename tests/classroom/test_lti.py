@@ -20,7 +20,7 @@ pytest.importorskip("httpx2", reason="asks the server in its tests: pip install 
 pytest.importorskip("joserfc", reason="learning platforms are an extra: pip install 'cutenv[lti]'")
 
 from class_room import CLOCK, TOKEN, Room, cut_once, there_and_back
-from lti_platform import AGS, CLAIM, CLIENT, COURSE, DEPLOYMENT, DL, ROLE, SCORE, LearningPlatform, Signer
+from lti_platform import AGS, CLAIM, CLIENT, COURSE, DEPLOYMENT, DL, FIRST, ROLE, SCORE, LearningPlatform, Signer
 from starlette.testclient import TestClient
 
 from cutenv.browser import HandCut
@@ -33,6 +33,7 @@ from cutenv.classroom.lti_grades import grade_of
 from cutenv.classroom.lti_people import Learner
 from cutenv.classroom.lti_platforms import PLATFORMS_FILE, platform_of, platforms_toml, read_platforms
 from cutenv.classroom.lti_tool import LtiTool
+from cutenv.classroom.xapi_statements import Courier, StatementQueue
 from cutenv.commands.serve import main
 
 AT = "http://127.0.0.1"
@@ -504,6 +505,63 @@ def test_refusals_are_german_in_a_german_class(tmp_path: Path) -> None:
     assert "weder Ihr Name noch Ihre E-Mail-Adresse" in launched(room, room.client()).text
     answer = room.teacher().post("/teacher/platforms", data=FORM | {"do": "add", "jwks_url": "http://x"})
     assert said(answer).startswith("jwks_url = 'http://x' ist nicht verschlüsselt. Übernehmen Sie jwks_url von")
+    room.close()
+
+
+def test_nothing_english_is_left_of_what_a_german_class_says_of_platforms(tmp_path: Path) -> None:
+    room = LtiRoom(tmp_path, language="de")
+    instructor = {f"{CLAIM}roles": [f"{ROLE}Instructor"]}
+    _, code = learner(room)
+    saved(room, code, 70.0)
+    room.platform.answers = [503]
+    room.tool.grades.deliver()
+    teacher = room.teacher()
+    asked = room.platform.initiation("u1", f"{AT}/lti/launch")
+    pages = [
+        teacher.get("/teacher/platforms"), choices(room), launched(room, room.client(), "u2"),
+        launched(room, room.client(), **instructor), choices(room, **settings(accept_types=[])),
+        choices(room, **{f"{CLAIM}roles": []}), room.client().post("/lti/launch", data={"error": "denied"}),
+        room.client().get("/lti/login", params=asked | {"lti_deployment_id": "2"}),
+        room.client().get("/lti/login", params=asked, headers={"Sec-Fetch-Dest": "iframe"}),
+        room.client().get("/lti/login"), room.client().post("/lti/agree", data={"ticket": "x"}),
+        *(enter(room.client(), "x.y.z", state) for state in ("", "0" * 64)),
+    ]  # fmt: skip
+    now = int(CLOCK().timestamp())
+    changes = (
+        {"azp": "x"}, {"iat": 1}, {"nbf": now + 120}, {"exp": None}, {"nonce": "x"}, {f"{CLAIM}version": "1.1"},
+        {f"{CLAIM}message_type": "x"}, {"sub": None}, {f"{CLAIM}roles": None}, {f"{CLAIM}roles": []},
+        {f"{CLAIM}resource_link": None}, {AGS: {"scope": [SCORE], "lineitem": "http://x"}},
+    )  # fmt: skip
+    pages += [launched(room, room.client(), **each) for each in changes]
+    for change in ({"deployments": ""}, {"issuer": ""}, {"client_id": "\t" + "x" * 300}, {"auth_url": "x"}):
+        pages.append(teacher.post("/teacher/platforms", data=FORM | {"do": "add"} | change))
+    client = room.client()
+    state = sent_there(room, client)
+    claims = room.platform.claims(state["nonce"], "u1")
+    for token in (FIRST.token(claims, "none"), FIRST.token(claims, kid="x"), STRANGER.token(claims), "x"):
+        pages.append(enter(client, token, state["state"]))
+        client = room.client()
+        state = sent_there(room, client)
+        claims = room.platform.claims(state["nonce"], "u1")
+    for page in pages:
+        seen = NOT_SAID.sub(" ", html.unescape(page.text))
+        assert not ENGLISH.search(seen), (ENGLISH.search(seen), seen)
+    room.close()
+
+
+NOT_SAID = re.compile(r"<(style|script)\b.*?</\1>|<[^>]*>|'[^']*'|\([^)]*\)|https?://\S+", re.DOTALL)
+ENGLISH = re.compile(r"\b(the|of|is|are|with|no|not|and|too|this|your|there|again|launch|answers|which)\b")
+
+
+def test_whoever_comes_where_cuts_are_sent_on_agrees_to_that_at_every_launch(tmp_path: Path) -> None:
+    room = LtiRoom(tmp_path)
+    courier = Courier(room.lesson, StatementQueue(room.store), "http://127.0.0.1:1/xapi", "key:secret", AT)
+    learner(room)
+    room.app = class_app(ClassSite(lesson=room.lesson, secret=TOKEN, lti=room.tool, courier=courier))
+    assert courier.url in launched(room, room.client()).text
+    client, _ = learner(room)
+    cut_once(client)
+    assert courier.queue.waiting() == 1
     room.close()
 
 
