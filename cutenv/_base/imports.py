@@ -15,6 +15,7 @@ EXTRAS_OF_MODULE = {
     "canopen": ("rig",),
     "cv2": ("vision",),
     "h5py": ("data", "formats"),
+    "joserfc": ("lti",),
     "jinja2": ("view", "rl", "serve", "view3d", "vision"),
     "mcap": ("ros", "formats"),
     "matplotlib": ("view", "rl", "serve", "vision"),

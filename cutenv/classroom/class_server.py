@@ -194,6 +194,7 @@ def class_app(site: ClassSite, *, live: LiveRig | None = None, ticket: str | Non
             *PeoplePages(site).routes,
             *teacher.routes,
             *CoursePages(site).routes,
+            *_lti_routes(site),
             *StudyPages(site).routes,
             *UploadPages(site).routes,
             *teacher.routes_of_any_name,
@@ -201,6 +202,14 @@ def class_app(site: ClassSite, *, live: LiveRig | None = None, ticket: str | Non
         middleware=[Middleware(Guard, hosts=site.hosts)],
         exception_handlers={HTTPException: failed, SQLAlchemyError: unwritten},
     )
+
+
+def _lti_routes(site: ClassSite) -> list[Route]:
+    if site.lti is None:
+        return []
+    from cutenv.classroom.lti_pages import LtiPages  # an extra
+
+    return LtiPages(site, site.lti).routes
 
 
 def new_token() -> str:

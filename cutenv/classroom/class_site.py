@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import hashlib
-import ipaddress
 import threading
 import time
 from collections import deque
@@ -14,7 +13,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from starlette.concurrency import run_in_threadpool
@@ -29,16 +28,22 @@ from cutenv._base.document import render
 from cutenv.browser.page_alone import page_data, script_digest
 from cutenv.classroom.class_store import teacher_of
 from cutenv.classroom.foreign_upload import LARGEST_UPLOAD
+from cutenv.classroom.host_names import is_address
 from cutenv.classroom.lesson import LONGEST_CUT, Lesson
 from cutenv.classroom.xapi_statements import Courier
 from cutenv.envs.tissue_source import TissueSource
 from cutenv.play.course_words import course_name
 from cutenv.report.page import translated
 
+if TYPE_CHECKING:
+    from cutenv.classroom.lti_tool import LtiTool  # an extra
+
 LARGEST_BODY = 24 * LONGEST_CUT + 4096
 """Largest body of a request that is read [bytes]: the movements of the longest cut."""
 UPLOAD_PATH = "/teacher/upload"
 """Path to which files are sent."""
+LAUNCH_PATHS = ("/lti/login", "/lti/launch", "/lti/choose")
+"""Paths to which learning platforms send a browser: they alone take forms of another site, and change nothing."""
 _TRIALS, _MINUTE = 10, 60.0  # wrong codes and tokens that one address may try in a minute
 _MOST_ADDRESSES, _MOST_FAILURES = 10_000, 2_000  # addresses whose failures are remembered, and how many of each
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; form-action 'self'; frame-ancestors 'none'"
@@ -150,25 +155,13 @@ def _refused(request: Request, hosts: Collection[str] | None) -> Response | None
     if not length.isdecimal() or int(length) > _largest(request):
         return JSONResponse({"error": "The request is too large."}, 413)
     called = request.url.hostname or ""
-    if hosts is not None and called.lower() not in hosts and not _is_address(called):
+    if hosts is not None and called.lower() not in hosts and not is_address(called):
         return JSONResponse({"error": f"This server is not known as {called!r}. Start it with --name {called}."}, 421)
     origin = request.headers.get("origin")
-    if request.method not in ("GET", "HEAD") and origin is not None and urlsplit(origin).netloc != request.url.netloc:
+    foreign = origin is not None and urlsplit(origin).netloc != request.url.netloc
+    if request.method not in ("GET", "HEAD") and foreign and request.url.path not in LAUNCH_PATHS:
         return JSONResponse({"error": "This request comes from another site."}, 403)
     return None
-
-
-def is_loopback(host: str) -> bool:
-    """Return whether a host is this machine itself, which no other one reaches by that name."""
-    return host == "localhost" or (_is_address(host) and ipaddress.ip_address(host.strip("[]")).is_loopback)
-
-
-def _is_address(host: str) -> bool:
-    try:
-        ipaddress.ip_address(host.strip("[]"))
-    except ValueError:
-        return False
-    return True
 
 
 _PAGES = Path(__file__).parent / "pages"
@@ -200,6 +193,8 @@ class ClassSite:
         Who delivers statements of cuts to a learning record store; whoever enters is told, and agrees.
     hosts : collection of str, optional
         Names by which it is reached, see :class:`Guard`.
+    lti : LtiTool, optional
+        Learning platforms that it is registered with.
     """
 
     lesson: Lesson
@@ -209,6 +204,7 @@ class ClassSite:
     secure: bool = False
     courier: Courier | None = None
     hosts: Collection[str] | None = None
+    lti: LtiTool | None = None
 
     @cached_property
     def person_cookie(self) -> str:
@@ -242,7 +238,8 @@ class ClassSite:
 
     def page(self, name: str, status: int = 200, **values: Any) -> HTMLResponse:
         """Answer with a page, from its template and the template's values."""
-        shared = {"title": self.title, "words": self.words, "language": self.language, "courier": self.courier}
+        shared: dict[str, Any] = {"title": self.title, "words": self.words, "language": self.language}
+        shared |= {"courier": self.courier, "lti": self.lti}
         filters: dict[str, Callable[..., Any]] = {
             "digest": script_digest,
             "moment": functools.partial(local_moment, language=self.language),

@@ -70,11 +70,37 @@ COMMENTS = Table(  # of the teacher, to a person
     Column("written", String(32), nullable=False),
     Column("said", String(500), nullable=False),
 )
+LTI_PEOPLE = Table(  # who came from a learning platform, by the platform's own identifier; no name
+    "lti_people",
+    CLASS_METADATA,
+    Column("code", String(64), ForeignKey("people.code", ondelete="CASCADE"), primary_key=True),
+    Column("issuer", String(255), nullable=False),
+    Column("deployment", String(255), nullable=False),
+    Column("subject", String(255), nullable=False),
+)
+LTI_GRADES = Table(  # where a person's grades go, and how far they have gone
+    "lti_grades",
+    CLASS_METADATA,
+    Column("code", String(64), ForeignKey("people.code", ondelete="CASCADE"), primary_key=True),
+    Column("line_item", String(1000), primary_key=True),  # address of a column of the platform's gradebook
+    Column("client_id", String(255), nullable=False),
+    Column("task", String(200), nullable=False),  # "" for the whole course
+    Column("counted", Integer, nullable=False),  # saved cuts that the grade sent last takes in
+    Column("sent", Integer),
+    Column("since", String(32)),  # when it was sent
+    Column("trouble", String(300), nullable=False),
+)
+LTI_NONCES = Table(  # launches that were used, until they are too old anyway
+    "lti_nonces",
+    CLASS_METADATA,
+    Column("nonce", String(64), primary_key=True),
+    Column("expires", String(32), nullable=False),
+)
 TRIAL = "TRY0"
 """Code by which the teacher tries a lesson: nobody enters by it, and no list, study or export has its cuts."""
 
 
-BACKED_UP = (PEOPLE, CLASS_PLACES, CUTS, PASS_MARKS, COMMENTS)
+BACKED_UP = (PEOPLE, CLASS_PLACES, CUTS, PASS_MARKS, COMMENTS, LTI_PEOPLE, LTI_GRADES)
 """Tables of a backup, in the order in which they are filled; nobody stays signed in."""
 
 
@@ -100,5 +126,6 @@ INDEXES = (
         postgresql_where=CUTS.c.state.in_(OPEN),
     ),
     Index("movements_once", CUTS.c.movements, unique=True),
+    Index("one_code", LTI_PEOPLE.c.issuer, LTI_PEOPLE.c.deployment, LTI_PEOPLE.c.subject, unique=True),
 )
-"""Indexes beside the tables: one cut of each number and one open cut of a person, and no movements twice."""
+"""Indexes of the tables: one cut of each number and one open cut of a person, no movements twice, one code a person."""

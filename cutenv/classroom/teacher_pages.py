@@ -19,10 +19,11 @@ from starlette.routing import Route
 
 from cutenv.classroom.analysis import PASS_MARK_KIND, STUDY_KIND, StudiedRecord
 from cutenv.classroom.class_overview import CUTTING, LIVE_ORDERS, STALLED, live_list, overview, people_of
-from cutenv.classroom.class_site import UPLOAD_PATH, ClassSite, Trials, download, is_loopback, text_of
+from cutenv.classroom.class_site import UPLOAD_PATH, ClassSite, Trials, download, text_of
 from cutenv.classroom.class_store import LONGEST_COMMENT, Place
 from cutenv.classroom.class_tables import KEPT, LEFT, SAVED, TRIAL
 from cutenv.classroom.foreign_upload import PICKED, picked_length, units_by_field
+from cutenv.classroom.host_names import is_loopback
 from cutenv.classroom.live_rig import LiveRig
 from cutenv.report.page import embedded_figure
 from cutenv.report.record_figure import record_figure

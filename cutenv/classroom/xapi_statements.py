@@ -134,7 +134,7 @@ class Courier:
         self.url, self.queue, self.trouble = url.rstrip("/"), queue, ""
         self._lesson, self._home = lesson, home
         self._login = base64.b64encode(login.encode()).decode()
-        self._opener = urllib.request.build_opener(_NoRedirects)
+        self._opener = urllib.request.build_opener(NoRedirects)
         self._end = threading.Event()
         self._thread = threading.Thread(target=self._run, name="courier", daemon=True)
 
@@ -195,10 +195,11 @@ class Courier:
                 raise
 
 
-class _NoRedirects(urllib.request.HTTPRedirectHandler):
-    """Refusal of redirects, by which a statement, and the login, would go where nobody has agreed that they go."""
+class NoRedirects(urllib.request.HTTPRedirectHandler):
+    """Refusal of redirects, by which what is sent, and a login, would go where nobody has agreed that they go."""
 
     def redirect_request(self, *_: Any) -> None:
+        """Follow none."""
         return None
 
 

@@ -9,13 +9,17 @@ import socket
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from cutenv._base.document import LANGUAGES
 from cutenv._base.validation import in_range
 from cutenv.commands.options import add_tissue, add_watch, command_parser, drawn_given, made_folder, reports_errors
 from cutenv.play.course import SHIPPED_COURSES, Course, named_course
 from cutenv.tissue.specimen import CLASSES
+
+if TYPE_CHECKING:
+    from cutenv.classroom.lesson import Lesson
+    from cutenv.classroom.lti_tool import LtiTool
 
 
 @reports_errors("serve")
@@ -80,6 +84,7 @@ def _serve(arguments: argparse.Namespace, argv: Sequence[str], port: int, course
         print(f"restored: {count} records into {arguments.folder}; 'cutenv serve {arguments.folder}' goes on")
         return 0
     lesson = Lesson(store, arguments.folder / "records", course, arguments.specimen_class, arguments.tissue)
+    lti = _lti_tool(lesson, arguments.language)
     lost = lesson.recover()
     secure = arguments.certificate is not None
     token, ticket = new_token(), new_token()
@@ -98,9 +103,11 @@ def _serve(arguments: argparse.Namespace, argv: Sequence[str], port: int, course
         login = arguments.lrs_login.read_text(encoding="utf-8").strip()
         courier = Courier(lesson, StatementQueue(store), arguments.lrs, login, address)
         courier.start()
+    if lti is not None:
+        lti.grades.start()
     site = ClassSite(
         lesson=lesson, secret=token, title=arguments.title, language=arguments.language, secure=secure, courier=courier,
-        hosts=_names(arguments.host, arguments.name),
+        hosts=_names(arguments.host, arguments.name), lti=lti,
     )  # fmt: skip
     app = class_app(site, live=live, ticket=ticket)
     if lost:
@@ -136,9 +143,28 @@ def _serve(arguments: argparse.Namespace, argv: Sequence[str], port: int, course
     finally:
         if courier is not None:
             courier.close()
+        if lti is not None:
+            lti.grades.close()
         lesson.close()
         claim.close()
     return 0
+
+
+def _lti_tool(lesson: Lesson, language: str) -> LtiTool | None:
+    """Return the class as a tool of learning platforms; None without the extra, if none is registered."""
+    from cutenv.classroom.lti_platforms import PLATFORMS_FILE
+
+    try:
+        from cutenv.classroom.lti_tool import LtiTool
+    except ModuleNotFoundError:
+        if (lesson.folder.parent / PLATFORMS_FILE).exists():
+            raise
+        return None
+    tool = LtiTool(lesson, language)
+    if tool.file.platforms == () and tool.file.trouble:
+        lesson.close()
+        raise ValueError(tool.file.trouble)
+    return tool
 
 
 def _listening(host: str, port: int) -> socket.socket:

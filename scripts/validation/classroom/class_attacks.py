@@ -162,6 +162,46 @@ ATTACKS = (
         "test_live_rig.py::test_what_is_no_reading_is_dropped",
     ),
     (
+        "a launch from a learning platform that is too old, or meant for another tool or deployment",
+        "refused with the reason",
+        "test_lti.py::test_a_launch_that_is_not_sound_lets_nobody_in",
+    ),
+    (
+        "a launch that is unsigned, signed by another key, or by a public key as if it were a secret",
+        "refused with the reason",
+        "test_lti.py::test_a_token_of_another_kind_or_key_lets_nobody_in",
+    ),
+    (
+        "a launch sent a second time",
+        "refused, also after a restart",
+        "test_lti.py::test_a_launch_is_used_once_even_by_the_browser_that_began_it",
+    ),
+    (
+        "a launch sent by another browser than the one that began it",
+        "refused",
+        "test_lti.py::test_another_browser_and_another_state_let_nobody_in",
+    ),
+    (
+        "a form of another site that launches, agrees or registers a platform",
+        "refused: what takes such forms changes nothing",
+        "test_lti.py::test_a_form_of_another_site_signs_nobody_in",
+    ),
+    (
+        "launches under made-up keys, to make the class ask a platform without end",
+        "it is asked every ten seconds at most",
+        "test_lti.py::test_a_platform_may_change_its_keys_and_is_asked_seldom",
+    ),
+    (
+        "an instructor of any other course of the platform, who wants the teacher's pages",
+        "refused: courses are named one by one",
+        "test_lti.py::test_an_instructor_is_let_into_the_teachers_pages_of_a_course_that_was_named_alone",
+    ),
+    (
+        "a record of another program, for a grade",
+        "no grade: cuts that the server computed count alone",
+        "test_lti.py::test_no_record_of_another_program_and_no_other_course_is_a_grade",
+    ),
+    (
         "a learning record store that sends statements on to elsewhere",
         "not followed",
         "test_xapi_statements.py::test_a_store_that_fails_is_asked_again_and_gets_every_statement_once",

@@ -1,0 +1,50 @@
+"""The class as a tool of learning platforms (LTI 1.3): platforms, key, launches and grades together."""
+
+from __future__ import annotations
+
+from cutenv._base.document import texts_by_key
+from cutenv.classroom.lesson import Lesson
+from cutenv.classroom.lti_grades import GradeCourier
+from cutenv.classroom.lti_keys import KEY_FILE, ToolKey
+from cutenv.classroom.lti_launch import LaunchDoor
+from cutenv.classroom.lti_people import LtiPeople
+from cutenv.classroom.lti_platforms import PLATFORMS_FILE, PlatformFile
+
+
+class LtiTool:
+    """The class as a tool of learning platforms.
+
+    Parameters
+    ----------
+    lesson : Lesson
+        The class, whose folder has the platforms' file and the key.
+    language : {"en", "de"}
+        Language of the text beside a grade.
+
+    Attributes
+    ----------
+    file : PlatformFile
+        The platforms.
+    key : ToolKey
+        Key of the class.
+    people : LtiPeople
+        People whom the platforms have sent.
+    door : LaunchDoor
+        Where launches come in.
+    grades : GradeCourier
+        Who sends grades.
+    """
+
+    def __init__(self, lesson: Lesson, language: str = "en") -> None:
+        folder = lesson.folder.parent
+        self.file = PlatformFile(folder / PLATFORMS_FILE)
+        self.key = ToolKey(folder / KEY_FILE)
+        self.people = LtiPeople(lesson.store)
+        self.door = LaunchDoor(self.file, self.people, lesson.store.clock)
+        said = texts_by_key(language)["grade_comment"]
+        self.grades = GradeCourier(lesson, self.people, self.file, self.key, said)
+
+    def troubles(self) -> list[str]:
+        """Return what keeps grades from the platforms now."""
+        found = [self.file.trouble, *self.grades.troubles.values(), *(row.trouble for row in self.people.grades())]
+        return list(dict.fromkeys(filter(None, found)))

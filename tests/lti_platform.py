@@ -1,0 +1,286 @@
+"""A learning platform for tests, as strict as LTI 1.3 lets one be: its own keys, launches, gradebook, on loopback.
+
+It follows 1EdTech's LTI Core 1.3, Security Framework 1.0, Deep Linking 2.0 and Assignment and Grade Services 2.0, and
+shares no code with the class: tokens are made and checked here by the arithmetic of RSA in ``cryptography``.
+"""
+
+from __future__ import annotations
+
+import base64
+import hmac
+import json
+import secrets
+import threading
+from collections.abc import Callable, Mapping
+from datetime import datetime
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
+from urllib.parse import parse_qs, parse_qsl, urlsplit
+
+from cryptography.exceptions import InvalidSignature
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import padding, rsa
+
+CLAIM = "https://purl.imsglobal.org/spec/lti/claim/"
+DL = "https://purl.imsglobal.org/spec/lti-dl/claim/"
+AGS = "https://purl.imsglobal.org/spec/lti-ags/claim/endpoint"
+SCORE = "https://purl.imsglobal.org/spec/lti-ags/scope/score"
+ROLE = "http://purl.imsglobal.org/vocab/lis/v2/membership#"
+CLIENT, DEPLOYMENT, COURSE = "cutting-class", "1", "12"
+
+
+def encoded(content: bytes) -> str:
+    return base64.urlsafe_b64encode(content).rstrip(b"=").decode()
+
+
+def decoded(text: str) -> bytes:
+    return base64.urlsafe_b64decode(text + "=" * (-len(text) % 4))
+
+
+def _number(value: int) -> str:
+    return encoded(value.to_bytes((value.bit_length() + 7) // 8, "big"))
+
+
+class Signer:
+    """A key pair and its identifier."""
+
+    def __init__(self, kid: str, bits: int = 2048) -> None:
+        self.kid, self._key = kid, rsa.generate_private_key(65537, bits)
+
+    @property
+    def jwk(self) -> dict[str, Any]:
+        numbers = self._key.public_key().public_numbers()
+        made = {"kty": "RSA", "use": "sig", "alg": "RS256", "kid": self.kid}
+        return made | {"n": _number(numbers.n), "e": _number(numbers.e)}
+
+    @property
+    def pem(self) -> bytes:
+        kind = serialization.PublicFormat.SubjectPublicKeyInfo
+        return self._key.public_key().public_bytes(serialization.Encoding.PEM, kind)
+
+    def token(self, claims: Mapping[str, Any], alg: str = "RS256", /, **head: Any) -> str:
+        """A signed token; by ``alg`` "none" and "HS256" the forgeries that a tool must not believe."""
+        parts = [{"alg": alg, "typ": "JWT", "kid": self.kid} | head, claims]
+        signed = ".".join(encoded(json.dumps(part).encode()) for part in parts)
+        if alg == "none":
+            return f"{signed}."
+        if alg == "HS256":
+            return f"{signed}.{encoded(hmac.digest(self.pem, signed.encode(), 'sha256'))}"
+        return f"{signed}.{encoded(self._key.sign(signed.encode(), padding.PKCS1v15(), hashes.SHA256()))}"
+
+
+FIRST = Signer("first")  # of every platform: a key takes a while
+
+
+def verified(token: str, keys: Mapping[str, Any], audience: str, now: datetime) -> dict[str, Any]:
+    """Claims of a tool's token, checked as a platform has to; AssertionError says what is wrong."""
+    head, body, signature = token.split(".")
+    about, claims = json.loads(decoded(head)), json.loads(decoded(body))
+    assert about["alg"] == "RS256"
+    (key,) = (each for each in keys["keys"] if each["kid"] == about["kid"])
+    assert set(key) == {"kty", "n", "e", "kid", "use", "alg"}, "a public key has no other member"
+    n, e = (int.from_bytes(decoded(key[name]), "big") for name in ("n", "e"))
+    try:
+        rsa.RSAPublicNumbers(e, n).public_key().verify(
+            decoded(signature), f"{head}.{body}".encode(), padding.PKCS1v15(), hashes.SHA256()
+        )
+    except InvalidSignature:
+        raise AssertionError("the signature does not hold") from None
+    assert audience in (claims["aud"] if isinstance(claims["aud"], list) else [claims["aud"]])
+    assert claims["iat"] <= now.timestamp() + 5 < claims["exp"] + 5
+    return claims
+
+
+class LearningPlatform(ThreadingHTTPServer):
+    """The platform: addresses, people, gradebook; ``answers`` are planned failures of its next answers."""
+
+    daemon_threads = True
+
+    def __init__(
+        self,
+        clock: Callable[[], datetime],
+        tool_keys: Callable[[], Mapping[str, Any]],
+        host: str = "127.0.0.1",
+        answer: type[PlatformAnswer] | None = None,
+    ) -> None:
+        super().__init__((host, 0), answer or PlatformAnswer)
+        self.issuer = f"http://{host}:{self.server_address[1]}"
+        self.tool = ""
+        self.clock, self.tool_keys = clock, tool_keys
+        self.signers = [FIRST]
+        self.answers: list[int | threading.Event] = []
+        self.asked: list[str] = []
+        self.scores: list[tuple[str, dict[str, Any]]] = []
+        self.troubles: list[str] = []
+        self._tokens: set[str] = set()
+        self._used: set[str] = set()
+        self._latest: dict[tuple[str, str], str] = {}
+        self._thread = threading.Thread(target=self.serve_forever, args=(0.02,))
+        self._thread.start()
+
+    def close(self) -> None:
+        self.shutdown()
+        self._thread.join()
+        self.server_close()
+
+    @property
+    def registration(self) -> dict[str, Any]:
+        """What stands in the file of the class."""
+        return {
+            "issuer": self.issuer, "client_id": CLIENT, "auth_url": f"{self.issuer}/auth?kind=lti",
+            "token_url": f"{self.issuer}/token", "jwks_url": f"{self.issuer}/jwks", "deployments": [DEPLOYMENT],
+        }  # fmt: skip
+
+    def line_item(self, name: str) -> str:
+        """Address of a column of the gradebook; with a query, as Moodle has it."""
+        return f"{self.issuer}/{COURSE}/lineitems/{name}/lineitem?type_id=1"
+
+    def initiation(self, subject: str, target: str) -> dict[str, str]:
+        """Parameters by which the platform sends a browser to the tool."""
+        return {
+            "iss": self.issuer, "login_hint": subject, "target_link_uri": target, "client_id": CLIENT,
+            "lti_message_hint": f"hint of {subject}", "lti_deployment_id": DEPLOYMENT,
+        }  # fmt: skip
+
+    def authorized(self, address: str, subject: str, redirect: str) -> dict[str, str]:
+        """State and nonce of the tool's request to sign in, which is checked."""
+        assert address.startswith(f"{self.issuer}/auth?"), address
+        given = parse_qs(urlsplit(address).query, strict_parsing=True)
+        assert all(len(values) == 1 for values in given.values())
+        asked = {name: value for name, (value,) in given.items()}
+        wanted = {
+            "kind": "lti", "scope": "openid", "response_type": "id_token", "response_mode": "form_post",
+            "prompt": "none", "client_id": CLIENT, "redirect_uri": redirect, "login_hint": subject,
+            "lti_message_hint": f"hint of {subject}",
+        }  # fmt: skip
+        assert {name: asked.get(name) for name in wanted} == wanted
+        assert len(asked["state"]) >= 16
+        assert len(asked["nonce"]) >= 16
+        assert asked["state"] != asked["nonce"]
+        return {"state": asked["state"], "nonce": asked["nonce"]}
+
+    def claims(self, nonce: str, subject: str, /, **changed: Any) -> dict[str, Any]:
+        """Claims of a launch; a change to None takes one out."""
+        now = int(self.clock().timestamp())
+        made = {
+            "iss": self.issuer, "aud": CLIENT, "sub": subject, "iat": now, "exp": now + 60, "nonce": nonce,
+            "name": "Ada Lovelace", "given_name": "Ada", "family_name": "Lovelace", "email": "ada@school.example",
+            f"{CLAIM}message_type": "LtiResourceLinkRequest", f"{CLAIM}version": "1.3.0",
+            f"{CLAIM}deployment_id": DEPLOYMENT, f"{CLAIM}target_link_uri": "http://class/lti/launch",
+            f"{CLAIM}resource_link": {"id": "7"}, f"{CLAIM}roles": [f"{ROLE}Learner"],
+            f"{CLAIM}context": {"id": COURSE, "label": "SURG101", "title": "Surgery 101"},
+            AGS: {"scope": [SCORE], "lineitem": self.line_item("7")},
+        }  # fmt: skip
+        return {name: value for name, value in (made | changed).items() if value is not None}
+
+    def deep_linking(self, nonce: str, subject: str, /, **changed: Any) -> dict[str, Any]:
+        """Claims of a request to choose a link."""
+        settings = {
+            "deep_link_return_url": f"{self.issuer}/chosen", "accept_types": ["ltiResourceLink"],
+            "accept_presentation_document_targets": ["iframe", "window"], "data": "kept & returned",
+        }  # fmt: skip
+        shared = {
+            f"{CLAIM}message_type": "LtiDeepLinkingRequest", f"{CLAIM}resource_link": None, AGS: None,
+            f"{CLAIM}roles": [f"{ROLE}Instructor"], f"{DL}deep_linking_settings": settings,
+        }  # fmt: skip
+        return self.claims(nonce, subject, **shared | changed)
+
+    def chosen(self, token: str) -> dict[str, Any]:
+        """The one link that a tool's answer chooses, which is checked."""
+        claims = verified(token, self.tool_keys(), self.issuer, self.clock())
+        assert claims["iss"] == CLIENT
+        assert claims["nonce"] not in self._used
+        self._used.add(claims["nonce"])
+        assert claims[f"{CLAIM}message_type"] == "LtiDeepLinkingResponse"
+        assert claims[f"{CLAIM}version"] == "1.3.0"
+        assert claims[f"{CLAIM}deployment_id"] == DEPLOYMENT
+        assert claims[f"{DL}data"] == "kept & returned"
+        (item,) = claims[f"{DL}content_items"]
+        assert item["type"] == "ltiResourceLink"
+        return item
+
+    def token(self, form: Mapping[str, str]) -> tuple[int, dict[str, Any]]:
+        """Answer to a request for an access token (RFC 7523)."""
+        assert form["grant_type"] == "client_credentials"
+        assert form["client_assertion_type"] == "urn:ietf:params:oauth:client-assertion-type:jwt-bearer"
+        claims = verified(form["client_assertion"], self.tool_keys(), f"{self.issuer}/token", self.clock())
+        assert claims["iss"] == claims["sub"] == CLIENT
+        assert claims["exp"] - claims["iat"] <= 300
+        assert claims["jti"] not in self._used, "each statement holds once"
+        self._used.add(claims["jti"])
+        assert form["scope"] == SCORE
+        made = secrets.token_urlsafe(24)
+        self._tokens.add(made)
+        return 200, {"access_token": made, "token_type": "Bearer", "expires_in": 3600, "scope": SCORE}
+
+    def forget_tokens(self) -> None:
+        """Let every access token end."""
+        self._tokens.clear()
+
+    def take_score(self, path: str, headers: Mapping[str, str], content: bytes) -> int:
+        """Put a score into the gradebook; the status of the answer."""
+        kind, _, token = headers["Authorization"].partition(" ")
+        if kind != "Bearer" or token not in self._tokens:
+            return 401
+        assert headers["Content-Type"] == "application/vnd.ims.lis.v1.score+json"
+        place = urlsplit(path)
+        column = place.path.removesuffix("/scores").removesuffix("/lineitem").rpartition("/")[2]
+        assert place.path == f"/{COURSE}/lineitems/{column}/lineitem/scores"
+        assert place.query == "type_id=1"
+        score = json.loads(content)
+        required = {"userId", "timestamp", "activityProgress", "gradingProgress"}
+        assert required <= set(score) <= required | {"scoreGiven", "scoreMaximum", "comment"}
+        assert score["activityProgress"] in ("Initialized", "Started", "InProgress", "Submitted", "Completed")
+        assert score["gradingProgress"] in ("FullyGraded", "Pending", "PendingManual", "Failed", "NotReady")
+        assert 0 <= score["scoreGiven"] <= score["scoreMaximum"]
+        moment = datetime.fromisoformat(score["timestamp"])
+        assert moment.tzinfo is not None
+        assert "." in score["timestamp"], "to less than a second"
+        latest = self._latest.get((column, score["userId"]))
+        if latest is not None and moment <= datetime.fromisoformat(latest):
+            return 409
+        self._latest[column, score["userId"]] = score["timestamp"]
+        self.scores.append((column, score))
+        return 200
+
+
+class PlatformAnswer(BaseHTTPRequestHandler):
+    server: LearningPlatform
+
+    def do_GET(self) -> None:
+        if not self._fails():
+            self._say(200, {"keys": [signer.jwk for signer in self.server.signers]} if self.path == "/jwks" else {})
+
+    def do_POST(self) -> None:
+        content = self.rfile.read(int(self.headers["Content-Length"]))
+        if self._fails():
+            return
+        try:
+            if self.path == "/token":
+                self._say(*self.server.token(dict(parse_qsl(content.decode(), strict_parsing=True))))
+            else:
+                self._say(self.server.take_score(self.path, self.headers, content), {})
+        except (AssertionError, KeyError, ValueError) as error:
+            self.server.troubles.append(f"{self.path}: {error!r}")
+            self._say(400, {"error": "invalid_request"})
+
+    def _fails(self) -> bool:
+        self.server.asked.append(self.path)
+        planned = self.server.answers.pop(0) if self.server.answers else None
+        if isinstance(planned, threading.Event):
+            planned.wait(60.0)
+        if isinstance(planned, int):
+            self._say(planned, {})
+        return isinstance(planned, int)
+
+    def _say(self, status: int, content: Mapping[str, Any]) -> None:
+        made = json.dumps(content).encode()
+        self.send_response(status)
+        self.send_header("Content-Type", "application/json")
+        self.send_header("Content-Length", str(len(made)))
+        self.send_header("Location", "http://127.0.0.1:1/elsewhere")
+        self.end_headers()
+        self.wfile.write(made)
+
+    def log_message(self, *_: Any) -> None:
+        pass
