@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from datetime import datetime
 from typing import Any, NamedTuple
 
-from cutenv._base.document import texts_by_key
+from cutenv._base.language_files import texts_by_key
 from cutenv._base.validation import one_of
 from cutenv.classroom.class_store import HandedOutCut, MarkInForce, Place
 from cutenv.classroom.class_tables import GOING_ON, LEFT, OPEN, SAVED, TAKEN_BACK
@@ -145,7 +145,7 @@ def live_list(
     ----------
     lesson : Lesson
         The class at work.
-    language : {"en", "de"}
+    language : str
         Language of what comes next in a course.
     by : str
         One of :data:`LIVE_ORDERS`; "doing" puts those first who may need help.

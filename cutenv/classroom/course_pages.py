@@ -25,7 +25,7 @@ from cutenv.play.course import (
     named_course,
     task_content,
 )
-from cutenv.play.course_words import COURSE_WORDS, course_words
+from cutenv.play.course_words import course_words
 from cutenv.task.registry import tasks_with
 from cutenv.tissue.drawn_lines import KINDS
 from cutenv.tissue.specimen import CLASSES
@@ -57,14 +57,14 @@ class CoursePages:
 
     def page(self, content: Mapping[str, Any], trouble: str = "", status: int = 200) -> Response:
         """Return the page, filled with the content of a course's file as far as there is one."""
-        words = COURSE_WORDS[self._site.language]
+        language = self._site.language
         tasks = [_shown(task) for task in content.get("task", [])]
         return self._site.page(
             "course.html", status, trouble=trouble, content={"name": "", "about": ""} | dict(content),
             tasks=[*tasks, _shown({})], root="../", kinds=tasks_with("hand"), classes=CLASSES,
-            lines=(*KINDS, "mixed"), rules={rule: words[rule] for rule in FEEDBACK},
-            metrics=_metrics(self._site.language), edited=self._lesson.course_file.is_file(),
-            shipped=list(SHIPPED_COURSES),
+            lines=(*KINDS, "mixed"), rules={rule: course_words(language, rule) for rule in FEEDBACK},
+            metrics=_metrics(language), edited=self._lesson.course_file.is_file(),
+            shipped={name: named_course(name).name for name in SHIPPED_COURSES},
         )  # fmt: skip
 
     async def edit(self, request: Request) -> Response:

@@ -23,6 +23,7 @@ import numpy as np
 
 import cutenv
 from cutenv._base.arrays import Array
+from cutenv._base.language_files import languages
 from cutenv._base.output import atomic_write, put_in_place
 from cutenv.browser.page_alone import specimen_data
 from cutenv.browser.stylus_steps import HandCut
@@ -45,7 +46,6 @@ from cutenv.classroom.foreign_upload import Uploads
 from cutenv.envs.tissue_source import TissueSource
 from cutenv.play.course import Course, CourseTask, course_toml, marked_numbers, read_course
 from cutenv.play.course_progress import GIVEN_UP, CourseProgress
-from cutenv.play.course_words import COURSE_WORDS
 from cutenv.recording import Provenance, load_one, save
 from cutenv.recording.csv_file import read_metadata
 from cutenv.report.page import in_languages
@@ -96,7 +96,7 @@ def _capital(text: str) -> str:
 
 def ahead_words(progress: CourseProgress | None) -> dict[str, str]:
     """Return what comes next in a course, by language; empty without a course."""
-    return {} if progress is None else {language: progress.ahead(language) for language in COURSE_WORDS}
+    return {} if progress is None else {language: progress.ahead(language) for language in languages()}
 
 
 _MOST_ADVICE = 2  # a person attends to no more in the next cut

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from cutenv._base import resources
+from cutenv._base.language_files import local_number
 from cutenv._base.unit_table import Unit, shown_unit
 from cutenv._base.validation import in_range, one_of
 from cutenv.play.course_words import course_words
@@ -415,5 +416,5 @@ def _missed(key: str, limit: float, numbers: Mapping[str, float], language: str)
 
 
 def _shown(value: float, about: MarkedMetric, language: str) -> str:
-    number = f"{value:.3g}" if language == "en" else f"{value:.3g}".replace(".", ",")
+    number = local_number(f"{value:.3g}", language)
     return number + (f" {about.unit.sign}" if about.unit.sign != "1" else "")

@@ -8,9 +8,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from cutenv._base.language_files import languages, local_moment
 from cutenv._base.output import whole_files
 from cutenv.play.course import Course, CourseTask, marked_numbers
-from cutenv.play.course_words import COURSE_WORDS, course_name, course_words
+from cutenv.play.course_words import course_name, course_words
 from cutenv.recording import load_one, read_metadata
 from cutenv.scoring import ScoreCard, score
 from cutenv.task.registry import TASKS
@@ -116,7 +117,7 @@ class CourseProgress:
         assert task is not None
         numbers = marked_numbers(card)
         missed = self.count(task.name, numbers, end)
-        self.verdicts = {language: _verdict(task, numbers, end, missed, language) for language in COURSE_WORDS}
+        self.verdicts = {language: _verdict(task, numbers, end, missed, language) for language in languages()}
 
     def count(self, name: str, numbers: Mapping[str, float], end: str) -> bool:
         """Count a cut of a task by its numbers; return whether it misses what counts towards the repetitions."""
@@ -154,8 +155,7 @@ class CourseProgress:
         for key in ("opens", "closes"):
             moment = getattr(task, key)
             if moment is not None and (key == "closes" or self.waits):
-                when = moment.astimezone().strftime(course_words(language, "moment"))
-                parts.append(course_words(language, key, moment=when))
+                parts.append(course_words(language, key, moment=local_moment(moment, language)))
         return " ".join(filter(None, parts))
 
     def _is_ours(self, facts: dict[str, Any]) -> bool:

@@ -492,9 +492,9 @@
     addEventListener("pagehide", () => platform.leave());
     addEventListener("pageshow", event => { if (event.persisted) location.reload(); }); // its session has ended
   }
-  const wanted = navigator.language?.slice(0, 2);
+  const wanted = [navigator.language, navigator.language?.slice(0, 2)].find(each => each in told.texts);
   await prepare();
-  speak(told.language === "en" && wanted in told.texts ? wanted : told.language);
+  speak(told.language === "en" && wanted ? wanted : told.language);
   if (page.cut) requestAnimationFrame(frame);
   window.cutenvPage = { page, stylus, laws, start, told, drawing }; // for tests, and for whoever looks inside
 })();
