@@ -132,7 +132,7 @@ def test_every_page_of_a_class_speaks_it(third: Path, tmp_path: Path) -> None:
         card = answer.json()
         teacher = room.teacher()
         room.store.put(["AB1"], class_name="trained", group="novice")
-        room.store.set_pass_mark(room.lesson.course_name, 60.0, "me")
+        room.store.set_pass_mark("first cuts", 60.0, "me")
         room.store.comment("AB1", "me")
         number = room.store.cuts("AB1")[-1].id
         pages["cut"] = anna.get("/cut").text
