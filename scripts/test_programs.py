@@ -41,6 +41,11 @@ def scorm_again() -> Path | None:
     return npm_file("scorm-again/dist/scorm12.min.js")
 
 
+def axe_core() -> Path | None:
+    """Return the checker of accessibility."""
+    return npm_file("axe-core/axe.min.js")
+
+
 def postgresql() -> str | None:
     """Return the folder of PostgreSQL's programs."""
     installed = sorted(Path("/usr/lib/postgresql").glob("*/bin/initdb")) if os.environ.get("PATH") else []
@@ -96,6 +101,7 @@ GROUPS = {
     "postgresql": Group(postgresql, "apt-get install postgresql", debian=("postgresql",)),
     "gio": Group(lambda: shutil.which("gio"), "apt-get install libglib2.0-bin", debian=("libglib2.0-bin",)),
     "scorm-again": Group(scorm_again, "npm install --prefix .npm scorm-again@3.4.3", npm=("scorm-again@3.4.3",)),
+    "axe-core": Group(axe_core, "npm install --prefix .npm axe-core@4.10.3", npm=("axe-core@4.10.3",)),
     "records": Group(
         lambda: RECORDS if RECORDS.is_file() else None, "the recorded cuts are not part of the repository: ask for them"
     ),

@@ -1,10 +1,8 @@
-"""Documents of one file, filled from Jinja2 templates; and texts of pages: one file for each language."""
+"""Documents of one file, filled from Jinja2 templates."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -51,26 +49,3 @@ def render(
     )
     environment.filters.update(filters or {})
     return environment.get_template(template.name).render(values)
-
-
-LANGUAGES = ("en", "de")
-"""Languages of pages."""
-_TEXTS = Path(__file__).parent / "texts"
-_PHRASES = "phrases"
-
-
-@lru_cache
-def _file(language: str) -> dict[str, Any]:
-    content: dict[str, Any] = json.loads((_TEXTS / f"texts.{language}.json").read_text(encoding="utf-8"))
-    return content
-
-
-def texts_by_key(language: str) -> dict[str, str]:
-    """Return the texts of the pages that cut and of the class, by key."""
-    return {key: text for key, text in _file(language).items() if key != _PHRASES}
-
-
-def phrases_from_english(language: str) -> Mapping[str, str]:
-    """Return phrases of pages that are written in English, by the English one; {} for English itself."""
-    phrases: Mapping[str, str] = _file(language).get(_PHRASES, {})
-    return phrases

@@ -16,7 +16,8 @@ import numpy as np
 import cutenv
 from cutenv._base import resources
 from cutenv._base.arrays import Array, StructArray
-from cutenv._base.document import LANGUAGES, render, texts_by_key
+from cutenv._base.document import render
+from cutenv._base.language_files import languages, texts_by_key
 from cutenv._base.output import atomic_write
 from cutenv._base.validation import in_range, one_of
 from cutenv.browser.watched_cut import planned_way
@@ -54,7 +55,7 @@ from cutenv.tissue.drawn_lines import KINDS
 from cutenv.tissue.specimen import CLASSES, LENGTH, SPACING
 from cutenv.trace import SPEED_WINDOW
 from cutenv.viewer.drawn_slab import Slab
-from cutenv.viewer.scene_parts import WORDS, scene_data
+from cutenv.viewer.scene_parts import scene_data
 
 OFFERED = ("liver", "uniform", "vascular")
 """Classes of specimens that a page offers by default."""
@@ -63,7 +64,7 @@ OFFERED_LINES = ("arc", "s", "excision", "random")
 _HERE = Path(__file__).parent / "page"
 _SCRIPTS = (
     "law.js", "words.js", "depth.js", "path.js", "record.js", "score.js", "platform.js", "scene.js", "plan.js",
-    "drawing.js", "replay.js", "hand.js", "page.js",
+    "drawing.js", "replay.js", "hand.js", "aids.js", "page.js",
 )  # fmt: skip
 _TIPS = 61  # positions of the tip for which the page holds the field; between them it is interpolated
 
@@ -117,7 +118,7 @@ def page_alone(
         Number of specimens of each task and class, episodes 0 to ``count`` - 1 of ``seed``.
     seed : int
         Seed of specimens, targets and noise.
-    language : {"en", "de"}
+    language : str
         Language until the reader chooses.
     platform : mapping, optional
         Given for a page in a learning platform's package: "mark" is the score to pass with, or None.
@@ -139,7 +140,7 @@ def page_alone(
         one_of("line", each, KINDS)
     if not lines:
         raise ValueError(f"lines is empty. Give one or more of {', '.join(KINDS)}.")
-    one_of("language", language, LANGUAGES)
+    one_of("language", language, languages())
     in_range("seed", seed, 0, 2**53, "1", "Give a whole number from 0.")
     numbers = range(round(in_range("count", count, 1, 100, "1", "Give how many specimens of each class.")))
     tasks = tuple(dict.fromkeys(tasks))
@@ -216,14 +217,8 @@ def page_data(tasks: Sequence[str] = ("gentle",), tissue: TissueDescription | No
         "length": LENGTH,
         "slab": _slab_data(tissue),
         "scene": scene_data(),
-        "texts": {each: page_texts(each) for each in LANGUAGES},
+        "texts": {each: texts_by_key(each) for each in languages()},
     }
-
-
-def page_texts(language: str) -> dict[str, str]:
-    """Return the texts of a language by key; the scene's own words are English, which the file of another has too."""
-    own = texts_by_key(language)
-    return own if language != "en" else own | WORDS
 
 
 def _task_data(task: str, tissue: TissueDescription) -> dict[str, Any]:

@@ -7,7 +7,8 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
-from cutenv._base.document import render, texts_by_key
+from cutenv._base.document import render
+from cutenv._base.language_files import ENGLISH, texts_by_key
 from cutenv._base.output import atomic_write
 from cutenv._base.validation import in_range
 from cutenv.browser.page_alone import page_alone
@@ -39,7 +40,7 @@ def write_scorm_package(path: Path, *, pass_mark: float | None = None, **options
     if pass_mark is not None:
         in_range("pass_mark", pass_mark, 0.0, 100.0, "1", "The overall score is from 0 to 100.")
     page = page_alone(**options, platform={"mark": None if pass_mark is None else round(pass_mark, 1)})
-    texts = texts_by_key(options.get("language", "en"))
+    texts = texts_by_key(options.get("language", ENGLISH))
     identifier = hashlib.sha256(page.encode()).hexdigest()[:16]
     manifest = render(_HERE / "imsmanifest.xml", {"identifier": identifier, "page": _PAGE, "title": texts["title"]})
     with atomic_write(path) as part, zipfile.ZipFile(part, "w") as package:

@@ -19,6 +19,7 @@ from cutenv.envs.depth_cut import DepthCutEnv
 from cutenv.envs.gentle_cut import GentleCutEnv
 from cutenv.envs.path_cut import PathCutEnv
 from cutenv.plant.protocol import recorded_trace
+from cutenv.play.devices import ScriptedDevice, watching_hand
 from cutenv.play.hand_model import PLAYED_HAND, descent_toward, speed_over, steered_toward
 from cutenv.scoring.cut_map import LINE_KEY
 from cutenv.task.declare import OneCut, Task
@@ -28,6 +29,7 @@ from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, SPEED_SCALE, spee
 from cutenv.task.path import PATH_CUT, TURN_SCALE
 from cutenv.task.stepper import step_one
 from cutenv.tissue.drawn_lines import kind_of
+from cutenv.tissue.grid import depth_below
 from cutenv.tissue.slab import SLAB
 from cutenv.trace import Trace
 
@@ -185,6 +187,8 @@ class HandCut:
     """Fields of a trace that its law fills besides the readings."""
     shared: ClassVar[np.dtype[Any]] = NOTHING
     """Part of what all cuts of the task share that its law needs."""
+    third: ClassVar[str] = ""
+    """Way of the hand besides position and angle: "level", "across" or none."""
 
     def __init__(
         self,
@@ -265,6 +269,13 @@ class HandCut:
         noted: dict[str, Any] = self.cutting.noted_map
         return noted and {"environment": self.led.task.environment, **noted}
 
+    def watching_hand(self) -> ScriptedDevice:
+        """Return a scripted hand for this cut, which sees the tip."""
+        return watching_hand(self._tip, self.target_length)
+
+    def _tip(self) -> float:
+        return float(self._env.plant.states["tip"][0])
+
     def follow(self, stylus: Any) -> StructArray:
         """Advance by a millisecond for each row of ``stylus``, until the cut ends; return the readings.
 
@@ -308,6 +319,7 @@ class HandDepthCut(HandCut):
     led = LED_DEEP
     shared = np.dtype((np.record, [("slab", [(name, SLAB[name]) for name in ("ratio", "share")], (1,))]))
     channel_fields = ("height", "vertical_force")
+    third = "level"
 
     def __init__(self, **keywords: Any) -> None:
         super().__init__(**keywords)
@@ -318,6 +330,13 @@ class HandDepthCut(HandCut):
         """Wanted depth and layer below, by key of a record's metadata."""
         facts: dict[str, Any] = self.cutting.given_depth
         return facts
+
+    def watching_hand(self) -> ScriptedDevice:
+        """Return a scripted hand that sees the tip and keeps the blade at the wanted depth."""
+        wanted = self.cutting.shown_depth.wanted
+        return watching_hand(
+            self._tip, self.target_length, level=lambda place: float(depth_below(wanted, place)) - self._start
+        )
 
 
 class HandPathCut(HandCut):
@@ -334,6 +353,7 @@ class HandPathCut(HandCut):
     environment = PathCutEnv
     led = LED_IN_PLANE
     channel_fields = ("blade_x", "blade_y", "lateral_force")
+    third = "across"
 
     def __init__(self, *, line: str = "mixed", **keywords: Any) -> None:
         super().__init__(line=line, **keywords)
@@ -342,6 +362,10 @@ class HandPathCut(HandCut):
     def facts(self) -> dict[str, Any]:
         """Line to cut along, by key of a record's metadata."""
         return {LINE_KEY: self.cutting.noted_map[LINE_KEY]}
+
+    def watching_hand(self) -> ScriptedDevice:
+        """Return a scripted hand that sees the tip and goes along the line."""
+        return watching_hand(self._tip, self.target_length, line=self.cutting.line)
 
     @property
     def noted(self) -> dict[str, Any]:

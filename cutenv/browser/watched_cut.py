@@ -15,6 +15,8 @@ from cutenv.task.registry import TASKS
 MOVEMENTS = "movements"
 """Key of a record's metadata: the movements of the hand, :func:`in_runs`."""
 _STEP = 0.02  # [s], between the moments of a way
+_MOST_SHOWN = 20
+_HELD = 16  # ms for which a hand stays, as a pointer does from picture to picture
 _FIELDS: Mapping[str, int] = {"time": 3, "position": 6, "angle": 4, "force": 3, "tip": 6}
 """Fields of a way, and their decimals; SI units."""
 _FURTHER: Mapping[str, int] = {"height": 6, "blade_x": 6, "blade_y": 6}
@@ -91,3 +93,41 @@ def planned_way(
         further.append({name: values.copy() for name, values in env.cutting.channels.items()})
     joined = {name: np.concatenate([each[name] for each in further]) for name in further[0]}
     return way_of(joined_records(parts), joined)
+
+
+@lru_cache(64)
+def shown_cut(
+    specimen_class: str,
+    target_length: float | None = None,
+    *,
+    task: str = "gentle",
+    line: str | None = None,
+    tissue: str | Path | None = None,
+) -> tuple[int, list[list[float]]]:
+    """Return a successful cut to be shown, by a hand that sees the tip: seed and movements; some seconds of work.
+
+    It is of the first of some specimens in which that hand succeeds, or else of the last of them.
+    """
+    seed = 0
+    movements: list[list[float]] = []
+    while seed < _MOST_SHOWN:
+        seed += 1
+        movements, success = _watching(specimen_class, seed, target_length, task, line, tissue)
+        if success:
+            break
+    return seed, movements
+
+
+def _watching(
+    specimen_class: str, seed: int, target_length: float | None, task: str, line: str | None, tissue: str | Path | None
+) -> tuple[list[list[float]], bool]:
+    of_line: dict[str, Any] = {} if line is None else {"line": line}
+    key: dict[str, Any] = {"specimen_class": specimen_class, "seed": seed, "target_length": target_length}
+    cut = TASKS[task].hand(**key, tissue=tissue, **of_line)
+    device = cut.watching_hand()
+    rows: list[list[float]] = []
+    while not cut.end:
+        stylus = [device.read() for _ in range(_HELD)][-1]
+        row = [stylus.position, stylus.angle, *([getattr(stylus, cut.third)] if cut.third else [])]
+        rows += [row] * len(cut.follow([row] * _HELD))
+    return in_runs(np.array(rows)), cut.success

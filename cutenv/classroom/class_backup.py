@@ -1,4 +1,4 @@
-"""Backup of a class in one ZIP: the records, and the rows of the database as JSON, which fit every database."""
+"""Backup of a class in one ZIP: records, courses, and the rows of the database as JSON, which fit every database."""
 
 from __future__ import annotations
 
@@ -11,13 +11,15 @@ from typing import Any
 from sqlalchemy.exc import SQLAlchemyError
 
 from cutenv._base.output import atomic_write
-from cutenv.classroom.class_store import ClassStore
+from cutenv.classroom.class_courses import COURSE_FILE, COURSE_FOLDER, ClassCourses
+from cutenv.classroom.class_store import PLACE_NAME, ClassStore
 from cutenv.classroom.class_tables import KEPT
 
 BACKUP_SCHEMA = "cutenv-class/1"
 _ROWS = "class.json"
 _CODE, _NAME = r"[A-Za-z0-9_-]{1,64}", r"[A-Za-z0-9_-][A-Za-z0-9_.-]{0,190}\.csv"
 _RECORD = re.compile(rf"records/{_CODE}/{_NAME}")
+_COURSE = re.compile(rf"{COURSE_FILE}|{COURSE_FOLDER}/{PLACE_NAME.pattern}\.toml")
 
 
 def write_backup(store: ClassStore, records: Path, path: Path) -> int:
@@ -34,6 +36,8 @@ def write_backup(store: ClassStore, records: Path, path: Path) -> int:
             if row["state"] in KEPT and record.is_file():
                 archive.write(record, f"records/{row['code']}/{row['record']}")
                 count += 1
+        for course in ClassCourses(records.parent).files():
+            archive.write(course, course.relative_to(records.parent).as_posix())
     return count
 
 
@@ -54,7 +58,7 @@ def restore_backup(store: ClassStore, records: Path, path: Path) -> int:
                 raise ValueError(f"{path}: its schema is {content.get('schema')!r}, not {BACKUP_SCHEMA!r}.")
             names = [name for name in archive.namelist() if name != _ROWS]
             for name in names:
-                if not _RECORD.fullmatch(name):
+                if not (_RECORD.fullmatch(name) or _COURSE.fullmatch(name)):
                     raise ValueError(f"{path}: {name!r} is no record of a class. Give a file from --backup.")
             _check_rows(path, content)
             if any(records.rglob("*.csv")):
@@ -70,7 +74,7 @@ def restore_backup(store: ClassStore, records: Path, path: Path) -> int:
                     part.write_bytes(archive.read(name))
     except (zipfile.BadZipFile, KeyError, TypeError, AttributeError, json.JSONDecodeError) as error:
         raise ValueError(f"{path} is no backup of a class ({error}). Give a file from --backup.") from None
-    return len(names)
+    return sum(bool(_RECORD.fullmatch(name)) for name in names)
 
 
 def _check_rows(path: Path, content: dict[str, Any]) -> None:

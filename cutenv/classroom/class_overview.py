@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import datetime
 from typing import Any, NamedTuple
 
-from cutenv._base.document import texts_by_key
+from cutenv._base.language_files import texts_by_key
 from cutenv._base.validation import one_of
 from cutenv.classroom.class_store import HandedOutCut, MarkInForce, Place
 from cutenv.classroom.class_tables import GOING_ON, LEFT, OPEN, SAVED, TAKEN_BACK
-from cutenv.classroom.lesson import LONGEST_CUT, Lesson
+from cutenv.classroom.lesson import LONGEST_CUT, Lesson, name_of
+from cutenv.play.course import WARM_UP
 from cutenv.scoring.study import proficiency
 
 _WIDTH, _HEIGHT, _LEFT, _BELOW, _ABOVE = 400.0, 170.0, 30.0, 22.0, 8.0
@@ -93,22 +94,42 @@ def class_means(people: Sequence[Scores]) -> list[float | None]:
 
 
 def overview(lesson: Lesson, language: str) -> dict[str, Any]:
-    """Return what the list of the class shows, in a language: people, a curve for each class, and the pass mark."""
-    mark, places = lesson.pass_mark, lesson.store.places()
-    rows = [_shown(lesson, language, mark, places.get(each.code, Place()), each) for each in people_of(lesson)]
+    """Return what the list of the class shows, in a language: people, a curve for each class, and pass marks.
+
+    A class of one mark has it in its curve.
+    """
+    marks, places = marks_in_force(lesson), lesson.store.places()
+    rows = [_shown(lesson, language, marks, places.get(each.code, Place()), each) for each in people_of(lesson)]
     score_word = texts_by_key(language)["score"]
     classes = sorted({row["place"].class_name for row in rows})
-    curves = {
-        name: score_curve(
-            [row["scores"] for row in rows if row["place"].class_name == name and row["scores"]],
-            mark=None if mark is None else mark.mark,
+    curves = {}
+    for name in classes:
+        its = [row for row in rows if row["place"].class_name == name]
+        only = only_of(row["mark"] for row in its)
+        curves[name] = score_curve(
+            [row["scores"] for row in its if row["scores"]],
+            mark=None if only is None else only.mark,
             label=f"{score_word}, {name}" if name else score_word,
         )
-        for name in classes
+    return {
+        "people": rows,
+        "marks": {course: mark for course, mark in marks.items() if mark is not None},
+        "course": any(row["course"] for row in rows),
+        "further": lesson.courses.further(),
+        "curves": {name: curve for name, curve in curves.items() if curve},
     }
-    return {"people": rows, "mark": mark, "course": lesson.course_name} | {
-        "curves": {name: curve for name, curve in curves.items() if curve}
-    }
+
+
+def marks_in_force(lesson: Lesson) -> dict[str, MarkInForce | None]:
+    """Return the pass mark of every course of the class, None without one, by the course's name, "" without course."""
+    names = [name_of(lesson.course), *(course.name for course in lesson.courses.further().values())]
+    return {name: lesson.store.pass_mark(name) for name in names}
+
+
+def only_of(marks: Iterable[MarkInForce | None]) -> MarkInForce | None:
+    """Return the mark that all have in common; None if there is none."""
+    different = set(marks)
+    return different.pop() if len(different) == 1 else None
 
 
 class Person(NamedTuple):
@@ -145,7 +166,7 @@ def live_list(
     ----------
     lesson : Lesson
         The class at work.
-    language : {"en", "de"}
+    language : str
         Language of what comes next in a course.
     by : str
         One of :data:`LIVE_ORDERS`; "doing" puts those first who may need help.
@@ -159,11 +180,12 @@ def live_list(
         if class_name is not None and where.class_name != class_name:
             continue
         saved = [cut for cut in person.cuts if cut.state == SAVED]
-        progress = lesson.progress(person.code, person.cuts)
+        progress = lesson.progress(person.code, person.cuts, where)
         doing, since = _doing(lesson, person, present)
         rows.append(
             {
-                "code": person.code, "class": where.class_name, "doing": doing, "since": since, "cuts": len(saved),
+                "code": person.code, "class": where.class_name, "course": name_of(lesson.course_of(person.code, where)),
+                "doing": doing, "since": since, "cuts": len(saved),
                 "score": saved[-1].score if saved else None, "last": saved[-1] if saved else None,
                 "ahead": "" if progress is None else progress.ahead(language),
             }
@@ -193,16 +215,23 @@ def _doing(lesson: Lesson, person: Person, present: Mapping[str, str]) -> tuple[
     return (LEFT_OFF if ended and ended[-1].state == LEFT else HERE), None
 
 
-def _shown(lesson: Lesson, language: str, mark: MarkInForce | None, place: Place, person: Person) -> dict[str, Any]:
-    progress = lesson.progress(person.code, person.cuts)
-    confirmed = [cut.score for cut in person.cuts if cut.state == SAVED]
-    made = [0 if cut.state == LEFT else cut.score for cut in person.cuts if cut.state in (SAVED, LEFT)]
+def _shown(
+    lesson: Lesson, language: str, marks: Mapping[str, MarkInForce | None], place: Place, person: Person
+) -> dict[str, Any]:
+    progress = lesson.progress(person.code, person.cuts, place)
+    course = name_of(lesson.course_of(person.code, place))
+    mark = marks.get(course)
+    counted = [cut for cut in person.cuts if cut.task != WARM_UP]
+    confirmed = [cut.score for cut in counted if cut.state == SAVED]
+    made = [0 if cut.state == LEFT else cut.score for cut in counted if cut.state in (SAVED, LEFT)]
     scored = [score for score in made if score is not None]
     label = f"{texts_by_key(language)['score']}, {person.code}"
     found = proficiency(scored, mark.mark, better="higher") if mark is not None and scored else None
     return {
         **person._asdict(),
         "place": place,
+        "course": course,
+        "mark": mark,
         "scores": confirmed,
         "passes": found,
         "curve": score_curve([confirmed], mark=None if mark is None else mark.mark, label=label) if confirmed else "",

@@ -50,6 +50,7 @@ class PeoplePages:
             Route("/cuts", self.begin, methods=["POST"]), Route("/cuts", self.history, methods=["GET"]),
             Route("/curve", self.curve, methods=["GET"]), Route("/comments", self.comments, methods=["GET"]),
             Route("/cuts/{number:str}", self.finish, methods=["POST"]),
+            Route("/demonstration", self.demonstration, methods=["GET"]),
             Route("/cuts/{number:str}/begun", self.begun, methods=["POST"]),
             Route("/cuts/{number:str}/replay", self.replay, methods=["GET"]),
         ]  # fmt: skip
@@ -125,6 +126,14 @@ class PeoplePages:
         except (OSError, ValueError) as error:
             raise HTTPException(422, str(error)) from None
 
+    async def demonstration(self, request: Request) -> Response:
+        """Answer with the cut that the person's course shows beforehand."""
+        code = await self._site.person(request)
+        try:
+            return JSONResponse(await run_in_threadpool(self._lesson.demonstration, code))
+        except LookupError as error:
+            raise HTTPException(404, str(error)) from None
+
     async def finish(self, request: Request) -> Response:
         """Repeat, score and keep a cut that has ended."""
         code = await self._site.person(request)
@@ -133,9 +142,12 @@ class PeoplePages:
         except ValueError:
             stalled = 0.0
         number, digest = request.path_params["number"], request.headers.get("x-readings", "")
+        aids = request.headers.get("x-aids", "").split(",")
         movements = await request.body()
         try:
-            said = await run_in_threadpool(self._lesson.finish, code, number, movements, digest, stalled=stalled)
+            said = await run_in_threadpool(
+                self._lesson.finish, code, number, movements, digest, stalled=stalled, aids=aids
+            )
         except RefusedCut as error:
             raise HTTPException(422, str(error)) from None
         except LookupError as error:
@@ -155,9 +167,10 @@ class PeoplePages:
 
     async def curve(self, request: Request) -> Response:
         """Answer with the person's learning curve."""
-        cuts = await run_in_threadpool(self._lesson.history, await self._site.person(request))
-        mark = await run_in_threadpool(lambda: self._lesson.pass_mark)
-        scores = [cut["score"] for cut in cuts if cut["state"] == SAVED]
+        code = await self._site.person(request)
+        cuts = await run_in_threadpool(self._lesson.history, code)
+        mark = await run_in_threadpool(self._lesson.mark_of, code)
+        scores = [cut["score"] for cut in cuts if cut["state"] == SAVED and not cut["warm_up"]]
         return JSONResponse(
             {"curve": score_curve([scores], mark=None if mark is None else mark.mark, label=self._site.words["score"])}
         )

@@ -25,6 +25,7 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from cutenv._base.document import render
+from cutenv._base.language_files import languages, local_moment
 from cutenv.browser.page_alone import page_data, script_digest
 from cutenv.classroom.class_store import teacher_of
 from cutenv.classroom.foreign_upload import LARGEST_UPLOAD
@@ -169,7 +170,7 @@ _SIGNED_IN = 12 * 3600  # [s]
 
 
 @functools.lru_cache(8)  # a second of work; a course that is edited may have other tasks
-def _page_data(tasks: tuple[str, ...], tissue: str | Path | None) -> dict[str, Any]:
+def _page_data(tasks: tuple[str, ...], tissue: str | Path | None, _languages: tuple[str, ...]) -> dict[str, Any]:
     return page_data(tasks, TissueSource(tissue).description)
 
 
@@ -185,7 +186,7 @@ class ClassSite:
         Token with which the teacher signs in.
     title : str
         Name of the class on its pages.
-    language : {"en", "de"}
+    language : str
         Language until the reader chooses.
     secure : bool
         True if it is served over TLS: cookies are never sent without.
@@ -228,7 +229,7 @@ class ClassSite:
     @property
     def page_data(self) -> dict[str, Any]:
         """Facts that the page that cuts needs, whatever the specimen."""
-        return _page_data(tuple(self.lesson.kinds), self.lesson.tissue)
+        return _page_data(tuple(self.lesson.kinds), self.lesson.tissue, languages())
 
     @property
     def words(self) -> Mapping[str, str]:
@@ -242,7 +243,7 @@ class ClassSite:
         shared |= {"courier": self.courier, "lti": self.lti}
         filters: dict[str, Callable[..., Any]] = {
             "digest": script_digest,
-            "moment": functools.partial(local_moment, language=self.language),
+            "moment": lambda utc: local_moment(datetime.fromisoformat(utc), self.language),
             "said": functools.partial(translated, language=self.language),
             "task_name": functools.partial(course_name, self.language),
         }
@@ -287,11 +288,6 @@ class ClassSite:
                 raise HTTPException(422, str(error)) from None
 
         return Route(path, checked, methods=[method])
-
-
-def local_moment(utc: str, language: str) -> str:
-    """Return a moment, ISO 8601 with its zone, as the clock of this machine shows it, in a language."""
-    return translated(f"{datetime.fromisoformat(utc).astimezone():%Y-%m-%dT%H:%M}", language).replace("T", ", ")
 
 
 def text_of(form: FormData, name: str) -> str:

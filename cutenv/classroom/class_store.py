@@ -53,18 +53,20 @@ from cutenv.scoring.score_card import whole_score
 
 LONGEST_COMMENT = 500
 """Most characters of a comment."""
+PLACE_NAME = re.compile(r"[^\W_][\w .+-]{0,31}")
+"""Names of classes and groups, and keys of courses."""
 _TRIES = 100  # of handing out a cut, while other servers are quicker
 _SESSION, _IDLE, _NOTED = timedelta(hours=12), timedelta(minutes=15), timedelta(minutes=1)
 _TEACHER = "teacher "  # no code begins so
-_NAME = re.compile(r"[^\W_][\w .+-]{0,31}")
 _LETTERS = "ABCDEFGHJKLMNPQRSTUVWXYZ"  # no I and no O, which look like digits
 
 
 class Place(NamedTuple):
-    """Place of a person: class, and group in studies; "" if there is none."""
+    """Place of a person: class, group in studies, and key of a further course; "" if there is none."""
 
     class_name: str = ""
     group: str = ""
+    course: str = ""
 
 
 class MarkInForce(NamedTuple):
@@ -208,7 +210,7 @@ class ClassStore:
         """Make the tables that are not there, and add to those of an earlier version what they lack."""
         CLASS_METADATA.create_all(self.engine)
         with self._transaction() as connection:
-            for table in (CUTS, SESSIONS):
+            for table in (CUTS, SESSIONS, CLASS_PLACES):
                 there = {column["name"] for column in inspect(connection).get_columns(table.name)}
                 for column in (column for column in table.columns if column.name not in there):
                     kind = column.type.compile(self.engine.dialect)
@@ -282,21 +284,30 @@ class ClassStore:
                 connection.execute(delete(table).where(table.c.code == code))
             return connection.execute(delete(PEOPLE).where(PEOPLE.c.code == code)).rowcount > 0
 
-    def places(self) -> dict[str, Place]:
-        """Return class and group of everybody who has one, by code."""
+    def places(self, code: str | None = None) -> dict[str, Place]:
+        """Return the place of everybody, or of one person, who has one, by code."""
+        wanted = select(CLASS_PLACES)
         with self._transaction() as connection:
-            return {row.code: Place(row.class_name, row.group_name) for row in connection.execute(select(CLASS_PLACES))}
+            rows = connection.execute(wanted if code is None else wanted.where(CLASS_PLACES.c.code == code)).all()
+        return {row.code: Place(row.class_name, row.group_name, row.course or "") for row in rows}
 
-    def put(self, codes: Sequence[str], *, class_name: str | None = None, group: str | None = None) -> None:
-        """Put people into a class, a group or both; None leaves what is there, "" takes them out.
+    def put(
+        self,
+        codes: Sequence[str],
+        *,
+        class_name: str | None = None,
+        group: str | None = None,
+        course: str | None = None,
+    ) -> None:
+        """Put people into a class, a group, a further course; None leaves what is there, "" takes them out.
 
         Raises
         ------
         ValueError
             If a name is not 1 to 32 letters, digits and blanks, beginning with a letter or digit.
         """
-        for what, name in (("class", class_name), ("group", group)):
-            if name and not _NAME.fullmatch(name):
+        for what, name in (("class", class_name), ("group", group), ("course", course)):
+            if name and not PLACE_NAME.fullmatch(name):
                 raise ValueError(f"{what} {name!r} is no name: give up to 32 letters, digits and blanks, such as 2b.")
         there = self.places()
         with self._transaction() as connection:
@@ -306,6 +317,7 @@ class ClassStore:
                 new = {
                     "class_name": old.class_name if class_name is None else class_name,
                     "group_name": old.group if group is None else group,
+                    "course": old.course if course is None else course,
                 }
                 connection.execute(delete(CLASS_PLACES).where(CLASS_PLACES.c.code == code))
                 if any(new.values()):

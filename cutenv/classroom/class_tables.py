@@ -12,12 +12,13 @@ PEOPLE = Table(
     Column("created", String(32), nullable=False),
     Column("consented", String(32)),
 )
-CLASS_PLACES = Table(  # where a person belongs; whoever is in no class and no group has no row
+CLASS_PLACES = Table(  # where a person belongs; whoever is in no class, group or further course has no row
     "places",
     CLASS_METADATA,
     Column("code", String(64), ForeignKey("people.code", ondelete="CASCADE"), primary_key=True),
     Column("class_name", String(32), nullable=False),
     Column("group_name", String(32), nullable=False),
+    Column("course", String(32)),  # file of a further course, without its ending
 )
 PASS_MARKS = Table(
     "pass_marks",

@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping
 from datetime import datetime
 from typing import Any
+from urllib.parse import quote
 
 from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import FormData
@@ -13,23 +14,28 @@ from starlette.requests import Request
 from starlette.responses import RedirectResponse, Response
 from starlette.routing import Route
 
+from cutenv.classroom.class_courses import COURSE_FILE
 from cutenv.classroom.class_site import ClassSite, download, text_of
-from cutenv.classroom.lesson import COURSE_FILE
+from cutenv.classroom.lesson import name_of
 from cutenv.play.course import (
     FEEDBACK,
     MARKED_METRICS,
     SHIPPED_COURSES,
     Course,
+    course_content,
     course_of,
     course_toml,
     named_course,
     task_content,
 )
-from cutenv.play.course_words import COURSE_WORDS, course_words
+from cutenv.play.course_words import course_words
 from cutenv.task.registry import tasks_with
 from cutenv.tissue.drawn_lines import KINDS
 from cutenv.tissue.specimen import CLASSES
 
+NEW = "+"
+"""Key of a further course that is not kept yet; no course's file is called so."""
+_EMPTY: Mapping[str, Any] = {"name": "", "about": "", "warm_up": 0, "demonstration": False}
 _MOST_TASKS, _MARKS = 50, 3
 _WHOLE, _NUMBER = re.compile(r"[+-]?\d{1,12}"), re.compile(r"[+-]?\d{1,12}([.,]\d{1,9})?")
 
@@ -55,49 +61,66 @@ class CoursePages:
             route("GET", f"/teacher/{COURSE_FILE}", self.file),
         ]  # fmt: skip
 
-    def page(self, content: Mapping[str, Any], trouble: str = "", status: int = 200) -> Response:
-        """Return the page, filled with the content of a course's file as far as there is one."""
-        words = COURSE_WORDS[self._site.language]
+    def page(self, content: Mapping[str, Any], key: str = "", trouble: str = "", status: int = 200) -> Response:
+        """Return the page, filled with the content of a course's file as far as there is one.
+
+        ``key`` is that of a further course, :data:`NEW` for one that has none yet, or "" for that of the class.
+        """
+        courses = self._lesson.courses
+        language = self._site.language
         tasks = [_shown(task) for task in content.get("task", [])]
         return self._site.page(
-            "course.html", status, trouble=trouble, content={"name": "", "about": ""} | dict(content),
+            "course.html", status, trouble=trouble, content=dict(_EMPTY) | dict(content),
             tasks=[*tasks, _shown({})], root="../", kinds=tasks_with("hand"), classes=CLASSES,
-            lines=(*KINDS, "mixed"), rules={rule: words[rule] for rule in FEEDBACK},
-            metrics=_metrics(self._site.language), edited=self._lesson.course_file.is_file(),
-            shipped=list(SHIPPED_COURSES),
+            lines=(*KINDS, "mixed"), rules={rule: course_words(language, rule) for rule in FEEDBACK},
+            metrics=_metrics(language), edited=key != NEW and courses.file(key).is_file(), key=key, new=NEW,
+            further=courses.further(), course_name=name_of(courses.main),
+            shipped={name: named_course(name).name for name in SHIPPED_COURSES},
         )  # fmt: skip
 
     async def edit(self, request: Request) -> Response:
         """Show the course, or one that is shipped, to be edited."""
         chosen = request.query_params.get("from", "")
-        course = named_course(chosen) if chosen in SHIPPED_COURSES else self._lesson.course
-        return await run_in_threadpool(self.page, {} if course is None else _content(course))
+        key = self._key(request.query_params.get("course", ""))
+        present = None if key == NEW else self._lesson.courses.of(key)
+        course = named_course(chosen) if chosen in SHIPPED_COURSES else present
+        return await run_in_threadpool(self.page, {} if course is None else _content(course), key)
+
+    def _key(self, given: str) -> str:
+        """Return the key of a course that there is; LookupError for another."""
+        if given not in ("", NEW) and given not in self._lesson.courses.further():
+            raise LookupError("There is no such course.")
+        return given
 
     async def keep(self, request: Request) -> Response:
         """Put the course into force as the form has it, or withdraw it."""
         form = await request.form(max_fields=20 * _MOST_TASKS)
+        key = self._key(text_of(form, "course"))
         if form.get("do") == "withdraw":
-            await run_in_threadpool(self._lesson.set_course, None)
+            await run_in_threadpool(self._lesson.drop_course, key)
             return RedirectResponse("course", 303)
         content = _content_of(form)
         if form.get("do") == "add":
-            return await run_in_threadpool(self.page, content)
+            return await run_in_threadpool(self.page, content, key)
         try:
-            await run_in_threadpool(self._lesson.set_course, course_of(content))
+            course, courses = course_of(content), self._lesson.courses
+            kept_as = courses.new_key(course.name) if key == NEW else key
+            await run_in_threadpool(courses.set, course, kept_as)
         except (TypeError, ValueError) as error:
-            return await run_in_threadpool(self.page, content, str(error), 422)
-        return RedirectResponse("course", 303)
+            return await run_in_threadpool(self.page, content, key, str(error), 422)
+        return RedirectResponse(f"course?course={quote(kept_as)}" if kept_as else "course", 303)
 
     async def file(self, request: Request) -> Response:
         """Send the course as its file."""
-        course = self._lesson.course
+        key = request.query_params.get("course", "")
+        course = self._lesson.courses.of(self._key(key)) if key != NEW else None
         if course is None:
             raise LookupError("There is no course.")
-        return download(course_toml(course).encode(), COURSE_FILE, "application/toml")
+        return download(course_toml(course).encode(), self._lesson.courses.file(key).name, "application/toml")
 
 
 def _content(course: Course) -> dict[str, Any]:
-    return {"name": course.name, "about": course.about, "task": [task_content(task) for task in course.tasks]}
+    return course_content(course) | {"task": [task_content(task) for task in course.tasks]}
 
 
 def _metrics(language: str) -> dict[str, str]:
@@ -154,7 +177,9 @@ def _content_of(form: FormData) -> dict[str, Any]:
         place = _number(given["place"])
         tasks.append((place if isinstance(place, int | float) else k + 1, k, task))
     ordered = [task for *_, task in sorted(tasks, key=lambda each: each[:2])]
-    return {"name": text_of(form, "name").strip(), "about": text_of(form, "about").strip(), "task": ordered}
+    before: dict[str, Any] = {"demonstration": True} if form.get("demonstration") else {}
+    before |= {"warm_up": _number(warm_up)} if (warm_up := text_of(form, "warm_up").strip()) else {}
+    return {"name": text_of(form, "name").strip(), "about": text_of(form, "about").strip(), **before, "task": ordered}
 
 
 _FIELDS = (

@@ -23,11 +23,13 @@ import numpy as np
 
 import cutenv
 from cutenv._base.arrays import Array
-from cutenv._base.output import atomic_write, put_in_place
+from cutenv._base.language_files import languages
+from cutenv._base.output import put_in_place
 from cutenv.browser.page_alone import specimen_data
 from cutenv.browser.stylus_steps import HandCut
-from cutenv.browser.watched_cut import MOVEMENTS, from_runs, in_runs, planned_way, way_of
+from cutenv.browser.watched_cut import MOVEMENTS, from_runs, in_runs, planned_way, shown_cut, way_of
 from cutenv.classroom.analysis import Analyses
+from cutenv.classroom.class_courses import ClassCourses
 from cutenv.classroom.class_store import ClassStore, CutEnd, HandedOutCut, MarkInForce, NewCut, Place, SeenMovements
 from cutenv.classroom.class_tables import (
     FOREIGN,
@@ -43,9 +45,8 @@ from cutenv.classroom.class_tables import (
 )
 from cutenv.classroom.foreign_upload import Uploads
 from cutenv.envs.tissue_source import TissueSource
-from cutenv.play.course import Course, CourseTask, course_toml, marked_numbers, read_course
+from cutenv.play.course import WARM_UP, Course, CourseTask, marked_numbers
 from cutenv.play.course_progress import GIVEN_UP, CourseProgress
-from cutenv.play.course_words import COURSE_WORDS
 from cutenv.recording import Provenance, load_one, save
 from cutenv.recording.csv_file import read_metadata
 from cutenv.report.page import in_languages
@@ -94,17 +95,22 @@ def _capital(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
+def name_of(course: Course | None) -> str:
+    """Return the name of a course, by which its pass mark is kept; "" without one."""
+    return "" if course is None else course.name
+
+
 def ahead_words(progress: CourseProgress | None) -> dict[str, str]:
     """Return what comes next in a course, by language; empty without a course."""
-    return {} if progress is None else {language: progress.ahead(language) for language in COURSE_WORDS}
+    return {} if progress is None else {language: progress.ahead(language) for language in languages()}
 
 
 _MOST_ADVICE = 2  # a person attends to no more in the next cut
-COURSE_FILE = "course.toml"
-"""Name of the file of a course that was edited, in the class's folder."""
 _CARD_NUMBERS = ("peak_force", "largest_jump", "duration")  # as on the teacher's card of the same cut
 LONGEST_CUT = 30_000
 """Longest cut [ms]: the deadline of the task."""
+DEVICE_AIDS = frozenset(("sound", "vibration"))
+"""Ways besides the picture by which a page may tell the force."""
 FEWEST_MOVEMENTS = 100
 """Least number of milliseconds that makes an abandoned cut a record."""
 _OWN_WAY = 0.01  # m that a hand has to go before nobody else's goes the same way bit for bit
@@ -112,7 +118,18 @@ _LEFTOVER = 60.0  # s after which a part of a record belongs to a server that wa
 
 # Facts that a record of another program may claim, and that only this server's own records may have.
 _FACTS_OF_A_CONFIRMED_CUT = frozenset(
-    ("course", "task", "feedback", "crossover", "hand", "stalled_s", "movements_sha256", MOVEMENTS, TIP_AT_END)
+    (
+        "course",
+        "task",
+        "feedback",
+        "crossover",
+        "hand",
+        "device_aids",
+        "stalled_s",
+        "movements_sha256",
+        MOVEMENTS,
+        TIP_AT_END,
+    )
 )
 
 
@@ -136,7 +153,8 @@ class Lesson:
     folder : Path
         Folder of the records, one below it for each code; created.
     course : Course, optional
-        Course that everybody goes through; without one, specimens of ``specimen_class`` are drawn without end.
+        Course that everybody goes through to whom no other is given; without one, specimens of ``specimen_class`` are
+        drawn without end.
     specimen_class : str
         Class of specimens without a course.
     tissue : str or Path, optional
@@ -155,8 +173,7 @@ class Lesson:
         self.tissue = tissue
         self._of_tissue = () if tissue is None else (TissueSource(tissue).description.to_json(),)
         folder.mkdir(parents=True, exist_ok=True)
-        self._given = course
-        self._edited: tuple[tuple[int, ...], Course | None] = (), course  # stamp and course of the edited file
+        self.courses = ClassCourses(folder.parent, course)
         self.analyses = Analyses(folder.parent / "studies", folder)
         self.uploads = Uploads()
         self._reference = ReferenceSet.shipped()
@@ -170,54 +187,47 @@ class Lesson:
         self.store.close()
 
     @property
-    def course_file(self) -> Path:
-        """File of the course that was edited on the teacher's page; it takes the place of that of the start."""
-        return self.folder.parent / COURSE_FILE
-
-    @property
     def course(self) -> Course | None:
-        """Course that everybody goes through now, whichever server has edited it; None without one."""
-        try:
-            about = self.course_file.stat()
-        except OSError:
-            return self._given
-        stamp = (about.st_mtime_ns, about.st_size, about.st_ino)
-        if stamp != self._edited[0]:
-            with suppress(OSError, ValueError):  # changed by hand, and damaged: the course goes on as it was
-                self._edited = (stamp, read_course(self.course_file))
-        return self._edited[1]
+        """Course that everybody goes through now to whom no other is given; None without one."""
+        return self.courses.main
 
-    def set_course(self, course: Course | None) -> None:
-        """Let everybody go through a course from now on; None for that of the start."""
-        if course is None:
-            self.course_file.unlink(missing_ok=True)
-            return
-        with atomic_write(self.course_file) as part:
-            part.write_text(course_toml(course), encoding="utf-8")
+    def course_of(self, code: str, place: Place | None = None) -> Course | None:
+        """Return the course of a person, whose place may be given; None without one."""
+        where = self.store.places(code).get(code, Place()) if place is None else place
+        return self.courses.of(where.course)
 
-    @property
-    def course_name(self) -> str:
-        """Name of the course; "" without one."""
-        course = self.course
-        return "" if course is None else course.name
+    def mark_of(self, code: str) -> MarkInForce | None:
+        """Return the pass mark in force for a person's course, or None."""
+        return self.store.pass_mark(name_of(self.course_of(code)))
 
-    @property
-    def pass_mark(self) -> MarkInForce | None:
-        """Pass mark in force, or None."""
-        return self.store.pass_mark(self.course_name)
+    def put(self, codes: Sequence[str], **places: str) -> None:
+        """Put people into places, as :meth:`~cutenv.classroom.class_store.ClassStore.put`; the course is checked."""
+        key = places.get("course")
+        if key and key not in self.courses.further():
+            raise ValueError(f"there is no course {key!r} in this class. Choose one of those on the page.")
+        self.store.put(codes, **places)
+
+    def drop_course(self, key: str) -> None:
+        """Delete a further course, whose people then go through that of the class; for "" go back to the start's."""
+        if key:
+            self.store.put([code for code, place in self.store.places().items() if place.course == key], course="")
+        self.courses.drop(key)
 
     def lock(self, code: str) -> threading.Lock:
         """Return the lock of a person: one cut at a time."""
         with self._guard:
             return self._locks.setdefault(code, threading.Lock())
 
-    def progress(self, code: str, cuts: Iterable[HandedOutCut] | None = None) -> CourseProgress | None:
-        """Return a person's progress through the course, counted from the cuts in the database; None without a course.
+    def progress(
+        self, code: str, cuts: Iterable[HandedOutCut] | None = None, place: Place | None = None
+    ) -> CourseProgress | None:
+        """Return a person's progress through the person's course; None without one.
 
-        A cut that was left or refused counts as given up.  Records that cannot be read, of cuts that an earlier version
-        saved without their numbers, stand in ``unread``: they are read again the next time.
+        It is counted from the cuts in the database.  A cut that was left or refused counts as given up.  Records that
+        cannot be read, of cuts that an earlier version saved without their numbers, stand in ``unread``: they are read
+        again the next time.
         """
-        course = self.course
+        course = self.course_of(code, place)
         if course is None:
             return None
         progress = CourseProgress(course, code, clock=self.store.clock)
@@ -229,9 +239,13 @@ class Lesson:
                 except (OSError, KeyError, ValueError) as error:
                     progress.unread.append(f"{cut.record}: {error}")
                     continue
-            if known.course != course.name or not any(task.name == known.task for task in course.tasks):
+            if known.course != course.name or known.task not in (WARM_UP, *(task.name for task in course.tasks)):
                 continue
-            if known.state == UNFINISHED:
+            if known.task == WARM_UP and known.state in (SAVED, LEFT, REFUSED):
+                progress.skip(WARM_UP)
+            elif known.task == WARM_UP:
+                continue
+            elif known.state == UNFINISHED:
                 progress.skip(known.task)
             elif known.state in (SAVED, LEFT, REFUSED):
                 progress.count(known.task, known.numbers or {}, known.ended if known.state == SAVED else GIVEN_UP)
@@ -254,7 +268,8 @@ class Lesson:
         """
         with self.lock(code):
             cut = self.store.hand_out(code, lambda cuts: self._next(code, cuts))
-            ahead = ahead_words(self.progress(code))
+            course, progress = self.course_of(code), self.progress(code)
+            ahead = ahead_words(progress)
             if cut is None:
                 return {"done": True, "ahead": ahead}
             task = self._task(code, cut)
@@ -262,7 +277,10 @@ class Lesson:
             data = specimen_data(
                 cut.specimen_class, cut.seed, 0, cut.target_length, task=task.task, tissue=self.tissue, **task.of_line
             )
-            return data | {"ahead": ahead, "feedback": task.feedback, "id": cut.id, "done": False}
+            shown = bool(course is not None and course.demonstration and progress is not None and progress.fresh)
+            return data | {
+                "ahead": ahead, "feedback": task.feedback, "id": cut.id, "done": False, "demonstration": shown,
+            }  # fmt: skip
 
     def _next(self, code: str, cuts: Sequence[HandedOutCut]) -> NewCut | None:
         """Return the cut to hand out after those that have ended; None if the course is done."""
@@ -278,7 +296,9 @@ class Lesson:
         course = progress.course.name
         return NewCut(*progress.specimen(), course, task.name, self._terms(course, task))
 
-    def finish(self, code: str, number: str, movements: bytes, digest: str, *, stalled: float = 0.0) -> dict[str, Any]:
+    def finish(
+        self, code: str, number: str, movements: bytes, digest: str, *, stalled: float = 0.0, aids: Iterable[str] = ()
+    ) -> dict[str, Any]:
         """Repeat a cut by the law, and keep it if the page's readings are those of the law; return the card.
 
         Parameters
@@ -293,6 +313,8 @@ class Lesson:
             what is kept are the readings that the law finds here.
         stalled : float
             Time lost by the page [s].
+        aids : iterable of str
+            Which of :data:`DEVICE_AIDS` were on; others are ignored.
 
         Raises
         ------
@@ -342,6 +364,7 @@ class Lesson:
                 end=end,
                 success=cut.success,
                 device="browser",
+                **({"device_aids": used} if (used := sorted(DEVICE_AIDS & set(aids))) else {}),
                 hand=dataclasses.asdict(cut.hand),
                 **cut.noted,
                 stalled_s=round(stalled, 3),
@@ -363,7 +386,12 @@ class Lesson:
                 part.unlink(missing_ok=True)
             if progress is not None:
                 progress.add(card, end, task)
-            return shown_card(card, progress, hidden=task.feedback == "never", mark=self.pass_mark)
+            return shown_card(
+                card,
+                progress,
+                hidden=task.feedback == "never",
+                mark=None if task.name == WARM_UP else self.mark_of(code),
+            )
 
     def _is_open(self, cut: HandedOutCut) -> bool:
         """Return whether a cut may be finished: also one that went on when the server ended."""
@@ -439,7 +467,7 @@ class Lesson:
             If its record cannot be read.
         """
         cut = self.store.cut(number, code)
-        task = self._task(code, cut)
+        task = self._task_once(code, cut)
         if cut.state != SAVED or task is None or task.feedback == "never":
             raise LookupError("this cut is not shown again.")
         example = next((each for each in self.store.cuts() if each.example and _same_specimen(each, cut)), None)
@@ -455,6 +483,21 @@ class Lesson:
             expert = planned_way(kind, seed, 0, target, task=task.task, line=line, tissue=self.tissue)
         specimen = specimen_data(kind, seed, 0, target, task=task.task, tissue=self.tissue, **task.of_line)
         return {"specimen": specimen, "movements": movements, "expert": expert, "by": by}
+
+    def demonstration(self, code: str) -> dict[str, Any]:
+        """Return the cut that a person's course shows beforehand, as :meth:`replay`; LookupError if there is none."""
+        course = self.course_of(code)
+        if course is None or not course.demonstration:
+            raise LookupError("there is no demonstration.")
+        task = course.for_operator(code).tasks[0]
+        line = task.line if TASKS[task.task].line else None
+        key: dict[str, Any] = {"task": task.task, "line": line, "tissue": self.tissue}
+        kind, target = task.specimen_class, task.target_length
+        with self._guard:  # some seconds of work, once
+            seed, movements = shown_cut(kind, target, **key)
+            expert = planned_way(kind, seed, 0, target, **key)
+        specimen = specimen_data(kind, seed, 0, target, **key)
+        return {"specimen": specimen, "movements": movements, "expert": expert, "by": "planner"}
 
     def _movements(self, cut: HandedOutCut) -> Array:
         """Return the movements of a saved cut, shape (n, k); LookupError if an earlier version kept it without them."""
@@ -472,18 +515,24 @@ class Lesson:
     @property
     def kinds(self) -> tuple[str, ...]:
         """Tasks that are cut in the class."""
-        course = self.course
-        return ("gentle",) if course is None else course.kinds
+        found = [kind for course in self.courses.all() for kind in course.kinds]
+        return tuple(dict.fromkeys(found if self.course is not None else ["gentle", *found]))
 
     def _task(self, code: str, cut: HandedOutCut) -> CourseTask | None:
         """Return the task that a cut was handed out for, gentle cutting without a course; None if it is not served."""
-        course = self.course
+        return self._task_in(self.course_of(code), code, cut)
+
+    def _task_in(self, course: Course | None, code: str, cut: HandedOutCut) -> CourseTask | None:
         if course is None:
             tasks: Sequence[CourseTask] = (CourseTask(name="", specimen_class=cut.specimen_class),)
         else:
-            tasks = course.for_operator(code).tasks
-        name = "" if course is None else course.name
-        return next((task for task in tasks if self._terms(name, task) == cut.terms), None)
+            tasks = (course.warm_up_task, *course.for_operator(code).tasks)
+        return next((task for task in tasks if self._terms(name_of(course), task) == cut.terms), None)
+
+    def _task_once(self, code: str, cut: HandedOutCut) -> CourseTask | None:
+        """Return the task of a cut in whichever course of the class it was made; None if it is served no more."""
+        courses = [*self.courses.all(), *([] if cut.course else [None])]
+        return next(filter(None, (self._task_in(course, code, cut) for course in courses)), None)
 
     def _terms(self, course: str, task: CourseTask) -> str:
         """Return a digest of what defines the cuts of a task: one is handed out, and finished, on the same terms alone.
@@ -562,15 +611,21 @@ class Lesson:
 
     def history(self, code: str) -> list[dict[str, Any]]:
         """Return a person's cuts as the person may see them: without result where the task shows no feedback."""
-        course = self.course
-        tasks = () if course is None else course.for_operator(code).tasks
-        silent = {task.name for task in tasks if task.feedback == "never"}
+        silent = {
+            (name, task.name)
+            for course in self.courses.all()
+            for task in course.for_operator(code).tasks
+            for name in (course.name, "")  # an earlier version noted no course
+            if task.feedback == "never"
+        }
+        cuts = [(cut, (cut.course, cut.task) in silent) for cut in self.store.cuts(code)]
         return [
             {"id": cut.id, "when": cut.handed_out, "state": cut.state, "stalled": cut.stalled}
-            | {"replay": cut.state == SAVED and cut.task not in silent and self._task(code, cut) is not None}
-            | {"outcome": {} if cut.task in silent else in_languages(cut.outcome)}
-            | {"score": None if cut.task in silent else cut.score}
-            for cut in self.store.cuts(code)
+            | {"warm_up": cut.task == WARM_UP}
+            | {"replay": cut.state == SAVED and not hidden and self._task_once(code, cut) is not None}
+            | {"outcome": {} if hidden else in_languages(cut.outcome)}
+            | {"score": None if hidden else cut.score}
+            for cut, hidden in cuts
         ]
 
     def table(self, code: str | None = None) -> str:

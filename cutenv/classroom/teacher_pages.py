@@ -18,13 +18,24 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.routing import Route
 
 from cutenv.classroom.analysis import PASS_MARK_KIND, STUDY_KIND, StudiedRecord
-from cutenv.classroom.class_overview import CUTTING, LIVE_ORDERS, STALLED, live_list, overview, people_of
+from cutenv.classroom.class_overview import (
+    CUTTING,
+    LIVE_ORDERS,
+    STALLED,
+    live_list,
+    marks_in_force,
+    only_of,
+    overview,
+    people_of,
+)
 from cutenv.classroom.class_site import UPLOAD_PATH, ClassSite, Trials, download, text_of
 from cutenv.classroom.class_store import LONGEST_COMMENT, Place
 from cutenv.classroom.class_tables import KEPT, LEFT, SAVED, TRIAL
 from cutenv.classroom.foreign_upload import PICKED, picked_length, units_by_field
 from cutenv.classroom.host_names import is_loopback
+from cutenv.classroom.lesson import name_of
 from cutenv.classroom.live_rig import LiveRig
+from cutenv.play.course import WARM_UP
 from cutenv.report.page import embedded_figure
 from cutenv.report.record_figure import record_figure
 from cutenv.scoring.study.estimate import FEWEST_PEOPLE
@@ -118,11 +129,12 @@ class TeacherPages:
         """Make codes for people."""
         form = await request.form()
         count, class_name = str(form.get("count", "")), str(form.get("class_name", "")).strip()
+        course = text_of(form, "course")
         if not (count.isascii() and count.isdecimal()) or not 1 <= int(count) <= _MOST_CODES:
             raise HTTPException(422, f"count = {count!r} is outside 1 to {_MOST_CODES}. Give how many codes.")
-        await run_in_threadpool(self._lesson.store.put, [], class_name=class_name)  # a bad name makes no codes
+        await run_in_threadpool(self._lesson.put, [], class_name=class_name, course=course)  # a bad one makes no codes
         codes = await run_in_threadpool(self._lesson.store.add_codes, int(count))
-        await run_in_threadpool(self._lesson.store.put, codes, class_name=class_name)
+        await run_in_threadpool(self._lesson.put, codes, class_name=class_name, course=course)
         return RedirectResponse("../teacher", 303)
 
     async def live_people(self, request: Request) -> Response:
@@ -135,7 +147,8 @@ class TeacherPages:
         classes = sorted({place.class_name for place in places.values() if place.class_name})
         answer = self._site.page(
             "live.html", rows=rows, by=by, orders=LIVE_ORDERS, classes=classes, chosen=chosen, root="../",
-            course=self._lesson.course_name, counts={state: _count(rows, state) for state in (CUTTING, STALLED)},
+            course=any(row["course"] for row in rows), several=bool(self._lesson.courses.further()),
+            counts={state: _count(rows, state) for state in (CUTTING, STALLED)},
         )  # fmt: skip
         answer.headers["Refresh"] = "5"  # the page has no script that could ask
         return answer
@@ -144,6 +157,7 @@ class TeacherPages:
         """Let the teacher cut as somebody of no code would, from the beginning; nothing of it counts."""
         await run_in_threadpool(self._lesson.delete, TRIAL)
         await run_in_threadpool(self._lesson.store.add_code, TRIAL)
+        await run_in_threadpool(self._lesson.put, [TRIAL], course=text_of(await request.form(), "course"))
         token = await run_in_threadpool(self._lesson.store.sign_in, TRIAL)
         return self._site.sign(RedirectResponse("../cut", 303), self._site.person_cookie, token)
 
@@ -204,7 +218,7 @@ class TeacherPages:
         for row in (row for row in rows if row["code"] == code):
             k, comments = codes.index(code), await run_in_threadpool(self._lesson.store.comments, code)
             return self._site.page(
-                "person.html", person=row, mark=self._lesson.pass_mark, root="../../", comments=comments,
+                "person.html", person=row, mark=row["mark"], root="../../", comments=comments,
                 longest=LONGEST_COMMENT, before=codes[k - 1] if k else "", after="".join(codes[k + 1 : k + 2]),
             )  # fmt: skip
         raise HTTPException(404, "There is no such code.")
@@ -217,14 +231,14 @@ class TeacherPages:
         return RedirectResponse(f"../{code}", 303)
 
     async def place(self, request: Request) -> Response:
-        """Put people into classes and groups."""
+        """Put people into classes, groups and courses."""
         form = await request.form()
         codes = [str(code) for code in form.getlist("code")]
         if not codes:
             raise HTTPException(422, self._site.words["nobody_chosen"])
-        given = {name: text_of(form, name).strip() for name in ("class_name", "group")}
+        given = {name: text_of(form, name).strip() for name in ("class_name", "group", "course")}
         new = {name: "" if text == "-" else text for name, text in given.items() if text}  # a dash takes out
-        await run_in_threadpool(self._lesson.store.put, codes, **new)
+        await run_in_threadpool(self._lesson.put, codes, **new)
         return RedirectResponse("../teacher", 303)
 
     async def cut_table(self, request: Request) -> Response:
@@ -285,7 +299,7 @@ class StudyPages:
                 groups[where.group] = groups.get(where.group, 0) + any(cut.state == SAVED for cut in cuts)
         return self._site.page(
             "studies.html", status, trouble=trouble, classes=sorted(counts.items()), groups=sorted(groups.items()),
-            mark=self._lesson.pass_mark, course=self._lesson.course_name, analyses=self._lesson.analyses.all(),
+            marks=marks_in_force(self._lesson), analyses=self._lesson.analyses.all(),
             fewest=FEWEST_PEOPLE, root="../",
         )  # fmt: skip
 
@@ -309,7 +323,7 @@ class StudyPages:
         shown: dict[str, Any] = {"state": state, "said": made.said(), "files": made.files(), "marks": made.marks()}
         source = f"{made.title}, {date.today().isoformat()}"
         answer = self._site.page(
-            "analysis.html", analysis=made, source=source, root="../../", mark=self._lesson.pass_mark, **shown
+            "analysis.html", analysis=made, source=source, root="../../", in_force=marks_in_force(self._lesson), **shown
         )
         if state in ("waiting", "working"):
             answer.headers["Refresh"] = "2"  # the page has no script that could ask
@@ -341,7 +355,9 @@ class StudyPages:
             if mark is None and not form.get("withdraw"):
                 raise ValueError(self._site.words["no_mark"])
             source = text_of(form, "source") or self._site.words["mark_by_teacher"]
-            await run_in_threadpool(self._lesson.store.set_pass_mark, self._lesson.course_name, mark, source)
+            known, course = await run_in_threadpool(marks_in_force, self._lesson), text_of(form, "course")
+            course = course if course in known else next(iter(known))
+            await run_in_threadpool(self._lesson.store.set_pass_mark, course, mark, source)
         except ValueError as error:
             return await run_in_threadpool(self.studies_page, str(error), 422)
         return RedirectResponse("studies", 303)
@@ -358,23 +374,29 @@ def _begun(site: ClassSite, form: FormData) -> str:
     compared = (passing, failing) if passing and failing else None
     places = lesson.store.places()
     rows: list[StudiedRecord] = []
+    course = text_of(form, "course")
+    marks, marked = marks_in_force(lesson), []
     wanted = KEPT if form.get("foreign") else (SAVED,)
     for code, _, cuts in people_of(lesson):
         where = places.get(code, Place())
         chosen = code in codes if codes else where.class_name in classes
+        own = lesson.course_of(code, where)
+        chosen &= course in ("", name_of(own))
         if chosen and (compared is None or kind == STUDY_KIND or where.group in compared):
             group = where.group if compared else ""
+            marked.append(marks.get(name_of(own)))
             rows += [
                 StudiedRecord("" if cut.state == LEFT else f"{code}/{cut.record}", code, group)
                 for cut in cuts
-                if cut.state in (*wanted, LEFT)
+                if cut.task != WARM_UP and cut.state in (*wanted, LEFT) and (not course or cut.course == course)
             ]
     if not any(row.record for row in rows):
         raise ValueError(words["nobody_to_study"])
     options = ["--language", site.language]
     if kind == STUDY_KIND:
         options += ["--groups", passing, failing] if compared else []
-        mark = mark if mark is not None else lesson.pass_mark.mark if lesson.pass_mark else None
+        only = only_of(marked)
+        mark = only.mark if mark is None and only is not None else mark
     else:
         grouped = {(row.group, row.code) for row in rows if row.record}
         people = {group: sum(of == group for of, _ in grouped) for group in compared or ()}

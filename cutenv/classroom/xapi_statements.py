@@ -175,7 +175,8 @@ class Courier:
             trace, card = self._lesson.scored(cut)
         except (OSError, ValueError) as error:
             return self.queue.done(cut.id, f"its record cannot be read: {error}")
-        made = statement(cut, trace, card, self._home, self._lesson.course)
+        course = self._lesson.courses.named(cut.course) or self._lesson.course_of(cut.code)
+        made = statement(cut, trace, card, self._home, course)
         headers = {
             "Authorization": f"Basic {self._login}",
             "Content-Type": "application/json",

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from cutenv._base.document import LANGUAGES
+from cutenv._base.language_files import ENGLISH, languages, missing_texts
 from cutenv._base.output import check_writable, reader_has_gone
 
 if TYPE_CHECKING:  # slow to import, and --help does not need it
@@ -437,8 +437,20 @@ def add_study_options(parser: argparse.ArgumentParser, *, columns: str) -> None:
 def add_language(parser: argparse.ArgumentParser) -> None:
     """Add the language of the pages."""
     parser.add_argument(
-        "--language", choices=LANGUAGES, default="en", help="language of the pages; tables for programs are English"
+        "--language",
+        choices=languages(),
+        default=ENGLISH,
+        help="language of the pages; tables for programs are English",
     )
+
+
+def note_missing(language: str) -> None:
+    """Say on the terminal what the file of a language lacks; ValueError if it cannot be read."""
+    if lacking := missing_texts(language):
+        shown = ", ".join(lacking[:3]) + (", ..." if len(lacking) > 3 else "")
+        print(
+            f"note: the file of {language!r} lacks {len(lacking)} texts, which stay English: {shown}", file=sys.stderr
+        )
 
 
 def add_cut(parser: argparse.ArgumentParser) -> None:

@@ -11,9 +11,17 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cutenv._base.document import LANGUAGES
+from cutenv._base.language_files import ENGLISH, languages
 from cutenv._base.validation import in_range
-from cutenv.commands.options import add_tissue, add_watch, command_parser, drawn_given, made_folder, reports_errors
+from cutenv.commands.options import (
+    add_tissue,
+    add_watch,
+    command_parser,
+    drawn_given,
+    made_folder,
+    note_missing,
+    reports_errors,
+)
 from cutenv.play.course import SHIPPED_COURSES, Course, named_course
 from cutenv.tissue.specimen import CLASSES
 
@@ -36,6 +44,7 @@ def main(argv: Sequence[str]) -> int:
         if path is not None and not path.is_file():
             raise ValueError(f"{option} {path} is no file. Give the path of one.")
     course = None if arguments.course is None else named_course(arguments.course)
+    note_missing(arguments.language)
     drawn_given(arguments)  # refuses a file that is no tissue
     before = os.umask(0o077)  # records of people's movements are nobody else's on this machine
     try:
@@ -223,7 +232,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     add_tissue(parser)
     parser.add_argument("--title", default="cutenv", metavar="NAME", help="name of the class on its pages")
-    parser.add_argument("--language", choices=LANGUAGES, default="en", help="language of the pages; default en")
+    parser.add_argument("--language", choices=languages(), default=ENGLISH, help="language of the pages; default en")
     parser.add_argument(
         "--host",
         default="127.0.0.1",

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from cutenv._base.document import LANGUAGES
+from cutenv._base.language_files import ENGLISH, languages
 from cutenv.browser.page_alone import OFFERED, OFFERED_LINES, write_page_alone
 from cutenv.browser.scorm_package import write_scorm_package
 from cutenv.commands.options import (
@@ -16,6 +16,7 @@ from cutenv.commands.options import (
     command_parser,
     drawn_given,
     made_place,
+    note_missing,
     reports_errors,
 )
 from cutenv.tissue.drawn_lines import KINDS
@@ -31,6 +32,7 @@ def main(argv: Sequence[str]) -> int:
     tasks = tuple(arguments.task or ("gentle",))
     if arguments.line:
         check_line(arguments.line[0], tasks)
+    note_missing(arguments.language)
     drawn_given(arguments)  # refuses a file that is no tissue
     made_place("PAGE", arguments.page)
     if arguments.scorm is not None:
@@ -89,7 +91,7 @@ def _parser() -> argparse.ArgumentParser:
     add_tissue(parser)
     parser.add_argument("--count", type=int, default=4, metavar="N", help="specimens of each class; default 4")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of specimens and targets; default 0")
-    parser.add_argument("--language", choices=LANGUAGES, default="en", help="language of the page; default en")
+    parser.add_argument("--language", choices=languages(), default=ENGLISH, help="language of the page; default en")
     parser.add_argument(
         "--expert", action="store_true", help="show the planner's way beside replays; seconds of work for a specimen"
     )

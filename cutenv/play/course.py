@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from cutenv._base import resources
+from cutenv._base.language_files import local_number
 from cutenv._base.unit_table import Unit, shown_unit
 from cutenv._base.validation import in_range, one_of
 from cutenv.play.course_words import course_words
@@ -55,6 +56,8 @@ def shown_feedback(rule: str, *, ended: bool, costs: bool) -> ShownFeedback:
 
 SHIPPED_COURSES = {path.stem: path for path in sorted(resources.path("courses").glob("*.toml"))}
 """Courses that come with the package, by name."""
+WARM_UP = "(warm-up)"
+"""Name under which warm-up cuts are recorded; no task of a course is called so."""
 _SCORE = "overall_score"
 _LONGEST = 200  # characters of a name or an explanation
 _MOST_SEED = 2**31 - 1
@@ -156,11 +159,37 @@ class CourseTask:
 
 @dataclass(frozen=True, kw_only=True)
 class Course:
-    """Course of several tasks in order."""
+    """Course of several tasks in order.
+
+    Attributes
+    ----------
+    name, about : str
+        Name and explanation.
+    tasks : tuple of CourseTask
+        Tasks in order.
+    demonstration : bool
+        True if a cut is shown in the browser before a person's first one.
+    warm_up : int
+        Number of cuts before the first task that count for nothing.
+    """
 
     name: str
     about: str
     tasks: tuple[CourseTask, ...]
+    demonstration: bool = False
+    warm_up: int = 0
+
+    @property
+    def warm_up_task(self) -> CourseTask:
+        """Task of a warm-up cut: as the first one, on new specimens, with the force shown and nothing to reach."""
+        first = self.tasks[0]
+        return CourseTask(
+            name=WARM_UP,
+            specimen_class=first.specimen_class,
+            task=first.task,
+            line=first.line,
+            target_length=first.target_length,
+        )
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -235,7 +264,7 @@ def course_of(content: Mapping[str, Any]) -> Course:
     TypeError, ValueError
         As :func:`read_course`, without the file's name.
     """
-    _known_keys(content, ("name", "about", "task"))
+    _known_keys(content, ("name", "about", "demonstration", "warm_up", "task"))
     given = content.get("task")
     if not isinstance(given, list) or not given or not all(isinstance(each, dict) for each in given):
         raise ValueError("it has no tasks. Begin each task with a line [[task]].")
@@ -249,14 +278,26 @@ def course_of(content: Mapping[str, Any]) -> Course:
             "crossover = true must stand in two tasks with different feedback, which are compared; "
             f"here it stands in {len(pair)} ({', '.join(f'{each.name!r}: {each.feedback}' for each in pair)})."
         )
-    return Course(name=_text("name", content), about=_text("about", content, ""), tasks=tasks)
+    return Course(
+        name=_text("name", content),
+        about=_text("about", content, ""),
+        tasks=tasks,
+        demonstration=_truth("demonstration", content.get("demonstration", False)),
+        warm_up=_whole("warm_up", content.get("warm_up", 0), 0, 20, "Give how many cuts; 0 for none."),
+    )
 
 
 def course_toml(course: Course) -> str:
     """Return the text of a course's file, which :func:`read_course` reads as the same course."""
-    parts = [_entries({"name": course.name, "about": course.about})]
+    parts = [_entries(course_content(course))]
     parts += [f"[[task]]\n{_entries(task_content(task))}" for task in course.tasks]
     return "\n".join(parts)
+
+
+def course_content(course: Course) -> dict[str, Any]:
+    """Return what stands above the tasks in a course's file, by key; without what is the default."""
+    further = {"demonstration": course.demonstration, "warm_up": course.warm_up}
+    return {"name": course.name, "about": course.about} | {key: value for key, value in further.items() if value}
 
 
 def task_content(task: CourseTask) -> dict[str, Any]:
@@ -289,7 +330,8 @@ def _task(number: int, given: Mapping[str, Any]) -> CourseTask:
         _known_keys(given, _TASK_KEYS)
         if "specimen_class" not in given:
             raise ValueError(f"specimen_class is missing. Give one of {', '.join(CLASSES)}.")
-        _text("name", given)
+        if _text("name", given) == WARM_UP:
+            raise ValueError(f"name = {WARM_UP!r} is that of the warm-up. Give another name.")
         kind = _TASK_KEYS["task"](given.get("task", "gentle"))
         for key in given.get("mark", {}):
             for other, metrics in MAP_METRICS.items():
@@ -332,7 +374,7 @@ def _text(key: str, given: Mapping[str, Any], default: str | None = None) -> str
 
 
 def _whole(key: str, value: Any, low: int, high: int, cure: str) -> int:
-    if not isinstance(value, int):
+    if not isinstance(value, int) or isinstance(value, bool):
         raise TypeError(f"{key} must be a whole number, got {value!r}. {cure}")
     return int(in_range(key, value, low, high, "1", cure))
 
@@ -370,9 +412,9 @@ def _moment(key: str, value: Any) -> datetime:
     return (whole + timedelta(days=1) if key == "closes" else whole).astimezone()
 
 
-def _crossover(value: Any) -> bool:
+def _truth(key: str, value: Any) -> bool:
     if not isinstance(value, bool):
-        raise TypeError(f"crossover must be true or false, got {value!r}.")
+        raise TypeError(f"{key} must be true or false, got {value!r}.")
     return value
 
 
@@ -387,7 +429,7 @@ _TASK_KEYS: Mapping[str, Callable[[Any], Any]] = {
     "mark": _mark,
     "seeds": _seeds,
     "target_length_mm": _length,
-    "crossover": _crossover,
+    "crossover": lambda value: _truth("crossover", value),
     "attempts": lambda value: _whole("attempts", value, 1, 1000, "Give how many cuts count."),
     "opens": lambda value: _moment("opens", value),
     "closes": lambda value: _moment("closes", value),
@@ -415,5 +457,5 @@ def _missed(key: str, limit: float, numbers: Mapping[str, float], language: str)
 
 
 def _shown(value: float, about: MarkedMetric, language: str) -> str:
-    number = f"{value:.3g}" if language == "en" else f"{value:.3g}".replace(".", ",")
+    number = local_number(f"{value:.3g}", language)
     return number + (f" {about.unit.sign}" if about.unit.sign != "1" else "")

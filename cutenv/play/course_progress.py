@@ -8,9 +8,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from cutenv._base.language_files import languages, local_moment
 from cutenv._base.output import whole_files
-from cutenv.play.course import Course, CourseTask, marked_numbers
-from cutenv.play.course_words import COURSE_WORDS, course_name, course_words
+from cutenv.play.course import WARM_UP, Course, CourseTask, marked_numbers
+from cutenv.play.course_words import course_name, course_words
 from cutenv.recording import load_one, read_metadata
 from cutenv.scoring import ScoreCard, score
 from cutenv.task.registry import TASKS
@@ -64,6 +65,7 @@ class CourseProgress:
         self.verdicts: dict[str, str] = {}
         self._counted: dict[str, list[bool]] = {task.name: [] for task in self.course.tasks}
         self._begun = dict.fromkeys(self._counted, 0)  # cuts that did not count among them
+        self._warmed = 0
         found = []
         for path in whole_files(folder.glob("*.csv")) if folder is not None and folder.is_dir() else ():
             try:
@@ -73,17 +75,32 @@ class CourseProgress:
             except (OSError, ValueError) as error:
                 self.unread.append(str(error))
         for _, _, facts, card in sorted(found, key=lambda each: each[:2]):
-            self.count(facts["task"], marked_numbers(card), str(facts.get("end", "")))
+            if facts["task"] == WARM_UP:
+                self.skip(WARM_UP)
+            else:
+                self.count(facts["task"], marked_numbers(card), str(facts.get("end", "")))
 
     @property
     def task(self) -> CourseTask | None:
-        """Present task: the first that is not over; None when the course is."""
+        """Present task: a warm-up before the first cut, then the first that is not over; None when the course is."""
+        task = self._unfinished
+        warming = self._warmed < self.course.warm_up and not any(self._begun.values())
+        return self.course.warm_up_task if warming and task is not None and not self.waits else task
+
+    @property
+    def _unfinished(self) -> CourseTask | None:
         return next((task for task in self.course.tasks if not self._is_over(task)), None)
+
+    @property
+    def fresh(self) -> bool:
+        """True before the first cut of the course, a warm-up included."""
+        return not self._warmed and not any(self._begun.values())
 
     @property
     def waits(self) -> bool:
         """True while the present task is not open yet."""
-        return self.task is not None and self.task.opens is not None and self._clock() < self.task.opens
+        task = self._unfinished
+        return task is not None and task.opens is not None and self._clock() < task.opens
 
     def specimen(self) -> CourseSpecimen:
         """Return the specimen of the next cut; a task without seeds draws one at every call.
@@ -108,6 +125,7 @@ class CourseProgress:
     def facts(self, task: CourseTask) -> dict[str, Any]:
         """Return what the record of a task's cut has to note."""
         facts: dict[str, Any] = {"course": self.course.name, "task": task.name, "feedback": task.feedback}
+        facts |= {"practice": True} if task.name == WARM_UP else {}
         return facts | ({"crossover": True} if task.crossover else {})
 
     def add(self, card: ScoreCard, end: str, task: CourseTask | None = None) -> None:
@@ -115,8 +133,12 @@ class CourseProgress:
         task = self.task if task is None else task
         assert task is not None
         numbers = marked_numbers(card)
+        if task.name == WARM_UP:
+            self.skip(WARM_UP)
+            self.verdicts = {language: course_words(language, "warmed up") for language in languages()}
+            return
         missed = self.count(task.name, numbers, end)
-        self.verdicts = {language: _verdict(task, numbers, end, missed, language) for language in COURSE_WORDS}
+        self.verdicts = {language: _verdict(task, numbers, end, missed, language) for language in languages()}
 
     def count(self, name: str, numbers: Mapping[str, float], end: str) -> bool:
         """Count a cut of a task by its numbers; return whether it misses what counts towards the repetitions."""
@@ -127,8 +149,11 @@ class CourseProgress:
         return missed
 
     def skip(self, name: str) -> None:
-        """Pass over the specimen of a cut that was begun and can neither reach nor miss the mark."""
-        self._begun[name] += 1
+        """Pass over the specimen of a cut that was begun and can neither reach nor miss the mark; count a warm-up."""
+        if name == WARM_UP:
+            self._warmed += 1
+        else:
+            self._begun[name] += 1
 
     @property
     def verdict(self) -> str:
@@ -142,25 +167,29 @@ class CourseProgress:
             reached = sum(map(self._is_done, self.course.tasks))
             told = {"course": course_name(language, self.course.name), "count": count, "reached": reached}
             return course_words(language, "done" if reached == count else "over", **told)
+        if task.name == WARM_UP:
+            said = course_words(language, "warm-up", nth=self._warmed + 1, of=self.course.warm_up)
+            along = TASKS[task.task].along
+            return f"{said} {course_words(language, along)}" if along else said
         number, many = self.course.tasks.index(task) + 1, task.repetitions > 1
         so_far = course_words(language, "so far", done=self._in_row(task), times=task.repetitions) if many else ""
         force = course_words(language, task.feedback)
         name = course_name(language, task.name)
         facts = {"number": number, "count": count, "name": name, "so_far": so_far, "force": force}
         said = course_words(language, "ahead", demand=task.demand(language), **facts)
-        parts = [said, course_words(language, along) if (along := TASKS[task.task].along) else ""]
+        along = TASKS[task.task].along
+        parts = [said, course_words(language, along) if along else ""]
         if task.attempts is not None:
             parts.append(course_words(language, "attempt", nth=len(self._counted[task.name]) + 1, of=task.attempts))
         for key in ("opens", "closes"):
             moment = getattr(task, key)
             if moment is not None and (key == "closes" or self.waits):
-                when = moment.astimezone().strftime(course_words(language, "moment"))
-                parts.append(course_words(language, key, moment=when))
+                parts.append(course_words(language, key, moment=local_moment(moment, language)))
         return " ".join(filter(None, parts))
 
     def _is_ours(self, facts: dict[str, Any]) -> bool:
         named = (facts.get("course"), facts.get("operator"))
-        return named == (self.course.name, self.operator) and facts.get("task") in self._counted
+        return named == (self.course.name, self.operator) and facts.get("task") in (*self._counted, WARM_UP)
 
     def _in_row(self, task: CourseTask) -> int:
         """Return the number of cuts that count towards the repetitions now: in a row if there is a mark."""

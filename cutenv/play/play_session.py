@@ -359,6 +359,8 @@ class Session:
             date=self._date.isoformat(timespec="seconds"),
         )
         name = f"{self._date:%Y%m%dT%H%M%S}_{self.cut.specimen_class}_{self.seed}-{self.number}_{self._attempts}"
+        noted = {} if self.course is None else self.course.metadata()
+        practice = self._practised or noted.pop("practice", False)
         trace = self.cut.trace(
             **origin.metadata,
             name=name,
@@ -367,13 +369,13 @@ class Session:
             specimen_seed=self.seed,
             specimen_episode=self.number,
             attempt=self._attempts,
-            practice=self._practised,
+            practice=practice,
             end=end,
             success=bool(self.cut.end) and self.cut.cutting.success,
             device=type(self.device).__name__,
             hand=dataclasses.asdict(PLAYED_HAND),
             stalled_s=round(self._stalled, 3),
-            **({} if self.course is None else self.course.metadata()),
+            **noted,
         )
         if self.folder is not None:
             self.saved = _unused(self.folder, name)

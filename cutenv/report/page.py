@@ -22,7 +22,8 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
-from cutenv._base.document import LANGUAGES, phrases_from_english, render
+from cutenv._base.document import render
+from cutenv._base.language_files import ENGLISH, languages, local_date, local_number, phrases_from_english
 from cutenv._base.output import atomic_write
 from cutenv.task.registry import TASKS
 from cutenv.task.reward import REWARD
@@ -59,7 +60,7 @@ def write_page(path: Path, template: str | Path, *, language: str = "en", **valu
         Path of the page (.html), in a folder that exists.
     template : str or Path
         Template that extends ``page.html``: the name of one beside it, or the path of another.
-    language : {"en", "de"}
+    language : str
         Language of the page.
     values : object
         Values by the names that the template has for them.
@@ -154,7 +155,7 @@ class Translation:
 
     Parameters
     ----------
-    language : {"en", "de"}
+    language : str
         Language of the result.
 
     Attributes
@@ -172,7 +173,7 @@ class Translation:
 
     def text(self, english: str) -> str:
         """Return a text in the language."""
-        if self.language == "en" or not english.strip():
+        if self.language == ENGLISH or not english.strip():
             return english
         words = " ".join(english.split())
         found = self._known(words)
@@ -182,7 +183,7 @@ class Translation:
 
     def page(self, document: str) -> str:
         """Return a page with its texts, alternative texts and labels in the language."""
-        if self.language == "en":
+        if self.language == ENGLISH:
             return document
         parts = _TAGS.split(document)
         parts[::2] = [self._between(part) for part in parts[::2]]
@@ -191,7 +192,7 @@ class Translation:
 
     def figure(self, figure: Figure) -> None:
         """Put the texts of a figure into the language."""
-        if self.language == "en":
+        if self.language == ENGLISH:
             return
         from matplotlib.text import Text
 
@@ -214,11 +215,11 @@ class Translation:
         """Return words in the language, or None if they are not known."""
         if date := _DATE.fullmatch(words):
             year, month, day, clock = date.groups()
-            return f"{day}.{month}.{year}{f', {clock}' if clock else ''}"
+            return local_date(year, month, day, self.language) + (f", {clock}" if clock else "")
         if _NUMBERS.fullmatch(words):
-            return _german_number(words)
+            return local_number(words, self.language)
         if quantity := _QUANTITY.fullmatch(words):
-            return f"{_german_number(quantity[1])} {quantity[2]}"
+            return f"{local_number(quantity[1], self.language)} {quantity[2]}"
         if _CODE.fullmatch(words) or _UNIT.fullmatch(words):
             return words
         before = len(self.left)
@@ -299,7 +300,7 @@ class Translation:
 
 def in_languages(english: str) -> dict[str, str]:
     """Return a text in every language of the pages, by language; what has no phrase stays as it is."""
-    return {language: translated(english, language) for language in LANGUAGES}
+    return {language: translated(english, language) for language in languages()}
 
 
 def translated(english: str, language: str) -> str:
@@ -324,10 +325,6 @@ def _pattern(phrase: str) -> re.Pattern[str]:
     parts = re.split(r"{(\w+)}", phrase)
     places = (f"(?P<{part}>{_PLACES.get(part.partition('_')[2], _ANY)})" for part in parts[1::2])
     return re.compile("".join(re.escape(part) + next(places, "") for part in parts[::2]))
-
-
-def _german_number(text: str) -> str:
-    return re.sub(r"(?<=\d)\.(?=\d)", ",", text.replace(", ", "; "))
 
 
 def _translated(form: Any, translation: Translation) -> Any:

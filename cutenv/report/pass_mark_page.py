@@ -182,7 +182,7 @@ def write_pass_mark_page(
         What to write.
     progress : callable
         Wrapper of the metrics that shows how far the drawing is.
-    language : {"en", "de"}
+    language : str
         Language of the page.
 
     Returns

@@ -217,7 +217,7 @@ def write_score_page(path: Path, scored: ScoredRecord, *, language: str = "en") 
         Path of the page (.html), in a folder that exists.
     scored : ScoredRecord
         Record and card to write.
-    language : {"en", "de"}
+    language : str
         Language of the page; the JSON is English.
 
     Returns

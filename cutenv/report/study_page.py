@@ -210,7 +210,7 @@ def write_study(
         Study to write.
     progress : callable
         Wrapper of the metrics that shows how far the drawing is.
-    language : {"en", "de"}
+    language : str
         Language of the page.
 
     Returns

@@ -37,7 +37,7 @@ def write_trainee_sheet(
         Code of the person.
     mark : float, optional
         Pass mark of the overall score.
-    language : {"en", "de"}
+    language : str
         Language of the page.
 
     Returns

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cutenv._base.arrays import Array
+from cutenv._base.language_files import ENGLISH, texts_by_key
 from cutenv.task_quantities import TIP_TOLERANCE
 from cutenv.tissue.grid import LENGTH, SPACING
 from cutenv.viewer import palette
@@ -57,14 +58,7 @@ TINT = (
 """Roles of the blade's colour, and the size of the force [N] from which it is that; between them it is mixed."""
 
 WORDS = {
-    "above": "from above, to scale; the open cut is an illustration",
-    "side": "from the side: tissue at rest, blade at {degrees}°",
-    "chart": "force [N] over the position of the blade [cm]",
-    "target": "target {target_mm} ± {tolerance_mm} mm",
-    "tip": "tip",
-    "lag": "lag {lag_mm} mm",
-    "wanted": "wanted depth",
-    "layer": "layer below, hidden",
+    key: texts_by_key(ENGLISH)[key] for key in ("above", "side", "chart", "target", "tip", "lag", "wanted", "layer")
 }
 """Titles of the views and labels of the parts, in English."""
 NUMBERS = {

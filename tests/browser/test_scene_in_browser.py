@@ -13,8 +13,8 @@ from opened_page import Browser
 
 pytest.importorskip("jinja2", reason="pages are an extra: pip install 'cutenv[view]'")
 
+from cutenv._base.language_files import texts_by_key
 from cutenv.browser import write_page_alone
-from cutenv.browser.page_alone import page_texts
 from cutenv.task.episode import ShownDepth
 from cutenv.task_quantities import FORCE_ALLOWED
 from cutenv.tissue import measured_liver
@@ -123,7 +123,7 @@ def test_the_page_has_the_colours_and_words_of_the_window(page: Browser) -> None
     assert {name: tuple(colour) for name, colour in told["scene"]["colours"]["light"].items()} == palette.LIGHT
     assert {key: told["texts"]["en"][key] for key in WORDS} == WORDS
     assert set(told["texts"]["de"]) >= set(WORDS)
-    assert json.dumps(told["texts"]["en"]) == json.dumps(page_texts("en"))
+    assert json.dumps(told["texts"]["en"]) == json.dumps(texts_by_key("en"))
     for part in PARTS:
         assert {part.fill, part.line} <= {"", "tint", *palette.LIGHT}
         assert not part.words or part.words in WORDS

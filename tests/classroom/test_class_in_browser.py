@@ -195,7 +195,7 @@ def test_an_educators_way(browser: chromium.Browser, served: Served, tmp_path: P
     restored = {path.name: path.read_bytes() for path in (tmp_path / "restored" / "records").rglob("*.csv")}
     assert restored == {path.name: path.read_bytes() for path in records}
     store = ClassStore(f"sqlite:///{tmp_path / 'restored' / 'class.db'}")
-    assert store.places()[codes[0]] == ("2b", "novice")
+    assert store.places()[codes[0]] == ("2b", "novice", "")
     assert store.pass_mark("") is not None
     store.close()
     assert main(["serve", str(tmp_path / "restored"), "--restore", str(backup)]) == 2, "it is not empty any more"

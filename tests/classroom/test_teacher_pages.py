@@ -80,8 +80,8 @@ def test_people_are_put_into_classes_and_groups_and_taken_out(room: Room) -> Non
     teacher = full(room)
     answer = teacher.post("/teacher/places", data={"code": ["P01", "P02"], "class_name": "", "group": "trained"})
     assert answer.status_code == 303
-    assert room.store.places()["P01"] == ("2b", "trained")
-    assert room.store.places()["P03"] == ("2b", "")
+    assert room.store.places()["P01"] == ("2b", "trained", "")
+    assert room.store.places()["P03"] == ("2b", "", "")
     teacher.post("/teacher/places", data={"code": "P01", "class_name": "-", "group": "-"})
     assert "P01" not in room.store.places()
     page = words(teacher.get("/teacher").text)
@@ -326,7 +326,7 @@ def test_a_course_file_damaged_by_hand_changes_nothing(room: Room) -> None:
     teacher = room.teacher()
     teacher.post("/teacher/course", data={"name": "a", "0-name": "one", "0-specimen_class": "liver", "do": "keep"})
     course = room.lesson.course
-    room.lesson.course_file.write_text("name = ")
+    room.lesson.courses.file().write_text("name = ")
     assert room.lesson.course == course
 
 
@@ -352,7 +352,7 @@ def test_what_is_no_pass_mark_is_refused(room: Room, mark: str) -> None:
     answer = room.teacher().post("/teacher/pass-mark", data={"mark": mark})
     assert answer.status_code == 422
     assert re.search("0 to 100", answer.text)
-    assert room.lesson.pass_mark is None
+    assert room.store.pass_mark("") is None
 
 
 def test_where_feedback_is_never_shown_the_history_hides_it_too(room: Room, tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,18 +10,20 @@ import pytest
 from played import DATE, TARGET, Pushing, run
 
 from cutenv import cli
+from cutenv._base.language_files import course_texts
 from cutenv.play.course import (
     FEEDBACK,
     MARKED_METRICS,
     SHIPPED_COURSES,
     Course,
     CourseTask,
+    course_toml,
     named_course,
     read_course,
     shown_feedback,
 )
 from cutenv.play.course_progress import GIVEN_UP, CourseProgress
-from cutenv.play.course_words import COURSE_WORDS, course_name
+from cutenv.play.course_words import course_name
 from cutenv.play.devices import MouseDevice, simple_hand
 from cutenv.play.play_session import Session, SessionPlan
 from cutenv.recording import load_one
@@ -236,11 +239,7 @@ def test_a_course_speaks_german_too_and_has_a_word_for_every_metric(tmp_path: Pa
     assert played.card is not None
     progress.add(played.card, "finished")
     assert progress.verdicts["de"].startswith("Vorgabe verfehlt: Punkte mindestens 101: hier ")
-    assert {each.name for each in MARKED_METRICS.values()} <= set(COURSE_WORDS["de"])
-    english = COURSE_WORDS["en"]
-    assert set(english) <= set(COURSE_WORDS["de"])
-    for key, words in COURSE_WORDS["de"].items():
-        assert words.count("{") == english.get(key, "").count("{"), key
+    assert {each.name for each in MARKED_METRICS.values()} <= set(course_texts("en"))
 
 
 def test_a_damaged_record_is_named_and_does_not_count(tmp_path: Path) -> None:
@@ -325,3 +324,37 @@ def test_a_course_is_read_without_the_window() -> None:
 
     code = "import sys, cutenv.play.course, cutenv.play.course_progress; print('pygame' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "False"
+
+
+def test_a_warm_up_comes_first_is_recorded_so_and_counts_for_nothing(tmp_path: Path) -> None:
+    given = replace(course(task(feedback="never", attempts=1)), warm_up=1)
+    progress = CourseProgress(given, "P07", tmp_path)
+    assert progress.ahead() == "Warm-up 1 of 1: it counts for nothing."
+    assert progress.task is not None
+    assert (progress.task.feedback, progress.task.seeds, progress.task.target_length) == ("always", (), TARGET)
+    played = cut(progress, tmp_path)
+    assert progress.verdict == "A warm-up: it counts for nothing."
+    facts = load_one(played.saved).metadata
+    assert (facts["task"], facts["practice"], facts["feedback"]) == ("(warm-up)", True, "always")
+    again = CourseProgress(given, "P07", tmp_path)
+    assert again.ahead() == progress.ahead() == "Task 1 of 1, one: 1 cut. Force: not shown. Attempt 1 of 1."
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("warm_up = 21", "warm_up = 21 is outside 0 to 20"),
+        ("warm_up = true", "warm_up must be a whole number"),
+        ("demonstration = 1", "demonstration must be true or false"),
+    ],
+)
+def test_a_wrong_beginning_is_refused(tmp_path: Path, line: str, said: str) -> None:
+    with pytest.raises((TypeError, ValueError), match=said):
+        read_course(written(tmp_path, f"{line}\n{GOOD}"))
+
+
+def test_the_beginning_is_written_as_it_is_read(tmp_path: Path) -> None:
+    given = replace(course(task()), warm_up=2, demonstration=True)
+    path = tmp_path / "again.toml"
+    path.write_text(course_toml(given), encoding="utf-8")
+    assert read_course(path) == given

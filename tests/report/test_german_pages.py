@@ -20,7 +20,7 @@ from recorded_cut import recorded_cut
 import cutenv.measurement.signal_quality
 import cutenv.report.page
 import cutenv.scoring.study.trainee
-from cutenv._base.document import phrases_from_english
+from cutenv._base.language_files import phrases_from_english
 from cutenv.report.page import Translation
 from cutenv.report.pass_mark_page import write_pass_mark_page
 from cutenv.report.score_page import ScoredRecord, write_score_page, write_summary

@@ -10,7 +10,7 @@ const beyond = (value, ignored, most) => Math.sign(value) * Math.max(Math.abs(va
 
 class Stylus {
   constructor(told) {
-    Object.assign(this, { told, keys: new Set(), slowly: false });
+    Object.assign(this, { told, keys: new Set(), slowly: false, left: false });
     this.rest("gentle");
   }
 
@@ -51,12 +51,13 @@ class Stylus {
     let descent = this.pressing;
     for (const pad of navigator.getGamepads?.() ?? []) {
       if (!pad) continue;
-      const stick = [pad.axes[0], this.steered ? -(pad.axes[1] ?? 0) : 0].map(each => Math.abs(each) > IGNORED.stick ? each : 0);
+      const [along, across, other, trigger] = this.left ? [2, 3, 1, 6] : [0, 1, 3, 7]; // axes, and the other hand's
+      const stick = [pad.axes[along] ?? 0, this.steered ? -(pad.axes[across] ?? 0) : 0].map(each => Math.abs(each) > IGNORED.stick ? each : 0);
       const size = 0.0254 * seconds / Math.max(Math.hypot(...stick), 1);
       this.move(stick[0] * size, stick[1] * size);
-      const pull = pad.buttons[7]?.value ?? 0;
+      const pull = pad.buttons[trigger]?.value ?? 0;
       if (pull > 0.02) this.angle = UPRIGHT - pull * (UPRIGHT - told.inclined);
-      descent += beyond(pad.axes[3] ?? 0, IGNORED.stick, 1);
+      descent += beyond(pad.axes[other] ?? 0, IGNORED.stick, 1);
     }
     if (this.deep) this.raise(-within(descent, -1, 1) * told.fastest_descent * seconds);
     const away = [this.position - hand, this.across - aside], distance = Math.hypot(...away);
@@ -88,15 +89,16 @@ class Stylus {
     canvas.addEventListener("keydown", event => {
       if (event.key === " ") { event.preventDefault(); at.start(); return; }
       if (!at.cutting()) return;
-      if (event.key in this.ways) this.keys.add(event.key);
-      else if (event.key in TILTING) this.turn(TILTING[event.key], true);
-      else if (event.key === "ArrowUp" || event.key === "ArrowDown") this.turn(event.key === "ArrowUp" ? 1 : -1, event.shiftKey);
+      const key = LEFT_HANDED[event.code] ?? event.key;
+      if (key in this.ways) this.keys.add(key);
+      else if (key in TILTING) this.turn(TILTING[key], true);
+      else if (key === "ArrowUp" || key === "ArrowDown") this.turn(key === "ArrowUp" ? 1 : -1, event.shiftKey);
       else return;
       this.slowly = event.shiftKey;
       event.preventDefault();
     });
     canvas.addEventListener("keyup", event => {
-      this.keys.delete(event.key);
+      this.keys.delete(LEFT_HANDED[event.code] ?? event.key);
       this.slowly = event.shiftKey;
     });
     canvas.addEventListener("blur", () => this.keys.clear());
@@ -122,4 +124,6 @@ class Stylus {
 
 const FORWARD = { ArrowRight: [1, 0], ArrowLeft: [-1, 0] }; // ways of keys along and across the slab
 const ANYWHERE = { ...FORWARD, ArrowUp: [0, 1], ArrowDown: [0, -1] };
+// Keys under the left hand, by their place on the keyboard, for those on its right.
+const LEFT_HANDED = { KeyA: "ArrowLeft", KeyD: "ArrowRight", KeyW: "ArrowUp", KeyS: "ArrowDown", KeyE: "PageUp", KeyQ: "PageDown" };
 const TILTING = { PageUp: 1, PageDown: -1 };

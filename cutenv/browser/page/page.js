@@ -17,6 +17,7 @@
 
   const page = { phase: "ready", chosen: 0, cut: null, practised: false, from: 0, given: 0 };
   const stylus = new Stylus(told);
+  const aids = new ForceAids(byId("sound"), byId("vibration"));
 
   // A server hands out each specimen, and says what is shown of the force; the page alone has its own.
   async function prepare() {
@@ -66,8 +67,21 @@
     else byId("course").textContent = reason(found);
   }
 
+  // The cut that a course shows before a person's first one.
+  async function demonstrate() {
+    byId("course").textContent = texts.demonstration_loads;
+    const found = await ask("GET", "demonstration");
+    if (page.phase !== "ready") return; // the person has not waited
+    sayCourse();
+    if (found.error) { byId("course").textContent = reason(found); return; }
+    await watch(found.specimen, fromRuns(found.movements), found.expert, found.by);
+    page.demonstrates = true;
+    tellReplay();
+  }
+
   function endReplay() {
     page.replay = null;
+    page.demonstrates = false;
     show();
     byId(byId("watch").checkVisibility?.() === false ? "start" : "watch").focus({ preventScroll: true });
   }
@@ -78,12 +92,14 @@
     byId("moment").max = Math.ceil(replay.lasts / 20) * 20;
     byId("moment").value = replay.passed;
     byId("moment").setAttribute("aria-valuetext", `${fixed(replay.passed / 1e3, 1)} s`);
-    const head = row("th", "", texts.this_cut, ...replay.expert ? [texts[`by_${page.expertBy}`]] : []);
+    put("end-replay", page.demonstrates ? texts.end_demonstration : texts.end_replay);
+    const head = row("th", "", page.demonstrates ? texts.shown_cut : texts.this_cut, ...replay.expert ? [texts[`by_${page.expertBy}`]] : []);
     byId("compared").replaceChildren(head, ...replay.rows(texts).map(cells => row("td", ...cells)));
     for (const each of byId("compared").rows) each.cells[2]?.classList.add("expert");
     put("expert-words", replay.expert ? texts[`note_${page.expertBy}`] : texts.note_nobody);
   }
 
+  byId("show-first")?.addEventListener("click", demonstrate);
   byId("watch").addEventListener("click", () => watchAgain(page.handedOut?.id));
   byId("play").addEventListener("click", () => {
     const { replay } = page;
@@ -117,6 +133,7 @@
   async function start() {
     if (page.phase === "cutting" || page.phase === "countdown" || page.busy) return;
     page.replay = null;
+    page.demonstrates = false;
     if (page.phase === "ended") {
       page.busy = true;
       try { await prepare(); } finally { page.busy = false; }
@@ -198,7 +215,7 @@
     byId("kept").textContent = texts.saving;
     showPoints([]);
     const digest = crc32(cut.bytes());
-    const said = await ask("POST", `cuts/${handedOut.id}`, movements, { "X-Readings": digest, "X-Stalled": String(cut.stalled) });
+    const said = await ask("POST", `cuts/${handedOut.id}`, movements, { "X-Readings": digest, "X-Stalled": String(cut.stalled), "X-Aids": [...cut.aids].join() });
     page.busy = false;
     if (said.error) {
       byId("kept").textContent = say(texts.unsaved, { reason: reason(said) });
@@ -216,9 +233,9 @@
 
   async function tellHistory() {
     const cuts = await ask("GET", "cuts");
-    const rows = Object.values(cuts).filter(each => each?.state && !["prepared", "taken back"].includes(each.state)).reverse().map(({ id, when, state, outcome, score, stalled, replay }) => {
+    const rows = Object.values(cuts).filter(each => each?.state && !["prepared", "taken back"].includes(each.state)).reverse().map(({ id, when, state, outcome, score, stalled, replay, warm_up }) => {
       const made = row("td", moment(when),
-        [state !== "saved" && texts[`state_${state}`], outcome?.[document.documentElement.lang], stalled >= 0.5 && say(texts.stalled, { time: fixed(stalled, 1) })].filter(Boolean).join(": "), score ?? "–", "");
+        [warm_up && texts.warm_up, state !== "saved" && texts[`state_${state}`], outcome?.[document.documentElement.lang], stalled >= 0.5 && say(texts.stalled, { time: fixed(stalled, 1) })].filter(Boolean).join(": "), score ?? "–", "");
       if (!replay) return made;
       const button = element("button", texts.watch_short);
       button.setAttribute("aria-label", `${texts.watch_short}: ${moment(when)}`);
@@ -260,6 +277,7 @@
       }
       stylus.advance(due, page.cut.path?.hand ?? [page.cut.hand, 0]);
       page.practised ||= practising();
+      for (const name of aids.names) page.cut.aids.add(name);
       if (due > 0) {
         page.cut.advance(Array.from({ length: due }, () => stylus.numbers));
         page.given += due;
@@ -272,11 +290,18 @@
       tellReplay();
     }
     page.last = now;
+    aids.tell(partOfLimit(), now);
     paint();
     const state = [page.cut.count, page.cut.hand, page.phase, stylus.angle, stylus.level, seconds(), document.documentElement.lang].join();
     if (page.phase !== "ended" && (page.cut !== page.described || state !== page.state)) tell();
     [page.described, page.state] = [page.cut, state];
     requestAnimationFrame(frame);
+  }
+
+  // The force as a part of its limit, while a cut is made or watched and the force is shown; else null.
+  function partOfLimit() {
+    const cut = page.replay?.cut ?? page.cut, moves = page.replay ? page.replay.playing : page.phase === "cutting";
+    return moves && shown().force ? within(cut.last("force") / (cut.limitPerDepth * cut.engaged), 0, 1) : null;
   }
 
   // What the countdown shows.
@@ -315,6 +340,7 @@
     document.body.dataset.phase = page.replay ? "replay" : at;
     byId("replay").hidden = !page.replay;
     byId("watch-line").hidden = !mayWatch();
+    if (byId("show-first")) byId("show-first").hidden = at !== "ready" || !page.handedOut?.demonstration || Boolean(page.replay);
     if (page.replay) tellReplay();
     for (const name of ["help", "advice", "result_note"]) {
       if (!byId(name)) continue;
@@ -457,6 +483,10 @@
     link.click();
     setTimeout(() => URL.revokeObjectURL(link.href), 1e4);
   });
+  byId("left-hand").addEventListener("change", event => {
+    stylus.left = event.target.checked;
+    document.body.dataset.hand = stylus.left ? "left" : "right";
+  });
   byId("language").addEventListener("change", event => speak(event.target.value));
 
   function speak(language) {
@@ -492,9 +522,10 @@
     addEventListener("pagehide", () => platform.leave());
     addEventListener("pageshow", event => { if (event.persisted) location.reload(); }); // its session has ended
   }
-  const wanted = navigator.language?.slice(0, 2);
+  const wanted = [navigator.language, navigator.language?.slice(0, 2)].find(each => each in told.texts);
   await prepare();
-  speak(told.language === "en" && wanted in told.texts ? wanted : told.language);
+  speak(told.language === "en" && wanted ? wanted : told.language);
   if (page.cut) requestAnimationFrame(frame);
-  window.cutenvPage = { page, stylus, laws, start, told, drawing }; // for tests, and for whoever looks inside
+  if (page.handedOut?.demonstration) demonstrate();
+  window.cutenvPage = { page, stylus, aids, laws, start, told, drawing }; // for tests, and for whoever looks inside
 })();

@@ -22,6 +22,7 @@ class HandCut {
     this.end = "";
     this.success = false;
     this.stalled = 0;
+    this.aids = new Set(); // that were on
     this.begun = null;
   }
 
@@ -114,6 +115,7 @@ class HandCut {
       date: localTime(this.begun), name: this.name, program: `cutenv ${this.law.told.version}`,
       specimen_class: kind, specimen_seed: seed, specimen_episode: episode, practice: practised,
       end: this.end || "given up", success: this.success, device: "browser", hand: this.law.told.hand,
+      ...(this.aids.size ? { device_aids: [...this.aids].sort() } : {}),
       stalled_s: Math.round(1e3 * this.stalled) / 1e3, target_length_m: this.target,
       tip_end_m: Math.round(1e6 * this.last("tip")) / 1e6, ...this.map?.noted(this.target), movements: inRuns(this.inputs),
     };

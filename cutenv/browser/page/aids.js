@@ -1,0 +1,43 @@
+// Aids of the person's choice: the force as a sound and as vibration, both off at first, and the left hand.
+
+const LOWEST = 180; // Hz, without force
+const OCTAVES = 2.5; // up to the limit of the force
+const LOUDNESS = 0.12;
+const SMOOTHED = 0.03; // s
+const PULSE = 100; // ms from one pulse of vibration to the next
+
+class ForceAids {
+  constructor(sound, vibration) {
+    Object.assign(this, { sound, vibration, pulsed: 0 });
+    sound.addEventListener("change", () => this.listen());
+  }
+
+  // Names of those that are on, as the record notes them.
+  get names() { return [this.sound.checked && "sound", this.vibration.checked && "vibration"].filter(Boolean); }
+
+  // A sound may begin only when the person has asked for it.
+  listen() {
+    if (!this.sound.checked || this.context) return;
+    this.context = new AudioContext();
+    this.tone = new OscillatorNode(this.context, { frequency: LOWEST });
+    this.volume = new GainNode(this.context, { gain: 0 });
+    this.tone.connect(this.volume).connect(this.context.destination);
+    this.tone.start();
+  }
+
+  // Tell the force as a part of its limit, 0 to 1; null while it is not to be told.
+  tell(part, now) {
+    this.part = part;
+    if (this.context) {
+      const { currentTime: at } = this.context, heard = this.sound.checked && part !== null;
+      if (heard) this.tone.frequency.setTargetAtTime(LOWEST * 2 ** (OCTAVES * part), at, SMOOTHED);
+      this.volume.gain.setTargetAtTime(heard && part > 0 ? LOUDNESS : 0, at, SMOOTHED);
+    }
+    if (!this.vibration.checked || !part || now - this.pulsed < PULSE) return;
+    this.pulsed = now;
+    navigator.vibrate?.(Math.round(PULSE * part));
+    for (const pad of navigator.getGamepads?.() ?? []) {
+      pad?.vibrationActuator?.playEffect("dual-rumble", { duration: PULSE, strongMagnitude: part, weakMagnitude: part });
+    }
+  }
+}
