@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cutenv._base.document import texts_by_key
+from cutenv._base.language_files import texts_by_key
 from cutenv.classroom.lesson import Lesson
 from cutenv.classroom.lti_grades import GradeCourier
 from cutenv.classroom.lti_keys import KEY_FILE, ToolKey

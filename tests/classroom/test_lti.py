@@ -29,6 +29,7 @@ from cutenv.classroom.class_backup import restore_backup, write_backup
 from cutenv.classroom.class_server import class_app
 from cutenv.classroom.class_site import ClassSite
 from cutenv.classroom.class_store import CutEnd, NewCut
+from cutenv.classroom.lesson import name_of
 from cutenv.classroom.lti_grades import grade_of
 from cutenv.classroom.lti_people import Learner
 from cutenv.classroom.lti_platforms import PLATFORMS_FILE, platform_of, platforms_toml, read_platforms
@@ -129,7 +130,7 @@ def learner(room: LtiRoom, subject: str = "u1", **changed: Any) -> tuple[TestCli
 
 def saved(room: LtiRoom, code: str, score: float | None, task: str = "", **end: Any) -> None:
     """Note a cut as saved, as the server does after it has confirmed it."""
-    course = room.lesson.course_name
+    course = name_of(room.lesson.course)
     cut = room.store.hand_out(code, lambda _: NewCut("uniform", 5, course=course, task=task))
     assert cut is not None
     ended = {"ended": "finished", "numbers": {"overall_score": score or 0.0}} | end

@@ -265,12 +265,13 @@ def test_without_the_learner_ppo_names_the_pip_command(monkeypatch):
 
 
 def test_a_program_that_fails_is_quoted(tmp_path, monkeypatch):
-    (tmp_path / "broken.py").write_text("raise SystemExit('no more memory')\n")
-    monkeypatch.setattr(ppo, "PROGRAM", tmp_path / "broken.py")
+    program = tmp_path / "broken.py"
+    program.write_text("raise SystemExit('no more memory')\n")
+    monkeypatch.setattr(ppo, "PROGRAM", (str(program),))
     monkeypatch.setattr(ppo, "LEARNERS", ())
     measured = ppo.measure()
     assert measured.numbers == {}
-    assert measured.lines == ["PPO is not measured: broken.py failed with status 1: no more memory"]
+    assert measured.lines == [f"PPO is not measured: {program} failed with status 1: no more memory"]
 
 
 NAMES = ("cutenv/GentleCut-v1", "Pendulum-v1", "CartPole-v1")

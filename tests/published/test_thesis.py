@@ -119,7 +119,7 @@ def stiffer_in_plane_strain(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_another_mesh_model_column_or_displacement_is_noticed(
     monkeypatch: pytest.MonkeyPatch, name: str, module: str, constant: str, wrong: Any
 ) -> None:
-    monkeypatch.setattr(f"reproduction.{module}.{constant}", wrong)
+    monkeypatch.setattr(f"scripts.validation.thesis.{module}.{constant}", wrong)
     with pytest.raises(AssertionError):
         check_agrees(CHECKS[name])
 
