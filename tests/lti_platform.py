@@ -115,7 +115,7 @@ class LearningPlatform(ThreadingHTTPServer):
         self._tokens: set[str] = set()
         self._used: set[str] = set()
         self._latest: dict[tuple[str, str], str] = {}
-        self._thread = threading.Thread(target=self.serve_forever, args=(0.02,))
+        self._thread = threading.Thread(target=self.serve_forever, args=(0.02,), daemon=True)
         self._thread.start()
 
     def close(self) -> None:

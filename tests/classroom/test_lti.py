@@ -321,7 +321,7 @@ def test_two_that_send_one_launch_at_once_are_not_both_let_in(room: LtiRoom) -> 
         except ValueError as error:
             found.append(str(error))
 
-    threads = [threading.Thread(target=use) for _ in range(6)]
+    threads = [threading.Thread(target=use, daemon=True) for _ in range(6)]
     for thread in threads:
         thread.start()
     for thread in threads:
@@ -773,7 +773,7 @@ def test_no_cut_waits_for_a_platform_that_never_answers(room: LtiRoom, monkeypat
     saved(room, code, 70.0)
     hangs = threading.Event()
     room.platform.answers = [hangs]
-    sending = threading.Thread(target=room.tool.grades.deliver)
+    sending = threading.Thread(target=room.tool.grades.deliver, daemon=True)
     sending.start()
     until = time.monotonic() + 30.0
     while "/token" not in room.platform.asked and time.monotonic() < until:

@@ -80,7 +80,7 @@ def platform(tmp_path: Path) -> Iterator[LearningPlatform]:
     tool.file.add(platform_of(made.registration))
     app = class_app(ClassSite(lesson=room.lesson, secret=TOKEN, lti=tool))
     server = uvicorn.Server(uvicorn.Config(app, port=0, log_level="warning"))
-    thread = threading.Thread(target=server.run)
+    thread = threading.Thread(target=server.run, daemon=True)
     thread.start()
     until = time.monotonic() + chromium.PATIENCE_S
     while not server.started:

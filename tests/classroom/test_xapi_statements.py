@@ -92,7 +92,7 @@ class Answer(BaseHTTPRequestHandler):
 @pytest.fixture
 def store() -> Iterator[Store]:
     opened = Store()
-    thread = threading.Thread(target=opened.serve_forever, args=(0.05,))
+    thread = threading.Thread(target=opened.serve_forever, args=(0.05,), daemon=True)
     thread.start()
     yield opened
     opened.shutdown()
