@@ -260,6 +260,10 @@ SCORE = (
     Check("statistics: twins at any time", "the same of a rig beside its twin",
           "scripts.validation.scoring.check_sequential --block twins", 5, "docs/validation/sequential.md",
           "sequential-twins", "scripts.validation.scoring.check_sequential:twin_table"),
+    Check("statistics: what twins explain", "how far places differ, and the share that twins of an opening explain",
+          "scripts.validation.scoring.check_sequential --measure 140", 15, "docs/validation/sequential.md",
+          "sequential-places", "scripts.validation.scoring.check_sequential:places_table",
+          kept="runs/check-sequential/places.csv"),
 )  # fmt: skip
 """Scores, and decisions by them."""
 

@@ -36,6 +36,7 @@ from cutenv.classroom.lti_platforms import PLATFORMS_FILE, platform_of, platform
 from cutenv.classroom.lti_tool import LtiTool
 from cutenv.classroom.xapi_statements import Courier, StatementQueue
 from cutenv.commands.serve import main
+from cutenv.play.course import WARM_UP
 
 AT = "http://127.0.0.1"
 COURSE_FILE = """name = "first cuts"
@@ -678,6 +679,20 @@ def test_nothing_is_said_of_a_task_with_hidden_feedback_before_the_course_is_don
     saved(room, code, 61.0, "liver")
     room.tool.grades.deliver()
     assert [sent["scoreGiven"] for _, sent in room.platform.scores] == [71]
+    room.close()
+
+
+def test_a_warm_up_counts_for_no_grade(tmp_path: Path) -> None:
+    content = COURSE_FILE.format(feedback="always").replace("[[task]]", "warm_up = 1\n[[task]]", 1)
+    (tmp_path / "given.toml").write_text(content, encoding="utf-8")
+    room = LtiRoom(tmp_path, str(tmp_path / "given.toml"))
+    _, code = learner(room)
+    saved(room, code, 99.0, WARM_UP)
+    room.tool.grades.deliver()
+    assert room.platform.scores == []
+    saved(room, code, 81.0, "even tissue")
+    room.tool.grades.deliver()
+    assert [(sent["scoreGiven"], sent["activityProgress"]) for _, sent in room.platform.scores] == [(40, "InProgress")]
     room.close()
 
 

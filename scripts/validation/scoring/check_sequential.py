@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -202,15 +203,13 @@ def measure_places(places: int) -> Iterator[dict[str, Any]]:
             if cut is None:
                 continue
             key: dict[str, Any] = {"depth": np.array(rig.cutting.plant.depth), "seed": 0, "episode": place}
-            try:
+            value, right, wrong = comparison.outcomes, np.nan, np.nan
+            with suppress(ValueError):  # the cut ended in its opening: no twin
                 found = specimens_like(simulator, opening_of(cut.trace, OPENING), draws=DRAWS, **key)
-            except ValueError:  # the cut ended in its opening
-                continue
-            value = comparison.outcomes
-            right, wrong = (
-                forecast(simulator, policies, each, target_length=length, value=value, **key).mean(axis=0)[0]
-                for each in (found, [_wrong(specimen) for specimen in found])
-            )
+                right, wrong = (
+                    forecast(simulator, policies, each, target_length=length, value=value, **key).mean(axis=0)[0]
+                    for each in (found, [_wrong(specimen) for specimen in found])
+                )
             row = {"place": place, "policy": place % 2, "return": value(cut)[0], "right": right, "wrong": wrong}
             yield {name: float(number) for name, number in row.items()}
     finally:
@@ -236,7 +235,8 @@ def places_report(rows: Sequence[Mapping[str, Any]]) -> str:
         policy, rest = own["policy"][some], {}
         for name in ("return", "right", "wrong"):
             value = own[name][some]
-            rest[name] = value - np.where(policy == 0, value[policy == 0].mean(), value[policy == 1].mean())
+            means = [np.nanmean(value[policy == k]) for k in (0, 1)]
+            rest[name] = np.nan_to_num(value - np.where(policy == 0, *means))  # without a twin nothing is corrected
         spread = float(np.sqrt(2.0 * np.mean(rest["return"] ** 2)))
         return [spread, *(float(np.corrcoef(rest["return"], rest[name])[0, 1] ** 2) for name in ("right", "wrong"))]
 
@@ -248,7 +248,9 @@ def places_report(rows: Sequence[Mapping[str, Any]]) -> str:
         [name, f"{found[k]:.2f}" if k == 0 else f"{100.0 * found[k]:.0f} %", _interval(low[k], high[k], k)]
         for k, name in enumerate(names)
     ]
-    return f"{len(rows)} places, {' and '.join(POLICIES)} in turn:\n\n{markdown_table(header, cells)}"
+    none = int(np.isnan(own["right"]).sum())
+    made = f"{len(rows)} places, {none} of them without a twin, {' and '.join(POLICIES)} in turn"
+    return f"{made}:\n\n{markdown_table(header, cells)}"
 
 
 def _interval(low: float, high: float, k: int) -> str:
