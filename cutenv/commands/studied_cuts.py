@@ -14,9 +14,13 @@ from cutenv.commands.options import made_place, target_length
 from cutenv.commands.score import reference_set
 from cutenv.measurement.calibration import RefusedRecord
 from cutenv.recording import OperatorRow, recorded_operators
-from cutenv.scoring import score
+from cutenv.scoring import ScoreCard, score
+from cutenv.scoring.doubts import DOUBT
 from cutenv.scoring.reference import fitting_reference
 from cutenv.scoring.study import StudiedCut, condition_of
+from cutenv.trace import Trace
+
+_MOST_DOUBTS = 10  # that are printed
 
 
 class StudiedRecords(NamedTuple):
@@ -60,7 +64,9 @@ def studied_cuts(arguments: argparse.Namespace, rows: Sequence[OperatorRow] | No
     cuts = [
         StudiedCut(
             card=score(
-                records.traces[i], target_length=aimed[i], reference=fitting_reference(reference, records.traces[i])
+                _by_hand(records.traces[i], row.operator),
+                target_length=aimed[i],
+                reference=fitting_reference(reference, records.traces[i]),
             ),
             operator=row.operator,
             group=row.group,
@@ -71,7 +77,23 @@ def studied_cuts(arguments: argparse.Namespace, rows: Sequence[OperatorRow] | No
         )
         for row, i in watched(pairs, "scoring", "cut")
     ]
+    _print_doubts([cut.card for cut in cuts])
     return StudiedRecords(cuts, records.refused, _left(rows or (), [row for row, _ in pairs]))
+
+
+def _by_hand(trace: Trace, operator: str) -> Trace:
+    """Return a record that names its operator, whose motion is then looked at as a hand's."""
+    named = bool(trace.metadata.get("operator"))
+    return trace if named else trace.with_metadata({**trace.metadata, "operator": operator})
+
+
+def _print_doubts(cards: Sequence[ScoreCard]) -> None:
+    """Print which cuts can hardly be as they are recorded."""
+    doubted = [(card.name, note) for card in cards for note in card.notes if note.startswith(DOUBT)]
+    for name, note in doubted[:_MOST_DOUBTS]:
+        print(f"note: {name}: {note}", file=sys.stderr)
+    if len(doubted) > _MOST_DOUBTS:
+        print(f"note: {len(doubted) - _MOST_DOUBTS} doubts more; each cut's card has its own", file=sys.stderr)
 
 
 def _left(rows: Sequence[OperatorRow], finished: Sequence[OperatorRow]) -> dict[str, tuple[int, ...]]:

@@ -12,7 +12,7 @@ from made_up_study import CUTS, EXPERTS, NOVICES, study, write_records
 
 from cutenv.commands import study as command
 from cutenv.recording import RecordError, load_operators, save
-from cutenv.scoring import METRICS
+from cutenv.scoring import METRICS, score
 from cutenv.scoring.score_card import DISCLAIMER
 from cutenv.trace import Trace
 
@@ -102,6 +102,22 @@ def test_order_is_the_tables_and_not_the_files(tmp_path: Path) -> None:
     table = few(tmp_path, "operator,record,order", "P1,b.csv,2", "P1,c.csv,3", "P1,a,1")
     found = numbers_made(tmp_path, "--operators", str(table))
     assert [(record, number) for record, _, _, number in found] == [("a", "1"), ("b", "2"), ("c", "3")]
+
+
+def test_a_table_names_whose_hand_a_record_shows_and_what_no_hand_does_is_doubted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = few(tmp_path, "operator,record", "P1,a", "P1,b", "P2,c")
+    time = np.arange(8000) / 1000.0
+    held = Trace(time=time, force=0.5 * time + 1.5 * (1.0 - time % 1.0 < 0.5), position=0.01 * time)
+    for suffix in "ab":  # a blade that stays as fast where the force falls by 1.5 N, as in no hand
+        save(held, tmp_path / f"{suffix}.csv")
+    assert run(tmp_path, table) == 0
+    said = capsys.readouterr().err
+    assert "note: a: doubtful: the blade hardly lurches at" in said
+    assert "note: b: doubtful" in said
+    assert "note: c: doubtful" not in said
+    assert not any(note.startswith("doubtful: the blade hardly") for note in score(held).notes)
 
 
 def test_without_a_table_operators_and_days_are_those_of_the_records(
