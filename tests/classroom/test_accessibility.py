@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import test_programs
 
 pytest.importorskip("starlette", reason="the server is an extra: pip install 'cutenv[serve]'")
 pytest.importorskip("httpx2", reason="asks the server in its tests: pip install 'cutenv[dev]'")
@@ -18,6 +17,7 @@ from cutenv.browser import write_page_alone
 from cutenv.classroom.class_server import class_app
 from cutenv.classroom.class_site import ClassSite
 from cutenv.play.course import course_of
+from scripts import test_programs
 
 pytestmark = pytest.mark.needs("chromium")
 CUTTING = ("cut", "card of a cut")

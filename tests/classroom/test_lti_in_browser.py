@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qsl, urlsplit
 
-import chromium
 import pytest
 
 pytest.importorskip("starlette", reason="the server is an extra: pip install 'cutenv[serve]'")
@@ -26,6 +25,7 @@ from cutenv.classroom.class_server import class_app
 from cutenv.classroom.class_site import ClassSite
 from cutenv.classroom.lti_platforms import platform_of
 from cutenv.classroom.lti_tool import LtiTool
+from scripts.browsers import chromium
 
 pytestmark = pytest.mark.needs("chromium")
 
