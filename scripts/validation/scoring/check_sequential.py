@@ -44,7 +44,7 @@ SPREAD = 0.2
 """Standard deviation of a difference on the same specimen, of returns clipped at 0, as of two scripts in simulation."""
 SPREAD_APART, TOLD, TOLD_WRONGLY = 0.28, 0.18, 0.09
 """Standard deviation of the difference of two places, and the share of its variance that twins of an opening of 40 mm
-explain, as they are, and 30 % too stiff with twice the friction; ``--measure`` prints them."""
+explain, as they are, and 30 % too stiff with twice the friction: of a trial, within the intervals of ``--measure``."""
 OPENING, POLICIES = 0.040, ("return stroke", "probe and creep")
 """Length of the opening [m], and the policies that take over from it by turns, of the measured places."""
 PLACES_FILE = Path("runs") / "check-sequential" / "places.csv"
