@@ -125,7 +125,7 @@ class LearningPlatform(ThreadingHTTPServer):
 
     @property
     def registration(self) -> dict[str, Any]:
-        """What stands in the file of the class."""
+        """Return the registration of this platform, as the file of the class has it."""
         return {
             "issuer": self.issuer, "client_id": CLIENT, "auth_url": f"{self.issuer}/auth?kind=lti",
             "token_url": f"{self.issuer}/token", "jwks_url": f"{self.issuer}/jwks", "deployments": [DEPLOYMENT],

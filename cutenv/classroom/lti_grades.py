@@ -85,7 +85,7 @@ class GradeCourier:
     key : ToolKey
         Key of the class.
     said : str
-        Text beside each grade, with places for ``code``.
+        Comment on each grade; ``{code}`` stands for the code of the person.
 
     Attributes
     ----------

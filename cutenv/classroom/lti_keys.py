@@ -1,7 +1,7 @@
 """Keys of LTI 1.3: that of the class, in its folder, and those of the platforms, which may change at any time.
 
-Signing and checking is joserfc's.  RS256 alone is spoken, which LTI asks of everybody: whatever the head of a token
-says, it is neither unsigned nor checked by a public key as if that were a secret.
+Tokens are signed and checked by joserfc.  Only RS256 is accepted, which LTI requires: the header of a token can make it
+neither unsigned nor checked with a public key in place of a shared secret.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ def verified_claims(token: str, key: RSAKey) -> dict[str, Any]:
 
 
 def unverified_claims(token: str) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return head and claims of a token that nobody has vouched for; BadToken if it is none."""
+    """Return header and claims of a token without checking its signature; BadToken if it is malformed."""
     if len(token) > _LONGEST_TOKEN:
         raise BadToken("it is too long")
     try:
@@ -115,7 +115,7 @@ class PlatformKeys:
     """Public keys of the platforms, asked for when they are needed and remembered for an hour.
 
     A platform changes its keys whenever it likes: one that is not known is looked for again, but not more often than
-    every ten seconds, so that nobody can make the class ask a platform without end.
+    every ten seconds, so that forged launches cannot flood a platform with requests.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ class PlatformKeys:
         self._locks: dict[str, threading.Lock] = {}
 
     def find(self, platform: Platform, kid: str) -> RSAKey | None:
-        """Return a key of a platform, None if it has no such key; PlatformUnreachable if nobody can know."""
+        """Return a key of a platform, None if it has no such key; PlatformUnreachable if its keys cannot be had."""
         url = platform.jwks_url
         with self._guard:
             lock = self._locks.setdefault(url, threading.Lock())

@@ -296,7 +296,7 @@ class LaunchDoor:
 
 
 def _derived(what: str, secret: str, platform: Platform) -> str:
-    """Return state or nonce of a launch: from them nobody finds the secret, nor the one from the other."""
+    """Return state or nonce of a launch; neither reveals the secret or the other."""
     return hashlib.sha256("\0".join((what, secret, *platform.key)).encode()).hexdigest()
 
 

@@ -120,8 +120,8 @@ class LtiPeople:
     def grades(self, *, due: bool = False) -> list[GradeRow]:
         """Return all places of grades in order of the codes, or those that wait for a grade.
 
-        One waits if its person has other saved cuts than those that the grade sent last takes in.  So a cut that is
-        saved waits from then on, whatever happens to the server.
+        One waits if its person has other saved cuts than those that the grade sent last takes in.  So a saved
+        cut waits from then on, also after a crash of the server.
         """
         saved = (
             select(func.count())

@@ -72,5 +72,5 @@ def asked_for_json(url: str, content: bytes | None = None, headers: Mapping[str,
 
 
 def _place(url: str) -> str:
-    """Return an address without its query, which may hold what is nobody's business."""
+    """Return an address without its query, which may hold personal data."""
     return url.partition("?")[0]

@@ -19,7 +19,7 @@ class LtiTool:
     lesson : Lesson
         The class, whose folder has the platforms' file and the key.
     language : {"en", "de"}
-        Language of the text beside a grade.
+        Language of the comment on a grade.
 
     Attributes
     ----------

@@ -197,7 +197,7 @@ class Courier:
 
 
 class NoRedirects(urllib.request.HTTPRedirectHandler):
-    """Refusal of redirects, by which what is sent, and a login, would go where nobody has agreed that they go."""
+    """Handler that refuses redirects: they would take statements and login to an unknown address."""
 
     def redirect_request(self, *_: Any) -> None:
         """Follow none."""

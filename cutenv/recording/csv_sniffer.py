@@ -31,7 +31,7 @@ from cutenv.recording.specimens import side_by_side
 from cutenv.recording.stated_units import known_spelling, split_header
 from cutenv.recording.text_lines import plain_rows, tabled, text_lines
 from cutenv.recording.time_columns import whole_times
-from cutenv.recording.unit_columns import units_beside
+from cutenv.recording.unit_columns import with_unit_columns
 
 
 class Dialect(NamedTuple):
@@ -83,10 +83,10 @@ def sniff_table(path: Path, lines: list[str] | None = None) -> NamedColumns:
             rate=stated_rate(parted.facts),
             left_out=lost,
         )
-        return units_beside(whole_times(columns))
+        return with_unit_columns(whole_times(columns))
     lines = plain_rows(lines)
     table = whole_times(_Reading(path, lines, maker_header(lines)).table())
-    return units_beside(one_column_a_channel(side_by_side(table)))
+    return with_unit_columns(one_column_a_channel(side_by_side(table)))
 
 
 def split_row(row: str, separator: str) -> list[str]:

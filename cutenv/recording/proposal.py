@@ -646,7 +646,7 @@ def _is_filled(known: NDArray[np.bool_]) -> bool:
 
 
 def _axis_of_place(header: str, headers: Sequence[str]) -> str:
-    """Return the axis of a column of a place, ``px``, ``tip_x``, where all three stand beside a force; else ""."""
+    """Return the axis of a position column such as ``tip_x``, if the record has all three and a force; else ""."""
     header, *every = [re.sub(_CAMEL, "_", each.strip()).lower() for each in (header, *headers)]
     name, axis = header[:-1], header[-1:]
     if axis not in "xyz" or not all(f"{name}{each}" in every for each in "xyz"):

@@ -50,7 +50,7 @@ def text_lines(path: Path) -> list[str]:
 
 
 class Tabled:
-    """Names, cells and line numbers of lines that were no table; `kind` for the reader, `facts` stand beside them."""
+    """Names, cells and line numbers of a text without a table; the `kind` of its layout; stated `facts`."""
 
     def __init__(
         self,
@@ -245,7 +245,7 @@ def _lists(value: Any) -> dict[str, list[Any]] | None:
 
 
 def _units_of(value: Any, names: set[str]) -> dict[str, str]:
-    """Return the units of some lists that an object beside them gives, by name; {} if none does."""
+    """Return the units that a JSON object gives for lists, by name; {} if it gives none."""
     if not isinstance(value, dict):
         return {}
     if names & set(value) and all(isinstance(each, str) for each in value.values()):

@@ -1,4 +1,4 @@
-"""Units in a column of their own, beside the values that they belong to."""
+"""Units that a table gives in a column of their own."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from cutenv.recording.stated_units import known_spelling
 _UNITS = re.compile(r"(?:.*[^a-z])?(?:units?|einheit(?:en)?)", re.IGNORECASE)
 
 
-def units_beside(table: NamedColumns) -> NamedColumns:
+def with_unit_columns(table: NamedColumns) -> NamedColumns:
     """Return a table with the units of a column "Units" given to the columns in front of it that state none."""
     headers = table.headers[: table.n_columns]
     units = [*table.units, *[""] * table.n_columns][: table.n_columns]

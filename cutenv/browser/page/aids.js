@@ -25,7 +25,7 @@ class ForceAids {
     this.tone.start();
   }
 
-  // Tell the force as a part of its limit, 0 to 1; null while it is not to be told.
+  // Play the force as a share of its limit, 0 to 1; null silences it.
   tell(part, now) {
     this.part = part;
     if (this.context) {
