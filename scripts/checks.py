@@ -262,7 +262,7 @@ SCORE = (
           "sequential-twins", "scripts.validation.scoring.check_sequential:twin_table"),
     Check("statistics: what twins explain", "how far places differ, and the share that twins of an opening explain",
           "scripts.validation.scoring.check_sequential --measure 140", 15, "docs/validation/sequential.md",
-          "sequential-places", "scripts.validation.scoring.check_sequential:places_table",
+          "sequential-places", "scripts.validation.scoring.check_sequential:places_report",
           kept="runs/check-sequential/places.csv"),
 )  # fmt: skip
 """Scores, and decisions by them."""

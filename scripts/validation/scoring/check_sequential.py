@@ -38,7 +38,7 @@ from cutenv.sim_to_real.opening import OpenedPolicy, forecast, opening_of, speci
 from cutenv.sim_to_real.paired_experiment import DRAWS, cut_again, simulator_like
 from cutenv.sim_to_real.sequential_experiment import RigComparison
 from cutenv.tissue.specimen import Specimen
-from scripts.tables import keep, kept_rows, markdown_table
+from scripts.tables import keep, markdown_table
 
 SPREAD = 0.2
 """Standard deviation of a difference on the same specimen, of returns clipped at 0, as of two scripts in simulation."""
@@ -210,7 +210,7 @@ def measure_places(places: int) -> Iterator[dict[str, Any]]:
                     forecast(simulator, policies, each, target_length=length, value=value, **key).mean(axis=0)[0]
                     for each in (found, [_wrong(specimen) for specimen in found])
                 )
-            row = {"place": place, "policy": place % 2, "return": value(cut)[0], "right": right, "wrong": wrong}
+            row = {"place": place, "turn": place % 2, "return": value(cut)[0], "right": right, "wrong": wrong}
             yield {name: float(number) for name, number in row.items()}
     finally:
         rig.close()
@@ -225,18 +225,18 @@ def _wrong(specimen: Specimen) -> Specimen:
 
 def places_report(rows: Sequence[Mapping[str, Any]]) -> str:
     """Return the spread of the difference of two places, and the shares that twins explain, with intervals."""
-    own = {name: np.array([row[name] for row in rows]) for name in ("policy", "return", "right", "wrong")}
+    own = {name: np.array([row[name] for row in rows]) for name in ("turn", "return", "right", "wrong")}
     rng = np.random.default_rng(0)
-    by_policy = [np.flatnonzero(own["policy"] == k) for k in (0, 1)]
+    by_policy = [np.flatnonzero(own["turn"] == k) for k in (0, 1)]
     again = [np.concatenate([rng.choice(each, len(each)) for each in by_policy]) for _ in range(_AGAIN)]
 
     def shares(some: Array) -> list[float]:
         """Return the spread and both shares, of places about the mean of their policy."""
-        policy, rest = own["policy"][some], {}
+        turn, rest = own["turn"][some], {}
         for name in ("return", "right", "wrong"):
             value = own[name][some]
-            means = [np.nanmean(value[policy == k]) for k in (0, 1)]
-            rest[name] = np.nan_to_num(value - np.where(policy == 0, *means))  # without a twin nothing is corrected
+            means = [np.nanmean(value[turn == k]) for k in (0, 1)]
+            rest[name] = np.nan_to_num(value - np.where(turn == 0, *means))  # without a twin nothing is corrected
         spread = float(np.sqrt(2.0 * np.mean(rest["return"] ** 2)))
         return [spread, *(float(np.corrcoef(rest["return"], rest[name])[0, 1] ** 2) for name in ("right", "wrong"))]
 
@@ -255,11 +255,6 @@ def places_report(rows: Sequence[Mapping[str, Any]]) -> str:
 
 def _interval(low: float, high: float, k: int) -> str:
     return f"{low:.2f} to {high:.2f}" if k == 0 else f"{100.0 * low:.0f} to {100.0 * high:.0f} %"
-
-
-def places_table() -> str:
-    """Return the report of the kept places."""
-    return places_report(kept_rows(PLACES_FILE, "scripts.validation.scoring.check_sequential --measure 140", ()))
 
 
 def decision_table(studies: int = STUDIES) -> str:
@@ -295,7 +290,7 @@ def main() -> None:
                 rows.append(row)
                 bar(1)
         keep(PLACES_FILE, rows)
-        print(places_table())
+        print(places_report(rows))
         return
     tables = {"decisions": decision_table, "twins": twin_table}
     print("\n\n".join(tables[name](arguments.studies) for name in tables if arguments.block in (None, name)))
