@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from cutenv.envs.path_cut import to_path_action
 from cutenv.envs.rig_path_cut import RigPathCutEnv
 from cutenv.envs.rig_source import EmulatedSpecimens
 from cutenv.imitated.emulator.process import start
+from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.errors import RigError
 from cutenv.rig.hardware import rig_plant
 from cutenv.rig.operation.operator import AutomaticOperator
@@ -58,9 +60,15 @@ def cut_up_and_down() -> None:
             assert inspection.told["height"]["position_mm"] == pytest.approx(1e3 * plant.level, abs=0.1)
 
 
+def patient(settings: RigSettings) -> RigSettings:
+    """Settings that hold a late action for longer: here the path is tested, not the host's program."""
+    return dataclasses.replace(settings, limits=dataclasses.replace(settings.limits, overrun=3.0))
+
+
 def cut_along_a_bend() -> None:
     env = RigPathCutEnv(rig="emulator", target_length=0.06, line="arc", records=None)
-    try:
+    with closing(env), pytest.MonkeyPatch.context() as patch:
+        patch.setattr(env._source, "_lowered", patient)
         env.reset(seed=3)
         assert "side encoder" in [check.name for check in env.session.checks]
         for _ in range(100):
@@ -78,8 +86,6 @@ def cut_along_a_bend() -> None:
         env.reset(seed=4)  # back, the way that it came
         truth = env._source.emulator.control.truth()
         assert math.hypot(truth["position_m"], truth["side_m"]) < 3e-4
-    finally:
-        env.close()
 
 
 @pytest.mark.parametrize("session", [cut_up_and_down, cut_along_a_bend])

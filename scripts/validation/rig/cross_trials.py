@@ -15,7 +15,7 @@ from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.operation.preflight import SETTLE, return_inside
 from cutenv.rig.safety.stop_causes import Cause, RigStopped, StopReport, detection_times
 from scripts.validation.rig.cutting_rig import PERIOD, SPEED, UPRIGHT, WATCHED, CuttingRig
-from scripts.validation.rig.rig_trials import EXPECTED_ACROSS, WAY, Trial, stalls_around
+from scripts.validation.rig.rig_trials import EXPECTED_ACROSS, WAY, Trial, last_injected, stalls_around
 
 ACROSS_SPEED = 0.003
 """Speed downwards, or to the right; upwards, or to the left, where the fault is of that way [m/s]."""
@@ -174,7 +174,7 @@ def _put_together(
 ) -> Trial:
     """Combine the reports of the rig and the emulator's events; the way is that of the axis across the cut."""
     (axis,) = settings.cross_axes
-    begun = next(event for event in events if event["what"] == "fault injected")
+    begun = last_injected(events)
     injected = begun["time_s"]
     later = [event for event in events if event["time_s"] >= injected - WAY]
     quick_stops = [e["time_s"] for e in later if e["what"] == "quick stop received" and e["axis"] == axis]

@@ -268,6 +268,14 @@ class Trial:
             "standstill": _since(self.standstill, self.detected),
         }
 
+    @property
+    def late(self) -> str | None:
+        """By how much it was detected later than stated, or None: the host's delays below a stall may add up to it."""
+        detection = self.times["detection"]
+        if detection is None or self.stated is None or detection <= self.stated + WAY:
+            return None
+        return f"found out after {1e3 * detection:.1f} ms, stated are {1e3 * self.stated:.1f}"
+
     def wrong(self) -> list[str]:
         """Return what is not as promised; the host's stalls excuse only a late decision, or another one."""
         if self.fault in UNKNOWABLE:
@@ -279,12 +287,12 @@ class Trial:
             found.append("the blade does not come to rest")
         if not self.latched:
             found.append(f"not latched: refused {self.refused}, moved {self.moved} m")
-        detection, quick_stop = self.times["detection"], self.times["quick_stop"]
+        quick_stop = self.times["quick_stop"]
         within = GAP if self.fault in GAPS else PERIOD
         if self.fault not in BY_THE_DRIVE and (quick_stop is None or quick_stop > within):
             found.append(f"quick stop on the bus {quick_stop} s after the decision")
-        if not self.stalls and detection is not None and self.stated is not None and detection > self.stated + WAY:
-            found.append(f"found out after {1e3 * detection:.1f} ms, stated are {1e3 * self.stated:.1f}")
+        if not self.stalls and self.late is not None:
+            found.append(self.late)
         return found
 
 
@@ -372,7 +380,7 @@ def put_together(
 ) -> Trial:
     """Combine the reports of the rig and the emulator's events."""
     if injected is None:
-        event = next(event for event in events if event["what"] == "fault injected")
+        event = last_injected(events)
         injected, start, speed = event["time_s"], event["position_m"], pace_of(settings)[0]
     else:
         speed = truth["speed_m_s"]
@@ -405,6 +413,11 @@ def put_together(
     if rests:
         result.way = rests[-1]["position_m"] - start
     return result
+
+
+def last_injected(events: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return the event of the fault that stops the blade: of two, one after the other, the first by itself does not."""
+    return [event for event in events if event["what"] == "fault injected"][-1]
 
 
 def moved_since(control: EmulatorControl, events: list[dict[str, Any]]) -> float | None:
