@@ -264,6 +264,10 @@ SCORE = (
           "scripts.validation.scoring.check_sequential --measure 140", 15, "docs/validation/sequential.md",
           "sequential-places", "scripts.validation.scoring.check_sequential:places_report",
           kept="runs/check-sequential/places.csv"),
+    Check("statistics: a library of sequences", "the same studies decided by the library confseq",
+          "scripts.validation.scoring.check_sequential --block library", 15, "docs/validation/sequential.md",
+          "sequential-library", "scripts.validation.scoring.check_sequential:library_table",
+          kept="runs/check-sequential/library.json"),
 )  # fmt: skip
 """Scores, and decisions by them."""
 

@@ -3,6 +3,8 @@
     python -m scripts.validation.scoring.check_sequential                10,000 studies a row; some minutes
     python -m scripts.validation.scoring.check_sequential --studies 500 --block twins
     python -m scripts.validation.scoring.check_sequential --measure 140  what twins explain; 140 places, some 20 minutes
+    PYTHONPATH=confseq/src python -m scripts.validation.scoring.check_sequential --block library
+                                                                    the same studies decided by the library confseq
 
 Differences of a pair are drawn with a known mean and bounded as returns are, by 1: normal, heavy-tailed (Student's t
 with two degrees of freedom, clipped, its mean then set), drifting (the mean swings from study to study and day to day,
@@ -13,12 +15,14 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from cutenv._base.arrays import Array
@@ -38,7 +42,7 @@ from cutenv.sim_to_real.opening import OpenedPolicy, forecast, opening_of, speci
 from cutenv.sim_to_real.paired_experiment import DRAWS, cut_again, simulator_like
 from cutenv.sim_to_real.sequential_experiment import RigComparison
 from cutenv.tissue.specimen import Specimen
-from scripts.tables import keep, markdown_table
+from scripts.tables import keep, keep_json, markdown_table
 
 SPREAD = 0.2
 """Standard deviation of a difference on the same specimen, of returns clipped at 0, as of two scripts in simulation."""
@@ -49,6 +53,8 @@ OPENING, POLICIES = 0.040, ("return stroke", "probe and creep")
 """Length of the opening [m], and the policies that take over from it by turns, of the measured places."""
 PLACES_FILE = Path("runs") / "check-sequential" / "places.csv"
 """File of the measured places: return, forecast and forecast of a wrong twin of each."""
+LIBRARY_FILE = PLACES_FILE.with_name("library.json")
+"""File of what the library finds in the same studies."""
 STUDIES = 10_000
 """Number of simulated studies of each row."""
 _DAY = 20  # pairs between changes of a drifting mean
@@ -143,6 +149,59 @@ def decision_rows(studies: int) -> list[list[str]]:
                 ]
             )  # fmt: skip
     return rows
+
+
+def library_rows(studies: int) -> list[dict[str, Any]]:
+    """Return what the library confseq finds in the first ``studies`` of each kind, beside what is found here.
+
+    Its betting martingale, with its own bets, which learn from earlier pairs, tests one side at half of the error.
+
+    Raises
+    ------
+    SystemExit
+        If the library is not there.
+    """
+    try:
+        from confseq.betting import betting_mart
+    except (ImportError, AttributeError) as error:  # numpy 2 has no float_
+        raise SystemExit(
+            f"check_sequential: {error}. Get the source of confseq from github.com/gostevehoward/confseq and give its "
+            "folder src as PYTHONPATH, in an environment with numpy below 2 and multiprocess: it is not built for "
+            "Python 3.11, but what is used of it needs no build."
+        ) from None
+    question = SequentialQuestion()
+
+    def bets(x: Array) -> NDArray[np.bool_]:
+        """Return when each study has shown a positive mean, as often as the error allows; its length if never."""
+        wealth = betting_mart(0.5 * (1.0 + x), 0.5, alpha=0.5 * question.error, theta=1.0)
+        return np.asarray(wealth) >= 2.0 / question.error
+
+    rows = []
+    for kind, mean in itertools.product(KINDS, (0.0, 0.05, 0.1)):
+        drawn = KINDS[kind](np.random.default_rng(11), (studies, question.most), mean)
+        ours = log_wealth(drawn, 0.0, question.reach) >= question.bar
+        theirs = np.array([bets(each) for each in drawn])
+        for name, shown in (("here", ours), ("confseq", theirs)):
+            at = np.where(shown.any(axis=1), shown.argmax(axis=1) + 1.0, np.inf)
+            rows.append({"kind": kind, "mean": mean, "by": name, "studies": studies,
+                         "shown": float(shown.any(axis=1).mean()), "median": float(np.median(at))})  # fmt: skip
+    return rows
+
+
+def library_table(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return the table of both beside each other as Markdown."""
+    header = ["differences", "mean", "above 0 here", "above 0 by confseq", "median pairs here", "by confseq"]
+    cells = []
+    for kind, mean in dict.fromkeys((row["kind"], row["mean"]) for row in rows):
+        here, library = (
+            next(row for row in rows if (row["kind"], row["mean"], row["by"]) == (kind, mean, by))
+            for by in ("here", "confseq")
+        )
+        medians = [
+            f"{float(each['median']):.0f}" if np.isfinite(float(each["median"])) else "" for each in (here, library)
+        ]
+        cells.append([kind, f"{mean:g}", _percent(float(here["shown"])), _percent(float(library["shown"])), *medians])
+    return f"{rows[0]['studies']:,} studies a row:\n\n{markdown_table(header, cells)}"
 
 
 def _percent(share: float) -> str:
@@ -278,7 +337,7 @@ def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--studies", type=int, default=STUDIES, metavar="N", help=f"default {STUDIES}")
-    parser.add_argument("--block", choices=("decisions", "twins"), help="print one table alone")
+    parser.add_argument("--block", choices=("decisions", "twins", "library"), help="print one table alone")
     parser.add_argument(
         "--measure", type=int, metavar="PLACES", help="cut so many places, and print what twins explain"
     )
@@ -291,6 +350,11 @@ def main() -> None:
                 bar(1)
         keep(PLACES_FILE, rows)
         print(places_report(rows))
+        return
+    if arguments.block == "library":
+        rows = library_rows(arguments.studies)
+        keep_json(LIBRARY_FILE, rows)
+        print(library_table(rows))
         return
     tables = {"decisions": decision_table, "twins": twin_table}
     print("\n\n".join(tables[name](arguments.studies) for name in tables if arguments.block in (None, name)))
