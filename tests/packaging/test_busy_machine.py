@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -31,7 +30,10 @@ MARK = "@pytest.mark.real_time"
 
 def runs(folder: Path, room: str, stall: str, mark: str = "") -> tuple[int, str]:
     """How often a failing test of a folder ran, and what pytest printed."""
-    shutil.copy(CONFTEST, folder)
+    text = CONFTEST.read_text(encoding="utf-8")
+    patient = re.sub(r"^LATE = .*", "LATE = 0.04", text, flags=re.MULTILINE)  # however busy this machine is
+    assert patient != text
+    (folder / CONFTEST.name).write_text(patient, encoding="utf-8")
     (folder / room).mkdir()
     (folder / room / "test_some.py").write_text(FAILING.format(stall=stall, mark=mark))
     command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "--reruns=5", "--only-rerun=the host stalled"]
