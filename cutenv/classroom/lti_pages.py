@@ -16,6 +16,7 @@ from starlette.routing import Route
 
 from cutenv.browser.page_alone import script_digest
 from cutenv.classroom.class_site import LAUNCH_PATHS, ClassSite, text_of
+from cutenv.classroom.course_roster import course_rosters
 from cutenv.classroom.host_names import is_loopback
 from cutenv.classroom.lti_keys import BadToken
 from cutenv.classroom.lti_launch import Launch, RefusedLaunch
@@ -67,6 +68,7 @@ class LtiPages:
             Route("/lti/agree", framed(self.agree), methods=["POST"]),
             Route("/lti/jwks", self.jwks, methods=["GET"]),
             route("GET", "/teacher/platforms", self.platforms), route("POST", "/teacher/platforms", self.register),
+            route("GET", "/teacher/members", self.members),
         ]  # fmt: skip
 
     def _framed(self, answer: Callable[[Request], Awaitable[Response]]) -> Callable[[Request], Awaitable[Response]]:
@@ -139,6 +141,8 @@ class LtiPages:
         return answer
 
     def _let_in(self, launch: Launch, launch_url: str) -> Response:
+        if launch.course and launch.course in launch.platform.teacher_courses:  # of no other one are members shown
+            self._tool.people.note_members_url(*launch.platform.key, launch.course, launch.members_url)
         if launch.is_choice:
             return self._choice(launch, launch_url)
         if launch.may_teach:
@@ -208,6 +212,14 @@ class LtiPages:
             rows=self._tool.people.grades(), filled=filled, trouble=trouble, troubles=self._tool.troubles(),
             fields=_FIELDS, safe=safe, addresses={name: base + path for name, path in paths.items()},
         )  # fmt: skip
+
+    async def members(self, request: Request) -> Response:
+        """Show who of the platforms' courses has cut, and who not yet, by the names that the platforms give now."""
+        return await self._in_thread(self._members)
+
+    def _members(self) -> Response:
+        rosters = list(course_rosters(self._tool, self._lesson))
+        return self._site.page("lti_members.html", root="../", rosters=rosters)
 
     async def register(self, request: Request) -> Response:
         """Add or remove a platform, or send grades again that were refused."""

@@ -21,6 +21,7 @@ pytest.importorskip("joserfc", reason="learning platforms are an extra: pip inst
 
 from class_room import CLOCK, TOKEN, Room, cut_once, there_and_back
 from lti_platform import AGS, CLAIM, CLIENT, COURSE, DEPLOYMENT, DL, FIRST, ROLE, SCORE, LearningPlatform, Signer
+from lti_room import AT, LtiRoom, enter, hidden, launched, learner, said, saved, sent_there
 from starlette.testclient import TestClient
 
 from cutenv.browser import HandCut
@@ -29,7 +30,6 @@ from cutenv.classroom.class_backup import restore_backup, write_backup
 from cutenv.classroom.class_server import class_app
 from cutenv.classroom.class_site import ClassSite
 from cutenv.classroom.class_store import CutEnd, NewCut
-from cutenv.classroom.lesson import name_of
 from cutenv.classroom.lti_grades import grade_of
 from cutenv.classroom.lti_people import Learner
 from cutenv.classroom.lti_platforms import PLATFORMS_FILE, platform_of, platforms_toml, read_platforms
@@ -38,7 +38,6 @@ from cutenv.classroom.xapi_statements import Courier, StatementQueue
 from cutenv.commands.serve import main
 from cutenv.play.course import WARM_UP
 
-AT = "http://127.0.0.1"
 COURSE_FILE = """name = "first cuts"
 [[task]]
 name = "even tissue"
@@ -49,30 +48,6 @@ name = "liver"
 specimen_class = "liver"
 feedback = "{feedback}"
 """
-
-
-class LtiRoom(Room):
-    """A class that is registered with a platform."""
-
-    def __init__(
-        self, folder: Path, course: str | None = None, language: str = "en", known: LearningPlatform | None = None
-    ) -> None:
-        super().__init__(folder, course)
-        self.tool = LtiTool(self.lesson, language)
-        self.app = class_app(ClassSite(lesson=self.lesson, secret=TOKEN, language=language, lti=self.tool))
-        self.platform = known or LearningPlatform(CLOCK, lambda: self.client().get("/lti/jwks").json())
-        if known is None:
-            self.register()
-
-    def register(self, **changed: Any) -> None:
-        self.tool.file.add(platform_of(self.platform.registration | changed))
-
-    def client(self) -> TestClient:
-        return TestClient(self.app, base_url=AT, follow_redirects=False)
-
-    def close(self) -> None:
-        self.platform.close()
-        self.lesson.close()
 
 
 @pytest.fixture
@@ -90,57 +65,6 @@ def in_course(tmp_path: Path) -> Iterator[LtiRoom]:
     yield made
     assert not made.platform.troubles
     made.close()
-
-
-def sent_there(room: LtiRoom, client: TestClient, subject: str = "u1", path: str = "/lti/launch") -> dict[str, str]:
-    """Begin in the platform, up to its page that sends the launch: state and nonce."""
-    answer = client.get("/lti/login", params=room.platform.initiation(subject, AT + path))
-    assert answer.status_code == 303, answer.text
-    return room.platform.authorized(answer.headers["Location"], subject, f"{AT}/lti/launch")
-
-
-def hidden(text: str) -> dict[str, str]:
-    found = re.findall(r'<input type="hidden" name="(\w+)" value="([^"]*)">', text)
-    return {name: html.unescape(value) for name, value in found}
-
-
-def enter(client: TestClient, token: str, state: str) -> Any:
-    """Send a launch as the platform's page does, and once more as the class's page then does."""
-    by_platform = {"Origin": "https://moodle.school.example"}
-    page = client.post("/lti/launch", data={"id_token": token, "state": state}, headers=by_platform)
-    assert page.status_code == 200
-    assert hidden(page.text) == {"id_token": token, "state": state}
-    return client.post("/lti/enter", data=hidden(page.text), headers={"Origin": AT})
-
-
-def launched(room: LtiRoom, client: TestClient, subject: str = "u1", **changed: Any) -> Any:
-    asked = sent_there(room, client, subject)
-    claims = room.platform.claims(asked["nonce"], subject, **changed)
-    return enter(client, room.platform.signers[-1].token(claims), asked["state"])
-
-
-def learner(room: LtiRoom, subject: str = "u1", **changed: Any) -> tuple[TestClient, str]:
-    """Somebody who came from the platform and agreed, and the code."""
-    client = room.client()
-    answer = launched(room, client, subject, **changed)
-    if answer.status_code == 200:
-        answer = client.post("/lti/agree", data=hidden(answer.text) | {"consent": "yes"})
-    assert (answer.status_code, answer.headers["Location"]) == (303, "../cut")
-    return client, re.findall(r'"whose">([A-Z0-9]+)|>([A-Z]{3}\d{6})<', client.get("/cut").text)[0][1]
-
-
-def saved(room: LtiRoom, code: str, score: float | None, task: str = "", **end: Any) -> None:
-    """Note a cut as saved, as the server does after it has confirmed it."""
-    course = name_of(room.lesson.course)
-    cut = room.store.hand_out(code, lambda _: NewCut("uniform", 5, course=course, task=task))
-    assert cut is not None
-    ended = {"ended": "finished", "numbers": {"overall_score": score or 0.0}} | end
-    assert room.store.finish(cut.id, CutEnd(**{"state": "saved", "record": "x.csv", "score": score} | ended))
-
-
-def said(answer: Any) -> str:
-    (found,) = re.findall(r'<p class="trouble" role="alert">(.*?)</p>', answer.text)
-    return html.unescape(found)
 
 
 # Launches
@@ -767,7 +691,7 @@ def test_an_access_token_that_has_ended_is_renewed(room: LtiRoom, monkeypatch: p
 def test_a_grade_that_is_refused_holds_up_no_other_and_the_teacher_may_send_it_again(room: LtiRoom) -> None:
     for subject in ("u1", "u2"):
         saved(room, learner(room, subject)[1], 70.0)
-    key = room.tool.grades._token(room.tool.file.platforms[0])
+    key = room.tool.tokens.find(room.tool.file.platforms[0], SCORE)
     assert key
     room.platform.answers = [404]
     room.tool.grades.deliver()
