@@ -512,6 +512,12 @@ class Lesson:
         readings = made.follow(self._movements(cut))
         return way_of(readings, dict(zip(made.channel_fields, made.channels, strict=True)))
 
+    def courses_open_to(self, class_name: str) -> list[Course]:
+        """Return the courses that people of a class go through: that of everybody, then further ones given there."""
+        keys = {place.course for place in self.store.places().values() if place.class_name == class_name}
+        main = [] if self.course is None else [self.course]
+        return main + [course for key, course in self.courses.further().items() if key in keys]
+
     @property
     def kinds(self) -> tuple[str, ...]:
         """Tasks that are cut in the class."""

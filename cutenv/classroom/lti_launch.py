@@ -75,6 +75,11 @@ class Launch:
         return _text(self._part("context").get("id"))
 
     @property
+    def class_name(self) -> str:
+        """Short name of the platform's course, by which its people are a class; "" if there is none that fits."""
+        return _text(self._part("context").get("label"), 32).strip()
+
+    @property
     def may_teach(self) -> bool:
         """True if the person is an instructor of a course whose instructors are let into the teacher's pages."""
         return self.is_instructors and bool(self.course) and self.course in self.platform.teacher_courses
@@ -109,7 +114,7 @@ class Launch:
             client_id=self.platform.client_id,
             deployment=self.claims[f"{_CLAIM}deployment_id"],
             subject=self.claims["sub"],
-            class_name=_text(self._part("context").get("label"), 32).strip(),
+            class_name=self.class_name,
             line_item=line_item,
             task=_text(self._part("custom").get(_TASK), 200),
         )

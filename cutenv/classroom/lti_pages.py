@@ -184,15 +184,21 @@ class LtiPages:
         return self._signed_in(code)
 
     def _choice(self, launch: Launch, launch_url: str) -> Response:
-        """Return the page on which an instructor chooses the course or one of its tasks."""
-        address, course = launch.return_url, self._lesson.course
+        """Return the page on which an instructor chooses the course or a task of one that is open to the class."""
+        address, courses = launch.return_url, self._lesson.courses_open_to(launch.class_name)
         name = partial(course_name, self._site.language)
-        titles = {"": self._site.title if course is None else name(course.name)}
-        titles |= {each.name: name(each.name) for each in (() if course is None else course.tasks)}
+        titles = {"": name(courses[0].name) if len(courses) == 1 else self._site.title}
+        titles |= {each.name: name(each.name) for course in courses for each in course.tasks}
         answers = launch.choices(self._tool.key, launch_url, titles, self._lesson.store.clock())
         origin = "{0.scheme}://{0.netloc}".format(urlsplit(address))
         return self._page(
-            "lti_choose.html", form=origin, origin=origin, address=address, answers=answers, titles=titles
+            "lti_choose.html",
+            form=origin,
+            origin=origin,
+            address=address,
+            answers=answers,
+            titles=titles,
+            courses=[(name(course.name), [each.name for each in course.tasks]) for course in courses],
         )
 
     async def jwks(self, request: Request) -> Response:

@@ -36,7 +36,7 @@ from cutenv.classroom.lti_platforms import PLATFORMS_FILE, platform_of, platform
 from cutenv.classroom.lti_tool import LtiTool
 from cutenv.classroom.xapi_statements import Courier, StatementQueue
 from cutenv.commands.serve import main
-from cutenv.play.course import WARM_UP
+from cutenv.play.course import WARM_UP, course_of
 
 COURSE_FILE = """name = "first cuts"
 [[task]]
@@ -520,6 +520,34 @@ def test_an_instructor_chooses_the_course_or_a_task_and_its_link_has_that_grade(
     _, code = learner(room, **{f"{CLAIM}custom": chosen["liver"]["custom"]})
     (row,) = room.tool.people.grades()
     assert (row.code, row.task) == (code, "liver")
+
+
+def test_a_choice_lists_the_courses_that_are_open_to_the_class_and_no_other(in_course: LtiRoom) -> None:
+    room, teacher = in_course, in_course.teacher()
+    _, code = learner(room)
+    assert room.store.places()[code].class_name == "SURG101"
+    for name, task in (("nurses", "knots"), ("dentists", "gums")):
+        content = {"name": name, "task": [{"name": task, "specimen_class": "uniform"}]}
+        room.lesson.courses.set(course_of(content), name)
+    assert "knots" not in choices(room).text
+    teacher.post("/teacher/places", data={"code": [code], "course": "nurses"})
+    room.store.add_code("P07")
+    teacher.post("/teacher/places", data={"code": ["P07"], "class_name": "2b", "course": "dentists"})
+    answer = choices(room)
+    assert re.findall(r"<h3>(.*?)</h3>", answer.text) == ["first cuts", "nurses"]
+    assert "Course: each person's own" in html.unescape(answer.text)
+    tokens = re.findall(r'name="JWT" value="([^"]+)"', answer.text)
+    chosen = [room.platform.chosen(token) for token in choices_each_once(room, tokens)]
+    assert [item.get("custom", {}).get("cutenv_task") for item in chosen] == [None, "even tissue", "liver", "knots"]
+    learner(room, **{f"{CLAIM}custom": chosen[-1]["custom"]})
+    saved(room, code, 70.0, "even tissue")
+    assert grade_of(room.lesson, code, "knots") is None
+    cut = room.store.hand_out(code, lambda _: NewCut("uniform", 5, course="nurses", task="knots"))
+    assert cut is not None
+    room.store.finish(cut.id, CutEnd(state="saved", record="y.csv", score=60.0, ended="finished", numbers={}))
+    assert grade_of(room.lesson, code, "knots") == (60, True)
+    of_another = choices(room, **{f"{CLAIM}context": {"id": "13", "label": "2b"}}).text
+    assert re.findall(r"<h3>(.*?)</h3>", of_another) == ["first cuts", "dentists"]
 
 
 def choices_each_once(room: LtiRoom, tokens: list[str]) -> list[str]:
