@@ -109,8 +109,8 @@ _MOST_ADVICE = 2  # a person attends to no more in the next cut
 _CARD_NUMBERS = ("peak_force", "largest_jump", "duration")  # as on the teacher's card of the same cut
 LONGEST_CUT = 30_000
 """Longest cut [ms]: the deadline of the task."""
-DEVICE_AIDS = frozenset(("sound", "vibration"))
-"""Ways besides the picture by which a page may tell the force."""
+DEVICE_AIDS = frozenset(("sound", "vibration", "pen", "serial"))
+"""Aids that a person may choose in the page: what tells the force besides the picture, and what else leads the hand."""
 FEWEST_MOVEMENTS = 100
 """Least number of milliseconds that makes an abandoned cut a record."""
 _OWN_WAY = 0.01  # m that a hand has to go before nobody else's goes the same way bit for bit
