@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from cutenv.classroom.class_tables import SAVED
 from cutenv.classroom.lesson import Lesson
-from cutenv.classroom.lti_members import Member, course_members
+from cutenv.classroom.lti_members import CourseMember, course_members
 from cutenv.classroom.lti_platforms import Platform
 from cutenv.classroom.lti_requests import PlatformRefused
 from cutenv.classroom.lti_tool import LtiTool
@@ -18,7 +18,7 @@ from cutenv.play.course import WARM_UP
 class RosterRow(NamedTuple):
     """Member of a course, with the number of cuts that the server saved; None of one who never entered the class."""
 
-    member: Member
+    member: CourseMember
     cuts: int | None
 
 
@@ -50,9 +50,9 @@ class CourseRoster(NamedTuple):
 
 
 NEVER_OPENED = "Nobody has opened the class from this course yet. Open it there once, as its teacher or a learner."
-"""Why the members of a course cannot be asked for: no launch has said where they are listed."""
+"""Trouble of a course whose members cannot be asked for: no launch has said where they are listed."""
 NOT_OFFERED = "The platform offers the class no list of the members of this course."
-"""Why they cannot be asked for: the launches name no list."""
+"""Trouble of a course whose members cannot be asked for: its launches name no list."""
 
 
 def course_rosters(tool: LtiTool, lesson: Lesson) -> Iterator[CourseRoster]:

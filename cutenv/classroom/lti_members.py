@@ -25,7 +25,7 @@ _RELATIONS = re.compile(r';\s*rel\s*=\s*(?:"([^"]*)"|([^\s",;]+))', re.IGNORECAS
 _LONGEST, _LONGEST_NAME, _MOST_ROLES = 255, 200, 20  # characters of an identifier and of a name; roles that are read
 
 
-class Member(NamedTuple):
+class CourseMember(NamedTuple):
     """Member of a course: the platform's identifier, name ("" if it gives none), roles in the course.
 
     ``roles`` are the last parts of the platform's identifiers, such as "Learner" and "Instructor".  ``active`` is False
@@ -47,7 +47,7 @@ class CourseMembers(NamedTuple):
     """Members of a course, and its title; ``skipped`` had no identifier or roles, and ``more`` were not asked for."""
 
     title: str
-    members: tuple[Member, ...]
+    members: tuple[CourseMember, ...]
     skipped: int
     more: bool
 
@@ -82,7 +82,7 @@ def course_members(platform: Platform, course: str, members_url: str, tokens: Ac
         If the address is none that may be asked, or the class's key cannot be read.
     """
     checked_address("members_url", members_url, local=platform.is_local)
-    place, title, found, skipped = without_query(members_url), "", dict[str, Member | None](), 0
+    place, title, found, skipped = without_query(members_url), "", dict[str, CourseMember | None](), 0
     try:
         for page in _pages(platform, members_url, tokens):
             if page is None:
@@ -109,7 +109,7 @@ def course_members(platform: Platform, course: str, members_url: str, tokens: Ac
     return CourseMembers(title, _present(found), skipped, False)
 
 
-def _present(found: Mapping[str, Member | None]) -> tuple[Member, ...]:
+def _present(found: Mapping[str, CourseMember | None]) -> tuple[CourseMember, ...]:
     return tuple(each for each in found.values() if each is not None)
 
 
@@ -151,7 +151,7 @@ def _next_page(url: str, about: Message) -> str:
     return ""
 
 
-def _member(given: Any) -> Member | None:
+def _member(given: Any) -> CourseMember | None:
     """Return a member of a list; None if it has no identifier or no roles, or a state that is not known."""
     if not isinstance(given, dict):
         return None
@@ -164,7 +164,7 @@ def _member(given: Any) -> Member | None:
     # Sub-roles, and roles in the school or the platform as a whole, say nothing about this course.
     known = (_ROLE.fullmatch(each) for each in roles[:_MOST_ROLES] if isinstance(each, str))
     in_course = dict.fromkeys(each[1] for each in known if each)
-    return Member(subject, _line(given.get("name")) or parts, tuple(in_course), status == "Active")
+    return CourseMember(subject, _line(given.get("name")) or parts, tuple(in_course), status == "Active")
 
 
 def _line(value: Any) -> str:

@@ -52,7 +52,8 @@ BEGUN = """(async () => {
 })()"""
 SAVED = """(async () => {
   const { page } = cutenvPage, there = each => document.querySelector(each);
-  while (page.busy || !there("#comments li") || !there("#history button")) await new Promise(done => setTimeout(done, 50));
+  const wait = () => new Promise(done => setTimeout(done, 50));
+  while (page.busy || !there("#comments li") || !there("#history button")) await wait();
   return Boolean(page.kept);
 })()"""
 CARD = """(async () => {
