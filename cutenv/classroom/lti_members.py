@@ -89,7 +89,7 @@ def course_members(platform: Platform, course: str, members_url: str, tokens: Ac
                 return CourseMembers(title, _present(found), skipped, True)
             given, listed = page.get("context"), page.get("members")
             context = given if isinstance(given, dict) else {}
-            if context.get("id") != course:
+            if _identifier(context.get("id")) != course:
                 raise WrongMembers(f"{place} lists the members of the course {context.get('id')!r}, not {course!r}")
             if not isinstance(listed, list):
                 raise WrongMembers(f"{place} lists no members")
@@ -155,16 +155,20 @@ def _member(given: Any) -> CourseMember | None:
     """Return a member of a list; None if it has no identifier or no roles, or a state that is not known."""
     if not isinstance(given, dict):
         return None
-    subject, roles, status = given.get("user_id"), given.get("roles"), given.get("status", "Active")
-    if not isinstance(subject, str) or not 1 <= len(subject) <= _LONGEST or not subject.isprintable():
-        return None
-    if not isinstance(roles, list) or status not in ("Active", "Inactive", "Deleted"):
+    subject, roles, status = _identifier(given.get("user_id")), given.get("roles"), given.get("status", "Active")
+    if not subject or not isinstance(roles, list) or status not in ("Active", "Inactive", "Deleted"):
         return None
     parts = " ".join(filter(None, (_line(given.get(name)) for name in ("given_name", "family_name"))))
     # Sub-roles, and roles in the school or the platform as a whole, say nothing about this course.
     known = (_ROLE.fullmatch(each) for each in roles[:_MOST_ROLES] if isinstance(each, str))
     in_course = dict.fromkeys(each[1] for each in known if each)
     return CourseMember(subject, _line(given.get("name")) or parts, tuple(in_course), status == "Active")
+
+
+def _identifier(value: Any) -> str:
+    """Return an identifier of the platform, which some write as a number; "" for none."""
+    text = str(value) if isinstance(value, int) and not isinstance(value, bool) else value
+    return text if isinstance(text, str) and len(text) <= _LONGEST and text.isprintable() else ""
 
 
 def _line(value: Any) -> str:

@@ -196,6 +196,14 @@ def test_entries_that_say_too_little_are_left_out_and_counted(room: LtiRoom) -> 
     )
 
 
+def test_identifiers_may_be_numbers(room: LtiRoom) -> None:
+    """Moodle writes those of its database, which some drivers give as numbers."""
+    room.platform.container["context"]["id"] = int(COURSE)
+    room.platform.members = [member("", user_id=7), member("", user_id=True)]
+    saved(room, learner(room, "7")[1], 70.0)
+    assert roster(room) == [("without a name, ID 7", "learner", "cuts saved: 1")]
+
+
 def test_pages_in_a_circle_and_to_another_server_end(room: LtiRoom) -> None:
     learner(room)
     room.platform.members = [member(f"u{k}") for k in range(9)]
