@@ -1,7 +1,8 @@
 """A learning platform for tests, as strict as LTI 1.3 lets one be: its own keys, launches, gradebook, on loopback.
 
-It follows 1EdTech's LTI Core 1.3, Security Framework 1.0, Deep Linking 2.0 and Assignment and Grade Services 2.0, and
-shares no code with the class: tokens are made and checked here by the arithmetic of RSA in ``cryptography``.
+It follows 1EdTech's LTI Core 1.3, Security Framework 1.0, Deep Linking 2.0, Assignment and Grade Services 2.0 and Names
+and Role Provisioning Services 2.0, and shares no code with the class: tokens are made and checked here by the
+arithmetic of RSA in ``cryptography``.
 """
 
 from __future__ import annotations
@@ -25,6 +26,9 @@ CLAIM = "https://purl.imsglobal.org/spec/lti/claim/"
 DL = "https://purl.imsglobal.org/spec/lti-dl/claim/"
 AGS = "https://purl.imsglobal.org/spec/lti-ags/claim/endpoint"
 SCORE = "https://purl.imsglobal.org/spec/lti-ags/scope/score"
+NRPS = "https://purl.imsglobal.org/spec/lti-nrps/claim/namesroleservice"
+MEMBERS = "https://purl.imsglobal.org/spec/lti-nrps/scope/contextmembership.readonly"
+CONTAINER = "application/vnd.ims.lti-nrps.v2.membershipcontainer+json"
 ROLE = "http://purl.imsglobal.org/vocab/lis/v2/membership#"
 CLIENT, DEPLOYMENT, COURSE = "cutting-class", "1", "12"
 
@@ -108,11 +112,17 @@ class LearningPlatform(ThreadingHTTPServer):
         self.tool = ""
         self.clock, self.tool_keys = clock, tool_keys
         self.signers = [FIRST]
-        self.answers: list[int | threading.Event] = []
+        self.answers: list[int | threading.Event | None] = []  # None for an answer as it is
         self.asked: list[str] = []
         self.scores: list[tuple[str, dict[str, Any]]] = []
         self.troubles: list[str] = []
-        self._tokens: set[str] = set()
+        self.scopes = {SCORE, MEMBERS}
+        self.members: list[dict[str, Any]] = []
+        self.largest_page = 2
+        self.container: dict[str, Any] = {"id": f"{self.issuer}/{COURSE}/members", "context": {"id": COURSE}}
+        self.kind = CONTAINER
+        self.next_page: Callable[[int], str] = lambda start: f"{self.members_url}&start={start}"
+        self._tokens: dict[str, str] = {}
         self._used: set[str] = set()
         self._latest: dict[tuple[str, str], str] = {}
         self._thread = threading.Thread(target=self.serve_forever, args=(0.02,), daemon=True)
@@ -134,6 +144,11 @@ class LearningPlatform(ThreadingHTTPServer):
     def line_item(self, name: str) -> str:
         """Address of a column of the gradebook; with a query, as Moodle has it."""
         return f"{self.issuer}/{COURSE}/lineitems/{name}/lineitem?type_id=1"
+
+    @property
+    def members_url(self) -> str:
+        """Address of the members of the course; with a query, as Moodle has it."""
+        return f"{self.issuer}/{COURSE}/memberships?type_id=1"
 
     def initiation(self, subject: str, target: str) -> dict[str, str]:
         """Parameters by which the platform sends a browser to the tool."""
@@ -170,6 +185,7 @@ class LearningPlatform(ThreadingHTTPServer):
             f"{CLAIM}resource_link": {"id": "7"}, f"{CLAIM}roles": [f"{ROLE}Learner"],
             f"{CLAIM}context": {"id": COURSE, "label": "SURG101", "title": "Surgery 101"},
             AGS: {"scope": [SCORE], "lineitem": self.line_item("7")},
+            NRPS: {"context_memberships_url": self.members_url, "service_versions": ["2.0"]},
         }  # fmt: skip
         return {name: value for name, value in (made | changed).items() if value is not None}
 
@@ -208,10 +224,34 @@ class LearningPlatform(ThreadingHTTPServer):
         assert claims["exp"] - claims["iat"] <= 300
         assert claims["jti"] not in self._used, "each statement holds once"
         self._used.add(claims["jti"])
-        assert form["scope"] == SCORE
+        assert form["scope"] in (SCORE, MEMBERS), "one scope, of what is needed"
+        if form["scope"] not in self.scopes:
+            return 400, {"error": "invalid_scope"}
         made = secrets.token_urlsafe(24)
-        self._tokens.add(made)
-        return 200, {"access_token": made, "token_type": "Bearer", "expires_in": 3600, "scope": SCORE}
+        self._tokens[made] = form["scope"]
+        return 200, {"access_token": made, "token_type": "Bearer", "expires_in": 3600, "scope": form["scope"]}
+
+    def list_members(self, path: str, headers: Mapping[str, str]) -> tuple[int, dict[str, Any], dict[str, str]]:
+        """A page of the members of the course: status, content and headers of the answer."""
+        kind, _, token = headers["Authorization"].partition(" ")
+        if kind != "Bearer" or token not in self._tokens:
+            return 401, {}, {}
+        if self._tokens[token] != MEMBERS:
+            return 403, {}, {}
+        if headers["Accept"] != CONTAINER:
+            return 406, {}, {}
+        place = urlsplit(path)
+        asked = dict(parse_qsl(place.query, strict_parsing=True))
+        assert place.path == f"/{COURSE}/memberships"
+        assert set(asked) <= {"type_id", "limit", "start"}, asked
+        assert asked["type_id"] == "1"
+        start, limit = int(asked.get("start", "0")), int(asked.get("limit", "1000"))
+        size = min(limit, self.largest_page)
+        sent = {"Content-Type": f"{self.kind}; charset=utf-8"}
+        links = [f'<{self.members_url}&since=1>; rel="differences"']
+        if start + size < len(self.members):
+            links.insert(0, f'<{self.next_page(start + size)}>; rel="next"')
+        return 200, self.container | {"members": self.members[start : start + size]}, sent | {"Link": ", ".join(links)}
 
     def forget_tokens(self) -> None:
         """Let every access token end."""
@@ -222,6 +262,8 @@ class LearningPlatform(ThreadingHTTPServer):
         kind, _, token = headers["Authorization"].partition(" ")
         if kind != "Bearer" or token not in self._tokens:
             return 401
+        if self._tokens[token] != SCORE:
+            return 403
         assert headers["Content-Type"] == "application/vnd.ims.lis.v1.score+json"
         place = urlsplit(path)
         column = place.path.removesuffix("/scores").removesuffix("/lineitem").rpartition("/")[2]
@@ -248,8 +290,16 @@ class PlatformAnswer(BaseHTTPRequestHandler):
     server: LearningPlatform
 
     def do_GET(self) -> None:
-        if not self._fails():
-            self._say(200, {"keys": [signer.jwk for signer in self.server.signers]} if self.path == "/jwks" else {})
+        if self._fails():
+            return
+        try:
+            if "/memberships?" in self.path:
+                self._say(*self.server.list_members(self.path, self.headers))
+            else:
+                self._say(200, {"keys": [signer.jwk for signer in self.server.signers]} if self.path == "/jwks" else {})
+        except (AssertionError, KeyError, ValueError) as error:
+            self.server.troubles.append(f"{self.path}: {error!r}")
+            self._say(400, {"error": "invalid_request"})
 
     def do_POST(self) -> None:
         content = self.rfile.read(int(self.headers["Content-Length"]))
@@ -273,12 +323,12 @@ class PlatformAnswer(BaseHTTPRequestHandler):
             self._say(planned, {})
         return isinstance(planned, int)
 
-    def _say(self, status: int, content: Mapping[str, Any]) -> None:
+    def _say(self, status: int, content: Mapping[str, Any], headers: Mapping[str, str] | None = None) -> None:
         made = json.dumps(content).encode()
         self.send_response(status)
-        self.send_header("Content-Type", "application/json")
-        self.send_header("Content-Length", str(len(made)))
-        self.send_header("Location", "http://127.0.0.1:1/elsewhere")
+        sent = {"Content-Type": "application/json", "Location": "http://127.0.0.1:1/elsewhere"} | dict(headers or {})
+        for name, value in (sent | {"Content-Length": str(len(made))}).items():
+            self.send_header(name, value)
         self.end_headers()
         self.wfile.write(made)
 

@@ -64,7 +64,7 @@ OFFERED_LINES = ("arc", "s", "excision", "random")
 _HERE = Path(__file__).parent / "page"
 _SCRIPTS = (
     "law.js", "words.js", "depth.js", "path.js", "record.js", "score.js", "platform.js", "scene.js", "plan.js",
-    "drawing.js", "replay.js", "hand.js", "aids.js", "page.js",
+    "drawing.js", "replay.js", "hand.js", "serial.js", "aids.js", "page.js",
 )  # fmt: skip
 _TIPS = 61  # positions of the tip for which the page holds the field; between them it is interpolated
 

@@ -91,6 +91,14 @@ LTI_GRADES = Table(  # where a person's grades go, and how far they have gone
     Column("since", String(32)),  # when it was sent
     Column("trouble", String(300), nullable=False),
 )
+LTI_COURSES = Table(  # courses of platforms whose teachers teach here, and where their members are listed
+    "lti_courses",
+    CLASS_METADATA,
+    Column("issuer", String(255), primary_key=True),
+    Column("client_id", String(255), primary_key=True),
+    Column("course", String(255), primary_key=True),
+    Column("members_url", String(1000), nullable=False),  # "" if the platform offers no list
+)
 LTI_NONCES = Table(  # launches that were used, until they are too old anyway
     "lti_nonces",
     CLASS_METADATA,

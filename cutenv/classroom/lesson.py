@@ -109,8 +109,8 @@ _MOST_ADVICE = 2  # a person attends to no more in the next cut
 _CARD_NUMBERS = ("peak_force", "largest_jump", "duration")  # as on the teacher's card of the same cut
 LONGEST_CUT = 30_000
 """Longest cut [ms]: the deadline of the task."""
-DEVICE_AIDS = frozenset(("sound", "vibration"))
-"""Ways besides the picture by which a page may tell the force."""
+DEVICE_AIDS = frozenset(("sound", "vibration", "pen", "serial"))
+"""Aids that a person may choose in the page: what tells the force besides the picture, and what else leads the hand."""
 FEWEST_MOVEMENTS = 100
 """Least number of milliseconds that makes an abandoned cut a record."""
 _OWN_WAY = 0.01  # m that a hand has to go before nobody else's goes the same way bit for bit
@@ -511,6 +511,12 @@ class Lesson:
         made = TASKS[task.task].hand(**_key(cut), **task.of_line, tissue=self.tissue)
         readings = made.follow(self._movements(cut))
         return way_of(readings, dict(zip(made.channel_fields, made.channels, strict=True)))
+
+    def courses_open_to(self, class_name: str) -> list[Course]:
+        """Return the courses that people of a class go through: that of everybody, then further ones given there."""
+        keys = {place.course for place in self.store.places().values() if place.class_name == class_name}
+        main = [] if self.course is None else [self.course]
+        return main + [course for key, course in self.courses.further().items() if key in keys]
 
     @property
     def kinds(self) -> tuple[str, ...]:

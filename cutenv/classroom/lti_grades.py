@@ -7,27 +7,25 @@ import sys
 import threading
 import time
 from typing import NamedTuple
-from urllib.parse import urlencode, urlsplit
+from urllib.parse import urlsplit
 
 from sqlalchemy.exc import SQLAlchemyError
 
 from cutenv.classroom.class_tables import SAVED
 from cutenv.classroom.lesson import Lesson
-from cutenv.classroom.lti_keys import ToolKey
 from cutenv.classroom.lti_people import GradeRow, LtiPeople
 from cutenv.classroom.lti_platforms import Platform, PlatformFile, checked_address
-from cutenv.classroom.lti_requests import PlatformRefused, PlatformUnreachable, asked, asked_for_json
+from cutenv.classroom.lti_requests import PlatformRefused, PlatformUnreachable, asked
+from cutenv.classroom.lti_tokens import AccessTokens
 from cutenv.play.course_progress import GIVEN_UP
 
 SCORE_SCOPE = "https://purl.imsglobal.org/spec/lti-ags/scope/score"
-"""Scope of the Assignment and Grade Services that the class asks for, and no other."""
+"""Scope of the Assignment and Grade Services that the class asks for, and no other of them."""
 HIGHEST_GRADE = 100
 """Highest grade."""
 _EVERY, _SLOWEST = 2.0, 600.0  # [s] between two looks; at most so long after failures of a platform
 _HELD_BACK = 60.0  # [s] after which a grade that waits for the end of a course is looked at again
 _REFUSED_FOR_GOOD = (400, 403, 404, 405, 409, 410, 413, 415, 422)  # what another attempt would not change
-_ASSERTED, _EARLY = 120, 30.0  # [s] for which a statement to the platform holds; by which a token is renewed early
-_ASSERTION_TYPE = "urn:ietf:params:oauth:client-assertion-type:jwt-bearer"
 
 
 class Grade(NamedTuple):
@@ -82,8 +80,8 @@ class GradeCourier:
         People and places of grades.
     file : PlatformFile
         The platforms.
-    key : ToolKey
-        Key of the class.
+    tokens : AccessTokens
+        Access tokens of the platforms.
     said : str
         Comment on each grade; ``{code}`` stands for the code of the person.
 
@@ -94,13 +92,12 @@ class GradeCourier:
     """
 
     def __init__(
-        self, lesson: Lesson, people: LtiPeople, file: PlatformFile, key: ToolKey, said: str = "{code}"
+        self, lesson: Lesson, people: LtiPeople, file: PlatformFile, tokens: AccessTokens, said: str = "{code}"
     ) -> None:
-        self._lesson, self._people, self._file, self._key, self._said = lesson, people, file, key, said
+        self._lesson, self._people, self._file, self._tokens, self._said = lesson, people, file, tokens, said
         self.troubles: dict[tuple[str, str], str] = {}
         self._waits: dict[tuple[str, str], tuple[float, float]] = {}  # how long, and until when
         self._held: dict[tuple[str, str], tuple[int, float]] = {}  # of which cuts, and until when
-        self._tokens: dict[tuple[str, str], tuple[str, float]] = {}
         self._end = threading.Event()
         self._thread = threading.Thread(target=self._run, name="grades", daemon=True)
 
@@ -161,7 +158,7 @@ class GradeCourier:
             self._send(platform, row, grade)
         except PlatformRefused as error:
             if error.status == 401:  # the next attempt asks for a new token
-                self._tokens.pop(key, None)
+                self._tokens.forget(platform, SCORE_SCOPE)
             if error.status not in _REFUSED_FOR_GOOD:
                 return self._failed(key, str(error))
             self._people.refused(row, str(error))
@@ -179,7 +176,10 @@ class GradeCourier:
         self.troubles[key] = trouble
 
     def _send(self, platform: Platform, row: GradeRow, grade: Grade) -> None:
-        token = self._token(platform)
+        try:
+            token = self._tokens.find(platform, SCORE_SCOPE)
+        except PlatformRefused as error:  # of every person's grade, and so not for good
+            raise PlatformUnreachable(str(error)) from None
         place = urlsplit(row.line_item)
         url = place._replace(path=f"{place.path.rstrip('/')}/scores", fragment="").geturl()
         content = {
@@ -193,28 +193,3 @@ class GradeCourier:
         }
         headers = {"Authorization": f"Bearer {token}", "Content-Type": "application/vnd.ims.lis.v1.score+json"}
         asked(url, json.dumps(content).encode(), headers)
-
-    def _token(self, platform: Platform) -> str:
-        """Return an access token of a platform, by a statement that the class's key signs."""
-        token, until = self._tokens.get(platform.key, ("", 0.0))
-        if time.monotonic() < until:
-            return token
-        claims = {"iss": platform.client_id, "sub": platform.client_id}
-        audience = platform.token_audience or platform.token_url
-        form = {
-            "grant_type": "client_credentials",
-            "client_assertion_type": _ASSERTION_TYPE,
-            "client_assertion": self._key.signed(claims, audience, self._lesson.store.clock(), _ASSERTED),
-            "scope": SCORE_SCOPE,
-        }
-        headers = {"Content-Type": "application/x-www-form-urlencoded"}
-        try:
-            answer = asked_for_json(platform.token_url, urlencode(form).encode(), headers)
-        except PlatformRefused as error:  # of every person's grade, and so not for good
-            raise PlatformUnreachable(str(error)) from None
-        given, lasts = answer.get("access_token"), str(answer.get("expires_in"))
-        if not isinstance(given, str) or not (given and given.isascii() and given.isprintable()):
-            raise PlatformUnreachable(f"{platform.token_url} gives no access token")
-        seconds = float(lasts[:9]) if lasts.isascii() and lasts.isdecimal() else 60.0
-        self._tokens[platform.key] = (given, time.monotonic() + max(0.0, seconds - _EARLY))
-        return given

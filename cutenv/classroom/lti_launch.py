@@ -25,10 +25,11 @@ RESOURCE_LINK, DEEP_LINKING = "LtiResourceLinkRequest", "LtiDeepLinkingRequest"
 """Messages that are taken."""
 _CLAIM = "https://purl.imsglobal.org/spec/lti/claim/"
 _AGS = "https://purl.imsglobal.org/spec/lti-ags/claim/endpoint"
+_NRPS = "https://purl.imsglobal.org/spec/lti-nrps/claim/namesroleservice"
 _DL = "https://purl.imsglobal.org/spec/lti-dl/claim/"
 _ROLE = "http://purl.imsglobal.org/vocab/lis/v2/membership#"
 _LEARNER, _INSTRUCTOR = f"{_ROLE}Learner", f"{_ROLE}Instructor"
-_VERSION = "1.3.0"
+_VERSION, _MEMBERS_VERSION = "1.3.0", "2.0"
 _SKEW, _OLDEST = 60.0, 600.0  # [s] by which clocks may differ; since a launch was made
 _STATE = re.compile(r"[0-9a-f]{64}")
 _TASK = "cutenv_task"  # custom parameter of a link
@@ -74,9 +75,23 @@ class Launch:
         return _text(self._part("context").get("id"))
 
     @property
+    def class_name(self) -> str:
+        """Short name of the platform's course, by which its people are a class; "" if there is none that fits."""
+        return _text(self._part("context").get("label"), 32).strip()
+
+    @property
     def may_teach(self) -> bool:
         """True if the person is an instructor of a course whose instructors are let into the teacher's pages."""
         return self.is_instructors and bool(self.course) and self.course in self.platform.teacher_courses
+
+    @property
+    def members_url(self) -> str:
+        """Address at which the platform lists the members of the course; "" if it offers no list."""
+        offered = _table(self.claims.get(_NRPS))
+        versions = offered.get("service_versions")
+        if not isinstance(versions, list) or _MEMBERS_VERSION not in versions:
+            return ""
+        return _text(offered.get("context_memberships_url"), 1000)
 
     def _part(self, name: str) -> Mapping[str, Any]:
         return _table(self.claims.get(f"{_CLAIM}{name}"))
@@ -99,7 +114,7 @@ class Launch:
             client_id=self.platform.client_id,
             deployment=self.claims[f"{_CLAIM}deployment_id"],
             subject=self.claims["sub"],
-            class_name=_text(self._part("context").get("label"), 32).strip(),
+            class_name=self.class_name,
             line_item=line_item,
             task=_text(self._part("custom").get(_TASK), 200),
         )

@@ -16,6 +16,7 @@ from starlette.routing import Route
 
 from cutenv.browser.page_alone import script_digest
 from cutenv.classroom.class_site import LAUNCH_PATHS, ClassSite, text_of
+from cutenv.classroom.course_roster import course_rosters
 from cutenv.classroom.host_names import is_loopback
 from cutenv.classroom.lti_keys import BadToken
 from cutenv.classroom.lti_launch import Launch, RefusedLaunch
@@ -67,6 +68,7 @@ class LtiPages:
             Route("/lti/agree", framed(self.agree), methods=["POST"]),
             Route("/lti/jwks", self.jwks, methods=["GET"]),
             route("GET", "/teacher/platforms", self.platforms), route("POST", "/teacher/platforms", self.register),
+            route("GET", "/teacher/members", self.members),
         ]  # fmt: skip
 
     def _framed(self, answer: Callable[[Request], Awaitable[Response]]) -> Callable[[Request], Awaitable[Response]]:
@@ -139,6 +141,8 @@ class LtiPages:
         return answer
 
     def _let_in(self, launch: Launch, launch_url: str) -> Response:
+        if launch.course and launch.course in launch.platform.teacher_courses:  # of no other one are members shown
+            self._tool.people.note_members_url(*launch.platform.key, launch.course, launch.members_url)
         if launch.is_choice:
             return self._choice(launch, launch_url)
         if launch.may_teach:
@@ -180,15 +184,21 @@ class LtiPages:
         return self._signed_in(code)
 
     def _choice(self, launch: Launch, launch_url: str) -> Response:
-        """Return the page on which an instructor chooses the course or one of its tasks."""
-        address, course = launch.return_url, self._lesson.course
+        """Return the page on which an instructor chooses the course or a task of one that is open to the class."""
+        address, courses = launch.return_url, self._lesson.courses_open_to(launch.class_name)
         name = partial(course_name, self._site.language)
-        titles = {"": self._site.title if course is None else name(course.name)}
-        titles |= {each.name: name(each.name) for each in (() if course is None else course.tasks)}
+        titles = {"": name(courses[0].name) if len(courses) == 1 else self._site.title}
+        titles |= {each.name: name(each.name) for course in courses for each in course.tasks}
         answers = launch.choices(self._tool.key, launch_url, titles, self._lesson.store.clock())
         origin = "{0.scheme}://{0.netloc}".format(urlsplit(address))
         return self._page(
-            "lti_choose.html", form=origin, origin=origin, address=address, answers=answers, titles=titles
+            "lti_choose.html",
+            form=origin,
+            origin=origin,
+            address=address,
+            answers=answers,
+            titles=titles,
+            courses=[(name(course.name), [each.name for each in course.tasks]) for course in courses],
         )
 
     async def jwks(self, request: Request) -> Response:
@@ -208,6 +218,14 @@ class LtiPages:
             rows=self._tool.people.grades(), filled=filled, trouble=trouble, troubles=self._tool.troubles(),
             fields=_FIELDS, safe=safe, addresses={name: base + path for name, path in paths.items()},
         )  # fmt: skip
+
+    async def members(self, request: Request) -> Response:
+        """Show who of the platforms' courses has cut, and who not yet, by the names that the platforms give now."""
+        return await self._in_thread(self._members)
+
+    def _members(self) -> Response:
+        rosters = list(course_rosters(self._tool, self._lesson))
+        return self._site.page("lti_members.html", root="../", rosters=rosters)
 
     async def register(self, request: Request) -> Response:
         """Add or remove a platform, or send grades again that were refused."""

@@ -11,7 +11,7 @@ from sqlalchemy import ColumnElement, delete, func, insert, select, update
 from sqlalchemy.exc import IntegrityError
 
 from cutenv.classroom.class_store import ClassStore
-from cutenv.classroom.class_tables import CUTS, LTI_GRADES, LTI_NONCES, LTI_PEOPLE, SAVED
+from cutenv.classroom.class_tables import CUTS, LTI_COURSES, LTI_GRADES, LTI_NONCES, LTI_PEOPLE, SAVED
 
 _LONGEST_TROUBLE = 300
 _REMEMBERED = timedelta(hours=2)  # longer than any launch is accepted
@@ -80,6 +80,30 @@ class LtiPeople:
         """Return the code of a person, None of one who was not here before."""
         with self._store.engine.begin() as connection:
             return connection.execute(select(LTI_PEOPLE.c.code).where(_is(learner))).scalar_one_or_none()
+
+    def codes(self, issuer: str) -> dict[str, list[str]]:
+        """Return the codes of everybody from a platform, by the platform's identifier of the person."""
+        mine = select(LTI_PEOPLE.c.subject, LTI_PEOPLE.c.code).where(LTI_PEOPLE.c.issuer == issuer)
+        found: dict[str, list[str]] = {}
+        with self._store.engine.begin() as connection:
+            for subject, code in connection.execute(mine.order_by(LTI_PEOPLE.c.code)):
+                found.setdefault(subject, []).append(code)
+        return found
+
+    def note_members_url(self, issuer: str, client_id: str, course: str, members_url: str) -> None:
+        """Note where a platform lists the members of a course, "" if it offers no list."""
+        values = {"issuer": issuer, "client_id": client_id, "course": course, "members_url": members_url}
+        if self.members_url(issuer, client_id, course) == members_url:
+            return
+        with suppress(IntegrityError), self._store.engine.begin() as connection:  # another launch at this moment
+            connection.execute(delete(LTI_COURSES).where(_is_course(issuer, client_id, course)))
+            connection.execute(insert(LTI_COURSES).values(**values))
+
+    def members_url(self, issuer: str, client_id: str, course: str) -> str | None:
+        """Return where a platform lists the members of a course; "" for nowhere, None before the first launch."""
+        wanted = select(LTI_COURSES.c.members_url).where(_is_course(issuer, client_id, course))
+        with self._store.engine.begin() as connection:
+            return connection.execute(wanted).scalar_one_or_none()
 
     def enter(self, learner: Learner) -> str:
         """Return a person's code, made for the first time, and note where the grade goes."""
@@ -170,6 +194,10 @@ def _is(learner: Learner) -> ColumnElement[bool]:
         & (LTI_PEOPLE.c.deployment == learner.deployment)
         & (LTI_PEOPLE.c.subject == learner.subject)
     )
+
+
+def _is_course(issuer: str, client_id: str, course: str) -> ColumnElement[bool]:
+    return (LTI_COURSES.c.issuer == issuer) & (LTI_COURSES.c.client_id == client_id) & (LTI_COURSES.c.course == course)
 
 
 def _written(moment: datetime) -> str:

@@ -8,6 +8,7 @@ import time
 import urllib.error
 import urllib.request
 from collections.abc import Mapping
+from email.message import Message
 from typing import Any
 
 from cutenv.classroom.xapi_statements import NoRedirects
@@ -24,12 +25,12 @@ class PlatformRefused(PlatformUnreachable):
     """A platform that answers with an error; ``status`` is that of HTTP."""
 
     def __init__(self, url: str, status: int) -> None:
-        super().__init__(f"{_place(url)} answers {status}")
+        super().__init__(f"{without_query(url)} answers {status}")
         self.status = status
 
 
-def asked(url: str, content: bytes | None = None, headers: Mapping[str, str] | None = None) -> bytes:
-    """Return a platform's answer to a request: POST with ``content``, and GET without.
+def asked(url: str, content: bytes | None = None, headers: Mapping[str, str] | None = None) -> tuple[bytes, Message]:
+    """Return a platform's answer to a request and its headers: POST with ``content``, and GET without.
 
     Raises
     ------
@@ -46,10 +47,10 @@ def asked(url: str, content: bytes | None = None, headers: Mapping[str, str] | N
             while part := answer.read1(65_536):
                 found += part
                 if len(found) > _LARGEST:
-                    raise PlatformUnreachable(f"{_place(url)} answers with more than {_LARGEST // 1024} kB")
+                    raise PlatformUnreachable(f"{without_query(url)} answers with more than {_LARGEST // 1024} kB")
                 if time.monotonic() > ends:
-                    raise PlatformUnreachable(f"{_place(url)} takes longer than {_WITHIN:g} s to answer")
-            return found
+                    raise PlatformUnreachable(f"{without_query(url)} takes longer than {_WITHIN:g} s to answer")
+            return found, answer.headers
     except urllib.error.HTTPError as error:
         with error:
             raise PlatformRefused(url, error.code) from None
@@ -57,20 +58,25 @@ def asked(url: str, content: bytes | None = None, headers: Mapping[str, str] | N
         raise
     except (OSError, ValueError, http.client.HTTPException) as error:
         reason = getattr(error, "reason", None) or error
-        raise PlatformUnreachable(f"{_place(url)} cannot be reached ({reason})") from None
+        raise PlatformUnreachable(f"{without_query(url)} cannot be reached ({reason})") from None
 
 
 def asked_for_json(url: str, content: bytes | None = None, headers: Mapping[str, str] | None = None) -> dict[str, Any]:
     """Return the JSON object of a platform's answer; PlatformUnreachable as :func:`asked`, and if it is none."""
+    return json_object(url, asked(url, content, {"Accept": "application/json", **(headers or {})})[0])
+
+
+def json_object(url: str, content: bytes) -> dict[str, Any]:
+    """Return the JSON object that an answer holds; PlatformUnreachable if it is none."""
     try:
-        found = json.loads(asked(url, content, {"Accept": "application/json", **(headers or {})}))
+        found = json.loads(content)
     except (ValueError, RecursionError):
         found = None
     if not isinstance(found, dict):
-        raise PlatformUnreachable(f"{_place(url)} does not answer with a JSON object")
+        raise PlatformUnreachable(f"{without_query(url)} does not answer with a JSON object")
     return found
 
 
-def _place(url: str) -> str:
+def without_query(url: str) -> str:
     """Return an address without its query, which may hold personal data."""
     return url.partition("?")[0]

@@ -9,6 +9,7 @@ from cutenv.classroom.lti_keys import KEY_FILE, ToolKey
 from cutenv.classroom.lti_launch import LaunchDoor
 from cutenv.classroom.lti_people import LtiPeople
 from cutenv.classroom.lti_platforms import PLATFORMS_FILE, PlatformFile
+from cutenv.classroom.lti_tokens import AccessTokens
 
 
 class LtiTool:
@@ -31,6 +32,8 @@ class LtiTool:
         People whom the platforms have sent.
     door : LaunchDoor
         Where launches come in.
+    tokens : AccessTokens
+        Access tokens of the platforms.
     grades : GradeCourier
         Who sends grades.
     """
@@ -41,8 +44,9 @@ class LtiTool:
         self.key = ToolKey(folder / KEY_FILE)
         self.people = LtiPeople(lesson.store)
         self.door = LaunchDoor(self.file, self.people, lesson.store.clock)
+        self.tokens = AccessTokens(self.key, lesson.store.clock)
         said = texts_by_key(language)["grade_comment"]
-        self.grades = GradeCourier(lesson, self.people, self.file, self.key, said)
+        self.grades = GradeCourier(lesson, self.people, self.file, self.tokens, said)
 
     def troubles(self) -> list[str]:
         """Return what keeps grades from the platforms now."""

@@ -49,7 +49,8 @@ def studied_cuts(arguments: argparse.Namespace, rows: Sequence[OperatorRow] | No
     Raises
     ------
     ValueError, OSError
-        If the options are invalid, a record is bad or not to be found, or records and operators do not fit.
+        If the options are invalid, a record is bad or not to be found, records and operators do not fit, or all cuts
+        were made for practice.
     """
     reference, length = reference_set(arguments.reference), target_length(arguments)
     records = read_records(arguments)
@@ -61,6 +62,7 @@ def studied_cuts(arguments: argparse.Namespace, rows: Sequence[OperatorRow] | No
         pairs = sorted(zip(recorded, range(len(recorded)), strict=True), key=lambda pair: pair[0].order)
     else:
         pairs = assigned([row for row in rows if row.record], records, arguments.operators)
+    pairs = _that_count(pairs, records.traces)
     cuts = [
         StudiedCut(
             card=score(
@@ -79,6 +81,24 @@ def studied_cuts(arguments: argparse.Namespace, rows: Sequence[OperatorRow] | No
     ]
     _print_doubts([cut.card for cut in cuts])
     return StudiedRecords(cuts, records.refused, _left(rows or (), [row for row, _ in pairs]))
+
+
+def _that_count(pairs: Sequence[tuple[OperatorRow, int]], traces: Sequence[Trace]) -> list[tuple[OperatorRow, int]]:
+    """Return the cuts that were not made for practice; print how many were, and raise ValueError if all were."""
+    counted = [pair for pair in pairs if traces[pair[1]].metadata.get("practice") is not True]
+    count = len(pairs) - len(counted)
+    if pairs and not counted:
+        raise ValueError(
+            f"all {count} cuts were made for practice (practice: true in their records): warm-up cuts of a course, or "
+            "cuts with the tip shown. Give cuts that count, too."
+        )
+    if count:
+        print(
+            f"note: left out: {count} of {len(pairs)} cuts, made for practice (practice: true in their records): "
+            "warm-up cuts of a course, or cuts with the tip shown",
+            file=sys.stderr,
+        )
+    return counted
 
 
 def _by_hand(trace: Trace, operator: str) -> Trace:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from cutenv.classroom.class_server import class_app
 from cutenv.classroom.class_site import ClassSite
 from cutenv.play.course import course_of
 from scripts import test_programs
+from scripts.validation.classroom.class_load import Served
 
 pytestmark = pytest.mark.needs("chromium")
 CUTTING = ("cut", "card of a cut")
@@ -47,6 +49,12 @@ READY = """(async () => {
 BEGUN = """(async () => {
   await cutenvPage.start();
   while (cutenvPage.page.phase !== "cutting") await new Promise(done => setTimeout(done, 50));
+})()"""
+SAVED = """(async () => {
+  const { page } = cutenvPage, there = each => document.querySelector(each);
+  const wait = () => new Promise(done => setTimeout(done, 50));
+  while (page.busy || !there("#comments li") || !there("#history button")) await wait();
+  return Boolean(page.kept);
 })()"""
 CARD = """(async () => {
   const { page, start } = cutenvPage;
@@ -103,6 +111,44 @@ def test_axe_finds_nothing_serious(browser: Any, pages: dict[str, Path], name: s
         opened(browser, pages, name, 1100, dark=dark)
         browser.value(axe.read_text(encoding="utf-8") + ";0")
         assert browser.value(FOUND) == [], f"dark: {dark}"
+
+
+class Address:
+    """An address, where the browser's driver wants a path."""
+
+    def __init__(self, address: str) -> None:
+        self._address = address
+
+    def as_uri(self) -> str:
+        return self._address
+
+
+@pytest.mark.needs("axe-core")
+@pytest.mark.parametrize("language", ["en", "de"])
+@pytest.mark.parametrize("dark", [False, True])
+def test_axe_finds_nothing_serious_on_the_served_page_that_cuts(
+    browser: Any, tmp_path: Path, language: str, dark: bool
+) -> None:
+    """Before the cut and after it, with card, history and comment; with a handle on a serial port."""
+    axe = test_programs.axe_core()
+    assert axe is not None
+    with Served(tmp_path / "class", "--language", language) as served:
+        teacher = served.client()
+        teacher.post("teacher", data={"token": served.token})
+        teacher.post("teacher/codes", data={"count": "1"})
+        (code,) = set(re.findall(r"people/(\w+)", teacher.get("teacher").text))
+        teacher.post(f"teacher/people/{code}/comment", data={"said": "Slower before the target."})
+        for name, value in served.person(code).cookies.items():
+            browser.tell("Network.setCookie", name=name, value=value, url=served.address)
+        browser.open(Address(f"{served.address}cut"), 1100, dark=dark)
+        browser.value(READY)
+        assert browser.value("document.documentElement.lang") == language
+        browser.value(axe.read_text(encoding="utf-8") + ";0")
+        browser.value("void (document.getElementById('serial').hidden = false)")
+        assert browser.value(FOUND) == []
+        assert browser.value(CARD) is False
+        assert browser.value(SAVED) is True
+        assert browser.value(FOUND) == []
 
 
 @pytest.mark.parametrize("width", [390, 1280])

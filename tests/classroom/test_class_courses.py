@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import io
 import re
 import zipfile
@@ -15,11 +16,12 @@ pytest.importorskip("httpx2", reason="asks the server in its tests: pip install 
 
 from class_room import Room, begun, cut_once, sent, to_the_end
 
+from cutenv import cli
 from cutenv.browser import HandCut
 from cutenv.browser.watched_cut import from_runs
 from cutenv.classroom import ClassStore, Lesson
 from cutenv.classroom.class_backup import restore_backup, write_backup
-from cutenv.play.course import course_of
+from cutenv.play.course import WARM_UP, course_of
 from cutenv.recording import load_one
 
 FIRST = {"name": "surgeons", "0-name": "liver first", "0-specimen_class": "liver", "do": "keep"}
@@ -196,6 +198,38 @@ def test_warm_up_cuts_come_first_and_count_for_nothing(two: Room) -> None:
     assert "warm-up" in words(teacher.get("/teacher/people/P01").text)
     refused = teacher.post("/teacher/studies", data={"class": "", "kind": "study"})
     assert refused.status_code == 422, "there is no cut but warm-ups"
+
+
+def test_a_study_of_an_export_leaves_warm_ups_out_and_says_so_once(
+    two: Room, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    teacher = two.teacher()
+    course = FIRST | {"0-specimen_class": "uniform", "0-repetitions": "2", "warm_up": "1", "demonstration": "yes"}
+    assert teacher.post("/teacher/course", data=course).status_code == 303
+    for code in ("P01", "P02"):
+        person = two.person(code)
+        assert person.get("/demonstration").status_code == 200
+        for _ in range(3):
+            cut_once(person, to_the_end())
+    folder = tmp_path / "export"
+    with zipfile.ZipFile(io.BytesIO(teacher.get("/teacher/records.zip").content)) as archive:
+        archive.extractall(folder)
+    records = sorted(folder.rglob("P0*/*.csv"))
+    assert len(records) == 6, "a demonstration is nobody's record"
+    cards = tmp_path / "study.csv"
+    assert (
+        cli.main(["study", *map(str, records), "--metric", "peak_force", "--out", str(cards.with_suffix(".html"))]) == 0
+    )
+    said = capsys.readouterr()
+    assert said.err.count("note: left out: 2 of 6 cuts, made for practice (practice: true in their records)") == 1
+    with cards.open(newline="", encoding="utf-8") as file:
+        studied = [(row["operator"], row["number"], row["record"]) for row in csv.DictReader(file)]
+    counted = {str(trace.metadata["name"]) for trace in map(load_one, records) if trace.metadata["task"] != WARM_UP}
+    assert [each[:2] for each in studied] == [("P01", "1"), ("P01", "2"), ("P02", "1"), ("P02", "2")]
+    assert {each[2] for each in studied} == counted
+    warm_ups = [str(path) for path in records if load_one(path).metadata["task"] == WARM_UP]
+    assert cli.main(["study", *warm_ups]) == 2
+    assert "all 2 cuts were made for practice" in capsys.readouterr().err
 
 
 def test_a_course_shows_a_cut_before_the_first_one(two: Room) -> None:

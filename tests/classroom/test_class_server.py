@@ -32,6 +32,18 @@ from cutenv.scoring import score
 from cutenv.tissue import measured_liver
 
 
+def test_what_told_the_force_and_led_the_hand_stands_in_the_record(room: Room) -> None:
+    client = room.person("P07")
+    for aids, noted in (("serial,pen,made up,sound", ["pen", "serial", "sound"]), ("", None)):
+        handed_out, stylus = begun(client), hand()
+        made = HandCut(specimen_class=handed_out["specimen_class"], seed=handed_out["seed"])
+        told = message(made, stylus)
+        told["headers"]["X-Aids"] = aids
+        assert client.post(f"/cuts/{handed_out['id']}", **told).status_code == 200
+        trace, _ = room.lesson.scored(room.store.cuts("P07")[-1])
+        assert trace.metadata.get("device_aids") == noted
+
+
 def test_a_cut_is_repeated_scored_and_kept(room: Room) -> None:
     client, stylus = room.person("P07"), hand()
     answer, handed_out = cut_once(client, stylus)

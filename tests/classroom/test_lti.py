@@ -21,6 +21,7 @@ pytest.importorskip("joserfc", reason="learning platforms are an extra: pip inst
 
 from class_room import CLOCK, TOKEN, Room, cut_once, there_and_back
 from lti_platform import AGS, CLAIM, CLIENT, COURSE, DEPLOYMENT, DL, FIRST, ROLE, SCORE, LearningPlatform, Signer
+from lti_room import AT, LtiRoom, enter, hidden, launched, learner, said, saved, sent_there
 from starlette.testclient import TestClient
 
 from cutenv.browser import HandCut
@@ -29,16 +30,14 @@ from cutenv.classroom.class_backup import restore_backup, write_backup
 from cutenv.classroom.class_server import class_app
 from cutenv.classroom.class_site import ClassSite
 from cutenv.classroom.class_store import CutEnd, NewCut
-from cutenv.classroom.lesson import name_of
 from cutenv.classroom.lti_grades import grade_of
 from cutenv.classroom.lti_people import Learner
 from cutenv.classroom.lti_platforms import PLATFORMS_FILE, platform_of, platforms_toml, read_platforms
 from cutenv.classroom.lti_tool import LtiTool
 from cutenv.classroom.xapi_statements import Courier, StatementQueue
 from cutenv.commands.serve import main
-from cutenv.play.course import WARM_UP
+from cutenv.play.course import WARM_UP, course_of
 
-AT = "http://127.0.0.1"
 COURSE_FILE = """name = "first cuts"
 [[task]]
 name = "even tissue"
@@ -49,30 +48,6 @@ name = "liver"
 specimen_class = "liver"
 feedback = "{feedback}"
 """
-
-
-class LtiRoom(Room):
-    """A class that is registered with a platform."""
-
-    def __init__(
-        self, folder: Path, course: str | None = None, language: str = "en", known: LearningPlatform | None = None
-    ) -> None:
-        super().__init__(folder, course)
-        self.tool = LtiTool(self.lesson, language)
-        self.app = class_app(ClassSite(lesson=self.lesson, secret=TOKEN, language=language, lti=self.tool))
-        self.platform = known or LearningPlatform(CLOCK, lambda: self.client().get("/lti/jwks").json())
-        if known is None:
-            self.register()
-
-    def register(self, **changed: Any) -> None:
-        self.tool.file.add(platform_of(self.platform.registration | changed))
-
-    def client(self) -> TestClient:
-        return TestClient(self.app, base_url=AT, follow_redirects=False)
-
-    def close(self) -> None:
-        self.platform.close()
-        self.lesson.close()
 
 
 @pytest.fixture
@@ -90,57 +65,6 @@ def in_course(tmp_path: Path) -> Iterator[LtiRoom]:
     yield made
     assert not made.platform.troubles
     made.close()
-
-
-def sent_there(room: LtiRoom, client: TestClient, subject: str = "u1", path: str = "/lti/launch") -> dict[str, str]:
-    """Begin in the platform, up to its page that sends the launch: state and nonce."""
-    answer = client.get("/lti/login", params=room.platform.initiation(subject, AT + path))
-    assert answer.status_code == 303, answer.text
-    return room.platform.authorized(answer.headers["Location"], subject, f"{AT}/lti/launch")
-
-
-def hidden(text: str) -> dict[str, str]:
-    found = re.findall(r'<input type="hidden" name="(\w+)" value="([^"]*)">', text)
-    return {name: html.unescape(value) for name, value in found}
-
-
-def enter(client: TestClient, token: str, state: str) -> Any:
-    """Send a launch as the platform's page does, and once more as the class's page then does."""
-    by_platform = {"Origin": "https://moodle.school.example"}
-    page = client.post("/lti/launch", data={"id_token": token, "state": state}, headers=by_platform)
-    assert page.status_code == 200
-    assert hidden(page.text) == {"id_token": token, "state": state}
-    return client.post("/lti/enter", data=hidden(page.text), headers={"Origin": AT})
-
-
-def launched(room: LtiRoom, client: TestClient, subject: str = "u1", **changed: Any) -> Any:
-    asked = sent_there(room, client, subject)
-    claims = room.platform.claims(asked["nonce"], subject, **changed)
-    return enter(client, room.platform.signers[-1].token(claims), asked["state"])
-
-
-def learner(room: LtiRoom, subject: str = "u1", **changed: Any) -> tuple[TestClient, str]:
-    """Somebody who came from the platform and agreed, and the code."""
-    client = room.client()
-    answer = launched(room, client, subject, **changed)
-    if answer.status_code == 200:
-        answer = client.post("/lti/agree", data=hidden(answer.text) | {"consent": "yes"})
-    assert (answer.status_code, answer.headers["Location"]) == (303, "../cut")
-    return client, re.findall(r'"whose">([A-Z0-9]+)|>([A-Z]{3}\d{6})<', client.get("/cut").text)[0][1]
-
-
-def saved(room: LtiRoom, code: str, score: float | None, task: str = "", **end: Any) -> None:
-    """Note a cut as saved, as the server does after it has confirmed it."""
-    course = name_of(room.lesson.course)
-    cut = room.store.hand_out(code, lambda _: NewCut("uniform", 5, course=course, task=task))
-    assert cut is not None
-    ended = {"ended": "finished", "numbers": {"overall_score": score or 0.0}} | end
-    assert room.store.finish(cut.id, CutEnd(**{"state": "saved", "record": "x.csv", "score": score} | ended))
-
-
-def said(answer: Any) -> str:
-    (found,) = re.findall(r'<p class="trouble" role="alert">(.*?)</p>', answer.text)
-    return html.unescape(found)
 
 
 # Launches
@@ -598,6 +522,34 @@ def test_an_instructor_chooses_the_course_or_a_task_and_its_link_has_that_grade(
     assert (row.code, row.task) == (code, "liver")
 
 
+def test_a_choice_lists_the_courses_that_are_open_to_the_class_and_no_other(in_course: LtiRoom) -> None:
+    room, teacher = in_course, in_course.teacher()
+    _, code = learner(room)
+    assert room.store.places()[code].class_name == "SURG101"
+    for name, task in (("nurses", "knots"), ("dentists", "gums")):
+        content = {"name": name, "task": [{"name": task, "specimen_class": "uniform"}]}
+        room.lesson.courses.set(course_of(content), name)
+    assert "knots" not in choices(room).text
+    teacher.post("/teacher/places", data={"code": [code], "course": "nurses"})
+    room.store.add_code("P07")
+    teacher.post("/teacher/places", data={"code": ["P07"], "class_name": "2b", "course": "dentists"})
+    answer = choices(room)
+    assert re.findall(r"<h3>(.*?)</h3>", answer.text) == ["first cuts", "nurses"]
+    assert "Course: each person's own" in html.unescape(answer.text)
+    tokens = re.findall(r'name="JWT" value="([^"]+)"', answer.text)
+    chosen = [room.platform.chosen(token) for token in choices_each_once(room, tokens)]
+    assert [item.get("custom", {}).get("cutenv_task") for item in chosen] == [None, "even tissue", "liver", "knots"]
+    learner(room, **{f"{CLAIM}custom": chosen[-1]["custom"]})
+    saved(room, code, 70.0, "even tissue")
+    assert grade_of(room.lesson, code, "knots") is None
+    cut = room.store.hand_out(code, lambda _: NewCut("uniform", 5, course="nurses", task="knots"))
+    assert cut is not None
+    room.store.finish(cut.id, CutEnd(state="saved", record="y.csv", score=60.0, ended="finished", numbers={}))
+    assert grade_of(room.lesson, code, "knots") == (60, True)
+    of_another = choices(room, **{f"{CLAIM}context": {"id": "13", "label": "2b"}}).text
+    assert re.findall(r"<h3>(.*?)</h3>", of_another) == ["first cuts", "dentists"]
+
+
 def choices_each_once(room: LtiRoom, tokens: list[str]) -> list[str]:
     """One answer of each of as many choices: an answer is used once."""
     return [re.findall(r'name="JWT" value="([^"]+)"', choices(room).text)[k] for k in range(len(tokens))]
@@ -767,7 +719,7 @@ def test_an_access_token_that_has_ended_is_renewed(room: LtiRoom, monkeypatch: p
 def test_a_grade_that_is_refused_holds_up_no_other_and_the_teacher_may_send_it_again(room: LtiRoom) -> None:
     for subject in ("u1", "u2"):
         saved(room, learner(room, subject)[1], 70.0)
-    key = room.tool.grades._token(room.tool.file.platforms[0])
+    key = room.tool.tokens.find(room.tool.file.platforms[0], SCORE)
     assert key
     room.platform.answers = [404]
     room.tool.grades.deliver()

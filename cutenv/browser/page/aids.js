@@ -1,4 +1,4 @@
-// Aids of the person's choice: the force as a sound and as vibration, both off at first, and the left hand.
+// Aids of the person's choice, all off at first: the force as a sound and as vibration; what else leads the hand.
 
 const LOWEST = 180; // Hz, without force
 const OCTAVES = 2.5; // up to the limit of the force
@@ -7,13 +7,16 @@ const SMOOTHED = 0.03; // s
 const PULSE = 100; // ms from one pulse of vibration to the next
 
 class ForceAids {
-  constructor(sound, vibration) {
-    Object.assign(this, { sound, vibration, pulsed: 0 });
+  constructor(sound, vibration, stylus) {
+    Object.assign(this, { sound, vibration, stylus, pulsed: 0 });
     sound.addEventListener("change", () => this.listen());
   }
 
-  // Names of those that are on, as the record notes them.
-  get names() { return [this.sound.checked && "sound", this.vibration.checked && "vibration"].filter(Boolean); }
+  // Names of those that are on, as the record notes them; of a pen, once it has pressed.
+  get names() {
+    const { sound, vibration, stylus: { penned: pen, serial: { open: serial } } } = this;
+    return Object.entries({ sound: sound.checked, vibration: vibration.checked, pen, serial }).filter(([, on]) => on).map(([name]) => name);
+  }
 
   // A sound may begin only when the person has asked for it.
   listen() {

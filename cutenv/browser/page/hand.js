@@ -1,7 +1,9 @@
-// The person's hand: pointer, pen, wheel, keys, gamepad and sliders lead a stylus, of which the law takes numbers.
+// The person's hand: pointer, pen, wheel, keys, gamepad, serial handle and sliders lead a stylus, of which the law takes
+// numbers.
 
 const UPRIGHT = 0.5 * Math.PI;
 const NOTCH_HEIGHT = 12; // px that a second finger moves for a notch of the wheel
+const FASTEST = 0.0254; // m/s, of a stick or a handle that is pushed as far as it goes
 const IGNORED = { stick: 0.12, pressure: 0.15 }; // around the middle
 const within = (value, low, high) => Math.min(Math.max(value, low), high);
 
@@ -10,7 +12,7 @@ const beyond = (value, ignored, most) => Math.sign(value) * Math.max(Math.abs(va
 
 class Stylus {
   constructor(told) {
-    Object.assign(this, { told, keys: new Set(), slowly: false, left: false });
+    Object.assign(this, { told, keys: new Set(), slowly: false, left: false, penTilts: false, serial: new SerialHandle() });
     this.rest("gentle");
   }
 
@@ -18,7 +20,7 @@ class Stylus {
   rest(task) {
     this.keys.clear();
     Object.assign(this, { deep: task === "depth", steered: task === "path", position: 0, across: 0, angle: UPRIGHT,
-      level: 0, pressing: 0, pointers: new Map() });
+      level: 0, pressing: 0, penned: false, pointers: new Map() });
   }
 
   // What the law takes of it in a millisecond: where the blade is steered, the place along and across the slab.
@@ -48,12 +50,13 @@ class Stylus {
     const held = [0, 1].map(k => [...this.keys].reduce((sum, key) => sum + this.ways[key][k], 0));
     const speed = (this.slowly ? 0.003 : 0.015) / Math.max(Math.hypot(...held), 1);
     this.move(held[0] * speed * seconds, held[1] * speed * seconds);
+    this.move(beyond(this.serial.push(performance.now()), IGNORED.stick, 1) * FASTEST * seconds);
     let descent = this.pressing;
     for (const pad of navigator.getGamepads?.() ?? []) {
       if (!pad) continue;
       const [along, across, other, trigger] = this.left ? [2, 3, 1, 6] : [0, 1, 3, 7]; // axes, and the other hand's
       const stick = [pad.axes[along] ?? 0, this.steered ? -(pad.axes[across] ?? 0) : 0].map(each => Math.abs(each) > IGNORED.stick ? each : 0);
-      const size = 0.0254 * seconds / Math.max(Math.hypot(...stick), 1);
+      const size = FASTEST * seconds / Math.max(Math.hypot(...stick), 1);
       this.move(stick[0] * size, stick[1] * size);
       const pull = pad.buttons[trigger]?.value ?? 0;
       if (pull > 0.02) this.angle = UPRIGHT - pull * (UPRIGHT - told.inclined);
@@ -116,6 +119,7 @@ class Stylus {
     if (event.pointerId !== first) { this.turn((before.y - event.clientY) / NOTCH_HEIGHT, false); return; }
     this.move((event.clientX - before.x) / scale, (before.y - event.clientY) / scale);
     if (event.pointerType !== "pen") return;
+    if (this.penTilts) { this.lean(UPRIGHT - event.pressure * (UPRIGHT - this.told.inclined)); this.penned = true; return; }
     // A pen leans the blade as it leans itself. Pressed harder than by half it lowers the blade, more gently it raises it.
     if (event.tiltX || event.tiltY) this.lean(UPRIGHT - Math.hypot(event.tiltX, event.tiltY) * Math.PI / 180);
     this.pressing = event.buttons ? beyond(event.pressure - 0.5, IGNORED.pressure, 0.5) : 0;

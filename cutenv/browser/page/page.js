@@ -17,7 +17,7 @@
 
   const page = { phase: "ready", chosen: 0, cut: null, practised: false, from: 0, given: 0 };
   const stylus = new Stylus(told);
-  const aids = new ForceAids(byId("sound"), byId("vibration"));
+  const aids = new ForceAids(byId("sound"), byId("vibration"), stylus);
 
   // A server hands out each specimen, and says what is shown of the force; the page alone has its own.
   async function prepare() {
@@ -291,6 +291,7 @@
     }
     page.last = now;
     aids.tell(partOfLimit(), now);
+    tellSerial(now);
     paint();
     const state = [page.cut.count, page.cut.hand, page.phase, stylus.angle, stylus.level, seconds(), document.documentElement.lang].join();
     if (page.phase !== "ended" && (page.cut !== page.described || state !== page.state)) tell();
@@ -449,6 +450,16 @@
     canvas.setAttribute("aria-label", say(texts.picture, { force: seen ? fixed(force, 1) : "–", distance: fixed(distance, 0) }));
   }
 
+  // What the handle on a serial port does.
+  function tellSerial(now) {
+    const { serial } = stylus;
+    put("serial-connect", serial.open ? texts.serial_disconnect : texts.serial_connect);
+    if (!serial.open) put("serial-said", serial.trouble && say(texts.serial_lost, { reason: serial.trouble }));
+    else if (serial.silent(now)) put("serial-said", texts.serial_silent);
+    else if (serial.resting) put("serial-said", texts.serial_resting);
+    else put("serial-said", say(texts.serial_push, { percent: fixed(100 * serial.push(now), 0) }));
+  }
+
   const signed = value => `${value >= 0.05 ? "+" : ""}${fixed(value, 1)} mm`;
 
   // What is still missing to finish, once the blade has come near the target; from what a rig measures, too.
@@ -487,6 +498,10 @@
     stylus.left = event.target.checked;
     document.body.dataset.hand = stylus.left ? "left" : "right";
   });
+  byId("pen-tilts").addEventListener("change", event => { stylus.penTilts = event.target.checked; });
+  byId("serial").hidden = !("serial" in navigator);
+  byId("serial-connect").addEventListener("click", () => stylus.serial.open ? stylus.serial.disconnect() : stylus.serial.connect());
+  byId("serial-full").addEventListener("input", event => { stylus.serial.full = Number(event.target.value) || 1; });
   byId("language").addEventListener("change", event => speak(event.target.value));
 
   function speak(language) {

@@ -197,6 +197,11 @@ ATTACKS = (
         "test_lti.py::test_an_instructor_is_let_into_the_teachers_pages_of_a_course_that_was_named_alone",
     ),
     (
+        "a platform's list of members that is of another course, or leads to another server for its next page",
+        "not shown, and the token is not sent there",
+        "test_lti_members.py::test_pages_in_a_circle_and_to_another_server_end",
+    ),
+    (
         "a record of another program, for a grade",
         "no grade: cuts that the server computed count alone",
         "test_lti.py::test_no_record_of_another_program_and_no_other_course_is_a_grade",
