@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from cutenv._base.arrays import Array
 from cutenv.recording.column_map import column_of
 from cutenv.recording.joined_series import Series, joined
-from cutenv.recording.mapped_columns import assumed_unit
+from cutenv.recording.mapped_columns import GREATEST_RATE, LEAST_RATE, assumed_unit
 from cutenv.recording.named_columns import NamedColumns
-from cutenv.recording.plausible_units import GREATEST_RATE, LEAST_RATE
 from cutenv.recording.schema import RecordError
 from cutenv.recording.stated_units import known_spelling, split_header, unit_of_field
 

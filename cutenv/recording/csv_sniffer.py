@@ -23,15 +23,12 @@ from cutenv.recording.cell_values import (
     may_be_thousands,
     plain_float,
 )
-from cutenv.recording.long_table import one_column_a_channel
 from cutenv.recording.maker_headers import MakerHeader, maker_header, stated_force_unit, stated_rate
 from cutenv.recording.named_columns import LeftOut, NamedColumns, RowNumbers
 from cutenv.recording.schema import RecordError
-from cutenv.recording.specimens import side_by_side
 from cutenv.recording.stated_units import known_spelling, split_header
+from cutenv.recording.table_layouts import one_column_a_channel, side_by_side, whole_times, with_unit_columns
 from cutenv.recording.text_lines import plain_rows, tabled, text_lines
-from cutenv.recording.time_columns import whole_times
-from cutenv.recording.unit_columns import with_unit_columns
 
 
 class Dialect(NamedTuple):

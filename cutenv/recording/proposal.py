@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from cutenv._base.arrays import Array
 from cutenv.recording.column_map import ColumnMap, options_text
-from cutenv.recording.mapped_columns import assumed_unit
+from cutenv.recording.mapped_columns import GREATEST_RATE, LEAST_RATE, assumed_unit, time_units, usual_step, way_units
 from cutenv.recording.named_columns import NamedColumns, bare_name, column_stem
-from cutenv.recording.plausible_units import GREATEST_RATE, LEAST_RATE, time_units, usual_step, way_units
 from cutenv.recording.schema import UNITS, RecordError
 from cutenv.recording.stated_units import known_spelling
 
