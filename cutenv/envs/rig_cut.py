@@ -28,7 +28,7 @@ from cutenv.rig.operation.operator import Operator
 from cutenv.rig.operation.session import RigSession, SpecimenKey
 from cutenv.rig.operation.suitability import top_speed
 from cutenv.rig.plant import RigPlant
-from cutenv.rig.safety.guard import interrupt
+from cutenv.rig.safety.oversight import interrupt
 from cutenv.rig.safety.stop_causes import Cause, RigStopped
 from cutenv.task.declare import WAYS, Task
 from cutenv.task.episode import Episode, Goal, TaskOptions
@@ -40,7 +40,7 @@ from cutenv.tissue.description import TissueDescription, measured_liver
 from cutenv.tissue.specimen import CLASSES, Specimen
 
 if TYPE_CHECKING:
-    from cutenv.imitated.fake.fake_rig import FakeRig
+    from cutenv.imitated.fake_rig import FakeRig
 
 RIG_RESET_OPTIONS = ("specimen", "target_length", "episode")
 """Options of a reset; ``specimen`` for emulated and fake rigs only."""

@@ -48,8 +48,8 @@ from cutenv.tissue.grid import depth_below
 if TYPE_CHECKING:
     from cutenv.imitated.emulator.control import EmulatorControl
     from cutenv.imitated.emulator.process import RunningEmulator
-    from cutenv.imitated.fake.benches import AirPlant
-    from cutenv.imitated.fake.fake_rig import FakeRig
+    from cutenv.imitated.fake_benches import AirPlant
+    from cutenv.imitated.fake_rig import FakeRig
     from cutenv.tissue.layers import Layers
     from cutenv.tissue.lines import CutLine
 
@@ -64,7 +64,7 @@ class FakeSpecimens:
 
     def mount(self, key: SpecimenKey) -> NDArray[np.float64] | None:
         """Lay a specimen; return None, because the caller has drawn it and knows its depth."""
-        from cutenv.imitated.fake.benches import SpecimenPlant, SteeredBench
+        from cutenv.imitated.fake_benches import SpecimenPlant, SteeredBench
 
         constants, drive = self._constants, self._constants.drive
         if key.specimen is None:
@@ -221,7 +221,7 @@ class RigSource:
         elif needs_axis == "side":
             self.settings.require_side_axis(by=by)
         if dry_run:
-            from cutenv.imitated.fake.fake_rig import FakeSensor
+            from cutenv.imitated.fake_rig import FakeSensor
 
             self._rig = FAKE
             self.settings = dataclasses.replace(
@@ -257,7 +257,7 @@ class RigSource:
     def session(self) -> RigSession:
         """Make the session of the rig, which connects at its first cut."""
         if self._rig == FAKE:
-            from cutenv.imitated.fake.fake_rig import FakeRig
+            from cutenv.imitated.fake_rig import FakeRig
 
             self.fake = fake = FakeRig(_at_clamp, self.settings)
             operator = self._operator or AutomaticOperator(self.settings)
@@ -376,6 +376,6 @@ def _forget(readings: StructArray) -> None:
 
 def _at_clamp(settings: RigSettings) -> AirPlant:
     """Return the bench of a fake rig before a specimen is laid."""
-    from cutenv.imitated.fake.benches import AirPlant
+    from cutenv.imitated.fake_benches import AirPlant
 
     return AirPlant(settings, start=0.0)

@@ -23,7 +23,7 @@ from cutenv.rig.errors import RigError
 from cutenv.rig.operation.operator import AutomaticOperator, Operator, TerminalOperator
 from cutenv.rig.operation.preflight import SETTLE
 from cutenv.rig.plant import RigPlant
-from cutenv.rig.safety.guard import guarded
+from cutenv.rig.safety.oversight import guarded
 from cutenv.rig.toml_file import read_rig_file
 from cutenv.rig_drivers.slow_profile import grbl_settings, slow_settings
 
@@ -56,8 +56,8 @@ def connected(rig: str, *, clock: FakeClock | None = None) -> Iterator[Connectio
     emulator = None
     with ExitStack() as stack:
         if rig == FAKE:
-            from cutenv.imitated.fake.benches import AirPlant
-            from cutenv.imitated.fake.fake_rig import FakeRig
+            from cutenv.imitated.fake_benches import AirPlant
+            from cutenv.imitated.fake_rig import FakeRig
 
             fake = FakeRig(AirPlant, fake_settings(name=FAKE), clock=clock)
             settings, plant = fake.settings, fake.plant

@@ -17,7 +17,7 @@ from cutenv.rig.devices.driver_registry import Mounting, mounted
 from cutenv.rig.devices.drivers import ForceDriver, ForceSample, MotionDriver, MotionSample, Observer, ZeroedByHand
 from cutenv.rig.devices.host import Attempt, Clock, Repeating
 from cutenv.rig.errors import RigError
-from cutenv.rig.safety.force_monitor import ForceReadings
+from cutenv.rig.safety.monitors import ForceReadings
 from cutenv.rig.safety.stop_causes import AGAIN, WATCH, Cause
 from cutenv.rig.safety.supervisor import Supervisor
 

@@ -11,10 +11,9 @@ import struct
 from dataclasses import dataclass
 
 from cutenv._base.validation import check_parameters
-from cutenv.rig.config.setting import setting
-from cutenv.rig.config.settings import RigSettings
+from cutenv.rig.config.settings import RigSettings, setting
 from cutenv.rig.devices.driver_registry import Mounting, rig_driver
-from cutenv.rig.devices.serial.stepper_axis import on_pseudo_terminal
+from cutenv.rig.devices.serial.board_drivers import on_pseudo_terminal
 from cutenv.rig.errors import RigError
 from cutenv.rig_drivers.framed_sensor import (
     FramedSensor,

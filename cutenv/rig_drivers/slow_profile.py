@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from cutenv.rig.config.axes import Axis
-from cutenv.rig.config.settings import Bus, RigSettings, SafetyLimits, SensorSettings
-from cutenv.rig.devices.serial.load_cell import LoadCellOptions
-from cutenv.rig.devices.serial.stepper_axis import BOARD_PERIOD, StepperOptions
-from cutenv.rig_drivers.grbl import REPORT_PERIOD, GrblOptions
+from cutenv.rig.config.settings import Axis, Bus, RigSettings, SafetyLimits, SensorSettings
+from cutenv.rig.devices.serial.board_drivers import BOARD_PERIOD, LoadCellOptions, StepperOptions
+from cutenv.rig_drivers.grbl_axis import REPORT_PERIOD, GrblOptions
 
 SCREW_STEPS = 3200
 """Steps for one turn of a motor of 200 steps with 16 microsteps: choice."""

@@ -17,7 +17,7 @@ from cutenv.rig.config.settings import RigSettings
 from cutenv.rig.errors import RigError
 from cutenv.rig.hardware import rig_plant
 from cutenv.rig.operation.operator import AutomaticOperator
-from cutenv.rig.operation.self_check import inspect
+from cutenv.rig.operation.preflight import inspect
 from cutenv.rig.operation.session import RigSession, SpecimenKey
 from cutenv.rig.safety.stop_causes import RigStopped
 from cutenv.tissue.layers import Layers

@@ -11,8 +11,8 @@ import pytest
 
 from cutenv import cli
 from cutenv.cutting.drive import Rig
-from cutenv.imitated.fake.benches import AirPlant
-from cutenv.imitated.fake.fake_rig import FakeRig
+from cutenv.imitated.fake_benches import AirPlant
+from cutenv.imitated.fake_rig import FakeRig
 from cutenv.rig.config.settings import Identified, RigSettings, fake_settings
 from cutenv.rig.operation.operator import AutomaticOperator
 from cutenv.rig.operation.preflight import SETTLE, prepare

@@ -20,9 +20,9 @@ from cutenv.rig.config.laid_specimen import Laid
 from cutenv.rig.errors import RigError
 
 if TYPE_CHECKING:
-    from cutenv.imitated.emulator.board_server import BoardServer
     from cutenv.imitated.emulator.emulated_axis import EmulatedAxis
     from cutenv.imitated.emulator.node import Node
+    from cutenv.imitated.emulator.sensor_server import BoardServer
 
 
 Parameters = dict[str, Any]

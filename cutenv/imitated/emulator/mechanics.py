@@ -24,9 +24,8 @@ from cutenv.cutting.parameters import LawParameters
 from cutenv.cutting.sensor import Sensor, SensorParameters
 from cutenv.imitated.tissue_in_plane import TissueInPlane, measured, within
 from cutenv.plant import DescendingPlant, SimulatedPlant
-from cutenv.rig.config.axes import Axis
 from cutenv.rig.config.laid_specimen import Laid
-from cutenv.rig.config.settings import PositionControl
+from cutenv.rig.config.settings import Axis, PositionControl
 from cutenv.rig.errors import RigError
 from cutenv.tissue.specimen import Specimen
 

@@ -13,7 +13,7 @@ from cutenv.rig.config.settings import RigSettings
 
 
 class FileKey(NamedTuple):
-    """One line of the file, for a field that :func:`~cutenv.rig.config.setting.setting` declares.
+    """One line of the file, for a field that :func:`~cutenv.rig.config.settings.setting` declares.
 
     Attributes
     ----------

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import ClassVar
 
 from cutenv._base.validation import in_range
-from cutenv.rig.config.axes import Axis
+from cutenv.rig.config.settings import Axis
 from cutenv.rig.devices.drivers import DriveState, Event, ForceListener, ForceSample, Latch, MotionListener
 from cutenv.rig.devices.host import Clock
 from cutenv.rig.devices.reading_stream import ReadingMean, ReadingStream, Zero

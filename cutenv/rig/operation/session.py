@@ -20,7 +20,7 @@ from cutenv.rig.errors import RigError
 from cutenv.rig.operation.operator import Operator
 from cutenv.rig.operation.preflight import SETTLE, Check, prepare
 from cutenv.rig.plant import RigPlant
-from cutenv.rig.safety.guard import guarded
+from cutenv.rig.safety.oversight import guarded
 from cutenv.rig.safety.stop_causes import ENDS_SESSION, WATCH, RigStopped
 from cutenv.rig.travel import RAISE_SPEED
 from cutenv.tissue.grid import depth_below

@@ -15,8 +15,7 @@ from cutenv.rig.config.settings import RigSettings, SafetyLimits
 from cutenv.rig.devices.drivers import DriveState, Event, ForceSample, Latch, MotionDriver, MotionSample, Phase
 from cutenv.rig.devices.host import Clock
 from cutenv.rig.errors import RigError
-from cutenv.rig.safety.force_monitor import ForceMonitor, ForceReadings
-from cutenv.rig.safety.motion_monitor import CREEP, MotionMonitor
+from cutenv.rig.safety.monitors import CREEP, ForceMonitor, ForceReadings, MotionMonitor
 from cutenv.rig.safety.stop_causes import Breach, Cause, QuickStops, StopReport
 
 MARGIN = 1.04

@@ -15,7 +15,7 @@ from cutenv._base.arrays import Array, StructArray
 from cutenv._engine.jit import njit
 from cutenv.cutting.drive import Rig, advance_command, lag_gain
 from cutenv.cutting.dtypes import STATE
-from cutenv.rig.config.axes import Axis
+from cutenv.rig.config.settings import Axis
 from cutenv.rig.operation.recorder import Felt, Stretch
 
 _DT = 0.5e-3  # [s] step of the model: its lag is exact for any, and a command is late by less than half of it

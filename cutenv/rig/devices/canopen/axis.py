@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from cutenv.rig.config.axes import Axis, CrossAxis
+from cutenv.rig.config.settings import Axis, CrossAxis
 from cutenv.rig.devices.canopen import configuration
 from cutenv.rig.devices.canopen import objects as o
 from cutenv.rig.devices.canopen.configuration import SdoChannel

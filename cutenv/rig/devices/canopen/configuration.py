@@ -9,8 +9,7 @@ import struct
 import threading
 from typing import Any
 
-from cutenv.rig.config.axes import Axis
-from cutenv.rig.config.settings import Bus
+from cutenv.rig.config.settings import Axis, Bus
 from cutenv.rig.devices.canopen import objects as o
 from cutenv.rig.devices.canopen.network import DRIVE_PATIENCE, CanNetwork
 from cutenv.rig.devices.canopen.objects import SDO_REQUEST_FRAME, SDO_RESPONSE_FRAME, AxisUnits, Entry

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from cutenv._base.validation import in_range
-from cutenv.rig.config.axes import Axis
+from cutenv.rig.config.settings import Axis
 from cutenv.rig.devices.drivers import DriveState
 
 

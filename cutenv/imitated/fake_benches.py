@@ -16,11 +16,10 @@ from cutenv.cutting.sensor import Sensor, SensorParameters
 from cutenv.imitated.tissue_in_plane import TissueInPlane
 from cutenv.plant import DescendingPlant, ReplayPlant, SimulatedPlant
 from cutenv.plant.simulator import ANGLE_RANGE
-from cutenv.rig.config.axes import CrossAxis, HeightAxis
 from cutenv.rig.config.identified import drive_of
 from cutenv.rig.config.laid_specimen import Laid
-from cutenv.rig.config.settings import RigSettings
-from cutenv.rig.safety.motion_monitor import NOMINAL_LAG
+from cutenv.rig.config.settings import CrossAxis, HeightAxis, RigSettings
+from cutenv.rig.safety.monitors import NOMINAL_LAG
 from cutenv.tissue.lines import straight
 from cutenv.trace import Trace
 
@@ -260,7 +259,7 @@ _FAR = 100.0  # [m] to the model's own end stops
 
 
 class AirPlant(FreeAcross):
-    """Bench of :class:`cutenv.imitated.fake.fake_rig.FakeRig` with the simulator's drive and sensor, and no specimen.
+    """Bench of :class:`cutenv.imitated.fake_rig.FakeRig` with the simulator's drive and sensor, and no specimen.
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ from pathlib import Path
 from cutenv._base import resources
 from cutenv._base.validation import one_of
 from cutenv.rig.errors import RigError
-from cutenv.rig_drivers.grbl import JOG_CANCEL, MARK, SOFT_RESET, STATUS
+from cutenv.rig_drivers.grbl_axis import JOG_CANCEL, MARK, SOFT_RESET, STATUS
 
 
 class EmulatedLine:

@@ -16,11 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cutenv.cutting.dtypes import TICK
-from cutenv.imitated.fake.benches import DrivenPlant, RecordedPlant, SpecimenPlant
+from cutenv.imitated.fake_benches import DrivenPlant, RecordedPlant, SpecimenPlant
 from cutenv.plant import ReplayPlant
-from cutenv.rig.config.axes import Axis
 from cutenv.rig.config.laid_specimen import Laid
-from cutenv.rig.config.settings import RigSettings, fake_settings
+from cutenv.rig.config.settings import Axis, RigSettings, fake_settings
 from cutenv.rig.devices.drivers import (
     DriveState,
     Event,

@@ -25,8 +25,7 @@ from cutenv.imitated.emulator.emulated_bench import (
     attribute,
     switched,
 )
-from cutenv.imitated.emulator.mechanics import EmulatedTissue
-from cutenv.imitated.emulator.serial.firmware import (
+from cutenv.imitated.emulator.firmware import (
     CONVERTERS,
     HIGH_PIN,
     LOW_PIN,
@@ -35,9 +34,10 @@ from cutenv.imitated.emulator.serial.firmware import (
     EmulatedLine,
     Firmware,
 )
+from cutenv.imitated.emulator.mechanics import EmulatedTissue
 from cutenv.plant.simulator import check_angle
-from cutenv.rig.config.axes import Axis
 from cutenv.rig.config.laid_specimen import Laid
+from cutenv.rig.config.settings import Axis
 from cutenv.rig.devices.serial.board import (
     BoardFlag,
     BoardState,
@@ -46,7 +46,7 @@ from cutenv.rig.devices.serial.board import (
     board_line,
     board_report,
 )
-from cutenv.rig.devices.serial.stepper_axis import StepRates
+from cutenv.rig.devices.serial.board_drivers import StepRates
 from cutenv.rig_drivers.slow_profile import COUNTS_PER_NEWTON, DELAYS, SCREW, SCREW_STEPS
 
 
@@ -153,7 +153,7 @@ class SerialOptions:
     motion : str
         What moves the blade: a stepper on the "board" of the load cell, or a machine with "grbl".
     converter : str
-        Converter of the load cell, of :data:`cutenv.imitated.emulator.serial.firmware.CONVERTERS`.
+        Converter of the load cell, of :data:`cutenv.imitated.emulator.firmware.CONVERTERS`.
     clock_error : float
         Relative error of the converter's own clock [1]: its readings come that much faster.
     laid : Laid, optional
