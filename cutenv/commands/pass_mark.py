@@ -34,7 +34,7 @@ def main(argv: Sequence[str]) -> int:
     from cutenv.report.pass_mark_page import write_pass_mark_page
     from cutenv.report.pass_mark_table import pass_mark_lines
     from cutenv.scoring.study import StandardSetting
-    from cutenv.scoring.study.standard_setting import check_metrics, other_group
+    from cutenv.scoring.study.pass_mark import check_metrics, other_group
 
     check_page(arguments.out)
     given = _given(arguments.mark or ())

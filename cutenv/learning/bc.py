@@ -20,9 +20,8 @@ import torch
 from tqdm import tqdm
 
 from cutenv._base.output import atomic_write
-from cutenv.learning.arguments import BadArguments
+from cutenv.learning.arguments import BadArguments, BCArguments
 from cutenv.learning.cloning import Cloning, DecisionDataset, script_demonstrations
-from cutenv.learning.imitation_arguments import BCArguments
 from cutenv.learning.minari_datasets import cloning_data, opened
 from cutenv.learning.progress import validate
 from cutenv.learning.run_folder import RunRequest, end_interrupted, export, record_run, write_facts

@@ -21,8 +21,8 @@ from cutenv._base.arrays import StructArray
 from cutenv._base.output import progress_bar
 from cutenv.cutting.dtypes import READING, TICK
 from cutenv.envs import set_cores
-from cutenv.envs.batch import CutBatch
 from cutenv.envs.gentle_cut import GentleCutEnv
+from cutenv.envs.vector import CutBatch
 from cutenv.plant.protocol import recorded_trace
 from cutenv.policy import BASELINES, SHIPPED, ArrayPolicy, Policy, PrivilegedPolicy, named_policy
 from cutenv.policy.interface import as_array_policy

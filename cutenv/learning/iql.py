@@ -17,9 +17,8 @@ import numpy as np
 import torch
 
 from cutenv.learning import bc
-from cutenv.learning.arguments import BadArguments
+from cutenv.learning.arguments import BadArguments, IQLArguments
 from cutenv.learning.cloning import Transitions, demonstrations
-from cutenv.learning.imitation_arguments import IQLArguments
 from cutenv.learning.minari_datasets import cloning_data, opened
 from cutenv.learning.run_folder import RunRequest
 from cutenv.policy import BASELINES, Network

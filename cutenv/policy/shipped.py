@@ -10,10 +10,18 @@ from pathlib import Path
 from cutenv._base import resources
 from cutenv._base.imports import import_from_here
 from cutenv._base.validation import one_of
-from cutenv.policy.feedback import ForceFeedback, ProbeAndCreep
 from cutenv.policy.interface import Policy
 from cutenv.policy.planner import PlannerNominal, PlannerWithTruth
-from cutenv.policy.scripted import ConstantFeed, FastThenSlow, InclineBetween, NoAction, OneReturnStroke, RandomAction
+from cutenv.policy.scripted import (
+    ConstantFeed,
+    FastThenSlow,
+    ForceFeedback,
+    InclineBetween,
+    NoAction,
+    OneReturnStroke,
+    ProbeAndCreep,
+    RandomAction,
+)
 from cutenv.policy.trained import CARD, TrainedPolicy
 from cutenv.task.registry import TASKS, task_made_as
 

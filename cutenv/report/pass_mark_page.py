@@ -32,9 +32,8 @@ from cutenv.scoring.study import (
     validity_evidence,
 )
 from cutenv.scoring.study.estimate import FEWEST_FOR_AN_INTERVAL, FEWEST_PEOPLE
-from cutenv.scoring.study.pass_mark import passes
-from cutenv.scoring.study.raters import mean_mark
-from cutenv.scoring.study.standard_setting import as_shown
+from cutenv.scoring.study.pass_mark import as_shown, passes
+from cutenv.scoring.study.reliability import mean_mark
 from cutenv.scoring.study.study import NotEstimable, value_of
 
 if TYPE_CHECKING:

@@ -246,7 +246,7 @@ def test_a_sensor_that_is_faster_than_the_frames_is_read_in_full(tmp_path: Path)
 
 def test_our_own_data_set_comes_back_with_its_force_and_position(tmp_path: Path) -> None:
     from cutenv.commands.datasets import Arguments, cuts_of
-    from cutenv.learning.lerobot_datasets import write_lerobot
+    from cutenv.learning.lerobot import write_lerobot
 
     keywords, cuts = cuts_of(Arguments(dataset="cutenv/x", format="lerobot", policy="probe and creep", cuts=2))
     write_lerobot(tmp_path / "set", "x", keywords, cuts)

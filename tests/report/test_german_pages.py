@@ -32,7 +32,6 @@ from cutenv.scoring import (
     cut_metrics,
     doubts,
     lurches,
-    map_metrics,
     points,
     score,
     score_card,
@@ -44,7 +43,7 @@ from cutenv.scoring.study import StandardSetting, StudiedCut, Study
 
 NAMES = {"novice", "expert", "novice, expert", "made up", "2b"}
 SPEAK = (
-    cut_map, cut_metrics, doubts, lurches, map_metrics, points, score_card, scored_cut, technique, validity,
+    cut_map, cut_metrics, doubts, lurches, cut_metrics, points, score_card, scored_cut, technique, validity,
     cutenv.measurement.signal_quality, cutenv.scoring.study.trainee,
 )  # fmt: skip
 """Modules whose texts stand on a card: results, reasons, notes, doubts, faults, advice, and what the metrics mean."""

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from cutenv.envs.path_cut import to_path_action
-from cutenv.envs.rig_path_cut import RigPathCutEnv
+from cutenv.envs.rig_cut import RigPathCutEnv
 from cutenv.envs.rig_source import EmulatedSpecimens
 from cutenv.imitated.emulator.process import start
 from cutenv.rig.config.settings import RigSettings

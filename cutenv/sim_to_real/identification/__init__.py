@@ -3,10 +3,11 @@
 from cutenv.sim_to_real.identification.experiment import (
     Identification,
     IdentifiedValue,
+    Plan,
     Recorded,
+    Sine,
     identification_from,
     perform,
 )
-from cutenv.sim_to_real.identification.plan import Plan, Sine
 
 __all__ = ["Identification", "IdentifiedValue", "Plan", "Recorded", "Sine", "identification_from", "perform"]

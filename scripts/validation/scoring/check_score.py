@@ -41,7 +41,7 @@ from cutenv.learning.seeds import TEST_SEEDS
 from cutenv.measurement.depth import LAYER_DEPTH_KEY
 from cutenv.plant.protocol import recorded_trace, to_trace
 from cutenv.policy import NULL_POLICIES, ORACLE, SCRIPTS
-from cutenv.policy.depth_scripts import FollowDepth
+from cutenv.policy.depth_policies import FollowDepth
 from cutenv.policy.interface import PrivilegedPolicy
 from cutenv.scoring import score
 from cutenv.scoring.cut_map import LINE_KEY
