@@ -14,8 +14,8 @@ from typing import TypeVar
 import numpy as np
 
 from cutenv._base.arrays import Array
+from cutenv._engine.declared import Formula
 from cutenv._engine.elementary import cotangent
-from cutenv._engine.fuse import Formula
 from cutenv._engine.jit import njit_internal
 
 T = TypeVar("T", float, Array)

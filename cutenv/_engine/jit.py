@@ -169,7 +169,7 @@ def njit_inline(function: Function) -> Function:
 
 
 def njit_fused(function: Function) -> Function:
-    """Compile like :func:`njit_inline` a function without a file, from :func:`cutenv._engine.fuse.fuse`."""
+    """Compile like :func:`njit_inline` a function without a file, from :func:`cutenv._engine.declared.fuse`."""
     return _compile_internal(function, forceinline=True, cache=False)
 
 
@@ -248,7 +248,7 @@ def _compile(function: Function, **options: Any) -> Function:
 def _compiler() -> ModuleType:
     """Return the module that compiles. Numba is imported here, and nowhere before."""
     with extra_named():
-        from cutenv._engine import lanes, shortcuts  # noqa: F401 - the lowering of lanes is registered
+        from cutenv._engine import lowering, shortcuts  # noqa: F401 - the lowering of rows is registered
     return shortcuts
 
 

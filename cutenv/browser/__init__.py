@@ -7,8 +7,7 @@ linker is large.
 
 from __future__ import annotations
 
-from cutenv.browser.page_alone import write_page_alone
-from cutenv.browser.scorm_package import write_scorm_package
+from cutenv.browser.page_alone import write_page_alone, write_scorm_package
 from cutenv.browser.stylus_steps import HandCut
 
 __all__ = ["HandCut", "write_page_alone", "write_scorm_package"]

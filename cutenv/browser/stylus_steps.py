@@ -22,9 +22,8 @@ from cutenv.plant.protocol import recorded_trace
 from cutenv.play.devices import ScriptedDevice, watching_hand
 from cutenv.play.hand_model import PLAYED_HAND, descent_toward, speed_over, steered_toward
 from cutenv.scoring.cut_map import LINE_KEY
-from cutenv.task.declare import OneCut, Task
+from cutenv.task.declare import GENTLE_CUT, OneCut, Task
 from cutenv.task.depth import DEPTH_CUT
-from cutenv.task.gentle import GENTLE_CUT
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, SPEED_SCALE, speed_action
 from cutenv.task.path import PATH_CUT, TURN_SCALE
 from cutenv.task.stepper import step_one

@@ -44,7 +44,7 @@ def main(argv: Sequence[str]) -> int:
 
 def _calibrate(arguments: argparse.Namespace) -> int:
     from cutenv.recording.schema import parse_length
-    from cutenv.vision.camera_calibration import CalibrationBoard, calibrate_cameras, read_image
+    from cutenv.vision.cameras import CalibrationBoard, calibrate_cameras, read_image
 
     if arguments.out is None or arguments.out.suffix != ".json":
         raise ValueError("--calibrate writes one file: give --out cam.json.")
@@ -74,7 +74,7 @@ def _calibrate(arguments: argparse.Namespace) -> int:
 def _measure(arguments: argparse.Namespace) -> int:
     from cutenv.recording import save
     from cutenv.recording.schema import parse_length
-    from cutenv.report.depth_page import FilmedRecord, write_depth_page, write_frame_table
+    from cutenv.report.film_pages import FilmedRecord, write_depth_page, write_frame_table
     from cutenv.vision.blade_mark import MarkedBlade
     from cutenv.vision.cameras import CalibratedCameras
     from cutenv.vision.crack_runs import runs_and_drops, seen_runs

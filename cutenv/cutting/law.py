@@ -10,7 +10,7 @@ and in sudden runs once the force reaches the initiation force.  A ledger keeps 
 
 Symbols: x, a blade and tip [m]; theta angle [rad], 90 degrees upright; K stiffness [N/m]; R fracture resistance
 without its share of friction [J/m2]; B depth [m]; eta excess of the initiation force; U = K (x - a)^2 / 2 [J].
-Source: chapters 3 to 6 of the thesis (docs/validation); :mod:`cutenv.cutting.parameters` lists which constants are
+Source: chapters 3 to 6 of the thesis (docs/validation); :mod:`cutenv.cutting.dtypes` lists which constants are
 measured, derived or assumed.
 """
 

@@ -11,7 +11,7 @@ from cutenv._base.arrays import Array, StructArray
 from cutenv._engine.declared import compiled_for
 from cutenv._engine.intrinsics import first_row, keep_alive, without_refcount
 from cutenv._engine.jit import njit, njit_nogil
-from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
+from cutenv._engine.parallel import WorkQueue, mark_done, next_chunk
 from cutenv.cutting.dtypes import TICK
 from cutenv.cutting.law import EnergyAccount, account
 from cutenv.cutting.motion import STRAIGHT, Motion, Moving

@@ -39,8 +39,7 @@ from cutenv._engine.randomness import Integer
 from cutenv.cutting.dtypes import TICK
 from cutenv.cutting.law import LONGEST_ADVANCE, at_share, grid_index, lerp, stiffness_at, toughness_at, value_and_rise
 from cutenv.cutting.motion import Motion, Moving
-from cutenv.tissue.drawn_lines import given_line
-from cutenv.tissue.expected_cut import CRACK_CURVATURE
+from cutenv.tissue.drawn_lines import CRACK_CURVATURE, given_line
 from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING
 from cutenv.tissue.lines import WIDTH, CutLine
 from cutenv.tissue.place_model import beside_line

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from cutenv._base.validation import check_parameters, one_of, parameter, unexpected_keyword
 from cutenv.cutting.drive import DRIVES, Drive, Rig
-from cutenv.cutting.parameters import LawParameters
+from cutenv.cutting.dtypes import LawParameters
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.task.beginning import measure_depth
-from cutenv.task.weights import Limits, RewardWeights
+from cutenv.task.reward import Limits, RewardWeights
 from cutenv.tissue.blade_wear import BladeWear
 from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.grid import field_modes

@@ -28,8 +28,8 @@ from cutenv.task.declare import Task
 from cutenv.task.episode import Episode, Goal, TaskOptions
 from cutenv.task.info import COST, GROUPS, OUT_OF_RANGE
 from cutenv.task.observation import CLIP, within_reach
+from cutenv.task.reward import greatest_action
 from cutenv.task.stepper import step_one
-from cutenv.task.weights import greatest_action
 from cutenv.tissue.sampling import sample_all_profiles
 from cutenv.tissue.specimen import CLASSES, Specimen
 

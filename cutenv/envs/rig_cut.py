@@ -45,11 +45,10 @@ from cutenv.task.beginning import LONGEST
 from cutenv.task.declare import WAYS, Task
 from cutenv.task.depth import DepthConstants, DepthEpisode, DepthOptions
 from cutenv.task.episode import Episode, Goal, TaskOptions
-from cutenv.task.episode_dtypes import STOPPED
 from cutenv.task.observation import CLIP, within_reach
 from cutenv.task.path import PathEpisode, PathOptions
+from cutenv.task.reward import STOPPED, greatest_action
 from cutenv.task.stepper import assess_readings
-from cutenv.task.weights import greatest_action
 from cutenv.tissue.description import TissueDescription, measured_liver
 from cutenv.tissue.grid import POINTS_PER_METRE
 from cutenv.tissue.layers import Layers

@@ -10,8 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from cutenv.cutting.drive import Drive, advance_in_air, delayed_command, lag_gain
-from cutenv.cutting.dtypes import READING, STATE, TICK
-from cutenv.cutting.parameters import LawParameters
+from cutenv.cutting.dtypes import READING, STATE, TICK, LawParameters
 from cutenv.cutting.sensor import Sensor, SensorParameters
 from cutenv.imitated.tissue_in_plane import TissueInPlane
 from cutenv.plant import DescendingPlant, ReplayPlant, SimulatedPlant

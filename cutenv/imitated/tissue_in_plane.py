@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from cutenv.cutting.parameters import LawParameters
+from cutenv.cutting.dtypes import LawParameters
 from cutenv.plant import SteeredPlant
 from cutenv.plant.simulator import ANGLE_RANGE
 from cutenv.tissue.grid import LENGTH, SPACING

@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from cutenv._base.imports import import_when_used
-from cutenv.plant.interface import Plant
-from cutenv.plant.protocol import Leg, forward_backward, run, to_trace
+from cutenv.plant.protocol import Leg, Plant, forward_backward, run, to_trace
 from cutenv.plant.replay import ReplayPlant
 from cutenv.plant.simulator import SimulatedPlant
 

@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from cutenv._base.arrays import Array, StructArray
-from cutenv.cutting.parameters import profile_records
+from cutenv.cutting.dtypes import profile_records
 from cutenv.cutting.steering import STEERED, SteeringParameters, place_of_blade, place_of_tip, steering_records
 from cutenv.plant.simulator import SimulatedPlant
 from cutenv.tissue.grid import SPACING

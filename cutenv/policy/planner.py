@@ -12,8 +12,7 @@ from cutenv._base.arrays import Array, Array32, Indices, Struct, StructArray
 from cutenv._base.validation import in_range
 from cutenv._engine.intrinsics import first_row, keep_alive
 from cutenv._engine.jit import njit, njit_internal, njit_nogil
-from cutenv._engine.parallel import parallel_for
-from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
+from cutenv._engine.parallel import WorkQueue, mark_done, next_chunk, parallel_for
 from cutenv.cutting.dtypes import READING
 from cutenv.cutting.motion import STRAIGHT, Moving
 from cutenv.cutting.row import LANES, ROW, lane_views, plain_views
@@ -22,9 +21,8 @@ from cutenv.plant.simulator import SimulatedPlant
 from cutenv.policy.interface import DISTANCE_COLUMN, POSITION_COLUMN, ArrayPolicy, to_actions
 from cutenv.policy.scripted import INCLINED, Script, StopAndUnload
 from cutenv.task.assessment import COUNT
-from cutenv.task.declare import Cuts, Stepping
+from cutenv.task.declare import GENTLE_CUT, Cuts, Stepping
 from cutenv.task.episode import Episode, Goal
-from cutenv.task.gentle import GENTLE_CUT
 from cutenv.task.info import INFO
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, COMPONENTS, speed_action
 from cutenv.task.stepper import Ahead, Decision, flat_views, step_row

@@ -26,8 +26,7 @@ from cutenv._base.document import render
 from cutenv._base.language_files import ENGLISH, languages, local_date, local_number, phrases_from_english
 from cutenv._base.output import atomic_write
 from cutenv.task.registry import TASKS
-from cutenv.task.reward import REWARD
-from cutenv.task.weights import RewardWeights
+from cutenv.task.reward import REWARD, RewardWeights
 from cutenv.task_quantities import ANGLE_TOLERANCE, FORCE_ALLOWED, LAG_ALLOWED, TIP_TOLERANCE
 
 if TYPE_CHECKING:

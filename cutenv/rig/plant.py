@@ -26,7 +26,7 @@ from cutenv.rig.safety.oversight import Oversight
 from cutenv.rig.safety.stop_causes import WATCH, Cause, StopReport
 from cutenv.rig.spine import Spine
 from cutenv.rig.travel import AIMED, SLICE, VALID, Travel
-from cutenv.tissue.expected_cut import along_line
+from cutenv.tissue.drawn_lines import along_line
 from cutenv.tissue.lines import CutLine
 from cutenv.tissue.specimen import N_POINTS
 from cutenv.trace import BESIDE, COMPONENTS_OF_FORCE

@@ -23,7 +23,7 @@ from cutenv.scoring.technique import TechniqueFault, technique_faults
 from cutenv.scoring.truth import ASIDE_AT_END, FLOOR_AT_END, TIP_AT_END, Truth
 from cutenv.scoring.validity import Unavailable, validity_warnings, without_spikes
 from cutenv.tissue import TissueDescription, measured_liver
-from cutenv.tissue.expected_cut import along_line
+from cutenv.tissue.drawn_lines import along_line
 from cutenv.tissue.lines import CutLine, through
 from cutenv.trace import Trace
 

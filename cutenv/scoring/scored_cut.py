@@ -37,7 +37,7 @@ from cutenv.scoring.validity import (
 from cutenv.task_quantities import SHALLOWEST
 from cutenv.tissue import CutModel, TissueDescription, measured_liver
 from cutenv.tissue.crack_tip import ASSESSED_TIP, ESTIMATED_EVERY, MeanTissue, assess_tips, believe_mean
-from cutenv.tissue.expected_cut import expected_cut
+from cutenv.tissue.drawn_lines import expected_cut
 from cutenv.tissue.floor import FLOOR_EVERY, BladePath, expected_floor
 from cutenv.tissue.grid import N_POINTS, SPACING
 from cutenv.tissue.lines import CutLine

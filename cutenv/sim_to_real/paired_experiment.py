@@ -24,7 +24,7 @@ from cutenv.rig.safety.stop_causes import ENDS_SESSION, Cause
 from cutenv.sim_to_real import FEWEST_SPECIMENS, Agreement, ClockKept, ComparedCut
 from cutenv.sim_to_real.identification.experiment import LOST_TIME
 from cutenv.sim_to_real.specimen_twin import fit_twin, held_out
-from cutenv.task.episode_dtypes import STOPPED
+from cutenv.task.reward import STOPPED
 from cutenv.tissue.description import measured_liver
 from cutenv.tissue.specimen import Specimen
 

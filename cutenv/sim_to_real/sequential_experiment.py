@@ -42,7 +42,7 @@ from cutenv.scoring.study.sequential import (
 from cutenv.sim_to_real.measures import ComparedCut
 from cutenv.sim_to_real.paired_experiment import DRAWS, cut_again, cut_once
 from cutenv.sim_to_real.specimen_twin import fit_twin
-from cutenv.task.episode_dtypes import STOPPED
+from cutenv.task.reward import STOPPED
 from cutenv.tissue.description import measured_liver
 from cutenv.tissue.specimen import Specimen
 from cutenv.trace import Trace

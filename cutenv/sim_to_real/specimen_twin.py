@@ -21,8 +21,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from cutenv._base.arrays import Array
-from cutenv.cutting.dtypes import TICK
-from cutenv.cutting.parameters import LawParameters
+from cutenv.cutting.dtypes import TICK, LawParameters
 from cutenv.plant import ReplayPlant, SimulatedPlant
 from cutenv.plant.simulator import ANGLE_RANGE
 from cutenv.tissue.description import TissueDescription

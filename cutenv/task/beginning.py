@@ -10,8 +10,8 @@ import numpy as np
 from cutenv._base.arrays import Array, Struct, StructArray
 from cutenv._engine.declared import compiled_for
 from cutenv._engine.jit import njit, njit_internal, njit_nogil
+from cutenv._engine.parallel import WorkQueue, mark_done, next_chunk
 from cutenv._engine.randomness import DEPTH_ERROR, LENGTH_DRAW, TASK, Integer, uniform_at
-from cutenv._engine.work_queue import WorkQueue, mark_done, next_chunk
 from cutenv.task.assessment import COUNT_ONE, observe_rest
 from cutenv.task.declare import Cuts, OneCut, Task
 from cutenv.task.stepper import batch_of_one

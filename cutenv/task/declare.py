@@ -18,18 +18,16 @@ import numpy as np
 
 from cutenv import task_quantities
 from cutenv._base.arrays import Array, Struct, StructArray
-from cutenv._engine.declared import Declaration, compiled_for
-from cutenv._engine.fuse import Formula, expression, fuse
+from cutenv._engine.declared import Declaration, Formula, compiled_for, expression, fuse
 from cutenv._engine.jit import njit, njit_fused, njit_inline, njit_internal
 from cutenv.cutting.dtypes import DRIVE, LAW, PROFILE, STATE
 from cutenv.cutting.motion import NOTHING, STRAIGHT, Motion, Moving
 from cutenv.cutting.row import Plain
 from cutenv.cutting.sensor import SENSOR, WRAP
 from cutenv.task.assessment import COUNT_ONE
-from cutenv.task.episode_dtypes import PROGRESS, SPECIMEN, TASK
 from cutenv.task.info import INFO
 from cutenv.task.observation import CLIP, COMPONENTS, DEAD_ZONE, Component
-from cutenv.task.reward import ENDS, TERMS
+from cutenv.task.reward import ENDS, PROGRESS, SPECIMEN, TASK, TERMS
 from cutenv.task_quantities import WholeCutTerm
 from cutenv.tissue.crack_tip import ASSESSED_TIP
 
@@ -408,3 +406,7 @@ def settings_record(dtype: np.dtype[Any], constants: Any) -> StructArray:
     for name in type(constants).__dataclass_fields__:
         record[name] = getattr(constants, name)
     return record
+
+
+GENTLE_CUT = Task(place=f"{__name__}:GENTLE_CUT", environment="cutenv/GentleCut-v1")
+"""Gentle cutting to a target length."""

@@ -46,8 +46,8 @@ from cutenv.task.declare import (
 )
 from cutenv.task.episode import Episode, Goal, ShownDepth, TaskOptions
 from cutenv.task.observation import COMPONENTS, SPEED_SCALE, Component, speed_action, to_action
+from cutenv.task.reward import with_weights
 from cutenv.task.wanted_depth import AT_LEVEL, WANTED_KINDS, draw_layer, draw_wanted
-from cutenv.task.weights import with_weights
 from cutenv.task_quantities import (
     DEPTH_COSTS,
     DEPTH_TOLERANCE,

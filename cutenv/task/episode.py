@@ -15,13 +15,11 @@ from cutenv.cutting.simulate import Physics
 from cutenv.plant.simulator import SimulatedPlant
 from cutenv.task.assessment import charge_end
 from cutenv.task.beginning import begin_at, begin_one, drawn_length, expect, expect_one
-from cutenv.task.declare import WAYS, Cuts, OneCut, Task, command_of
-from cutenv.task.gentle import GENTLE_CUT
+from cutenv.task.declare import GENTLE_CUT, WAYS, Cuts, OneCut, Task, command_of
 from cutenv.task.info import COST, GROUPS, OUT_OF_RANGE, PLACES, WHOLE_NUMBERS
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, commanded_speed
-from cutenv.task.reward import ENDS, STOPPED, TERMS
+from cutenv.task.reward import ENDS, STOPPED, TERMS, Limits, RewardWeights, task_record
 from cutenv.task.stepper import assess_readings, observe_one, step_one, tell_one
-from cutenv.task.weights import Limits, RewardWeights, task_record
 from cutenv.tissue.crack_tip import believe_mean
 from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.specimen import Specimen, SurfaceSpread, nominal_tissue

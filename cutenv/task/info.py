@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from cutenv._engine.fuse import Formula
+from cutenv._engine.declared import Formula
 from cutenv.cutting.law import (
     EnergyAccount,
     initiation_excess,  # used by a formula

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cutenv._base.arrays import Array, StructArray
 from cutenv._base.validation import in_range
-from cutenv._engine.fuse import Formula
+from cutenv._engine.declared import Formula
 from cutenv._engine.jit import njit, njit_internal
 
 T = TypeVar("T", float, Array)

@@ -52,7 +52,7 @@ from cutenv.task.declare import (
 )
 from cutenv.task.episode import Episode, Goal, ShownPath, TaskOptions
 from cutenv.task.observation import SPEED_SCALE, Component, speed_action, to_action
-from cutenv.task.weights import with_weights
+from cutenv.task.reward import with_weights
 from cutenv.task_quantities import (
     FARTHEST_TOLERANCE,
     LINE_LIMIT,

@@ -129,7 +129,7 @@ _SHIPPED = (
     RegisteredTask(
         name="gentle",
         id="cutenv/GentleCut-v1",
-        task="cutenv.task.gentle:GENTLE_CUT",
+        task="cutenv.task.declare:GENTLE_CUT",
         single="cutenv.envs.gentle_cut:GentleCutEnv",
         vector="cutenv.envs.vector:GentleCutVectorEnv",
         rig_id="cutenv/RigCut-v1",

@@ -322,7 +322,7 @@ def local_effective_modulus(
     Notes
     -----
     Source: Tables 5.5 to 5.7, fitted linearly (power law for Table 5.5 at 45 deg). Livers and cuts scatter
-    about it, see ``cutenv.tissue.variance_components``.
+    about it, see ``cutenv.tissue.description``.
     """
     v = checked_speed(speed)
     theta = checked_angle(angle)

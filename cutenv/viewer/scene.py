@@ -16,7 +16,6 @@ from cutenv.plant.simulator import SimulatedPlant
 from cutenv.task.episode import Episode, ShownDepth, ShownPath
 from cutenv.task_quantities import ANGLE_TOLERANCE, FORCE_ALLOWED, TIP_TOLERANCE
 from cutenv.tissue.grid import depth_below
-from cutenv.viewer.formula import SceneFormula
 from cutenv.viewer.scene_parts import (
     BELOW,
     CHART_CEILING,
@@ -27,6 +26,7 @@ from cutenv.viewer.scene_parts import (
     DERIVED,
     NUMBERS,
     WORDS,
+    SceneFormula,
     ScenePart,
 )
 

@@ -16,7 +16,6 @@ from cutenv.tissue.grid import LENGTH, depth_below
 from cutenv.viewer import palette
 from cutenv.viewer.canvas import Canvas, Points
 from cutenv.viewer.drawn_slab import Slab
-from cutenv.viewer.formula import SceneFormula
 from cutenv.viewer.palette import Colour
 from cutenv.viewer.scene import ForceTrace, Layout, Moment, rest_places, scene_label
 from cutenv.viewer.scene_parts import (
@@ -28,6 +27,7 @@ from cutenv.viewer.scene_parts import (
     TINT,
     WORDS,
     Hatched,
+    SceneFormula,
     ScenePart,
 )
 

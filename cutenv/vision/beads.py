@@ -247,7 +247,7 @@ def track_beads(
     frames : iterable of sequence of array_like
         For each time one image of every view, in the order of the calibration.
     time : array_like, shape (n,)
-        Times of the frames on the clock of the force record [s] (see `cutenv.vision.registration`).
+        Times of the frames on the clock of the force record [s] (see `cutenv.vision.bead_tracks`).
     calibration : CArmCalibration
         Calibration of the views.
     rest : tuple of array_like, shapes (n, 3) and (n, 3, 3)

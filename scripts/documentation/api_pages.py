@@ -31,7 +31,7 @@ MODULES = (
     "cutenv.tissue.lines",
     "cutenv.trace",
     "cutenv.vision.beads",
-    "cutenv.vision.distortion",
+    "cutenv.vision.fluoroscopy",
     "cutenv.vision.fluoroscopy",
     "cutenv.vision.projection",
 )

@@ -31,7 +31,7 @@ from cutenv.rig_drivers.slow_profile import grbl_settings, slow_settings
 from cutenv.sim_to_real.identification import axis_response
 from cutenv.sim_to_real.identification.experiment import Identification, Plan
 from cutenv.task.observation import COMPONENTS
-from cutenv.task.weights import greatest_action
+from cutenv.task.reward import greatest_action
 
 AXES = {
     "plain": Rig(),

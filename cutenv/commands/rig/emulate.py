@@ -87,7 +87,7 @@ def _laid(arguments: argparse.Namespace) -> Laid | None:
 
 
 def _serial_options(arguments: argparse.Namespace) -> SerialOptions:
-    from cutenv.cutting.parameters import LawParameters
+    from cutenv.cutting.dtypes import LawParameters
     from cutenv.imitated.emulator.serial_rig import SerialOptions
 
     kind = "--grbl" if arguments.grbl else "--serial"
@@ -119,7 +119,7 @@ def _serial_options(arguments: argparse.Namespace) -> SerialOptions:
 
 
 def _options(arguments: argparse.Namespace) -> Options:
-    from cutenv.cutting.parameters import LawParameters
+    from cutenv.cutting.dtypes import LawParameters
     from cutenv.cutting.sensor import SensorParameters
     from cutenv.imitated.emulator.assembly import Options
     from cutenv.imitated.emulator.mechanics import Mechanics, hinge

@@ -11,7 +11,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from cutenv._base.validation import in_range, one_of
-from cutenv.cutting.parameters import LawParameters
+from cutenv.cutting.dtypes import LawParameters
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.imitated.emulator.emulated_axis import EmulatedAxis
 from cutenv.imitated.emulator.emulated_bench import FAULTS, EmulatedBench

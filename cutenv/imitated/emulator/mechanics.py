@@ -20,7 +20,7 @@ from cutenv._base.validation import check_parameters, parameter
 from cutenv._engine.elementary import exp
 from cutenv._engine.jit import njit, njit_internal
 from cutenv.cutting.descent import HIGHEST, LOWEST
-from cutenv.cutting.parameters import LawParameters
+from cutenv.cutting.dtypes import LawParameters
 from cutenv.cutting.sensor import Sensor, SensorParameters
 from cutenv.imitated.tissue_in_plane import TissueInPlane, measured, within
 from cutenv.plant import DescendingPlant, SimulatedPlant

@@ -12,8 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cutenv._base.validation import in_range, one_of
-from cutenv.cutting.dtypes import TICK
-from cutenv.cutting.parameters import LawParameters
+from cutenv.cutting.dtypes import TICK, LawParameters
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.imitated.emulator.emulated_bench import (
     OVER_FORCE,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cutenv.viewer.solid.curved_cut import CurvedCut
-from cutenv.viewer.solid.shown_cut import COLOURINGS, ShownCut
+from cutenv.viewer.solid.solids import COLOURINGS, ShownCut
 from cutenv.viewer.solid.view_page import write_curved_view, write_view
 
 __all__ = ["COLOURINGS", "CurvedCut", "ShownCut", "write_curved_view", "write_view"]
