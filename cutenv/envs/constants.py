@@ -17,10 +17,9 @@ from cutenv.cutting.dtypes import LawParameters
 from cutenv.cutting.sensor import SensorParameters
 from cutenv.task.beginning import measure_depth
 from cutenv.task.reward import Limits, RewardWeights
-from cutenv.tissue.blade_wear import BladeWear
 from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.grid import field_modes
-from cutenv.tissue.specimen import N_POINTS, SPACING
+from cutenv.tissue.specimen import N_POINTS, SPACING, BladeWear
 
 _PREFIX = "weight_"
 T = TypeVar("T")

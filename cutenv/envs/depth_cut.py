@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from cutenv.envs.described import described
 from cutenv.envs.gentle_cut import GentleCutEnv
+from cutenv.envs.gymnasium_facts import described
 from cutenv.envs.vector import GentleCutVectorEnv
 from cutenv.task.depth import DepthOptions, to_depth_action
 

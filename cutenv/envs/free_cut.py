@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cutenv._base.arrays import Array, Array32
-from cutenv.envs.described import described
+from cutenv.envs.gymnasium_facts import described
 from cutenv.envs.path_cut import PathCutEnv
 from cutenv.plant.freehand_plant import GrowingModel
 from cutenv.task.episode import Goal

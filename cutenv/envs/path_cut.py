@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from cutenv.envs.described import described
 from cutenv.envs.gentle_cut import GentleCutEnv
+from cutenv.envs.gymnasium_facts import described
 from cutenv.envs.vector import GentleCutVectorEnv
 from cutenv.task.path import PathOptions, to_path_action
 

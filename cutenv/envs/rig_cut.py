@@ -24,11 +24,10 @@ from cutenv._base.validation import in_range, one_of
 from cutenv._engine.jit import warn_before_first_compile
 from cutenv.envs.constants import Constants
 from cutenv.envs.depth_cut import DepthCutEnv
-from cutenv.envs.described import described
 from cutenv.envs.gentle_cut import GentleCutEnv, check_rate, checked_episode, checked_length
+from cutenv.envs.gymnasium_facts import LimitedSpec, described, most_steps
 from cutenv.envs.path_cut import PathCutEnv
 from cutenv.envs.rig_source import RigSource
-from cutenv.envs.step_limit import LimitedSpec, most_steps
 from cutenv.envs.tissue_source import TissueSource
 from cutenv.plant import Plant, SimulatedPlant
 from cutenv.recording.appending import CutListener

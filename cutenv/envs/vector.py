@@ -24,9 +24,8 @@ from cutenv._engine.jit import warn_before_first_compile
 from cutenv._engine.parallel import MIN_CHUNK, parallel_for
 from cutenv._engine.randomness import check_key
 from cutenv.cutting.dtypes import READING
-from cutenv.envs.flat_info import flat_infos
 from cutenv.envs.gentle_cut import RESET_OPTIONS, GentleCutEnv, checked_episode, checked_length, listed
-from cutenv.envs.step_limit import LimitedSpec
+from cutenv.envs.gymnasium_facts import LimitedSpec, flat_infos
 from cutenv.task.beginning import GIVEN, LIVER, LONGEST, MIXED, VASCULAR, Drawing, Keys, Start, begin_some
 from cutenv.task.declare import Cuts
 from cutenv.task.episode import ShownDepth

@@ -10,9 +10,8 @@ from cutenv.plant.replay import ReplayPlant
 from cutenv.plant.simulator import SimulatedPlant
 
 if TYPE_CHECKING:
-    from cutenv.plant.descending_plant import DescendingPlant
     from cutenv.plant.freehand_plant import FreehandPlant
-    from cutenv.plant.steered_plant import SteeredPlant
+    from cutenv.plant.third_axis_plants import DescendingPlant, SteeredPlant
 
 __all__ = [
     "DescendingPlant",
@@ -31,8 +30,8 @@ __all__ = [
 __getattr__ = import_when_used(
     __name__,
     {
-        "DescendingPlant": "cutenv.plant.descending_plant",
+        "DescendingPlant": "cutenv.plant.third_axis_plants",
         "FreehandPlant": "cutenv.plant.freehand_plant",
-        "SteeredPlant": "cutenv.plant.steered_plant",
+        "SteeredPlant": "cutenv.plant.third_axis_plants",
     },
 )

@@ -11,7 +11,7 @@ import numpy as np
 from cutenv._base.arrays import Array, Struct, StructArray, joined_records
 from cutenv._base.validation import in_range
 from cutenv.cutting.steering import begin_steering
-from cutenv.plant.steered_plant import SteeredPlant
+from cutenv.plant.third_axis_plants import SteeredPlant
 from cutenv.tissue.cut_model import CutModel
 from cutenv.tissue.grid import LENGTH, N_POINTS, SPACING
 from cutenv.tissue.lines import SIDE_MARGIN, WIDTH, CutLine, straight

@@ -24,9 +24,8 @@ from numpy.typing import NDArray
 from cutenv._base.arrays import Array
 from cutenv._base.imports import optional_import
 from cutenv.recording import array_files, arrow_file, ros_bag
-from cutenv.recording.array_tables import below_one_another, is_time, seconds
+from cutenv.recording.array_tables import Series, below_one_another, is_time, joined, seconds
 from cutenv.recording.csv_sniffer import sniff_table
-from cutenv.recording.joined_series import Series, joined
 from cutenv.recording.named_columns import NamedColumns
 from cutenv.recording.ros_bag import BAGS, is_bag
 from cutenv.recording.schema import RecordError

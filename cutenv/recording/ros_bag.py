@@ -18,7 +18,7 @@ from typing import Any, BinaryIO, NamedTuple
 import numpy as np
 
 from cutenv._base.imports import optional_import
-from cutenv.recording.joined_series import Series, joined
+from cutenv.recording.array_tables import Series, joined
 from cutenv.recording.named_columns import NamedColumns, bare_name
 from cutenv.recording.schema import RecordError
 

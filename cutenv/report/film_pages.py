@@ -37,8 +37,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from cutenv.vision.crack_runs import RunsAndDrops
-    from cutenv.vision.depth_record import FilmedDepth
+    from cutenv.vision.depth_record import FilmedDepth, RunsAndDrops
     from cutenv.vision.marked_blade import DepthFrame
 
 

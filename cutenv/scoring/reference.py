@@ -14,7 +14,7 @@ import numpy as np
 from cutenv._base.arrays import Array
 from cutenv._base.resources import path as resource
 from cutenv._base.validation import one_of
-from cutenv.scoring.metric import METRICS
+from cutenv.scoring.cut_metrics import METRICS
 from cutenv.trace import Trace
 
 REFERENCE_SCHEMA = "cutenv-reference/1"

@@ -15,9 +15,9 @@ from cutenv.measurement.depth import with_blade_depth
 from cutenv.measurement.loading_ratio import loading_ratio
 from cutenv.measurement.strokes import STANDSTILL_SPEED
 from cutenv.scoring.cut_map import CutMap, DepthMap, PathMap
-from cutenv.scoring.lurches import Lurches, lurches_of, smoothed_motion
 from cutenv.scoring.truth import ASIDE_AT_END, FLOOR_AT_END, Truth, checked_aside, checked_floor, noted_tip
 from cutenv.scoring.validity import (
+    Lurches,
     Unavailable,
     even_centres,
     even_instants,
@@ -27,10 +27,12 @@ from cutenv.scoring.validity import (
     implausible_work,
     is_truncated,
     levelled,
+    lurches_of,
     never_loaded,
     noisy,
     noted_ahead,
     smoothed,
+    smoothed_motion,
     under_force,
     unseen,
 )

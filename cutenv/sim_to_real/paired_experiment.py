@@ -22,7 +22,7 @@ from cutenv.rig.errors import RigError
 from cutenv.rig.operation.suitability import simulator_keywords
 from cutenv.rig.safety.stop_causes import ENDS_SESSION, Cause
 from cutenv.sim_to_real import FEWEST_SPECIMENS, Agreement, ClockKept, ComparedCut
-from cutenv.sim_to_real.identification.experiment import LOST_TIME
+from cutenv.sim_to_real.identification import LOST_TIME
 from cutenv.sim_to_real.specimen_twin import fit_twin, held_out
 from cutenv.task.reward import STOPPED
 from cutenv.tissue.description import measured_liver

@@ -96,7 +96,7 @@ class Drawing(NamedTuple):
     """Spread [m], greatest depth [m] and modes of :func:`cutenv.tissue.specimen.vary_surface`; spread 0: every drawn
     specimen has the mean surface."""
     worn: Array
-    """Fracture resistance over that of a new blade, :meth:`cutenv.tissue.blade_wear.BladeWear.factors`, shape (301,); a
+    """Fracture resistance over that of a new blade, :meth:`cutenv.tissue.specimen.BladeWear.factors`, shape (301,); a
     given specimen has it already."""
 
 

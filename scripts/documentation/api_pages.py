@@ -25,7 +25,7 @@ MODULES = (
     "cutenv.rig.devices.drivers",
     "cutenv.rig.safety.supervisor",
     "cutenv.rig_drivers.conformance",
-    "cutenv.scoring.metric",
+    "cutenv.scoring.cut_metrics",
     "cutenv.task.observation",
     "cutenv.task.reward",
     "cutenv.tissue.lines",

@@ -22,9 +22,8 @@ from cutenv.task.path import PathConstants
 from cutenv.task.reward import CUT_ENDS, REWARD, Limits
 from cutenv.tissue import Layers, measured_liver
 from cutenv.tissue import tables as thesis_tables
-from cutenv.tissue.blade_wear import BladeWear
 from cutenv.tissue.description import TissueDescription
-from cutenv.tissue.specimen import SurfaceSpread
+from cutenv.tissue.specimen import BladeWear, SurfaceSpread
 from scripts.tables import markdown_table
 
 

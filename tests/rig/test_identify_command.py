@@ -18,8 +18,7 @@ from cutenv.rig.operation.operator import AutomaticOperator
 from cutenv.rig.operation.preflight import SETTLE, prepare
 from cutenv.rig.safety.stop_causes import Cause, RigStopped
 from cutenv.rig.toml_file import read_rig_file, to_toml, write_identified
-from cutenv.sim_to_real.identification import Plan, identification_from, perform
-from cutenv.sim_to_real.identification.experiment import APPROACH
+from cutenv.sim_to_real.identification import APPROACH, Plan, identification_from, perform
 
 DEPTH = ((0.0, 0.02), (0.149, 0.02))
 

@@ -17,7 +17,7 @@ from scipy.stats import norm
 
 from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range, one_of
-from cutenv.scoring.metric import METRICS
+from cutenv.scoring.cut_metrics import METRICS
 from cutenv.scoring.score_card import whole_score
 from cutenv.scoring.study.estimate import (
     BOOTSTRAP_SIZE,

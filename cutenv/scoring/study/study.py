@@ -11,7 +11,7 @@ import numpy as np
 
 from cutenv._base.arrays import Array
 from cutenv._base.validation import in_range, one_of
-from cutenv.scoring.metric import FORCE_WEIGHTS, METRICS, Direction
+from cutenv.scoring.cut_metrics import FORCE_WEIGHTS, METRICS, Direction
 from cutenv.scoring.score_card import ScoreCard
 from cutenv.scoring.study.estimate import FEWEST_COMPARED, FEWEST_RELIABLE
 from cutenv.scoring.study.learning import FEWEST_IN_CURVE, Cusum, LearningCurve, cusum, learning_curve

@@ -1,4 +1,8 @@
-"""Experiment on a released rig, and its result: each constant with standard error and method, or why it is missing."""
+"""Identification of a rig's constants: experiment, plan and result.
+
+The experiment is made on a released rig: an empty axis under steps, sines and reversals, and a sensor at rest. Of each
+constant the result has standard error and method, or why it is missing. The plan is the motions, within a rig's travel.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +28,7 @@ from cutenv.rig.operation.recorder import Felt, Recorder, Stretch
 from cutenv.rig.plant import RigPlant
 from cutenv.rig.safety.stop_causes import Cause, RigStopped
 from cutenv.rig.safety.supervisor import BRAKING, MARGIN
-from cutenv.sim_to_real.identification.axis_response import (
+from cutenv.sim_to_real.axis_response import (
     ForceDelay,
     Friction,
     Play,

@@ -1,17 +1,100 @@
-"""Docstrings of environments: what the task declares is filled in where they name it in braces."""
+"""Facts that Gymnasium reads of an environment: limit, infos, docstring.
+
+The most steps of a cut, which its own options set, are in its ``spec``. Flat infos are numbers alone, the same at every
+step, for wrappers that take no dictionary or text. What a task declares is filled into docstrings where they name it in
+braces.
+"""
 
 from __future__ import annotations
 
+import dataclasses
 import inspect
 import math
 import re
 import textwrap
-from collections.abc import Callable, Sequence
-from typing import TypeVar
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Protocol, TypeVar
+
+import numpy as np
+from gymnasium.envs.registration import EnvSpec
 
 from cutenv.task.declare import CutNumber, Task
 from cutenv.task.observation import ANGLE_CENTRE, ANGLE_SCALE, CLIP, COMPONENTS, SPEED_SCALE
 from cutenv.task.reward import CUT_ENDS, REWARD
+from cutenv.tissue.specimen import CLASSES
+
+
+def most_steps(deadline: float, ticks: int) -> int:
+    """Return the number of decisions, each of ``ticks`` [ms], at the last of which a ``deadline`` [s] ends a cut."""
+    return math.ceil(math.ceil(1000.0 * deadline - 0.5) / ticks)
+
+
+class _Limited(Protocol):
+    most_steps: int
+
+
+class LimitedSpec:
+    """``spec`` of an environment, whose ``max_episode_steps`` are those of its own deadline and rate of decisions.
+
+    An entry of Gymnasium's registry has none: Gymnasium would wrap a TimeLimit with it around every environment, which
+    would cut short the cuts of one that decides more often.
+    """
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._kept = f"_{name}"
+
+    def __get__(self, env: _Limited | None, owner: type) -> EnvSpec | None:
+        return None if env is None else env.__dict__.get(self._kept)
+
+    def __set__(self, env: _Limited, spec: EnvSpec | None) -> None:
+        told = spec and dataclasses.replace(spec, max_episode_steps=env.most_steps)
+        env.__dict__[self._kept] = told
+
+
+def flat_info(info: Mapping[str, Any], ends: Sequence[str]) -> dict[str, Any]:
+    """Return the info of one environment without groups, as numbers of NumPy: float64, or int64.
+
+    An entry of a group is named after both, such as "truth_tip_m".  ``truth_specimen_class`` counts in
+    :data:`~cutenv.tissue.specimen.CLASSES`, and ``end`` in ``ends``, of which the first is that of a cut that goes on;
+    flags are 0 or 1.
+    """
+    full = {"end": ends[0], "is_success": False, **info}
+    return {name: _numbers(name, value, ends) for name, value in _without_groups(full).items()}
+
+
+def flat_infos(infos: Mapping[str, Any], ends: Sequence[str]) -> dict[str, Any]:
+    """Return the infos of a batch as :func:`flat_info` does: arrays of shape (n,), 0 where their masks are False."""
+    present = infos["_cost"]
+    nothing = {"end": np.full(len(present), ends[0], dtype=object), "is_success": np.zeros(len(present), bool)}
+    full = {**nothing, **infos}
+    flat: dict[str, Any] = {name: full.pop(name) for name in infos if name.removeprefix("_").startswith("final_")}
+    if flat:  # by Gymnasium's convention: the last ones of cuts that ended
+        flat["final_info"] = flat_infos(flat["final_info"], ends)
+    for name, values in _without_groups(full).items():
+        numbers = _numbers(name, values, ends)
+        flat[name], flat["_" + name] = np.where(present, numbers, np.zeros_like(numbers)), present
+    return flat
+
+
+def _without_groups(info: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the entries of all groups and those of none, without masks."""
+    flat: dict[str, Any] = {}
+    for name, value in info.items():
+        if name.startswith("_"):
+            continue
+        inside = value.items() if isinstance(value, dict) else ()
+        flat |= {f"{name}_{key}": each for key, each in inside if not key.startswith("_")} or {name: value}
+    return flat
+
+
+def _numbers(name: str, value: Any, ends: Sequence[str]) -> Any:
+    """Return a value, or one for each environment, as float64 or int64."""
+    words = {"end": ends, "truth_specimen_class": CLASSES}.get(name)
+    if words is not None:
+        value = np.vectorize(lambda word: 0 if word is None else words.index(word), otypes=[np.int64])(value)
+    numbers = np.asarray(value)
+    return numbers.astype(np.float64 if numbers.dtype.kind == "f" else np.int64)[()]
+
 
 E = TypeVar("E")
 _Rows = list[tuple[str, ...]]
