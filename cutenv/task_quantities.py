@@ -128,7 +128,9 @@ PER_MILLIMETRE = 0.001
 
 @dataclass(frozen=True, kw_only=True)
 class WholeCutTerm:
-    """One cost of a map of the cut: ``weight`` times a quantity of the whole cut, charged as it grows.
+    """One cost of a map of the cut.
+
+    ``weight`` times a quantity of the whole cut, charged as it grows.
 
     What shrinks is refunded.  The map has a number for each point that the tip has passed, as the depth of the floor;
     the formulas are of sums over it.

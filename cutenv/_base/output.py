@@ -20,7 +20,9 @@ T = TypeVar("T")
 
 @contextmanager
 def progress_bar(description: str, unit: str, *, total: int | None = None) -> Iterator[Callable[[int], object]]:
-    """Show a progress bar on standard error; nothing where tqdm, which only shows it, is not installed.
+    """Show a progress bar on standard error.
+
+    Nothing where tqdm, which only shows it, is not installed.
 
     Yields
     ------

@@ -23,7 +23,10 @@ from typing import Any, TypeAlias
 
 
 class Declaration:
-    """Object of a module from which kernels are made; copied or unpickled, it is the same object."""
+    """Object of a module from which kernels are made.
+
+    Copied or unpickled, it is the same object.
+    """
 
     place: str
     """Module and name of the object, "package.module:NAME"."""

@@ -1,4 +1,6 @@
-"""Decorators of kernels: taken from the library that a wheel brings, or compiled by Numba and kept on disk.
+"""Decorators of kernels.
+
+Taken from the library that a wheel brings, or compiled by Numba and kept on disk.
 
 The library is used where it was built from this very source (:mod:`cutenv._engine.native`).  Where there is none, and
 for kernels that it lacks, such as those of a task of one's own, Numba compiles.  Numba's cache watches only the file of
@@ -151,7 +153,9 @@ def njit_nogil(function: Function) -> Function:
 
 
 def njit_internal(function: Function) -> Function:
-    """Compile ``function`` for callers inside kernels only; from Python it stays plain Python, also for arrays.
+    """Compile ``function`` for callers inside kernels only.
+
+    From Python it stays plain Python, also for arrays.
 
     Most functions are called only from compiled code.  The wrapper with which Numba makes one callable from Python
     costs a quarter to a third of the compile time.

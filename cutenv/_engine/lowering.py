@@ -181,7 +181,10 @@ _from_dtype: Any = numpy_support.from_dtype
 
 
 class Lanes(types.NestedArray):
-    """Type of a field of a row: an array of fixed shape whose elements are addressed directly."""
+    """Type of a field of a row.
+
+    An array of fixed shape whose elements are addressed directly.
+    """
 
 
 class RowType(types.Record):

@@ -1,4 +1,7 @@
-"""Milliseconds of a cut that a hand leads: one function for each task, compiled for Python and for the browser."""
+"""Milliseconds of a cut that a hand leads.
+
+One function for each task, compiled for Python and for the browser.
+"""
 
 from __future__ import annotations
 
@@ -312,7 +315,10 @@ class HandCut:
 
 
 class HandDepthCut(HandCut):
-    """Cut by a person's hand along a wanted depth; its third number is the level above that at the start [m]."""
+    """Cut by a person's hand along a wanted depth.
+
+    Its third number is the level above that at the start [m].
+    """
 
     environment = DepthCutEnv
     led = LED_DEEP
@@ -339,7 +345,9 @@ class HandDepthCut(HandCut):
 
 
 class HandPathCut(HandCut):
-    """Cut by a person's hand along a drawn line; its third number is the place across, to the left [m].
+    """Cut by a person's hand along a drawn line.
+
+    Its third number is the place across, to the left [m].
 
     Parameters
     ----------

@@ -1,4 +1,6 @@
-"""The cutting law: the parts of the tissue's response to one small motion of the blade.
+"""The cutting law.
+
+The parts of the tissue's response to one small motion of the blade.
 
 :func:`cutenv.cutting.update.cut_row` puts them together.
 
@@ -181,7 +183,9 @@ def on_unload(ledger: float, loss: float) -> tuple[float, float]:
 
 @njit_inline
 def force_to_grow(law: Struct, arrest_ratio: float, held_force: float, pushing: float, toughness: float) -> float:
-    """Return the force [N] above which a loading blade cuts; below it, it loads and unloads elastically.
+    """Return the force [N] above which a loading blade cuts.
+
+    Below it, it loads and unloads elastically.
 
     It is the force at which the crack last came to rest, or (1 - eta) R B where that is lower.  A blade that cut up to
     a higher force and drew back reaches that force again before it goes on cutting (thesis, Figures 6.6 and 6.7).

@@ -170,7 +170,10 @@ def law_in_row(row: Struct, n: int) -> LawInRow:
 
 
 class Plain(NamedTuple):
-    """A row and the cuts' records as flat arrays of float64: a view costs more than a copy, so they are made once."""
+    """A row and the cuts' records as flat arrays of float64.
+
+    A view costs more than a copy, so they are made once.
+    """
 
     row: StructArray
     states: StructArray

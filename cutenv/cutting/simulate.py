@@ -1,4 +1,7 @@
-"""Loops over updates of the cutting law, made for each motion: one cut, a path, and many cuts in parallel."""
+"""Loops over updates of the cutting law, made for each motion.
+
+One cut, a path, and many cuts in parallel.
+"""
 
 from __future__ import annotations
 

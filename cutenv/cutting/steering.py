@@ -1,4 +1,6 @@
-"""The cutting law in the plane: blade and crack tip leave a drawn line, and the tip turns after the blade.
+"""The cutting law in the plane.
+
+Blade and crack tip leave a drawn line, and the tip turns after the blade.
 
 Places are given along the drawn line: s, the arc length of the foot point, and d, the distance to the line, positive to
 the left [m].  In front of the tip the tissue holds the blade as the 2 x 2 stiffness K at the tip tells; u is the
@@ -302,7 +304,10 @@ def advanced(place: Struct, steering: Struct, a: float, i: int, share: float) ->
 
 
 class CutPoint(NamedTuple):
-    """Point of a cut: cell of the grid, place along the line and distance to its left [m]."""
+    """Point of a cut.
+
+    Cell of the grid, place along the line and distance to its left [m].
+    """
 
     cell: int
     place: float

@@ -1,4 +1,6 @@
-"""One force update, a millisecond, of every cut in a row: drive, cutting law and force sensor.
+"""One force update, a millisecond, of every cut in a row.
+
+Drive, cutting law and force sensor.
 
 The functions of :mod:`cutenv.cutting.law` and its neighbours are called in loops over the lanes of a row, a structure
 of arrays (:mod:`cutenv.cutting.row`).  A loop that does nothing but arithmetic is compiled to vector instructions,

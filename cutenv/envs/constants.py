@@ -1,4 +1,7 @@
-"""Constants of an episode by keyword: each belongs to the drive, the sensor, the law, the task or the lab."""
+"""Constants of an episode by keyword.
+
+Each belongs to the drive, the sensor, the law, the task or the lab.
+"""
 
 from __future__ import annotations
 

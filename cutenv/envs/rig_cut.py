@@ -62,7 +62,9 @@ _SAME_ANGLE = math.radians(0.5)
 
 
 class Work:
-    """Reset or step in progress: a signal handler that wants to close the rig in its midst has to wait for its end.
+    """Reset or step in progress.
+
+    A signal handler that wants to close the rig in its midst has to wait for its end.
 
     A handler interrupts its thread anywhere, perhaps under a lock that closing needs.
 
@@ -516,7 +518,9 @@ class RigCutEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return self._source.records
 
     def close(self) -> None:
-        """Stop any motion and close the rig, from any thread; has no effect in a fork.
+        """Stop any motion and close the rig, from any thread.
+
+        Has no effect in a fork.
 
         From a signal handler during a step it stops the blade, and the rig is closed when the step ends. During a reset
         in which nothing moves it raises :class:`KeyboardInterrupt`, and the rig is then closed.

@@ -1,4 +1,7 @@
-"""Source of the rig that an environment uses: hardware by its file, its own emulator, or a fake in memory."""
+"""Source of the rig that an environment uses.
+
+Hardware by its file, its own emulator, or a fake in memory.
+"""
 
 from __future__ import annotations
 

@@ -199,7 +199,9 @@ class CutBatch:
         return rewards, ends
 
     def checked_actions(self, actions: ArrayLike, waiting: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """Return a copy of the actions, clipped to [-1, 1]; those of cuts that wait may be NaN.
+        """Return a copy of the actions, clipped to [-1, 1].
+
+        Those of cuts that wait may be NaN.
 
         Raises
         ------

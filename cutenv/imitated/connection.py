@@ -37,7 +37,9 @@ class Connection(NamedTuple):
 
 @contextmanager
 def connected(rig: str, *, clock: FakeClock | None = None) -> Iterator[Connection]:
-    """Connect to a rig, with every stop installed; it is closed at the end of the block.
+    """Connect to a rig, with every stop installed.
+
+    It is closed at the end of the block.
 
     Parameters
     ----------
@@ -86,7 +88,9 @@ def connected(rig: str, *, clock: FakeClock | None = None) -> Iterator[Connectio
 
 
 def operator_of(settings: RigSettings) -> Operator:
-    """Return the operator of a rig: a person at the terminal; for an emulated or fake rig an automatic one.
+    """Return the operator of a rig: a person at the terminal.
+
+    An emulated or fake rig has an automatic one.
 
     Raises
     ------

@@ -1,4 +1,6 @@
-"""Fake rig without hardware, on a fake clock: all of the rig's own code runs over a specimen or a recorded cut.
+"""Fake rig without hardware, on a fake clock.
+
+All of the rig's own code runs over a specimen or a recorded cut.
 
 Only the drivers' reports are faked: samples of an axis at every SYNC, force readings at 1 kHz, heartbeats. Every fault
 that the rig has to survive can be caused at any instant.
@@ -45,7 +47,10 @@ _ARM = 0.1  # [m] from the blade's lower end up to the sensor, of a rig with a h
 
 @dataclass
 class CrossFaults:
-    """Faults of an axis across the cut; each can be changed at any instant."""
+    """Faults of an axis across the cut.
+
+    Each can be changed at any instant.
+    """
 
     stuck: bool = False
     """True if its encoder shows one place."""

@@ -1,4 +1,7 @@
-"""Tissue of an imitated rig along a line: the law in the plane under a blade that two axes lead."""
+"""Tissue of an imitated rig along a line.
+
+The law in the plane under a blade that two axes lead.
+"""
 
 from __future__ import annotations
 

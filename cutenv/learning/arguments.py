@@ -261,7 +261,10 @@ class LearnerArguments:
 
 @dataclass(frozen=True, kw_only=True)
 class TrialArguments(LearnerArguments):
-    """Options of the learners that learn by trial; their defaults are those of PPO."""
+    """Options of the learners that learn by trial.
+
+    Their defaults are those of PPO.
+    """
 
     timesteps: int = option(4_000_000, "number of decisions to train for", (1, 10**12), resumable=True)
     history: int = 0

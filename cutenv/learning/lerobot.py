@@ -86,7 +86,9 @@ def measured_names(environment: str) -> tuple[str, ...]:
 def write_lerobot(
     folder: Path, source: str, keywords: Mapping[str, Any], demonstrations: Sequence[Demonstration]
 ) -> None:
-    """Write cuts as a LeRobot data set; the folder is complete or does not exist.
+    """Write cuts as a LeRobot data set.
+
+    The folder is complete or does not exist.
 
     Parameters
     ----------

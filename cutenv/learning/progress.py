@@ -1,4 +1,6 @@
-"""Callback of a training: progress bar, learning curve, checkpoints, running average of the actor, validation.
+"""Callback of a training.
+
+Progress bar, learning curve, checkpoints, running average of the actor, validation.
 
 The learning curve counts the decisions of trial, and all cuts begun: those of demonstrations are consumed too.
 """

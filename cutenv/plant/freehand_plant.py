@@ -1,4 +1,7 @@
-"""A simulated slab that is cut where the blade is led: its model is solved again as the cut opens."""
+"""A simulated slab that is cut where the blade is led.
+
+Its model is solved again as the cut opens.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +30,10 @@ _CHUNK = 10  # milliseconds after which the tip is followed: the crack turns no 
 
 
 class Grown(NamedTuple):
-    """Growth of a model: stiffness over that of a straight cut at points of the line, and why it ended, if it did."""
+    """Growth of a model.
+
+    Stiffness over that of a straight cut at points of the line, and why it ended, if it did.
+    """
 
     ways: Array
     ratios: Array
@@ -153,7 +159,9 @@ class GrowingModel:
 
 
 class FreehandPlant(SteeredPlant):
-    """A simulated slab, cut by a blade that is led anywhere; the finite-element model follows the crack.
+    """A simulated slab, cut by a blade that is led anywhere.
+
+    The finite-element model follows the crack.
 
     The blade is driven where it points and turned to the left and right, as with
     :class:`~cutenv.plant.SteeredPlant`.  Whenever the crack passes a node, its 2 x 2 stiffness is computed for the cut

@@ -47,7 +47,10 @@ _APPROACH = 0.15  # time of travel [s] at the present speed before the end at wh
 
 @dataclass(frozen=True, kw_only=True)
 class Leg:
-    """One leg of a motion: to ``position`` [m] at ``speed`` [m/s] and ``angle`` [rad], then rest for ``dwell`` [s]."""
+    """One leg of a motion.
+
+    It goes to ``position`` [m] at ``speed`` [m/s] and ``angle`` [rad], then rests for ``dwell`` [s].
+    """
 
     position: float
     speed: float
@@ -69,7 +72,9 @@ def forward_backward(
 
 
 def run(plant: Plant, legs: list[Leg]) -> StructArray:
-    """Drive ``plant`` through ``legs`` from its present position; return every reading at 1 kHz, the first at rest.
+    """Drive ``plant`` through ``legs`` from its present position.
+
+    Return every reading at 1 kHz, the first at rest.
 
     Returns
     -------

@@ -1,4 +1,7 @@
-"""The simulated plant: a specimen under the cutting law, a drive and a force sensor."""
+"""The simulated plant.
+
+A specimen under the cutting law, a drive and a force sensor.
+"""
 
 from __future__ import annotations
 

@@ -182,7 +182,10 @@ class GamepadDevice(LedHand):
 
 
 class HandMotion(NamedTuple):
-    """Motion that a script demands: hand [m], angle [rad] and level [m] of the blade, place across [m], button held."""
+    """Motion that a script demands.
+
+    Hand [m], angle [rad] and level [m] of the blade, place across [m], button held.
+    """
 
     position: float
     angle: float
@@ -192,7 +195,9 @@ class HandMotion(NamedTuple):
 
 
 class ScriptedDevice:
-    """Hand that follows a script, for tests and demonstrations: every read is a millisecond later.
+    """Hand that follows a script, for tests and demonstrations.
+
+    Every read is a millisecond later.
 
     Parameters
     ----------

@@ -1,4 +1,6 @@
-"""Haptic devices: position in, force out, and a coupling that cannot return more energy than it received.
+"""Haptic devices.
+
+Position in, force out, and a coupling that cannot return more energy than it received.
 
 A driver implements the five parts of :class:`HapticDevice` and may be in your own code: pass it to ``Session(device)``
 and ``PlayWindow(session)``. Haply's Inverse3 is in :mod:`cutenv.play.inverse3`. None of these devices was available for

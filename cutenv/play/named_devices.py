@@ -23,7 +23,9 @@ _ENDS_WITHIN = 5.0  # [s]
 def named_device(
     name: str, *, target: float, url: str = INVERSE3_URL, axes: HandleAxes | None = None, shares: bool = False
 ) -> Iterator[HapticDevice]:
-    """Make a device for the time of the block; an emulated one ends with it.
+    """Make a device for the time of the block.
+
+    An emulated one ends with it.
 
     Parameters
     ----------

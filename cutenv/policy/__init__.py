@@ -1,4 +1,7 @@
-"""Policies that need no learning library: functions from an observation to an action."""
+"""Policies that need no learning library.
+
+Functions from an observation to an action.
+"""
 
 from cutenv.policy.actor_network import Network, RecurrentNetwork
 from cutenv.policy.features import Features

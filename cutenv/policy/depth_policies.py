@@ -63,7 +63,9 @@ DEPTH_MEMORY: np.dtype[Any] = np.dtype(
 
 
 class DepthFeatures(Features):
-    """Features of one cut or many of ``cutenv/DepthCut-v1``: what depth adds to the observation, and what follows.
+    """Features of one cut or many of ``cutenv/DepthCut-v1``.
+
+    They are what depth adds to the observation, and what follows.
 
     Those of gentle cutting, which come first, have the blade's depth as the depth of cut.
     """

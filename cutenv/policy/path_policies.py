@@ -133,7 +133,10 @@ _RETURN, _GAIN, _LARGEST = 0.004, 1.5, 0.5  # of the turn by which the tip would
 
 
 class PathFeatures(Features):
-    """Features of one cut or many of ``cutenv/PathCut-v1``: what the path adds to the observation, and what follows."""
+    """Features of one cut or many of ``cutenv/PathCut-v1``.
+
+    They are what the path adds to the observation, and what follows.
+    """
 
     components = len(PATH_CUT.all_components)
     added = _OF_PATH
@@ -215,7 +218,10 @@ _YIELDED = 0.003  # [m/N], by which the tissue yields to a side; less, since fri
 
 
 class SeenPath(NamedTuple):
-    """Observations of n cuts as a script sees them; each of shape (n,) or (n, columns), SI."""
+    """Observations of n cuts as a script sees them.
+
+    Each of shape (n,) or (n, columns), SI.
+    """
 
     along: Array
     """Components of gentle cutting, shape (n, 12)."""
@@ -429,7 +435,9 @@ TUNED_AT: Mapping[str, Any] = {"control_hz": 10}
 
 
 def with_numbers(kind: type[PathScript], numbers: Mapping[str, float]) -> PathScript:
-    """Return a script of a kind with numbers by name; those that are not given are usual.
+    """Return a script of a kind with numbers by name.
+
+    Those that are not given are usual.
 
     They are those of :data:`ALONG_NUMBERS` and :data:`ENDING_NUMBERS`, and the kind's own.  The script decides as often
     as when the numbers were found.

@@ -312,7 +312,9 @@ def _better(plans: StructArray, returns: Array, plan: StructArray, value: float)
 
 
 class PlannerWithTruth(ArrayPolicy):
-    """The oracle: it knows the specimen and plans the whole cut; an upper bound that no real policy can reach.
+    """The oracle: it knows the specimen and plans the whole cut.
+
+    An upper bound that no real policy can reach.
 
     Its plans come from a search, so the true optimum is slightly better.
 
@@ -359,7 +361,9 @@ class PlannerWithTruth(ArrayPolicy):
 
 
 class PlannerNominal(Script):
-    """A planner for the mean liver: it follows the plan and stops where the tip is estimated to reach the target.
+    """A planner for the mean liver.
+
+    It follows the plan and stops where the tip is estimated to reach the target.
 
     Parameters
     ----------

@@ -46,7 +46,9 @@ _HELD_ACROSS = 0.35  # [N]: with what is left along the cut, less than friction 
 
 
 class StopAndUnload:
-    """Shared ending of a cut: stop at the target, turn upright, draw back until the tissue is unloaded, rest.
+    """Shared ending of a cut.
+
+    Stop at the target, turn upright, draw back until the tissue is unloaded, rest.
 
     Parameters
     ----------
@@ -123,7 +125,10 @@ INCLINED = math.radians(45.0)
 
 
 class Script(ArrayPolicy):
-    """Base class of scripts: cut by :meth:`command` until the shared routine stops and unloads."""
+    """Base class of scripts.
+
+    Cut by :meth:`command` until the shared routine stops and unloads.
+    """
 
     def __init__(self, unloading: StopAndUnload | None = None) -> None:
         self.unloading = unloading or StopAndUnload()

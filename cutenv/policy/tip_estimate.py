@@ -83,7 +83,9 @@ CUT_ESTIMATE: np.dtype[Any] = np.dtype(
 
 
 class TipEstimate:
-    """Estimator of the crack tip from observations; it begins with the mean tissue and learns from return strokes.
+    """Estimator of the crack tip from observations.
+
+    It begins with the mean tissue and learns from return strokes.
 
     An observation contains the depth at the blade; the tip is behind it, where the bulge is thinner.  So the depth
     is stored as the blade passes.
@@ -273,7 +275,9 @@ def _feel_all(felt: StructArray, nominals: StructArray, values: Array, lags: Arr
 def feel_two_forces(
     felt: Struct, nominal: Struct, reading: BladeReading, upwards: float, descent_speed: float
 ) -> float:
-    """Update what is known of one cut by a decision's forces; return the lag of the tip behind the blade [m].
+    """Update what is known of one cut by a decision's forces.
+
+    Return the lag of the tip behind the blade [m].
 
     Parameters
     ----------

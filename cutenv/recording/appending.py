@@ -26,7 +26,10 @@ _PATIENCE = 5.0  # [s] with a disk that does not respond
 
 
 class RecordingFailed(OSError):
-    """Error for a disk that accepts no more of the record: full, gone or unresponsive; the part on it can be read."""
+    """Error for a disk that accepts no more of the record.
+
+    Full, gone or unresponsive; the part on it can be read.
+    """
 
 
 class AppendingRecord:

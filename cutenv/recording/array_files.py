@@ -282,7 +282,9 @@ _MOST_BYTES = 1 << 32  # of one dataset
 
 
 def read_hdf5(path: Path, names: Collection[str] = ()) -> NamedColumns:
-    """Read an HDF5 file; a dataset is a column, or several, named by its place.
+    """Read an HDF5 file.
+
+    A dataset is a column, or several, named by its place.
 
     Raises
     ------

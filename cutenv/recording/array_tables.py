@@ -51,7 +51,9 @@ class Series:
 
 
 def joined(path: Path, every: Sequence[Series], names: Collection[str], notes: Sequence[str] = ()) -> NamedColumns:
-    """Return series as one table; its rows are the readings of the series that is needed first.
+    """Return series as one table.
+
+    Its rows are the readings of the series that is needed first.
 
     Parameters
     ----------

@@ -1,4 +1,7 @@
-"""Tables of numbers from any program: encoding, separator, decimal sign, header, units and specimens are detected."""
+"""Tables of numbers from any program.
+
+Encoding, separator, decimal sign, header, units and specimens are detected.
+"""
 
 from __future__ import annotations
 
@@ -101,7 +104,10 @@ def split_row(row: str, separator: str) -> list[str]:
 
 @dataclass
 class _Rows:
-    """Rows of cells in one dialect, before they are read: how many cells, and which columns hold numbers."""
+    """Rows of cells in one dialect, before they are read.
+
+    It says how many cells they have, and which columns hold numbers.
+    """
 
     dialect: Dialect
     length: int

@@ -140,7 +140,9 @@ def _tdms_table(path: Path, channels: Sequence[_Channel]) -> NamedColumns:
 
 
 def read_xdf(path: Path, names: Collection[str] = ()) -> NamedColumns:
-    """Read a ``.xdf`` file; each channel of a stream is a column, at the times of the stream with the force.
+    """Read a ``.xdf`` file.
+
+    Each channel of a stream is a column, at the times of the stream with the force.
 
     Raises
     ------

@@ -1,4 +1,7 @@
-"""Reading of any record: of this package, or of other programs, through a mapping of their columns or topics."""
+"""Reading of any record.
+
+It is of this package, or of other programs, through a mapping of their columns or topics.
+"""
 
 from __future__ import annotations
 
@@ -280,7 +283,10 @@ def look_at(
 
 
 class OpenQuestions(RecordError):
-    """Error for a file that leaves open what nobody can guess: `asked` has the questions."""
+    """Error for a file that leaves open what nobody can guess.
+
+    `asked` has the questions.
+    """
 
     def __init__(self, path: Path, asked: Proposal) -> None:
         questions = " ".join(map(str, asked.questions))
@@ -366,7 +372,10 @@ def _tare(readings: MappedReadings, whole: Trace, record: RecordRows, search: Cu
 
 
 class _Searched(NamedTuple):
-    """A record as it is and tared; offsets and length of its quiet start; the cuts that were found in it."""
+    """A record as it is and tared.
+
+    Offsets and length of its quiet start; the cuts that were found in it.
+    """
 
     whole: Trace
     tared: Trace

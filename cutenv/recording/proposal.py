@@ -1,4 +1,7 @@
-"""Proposal of a mapping for a foreign file: which column is what, and the questions that the file leaves open."""
+"""Proposal of a mapping for a foreign file.
+
+It says which column is what, and asks the questions that the file leaves open.
+"""
 
 from __future__ import annotations
 

@@ -288,12 +288,18 @@ _FEW_REPEATED = 0.1  # share of repeated stamps up to which they are a slip, and
 
 
 class _PictureFound(Exception):
-    """Signal that a topic holds pictures or clouds of points: its few numbers are their sizes."""
+    """Signal that a topic holds pictures or clouds of points.
+
+    Its few numbers are their sizes.
+    """
 
 
 @dataclass
 class _Topic:
-    """Messages of a topic: their times [ns], and the numbers in them by header, with the messages that hold them."""
+    """Messages of a topic.
+
+    Their times [ns], and the numbers in them by header, with the messages that hold them.
+    """
 
     stamps: list[int] = field(default_factory=list)
     received: list[int] = field(default_factory=list)

@@ -1,4 +1,6 @@
-"""Pages of filmed cuts: depth of cut, and beads beside the model.
+"""Pages of filmed cuts.
+
+Depth of cut, and beads beside the model.
 
 The depth is shown above the force, with frames and what was found in them, and as a table. Beads are compared with the
 model, and the modulus is measured twice.

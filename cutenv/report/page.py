@@ -1,4 +1,6 @@
-"""Pages of results, self-contained files, in any language: what they, their figures and their glossary share.
+"""Pages of results, self-contained files, in any language.
+
+This module holds what they, their figures and their glossary share.
 
 In another language every text of a finished page and of its figures is looked up among known phrases.  Figures are
 drawn for a desktop screen and for a phone, loading matplotlib when drawn.
@@ -345,7 +347,9 @@ PHONE_WIDTH = 6.0
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """Return an empty figure of a size [in]; pages have figures of two widths, for a desktop screen and a phone.
+    """Return an empty figure of a size [in].
+
+    Pages have figures of two widths, for a desktop screen and a phone.
 
     Raises
     ------

@@ -135,7 +135,10 @@ def write_people(path: Path, setting: StandardSetting) -> None:
 
 
 class MarkRow(NamedTuple):
-    """Method's name and cells: the mark, then false passes and false fails, each observed and in theory."""
+    """Method's name and cells.
+
+    The mark, then false passes and false fails, each observed and in theory.
+    """
 
     name: str
     cells: list[str]

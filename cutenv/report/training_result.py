@@ -36,7 +36,10 @@ _CURE = "An interval needs two specimens or more; look for a NaN in the scores."
 
 @dataclass(frozen=True)
 class Score:
-    """Score as a column: its name in the data, its heading, unit and digits shown."""
+    """Score as a column.
+
+    Its name in the data, its heading, unit and digits shown.
+    """
 
     name: str
     heading: str

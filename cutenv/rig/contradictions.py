@@ -1,4 +1,6 @@
-"""Contradictions in a rig's file: keys that are each in range but cannot be true at the same time.
+"""Contradictions in a rig's file.
+
+Keys that are each in range but cannot be true at the same time.
 
 A rig that is accepted here can be used for cuts: in normal operation it crosses no limit.
 """

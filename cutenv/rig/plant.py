@@ -1,4 +1,7 @@
-"""Rig as a plant: it sends the policy's commands at a fixed rate, and returns the measurements at 1 kHz."""
+"""Rig as a plant.
+
+It sends the policy's commands at a fixed rate, and returns the measurements at 1 kHz.
+"""
 
 from __future__ import annotations
 
@@ -459,7 +462,9 @@ class RigPlant(Travel):
 
     @property
     def beside(self) -> StructArray | None:
-        """Further measurements with the last readings; None for a rig that records none of them.
+        """Further measurements with the last readings.
+
+        They are None for a rig that records none of them.
 
         Of type :data:`~cutenv.rig.plant.BESIDE_READINGS`, one for each reading that :meth:`advance` returned.
         """
@@ -508,7 +513,9 @@ class RigPlant(Travel):
         return min(max(_TURN_GAIN * off, -fastest), fastest)
 
     def _come_to_rest(self, report: StopReport) -> StructArray:
-        """Wait until the blade is at rest; return the readings of the cut until then, none outside a cut.
+        """Wait until the blade is at rest.
+
+        Return the readings of the cut until then, none outside a cut.
 
         A rig that another thread has closed, or whose spine has ended, reports no more, and is not waited for.
         """

@@ -175,7 +175,9 @@ def deliver(record: bytes, axes: Sequence[str], receiver: Receiver) -> None:
 
 
 class Link:
-    """Shared memory of one rig, without a name: nothing of it is left when both processes have ended.
+    """Shared memory of one rig, without a name.
+
+    Nothing of it is left when both processes have ended.
 
     Parameters
     ----------

@@ -1,4 +1,6 @@
-"""Calibration of an analogue six-axis sensor: matrix from voltages to loads, cross-talk included, and converter.
+"""Calibration of an analogue six-axis sensor.
+
+Matrix from voltages to loads, cross-talk included, and converter.
 
 A file, in TOML, holds what the sensor's maker or a bench of weights has found.
 """

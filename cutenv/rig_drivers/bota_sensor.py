@@ -1,4 +1,6 @@
-"""Driver "bota" of a force sensor: Bota Systems' SensONE, Rokubi and others with a serial line (RS-422, USB).
+"""Driver "bota" of a force sensor.
+
+Bota Systems' SensONE, Rokubi and others with a serial line (RS-422, USB).
 
 Source: Bota Systems' driver for ROS, ``rokubimini_serial``, and its examples in C++ and Python: frames of 37 bytes
 (header 0xAA, status, six floats, time, temperature, CRC-16/X-25) at 460 800 baud; commands C, c, f, R.
@@ -62,7 +64,9 @@ def x25_crc(data: bytes) -> int:
 
 
 def bota_frame(frame: bytes) -> SensorFrame:
-    """Parse a frame of the stream; its CRC is over all between header and CRC.
+    """Parse a frame of the stream.
+
+    Its CRC is over all between header and CRC.
 
     Raises
     ------

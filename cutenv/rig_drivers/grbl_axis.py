@@ -1,4 +1,6 @@
-"""Driver "grbl" of an axis: a machine with GRBL 1.1 as it is, moved by jogs that are sent a little ahead.
+"""Driver "grbl" of an axis.
+
+A machine with GRBL 1.1 as it is, moved by jogs that are sent a little ahead.
 
 What GRBL cannot promise: it has no watch for a silent computer, and moves to the end of the jogs that it has; a quick
 stop is its plain deceleration; its lines have no check sum; it reports ten times a second; it has no encoder. Here that
@@ -146,7 +148,9 @@ def check_grbl(rig: RigSettings, role: str) -> None:
 
 
 def lines_to_send(told: Mapping[int, float], axis: Axis, number: int) -> list[str]:
-    """Return the lines that set a machine as the file says; empty if it is.
+    """Return the lines that set a machine as the file says.
+
+    Empty if it is.
 
     ``told`` are its settings by number, and ``number`` is the place of the axis among its own.
     """
@@ -648,7 +652,9 @@ class JogFeed:
         self._target, self.cancelled = 0.0, True
 
     def turn(self, now: float, status: GrblStatus, heard: float) -> None:
-        """Send the jogs that are due at ``now`` [s]; cancel those under way where the target is 0 or the other way.
+        """Send the jogs that are due at ``now`` [s].
+
+        Cancel those under way where the target is 0 or the other way.
 
         ``status`` is the last report, which came at ``heard`` [s].
         """

@@ -1,4 +1,6 @@
-"""Driver "robotiq" of a force sensor: Robotiq FT 300 and FT 300-S, by their stream of 100 readings a second.
+"""Driver "robotiq" of a force sensor.
+
+Robotiq FT 300 and FT 300-S, by their stream of 100 readings a second.
 
 Source: Robotiq's manual of the FT 300, "Control over USB and RS-485" (registers 410, 500, 510; stream of 16 bytes), and
 the driver that Robotiq published for ROS, ``robotiq_ft_sensor``. The stream has no number and no status: a reading that

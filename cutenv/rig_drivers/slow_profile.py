@@ -1,4 +1,7 @@
-"""Profile of a slow rig: a stepper and a load cell on a board, with limits that fit its sensor and its speed."""
+"""Profile of a slow rig.
+
+A stepper and a load cell on a board, with limits that fit its sensor and its speed.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +42,9 @@ def slow_limits(rate: float) -> SafetyLimits:
 
 
 def slow_settings(port: str, *, converter: str = "hx711", name: str = "slow rig") -> RigSettings:
-    """Return the settings of a rig on one board; ``port`` is its serial port.
+    """Return the settings of a rig on one board.
+
+    ``port`` is its serial port.
 
     Counts per newton are those of a typical cell, and have to be measured.
     """

@@ -1,4 +1,6 @@
-"""Metrics of a cut: force, motion, outcome, and the map of a cut.
+"""Metrics of a cut.
+
+Force, motion, outcome, and the map of a cut.
 
 Each is a pure function of one cut, with unit, direction, formula, source and validity.
 
@@ -104,7 +106,9 @@ a safety limit, and smoothness of the motion is reported but not scored.
 def metric(
     unit: str, direction: Direction, *, among: dict[str, Metric] = METRICS, **about: Any
 ) -> Callable[[Callable[[ScoredCut], float]], Callable[[ScoredCut], float]]:
-    """Register a function of a cut in :data:`METRICS` by its name; its docstring's first line is the meaning.
+    """Register a function of a cut in :data:`METRICS` by its name.
+
+    Its docstring's first line is the meaning.
 
     ``among`` is one of :data:`MAP_METRICS` for a metric of a map; ``about`` are the other fields of a :class:`Metric`.
     """

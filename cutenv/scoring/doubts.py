@@ -1,4 +1,7 @@
-"""Doubts about a record: what it claims and does not show, or what can hardly be true; each is a note on the card."""
+"""Doubts about a record.
+
+They are about what it claims and does not show, or what can hardly be true; each is a note on the card.
+"""
 
 from __future__ import annotations
 

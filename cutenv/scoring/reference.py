@@ -1,4 +1,7 @@
-"""Reference sets: many scored cuts of known origin, among which a cut's metrics are ranked as percentiles."""
+"""Reference sets.
+
+Many scored cuts of known origin, among which a cut's metrics are ranked as percentiles.
+"""
 
 from __future__ import annotations
 
@@ -128,7 +131,9 @@ class ReferenceSet:
 
 
 def fitting_reference(reference: ReferenceSet | None, trace: Trace) -> ReferenceSet | None:
-    """Return the reference set for a record; None if its force is in another unit and cannot be compared.
+    """Return the reference set for a record.
+
+    It is None if its force is in another unit and cannot be compared.
 
     A record of force alone is compared with the set for such records.
     """

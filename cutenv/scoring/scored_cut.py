@@ -1,4 +1,7 @@
-"""A cut prepared for the metrics: record, target, crack tip, and the force at a fixed rate; all computed lazily."""
+"""A cut prepared for the metrics.
+
+Record, target, crack tip, and the force at a fixed rate; all computed lazily.
+"""
 
 from __future__ import annotations
 
@@ -488,7 +491,9 @@ class ScoredCut:
 
     @cached_property
     def own_modulus(self) -> float | None:
-        """Modulus of the material from the cut's own loading ramps [Pa]; None if fewer than three are steady.
+        """Modulus of the material from the cut's own loading ramps [Pa].
+
+        It is None if fewer than three are steady.
 
         Livers differ by a third. Calibrated tissue is used with its calibrated modulus.
         """

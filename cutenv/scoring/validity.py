@@ -78,7 +78,9 @@ def starts_late(trace: Trace) -> str:
 
 
 def holds_two_cuts(trace: Trace) -> str:
-    """Return the reason why the record holds more than one cut; "" if it does not, or if there is no position.
+    """Return the reason why the record holds more than one cut.
+
+    "" if it does not, or if there is no position.
 
     A cut never heals: in the open crack the blade meets only friction.
     """
@@ -159,7 +161,9 @@ def unseen(trace: Trace) -> str:
 
 
 def noisy(trace: Trace, even: Array) -> str:
-    """Return the reason why noise hides short runs of the crack; "" if it does not.
+    """Return the reason why noise hides short runs of the crack.
+
+    "" if it does not.
 
     ``even`` is the force at 100 Hz, means over 10 ms [N], shape (m,): slower noise is seen in its means alone.
     """
@@ -189,7 +193,9 @@ def levelled(even: Array) -> str:
 
 
 def never_loaded(smooth: Array, even: Array, advancing: NDArray[np.bool_]) -> str:
-    """Return the reason why a blade that advances cuts nothing; "" if it cuts.
+    """Return the reason why a blade that advances cuts nothing.
+
+    "" if it cuts.
 
     Parameters
     ----------
@@ -363,7 +369,10 @@ QUICKNESS = 1.67
 
 
 class Lurches(NamedTuple):
-    """Motion of a blade where the force falls suddenly: in a hand it lurches there, on a stiff drive it does not."""
+    """Motion of a blade where the force falls suddenly.
+
+    In a hand it lurches there, on a stiff drive it does not.
+    """
 
     drops: int
     """Sudden falls of the force."""

@@ -64,7 +64,10 @@ class Response:
 
 
 class SineCheck(NamedTuple):
-    """Comparison of a measured sine with the model: gain and phase [rad] from commanded to measured, and the errors."""
+    """Comparison of a measured sine with the model.
+
+    Gain and phase [rad] from commanded to measured, and the errors.
+    """
 
     frequency: float
     gain: float
@@ -321,7 +324,10 @@ _ROOM = 0.8  # share of the way between two turns, within which a play can be me
 
 
 class Friction(NamedTuple):
-    """Friction of the whole axis, as a force on its carriage: Coulomb's part [N], its standard error, and viscous."""
+    """Friction of the whole axis, as a force on its carriage.
+
+    Coulomb's part [N], its standard error, and viscous.
+    """
 
     coulomb: float
     error: float

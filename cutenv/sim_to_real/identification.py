@@ -477,7 +477,9 @@ class _Moves:
 
 
 def identification_from(settings: RigSettings, plan: Plan, recorded: Recorded) -> Identification:
-    """Estimate a rig's constants from recorded arrays; takes some seconds, so close the rig before.
+    """Estimate a rig's constants from recorded arrays.
+
+    Takes some seconds, so close the rig before.
 
     Raises
     ------

@@ -248,7 +248,9 @@ def cut_on_rig(
     specimen: Specimen | None = None,
     told: ProgressCallback | None = None,
 ) -> tuple[list[ComparedCut], ClockKept, list[str]]:
-    """Cut every specimen once; again, up to four times, if the rig was stopped by a delay of the computer.
+    """Cut every specimen once.
+
+    Again, up to four times, if the rig was stopped by a delay of the computer.
 
     Returns
     -------
@@ -279,7 +281,9 @@ def cut_on_rig(
 def cut_again(
     env: RigCutEnv, policy: Policy, between: list[str], *, seed: int, episode: int, **laid: Any
 ) -> ComparedCut | None:
-    """Cut one specimen; again, up to four times, if the rig was stopped by a delay of the computer.
+    """Cut one specimen.
+
+    Again, up to four times, if the rig was stopped by a delay of the computer.
 
     Parameters
     ----------

@@ -187,7 +187,9 @@ _CUTS, _STUDY = "cuts.jsonl", "study.json"
 
 
 class KeptCuts:
-    """Cuts of a comparison in a folder: a line of JSON for each, on the disk before the next begins.
+    """Cuts of a comparison in a folder.
+
+    A line of JSON for each, on the disk before the next begins.
 
     Parameters
     ----------
@@ -322,7 +324,9 @@ class RigComparison:
         return 2 * pair + turn if self.apart else pair
 
     def run(self, kept: KeptCuts, told: Callable[[int], object] = lambda pairs: None) -> None:
-        """Cut until it is decided, or ``question.most`` pairs are made; goes on where the kept cuts end.
+        """Cut until it is decided, or ``question.most`` pairs are made.
+
+        Goes on where the kept cuts end.
 
         Raises
         ------

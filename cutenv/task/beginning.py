@@ -1,4 +1,7 @@
-"""Reset of episodes, compiled: specimen, target length and the lab's prior knowledge, all from one random key."""
+"""Reset of episodes, compiled.
+
+Specimen, target length and the lab's prior knowledge, all from one random key.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Declaration of a task: what it adds to gentle cutting, in one object from which everything else is made.
+"""Declaration of a task.
+
+It says what the task adds to gentle cutting, in one object from which everything else is made.
 
 Every task is gentle cutting, declared in :mod:`cutenv.task.reward`, :mod:`cutenv.task.observation` and
 :mod:`cutenv.task.info`, of a blade with some motion.  A :class:`Task` adds an action axis, components of the
@@ -162,7 +164,9 @@ class CutNumber:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Task(Declaration):
-    """Declaration of a task; its hooks are compiled by :func:`~cutenv._engine.jit.njit_inline`, or for kernels.
+    """Declaration of a task.
+
+    Its hooks are compiled by :func:`~cutenv._engine.jit.njit_inline`, or for kernels.
 
     A hook that is None is not called.
 

@@ -1,4 +1,7 @@
-"""One episode of a task on any plant: actions in; observation, reward terms and end out."""
+"""One episode of a task on any plant.
+
+Actions in; observation, reward terms and end out.
+"""
 
 from __future__ import annotations
 
@@ -120,7 +123,9 @@ class TaskOptions:
 
 
 class Episode:
-    """An episode of a task: cut gently from the clamp to a target length.
+    """An episode of a task.
+
+    Cut gently from the clamp to a target length.
 
     On a simulated plant each step is one compiled call, which stops where the cut ends.  On a rig the command goes out,
     the readings come in, and tip, runs and the whole cut are estimates.
@@ -247,7 +252,9 @@ class Episode:
     def assess(
         self, readings: StructArray, channels: dict[str, Array], ways: Array
     ) -> tuple[NDArray[np.float32], float]:
-        """Assess readings of a rig, and what is measured besides; return observation and reward.
+        """Assess readings of a rig, and what is measured besides.
+
+        Return observation and reward.
 
         ``channels`` are by field of a trace, each of shape (n,), and ``ways``, shape (n, WAYS), as the task's hooks
         take them.
@@ -489,7 +496,10 @@ class ShownDepth(NamedTuple):
 
 
 class ShownPath(NamedTuple):
-    """Path of a cut for a picture: places along and across the slab, to the left [m]."""
+    """Path of a cut for a picture.
+
+    Places along and across the slab, to the left [m].
+    """
 
     line: Array
     """The line, every 0.5 mm, shape (301, 2)."""

@@ -1,4 +1,7 @@
-"""Fields of `info`: hidden state, energies, reward terms, cost. For people and tests, never for policies."""
+"""Fields of `info`.
+
+Hidden state, energies, reward terms, cost. For people and tests, never for policies.
+"""
 
 from __future__ import annotations
 

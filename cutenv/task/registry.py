@@ -1,4 +1,6 @@
-"""Tasks by name: one entry for each, by which it is made, learned, scripted, played, shown and documented.
+"""Tasks by name.
+
+One entry for each, by which it is made, learned, scripted, played, shown and documented.
 
 An entry names objects by their places, and each is imported when it is first read.
 """
@@ -32,7 +34,10 @@ class ImportedField:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class RegisteredTask:
-    """One task, and all that the package knows of it; what is left out, the task has not."""
+    """One task, and all that the package knows of it.
+
+    What is left out, the task has not.
+    """
 
     places: dict[str, Any] = field(default_factory=dict, init=False)
     """Imported fields as they were given, by name."""

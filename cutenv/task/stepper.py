@@ -1,4 +1,6 @@
-"""Steps of a task, compiled for each from its declaration: one cut, many cuts on all cores, readings of a rig.
+"""Steps of a task, compiled for each from its declaration.
+
+One cut, many cuts on all cores, readings of a rig.
 
 Every loop is the same for all tasks: advance a millisecond, count it, conclude the step where the cut ends or the
 decision is over.

@@ -103,7 +103,9 @@ class Specimen:
         friction_share: float | None = None,
         tissue: TissueDescription | None = None,
     ) -> Specimen:
-        """Make a uniform specimen: modulus [Pa], fracture resistance [J/m2], depth [m]; friction share of ``tissue``.
+        """Make a uniform specimen: modulus [Pa], fracture resistance [J/m2], depth [m].
+
+        Friction share of ``tissue``.
 
         By default it is cut through: a slice as thick as the cut is deep.
         """
@@ -382,7 +384,9 @@ def vary_surface(key: Key, spread: float, thickness: float, modes: Array, depth:
 
 @dataclass(frozen=True, kw_only=True)
 class BladeWear:
-    """Linear rise of R with the length cut: R (1 + ``blade_wear`` (``blade_used`` + y)) at y along the cut.
+    """Linear rise of R with the length cut.
+
+    R (1 + ``blade_wear`` (``blade_used`` + y)) at y along the cut.
 
     The thesis used one kind of blade, No. 10 of stainless steel, and tells nothing of its wear or of when it was
     changed.  A blunter edge takes more force to start and to carry on a crack; here both rise alike.

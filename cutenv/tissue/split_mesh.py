@@ -34,7 +34,10 @@ _SAME = 1e-11  # [m]
 
 
 class Part(NamedTuple):
-    """A finite element: the places of its nodes, in the order of its shape functions."""
+    """A finite element.
+
+    The places of its nodes, in the order of its shape functions.
+    """
 
     places: tuple[MeshPlace, ...]
 
@@ -349,7 +352,10 @@ _NEW = -1
 
 
 class SparseFactors:
-    """Factorisation of a positive definite sparse matrix; copies share it, and unpickled it is made anew."""
+    """Factorisation of a positive definite sparse matrix.
+
+    Copies share it, and unpickled it is made anew.
+    """
 
     def __init__(self, matrix: Any) -> None:
         self._matrix = matrix
@@ -472,7 +478,10 @@ def _enlarged(matrix: Array, used: int) -> Array:
 
 
 class DoubledMesh(NamedTuple):
-    """A slab with its cuts, as any finite-element program takes it; places along the slab and to its left."""
+    """A slab with its cuts, as any finite-element program takes it.
+
+    Places along the slab and to its left.
+    """
 
     nodes: Array
     """[m], shape (n, 2)."""

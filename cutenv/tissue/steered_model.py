@@ -1,4 +1,7 @@
-"""Finite-element model of a slab whose cut is not known beforehand: nodes move onto the crack and double behind it."""
+"""Finite-element model of a slab whose cut is not known beforehand.
+
+Nodes move onto the crack and double behind it.
+"""
 
 from __future__ import annotations
 

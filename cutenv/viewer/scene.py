@@ -1,4 +1,7 @@
-"""Content and layout of a picture of a cut: numbers and geometry, without drawing."""
+"""Content and layout of a picture of a cut.
+
+Numbers and geometry, without drawing.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +36,9 @@ from cutenv.viewer.scene_parts import (
 
 @dataclass(frozen=True, kw_only=True)
 class Moment:
-    """State of a cut to be drawn at one moment; SI and radians.
+    """State of a cut to be drawn at one moment.
+
+    SI and radians.
 
     ``tip`` and ``lag`` are hidden truth; a rig and its task know the rest.
     """
@@ -154,7 +159,10 @@ class Moment:
 
 @dataclass(frozen=True, kw_only=True)
 class Layout:
-    """Positions of the parts of a picture [px]; one scale along the cut for both views and the chart."""
+    """Positions of the parts of a picture [px].
+
+    One scale along the cut for both views and the chart.
+    """
 
     width: int = 960
     height: int = 720

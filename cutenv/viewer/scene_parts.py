@@ -1,4 +1,6 @@
-"""The scene of a cut, described once: parts, places, colours and labels.
+"""The scene of a cut, described once.
+
+Parts, places, colours and labels.
 
 The window and the view in 3-D draw from this description, and so does the page, which receives it as data. A place is
 given by two formulas of named quantities, from above (across, along), from the side (along, height above the specimen's

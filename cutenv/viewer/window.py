@@ -44,7 +44,9 @@ def open_display() -> None:
 
 
 class Window:
-    """Single window of pygame's display, opened at construction; it can be resized, and F11 fills the screen.
+    """Single window of pygame's display, opened at construction.
+
+    It can be resized, and F11 fills the screen.
 
     A picture is scaled to the window and keeps its proportions. On a screen that has room for a multiple of it, the
     window opens at that multiple; on one that is too small, as large as the screen.

@@ -351,7 +351,9 @@ _BAND = 1.5  # s: slower changes are not compared
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SpecimenFrame:
-    """Frame of the specimen: x across the cut line, y along it from the clamp, z up from the plate.
+    """Frame of the specimen.
+
+    X across the cut line, y along it from the clamp, z up from the plate.
 
     Parameters
     ----------

@@ -32,7 +32,10 @@ _BOWED = 1.2  # height of its arc from which on it is none, but the border of a 
 
 
 class UnusableFrame(Exception):
-    """A frame from which no depth can be read; the text is the reason."""
+    """A frame from which no depth can be read.
+
+    The text is the reason.
+    """
 
 
 class Line(NamedTuple):
@@ -236,7 +239,10 @@ class MarkedBlade:
 
 
 class Neighbourhood(NamedTuple):
-    """Square of an image: its middle, shape (2,), and how far it reaches to every side [px]."""
+    """Square of an image.
+
+    Its middle, shape (2,), and how far it reaches to every side [px].
+    """
 
     middle: Array
     reach: float

@@ -87,7 +87,9 @@ class Camera:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Pose:
-    """Rotation, shape (3, 3), and translation, shape (3,) [m]: a point p there is at ``rotation @ p + translation``.
+    """Rotation, shape (3, 3), and translation, shape (3,) [m].
+
+    A point p there is at ``rotation @ p + translation``.
 
     ``residual`` tells how well it was measured, as :attr:`Camera.residual` [px].
     """
@@ -222,7 +224,10 @@ _FEWEST_POINTS = 12  # of a ChArUco board, parts of which may be hidden
 
 
 class BoardPoints(NamedTuple):
-    """Points of a board in an image: their numbers on the board, shape (n,), and their places, shape (n, 2) [px]."""
+    """Points of a board in an image.
+
+    Their numbers on the board, shape (n,), and their places, shape (n, 2) [px].
+    """
 
     number: Indices
     pixels: Array
@@ -270,7 +275,9 @@ class CalibrationBoard:
         return self.spacing * np.stack([column.ravel(), row.ravel(), 0 * row.ravel()], axis=1).astype(np.float64)
 
     def find(self, image: GreyImage) -> BoardPoints | None:
-        """Return its points in a grey image; None if it is not there, or too little of it.
+        """Return its points in a grey image.
+
+        It is None if it is not there, or too little of it.
 
         Of a ChArUco board those that are seen, of others all.
         """

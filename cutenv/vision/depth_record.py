@@ -310,7 +310,9 @@ _SLACK = 0.03  # between a run and its drop: time in which the force falls, and 
 
 
 class SeenRun(NamedTuple):
-    """One run of the crack: middle and length of the time between the frames before and after it, and the step back.
+    """One run of the crack.
+
+    Middle and length of the time between the frames before and after it, and the step back.
 
     Attributes
     ----------

@@ -288,7 +288,9 @@ _LEAST_CORRELATION = 0.5
 
 @dataclass(frozen=True, kw_only=True)
 class BeadRow:
-    """One bead, as in Table 7.1: means over the ramps; lengths in metres.
+    """One bead, as in Table 7.1.
+
+    Means over the ramps; lengths in metres.
 
     Attributes
     ----------

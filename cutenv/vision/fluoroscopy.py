@@ -318,7 +318,9 @@ _ROUNDS, _SETTLED = 60, 1e-3  # of finding where a place is seen [px]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CArmView:
-    """One X-ray view: from pixels of its frames to undistorted square pixels, and from space to these.
+    """One X-ray view.
+
+    It leads from pixels of its frames to undistorted square pixels, and from space to these.
 
     Parameters
     ----------

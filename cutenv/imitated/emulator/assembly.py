@@ -34,7 +34,9 @@ HINGE = Axis(
 
 
 class MechanicalRange(NamedTuple):
-    """Travel and speed of an emulated rig: axes as mounted, and the limits of its file.
+    """Travel and speed of an emulated rig.
+
+    Axes as mounted, and the limits of its file.
 
     Attributes
     ----------

@@ -1,4 +1,7 @@
-"""Base of every emulated rig: its loop of a millisecond at a time, events, and faults by name and parameters."""
+"""Base of every emulated rig.
+
+Its loop of a millisecond at a time, events, and faults by name and parameters.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Emulated firmware on a serial line that can fail: that of the board, and GRBL 1.1.
+"""Emulated firmware on a serial line that can fail.
+
+It is that of the board, or GRBL 1.1.
 
 It is not GRBL's own code: planner and parser are as small as the driver needs them.
 """
@@ -140,7 +142,9 @@ _DRAINED = 4096  # bytes at a time
 
 
 class Firmware:
-    """Board that runs the sketch; each object is a board of its own, just switched on.
+    """Board that runs the sketch.
+
+    Each object is a board of its own, just switched on.
 
     Parameters
     ----------
@@ -260,7 +264,9 @@ _BANNER = b"Grbl 1.1h ['$' for help]\r\n"
 
 
 class EmulatedGrbl:
-    """Machine whose X axis jogs; run it in a thread of its own.
+    """Machine whose X axis jogs.
+
+    Run it in a thread of its own.
 
     Parameters
     ----------

@@ -1,4 +1,6 @@
-"""Mechanics of the emulated rig: motor, gear, screw and carriage under a drive's control, and the tissue.
+"""Mechanics of the emulated rig.
+
+Motor, gear, screw and carriage under a drive's control, and the tissue.
 
 All quantities are referred to the carriage: metres and newtons for the blade, radians and newton metres for the hinge.
 A motor of inertia J at gear ratio i and lead h adds a mass of J (2 pi i / h)^2 there, far more than the carriage
@@ -41,7 +43,10 @@ MODE_OFF, MODE_VELOCITY, MODE_RAMP = 0, 1, 2
 
 @dataclass(frozen=True, kw_only=True)
 class Mechanics:
-    """Motor, gear and load; the defaults are those of the blade's carriage, :func:`hinge` gives the other's."""
+    """Motor, gear and load.
+
+    The defaults are those of the blade's carriage, :func:`hinge` gives the other's.
+    """
 
     lag: float = parameter(
         0.040,
@@ -393,7 +398,9 @@ class EmulatedTissue:
         self._added[axis] = force
 
     def advance(self, position: float, angle: float) -> float:
-        """Move the blade to ``position`` [m], ``angle`` [rad] and :attr:`places`; return the reading along the cut [N].
+        """Move the blade to ``position`` [m], ``angle`` [rad] and :attr:`places`.
+
+        Return the reading along the cut [N].
 
         It takes a millisecond. Outside the specimen, and of what a law describes, the blade is held at its border.
         """

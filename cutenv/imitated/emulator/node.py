@@ -1,4 +1,7 @@
-"""Emulated drive on the bus: NMT, heartbeats, SDO, mapped PDOs and emergencies around the states of CiA 402."""
+"""Emulated drive on the bus.
+
+NMT, heartbeats, SDO, mapped PDOs and emergencies around the states of CiA 402.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Emulated force sensors: a Net F/T, and a board's analogue one.
+"""Emulated force sensors.
+
+A Net F/T, and a board's analogue one.
 
 The Net F/T answers RDT requests over UDP, shows its configuration over HTTP, and can have faults. The board converts
 the loads' voltages and streams counts over TCP.
@@ -115,7 +117,9 @@ class SensorPage:
 
 
 class SensorServer:
-    """Emulated Net F/T on this computer: obeys start (with count), stop, reset of the latch, and bias.
+    """Emulated Net F/T on this computer.
+
+    Obeys start (with count), stop, reset of the latch, and bias.
 
     A real sensor serves one client; this one serves several at once, so that one can watch another.
 
@@ -363,7 +367,10 @@ _SEQUENCES = 1 << 32
 
 
 class AnalogueFaults(SensorFaults):
-    """Faults of analogue wires and a board: all of a sensor's but those of packets."""
+    """Faults of analogue wires and a board.
+
+    All of a sensor's but those of packets.
+    """
 
     def __setattr__(self, name: str, value: Any) -> None:
         """Refuse a fault that wires cannot have."""
@@ -373,7 +380,9 @@ class AnalogueFaults(SensorFaults):
 
 
 class BoardServer:
-    """Emulated board on this computer, of one sensor; the newest client receives its stream.
+    """Emulated board on this computer, of one sensor.
+
+    The newest client receives its stream.
 
     Parameters
     ----------

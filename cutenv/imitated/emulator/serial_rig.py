@@ -1,4 +1,7 @@
-"""Emulated rig on a serial line, and its faults: each by name, with parameters, and functions that start and end it."""
+"""Emulated rig on a serial line, and its faults.
+
+Each by name, with parameters, and functions that start and end it.
+"""
 
 from __future__ import annotations
 
@@ -55,7 +58,9 @@ def _once(summary: str, begin: Callable[[Any], None]) -> InjectedFault:
 
 
 def _of_line(line: str, sender: str, *, share: float, delay: float) -> dict[str, InjectedFault]:
-    """Return what can happen to a serial line, by name; ``sender`` is what is at its other end.
+    """Return what can happen to a serial line, by name.
+
+    ``sender`` is what is at its other end.
 
     ``share`` of the lines and ``delay`` [s] are those of a fault that is given without.
     """
@@ -331,7 +336,9 @@ class EmulatedSerialRig(EmulatedBench):
 
 
 class EmulatedGrblRig(EmulatedSerialRig):
-    """Emulated rig on two serial lines: a machine with GRBL, and the board, whose motor pins are open.
+    """Emulated rig on two serial lines.
+
+    A machine with GRBL, and the board, whose motor pins are open.
 
     Attributes
     ----------

@@ -1,4 +1,6 @@
-"""Settings of a rig, read from its TOML file: bus, axes, sensor, limits, calibration.
+"""Settings of a rig, read from its TOML file.
+
+Bus, axes, sensor, limits, calibration.
 
 Values are in SI and radians here; in the file every name ends with its unit, see :mod:`cutenv.rig.toml_file`. The
 meaning of a field is the comment above its line in the file.
@@ -63,7 +65,9 @@ _WAY, _SPEED, _ACCELERATION = ("mm", "deg"), ("cm_s", "deg_s"), ("m_s2", "deg_s2
 
 @dataclass(frozen=True, kw_only=True)
 class Axis:
-    """One drive with its motor, gear and load: metres along the cut, or radians of the blade's angle.
+    """One drive with its motor, gear and load.
+
+    Metres along the cut, or radians of the blade's angle.
 
     The defaults are a screw's: the examples tell a hinge's.
     """
@@ -166,7 +170,9 @@ class CrossAxis(Axis):
 
 @dataclass(frozen=True, kw_only=True)
 class HeightAxis(CrossAxis):
-    """Drive that raises and lowers the blade, and its limits; heights are of the blade's lower end, upwards.
+    """Drive that raises and lowers the blade, and its limits.
+
+    Heights are of the blade's lower end, upwards.
 
     Height 0 is the height at which a cut begins. Below it the blade cuts deeper.
     """
@@ -204,7 +210,10 @@ class HeightAxis(CrossAxis):
 
 @dataclass(frozen=True, kw_only=True)
 class SideAxis(CrossAxis):
-    """Drive that moves the blade to the side, and its limits; places are to the left of the middle of the clamp."""
+    """Drive that moves the blade to the side, and its limits.
+
+    Places are to the left of the middle of the clamp.
+    """
 
     ends: ClassVar[tuple[str, str]] = ("rightmost", "leftmost")
     to: ClassVar[tuple[str, str]] = ("to the left", "to the right")
@@ -224,7 +233,10 @@ class SideAxis(CrossAxis):
 
 @dataclass(frozen=True, kw_only=True)
 class Bus:
-    """Settings of the CAN bus, in python-can's terms; settings that an interface does not use are ignored."""
+    """Settings of the CAN bus, in python-can's terms.
+
+    Settings that an interface does not use are ignored.
+    """
 
     interface: str = setting("socketcan", "1", "socketcan, slcan, socketcand, ...", example='"socketcan"')
     channel: str = setting("can0", "1", "can0, /dev/ttyACM0, ...")
@@ -250,7 +262,9 @@ class Bus:
 
 @dataclass(frozen=True, kw_only=True)
 class PositionControl:
-    """PD control of the blade's position by its drive: gains and motor, referred to the carriage.
+    """PD control of the blade's position by its drive.
+
+    Gains and motor, referred to the carriage.
 
     The drive turns a commanded speed into a wanted position, whose error and error's derivative command the motor.
     """

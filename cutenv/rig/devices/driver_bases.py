@@ -93,7 +93,9 @@ class AxisDriver(ABC):
     # Life cycle
 
     def open(self, listener: MotionListener) -> None:
-        """Connect, check who answers, write and verify the set-up; samples arrive from now on, nothing moves.
+        """Connect, check who answers, write and verify the set-up.
+
+        Samples arrive from now on, nothing moves.
 
         Raises
         ------

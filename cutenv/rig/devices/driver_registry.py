@@ -1,4 +1,6 @@
-"""Registry of drivers: what ``driver = "..."`` in a rig's file names, in this package, in another, or by its class.
+"""Registry of drivers.
+
+It finds what ``driver = "..."`` in a rig's file names, in this package, in another, or by its class.
 
 A driver is a class, or a function, that is called with a :class:`Mounting` and returns a
 :class:`~cutenv.rig.devices.drivers.MotionDriver`, a :class:`~cutenv.rig.devices.drivers.ForceDriver` or a
@@ -25,7 +27,10 @@ Shared = TypeVar("Shared")
 
 
 class DriverKind(StrEnum):
-    """Kind of a driver; packages register theirs as an entry point of the group."""
+    """Kind of a driver.
+
+    Packages register theirs as an entry point of the group.
+    """
 
     MOTION = "motion"
     FORCE = "force"
@@ -86,7 +91,9 @@ CONDITIONAL = frozenset().union(*OWN_KEYS.values()) | {f"{axis}.lead" for axis i
 
 @dataclass(frozen=True, kw_only=True)
 class Mounting:
-    """Place of a driver on a rig: all that it is made from.
+    """Place of a driver on a rig.
+
+    All that it is made from.
 
     Attributes
     ----------

@@ -40,7 +40,10 @@ PACKET_SIZE = _PACKET.size
 
 
 class PacketError(ValueError):
-    """Error for bytes that are not a packet of this protocol; the message gives the reason."""
+    """Error for bytes that are not a packet of this protocol.
+
+    The message gives the reason.
+    """
 
 
 class RdtCommand(IntEnum):
@@ -53,7 +56,9 @@ class RdtCommand(IntEnum):
 
 
 class SensorStatus(IntEnum):
-    """Bits of the status of an Ethernet Axia; a healthy sensor sends 0.
+    """Bits of the status of an Ethernet Axia.
+
+    A healthy sensor sends 0.
 
     On the older Net Box the bits 31 and 16 have the same meaning, others differ: see its manual.
     """
@@ -293,7 +298,10 @@ _CURE = "Is the sensor powered and on this network, and sensor.address (or senso
 
 
 class _Tree(ET.TreeBuilder):
-    """Tree builder that refuses a document type: its entities can expand without limit or refer elsewhere."""
+    """Tree builder that refuses a document type.
+
+    Its entities can expand without limit or refer elsewhere.
+    """
 
     def __init__(self, address: str) -> None:
         super().__init__()

@@ -144,7 +144,10 @@ class ReadingStream:
 
 
 class ReadingMean:
-    """Mean of so many readings, and of its ten parts; updated in the sensor's thread."""
+    """Mean of so many readings, and of its ten parts.
+
+    Updated in the sensor's thread.
+    """
 
     def __init__(self, samples: float) -> None:
         cure = "A fifth of a second is usual: 200 at 1 kHz."

@@ -44,7 +44,10 @@ _SAME = 0.02  # relative difference allowed between a drive's limit and the file
 
 @dataclass(frozen=True)
 class Check:
-    """Result of one check: its name, whether it passed, and what was found."""
+    """Result of one check.
+
+    Its name, whether it passed, and what was found.
+    """
 
     name: str
     passed: bool
@@ -429,7 +432,9 @@ class Inspection:
 
 
 def inspect(plant: RigPlant, today: date) -> Inspection:
-    """Inspect an open rig for some seconds; nothing moves, and no drive is powered.
+    """Inspect an open rig for some seconds.
+
+    Nothing moves, and no drive is powered.
 
     The sensor is tared, until the connection ends: nothing may touch the blade.
 

@@ -24,7 +24,9 @@ from cutenv.rig.plant import RigPlant
 
 @dataclass(frozen=True, kw_only=True)
 class Stretch:
-    """Part of the experiment, from rest to rest; times [s] on one clock, samples as they arrived.
+    """Part of the experiment, from rest to rest.
+
+    Times [s] on one clock, samples as they arrived.
 
     Attributes
     ----------
@@ -42,7 +44,10 @@ class Stretch:
 
 
 class Felt(NamedTuple):
-    """Readings of the force along the cut while the axis moves: times [s] and forces [N], each of shape (n,)."""
+    """Readings of the force along the cut while the axis moves.
+
+    Times [s] and forces [N], each of shape (n,).
+    """
 
     time: Array
     force: Array
@@ -158,7 +163,9 @@ def published(plant: RigPlant, port: int) -> Iterator[None]:
 
 
 def live_state(plant: RigPlant, now: float) -> dict[str, Any]:
-    """Return what may be seen of a rig now; units are in the names, None for what is not known yet.
+    """Return what may be seen of a rig now.
+
+    Units are in the names, None for what is not known yet.
 
     The force is the one along the cut that was farthest from zero since the last time.
     """

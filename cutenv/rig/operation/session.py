@@ -71,7 +71,10 @@ def recorded_rows(plant: RigPlant, readings: StructArray) -> tuple[list[Reading]
 
 @dataclass(frozen=True, kw_only=True)
 class SpecimenKey:
-    """Key of a drawn specimen; hardware cuts whatever is laid, and stores the key as a label."""
+    """Key of a drawn specimen.
+
+    Hardware cuts whatever is laid, and stores the key as a label.
+    """
 
     seed: int
     episode: int
@@ -108,7 +111,9 @@ class SpecimensByHand:
         self._profile, self._operator, self._lower = profile, operator, lower
 
     def mount(self, key: SpecimenKey) -> NDArray[np.float64] | None:
-        """Ask for a new specimen; return its depth along the cut, shape (301,) [m].
+        """Ask for a new specimen.
+
+        Return its depth along the cut, shape (301,) [m].
 
         Raises
         ------
@@ -291,7 +296,9 @@ class RigSession:
             self.start()
 
     def start(self) -> None:
-        """Release the rig for the cut's commands; until here it is locked, however long a policy takes to be ready.
+        """Release the rig for the cut's commands.
+
+        Until here it is locked, however long a policy takes to be ready.
 
         Raises
         ------
@@ -313,7 +320,9 @@ class RigSession:
         self.plant.halt()
 
     def close(self) -> None:
-        """Stop any motion and close the rig; may be called twice. The report names an exception under way as the cause.
+        """Stop any motion and close the rig.
+
+        May be called twice. The report names an exception under way as the cause.
 
         Does nothing in a fork of the process that has opened it.
         """

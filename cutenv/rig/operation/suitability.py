@@ -1,4 +1,7 @@
-"""Suitability of a rig: decisions a second, ways of a stop, and tasks that it can do, from its file alone."""
+"""Suitability of a rig.
+
+Decisions a second, ways of a stop, and tasks that it can do, from its file alone.
+"""
 
 from __future__ import annotations
 

@@ -373,7 +373,9 @@ class LinearMonitor:
                 self._returning = None
 
     def check(self, sample: MotionSample, command: float, *, follows: bool) -> Breach | None:
-        """Check the newest sample against ``command`` [m/s]; return the breach found, or None.
+        """Check the newest sample against ``command`` [m/s].
+
+        Return the breach found, or None.
 
         ``follows`` is False for a replayed cut, which follows no command.
         """
@@ -416,7 +418,10 @@ class LinearMonitor:
 
 
 class HeightMonitor(LinearMonitor):
-    """Monitor of the height axis; commands are upwards, and a blade that cannot be raised is a fault."""
+    """Monitor of the height axis.
+
+    Commands are upwards, and a blade that cannot be raised is a fault.
+    """
 
     def _stuck(self, command: float) -> Breach:
         if command > 0.0:

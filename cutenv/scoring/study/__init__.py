@@ -1,4 +1,7 @@
-"""Studies of people by the metrics of their cuts: learning, reliability, separation. No claim of skill is made."""
+"""Studies of people by the metrics of their cuts.
+
+Learning, reliability, separation. No claim of skill is made.
+"""
 
 from cutenv.scoring.study.crossover import Crossover, condition_of, crossover, crossovers
 from cutenv.scoring.study.estimate import Estimate

@@ -59,7 +59,9 @@ class Cusum:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LearningCurve:
-    """A metric by the number of the cut, over people; every array of shape (n,).
+    """A metric by the number of the cut, over people.
+
+    Every array of shape (n,).
 
     Attributes
     ----------

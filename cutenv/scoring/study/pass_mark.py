@@ -73,7 +73,9 @@ class ErrorRate:
 
 @dataclass(frozen=True, kw_only=True)
 class PassMark:
-    """A pass mark and its errors; every person is one value, the mean of the cuts.
+    """A pass mark and its errors.
+
+    Every person is one value, the mean of the cuts.
 
     Attributes
     ----------
@@ -115,7 +117,10 @@ class Proficiency:
 
 
 class NormalCurve(NamedTuple):
-    """Mean and standard deviation of a group; arrays of one shape if there are several."""
+    """Mean and standard deviation of a group.
+
+    Arrays of one shape if there are several.
+    """
 
     mean: Array
     sd: Array
@@ -303,7 +308,10 @@ NO_EVIDENCE = "no evidence"
 
 @dataclass(frozen=True, kw_only=True)
 class ValidityEvidence:
-    """One source of validity: its name, the question that it answers, and what was found, a sentence each."""
+    """One source of validity.
+
+    Its name, the question that it answers, and what was found, a sentence each.
+    """
 
     source: str
     question: str

@@ -89,7 +89,9 @@ class OneWay:
     within_sd: float
 
     def cuts_for(self, reliability: float = 0.8) -> float:
-        """Return the number of cuts whose mean has a reliability (Spearman-Brown); infinite if single cuts have none.
+        """Return the number of cuts whose mean has a reliability (Spearman-Brown).
+
+        Infinite if single cuts have none.
 
         Raises
         ------
@@ -262,7 +264,9 @@ _LARGEST_TABLE = 4_000_000  # resamples times cuts that are held in memory at on
 
 @dataclass(frozen=True, kw_only=True)
 class RaterCorrelation:
-    """Correlation of a metric with marks; positive if what counts as better got the better marks.
+    """Correlation of a metric with marks.
+
+    Positive if what counts as better got the better marks.
 
     Attributes
     ----------

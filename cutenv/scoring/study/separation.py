@@ -23,7 +23,9 @@ _EDGE = 1e-9  # distance from 0 and 1, where Newcombe's variance vanishes
 
 @dataclass(frozen=True, kw_only=True)
 class Separation:
-    """Difference between the first group and the second; the unit is a person, represented by the mean of the cuts.
+    """Difference between the first group and the second.
+
+    The unit is a person, represented by the mean of the cuts.
 
     Attributes
     ----------

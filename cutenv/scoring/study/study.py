@@ -1,4 +1,7 @@
-"""A study of people: the score cards of many cuts, who made them, and the statistics of each metric."""
+"""A study of people.
+
+The score cards of many cuts, who made them, and the statistics of each metric.
+"""
 
 from __future__ import annotations
 

@@ -60,7 +60,9 @@ _CURE = (
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ShownCut:
-    """Cut at the instants that are shown; SI and radians, arrays of shape (n,).
+    """Cut at the instants that are shown.
+
+    SI and radians, arrays of shape (n,).
 
     Attributes
     ----------
@@ -245,7 +247,9 @@ def grid_faces(rows: int, columns: int) -> Indices:
 
 
 def swept(sections: Array) -> Surface:
-    """Return a closed skin around successive sections, with flat ends; each quadrangle has its own vertices.
+    """Return a closed skin around successive sections, with flat ends.
+
+    Each quadrangle has its own vertices.
 
     Parameters
     ----------
@@ -389,7 +393,10 @@ _UP, _DOWN = 0, 1
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Skin:
-    """Surface or lines of the solid: its vertices as numbers of points, and 3 or 2 vertices for each part."""
+    """Surface or lines of the solid.
+
+    Its vertices as numbers of points, and 3 or 2 vertices for each part.
+    """
 
     points: Indices
     parts: Indices
@@ -463,7 +470,9 @@ class SlabSolid:
 
     @cached_property
     def plane(self) -> dict[str, Skin]:
-        """Return the plane of the cut, by name; empty for a record without height.
+        """Return the plane of the cut, by name.
+
+        Empty for a record without height.
 
         That is the near face of the cut, tissue below the floor and ahead of the tip, layer and wanted depth.  Parts of
         the first three are as many and in the same order as those of :attr:`cut_faces`.

@@ -73,7 +73,9 @@ def commands(solid: SlabSolid) -> list[bytes]:
 
 
 def curved_commands(solid: CurvedSolid) -> list[bytes]:
-    """Return the commands for a slab with any cuts; the page moves the scalpel only.
+    """Return the commands for a slab with any cuts.
+
+    The page moves the scalpel only.
 
     Raises
     ------
@@ -137,7 +139,10 @@ _WHITE = _Paint()
 
 
 class _Stage:
-    """Objects by path, each packed at once; named instead of meshcat's random ids, so that a page is repeatable."""
+    """Objects by path, each packed at once.
+
+    Named instead of meshcat's random ids, so that a page is repeatable.
+    """
 
     def __init__(self) -> None:
         from meshcat import commands, geometry  # an extra, and slow to import
@@ -221,7 +226,10 @@ class _Stage:
 
 
 class _Key(str):
-    """Name of a property that is kept as written: meshcat calls ``lower()`` on it, which would break ``castShadow``."""
+    """Name of a property that is kept as written.
+
+    Meshcat calls ``lower()`` on it, which would break ``castShadow``.
+    """
 
     def lower(self) -> str:
         return str(self)

@@ -1,4 +1,7 @@
-"""Axis of the rig on one CiA 402 drive: state machine, commands, samples, and stop."""
+"""Axis of the rig on one CiA 402 drive.
+
+State machine, commands, samples, and stop.
+"""
 
 from __future__ import annotations
 
@@ -62,7 +65,9 @@ class CanopenAxis(AxisDriver):
 
     @property
     def units(self) -> AxisUnits:
-        """Conversion to the drive's units; ``units.steps`` is 1000 for milli-rpm, 1 for whole rpm only.
+        """Conversion to the drive's units.
+
+        ``units.steps`` is 1000 for milli-rpm, 1 for whole rpm only.
 
         Raises
         ------

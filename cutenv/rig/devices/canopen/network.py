@@ -72,7 +72,9 @@ class Socketcand:
             raise
 
     def recv(self, timeout: float | None) -> Any:
-        """Return the next frame as python-can's ``Message``; None if there is none within ``timeout`` [s].
+        """Return the next frame as python-can's ``Message``.
+
+        It is None if there is none within ``timeout`` [s].
 
         Text that is not a message of socketcand, and messages of other kinds, are ignored.
 
@@ -196,7 +198,9 @@ _CURES = {
 
 
 def open_bus(settings: Bus) -> Any:
-    """Open the bus; return python-can's object, or for a socketcand gateway one with the same methods.
+    """Open the bus.
+
+    Return python-can's object, or for a socketcand gateway one with the same methods.
 
     Raises
     ------
@@ -261,7 +265,10 @@ Handler = Callable[[bytes, float], None]
 
 
 class Member(Protocol):
-    """Member of a network: one axis, which is informed when the network breaks."""
+    """Member of a network.
+
+    One axis, which is informed when the network breaks.
+    """
 
     latch: Latch
     """Latch of the rig, which knows when it was last judged."""
@@ -276,7 +283,9 @@ class Member(Protocol):
 
 
 class CanNetwork:
-    """One CAN bus with this computer as its master; opened by the first axis that joins, closed by the last to leave.
+    """One CAN bus with this computer as its master.
+
+    Opened by the first axis that joins, closed by the last to leave.
 
     Before anything is sent it listens for another master, whose drives it would disturb; if there is one, it stays
     silent.

@@ -1,4 +1,6 @@
-"""Driver "serial": a stepper and a load cell on one board.
+"""Driver "serial".
+
+A stepper and a load cell on one board.
 
 The stepper is moved by step and direction, the load cell measures along the cut; the board's sketch is in
 ``assets/firmware``.
