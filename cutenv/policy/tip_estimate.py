@@ -24,14 +24,7 @@ from numpy.typing import NDArray
 from cutenv._base.arrays import Array, Indices, Struct, StructArray
 from cutenv._engine.elementary import exp
 from cutenv._engine.jit import njit, njit_internal
-from cutenv.policy.interface import (
-    DEPTH_COLUMN,
-    FORCE_COLUMN,
-    FORCE_MEAN_COLUMN,
-    POSITION_COLUMN,
-    SPEED_COLUMN,
-    in_si,
-)
+from cutenv.policy.interface import DEPTH_COLUMN, FORCE_COLUMN, FORCE_MEAN_COLUMN, POSITION_COLUMN, SPEED_COLUMN, in_si
 from cutenv.task_quantities import SHALLOWEST
 from cutenv.tissue.crack_tip import (
     PRESLIDING,

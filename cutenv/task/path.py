@@ -55,13 +55,7 @@ from cutenv.task.declare import (
 from cutenv.task.episode import Episode, Goal, ShownPath, TaskOptions
 from cutenv.task.observation import SPEED_SCALE, Component, speed_action, to_action
 from cutenv.task.reward import with_weights
-from cutenv.task_quantities import (
-    FARTHEST_TOLERANCE,
-    LINE_LIMIT,
-    LINE_TOLERANCE,
-    OF_PATH,
-    PATH_COSTS,
-)
+from cutenv.task_quantities import FARTHEST_TOLERANCE, LINE_LIMIT, LINE_TOLERANCE, OF_PATH, PATH_COSTS
 from cutenv.tissue.crack_tip import ESTIMATED_EVERY
 from cutenv.tissue.description import TissueDescription
 from cutenv.tissue.drawn_lines import (

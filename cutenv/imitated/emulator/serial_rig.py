@@ -40,14 +40,7 @@ from cutenv.imitated.emulator.mechanics import EmulatedTissue
 from cutenv.plant.simulator import check_angle
 from cutenv.rig.config.laid_specimen import Laid
 from cutenv.rig.config.settings import Axis
-from cutenv.rig.devices.serial.board import (
-    BoardFlag,
-    BoardState,
-    LineError,
-    MotionReport,
-    board_line,
-    board_report,
-)
+from cutenv.rig.devices.serial.board import BoardFlag, BoardState, LineError, MotionReport, board_line, board_report
 from cutenv.rig.devices.serial.board_drivers import StepRates
 from cutenv.rig_drivers.slow_profile import COUNTS_PER_NEWTON, DELAYS, SCREW, SCREW_STEPS
 
