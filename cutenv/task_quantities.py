@@ -1,4 +1,6 @@
-"""Quantities that the reward charges and the score reports under the same name, each defined once for both.
+"""Quantities that the reward charges and the score reports.
+
+Each is defined once for both, under the same name.
 
 They work in Python and inside compiled kernels; all but :func:`wedge` take floats or arrays.
 """

@@ -1,4 +1,7 @@
-"""Output: files written whole, by a temporary name, flushed (fsync) and renamed; progress; a reader that may end."""
+"""Files written whole, progress, and a reader that may end.
+
+A file is written by a temporary name, flushed (fsync) and renamed.
+"""
 
 from __future__ import annotations
 

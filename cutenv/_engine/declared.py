@@ -1,4 +1,4 @@
-"""Kernels that are made from declarations, such as a motion or a task.
+"""Kernels made from declarations, such as motions and tasks.
 
 One source is compiled for each declaration; declared formulas are fused into one kernel.
 

@@ -1,4 +1,6 @@
-"""Elementary functions in plain float64 arithmetic, so that every machine computes the same bits.
+"""Elementary functions in plain float64 arithmetic.
+
+Every machine computes the same bits.
 
 The exponential, logarithm and tangent of a machine's own library differ from machine to machine in the last places,
 and so would every specimen sampled with them.  Here they consist of additions, multiplications, divisions and shifts

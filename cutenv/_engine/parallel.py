@@ -1,4 +1,4 @@
-"""Thread pool that runs a compiled loop on several cores, and its queue.
+"""Thread pool for compiled loops, and its queue.
 
 Chunks of a batch are claimed with atomic counters, so that no thread idles.
 """

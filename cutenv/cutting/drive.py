@@ -70,7 +70,10 @@ class Rig:
 
 @dataclass(frozen=True, kw_only=True)
 class Hand:
-    """A person: a spring and a damper join hand and blade, so that a sudden drop of force makes the blade lurch."""
+    """A person's hand, which leads the blade by spring and damper.
+
+    So a sudden drop of force makes the blade lurch.
+    """
 
     motor_lag: float = parameter(
         0.080, unit="s", low=0.001, high=1.0, provenance="assumed",

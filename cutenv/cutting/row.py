@@ -1,4 +1,6 @@
-"""A row of cuts as a structure of arrays (SIMD lanes), gathered from the cuts' records and scattered back.
+"""A row of cuts as a structure of arrays (SIMD lanes).
+
+It is gathered from the cuts' records and scattered back.
 
 The number of lanes is part of a row's type: kernels are compiled once for :data:`ROW`, whose loops become vector
 instructions, and once for :data:`ONE`, where they vanish.

@@ -37,7 +37,10 @@ from cutenv.tissue.specimen import LENGTH
 
 
 class Physics(NamedTuple):
-    """The records of n cuts that the law needs to continue, structured arrays of shape (n,); hidden truth included."""
+    """Records of n cuts that the law needs to continue.
+
+    They are structured arrays of shape (n,), hidden truth included.
+    """
 
     states: StructArray
     profiles: StructArray

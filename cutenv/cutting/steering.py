@@ -199,7 +199,10 @@ class CrackFrame(NamedTuple):
 
 
 class LineStiffness(NamedTuple):
-    """Direction of a line at one of its points, its curvature [1/m], and the stiffness along and across it [N/m]."""
+    """Direction, curvature [1/m] and stiffness [N/m] at a line's point.
+
+    The stiffness is along and across the line.
+    """
 
     cosine: float
     sine: float

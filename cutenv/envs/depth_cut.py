@@ -94,6 +94,6 @@ class DepthCutEnv(GentleCutEnv):
 
 
 class DepthCutVectorEnv(GentleCutVectorEnv):
-    """Many ``cutenv/DepthCut-v1``, bit for bit equal to single ones with the same seeds and actions."""
+    """Many ``cutenv/DepthCut-v1``, each bit for bit as alone."""
 
     single_class = DepthCutEnv

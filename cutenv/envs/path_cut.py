@@ -108,7 +108,7 @@ class PathCutEnv(GentleCutEnv):
 
 
 class PathCutVectorEnv(GentleCutVectorEnv):
-    """Many ``cutenv/PathCut-v1``, bit for bit equal to single ones with the same seeds and actions."""
+    """Many ``cutenv/PathCut-v1``, each bit for bit as alone."""
 
     single_class = PathCutEnv
 
@@ -157,7 +157,7 @@ class ExcisionEnv(PathCutEnv):
 
 
 class ExcisionVectorEnv(GentleCutVectorEnv):
-    """Many ``cutenv/Excision-v1``, bit for bit equal to single ones with the same seeds and actions."""
+    """Many ``cutenv/Excision-v1``, each bit for bit as alone."""
 
     single_class = ExcisionEnv
 
@@ -184,6 +184,6 @@ class HandExcisionEnv(ExcisionEnv):
 
 
 class HandExcisionVectorEnv(GentleCutVectorEnv):
-    """Many ``cutenv/HandExcision-v1``, bit for bit equal to single ones with the same seeds and actions."""
+    """Many ``cutenv/HandExcision-v1``, each bit for bit as alone."""
 
     single_class = HandExcisionEnv

@@ -58,7 +58,10 @@ if TYPE_CHECKING:
 
 
 class FakeSpecimens:
-    """Supply that lays drawn specimens on a fake rig, with the ``layers``, or along the ``line``, set last."""
+    """Supply that lays drawn specimens on a fake rig.
+
+    They have the ``layers``, or lie along the ``line``, set last.
+    """
 
     def __init__(self, rig: FakeRig, constants: Constants) -> None:
         self._rig, self._constants = rig, constants
@@ -86,7 +89,10 @@ class FakeSpecimens:
 
 
 class EmulatedSpecimens:
-    """Supply that lays drawn specimens on an emulated rig, with the ``layers``, or along the ``line``, set last."""
+    """Supply that lays drawn specimens on an emulated rig.
+
+    They have the ``layers``, or lie along the ``line``, set last.
+    """
 
     def __init__(self, control: EmulatorControl) -> None:
         self._control = control

@@ -1,4 +1,7 @@
-"""Connection to a rig by its name, guarded and with nothing on its bench: for work in a lab before any cut."""
+"""Connection to a rig by its name, with nothing on its bench.
+
+It is guarded, and is for work in a lab before any cut.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Benches of a fake rig, on which its blade and sensor work: with a specimen, with a recorded cut, or with nothing."""
+"""Benches of a fake rig, on which blade and sensor work.
+
+On a bench is a specimen, a recorded cut, or nothing.
+"""
 
 from __future__ import annotations
 
@@ -88,7 +91,7 @@ class CrossDrive:
 
 
 class FreeAcross:
-    """Part of a bench on which the blade feels nothing of the axes across the cut: it moves freely there."""
+    """Part of a bench where the blade moves freely across."""
 
     _across: Mapping[str, CrossDrive] = MappingProxyType({})
 
@@ -332,7 +335,9 @@ _ACROSS = 2**32  # added to the seed of the noise of the force to the side
 
 
 class SteeredBench(AirPlant):
-    """Specimen under the law in the plane, with the simulator's drive and sensor, and a second one to the side.
+    """Specimen under the law in the plane, with drive and sensors.
+
+    Drive and sensor are the simulator's; a second sensor measures to the side.
 
     Parameters
     ----------

@@ -1,4 +1,6 @@
-"""Options of learners by trial (PPO, SAC, TQC, CrossQ), a dataclass each: the command line of ``cutenv train``.
+"""Options of learners, a dataclass each, for ``cutenv train``.
+
+They are those of learners by trial (PPO, SAC, TQC, CrossQ), and of those by imitation and from data (BC, IQL).
 
 Nothing here loads torch, so that ``cutenv train --help`` answers at once.
 """
@@ -35,7 +37,10 @@ QUICKLY: Mapping[str, Any] = {"validations": 4, "validation_specimens": 50, "spe
 
 
 class BadArguments(ValueError):
-    """Options that contradict each other, are out of range or do not fit a data set; the message names the cure."""
+    """Error for options that contradict each other or are wrong.
+
+    They may be out of range or not fit a data set; the message names the cure.
+    """
 
 
 def for_rig(chosen: Mapping[str, Any]) -> dict[str, Any]:

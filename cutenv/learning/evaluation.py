@@ -1,4 +1,7 @@
-"""Evaluation of policies on the same specimens, rolled out in one compiled batch: every score of every cut."""
+"""Evaluation of policies on the same specimens.
+
+They are rolled out in one compiled batch: every score of every cut.
+"""
 
 from __future__ import annotations
 
@@ -222,7 +225,10 @@ _FEWEST = 2000  # cuts, below which starting processes takes longer than they sa
 
 @dataclass(frozen=True)
 class Contestant:
-    """A policy and the keyword arguments of the environment that it needs, such as its decision rate."""
+    """A policy and the environment's keywords that it needs.
+
+    One is its decision rate.
+    """
 
     policy: Policy
     arguments: Mapping[str, Any] = field(default_factory=dict)

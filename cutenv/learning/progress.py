@@ -74,7 +74,9 @@ class CheckpointExtras:
 
 
 class Progress(BaseCallback):
-    """Callback that shows progress, writes the learning curve and checkpoints, and keeps the best by validation.
+    """Callback for progress, learning curve, checkpoints and validation.
+
+    It keeps the best by validation.
 
     Parameters
     ----------

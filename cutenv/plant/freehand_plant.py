@@ -41,7 +41,9 @@ class Grown(NamedTuple):
 
 
 class GrowingModel:
-    """Finite-element model of a slab whose crack follows that of a cut, and the stiffness that it tells along a line.
+    """Finite-element model whose crack follows that of a cut.
+
+    It tells the stiffness along a line.
 
     Parameters
     ----------

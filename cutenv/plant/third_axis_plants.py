@@ -31,7 +31,9 @@ from cutenv.tissue.specimen import Specimen
 
 
 class DescendingPlant(SimulatedPlant):
-    """A simulated specimen in layers, cut by a blade that is driven along the cut and up and down.
+    """A simulated specimen in layers, cut by a blade with height.
+
+    The blade is driven along the cut and up and down.
 
     Parameters
     ----------
@@ -115,7 +117,9 @@ MAX_TURN_RATE = 4.0
 
 
 class SteeredPlant(SimulatedPlant):
-    """A simulated specimen, cut by a blade that is driven where it points and turned to the left and right.
+    """A simulated specimen, cut by a steered blade.
+
+    The blade is driven where it points and turned to the left and right.
 
     The specimen's profiles of modulus, toughness and depth lie along the line.
 

@@ -1,4 +1,7 @@
-"""Devices of the command line by name, and the emulated one in a process of its own."""
+"""Devices of the command line by name.
+
+The emulated one is in a process of its own.
+"""
 
 from __future__ import annotations
 

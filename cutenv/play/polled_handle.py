@@ -124,7 +124,9 @@ def checked_sample(position: tuple[float, float, float], buttons: frozenset[str]
 
 
 class PolledHandle:
-    """Haptic device that talks to a link a thousand times a second, in a thread of its own.
+    """Haptic device, polled a thousand times a second.
+
+    A thread of its own talks to its link.
 
     Parameters
     ----------

@@ -336,7 +336,9 @@ class FollowDepth(DepthScript):
 
 
 class DepthByTwoForces(FollowDepth):
-    """The wanted depth at a tip that the forces along the cut and upwards tell together, before any return stroke.
+    """The wanted depth at a tip that two forces tell.
+
+    The forces along the cut and upwards tell it together, before any return stroke.
 
     It gives up earlier before a predicted run than the other scripts: the tissue below the cut is spared with it.
     """
@@ -365,7 +367,9 @@ class DepthByTwoForces(FollowDepth):
 
 
 class DepthByForce(DepthScript):
-    """The wanted depth, by the floor of the cut instead of the blade: where the floor resists, the blade presses on.
+    """The wanted depth, by the floor of the cut.
+
+    It is not by the blade: where the floor resists, the blade presses on.
 
     The floor is above the blade by as much as it is pressed, which the vertical force tells.
 
@@ -397,7 +401,9 @@ class DepthByForce(DepthScript):
 
 
 class ProbeDown(DepthScript):
-    """The wanted depth, with a stop every so often in which the blade goes down a little, is felt, and comes up again.
+    """The wanted depth, with probes downwards every so often.
+
+    At a stop the blade goes down a little, is felt, and comes up again.
 
     The layer below tells itself by a force that differs from that of the tissue: where it was found, the blade keeps
     above it.

@@ -1,4 +1,7 @@
-"""Planners with truth for tasks that add a third action and a map of the cut; each knows all, plans the whole cut."""
+"""Planners with truth for tasks that add a third action.
+
+The tasks have a map of the cut; a planner knows all, and plans the whole cut.
+"""
 
 from __future__ import annotations
 

@@ -357,7 +357,9 @@ class SlowInBends(PathScript):
 
 
 class OutsideTheBend(PathScript):
-    """A blade outside the bend, on the tangent of the line at the estimated tip, so that the tip trails along the line.
+    """A blade outside the bend, on the line's tangent.
+
+    The tangent is at the estimated tip, so that the tip trails along the line.
 
     Parameters
     ----------

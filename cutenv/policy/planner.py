@@ -197,7 +197,9 @@ _NEVER = 1.0  # [m], a place that no blade reaches
 
 
 class Search:
-    """Random local search over plans, started from the best of a grid of constant ones, for one cut or many at once.
+    """Random local search over plans, for one cut or many.
+
+    It starts from the best of a grid of constant ones.
 
     Parameters
     ----------

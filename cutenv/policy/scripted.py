@@ -318,7 +318,9 @@ class OneReturnStroke(Script):
 
 
 class ForceFeedback(Script):
-    """A feed whose speed rises with the force per depth, because a loaded blade cuts more evenly when it moves fast.
+    """A feed whose speed rises with the force per depth.
+
+    A loaded blade cuts more evenly when it moves fast.
 
     Parameters
     ----------

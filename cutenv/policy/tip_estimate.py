@@ -1,4 +1,6 @@
-"""The crack tip estimated from observations (:mod:`cutenv.tissue.crack_tip`), and the run that it would make now.
+"""The crack tip estimated from observations, and its run.
+
+The tip is that of :mod:`cutenv.tissue.crack_tip`; the run is the one that it would make now.
 
 While the blade advances the tip is also estimated from two forces at once: that along the cut, and that upwards.
 

@@ -123,7 +123,10 @@ FRAME_COLUMNS = (
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FilmedRecord:
-    """Record with the depth from a film, the runs seen in it, and some of its frames by number, (height, width)."""
+    """Record with depth and runs from a film.
+
+    Some of the frames are kept by number, each of shape (height, width).
+    """
 
     name: str
     trace: Trace

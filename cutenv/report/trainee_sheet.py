@@ -1,4 +1,7 @@
-"""Sheet of each trainee of a study, a page to print and hand out, and the list of the class."""
+"""Sheet of each trainee of a study, and the class's list.
+
+A sheet is a page to print and hand out.
+"""
 
 from __future__ import annotations
 

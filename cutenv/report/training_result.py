@@ -1,4 +1,7 @@
-"""Result of a training run as plain data, checked on construction, so that page and figures can rely on it."""
+"""Result of a training run as plain, checked data.
+
+It is checked on construction, so that page and figures can rely on it.
+"""
 
 from __future__ import annotations
 

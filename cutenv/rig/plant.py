@@ -234,7 +234,9 @@ REST_WITHIN = 2.0
 
 
 class RigPlant(Travel):
-    """A blade on a motor and a force sensor, moved through a spine, which alone reaches them and stops the blade.
+    """A blade on a motor and a force sensor.
+
+    It is moved through a spine, which alone reaches them and stops the blade.
 
     Parameters
     ----------

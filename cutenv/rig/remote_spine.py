@@ -1,4 +1,4 @@
-"""Spine of a rig in a process of its own, as the policy's program sees it.
+"""Spine in a process of its own, as a program sees it.
 
 What runs where::
 

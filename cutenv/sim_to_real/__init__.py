@@ -1,4 +1,7 @@
-"""Sim-to-real comparison of a policy on a rig and in the simulator: paired differences, curves, the control clock."""
+"""Sim-to-real comparison of a policy on rig and simulator.
+
+It has paired differences, curves and the control clock.
+"""
 
 from cutenv.sim_to_real.equivalence import (
     FEWEST_SPECIMENS,

@@ -1,4 +1,7 @@
-"""Response of an axis to a commanded speed, fitted with the simulator's drive, and its friction."""
+"""Response of an axis to a commanded speed, and friction.
+
+It is fitted with the simulator's drive.
+"""
 
 from __future__ import annotations
 
@@ -92,7 +95,10 @@ SAME_GAIN, SAME_PHASE = 0.05, math.radians(5.0)
 
 
 class ForceDelay(NamedTuple):
-    """Delay of the force behind the position, and the mass that the sensor moves, with their standard errors."""
+    """Delay of the force, and the mass that the sensor moves.
+
+    The delay is behind the position; both have standard errors.
+    """
 
     delay: float
     """[s]"""

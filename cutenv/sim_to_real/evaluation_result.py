@@ -1,4 +1,7 @@
-"""Evaluation of a policy on a rig beside the simulator, as text, JSON and page: verdict, differences, control clock."""
+"""Evaluation of a policy on a rig beside the simulator.
+
+It is text, JSON and page: verdict, differences, control clock.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Comparison of one policy on the same specimens in the simulator and on a rig, recorded and assessed alike."""
+"""Comparison of one policy in the simulator and on a rig.
+
+It cuts the same specimens, recorded and assessed alike.
+"""
 
 from __future__ import annotations
 

@@ -54,7 +54,9 @@ _SHORTEST, _LONGEST = 0.020, 0.050
 
 
 class OpenedPolicy(ArrayPolicy):
-    """A policy that takes over from a constant feed at a position of the blade; until then it looks on.
+    """A policy that takes over from a constant feed.
+
+    It does so at a position of the blade; until then it looks on.
 
     Parameters
     ----------

@@ -1,4 +1,6 @@
-"""Assessment of a cut, every millisecond so that nothing is missed between decisions: reward, ends, observation, info.
+"""Assessment of a cut: reward, ends, observation, info.
+
+It is done every millisecond, so that nothing is missed between decisions.
 
 The functions that do it are put together from the declarations of :mod:`cutenv.task.reward`,
 :mod:`cutenv.task.observation` and :mod:`cutenv.task.info`.

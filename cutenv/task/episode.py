@@ -66,7 +66,9 @@ class Goal:
 
 
 class TaskOptions:
-    """Options that a task adds to those of gentle cutting, taken from the keywords of an environment; here none.
+    """Options that a task adds to those of gentle cutting.
+
+    They are taken from the keywords of an environment; here there are none.
 
     Parameters
     ----------
@@ -482,7 +484,10 @@ def _fill(records: StructArray, record: StructArray | None) -> None:
 
 
 class ShownDepth(NamedTuple):
-    """Depth of a cut for a picture, above the plane to which a blade at level 0 cuts [m]; arrays of shape (301,)."""
+    """Depth of a cut for a picture [m].
+
+    It is above the plane to which a blade at level 0 cuts; arrays of shape (301,).
+    """
 
     level: float
     """Level of the blade's lower end."""

@@ -16,7 +16,10 @@ from cutenv._base.validation import one_of
 
 
 class ImportedField:
-    """Field of an entry that is given as a place, "package.module:NAME", and read as the object there; or given so."""
+    """Field of an entry that is imported when it is read.
+
+    It is given as a place, "package.module:NAME", and read as the object there; or given as the object.
+    """
 
     def __set_name__(self, owner: type, name: str) -> None:
         self._name = name

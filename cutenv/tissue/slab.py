@@ -1,4 +1,6 @@
-"""Stiffness K(a) along the cut of a slab with a field of moduli, cut B(a) deep.
+"""Stiffness K(a) of a slab with varying modulus and depth.
+
+It is that along the cut, B(a) deep, in a field of moduli.
 
 A specimen is a slab, 8 x 15 cm and T thick.  K is the blade force over the blade's displacement with the tip at a:
 

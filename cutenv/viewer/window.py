@@ -1,4 +1,7 @@
-"""Window that shows pictures at a steady rate, and in it a cut: slab, blade, force, numbers and reward."""
+"""Window that shows pictures at a steady rate.
+
+In it is a cut: slab, blade, force, numbers and reward.
+"""
 
 from __future__ import annotations
 

@@ -204,7 +204,9 @@ class RampLoad:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BeadRises:
-    """Displacements of beads from start to end of loading ramps, one row for each bead in each ramp.
+    """Displacements of beads over loading ramps.
+
+    There is one row for each bead in each ramp.
 
     Attributes
     ----------

@@ -1,4 +1,7 @@
-"""A blade's mark in an image, a black strip across it, or an ArUco tag on it; and straight edges, to sub-pixels."""
+"""A blade's mark in an image, and straight edges.
+
+The mark is a black strip across the blade, or an ArUco tag on it. Edges are found to sub-pixels.
+"""
 
 from __future__ import annotations
 

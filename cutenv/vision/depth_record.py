@@ -329,7 +329,9 @@ class SeenRun(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class RunsAndDrops:
-    """Runs of the crack as seen, and sudden drops of the force; each belongs to one of the others at most.
+    """Runs of the crack, and sudden drops of the force.
+
+    Each belongs to one of the others at most.
 
     Attributes
     ----------

@@ -317,7 +317,9 @@ class BeadRow:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FieldComparison:
-    """Displacements of beads, tracked and computed, one row for each bead in each ramp.
+    """Displacements of beads, tracked and computed.
+
+    There is one row for each bead in each ramp.
 
     Attributes
     ----------

@@ -1,4 +1,7 @@
-"""Film: grey frames with their times, of a file or of a camera, whose newest frame is taken; clear errors."""
+"""Film: grey frames with their times.
+
+They are of a file, or of a camera, whose newest frame is taken; errors are clear.
+"""
 
 from __future__ import annotations
 

@@ -303,7 +303,9 @@ class DepthFrame(NamedTuple):
 
 
 class BladeCameras:
-    """Calibrated cameras that measure a marked blade, and look for its mark first where they saw it last.
+    """Calibrated cameras that measure a marked blade.
+
+    They look for its mark first where they saw it last.
 
     Parameters
     ----------

@@ -89,7 +89,9 @@ class _Client:
 
 
 class Hub:
-    """Server of socketcand on a TCP port, which passes each client's frames to the others and to ``receive``.
+    """Server of socketcand on a TCP port.
+
+    It passes each client's frames to the others and to ``receive``.
 
     Parameters
     ----------

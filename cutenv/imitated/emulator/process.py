@@ -235,7 +235,9 @@ def _sensor(ready: dict[str, Any], host: str) -> SensorSettings:
 
 
 class RunningEmulator:
-    """Emulated rig in a process of its own, which ends with the ``with`` block, or with this process.
+    """Emulated rig in a process of its own.
+
+    It ends with the ``with`` block, or with this process.
 
     Parameters
     ----------

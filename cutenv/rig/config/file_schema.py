@@ -1,4 +1,7 @@
-"""Keys of a rig's file, from which it is read, written and explained: the fields of the settings, with their units."""
+"""Keys of a rig's file, with their units.
+
+They are the fields of the settings; the file is read, written and explained from them.
+"""
 
 from __future__ import annotations
 

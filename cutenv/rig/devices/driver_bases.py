@@ -1,4 +1,7 @@
-"""Bases of drivers, of an axis with its latch and a sensor with its tare: opening and closing in order, waiting."""
+"""Bases of drivers: an axis with latch, a sensor with tare.
+
+They open and close in order, and wait.
+"""
 
 from __future__ import annotations
 

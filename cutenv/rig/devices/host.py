@@ -173,7 +173,9 @@ class _Due:
 
 
 class Attempt:
-    """Call in a thread of its own, for a driver may never return from it; in this one where none can be started.
+    """Call in a thread of its own, as drivers may hang.
+
+    It is in this thread where none can be started.
 
     So it is when the interpreter ends.
 

@@ -1,4 +1,7 @@
-"""Readings of a force sensor by their regular numbers, where packets arrive with jitter: order, mean and time."""
+"""Readings of a force sensor by their regular numbers.
+
+Packets arrive with jitter; the numbers give their order, mean and time.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Session with a rig, prepared once, then cut after cut on specimens that are supplied; and the rows of its records."""
+"""Session with a rig, and the rows of its records.
+
+It is prepared once, then cuts one supplied specimen after another.
+"""
 
 from __future__ import annotations
 
@@ -85,7 +88,10 @@ class SpecimenKey:
 
 
 class SpecimenSource(Protocol):
-    """Supply that lays the next specimen, with the blade at the clamp, at rest and without power."""
+    """Supply that lays the next specimen.
+
+    The blade is at the clamp, at rest and without power.
+    """
 
     def mount(self, key: SpecimenKey) -> NDArray[np.float64] | None:
         """Lay a specimen; return its measured depth of cut, shape (301,) [m], or None if the caller knows it."""
@@ -93,7 +99,9 @@ class SpecimenSource(Protocol):
 
 
 class SpecimensByHand:
-    """Supply by a person, who has measured each specimen's depth by caliper and written it into the rig's file.
+    """Supply by a person, who has measured each specimen's depth.
+
+    The depth is measured by caliper and written into the rig's file.
 
     Parameters
     ----------

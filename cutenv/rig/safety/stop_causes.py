@@ -1,4 +1,7 @@
-"""Causes of a stop, the longest time to detect each, its report; and quick stops, repeated until the drives obey."""
+"""Causes of a stop, its report, and repeated quick stops.
+
+Each cause has a longest time to detect it. Quick stops are repeated until the drives obey.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Separation of two groups of people by a metric, with confidence intervals over people, not over cuts."""
+"""Separation of two groups of people by a metric.
+
+Its confidence intervals are over people, not over cuts.
+"""
 
 from __future__ import annotations
 

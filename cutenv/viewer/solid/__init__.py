@@ -1,4 +1,7 @@
-"""View of a recorded cut in 3-D, as one page that opens from disk; needs meshcat, of ``cutenv[view3d]``."""
+"""View of a recorded cut in 3-D, as one page.
+
+It opens from disk; it needs meshcat, of ``cutenv[view3d]``.
+"""
 
 from __future__ import annotations
 

@@ -34,7 +34,10 @@ _ERROR = re.compile(rf"< error {_IDENTIFIER} \d+\.\d+ >\Z")
 
 
 class GatewayError(OSError):
-    """Error for a gateway that is missing, is not one, does not answer, or has gone; the message says which."""
+    """Error for a gateway that cannot be used.
+
+    It is missing, is not one, does not answer, or has gone; the message says which.
+    """
 
 
 class Socketcand:

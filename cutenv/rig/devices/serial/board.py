@@ -48,7 +48,10 @@ class BoardFlag(IntFlag):
 
 
 class LineError(ValueError):
-    """Error for a line that is damaged or says nothing that is known; the message names the fault."""
+    """Error for a line that is damaged or unknown.
+
+    The message names the fault.
+    """
 
 
 class MotionReport(NamedTuple):
